@@ -1,0 +1,54 @@
+# Everything a bare machine needs is python3 and make: the virtual environment, a pinned uv
+# inside it and all pinned packages come from here. Nothing outside this folder is touched.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+UV_VERSION := 0.13.8
+
+.DEFAULT_GOAL := help
+.PHONY: help setup run test lint bench clean constraints
+
+help:
+	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
+	@echo "make test   lint, types, import contracts and all tests"
+	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 15 min)"
+	@echo "make clean  remove the virtual environment and caches (never runs/)"
+
+setup: $(VENV)/.ready
+
+$(VENV)/.ready: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo "wec-rig needs Python 3.11 or newer; set PYTHON=/path/to/python3"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) \
+	  || { echo "python3 lacks venv (Debian: apt-get install python3-venv)"; exit 1; }
+	@if $(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION); then \
+	  $(BIN)/uv pip install --quiet --python $(BIN)/python --compile-bytecode \
+	    --constraint constraints.txt --build-constraint constraints.txt --editable '.[dev]'; \
+	else \
+	  echo "uv is not to be had here; installing with pip (slower)"; \
+	  $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'; \
+	fi
+	@$(BIN)/python -m compileall -q controllers drivers rig sim_plant
+	@touch $@
+
+run: setup
+	$(BIN)/rig run configs/campaigns/default.yaml
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: lint
+	$(BIN)/python -m pytest
+
+bench: setup
+	$(BIN)/python -m benchmarks
+
+constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
+	$(BIN)/uv pip compile --quiet --all-extras --upgrade --no-header --no-annotate \
+	  pyproject.toml --output-file constraints.txt
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

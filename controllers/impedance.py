@@ -1,0 +1,46 @@
+"""The PI (impedance) law of the MASK4 report, with ramped gains.
+
+F = Kp v + Ki x: force on the body from measured velocity and position. Kp < 0 is damping and
+absorbs power; Ki > 0 acts as a negative spring (MASK4 report, section 4.3). Ki multiplies the
+measured position, not an integral, so nothing winds up; an encoder offset b gives Ki b newtons,
+which is why a campaign tares first.
+"""
+
+from typing import NamedTuple
+
+from controllers.blocks import Ramp, ramp_start, ramp_step
+from controllers.signals import Demand, Estimate, Gains, Second
+
+
+class Params(NamedTuple):
+    """Constants of the law."""
+
+    ramp: Second  # time a change of gains takes
+
+
+class State(NamedTuple):
+    """The gains in use, on their way to the set ones."""
+
+    kp: Ramp
+    ki: Ramp
+
+
+def start() -> State:
+    """State at switch-on: zero gains, so the first force is zero whatever is measured."""
+    return State(ramp_start(0.0), ramp_start(0.0))
+
+
+def step(
+    params: Params, state: State, gains: Gains, estimate: Estimate, dt: float
+) -> tuple[State, Demand]:
+    """Force on the body (N) for the measured motion, gains ramped towards ``gains``.
+
+    A change of gains is bumpless: the force is continuous because gains and motion are.
+    """
+    if state.kp.value == gains.kp and state.ki.value == gains.ki:  # the usual tick
+        force = gains.kp * estimate.velocity + gains.ki * estimate.position
+        return state, Demand(gains.kp, gains.ki, force)
+    kp = ramp_step(state.kp, gains.kp, params.ramp, dt)
+    ki = ramp_step(state.ki, gains.ki, params.ramp, dt)
+    force = kp.value * estimate.velocity + ki.value * estimate.position
+    return State(kp, ki), Demand(kp.value, ki.value, force)

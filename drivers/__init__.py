@@ -1,0 +1,1 @@
+"""Wire clients: codec (pure bytes), device (conversation), link (moves bytes), one folder each."""

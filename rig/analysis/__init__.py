@@ -1,0 +1,1 @@
+"""What a run means: row table, power surfaces, traces, summary."""

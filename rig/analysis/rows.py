@@ -1,0 +1,232 @@
+"""The row table: what each row of the gain matrix gave, from its measured ticks alone.
+
+Power is negative when absorbed. Rows whose window was cut short are listed with their state and
+enter no surface. A mean's standard error comes from the means over whole wave periods; where a
+window holds only one repeat period of an irregular sea it is unknown (NaN) unless the point was
+run again.
+"""
+
+import csv
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+
+from rig.analysis.windows import Window, windows
+from rig.limits import Limited, Warned
+from rig.runs import reader
+from rig.runs.folder import Facts, facts
+from rig.runs.mcap_file import Records
+
+MEAN_POSITION_ALARM = 0.005  # m; a biased encoder pushes with Ki times its bias
+
+COMPLETE, CUT_SHORT, NOT_RUN = "complete", "cut short", "not run"
+
+POWERS = ("mechanical_1", "mechanical_2", "ac", "dc")
+MOTIONS = {
+    "position": "heave.estimate.position",
+    "velocity": "heave.estimate.velocity",
+    "current": "heave.sense.current",
+    "force": "heave.command.force",
+}
+DEMEANED = {"mechanical_1": "load.lcb", "mechanical_2": "load.trs"}
+SETTINGS = {
+    "spring_rate": ("spring_rate", "spring_command.rate", "N/m"),
+    "stator": ("stator", "spring_command.target", "%"),
+    "kp": ("kp", "heave.demand.kp", "N*s/m"),
+    "ki": ("ki", "heave.demand.ki", "N/m"),
+}
+FIELDS = [
+    *(f"power.{name}" for name in POWERS),
+    *MOTIONS.values(),
+    *DEMEANED.values(),
+    *(logged for _, logged, _ in SETTINGS.values()),
+    "heave.command.limited",
+    "safety.warned",
+]
+
+UNITS = {
+    **{f"power_{name}": "W" for name in POWERS},
+    **{f"power_{name}_se": "W" for name in POWERS},
+    **{f"power_{name}_demeaned": "W" for name in DEMEANED},
+    **{
+        f"{name}_{kind}": unit
+        for name, unit in zip(MOTIONS, ("m", "m/s", "A", "N"), strict=True)
+        for kind in ("mean", "rms", "peak")
+    },
+    **{name: unit for name, (_, _, unit) in SETTINGS.items()},
+    "stroke": "m",
+    "start": "s",
+}
+
+
+def wave_period(plan: dict[str, Any]) -> float | None:
+    """Seconds after which the sea of a plan repeats; None if it does not."""
+    sea = plan.get("sea") or {}
+    if sea.get("frequency_hz"):
+        return 1.0 / float(sea["frequency_hz"])
+    period = sea.get("period_s") or plan.get("repeat_s")
+    return float(period) if period else None
+
+
+def period_means(values: Any, ticks: Any, period_ticks: float) -> Any:
+    """Means of ``values`` over each whole period (length in ticks) from the first tick on."""
+    since = ticks - ticks[0]
+    # Windows end on the nearest sample, so the last period may lack half a tick.
+    whole = int((since[-1] + 1.5) / period_ticks)
+    edges = np.searchsorted(since, np.round(np.arange(whole + 1) * period_ticks))
+    full = np.flatnonzero(np.diff(edges))
+    return np.array([values[edges[i] : edges[i + 1]].mean() for i in full])
+
+
+def standard_error(means: Any) -> float:
+    """Standard error of the mean of equally good means; NaN for fewer than two."""
+    count = len(means)
+    return float(np.std(means, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
+
+
+def flags(kind: type[Limited] | type[Warned], values: Any) -> str:
+    """Names of all flags seen, joined by spaces."""
+    seen = int(np.bitwise_or.reduce(values)) if len(values) else 0
+    return " ".join(str(flag.name) for flag in kind if seen & flag)
+
+
+def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
+    data: Records = window.data
+    out: dict[str, Any] = {
+        "row": window.row,
+        "attempt": window.attempt,
+        "state": CUT_SHORT if window.cut_short else COMPLETE,
+        "cut_short": window.cut_short,
+        "samples": len(data),
+        "lost_ticks": window.span - len(data),
+        "start": float(data["time"][0]),
+        "limits": flags(Limited, data["heave.command.limited"]),
+        "warned": flags(Warned, data["safety.warned"]),
+        "periods": 0,
+    }
+    for name in POWERS:
+        values = data[f"power.{name}"]
+        out[f"power_{name}"] = float(values.mean())
+        out[f"power_{name}_se"] = float("nan")
+        if period_ticks is not None:
+            means = period_means(values, data["tick"], period_ticks)
+            out["periods"] = len(means)
+            out[f"power_{name}_se"] = standard_error(means)
+    velocity = data[MOTIONS["velocity"]]
+    for name, field in DEMEANED.items():
+        force = data[field]
+        mean = (force * velocity).mean() - force.mean() * velocity.mean()
+        out[f"power_{name}_demeaned"] = float(mean)
+    for name, field in MOTIONS.items():
+        values = data[field]
+        out[f"{name}_mean"] = float(values.mean())
+        out[f"{name}_rms"] = float(np.sqrt((values * values).mean()))
+        out[f"{name}_peak"] = float(np.abs(values).max())
+    out["stroke"] = float(np.ptp(data[MOTIONS["position"]]))
+    for name, (_, field, _) in SETTINGS.items():
+        out[name] = float(data[field].mean())  # the plan's value replaces it where there is one
+    return out
+
+
+def _length(planned: dict[str, Any], dt: float | None) -> int:
+    """Ticks that a planned row is measured for; 0 if the plan does not say."""
+    seconds = planned.get("measure")
+    return round(seconds / dt) if isinstance(seconds, int | float) and dt else 0
+
+
+def _repeat_errors(table: list[dict[str, Any]]) -> None:
+    """Where a row alone cannot tell its error, take the scatter of its repetitions."""
+    for name in POWERS:
+        by_point: dict[int, list[dict[str, Any]]] = {}
+        for row in table:
+            if row["state"] == COMPLETE and np.isnan(row[f"power_{name}_se"]):
+                by_point.setdefault(row["point"], []).append(row)
+        for rows in by_point.values():
+            if len(rows) > 1:
+                scatter = float(np.std([row[f"power_{name}"] for row in rows], ddof=1))
+                for row in rows:
+                    row[f"power_{name}_se"] = scatter
+
+
+def row_table(
+    run: str | os.PathLike[str], mean_position_alarm: float = MEAN_POSITION_ALARM
+) -> xarray.Dataset:
+    """The row table of a run, finished or not: one entry a planned or measured row, by row id.
+
+    ``mean_position_alarm`` (m): a row whose mean position is farther from zero is flagged.
+    Variables carry their unit in ``attrs``; ``stroke`` is peak to peak; ``power_*_demeaned`` is
+    mean(F v) - mean(F) mean(v); ``power_*_se`` is the standard error of that row's mean.
+    """
+    source = reader.source(run)
+    known = facts(run, source.contents)
+    dt = known.plan.get("dt")
+    period = wave_period(known.plan)
+    period_ticks = period / float(dt) if period and dt else None
+    planned = {int(row["row"]): row for row in known.plan.get("rows", [])}
+    found: dict[int, dict[str, Any]] = {}
+    for window in windows(source, ["time", *FIELDS]):
+        if window.row < 0:
+            continue
+        if not window.cut_short and window.span < _length(planned.get(window.row, {}), dt) - 1:
+            window = window._replace(cut_short="shorter than planned")
+        found[window.row] = _reduced(window, period_ticks)  # the last attempt counts
+    table = [
+        _with_plan(found.get(row), planned.get(row, {}), row) for row in sorted({*planned, *found})
+    ]
+    for entry in table:
+        far = abs(entry["position_mean"]) > mean_position_alarm
+        entry["position_alarm"] = int(far)
+    _repeat_errors(table)
+    return _dataset(table, known, period)
+
+
+def _with_plan(
+    measured: dict[str, Any] | None, planned: dict[str, Any], row: int
+) -> dict[str, Any]:
+    if measured is None:
+        texts = {"state": NOT_RUN, "cut_short": "", "limits": "", "warned": ""}
+        counts = {"row": row, "attempt": 0, "samples": 0, "lost_ticks": 0, "periods": 0}
+        measured = {**counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
+    out = {**measured, "point": int(planned.get("point", row))}
+    out["repetition"] = int(planned.get("repetition", 0))
+    for name, (key, _, _) in SETTINGS.items():
+        value = planned.get(key, planned.get(f"{key}_position"))
+        if value is not None:
+            out[name] = float(value)
+    return out
+
+
+_ORDER = ["row", "point", "repetition", "state", *SETTINGS]
+
+
+def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) -> xarray.Dataset:
+    names = list(table[0]) if table else ["row"]
+    names = [n for n in _ORDER if n in names] + [n for n in names if n not in _ORDER]
+    columns = {
+        name: xarray.Variable(
+            "row",
+            np.array([row[name] for row in table]),
+            {"units": UNITS[name]} if name in UNITS else {},
+        )
+        for name in names
+    }
+    attributes = known.attributes()
+    if period:
+        attributes["wave_period_s"] = period
+    return xarray.Dataset(columns, attrs=attributes)
+
+
+def write_rows(table: xarray.Dataset, folder: Path) -> list[Path]:
+    """``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
+    names = [str(name) for name in table.variables]
+    units = [table[name].attrs.get("units") for name in names]
+    text, binary = folder / "rows.csv", folder / "rows.nc"
+    with text.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(f"{n} [{u}]" if u else n for n, u in zip(names, units, strict=True))
+        writer.writerows(zip(*(table[name].values.tolist() for name in names), strict=True))
+    table.to_netcdf(binary, engine="h5netcdf")
+    return [text, binary]

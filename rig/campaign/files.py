@@ -1,0 +1,164 @@
+"""Opening a campaign: every file it stands on, every problem in them at once."""
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from rig.campaign.elevation import Elevation, read_elevation
+from rig.campaign.points import MOST_ROWS, Point, outside_map, points
+from rig.campaign.stability import unstable
+from rig.campaign.windows import WindowError, windows
+from rig.config.campaign_file import CampaignFile
+from rig.config.limits_file import LimitsFile
+from rig.config.problems import ConfigError, Problem, key_text, shown
+from rig.config.rig_file import RigFile
+from rig.config.sea import RecordedSea
+from rig.config.source import KeyPath, Locate, load_mapping
+from rig.config.translate import validate
+
+T = TypeVar("T")
+
+
+class ReadFile(NamedTuple):
+    """A file a campaign stands on."""
+
+    role: str  # campaign, rig, limits, plant, matrix, elevation
+    path: Path
+    sha256: str
+
+
+class Campaign(NamedTuple):
+    """A campaign whose files passed every check that needs no plant."""
+
+    file: CampaignFile
+    rig: RigFile
+    limits: LimitsFile
+    plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
+    plant_locate: Locate  # where each value of the plant file stands
+    points: tuple[Point, ...]
+    elevation: Elevation | None  # of a recorded sea
+    files: tuple[ReadFile, ...]  # with those they extend
+
+
+class _Opened(NamedTuple):
+    mapping: dict[str, Any]
+    locate: Locate
+
+
+def open_campaign(path: Path) -> Campaign:
+    """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
+
+    Raises `ConfigError` with every problem of all these files.
+    """
+    problems: list[Problem] = []
+
+    def attempt(task: Callable[[], T]) -> T | None:
+        try:
+            return task()
+        except ConfigError as error:
+            problems.extend(error.problems)
+            return None
+
+    top = attempt(lambda: _Opened(*load_mapping(Path(path))))
+    if top is None:
+        raise ConfigError(problems)
+    rig_source = attempt(lambda: _named(top, ("rig",)))
+    limits_source = plant_source = None
+    if rig_source is not None:
+        limits_source = attempt(lambda: _named(rig_source, ("limits",)))
+    owner = top if "plant" in top.mapping else rig_source
+    if owner is not None:
+        plant_source = attempt(lambda: _named(owner, ("plant",)))
+
+    campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
+    rig = limits = found = elevation = None
+    if rig_source is not None:
+        rig = attempt(lambda: validate(rig_source.mapping, rig_source.locate, RigFile))
+    if limits_source is not None:
+        limits = attempt(lambda: validate(limits_source.mapping, limits_source.locate, LimitsFile))
+    files = [
+        *_files("campaign", top),
+        *_files("rig", rig_source),
+        *_files("limits", limits_source),
+        *_files("plant", plant_source),
+    ]
+    if campaign is not None:
+        found = attempt(lambda: points(campaign.matrix, top.locate))
+        problems += _own_rules(campaign, found or (), top.locate)
+        if campaign.matrix.csv is not None and found:
+            files.append(_file("matrix", found[0].place.path))
+        sea = campaign.sea
+        if isinstance(sea, RecordedSea):
+            record = top.locate.file(("sea", "file"), sea.file)
+            elevation = attempt(lambda: _elevation(record, sea, top.locate))
+            if elevation is not None:
+                files.append(_file("elevation", record))
+    if rig is not None and found is not None:
+        problems += outside_map(found, rig.spring)
+        problems += unstable(found, rig.stability)
+    if problems:
+        raise ConfigError(_in_order(problems, (top, rig_source, limits_source, plant_source)))
+    assert campaign is not None
+    assert rig is not None
+    assert limits is not None
+    assert plant_source is not None
+    assert found is not None
+    return Campaign(
+        campaign,
+        rig,
+        limits,
+        plant_source.mapping,
+        plant_source.locate,
+        found,
+        elevation,
+        tuple(files),
+    )
+
+
+def _in_order(problems: list[Problem], sources: tuple[_Opened | None, ...]) -> list[Problem]:
+    """File by file, the campaign's first, and down each file."""
+    files = [shown(path) for opened in sources if opened for path in opened.locate.files]
+    rank = {file: i for i, file in reversed(list(enumerate(files)))}
+    return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
+
+
+def _named(owner: _Opened, key: KeyPath) -> _Opened | None:
+    """The file another one names; None where the name itself is a problem told elsewhere."""
+    name = owner.mapping.get(str(key[-1]))
+    if not isinstance(name, str) or not name:
+        return None
+    path = owner.locate.file(key, name)
+    return _Opened(*load_mapping(path, owner.locate(key), key_text(key)))
+
+
+def _own_rules(
+    campaign: CampaignFile, found: tuple[Point, ...], locate: Locate
+) -> tuple[Problem, ...]:
+    problems = []
+    try:
+        windows(campaign.sea, campaign.timing)
+    except WindowError as error:
+        problems.append(locate.problem(error.key, error.value, error.message))
+    rows = len(found) * campaign.repeat
+    if rows > MOST_ROWS:
+        key = ("repeat",) if campaign.repeat > 1 else ("matrix",)
+        problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MOST_ROWS}"))
+    return tuple(problems)
+
+
+def _elevation(record: Path, sea: RecordedSea, locate: Locate) -> Elevation:
+    if not record.exists():
+        key = ("sea", "file")
+        raise ConfigError([locate.problem(key, sea.file, f"{sea.file!r} is not there")])
+    return read_elevation(record, sea)
+
+
+def _files(role: str, opened: _Opened | None) -> list[ReadFile]:
+    if opened is None:
+        return []
+    return [_file(role, path) for path in opened.locate.files]
+
+
+def _file(role: str, path: Path) -> ReadFile:
+    return ReadFile(role, path, hashlib.sha256(path.read_bytes()).hexdigest())

@@ -1,0 +1,218 @@
+"""From a campaign to the table the loop walks: rows, segments, set points.
+
+The plan: tare (calm water, drive off), stator and drive made ready, lead-in while the sea builds
+up, then row after row settle, measure, tail. The wave maker runs from the first segment of the
+lead-in on; its seconds are the wave clock. Before a row with another spring rate its combination
+is held for an extra interval while the stator moves (MASK4 report (Sandia), section 3.2.3).
+"""
+
+from typing import NamedTuple
+
+from controllers import magnetic_spring
+from rig.campaign.order import turns
+from rig.campaign.points import Point
+from rig.campaign.windows import Windows, windows
+from rig.config.campaign_file import CampaignFile
+from rig.config.rig_file import RigFile
+from rig.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments
+from rig.wavebot import Setpoints
+
+
+class CampaignRow(NamedTuple):
+    """One row of the plan: a point of the matrix, run once."""
+
+    row: int  # from 0, in the order of the plan
+    point: int  # from 0, in the order of the file
+    repetition: int  # from 0
+    spring_rate: float  # N/m
+    stator_position: float  # %
+    kp: float  # N*s/m
+    ki: float  # N/m
+    periods: int  # whole wave or repeat periods measured; 0: not a whole number of them
+    measure: float  # s
+
+
+class PhaseSeconds(NamedTuple):
+    """Planned seconds of each phase."""
+
+    tare: float
+    lead_in: float
+    moving: float
+    settle: float
+    measure: float
+    tail: float
+
+
+class Plan(NamedTuple):
+    """A campaign ready to be walked by `rig.sequence.step`."""
+
+    rows: tuple[CampaignRow, ...]
+    segments: Segments
+    setpoints: Setpoints
+    dt: float  # s, length of a tick
+    duration: float  # s, planned; waiting for stator and drive may add to it
+    wave_seconds: float  # s of the wave clock, planned
+    spring_moves: int  # changes of the spring rate between rows
+    phases: PhaseSeconds
+
+
+class _Setpoint(NamedTuple):
+    kp: float
+    ki: float
+    spring_rate: float
+
+
+class _Segment(NamedTuple):
+    row: int
+    phase: Phase
+    seconds: float
+    setpoint: _Setpoint
+    wait: int = 0
+    timeout: float = 0.0  # s
+    waves: int = 1
+    drive: int = 1
+
+
+def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Plan:
+    """The plan of a campaign that passed all checks (`rig.campaign.open_campaign`).
+
+    ``points`` are those of its matrix. Raises `WindowError` when no window can be cut.
+    """
+    cut = windows(campaign.sea, campaign.timing)
+    spring = magnetic_spring.Params(*rig.spring.by_rate(), rig.spring.arrival_tolerance_percent)
+    positions = {
+        point.spring_rate: magnetic_spring.stator_position(spring, point.spring_rate)
+        for point in points
+    }
+    rows = tuple(
+        CampaignRow(
+            row,
+            turn.point,
+            turn.repetition,
+            points[turn.point].spring_rate,
+            positions[points[turn.point].spring_rate],
+            points[turn.point].kp,
+            points[turn.point].ki,
+            cut.periods,
+            cut.measure,
+        )
+        for row, turn in enumerate(
+            turns(points, campaign.order, campaign.repeat, campaign.seed, positions)
+        )
+    )
+    pieces = [*_opening(campaign, rig, rows[0]), *_rows(rows, cut, rig)]
+    return _table(rows, pieces, rig)
+
+
+def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_Segment]:
+    """Tare, readiness and lead-in: everything before the first row."""
+    start = campaign.start
+    given = start.set_point
+    kp, ki = (given.kp_n_s_per_m, given.ki_n_per_m) if given is not None else (first.kp, 0.0)
+    set_point = _Setpoint(kp, ki, first.spring_rate)
+    ready = _Segment(
+        NO_ROW,
+        Phase.MOVING,
+        max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
+        set_point,
+        wait=WAIT_STATOR | WAIT_DRIVE,
+        timeout=max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
+        waves=0,
+    )
+    return [
+        _Segment(NO_ROW, Phase.TARE, campaign.tare_duration, set_point, waves=0, drive=0),
+        ready,
+        _Segment(NO_ROW, Phase.LEAD_IN, start.set_point_s, set_point),
+        _Segment(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, _gains(first)),
+    ]
+
+
+def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Segment]:
+    pieces = []
+    rate = rows[0].spring_rate
+    for row in rows:
+        gains = _gains(row)
+        if row.spring_rate != rate:
+            rate = row.spring_rate
+            pieces.append(
+                _Segment(
+                    row.row,
+                    Phase.MOVING,
+                    max(cut.move, 1.0 / rig.rate_hz),
+                    gains,
+                    wait=WAIT_STATOR,
+                    timeout=rig.spring.move_timeout_s,
+                )
+            )
+        pieces += [
+            _Segment(row.row, Phase.SETTLE, cut.settle, gains),
+            _Segment(row.row, Phase.MEASURE, cut.measure, gains),
+            _Segment(row.row, Phase.TAIL, cut.tail, gains),
+        ]
+    last = _Setpoint(rows[-1].kp, 0.0, rows[-1].spring_rate)
+    return [*pieces, _Segment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
+
+
+def _table(rows: tuple[CampaignRow, ...], pieces: list[_Segment], rig: RigFile) -> Plan:
+    """Segments in ticks: ends are rounded on the plan's own clock, so nothing drifts."""
+    rate = float(rig.rate_hz)
+    kept: list[_Segment] = []
+    ticks: list[int] = []
+    clock, tick = 0.0, 0
+    for piece in pieces:
+        clock += piece.seconds
+        length = round(clock * rate) - tick
+        if length > 0 or piece.phase is Phase.DONE:  # a segment of no ticks would still take one
+            kept.append(piece)
+            ticks.append(length)
+            tick += length
+    table = tuple(dict.fromkeys(piece.setpoint for piece in kept))
+    index = {setpoint: i for i, setpoint in enumerate(table)}
+    segments = Segments(
+        row=tuple(piece.row for piece in kept),
+        phase=tuple(int(piece.phase) for piece in kept),
+        ticks=tuple(ticks),
+        wait=tuple(piece.wait for piece in kept),
+        timeout=tuple(
+            max(round(piece.timeout * rate), length) if piece.wait else 0
+            for piece, length in zip(kept, ticks, strict=True)
+        ),
+        restart=_restarts(kept),
+        drive=tuple(piece.drive for piece in kept),
+        waves=tuple(piece.waves for piece in kept),
+        setpoint=tuple(index[piece.setpoint] for piece in kept),
+    )
+    setpoints = Setpoints(
+        kp=tuple(setpoint.kp for setpoint in table),
+        ki=tuple(setpoint.ki for setpoint in table),
+        spring_rate=tuple(setpoint.spring_rate for setpoint in table),
+    )
+
+    def seconds(phase: Phase) -> float:
+        return sum(n for n, p in zip(ticks, kept, strict=True) if p.phase is phase) / rate
+
+    phases = PhaseSeconds(
+        tare=seconds(Phase.TARE),
+        lead_in=seconds(Phase.LEAD_IN),
+        moving=seconds(Phase.MOVING),
+        settle=seconds(Phase.SETTLE),
+        measure=seconds(Phase.MEASURE),
+        tail=seconds(Phase.TAIL),
+    )
+    waves = sum(n for n, p in zip(ticks, kept, strict=True) if p.waves) / rate
+    moves = sum(1 for i in range(1, len(rows)) if rows[i].spring_rate != rows[i - 1].spring_rate)
+    return Plan(rows, segments, setpoints, 1.0 / rate, tick / rate, waves, moves, phases)
+
+
+def _restarts(kept: list[_Segment]) -> tuple[int, ...]:
+    """Where each segment starts over: its row's first segment, or the first of its phase."""
+    first: dict[tuple[int, Phase | None], int] = {}
+    found = []
+    for i, piece in enumerate(kept):
+        key = (piece.row, piece.phase if piece.row == NO_ROW else None)
+        found.append(first.setdefault(key, i))
+    return tuple(found)
+
+
+def _gains(row: CampaignRow) -> _Setpoint:
+    return _Setpoint(row.kp, row.ki, row.spring_rate)

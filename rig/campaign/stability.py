@@ -1,0 +1,49 @@
+"""Static stability: a row must leave the body some stiffness.
+
+Total stiffness for small motion is K_h + c K_table - Ki: Ki > 0 acts as a negative spring, and
+the spring map (MASK4 report (Sandia), Table 4-1) holds least-squares slopes, c times softer than
+the spring is near its zero.
+"""
+
+from rig.campaign.points import Point
+from rig.config.problems import Problem, number_text
+from rig.config.rig_file import Stability
+from rig.config.source import Place
+
+
+def total_stiffness(stability: Stability, spring_rate: float, ki: float) -> float:
+    """Small-displacement heave stiffness, N/m, of a spring rate (N/m) and Ki (N/m)."""
+    spring = stability.small_displacement_factor * spring_rate
+    return stability.hydrostatic_stiffness_n_per_m + spring - ki
+
+
+def largest_ki(stability: Stability, spring_rate: float) -> float:
+    """Largest Ki, N/m, that leaves the least stiffness at a spring rate (N/m)."""
+    return total_stiffness(stability, spring_rate, 0.0) - stability.least_stiffness_n_per_m
+
+
+def unstable(found: tuple[Point, ...], stability: Stability) -> tuple[Problem, ...]:
+    """A problem for each spring rate and Ki that leave too little stiffness.
+
+    Rows that differ only in Kp are one problem: Kp is no stiffness.
+    """
+    groups: dict[tuple[float, float, Place], list[int]] = {}
+    for i, point in enumerate(found):
+        left = total_stiffness(stability, point.spring_rate, point.ki)
+        if left < stability.least_stiffness_n_per_m:
+            groups.setdefault((point.spring_rate, point.ki, point.place), []).append(i)
+    problems = []
+    for (rate, ki, _), rows in groups.items():
+        more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""
+        point = found[rows[0]]
+        problems.append(
+            point.problem(
+                ki,
+                f"point {rows[0]}{more} (spring {number_text(rate)} N/m, "
+                f"Kp {number_text(point.kp)} N*s/m, Ki {number_text(ki)} N/m) leaves "
+                f"{total_stiffness(stability, rate, ki):.0f} N/m of stiffness, less than "
+                f"{number_text(stability.least_stiffness_n_per_m)}; at this spring rate Ki is "
+                f"allowed up to {largest_ki(stability, rate):.0f} N/m",
+            )
+        )
+    return tuple(problems)

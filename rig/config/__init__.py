@@ -1,0 +1,25 @@
+"""Configuration files: read once, checked whole, frozen.
+
+Every problem of every file is told at once, with file, line, key and allowed range.
+"""
+
+from rig.config.campaign_file import CampaignFile
+from rig.config.limits_file import LimitsFile
+from rig.config.problems import ConfigError, Problem
+from rig.config.rig_file import RigFile
+from rig.config.source import Locate, Place, load_mapping
+from rig.config.translate import load, problems_from, validate
+
+__all__ = [
+    "CampaignFile",
+    "ConfigError",
+    "LimitsFile",
+    "Locate",
+    "Place",
+    "Problem",
+    "RigFile",
+    "load",
+    "load_mapping",
+    "problems_from",
+    "validate",
+]

@@ -1,0 +1,124 @@
+"""The campaign file: which rig, which sea, which rows, in which order and timing."""
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, field_serializer, field_validator
+
+from rig.config.matrix import Ki, Kp, Matrix
+from rig.config.model import Broken, FileModel, Whole, refuse
+from rig.config.problems import number_text, value_text
+from rig.config.sea import JonswapSea, Sea
+
+
+class Timing(FileModel):
+    """How long a row lasts; what is not given follows from the sea (rig.campaign.windows)."""
+
+    scheme: Literal["default", "mask4"] = "default"
+    settle_s: float | None = Field(default=None, ge=0, le=3600)
+    interval_s: float | None = Field(default=None, ge=1, le=7200)
+    periods: Whole | None = Field(default=None, ge=1, le=10_000)  # whole periods to measure
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """A row lasts longer than its settling."""
+        settle, interval = self.settle_s, self.interval_s
+        if settle is not None and interval is not None and interval <= settle:
+            yield Broken(
+                ("interval_s",),
+                f"{number_text(interval)} leaves nothing to measure; "
+                f"allowed above settle_s = {number_text(settle)} s",
+                interval,
+            )
+
+
+class SetPoint(FileModel):
+    """Gains held while the sea builds up."""
+
+    kp_n_s_per_m: Kp
+    ki_n_per_m: Ki
+
+
+class Start(FileModel):
+    """From the wave maker's trigger (0 s of the wave clock) to the first row."""
+
+    set_point_s: float = Field(default=5.0, ge=0, le=600)
+    lead_in_s: float = Field(default=120.0, ge=0, le=3600)
+    set_point: SetPoint | None = None  # the first row's kp with ki 0 if missing
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """The set point is part of the lead-in."""
+        if self.set_point_s > self.lead_in_s:
+            yield Broken(
+                ("set_point_s",),
+                f"{number_text(self.set_point_s)} is longer than the lead-in it is part of; "
+                f"allowed up to lead_in_s = {number_text(self.lead_in_s)} s",
+                self.set_point_s,
+            )
+
+
+class Tare(FileModel):
+    """Sensor zeros, taken in calm water with the drive off."""
+
+    duration_s: float = Field(default=5.0, ge=0.5, le=600)
+
+
+def _tare(value: Any) -> Any:
+    if value == "none":
+        return None
+    if isinstance(value, (dict, Tare)):
+        return value
+    raise refuse(f"{value_text(value)} is not known; allowed none or a mapping with duration_s")
+
+
+def _timing(value: Any) -> Any:
+    if isinstance(value, str):
+        if value in ("default", "mask4"):
+            return {"scheme": value}
+        raise refuse(
+            f"{value_text(value)} is not known; "
+            "allowed default, mask4, or a mapping of settle_s, interval_s, periods"
+        )
+    return value
+
+
+class CampaignFile(FileModel):
+    """A campaign."""
+
+    name: str
+    rig: str = Field(min_length=1)  # file, relative to this one
+    plant: str | None = Field(default=None, min_length=1)  # in place of the rig's
+    seed: Whole = Field(default=1, ge=0, le=4_294_967_295)
+    sea: Sea
+    matrix: Matrix
+    timing: Annotated[Timing, BeforeValidator(_timing)] = Timing()
+    start: Start = Start()
+    tare: Annotated[Tare | None, BeforeValidator(_tare)] = Tare()  # None: `none`
+    order: Literal["as given", "fewest spring moves", "random"] = "as given"
+    repeat: Whole = Field(default=1, ge=1, le=1000)
+
+    @field_validator("name")
+    @classmethod
+    def _folder_name(cls, name: str) -> str:
+        plain = all(c.isascii() and (c.isalnum() or c in "._-") for c in name)
+        if not (plain and name and len(name) <= 64 and name[0].isalnum() and name[-1] != "."):
+            raise refuse(
+                f"{value_text(name)} cannot name a run's folder; allowed 1 .. 64 letters, digits, "
+                "'-', '_', '.', beginning with a letter or digit"
+            )
+        return name
+
+    @field_serializer("tare")
+    def _tare_as_written(self, tare: Tare | None) -> Any:
+        return "none" if tare is None else tare.model_dump()
+
+    @property
+    def sea_seed(self) -> int:
+        """Seed of the sea's phases: its own, or the campaign's."""
+        if isinstance(self.sea, JonswapSea) and self.sea.seed is not None:
+            return self.sea.seed
+        return self.seed
+
+    @property
+    def tare_duration(self) -> float:
+        """Seconds of tare; 0 where the file says `none`."""
+        return self.tare.duration_s if self.tare is not None else 0.0

@@ -1,0 +1,95 @@
+"""The file of a WaveBot rig: what is screwed together, and how its numbers are scaled."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from rig.config.model import Broken, FileModel, Several, Whole
+from rig.config.problems import number_text
+
+
+class HeaveAxis(FileModel):
+    """Drive, encoder and estimator of the heave axis."""
+
+    torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
+    gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
+    counts_per_revolution: Whole = Field(ge=100, le=100_000_000)
+    encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation besides quantisation
+    jerk_density_m2_per_s5: float = Field(gt=0, le=1e6)
+    gain_ramp_s: float = Field(ge=0, le=10)
+
+
+class SpringPoint(FileModel):
+    """One measured pair of the spring map."""
+
+    stator_percent: float = Field(ge=-100, le=100)
+    rate_n_per_m: float = Field(ge=-50_000, le=50_000)
+
+
+class MagneticSpring(FileModel):
+    """The magnetic spring and the actuator of its stator."""
+
+    metres_per_radian: float = Field(ge=0.01, le=10)
+    arrival_tolerance_percent: float = Field(ge=0.01, le=10)
+    move_timeout_s: float = Field(ge=1, le=600)
+    map: Several[SpringPoint] = Field(min_length=2, strict=False)
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """The map can be inverted: stator rises, and the rate only rises or only falls."""
+        falling = self.map[1].rate_n_per_m < self.map[0].rate_n_per_m
+        for i in range(1, len(self.map)):
+            before, here = self.map[i - 1], self.map[i]
+            if here.stator_percent <= before.stator_percent:
+                yield Broken(
+                    ("map", i, "stator_percent"),
+                    f"{number_text(here.stator_percent)} does not rise above "
+                    f"{number_text(before.stator_percent)} of the entry before",
+                    here.stator_percent,
+                )
+            if here.rate_n_per_m == before.rate_n_per_m or falling != (
+                here.rate_n_per_m < before.rate_n_per_m
+            ):
+                way = "fall" if falling else "rise"
+                yield Broken(
+                    ("map", i, "rate_n_per_m"),
+                    f"{number_text(here.rate_n_per_m)} after {number_text(before.rate_n_per_m)}: "
+                    f"the map must {way} strictly, or a rate has two stator positions",
+                    here.rate_n_per_m,
+                )
+
+    def by_rate(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Rates (N/m, increasing) and the stator positions (%) that give them."""
+        pairs = sorted((point.rate_n_per_m, point.stator_percent) for point in self.map)
+        return tuple(rate for rate, _ in pairs), tuple(position for _, position in pairs)
+
+
+class Stability(FileModel):
+    """What a row of the gain matrix must leave of the heave stiffness."""
+
+    hydrostatic_stiffness_n_per_m: float = Field(ge=100, le=1e6)
+    small_displacement_factor: float = Field(ge=0.5, le=3)  # small-signal over table rate
+    least_stiffness_n_per_m: float = Field(ge=0, le=1e5)
+
+
+class Stop(FileModel):
+    """A controlled stop: passive damping for a while, then power off."""
+
+    damping_n_s_per_m: float = Field(ge=0, le=20_000)  # of the body; the force is -damping * v
+    duration_s: float = Field(ge=0.1, le=60)
+
+
+class RigFile(FileModel):
+    """A rig of kind `wavebot`."""
+
+    name: str = Field(min_length=1, max_length=64)
+    kind: Literal["wavebot"]
+    rate_hz: Whole = Field(ge=100, le=2000)
+    realtime: Literal["best effort", "required"]
+    limits: str = Field(min_length=1)  # file, relative to this one
+    plant: str = Field(min_length=1)  # file, relative to this one; stands in for the hardware
+    heave: HeaveAxis
+    spring: MagneticSpring
+    stability: Stability
+    drive_enable_timeout_s: float = Field(ge=0.1, le=60)
+    stop: Stop

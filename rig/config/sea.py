@@ -1,0 +1,149 @@
+"""The sea of a campaign: calm, regular, JONSWAP or recorded."""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from rig.config.model import Broken, FileModel, Whole
+from rig.config.problems import number_text
+
+_NOT_HS = "a regular sea is given by its amplitude (amplitude_m), an irregular one by hs_m"
+_NOT_TP = "a regular sea has frequency_hz or period_s; tp_s belongs to an irregular one"
+_NOT_AMPLITUDE = "an irregular sea is given by hs_m, a regular one by its amplitude"
+_NOT_FREQUENCY = "an irregular sea has tp_s; frequency_hz and period_s belong to a regular one"
+
+
+class CalmSea(FileModel):
+    """No waves."""
+
+    kind: Literal["calm"]
+
+    def words(self) -> str:
+        """The sea in a line."""
+        return "calm"
+
+
+class RegularSea(FileModel):
+    """One sine, given by its amplitude, not its height; period or frequency, not both."""
+
+    kind: Literal["regular"]
+    amplitude_m: float = Field(ge=0.001, le=0.5)
+    frequency_hz: float | None = Field(default=None, ge=0.05, le=2)
+    period_s: float | None = Field(default=None, ge=0.5, le=20)
+
+    foreign_keys: ClassVar[dict[str, str]] = {"hs_m": _NOT_HS, "height_m": _NOT_HS, "tp_s": _NOT_TP}
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """Frequency or period, exactly one of them."""
+        if self.frequency_hz is None and self.period_s is None:
+            yield Broken(
+                (), "frequency missing; allowed frequency_hz 0.05 .. 2 Hz or period_s 0.5 .. 20 s"
+            )
+        if self.frequency_hz is not None and self.period_s is not None:
+            message = "frequency_hz is given already; allowed one of the two"
+            yield Broken(("period_s",), message, self.period_s)
+
+    @property
+    def frequency(self) -> float:
+        """Wave frequency, Hz."""
+        return self.frequency_hz if self.frequency_hz is not None else 1.0 / self.period
+
+    @property
+    def period(self) -> float:
+        """Wave period, s."""
+        if self.period_s is not None:
+            return self.period_s
+        assert self.frequency_hz is not None
+        return 1.0 / self.frequency_hz
+
+    def words(self) -> str:
+        """The sea in a line."""
+        return (
+            f"regular, amplitude {number_text(self.amplitude_m)} m, "
+            f"{self.frequency:.4g} Hz (period {self.period:.4g} s)"
+        )
+
+
+class JonswapSea(FileModel):
+    """An irregular sea that repeats; amplitudes such that Hm0 is ``hs_m`` exactly."""
+
+    kind: Literal["jonswap"]
+    hs_m: float = Field(ge=0.001, le=1)
+    tp_s: float = Field(ge=0.5, le=20)
+    gamma: float = Field(default=3.3, ge=1, le=7)
+    repeat_s: float = Field(default=300.0, ge=10, le=3600)
+    seed: Whole | None = Field(default=None, ge=0, le=4_294_967_295)  # the campaign's if missing
+
+    foreign_keys: ClassVar[dict[str, str]] = {
+        "amplitude_m": _NOT_AMPLITUDE,
+        "frequency_hz": _NOT_FREQUENCY,
+        "period_s": _NOT_FREQUENCY,
+    }
+
+    @property
+    def repeat(self) -> float:
+        """Repeat period, s."""
+        return self.repeat_s
+
+    def words(self) -> str:
+        """The sea in a line."""
+        return (
+            f"JONSWAP, Hs {number_text(self.hs_m)} m, Tp {number_text(self.tp_s)} s, "
+            f"gamma {number_text(self.gamma)}, repeats after {number_text(self.repeat_s)} s"
+        )
+
+
+class RecordedSea(FileModel):
+    """A measured elevation, played from ``start_s`` to ``end_s`` of its file and over again."""
+
+    kind: Literal["recorded"]
+    file: str = Field(min_length=1)  # .twe or .csv, relative to this file
+    channel: str = Field(min_length=1)
+    rate_hz: float | None = Field(default=None, ge=1, le=1000)  # checked against the time column
+    start_s: float = Field(ge=0, le=1e6)
+    end_s: float = Field(gt=0, le=1e6)
+    unit: Literal["inch", "m", "mm", "cm"]
+    repeat_s: float | None = Field(default=None, ge=1, le=3600)
+
+    foreign_keys: ClassVar[dict[str, str]] = {
+        "hs_m": "a recorded sea has the height of its record",
+        "amplitude_m": "a recorded sea has the height of its record",
+    }
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """A window that holds at least one repeat period, of a file we can read."""
+        if not self.file.lower().endswith((".twe", ".csv")):
+            yield Broken(("file",), f"{self.file!r} is not read; allowed *.twe, *.csv", self.file)
+        length = self.end_s - self.start_s
+        if length <= 0.0:
+            yield Broken(
+                ("end_s",),
+                f"{number_text(self.end_s)} does not lie after the start; "
+                f"allowed above start_s = {number_text(self.start_s)} s",
+                self.end_s,
+            )
+        elif self.repeat_s is not None and self.repeat_s > length * (1 + 1e-9):
+            yield Broken(
+                ("repeat_s",),
+                f"{number_text(self.repeat_s)} is longer than the window; "
+                f"allowed up to end_s - start_s = {number_text(length)} s",
+                self.repeat_s,
+            )
+
+    @property
+    def repeat(self) -> float:
+        """Repeat period, s: the window's length unless the file says otherwise."""
+        return self.repeat_s if self.repeat_s is not None else self.end_s - self.start_s
+
+    def words(self) -> str:
+        """The sea in a line."""
+        return (
+            f"recorded, {self.channel} of {self.file}, "
+            f"{number_text(self.start_s)} .. {number_text(self.end_s)} s, "
+            f"repeats after {number_text(self.repeat)} s"
+        )
+
+
+AnySea = CalmSea | RegularSea | JonswapSea | RecordedSea
+Sea = Annotated[AnySea, Field(discriminator="kind")]

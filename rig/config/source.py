@@ -1,0 +1,232 @@
+"""Reading a YAML file so that every value still knows the file and line it came from.
+
+YAML 1.2 (`1e3` is a number, `on` is text), duplicate keys refused. A file may say
+`extends: other.yaml`, relative to itself: mappings are merged key by key, everything else is
+replaced; an empty value (`key:`) takes an inherited key out; a mapping whose `kind` changes is
+replaced whole, because the keys of one kind mean nothing to another.
+"""
+
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from rig.config.problems import ConfigError, Problem, key_text, shown, value_text
+
+KeyPath = tuple[str | int, ...]
+_TAG = "tag:yaml.org,2002:"
+
+
+class Place(NamedTuple):
+    """A line of a file."""
+
+    path: Path
+    line: int  # from 1
+
+
+class Locate:
+    """Where each value of a merged mapping came from.
+
+    Called with a key path it gives the `Place` of that key, or of the nearest mapping around it
+    that exists (a missing key is reported on the line of its mapping).
+    """
+
+    def __init__(self, path: Path, places: dict[KeyPath, Place], files: tuple[Path, ...]) -> None:
+        self.path = path
+        self.places = places
+        self.files = files  # every file read: the named one first, then those it extends
+
+    def __call__(self, key: KeyPath = ()) -> Place:
+        """Place of a key, or of the nearest existing one around it."""
+        for length in range(len(key), 0, -1):
+            place = self.places.get(key[:length])
+            if place is not None:
+                return place
+        return self.places.get((), Place(self.path, 1))
+
+    def file(self, key: KeyPath, named: str) -> Path:
+        """Path of a file named under ``key``: relative to the file in which the name stands."""
+        return Path(os.path.normpath(self(key).path.parent / named))
+
+    def problem(self, key: KeyPath, value: object, message: str) -> Problem:
+        """A problem at a key."""
+        place = self(key)
+        return Problem(shown(place.path), place.line, key_text(key), value, message)
+
+
+def load_mapping(
+    path: Path, asked: Place | None = None, key: str = ""
+) -> tuple[dict[str, Any], Locate]:
+    """Merged plain mapping of a file and of all it extends, and where each value stands.
+
+    ``asked`` and ``key`` are the place and the key that name the file; a file that cannot be read
+    is reported there.
+    Raises `ConfigError` with every problem of syntax.
+    """
+    return _load(Path(path), asked, key, ())
+
+
+def _load(
+    path: Path, asked: Place | None, key: str, chain: tuple[Path, ...]
+) -> tuple[dict[str, Any], Locate]:
+    here = path.resolve()
+    at = asked or Place(path, 1)
+    if here in chain:
+        round_trip = " -> ".join(p.name for p in (*chain[chain.index(here) :], here))
+        raise ConfigError(
+            [_problem(at, "extends", path, f"files extend in a circle: {round_trip}")]
+        )
+    root = _compose(path, at, key)
+    reader = _Reader(path)
+    tree = reader.value(root, ())
+    if reader.problems:
+        raise ConfigError(reader.problems)
+    if not isinstance(tree, dict):
+        raise ConfigError(
+            [
+                _problem(
+                    Place(path, 1), "", tree, f"the file holds {value_text(tree)}, not a mapping"
+                )
+            ]
+        )
+    locate = Locate(path, reader.places, (path,))
+    base = tree.pop("extends", None)
+    at = locate(("extends",))
+    locate.places.pop(("extends",), None)
+    if base is None:
+        return tree, locate
+    if not isinstance(base, str):
+        raise ConfigError([_problem(at, "extends", base, f"{value_text(base)} is not a file name")])
+    named = Path(os.path.normpath(path.parent / base))
+    inherited, origin = _load(named, at, "extends", (*chain, here))
+    places = dict(origin.places)
+    _merge(inherited, tree, places, locate.places, ())
+    places[()] = locate.places[()]
+    return inherited, Locate(path, places, (path, *origin.files))
+
+
+def _merge(
+    base: dict[str, Any],
+    over: dict[str, Any],
+    places: dict[KeyPath, Place],
+    over_places: dict[KeyPath, Place],
+    at: KeyPath,
+) -> None:
+    for key, value in over.items():
+        here = (*at, key)
+        old = base.get(key)
+        if isinstance(old, dict) and isinstance(value, dict) and _same_kind(old, value):
+            places[here] = over_places[here]
+            _merge(old, value, places, over_places, here)
+            continue
+        for gone in [k for k in places if k[: len(here)] == here]:
+            del places[gone]
+        if value is None and key in base:
+            del base[key]
+            continue
+        base[key] = value
+        places.update({k: p for k, p in over_places.items() if k[: len(here)] == here})
+
+
+def _same_kind(old: dict[str, Any], new: dict[str, Any]) -> bool:
+    return "kind" not in new or new["kind"] == old.get("kind")
+
+
+def _compose(path: Path, asked: Place, key: str) -> Node | None:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        reason = error.strerror or type(error).__name__
+        message = f"cannot read {shown(path)}: {reason}"
+        raise ConfigError([_problem(asked, key, str(path), message)]) from None
+    except UnicodeDecodeError as error:
+        message = f"the file is not UTF-8 text (byte {error.start})"
+        raise ConfigError([_problem(Place(path, 1), "", None, message)]) from None
+    try:
+        node: Node | None = YAML(typ="safe", pure=True).compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark is not None else 1
+        message = f"YAML syntax: {error.problem or error.context or 'not readable'}"
+        raise ConfigError([_problem(Place(path, line), "", None, message)]) from None
+    except YAMLError as error:
+        first = (str(error).splitlines() or ["not readable"])[0]
+        raise ConfigError([_problem(Place(path, 1), "", None, f"YAML syntax: {first}")]) from None
+    return node
+
+
+class _Reader:
+    """Turns composed nodes into plain values and notes the line of each."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.places: dict[KeyPath, Place] = {(): Place(path, 1)}
+        self.problems: list[Problem] = []
+        self.construct = YAML(typ="safe", pure=True).constructor
+
+    def value(self, node: Node | None, at: KeyPath, inside: tuple[int, ...] = ()) -> Any:
+        if node is None:
+            return None
+        if id(node) in inside:
+            self.refuse(node, at, "an alias that contains itself")
+            return None
+        if isinstance(node, MappingNode):
+            return self.mapping(node, at, (*inside, id(node)))
+        if isinstance(node, SequenceNode):
+            items = []
+            for i, item in enumerate(node.value):
+                self.places[(*at, i)] = Place(self.path, item.start_mark.line + 1)
+                items.append(self.value(item, (*at, i), (*inside, id(node))))
+            return items
+        if isinstance(node, ScalarNode):
+            return self.scalar(node, at)
+        raise TypeError(f"YAML has no node of type {type(node).__name__}")
+
+    def mapping(self, node: MappingNode, at: KeyPath, inside: tuple[int, ...]) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for key_node, value_node in node.value:
+            if not isinstance(key_node, ScalarNode):
+                self.refuse(key_node, at, "a key must be a word")
+                continue
+            key = str(key_node.value)
+            here = (*at, key)
+            if key in values:
+                first = self.places[here].line
+                self.refuse(key_node, here, f"the key stands twice, first on line {first}")
+                continue
+            if key == "<<":
+                self.refuse(key_node, here, "merge keys are not read; use extends")
+                continue
+            self.places[here] = Place(self.path, key_node.start_mark.line + 1)
+            values[key] = self.value(value_node, here, inside)
+        return values
+
+    def scalar(self, node: ScalarNode, at: KeyPath) -> Any:
+        kind = str(node.tag).removeprefix(_TAG)
+        if kind in ("str", "timestamp"):  # a date is text: nothing here is a date
+            return str(node.value)
+        if kind == "null":
+            return None
+        try:
+            if kind == "bool":
+                return bool(self.construct.construct_yaml_bool(node))
+            if kind == "int":
+                return int(self.construct.construct_yaml_int(node))
+            if kind == "float":
+                return float(self.construct.construct_yaml_float(node))
+        except ValueError:
+            self.refuse(node, at, f"{node.value!r} is not a number")
+            return None
+        self.refuse(node, at, f"the tag {node.tag} is not read")
+        return None
+
+    def refuse(self, node: Node, at: KeyPath, message: str) -> None:
+        place = Place(self.path, node.start_mark.line + 1)
+        self.problems.append(_problem(place, key_text(at), None, message))
+
+
+def _problem(place: Place, key: str, value: object, message: str) -> Problem:
+    return Problem(shown(place.path), place.line, key, value, message)

@@ -1,0 +1,156 @@
+"""The cycle: sense -> estimate -> control -> limit -> actuate -> log, as one pure function.
+
+`make` composes it from the functions of one kind of rig (its axes, its other devices); the order
+of the stages is said here and nowhere else. A tick either ends in a valid command or in a stop.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from controllers.signals import Count, Flag, Index, Second
+from rig import safety, sequence
+from rig.safety import FINE, RUN, STOP_2, Reason
+
+
+class Params(NamedTuple):
+    """Constants of a run."""
+
+    segments: sequence.Segments
+    safety: safety.Params
+    lost_ticks_stop: int  # more periods than this in one gap trip
+    rig: Any  # the kind's own Params
+
+
+class State(NamedTuple):
+    """Memory of the cycle."""
+
+    sequence: sequence.State
+    safety: safety.State
+    waves_since: int  # tick in which the wave maker was started, or -1
+    rig: Any  # the kind's own State
+
+
+class Now(NamedTuple):
+    """What the plan and the safety machine say about this tick."""
+
+    mode: int
+    phase: int
+    setpoint: int  # index into the kind's table of set points
+    waves: int  # 1: the wave maker shall run
+
+
+class Timing(NamedTuple):
+    """When a tick really ran; all zero on a virtual clock."""
+
+    lateness: Second  # wake-up after the planned time
+    work: Second  # duration of the tick before
+    skipped: Count  # periods lost since the run began
+
+
+class PlanRecord(NamedTuple):
+    """Where the campaign stands."""
+
+    row: Index  # row id, -1: none
+    phase: Index  # `rig.sequence.Phase`
+    attempt: Index  # times a hold made the row start over
+    wave_clock: Second  # since the wave maker was started; -1 before
+
+
+class SafetyRecord(NamedTuple):
+    """State of the safety machine."""
+
+    mode: Index  # `rig.safety.Mode`
+    reason: Index  # `rig.safety.Reason`: the first cause of a stop
+    warned: Flag  # set of `rig.limits.Warned`
+
+
+class Kind(NamedTuple):
+    """The functions that make one kind of rig; each is pure.
+
+    ``observe(params, state, sense, periods, dt) -> seen`` (motion of every axis)
+    ``check(params, state, sense, seen, mode) -> reason``; ``warn(params, state, sense, seen)``
+    ``ready(params, state, sense) -> set of sequence.WAIT_ flags that hold``
+    ``control(params, state, sense, seen, now, dt) -> state, command, words``
+    ``row(tick, time, timing, plan, safety, sense, command, words) -> row``
+    """
+
+    row_type: type
+    params_type: type
+    start: Callable[[], Any]
+    observe: Callable[..., Any]
+    check: Callable[..., int]
+    warn: Callable[..., int]
+    ready: Callable[..., int]
+    control: Callable[..., Any]
+    row: Callable[..., Any]
+
+
+Step = Callable[..., tuple[State, Any, Any]]
+
+
+def start(kind: Kind, tick: int) -> State:
+    """State before the first tick."""
+    return State(sequence.start(tick), safety.start(tick), -1, kind.start())
+
+
+def make(kind: Kind) -> Step:
+    """The cycle of one kind of rig.
+
+    ``step(params, state, sense, request, tick, timing, periods, dt) -> state, command, row``:
+    ``request`` is what people or the supervisor asked through the mailbox, ``periods`` the ticks
+    since the last call (1 unless some were lost), ``dt`` the period in seconds.
+    """
+    observe, check, warn, ready = kind.observe, kind.check, kind.warn, kind.ready
+    control, make_row = kind.control, kind.row
+
+    def step(
+        params: Params,
+        state: State,
+        sense: Any,
+        request: int,
+        tick: int,
+        timing: Timing,
+        periods: int,
+        dt: float,
+    ) -> tuple[State, Any, Any]:
+        seen = observe(params.rig, state.rig, sense, periods, dt)
+
+        # The plan moves on what held until now; the safety machine then has the last word.
+        segments = params.segments
+        mode = state.safety.mode
+        holds = ready(params.rig, state.rig, sense)
+        place, walk = sequence.step(
+            segments, state.sequence, tick, holds, mode <= RUN, mode == STOP_2
+        )
+        i = place.segment
+        trip = check(params.rig, state.rig, sense, seen, mode)
+        if trip == FINE and periods > params.lost_ticks_stop:
+            trip = Reason.LOST_TICKS.value
+        if trip == FINE and walk.late:
+            trip = Reason.STATOR_LATE.value
+        guard = safety.step(
+            params.safety,
+            state.safety,
+            tick,
+            trip,
+            request,
+            walk.finished,
+            segments.drive[i] == 1,
+            (holds & sequence.WAIT_DRIVE) != 0,
+        )
+
+        waves = segments.waves[i] if guard.mode <= STOP_2 else 0
+        since = state.waves_since
+        if waves == 1 and since < 0:
+            since = tick
+        now = Now(guard.mode, segments.phase[i], segments.setpoint[i], waves)
+        rig, command, words = control(params.rig, state.rig, sense, seen, now, dt)
+
+        clock = -1.0 if since < 0 else (tick - since) * dt
+        plan = PlanRecord(segments.row[i], now.phase, place.attempt, clock)
+        warned = warn(params.rig, state.rig, sense, seen)
+        report = SafetyRecord(guard.mode, guard.reason, warned)
+        row = make_row(tick, tick * dt, timing, plan, report, sense, command, words)
+        return State(place, guard, since, rig), command, row
+
+    return step

@@ -1,0 +1,59 @@
+"""Designing the encoder estimator's steady-state gains, outside the loop.
+
+Model: constant acceleration driven by white jerk of given spectral density, observed through
+encoder counts (quantisation q^2/12 plus the encoder's own noise). filterpy's Kalman filter is run
+until its gain stands still; the loop applies that gain (controllers/estimator.py).
+"""
+
+import numpy as np
+from filterpy.common import Q_continuous_white_noise
+from filterpy.kalman import KalmanFilter
+
+from controllers import estimator
+
+_SETTLED = 1e-12  # relative change of the gain in one step
+_MOST_STEPS = 200_000
+
+
+def design(
+    metres_per_count: float, noise_counts: float, jerk_density: float, dt: float
+) -> estimator.Params:
+    """Steady-state gains for a count of ``metres_per_count`` (m) and period ``dt`` (s).
+
+    ``noise_counts``: standard deviation besides quantisation; ``jerk_density``: spectral density
+    of the white jerk, m^2/s^5: larger follows faster and smooths less.
+    """
+    count = abs(metres_per_count)
+    filter_ = KalmanFilter(dim_x=3, dim_z=1)
+    filter_.F = np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    filter_.H = np.array([[1.0, 0.0, 0.0]])
+    filter_.R = np.array([[(1.0 / 12.0 + noise_counts * noise_counts) * count * count]])
+    filter_.Q = Q_continuous_white_noise(dim=3, dt=dt, spectral_density=jerk_density)
+    filter_.P = np.diag([count * count, 1e-2, 1.0])
+    gain = np.zeros((3, 1))
+    for _ in range(_MOST_STEPS):
+        filter_.predict()
+        filter_.update(np.array([[0.0]]))
+        if np.all(np.abs(filter_.K - gain) <= _SETTLED * np.abs(filter_.K)):
+            break
+        gain = filter_.K.copy()
+    else:
+        raise ValueError("the estimator's gain did not settle: check jerk density and noise")
+    position, velocity, acceleration = (float(k) for k in filter_.K[:, 0])
+    return estimator.Params(metres_per_count, position, velocity, acceleration)
+
+
+def response(
+    params: estimator.Params, f_hz: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Position and velocity estimate per metre of true position, complex, at ``f_hz``.
+
+    Both include no hold and no delay; dividing the velocity by j omega gives the filter's error.
+    """
+    transition = np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
+    gain = np.array([[params.gain_position], [params.gain_velocity], [params.gain_acceleration]])
+    observe = np.array([[1.0, 0.0, 0.0]])
+    closed = (np.eye(3) - gain @ observe) @ transition
+    z = np.exp(2j * np.pi * np.asarray(f_hz) * dt)
+    states = np.stack([np.linalg.solve(np.eye(3) - closed / one, gain)[:, 0] for one in z])
+    return states[:, 0], states[:, 1]

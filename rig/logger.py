@@ -1,0 +1,151 @@
+"""The logger process: drains the ring, writes MCAP, flushes twice a second, certifies the timing.
+
+Rows count as safe only when they are flushed; only then does the ring's tail move. So a killed
+logger loses nothing: the next one goes on from the tail in a new part of the file. Trouble with
+the disk is said on standard output and retried; it never reaches the loop.
+"""
+
+import json
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig import handover
+from rig.kinds import KINDS
+from rig.log import RowWriter
+from rig.ring import Producer, Reader
+from rig.timing import Certificate
+
+FLUSH = 0.5  # s between flushes
+RETRY = 0.5  # s between attempts on a full disk
+GIVE_UP = 20.0  # s of a full disk after which the rest is lost
+IDLE = 0.005  # s
+DISK = 74  # exit code: rows were lost to the disk
+
+
+class Job(NamedTuple):
+    """What the supervisor asks of the logger."""
+
+    kind: str
+    ring: int  # file descriptor
+    folder: str  # the run's
+    part: str  # file to write, new
+    attachments: tuple[str, ...]  # files of the folder to put into it
+    start_utc_ns: int  # UTC of run time zero
+    run: str  # run id
+    rung: str
+    clock: str  # "virtual" or "real"
+    rate_hz: float
+
+
+PRIVILEGES = "privileges.json"  # left in the folder by the supervisor when the loop reports
+
+
+class Log:
+    """One part of the run's record, being written."""
+
+    def __init__(self, job: Job) -> None:
+        kind = KINDS[job.kind]
+        folder = Path(job.folder)
+        self._job = job
+        self._reader = Reader(job.ring)
+        self._certificate = Certificate(kind.row_type)
+        files = {name: (folder / name).read_bytes() for name in job.attachments}
+        self._writer = RowWriter(
+            folder / job.part,
+            kind.row_type,
+            files,
+            {"run": {"run": job.run, "rung": job.rung}},
+            start_utc_ns=job.start_utc_ns,
+        )
+        self._flushed = time.monotonic()
+        self._failing_since: float | None = None
+
+    def run(self) -> int:
+        """Log until the rows end; returns the exit code."""
+        quarter = self._reader.capacity // 4
+        while not self._complete():
+            block = b"" if self._failing_since else self._reader.take()
+            if block:
+                self._writer.append(block)
+                self._certificate.add(block)
+            waited = time.monotonic() - self._flushed
+            if self._reader.uncommitted >= quarter or waited >= FLUSH:
+                if not self._flush():
+                    return DISK
+            elif not block:
+                time.sleep(IDLE)
+        self._writer.attach("timing.json", json.dumps(self._timing(), indent=2).encode())
+        while not self._finish():
+            if self._given_up():
+                return DISK
+            time.sleep(RETRY)
+        return 0
+
+    def _complete(self) -> bool:
+        finished = self._reader.state == Producer.FINISHED
+        return finished and self._reader.pending == 0 and not self._failing_since
+
+    def _timing(self) -> dict[str, Any]:
+        privileges = Path(self._job.folder) / PRIVILEGES
+        granted = json.loads(privileges.read_text()) if privileges.exists() else None
+        return self._certificate.result(
+            self._job.clock, self._job.rate_hz, self._reader.dropped, granted
+        )
+
+    def _flush(self) -> bool:
+        """Make the rows taken so far safe; False when the disk has failed for too long."""
+        self._flushed = time.monotonic()
+        try:
+            self._writer.flush()
+        except OSError as error:
+            self._failed(error)
+            if self._given_up():
+                return False
+            time.sleep(RETRY)
+            return True
+        self._reader.commit()
+        self._recovered()
+        return True
+
+    def _finish(self) -> bool:
+        try:
+            self._writer.finish()
+        except OSError as error:
+            self._failed(error)
+            return False
+        self._reader.commit()
+        self._recovered()
+        return True
+
+    def _failed(self, error: OSError) -> None:
+        if self._failing_since is None:
+            self._failing_since = time.monotonic()
+            _say(event="disk", error=error.strerror or str(error))
+
+    def _recovered(self) -> None:
+        if self._failing_since is not None:
+            self._failing_since = None
+            _say(event="disk", error="")
+
+    def _given_up(self) -> bool:
+        since = self._failing_since
+        return since is not None and time.monotonic() - since > GIVE_UP
+
+
+def main() -> None:
+    """Run the job on standard input."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends when the rows end
+    job: Job = handover.loads(Job, sys.stdin.read())
+    sys.exit(Log(job).run())
+
+
+def _say(**event: Any) -> None:
+    print(json.dumps(event), flush=True)
+
+
+if __name__ == "__main__":
+    main()

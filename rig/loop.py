@@ -1,0 +1,78 @@
+"""The loop: the only place that ticks."""
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from rig import cycle
+from rig.clock import Clock
+from rig.devices import Devices
+from rig.mailbox import Mailbox
+from rig.ring import Writer
+from rig.safety import STOP_0, Reason
+
+STOPS = 5  # how often the stop is repeated at the end: one lost frame must not matter
+LINGER = 20  # ticks logged after power was removed, so that the record shows it
+WATCH = 64  # ticks between looks at what comes from outside the mailbox
+
+
+class End(NamedTuple):
+    """How the loop ended."""
+
+    ticks: int  # executed
+    skipped: int  # periods lost
+    reason: int  # rig.safety.Reason
+
+
+def run(
+    kind: cycle.Kind,
+    params: cycle.Params,
+    devices: Devices,
+    clock: Clock,
+    ring: Writer,
+    mailbox: Mailbox,
+    overseer: Callable[[], int],
+    *,
+    measure_work: bool,
+) -> End:
+    """Tick until the safety machine has removed the power, then a few ticks more.
+
+    Every way out of here, an exception included, ends in repeated stops: when this returns or
+    raises, the last thing every device was told is to stop. ``overseer`` is asked now
+    and then for a request that does not come by mailbox (supervisor gone, process terminated). ``measure_work``: log how long each tick took (real clock only,
+    so that rehearsals repeat to the bit).
+    """
+    step = cycle.make(kind)
+    reason = Reason.EXCEPTION.value
+    try:
+        state = cycle.start(kind, 0)
+        ticks = skipped = linger = imposed = 0
+        work, dt = 0.0, clock.dt
+        while linger < LINGER:
+            wake = clock.wait_next()
+            began = time.perf_counter() if measure_work else 0.0
+            ticks += 1
+            skipped += wake.periods - 1
+            if ticks % WATCH == 0:
+                imposed = overseer()
+            mail = mailbox.read()
+            request = imposed or (0 if mail is None else mail.request)
+
+            sense = devices.read(wake.now)
+            timing = cycle.Timing(wake.lateness, work, skipped)
+            state, command, row = step(
+                params, state, sense, request, wake.tick, timing, wake.periods, dt
+            )
+            devices.write(command)
+            ring.put(row)
+
+            if state.safety.mode == STOP_0:
+                linger += 1
+            work = time.perf_counter() - began if measure_work else 0.0
+        reason = state.safety.reason
+        return End(ticks, skipped, reason)
+    finally:
+        for _ in range(STOPS):
+            devices.stop(reason)
+        ring.finish()
+        devices.close()

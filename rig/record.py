@@ -1,0 +1,157 @@
+"""One declaration of a log row, many layouts: struct format, flat values, ros2msg schema.
+
+A row type is a NamedTuple of NamedTuples whose leaves are float or int with a unit
+(``Annotated[float, "m"]``). Every leaf is stored as float64 or int64, little-endian: then the
+packed bytes, the CDR of a ROS 2 message and a numpy record are the same bytes at any nesting. A
+narrower leaf would need alignment that some readers get wrong silently, so it is refused.
+"""
+
+import re
+import struct
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+
+FIELD_NAME = re.compile(r"[a-z](_?[a-z0-9])*")  # ROS field names: no "__", no trailing "_"
+CDR_HEADER = b"\x00\x01\x00\x00"  # little-endian CDR, no options
+PACKAGE = "wec_rig"
+
+
+class Leaf(NamedTuple):
+    """One number of a row."""
+
+    path: tuple[str, ...]
+    code: str  # struct code: "d" float64, "q" int64
+    unit: str
+
+    @property
+    def name(self) -> str:
+        """Dotted path, e.g. ``heave.estimate.velocity``."""
+        return ".".join(self.path)
+
+
+class RowError(TypeError):
+    """A row type that cannot be laid out, with the field named."""
+
+
+def _fields(row_type: type) -> dict[str, Any]:
+    names = getattr(row_type, "_fields", None)
+    if not (issubclass(row_type, tuple) and names):
+        raise RowError(f"{row_type.__name__} is not a NamedTuple with at least one field")
+    hints = get_type_hints(row_type, include_extras=True)
+    return {name: hints[name] for name in names}
+
+
+def _leaf(path: tuple[str, ...], hint: Any) -> Leaf:
+    where = ".".join(path)
+    if get_origin(hint) is not Annotated:
+        raise RowError(f"{where}: {hint} has no unit; write Annotated[float, unit]")
+    kind, unit = get_args(hint)[:2]
+    if kind not in (float, int) or not isinstance(unit, str) or not unit:
+        raise RowError(f"{where}: only float and int leaves with a unit text, not {hint}")
+    return Leaf(path, "d" if kind is float else "q", unit)
+
+
+def _walk(row_type: type, path: tuple[str, ...]) -> list[Leaf]:
+    found: list[Leaf] = []
+    for name, hint in _fields(row_type).items():
+        here = (*path, name)
+        if not FIELD_NAME.fullmatch(name):
+            raise RowError(f"{'.'.join(here)}: not a ROS field name ([a-z][a-z0-9_]*)")
+        if isinstance(hint, type) and issubclass(hint, tuple):
+            found += _walk(hint, here)
+        else:
+            found.append(_leaf(here, hint))
+    return found
+
+
+@lru_cache
+def leaves(row_type: type) -> tuple[Leaf, ...]:
+    """All numbers of a row type in storage order; raises RowError naming the field at fault."""
+    return tuple(_walk(row_type, ()))
+
+
+def layout(row_type: type) -> struct.Struct:
+    """The packed little-endian layout of a row."""
+    return struct.Struct("<" + "".join(leaf.code for leaf in leaves(row_type)))
+
+
+def flattener(row_type: type) -> Callable[[Any], tuple[float | int, ...]]:
+    """A function from a row to its numbers in storage order, generated for the row type.
+
+    Generated as one tuple display because unpacking sub-tuples costs a few nanoseconds a number,
+    while walking the fields by name would cost more than the rest of the cycle.
+    """
+
+    def parts(kind: type, expression: str) -> list[str]:
+        hints = list(_fields(kind).values())
+        nested = [isinstance(h, type) and issubclass(h, tuple) for h in hints]
+        if not any(nested):
+            return [f"*{expression}"]
+        out: list[str] = []
+        for i, (hint, is_nested) in enumerate(zip(hints, nested, strict=True)):
+            here = f"{expression}[{i}]"
+            out += parts(hint, here) if is_nested else [here]
+        return out
+
+    leaves(row_type)  # refuse a bad type before generating code from it
+    source = f"lambda row: ({', '.join(parts(row_type, 'row'))},)"
+    made: Callable[[Any], tuple[float | int, ...]] = eval(source, {"__builtins__": {}})
+    return made
+
+
+def schema_name(row_type: type) -> str:
+    """Name of the row type as a ROS 2 message."""
+    return f"{PACKAGE}/msg/{row_type.__name__}"
+
+
+def schema(row_type: type) -> str:
+    """The row type as a ros2msg schema, units in the comments."""
+    seen: dict[str, str] = {}
+
+    def define(kind: type) -> str:
+        lines = []
+        for name, hint in _fields(kind).items():
+            if isinstance(hint, type) and issubclass(hint, tuple):
+                seen.setdefault(hint.__name__, define(hint))
+                lines.append(f"{PACKAGE}/{hint.__name__} {name}")
+            else:
+                leaf = _leaf((name,), hint)
+                lines.append(
+                    f"{'float64' if leaf.code == 'd' else 'int64'} {name}  # [{leaf.unit}]"
+                )
+        return "\n".join(lines) + "\n"
+
+    leaves(row_type)
+    text = define(row_type)
+    for name, body in seen.items():
+        text += f"{'=' * 80}\nMSG: {PACKAGE}/{name}\n{body}"
+    return text
+
+
+_SCHEMA_FIELD = re.compile(r"(?P<type>\S+) (?P<name>\S+)(?:\s+# \[(?P<unit>.*)\])?")
+
+
+def leaves_of_schema(text: str) -> tuple[Leaf, ...]:
+    """The leaves of a schema written by `schema`, so that a file is read by what it says itself."""
+    sections = re.split(r"=+\nMSG: ", text)
+    bodies = {"": sections[0]}
+    for section in sections[1:]:
+        name, body = section.split("\n", 1)
+        bodies[name] = body
+
+    def walk(body: str, path: tuple[str, ...]) -> list[Leaf]:
+        found: list[Leaf] = []
+        for line in filter(None, body.splitlines()):
+            match = _SCHEMA_FIELD.fullmatch(line)
+            if match is None:
+                raise RowError(f"schema line not understood: {line!r}")
+            here = (*path, match["name"])
+            if match["type"] in ("float64", "int64"):
+                code = "d" if match["type"] == "float64" else "q"
+                found.append(Leaf(here, code, match["unit"] or ""))
+            else:
+                found += walk(bodies[match["type"]], here)
+        return found
+
+    return tuple(walk(bodies[""], ()))

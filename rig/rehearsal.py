@@ -1,0 +1,94 @@
+"""A rehearsal: the loop process with the simulated plant behind the device seam.
+
+One of the few doors to sim_plant: it translates the plant's words into the rig's and back.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controllers.signals import AxisSense, SpringSense
+from rig import loop_process
+from rig.wavebot import KIND, Command, LoadSense, PowerSense, Sense, WaveSense
+from sim_plant import waves
+from sim_plant.bem import read_bem
+from sim_plant.parameters import Plant
+from sim_plant.waves import Sea
+from sim_plant.world import Actuation, World
+
+
+def sea_of(description: dict[str, Any]) -> Sea:
+    """The sea that a campaign describes (`rig.config.sea`); ValueError if it has no repeat."""
+    kind = description["kind"]
+    if kind == "calm":
+        return waves.calm()
+    if kind == "regular":
+        return waves.regular(description["amplitude_m"], description["frequency_hz"])
+    if kind == "jonswap":
+        return waves.jonswap(
+            description["hs_m"],
+            description["tp_s"],
+            description["gamma"],
+            description["repeat_s"],
+            description["seed"],
+        )
+    return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
+
+
+class PlantDevices:
+    """The devices of a simulated WaveBot.
+
+    The world moves when it is read, up to the planned time of the tick: one step on the virtual
+    clock, more when ticks of the real clock were lost (a plant does not wait for a late loop).
+    """
+
+    def __init__(self, world: World, delay: float, dt: float) -> None:
+        self._world = world
+        self._delay = delay  # s, age of what the fieldbus delivers
+        self._dt = dt
+        self._ticks = 0
+
+    def read(self, now: float) -> Sense:
+        tick = round(now / self._dt)
+        while self._ticks < tick:
+            self._world.advance(self._dt)
+            self._ticks += 1
+        r = self._world.readings()
+        delay = self._delay
+        return Sense(
+            AxisSense(
+                r.heave_counts, delay, r.heave_current, r.heave_enabled, r.heave_fault, delay
+            ),
+            LoadSense(r.force_lcb, r.force_trs, r.string_pot, r.rotor_angle, delay),
+            SpringSense(r.stator_position, r.stator_arrived, delay),
+            PowerSense(r.power_ac, r.power_dc, r.bus_voltage, r.analyser_age),
+            WaveSense(r.elevation),
+        )
+
+    def write(self, command: Command) -> None:
+        heave, spring = command.heave, command.spring
+        self._world.actuate(
+            Actuation(
+                heave.current, heave.enable, spring.target, spring.enable, command.wave_trigger
+            )
+        )
+
+    def stop(self, reason: int) -> None:
+        self._world.actuate(Actuation(0.0, 0, 0.0, 0, 0))
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def connect(config: dict[str, Any], dt: float) -> PlantDevices:
+    """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}."""
+    plant = Plant.model_validate(config["plant"])
+    world = World(
+        plant, sea_of(config["sea"]), read_bem(Path(config["bem"])), dt=dt, seed=config["seed"]
+    )
+    return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)
+
+
+if __name__ == "__main__":
+    loop_process.main(KIND, connect)

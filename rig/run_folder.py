@@ -1,0 +1,57 @@
+"""The folder of a run: making it, and the small JSON texts that lie in it."""
+
+import fcntl
+import json
+import os
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, TextIO
+
+STATUS = "run.json"
+MCAP = "run.mcap"
+
+
+class BusyError(RuntimeError):
+    """Another run has what this one needs."""
+
+
+def make(runs: Path, name: str, now: datetime) -> Path:
+    """A new folder ``<UTC time>_<name>`` in ``runs``; two runs in one second get two folders."""
+    stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{name}"
+    runs.mkdir(parents=True, exist_ok=True)
+    for attempt in range(1, 1000):
+        folder = runs / (stem if attempt == 1 else f"{stem}_{attempt}")
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            continue
+        return folder
+    raise BusyError(f"{runs}: too many runs named {stem}")
+
+
+def write_json(folder: Path, name: str, value: Any) -> None:
+    """Write a text so that a reader finds the old one or the new one, never half of it."""
+    part = folder / f".{name}.new"
+    part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n")
+    part.replace(folder / name)
+
+
+def hold_realtime(run: str) -> TextIO:
+    """Take the host's one real-time place for a run; BusyError names who has it.
+
+    The real-time loop owns a core and the rig behind it. The lock goes with the process, so a
+    killed run never blocks the next.
+    """
+    path = Path(tempfile.gettempdir()) / "wec-rig-realtime.lock"
+    file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        holder = file.read().strip() or "another process"
+        file.close()
+        raise BusyError(f"the real-time loop of this host is taken by {holder}") from None
+    file.truncate(0)
+    file.write(f"run {run}, process {os.getpid()}")
+    file.flush()
+    return file

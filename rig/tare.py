@@ -1,0 +1,81 @@
+"""The tare: sensor zeros taken in calm water with the drive off.
+
+An encoder offset b would give Ki b newtons, so every campaign begins with this. Until it is done
+the first tick's values are provisional zeros.
+"""
+
+from typing import NamedTuple
+
+from controllers.signals import Count, Metre, Newton
+from rig.sequence import TARE
+
+
+class Zeros(NamedTuple):
+    """The zeros in use."""
+
+    position: Metre  # in the encoder's own frame
+    string_pot: Metre
+    lcb: Newton
+    trs: Newton
+    samples: Count  # ticks averaged; 0: provisional, from the first tick alone
+
+
+class Raw(NamedTuple):
+    """What is tared, as sensed."""
+
+    position: float  # m, in the encoder's own frame
+    string_pot: float  # m
+    lcb: float  # N
+    trs: float  # N
+
+
+class State(NamedTuple):
+    """The zeros in use and the running sums of a tare."""
+
+    zeros: Zeros
+    seeded: int  # 1 once there are zeros at all
+    samples: int
+    sum: Raw
+    lowest: float  # m, position
+    highest: float  # m
+
+
+_NOTHING = Raw(0.0, 0.0, 0.0, 0.0)
+
+
+def start() -> State:
+    """State before the first tick."""
+    return State(Zeros(0.0, 0.0, 0.0, 0.0, 0), 0, 0, _NOTHING, 0.0, 0.0)
+
+
+def span(state: State) -> float:
+    """How far the body has moved in this tare (m)."""
+    return state.highest - state.lowest
+
+
+def step(state: State, raw: Raw, phase: int) -> State:
+    """Sum during the tare; when it is over its means become the zeros."""
+    if state.seeded == 0:
+        x = raw.position
+        first = Zeros(x, raw.string_pot, raw.lcb, raw.trs, 0)
+        state = State(first, 1, 0, _NOTHING, x, x)
+    if phase == TARE:
+        total, x = state.sum, raw.position
+        return State(
+            state.zeros,
+            1,
+            state.samples + 1,
+            Raw(
+                total.position + x,
+                total.string_pot + raw.string_pot,
+                total.lcb + raw.lcb,
+                total.trs + raw.trs,
+            ),
+            x if x < state.lowest else state.lowest,
+            x if x > state.highest else state.highest,
+        )
+    n, total = state.samples, state.sum
+    if n == 0:
+        return state
+    taken = Zeros(total.position / n, total.string_pot / n, total.lcb / n, total.trs / n, n)
+    return State(taken, 1, 0, _NOTHING, 0.0, 0.0)

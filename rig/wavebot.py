@@ -1,0 +1,247 @@
+"""The WaveBot as a kind of rig: heave axis, magnetic spring, load cells, power at four stations."""
+
+from typing import NamedTuple
+
+from controllers import magnetic_spring
+from controllers.blocks import finite
+from controllers.signals import (
+    AxisCommand,
+    AxisSense,
+    Flag,
+    Gains,
+    Metre,
+    Newton,
+    Radian,
+    Second,
+    SpringCommand,
+    SpringSense,
+    Tick,
+    Volt,
+    Watt,
+)
+from rig import axis, cycle, limits, power, tare
+from rig.limits import magnitude
+from rig.safety import FINE, RUN, Reason
+from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
+
+
+class LoadSense(NamedTuple):
+    """Load cells and the second position sensor."""
+
+    lcb: Newton  # column load cell: force on the body
+    trs: Newton  # shaft torque sensor as a linear force on the body
+    string_pot: Metre
+    rotor_angle: Radian  # of the magnetic spring
+    age: Second
+
+
+class PowerSense(NamedTuple):
+    """The power analyser."""
+
+    ac: Watt
+    dc: Watt
+    bus_voltage: Volt
+    age: Second
+
+
+class WaveSense(NamedTuple):
+    """Undisturbed elevation at the device; only a simulated basin knows it (NaN elsewhere)."""
+
+    elevation: Metre
+
+
+class Sense(NamedTuple):
+    """All that is read in a tick."""
+
+    heave: AxisSense
+    load: LoadSense
+    spring: SpringSense
+    power: PowerSense
+    wave: WaveSense
+
+
+class Command(NamedTuple):
+    """All that is written in a tick."""
+
+    heave: AxisCommand
+    spring: SpringCommand
+    wave_trigger: Flag  # 1: the wave maker runs; its rising edge is zero of the wave clock
+
+
+class WaveBotRow(NamedTuple):
+    """One tick of a WaveBot run; tick stands first and last so that a torn row shows."""
+
+    tick: Tick
+    time: Second  # planned, since run start
+    timing: cycle.Timing
+    plan: cycle.PlanRecord
+    safety: cycle.SafetyRecord
+    heave: axis.Record
+    load: LoadSense
+    spring_sense: SpringSense
+    spring_command: SpringCommand
+    power_sense: PowerSense
+    power: power.Power
+    tare: tare.Zeros
+    wave: WaveSense
+    tick_end: Tick
+
+
+class Setpoints(NamedTuple):
+    """Table of set points by columns, all of one length; a plan segment names its index."""
+
+    kp: tuple[float, ...]  # N*s/m
+    ki: tuple[float, ...]  # N/m
+    spring_rate: tuple[float, ...]  # N/m
+
+
+class Limits(NamedTuple):
+    """Limits of what is not an axis."""
+
+    string_pot_difference_stop: float  # m
+    rotor_travel_stop: float  # m
+    metres_per_radian: float  # of the rotor
+    stator_age_stop: float  # s
+    load_cell_age_stop: float  # s
+    analyser_age_stop: float  # s
+    tare_span_stop: float  # m
+
+
+class Params(NamedTuple):
+    """Constants of a WaveBot run."""
+
+    heave: axis.Params
+    spring: magnetic_spring.Params
+    limits: Limits
+    setpoints: Setpoints
+
+
+class State(NamedTuple):
+    """Memory of a WaveBot run."""
+
+    heave: axis.State
+    spring: magnetic_spring.State
+    tare: tare.State
+    power: power.Power
+
+
+Words = tuple[axis.Record, power.Power, tare.Zeros]  # the WaveBot's own part of a row
+
+
+def start() -> State:
+    """State before the first tick."""
+    return State(axis.start(), magnetic_spring.start(), tare.start(), power.start())
+
+
+def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> axis.Seen:
+    """Heave motion relative to the zero in use."""
+    zero = state.tare.zeros.position
+    if state.tare.seeded == 0:
+        zero = sense.heave.counts * params.heave.estimator.metres_per_count
+    return axis.observe(params.heave, state.heave, sense.heave, zero, periods, dt)
+
+
+def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int) -> int:
+    """The first reason to trip, or Reason.NONE."""
+    motion = seen.motion
+    reason = limits.check_axis(params.heave.limits, state.heave.limits, sense.heave, motion, mode)
+    if reason != FINE:
+        return reason
+    bounds, load, spring, meter = params.limits, sense.load, sense.spring, sense.power
+    # One sum instead of ten tests: it is finite only if every term is.
+    total = load.lcb + load.trs + load.string_pot + load.rotor_angle + load.age
+    total = total + spring.position + spring.age
+    total = total + meter.ac + meter.dc + meter.bus_voltage + meter.age
+    if not finite(total):
+        return Reason.NOT_FINITE.value
+    if load.age > bounds.load_cell_age_stop:
+        return Reason.STALE_LOAD_CELL.value
+    if meter.age > bounds.analyser_age_stop:
+        return Reason.STALE_ANALYSER.value
+    if spring.age > bounds.stator_age_stop:
+        return Reason.STALE_STATOR.value
+    if magnitude(load.rotor_angle * bounds.metres_per_radian) > bounds.rotor_travel_stop:
+        return Reason.ROTOR_TRAVEL.value
+    zero = state.tare.zeros.string_pot if state.tare.seeded == 1 else load.string_pot
+    if magnitude(load.string_pot - zero - motion.position) > bounds.string_pot_difference_stop:
+        return Reason.POSITION_DISAGREES.value
+    if tare.span(state.tare) > bounds.tare_span_stop:
+        return Reason.NOT_CALM.value
+    return FINE
+
+
+def warn(params: Params, state: State, sense: Sense, seen: axis.Seen) -> int:
+    """The set of `Warned` flags."""
+    return limits.warn_axis(params.heave.limits, seen.motion)
+
+
+def ready(params: Params, state: State, sense: Sense) -> int:
+    """Which conditions of the plan hold."""
+    flags = 0
+    if magnetic_spring.arrived(params.spring, state.spring, sense.spring):
+        flags = flags | WAIT_STATOR
+    if sense.heave.enabled == 1:
+        flags = flags | WAIT_DRIVE
+    return flags
+
+
+def control(
+    params: Params, state: State, sense: Sense, seen: axis.Seen, now: cycle.Now, dt: float
+) -> tuple[State, Command, Words]:
+    """Set point -> heave force within limits, stator target, wave trigger; and power."""
+    table, i, motion = params.setpoints, now.setpoint, seen.motion
+    heave, demand, command = axis.control(
+        params.heave, state.heave, Gains(table.kp[i], table.ki[i]), seen, now.mode, dt
+    )
+    # The stator stays put in a stop, and is not moved before the tare is over.
+    move = 1 if now.phase != TARE and now.mode <= RUN else 0
+    spring = magnetic_spring.step(params.spring, state.spring, table.spring_rate[i], move)
+    load = sense.load
+    raw = tare.Raw(seen.estimator.position, load.string_pot, load.lcb, load.trs)
+    tared = tare.step(state.tare, raw, now.phase)
+    zeros = tared.zeros
+    spent = power.step(
+        state.power,
+        load.lcb - zeros.lcb,
+        load.trs - zeros.trs,
+        motion.velocity,
+        sense.power.ac,
+        sense.power.dc,
+        now.phase,
+    )
+    words = axis.Record(sense.heave, motion, demand, command), spent, zeros
+    sent = Command(command, spring.command, now.waves)
+    return State(heave, spring, tared, spent), sent, words
+
+
+def row(
+    tick: int,
+    time: float,
+    timing: cycle.Timing,
+    plan: cycle.PlanRecord,
+    safety: cycle.SafetyRecord,
+    sense: Sense,
+    command: Command,
+    words: Words,
+) -> WaveBotRow:
+    """The tick's log row."""
+    heave, spent, zeros = words
+    return WaveBotRow(
+        tick,
+        time,
+        timing,
+        plan,
+        safety,
+        heave,
+        sense.load,
+        sense.spring,
+        command.spring,
+        sense.power,
+        spent,
+        zeros,
+        sense.wave,
+        tick,
+    )
+
+
+KIND = cycle.Kind(WaveBotRow, Params, start, observe, check, warn, ready, control, row)

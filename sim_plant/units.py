@@ -1,0 +1,36 @@
+"""Units as types: a NamedTuple field says its unit in its annotation (SI; stator in percent)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+Second = Annotated[float, "s"]
+Hertz = Annotated[float, "Hz"]
+PerSecond = Annotated[float, "1/s"]
+Metre = Annotated[float, "m"]
+MetrePerSecond = Annotated[float, "m/s"]
+MetrePerSecondSquared = Annotated[float, "m/s2"]
+Radian = Annotated[float, "rad"]
+RadianPerMetre = Annotated[float, "rad/m"]
+MetrePerRadian = Annotated[float, "m/rad"]
+Kilogram = Annotated[float, "kg"]
+Newton = Annotated[float, "N"]
+NewtonPerMetre = Annotated[float, "N/m"]
+NewtonSecondPerMetre = Annotated[float, "N s/m"]
+NewtonSecondSquaredPerMetreSquared = Annotated[float, "N s2/m2"]
+NewtonPerAmpere = Annotated[float, "N/A"]
+Ampere = Annotated[float, "A"]
+Volt = Annotated[float, "V"]
+Ohm = Annotated[float, "ohm"]
+Watt = Annotated[float, "W"]
+Joule = Annotated[float, "J"]
+WattPerAmpere = Annotated[float, "W/A"]
+WattPerAmpereSquared = Annotated[float, "W/A2"]
+WattPerNewtonSquared = Annotated[float, "W/N2"]
+Percent = Annotated[float, "%"]
+PercentPerSecond = Annotated[float, "%/s"]
+Ratio = Annotated[float, "1"]
+Count = Annotated[int, "count"]
+CountPerMetre = Annotated[float, "count/m"]
+Tick = Annotated[int, "tick"]
+Flag = Annotated[int, "0 or 1"]

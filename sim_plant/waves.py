@@ -1,0 +1,188 @@
+"""Periodic seas and their elevation and excitation tables over exactly one repeat period.
+
+Elevation is Re(sum a_k e^{-i omega_k t}) at the device, undisturbed, t on the wave clock; the phase
+convention is that of bem.py. Every component sits on k/repeat, so the table repeats to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sim_plant.bem import Bem, Complexes, Floats, excitation_at
+from sim_plant.units import Hertz, Metre, Second
+
+Integers = NDArray[np.int64]
+
+LOWEST = 0.05  # Hz, of a generated spectrum
+HIGHEST = 2.0  # Hz: no excitation above
+LONGEST_REPEAT = 3600  # s
+
+
+class Sea(NamedTuple):
+    """A periodic sea: component k has frequency cycles[k]/repeat."""
+
+    repeat: Second
+    cycles: Integers  # whole periods of each component
+    amplitude: Complexes  # m, elevation is Re(a e^{-i omega t})
+    description: dict[str, float | str]  # kind, hm0_m, hm0_raw_m (before normalisation), ...
+
+
+class WaveTables(NamedTuple):
+    """Elevation (m) and excitation force (N) at every tick of one repeat period."""
+
+    elevation: Floats
+    excitation: Floats
+
+
+def frequencies(sea: Sea) -> Floats:
+    """Give the component frequencies, Hz."""
+    spread: Floats = sea.cycles / sea.repeat
+    return spread
+
+
+def hm0(sea: Sea) -> Metre:
+    """Give the significant wave height 4 sqrt(m0) of a sea, m."""
+    return float(4.0 * np.sqrt(0.5 * np.sum(np.abs(sea.amplitude) ** 2)))
+
+
+def calm() -> Sea:
+    """Give still water (repeat 1 s)."""
+    return _sea(1.0, np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.complex128), kind="calm")
+
+
+def regular(amplitude_m: Metre, frequency_hz: Hertz) -> Sea:
+    """Give one cosine of an amplitude (m, not a height) and frequency (Hz), crest at t = 0.
+
+    The repeat period is the denominator of the frequency's rational, in seconds: 0.3 Hz gives
+    10 s, 1/3.45 Hz gives 69 s. Raises ValueError if there is none up to 3600 s.
+    """
+    _require(math.isfinite(amplitude_m) and amplitude_m >= 0.0, "amplitude must be >= 0 m")
+    _require(0.0 < frequency_hz <= HIGHEST, f"frequency must be in (0, {HIGHEST}] Hz")
+    exact = Fraction(frequency_hz).limit_denominator(LONGEST_REPEAT)
+    if abs(float(exact) - frequency_hz) > 1.0e-12 * frequency_hz:
+        raise ValueError(
+            f"a regular sea of {frequency_hz!r} Hz repeats on no whole second up to "
+            f"{LONGEST_REPEAT} s; the nearest that does is {exact} = {float(exact)!r} Hz"
+        )
+    return _sea(
+        float(exact.denominator),
+        np.array([exact.numerator], dtype=np.int64),
+        np.array([amplitude_m], dtype=np.complex128),
+        kind="regular",
+        amplitude_m=amplitude_m,
+        frequency_hz=frequency_hz,
+    )
+
+
+def jonswap_density(frequency: Floats, hs_m: Metre, tp_s: Second, gamma: float) -> Floats:
+    """Give the JONSWAP density, m²/Hz, at frequencies > 0 (Hz).
+
+    Source: IEC TS 62600-2, annex C (normalising factor 1 - 0.287 ln gamma).
+    """
+    peak = 1.0 / tp_s
+    ratio = peak / frequency
+    width = np.where(frequency <= peak, 0.07, 0.09)
+    enhanced = gamma ** np.exp(-((frequency / peak - 1.0) ** 2) / (2.0 * width**2))
+    moskowitz = 0.3125 * hs_m**2 * ratio**4 / frequency * np.exp(-1.25 * ratio**4)
+    density: Floats = (1.0 - 0.287 * math.log(gamma)) * moskowitz * enhanced
+    return density
+
+
+def jonswap(hs_m: Metre, tp_s: Second, gamma: float, repeat_s: Second, seed: int) -> Sea:
+    """Give a JONSWAP sea of random phases on k/repeat, 0.05-2 Hz, normalised so that Hm0 = Hs.
+
+    The description keeps `hm0_raw_m`, the height before normalisation. Raises ValueError for values
+    outside hs >= 0, tp 0.5-20 s, gamma 1-10, repeat 10-3600 s.
+    """
+    _require(math.isfinite(hs_m) and hs_m >= 0.0, "hs must be >= 0 m")
+    _require(0.5 <= tp_s <= 20.0, "tp must be 0.5-20 s")
+    _require(1.0 <= gamma <= 10.0, "gamma must be 1-10")
+    _require(10.0 <= repeat_s <= LONGEST_REPEAT, f"repeat must be 10-{LONGEST_REPEAT} s")
+    first = math.ceil(LOWEST * repeat_s - 1.0e-9)
+    last = math.floor(HIGHEST * repeat_s + 1.0e-9)
+    cycles = np.arange(first, last + 1, dtype=np.int64)
+    density = jonswap_density(cycles / repeat_s, hs_m, tp_s, gamma)
+    size = np.sqrt(2.0 * density / repeat_s)
+    raw = float(4.0 * np.sqrt(0.5 * np.sum(size**2)))
+    if raw > 0.0:
+        size = size * (hs_m / raw)
+    phase = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, cycles.size)
+    return _sea(
+        repeat_s,
+        cycles,
+        np.asarray(size * np.exp(1j * phase), dtype=np.complex128),
+        kind="jonswap",
+        hm0_raw=raw,
+        hs_m=hs_m,
+        tp_s=tp_s,
+        gamma=gamma,
+        seed=float(seed),
+    )
+
+
+def recorded(elevation: ArrayLike, rate_hz: Hertz) -> Sea:
+    """Give the sea that repeats a measured elevation window (m) sampled at a rate (Hz).
+
+    The window is taken as exactly one period and de-meaned. Raises ValueError if it is shorter
+    than 4 samples, not finite, or longer than 3600 s.
+    """
+    record = np.asarray(elevation, dtype=np.float64)
+    _require(record.ndim == 1 and record.size >= 4, "a record is one row of at least 4 samples")
+    _require(bool(np.all(np.isfinite(record))), "a record must be finite")
+    repeat = record.size / rate_hz
+    _require(repeat <= LONGEST_REPEAT, f"a record may last {LONGEST_REPEAT} s")
+    # The bin at half the rate has no defined phase between samples: left out.
+    bins = np.fft.rfft(record - record.mean())[1 : (record.size + 1) // 2]
+    cycles = np.arange(1, bins.size + 1, dtype=np.int64)
+    amplitude = np.asarray(np.conj(bins) * (2.0 / record.size), dtype=np.complex128)
+    return _sea(repeat, cycles, amplitude, kind="recorded", rate_hz=rate_hz)
+
+
+def tables(sea: Sea, bem: Bem, dt: Second) -> WaveTables:
+    """Give elevation and excitation force over one repeat period, one value per dt.
+
+    Raises ValueError if the repeat period is no whole number of dt, or a component is at or above
+    half the tick rate. Components above 2 Hz raise the elevation but excite nothing.
+    """
+    length = round(sea.repeat / dt)
+    if length < 1 or abs(length * dt - sea.repeat) > 1.0e-9 * sea.repeat:
+        raise ValueError(f"the sea repeats in {sea.repeat} s, no whole number of {dt} s")
+    if sea.cycles.size and 2 * int(sea.cycles.max()) >= length:
+        raise ValueError(f"the sea has components at or above half the tick rate of {dt} s")
+    frequency = frequencies(sea)
+    excites = frequency <= HIGHEST * (1.0 + 1.0e-12)
+    force = np.where(excites, excitation_at(bem, frequency) * sea.amplitude, 0.0)
+    return WaveTables(
+        _synthesis(sea.cycles, sea.amplitude, length), _synthesis(sea.cycles, force, length)
+    )
+
+
+def _synthesis(cycles: Integers, amplitude: Complexes, length: int) -> Floats:
+    bins = np.zeros(length // 2 + 1, dtype=np.complex128)
+    bins[cycles] = np.conj(amplitude) * (0.5 * length)  # irfft is e^{+i}, the sea is e^{-i}
+    return np.fft.irfft(bins, length)
+
+
+def _sea(
+    repeat: Second,
+    cycles: Integers,
+    amplitude: Complexes,
+    *,
+    kind: str,
+    hm0_raw: float | None = None,
+    **more: float,
+) -> Sea:
+    height = float(4.0 * np.sqrt(0.5 * np.sum(np.abs(amplitude) ** 2)))
+    raw = height if hm0_raw is None else hm0_raw
+    description: dict[str, float | str] = {"kind": kind, "repeat_s": repeat, "hm0_m": height}
+    return Sea(repeat, cycles, amplitude, {**description, "hm0_raw_m": raw, **more})
+
+
+def _require(holds: bool, message: str) -> None:
+    if not holds:
+        raise ValueError(message)

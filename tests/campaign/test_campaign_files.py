@@ -1,0 +1,239 @@
+"""Opening a campaign: the whole chain of files, all problems at once, CSV matrices, stability."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.campaign import check, open_campaign, resolved
+from rig.campaign.points import outside_map
+from rig.campaign.stability import largest_ki, total_stiffness
+from rig.config import CampaignFile, ConfigError
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+def told(path: Path) -> list[tuple[str, int, str, str]]:
+    with pytest.raises(ConfigError) as caught:
+        open_campaign(path)
+    return [(Path(p.file).name, p.line, p.key, p.message) for p in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CONFIGS / "campaigns").glob("*.yaml")), ids=lambda p: p.stem
+)
+def test_every_shipped_campaign_can_be_run(path: Path) -> None:
+    report = check(path)
+    assert report.ok, report.text()
+
+
+def test_problems_of_all_files_at_once(write: Any, tmp_path: Path) -> None:
+    for file, old, new in (
+        ("rigs/wavebot.yaml", "rate_hz: 1000", "rate_hz: 10"),
+        ("limits/wavebot.yaml", "  current_rms_a: 20 ", "  current_rmsa: 20 "),
+        ("plants/wavebot.yaml", "kind: stub", "kind: [stub"),
+    ):
+        path = tmp_path / file
+        assert old in path.read_text()
+        path.write_text(path.read_text().replace(old, new))
+    found = told(write("repeat: 0\norder: wrong\n"))
+    assert [(file, key) for file, _, key, _ in found] == [
+        ("test.yaml", "repeat"),
+        ("test.yaml", "order"),
+        ("wavebot.yaml", "rate_hz"),
+        ("wavebot.yaml", "heave.current_rms_a"),
+        ("wavebot.yaml", "heave.current_rmsa"),
+        ("wavebot.yaml", ""),
+    ]
+    assert "YAML syntax" in found[-1][3]
+
+
+def test_missing_files_are_told_where_they_are_named(write: Any, tmp_path: Path) -> None:
+    path = write()
+    (tmp_path / "limits" / "wavebot.yaml").unlink()
+    (tmp_path / "plants" / "wavebot.yaml").unlink()
+    rig = (tmp_path / "rigs" / "wavebot.yaml").read_text().splitlines()
+    limits, plant = told(path)
+    assert limits[2] == "limits"
+    assert rig[limits[1] - 1].startswith("limits:")
+    assert plant[2] == "plant"
+    assert rig[plant[1] - 1].startswith("plant:")
+    assert "No such file" in plant[3]
+    (tmp_path / "rigs" / "wavebot.yaml").unlink()
+    assert [p[:3] for p in told(path)] == [("test.yaml", 2, "rig")]
+    assert told(tmp_path / "none.yaml")[0][:2] == ("none.yaml", 1)
+
+
+def test_the_campaign_may_name_another_plant(write: Any, tmp_path: Path) -> None:
+    (tmp_path / "plants" / "other.yaml").write_text("extends: wavebot.yaml\nmass_kg: 1\n")
+    (tmp_path / "rigs" / "wavebot.yaml").write_text(
+        (tmp_path / "rigs" / "wavebot.yaml").read_text().replace("plants/wave", "plants/none")
+    )
+    campaign = open_campaign(write("plant: ../plants/other.yaml\n"))
+    assert campaign.plant == {"kind": "stub", "mass_kg": 1}
+    assert campaign.plant_locate(("kind",)).path.name == "wavebot.yaml"
+    assert [(f.role, f.path.name) for f in campaign.files] == [
+        ("campaign", "test.yaml"),
+        ("rig", "wavebot.yaml"),
+        ("limits", "wavebot.yaml"),
+        ("plant", "other.yaml"),
+        ("plant", "wavebot.yaml"),
+    ]
+
+
+def test_paths_of_an_extended_campaign_are_relative_to_where_they_stand(
+    write: Any, tmp_path: Path
+) -> None:
+    write("matrix: {csv: m.csv}\n")
+    (tmp_path / "campaigns" / "m.csv").write_text(
+        "spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n0,-1000,0\n"
+    )
+    deeper = tmp_path / "campaigns" / "deep" / "er"
+    deeper.mkdir(parents=True)
+    (deeper / "top.yaml").write_text("extends: ../../test.yaml\nname: top\n")
+    campaign = open_campaign(deeper / "top.yaml")
+    assert campaign.file.name == "top"
+    assert campaign.points[0].kp == -1000.0
+
+
+def test_grid_runs_kp_outer_ki_inner(write: Any) -> None:
+    body = (
+        "matrix: {grid: [{spring_n_per_m: [0, 100], kp_n_s_per_m: [-1, -2],"
+        " ki_n_per_m: {from: 0.1, to: 0.3, step: 0.1}}]}\n"
+    )
+    points = open_campaign(write(body)).points
+    assert [(p.spring_rate, p.kp, p.ki) for p in points] == [
+        (s, kp, ki) for s in (0.0, 100.0) for kp in (-1.0, -2.0) for ki in (0.1, 0.2, 0.3)
+    ]
+
+
+HEADER = "spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "key", "said"),
+    [
+        ("", "m.csv:1", "", "no row; allowed a header"),
+        (HEADER, "m.csv:1", "", "no row"),
+        (HEADER + "0,-999,0\n0,-1,0\n", "m.csv:1", "", "no row"),
+        ("kp,ki,spring\n", "m.csv:1", "", "'kp,ki,spring' is not the header; allowed spring_n_per"),
+        ("# by hand\n\nkp;ki\n", "m.csv:3", "", "is not the header"),
+        (HEADER + "0,-1\n", "m.csv:2", "", "2 cells; allowed 3"),
+        (HEADER + "0,-1,0\n0, x,0\n", "m.csv:3:4", "kp_n_s_per_m",
+         "'x' is not a number; allowed -20000 .. 0 N*s/m"),
+        (HEADER + "0,-1,\n", "m.csv:2:6", "ki_n_per_m", "'' is not a number"),
+        (HEADER + "0,-1,nan\n", "m.csv:2:6", "ki_n_per_m", "nan is not a finite number"),
+        (HEADER + "0,1,0\n", "m.csv:2:3", "kp_n_s_per_m", "(F = Kp v on the body"),
+        (HEADER + "0,-1,40000\n", "m.csv:2:6", "ki_n_per_m", "allowed -30000 .. 30000 N/m"),
+        (HEADER + "60000,-1,0\n", "m.csv:2:1", "spring_n_per_m", "allowed -50000 .. 50000 N/m"),
+        (HEADER + "9000,-1,0\n", "m.csv:2", "ki_n_per_m", "outside the rig's spring map"),
+        (HEADER + "0,-1,25000\n", "m.csv:2", "ki_n_per_m", "Ki is allowed up to 21337 N/m"),
+    ],
+)  # fmt: skip
+def test_bad_csv(write: Any, tmp_path: Path, text: str, place: str, key: str, said: str) -> None:
+    (tmp_path / "campaigns" / "m.csv").write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        open_campaign(write("matrix: {csv: m.csv}\n"))
+    (problem,) = caught.value.problems
+    assert f"{place}: {key + ': ' if key else ''}" in problem.text()
+    assert said in problem.message
+
+
+def test_all_bad_cells_of_a_csv(write: Any, tmp_path: Path) -> None:
+    (tmp_path / "campaigns" / "m.csv").write_text(HEADER + "a,b,c\n0,-1,0\n0,d,0\n0,-999,0\nx\n")
+    assert [p[1:3] for p in told(write("matrix: {csv: m.csv}\n"))] == [
+        (2, "spring_n_per_m"),
+        (2, "kp_n_s_per_m"),
+        (2, "ki_n_per_m"),
+        (4, "kp_n_s_per_m"),
+    ]
+
+
+def test_the_end_mark_is_never_commanded(write: Any, tmp_path: Path) -> None:
+    # written by a spreadsheet: byte order mark, CRLF, blanks
+    text = "\ufeff" + HEADER + "0, -1000 ,0\n\n0,-1500,2e3\n0,-999.0,0\n0,-2000,0\n"
+    (tmp_path / "campaigns" / "m.csv").write_text(text.replace("\n", "\r\n"), newline="")
+    campaign = open_campaign(write("matrix: {csv: m.csv}\n"))
+    assert [(p.kp, p.ki) for p in campaign.points] == [(-1000.0, 0.0), (-1500.0, 2000.0)]
+    assert campaign.files[-1].role == "matrix"
+    ((_, line, key, said),) = told(write("matrix: {csv: gone.csv}\n"))
+    assert (line, key) == (4, "matrix.csv")
+    assert "No such file" in said
+
+
+@pytest.mark.parametrize(
+    ("rate", "ki"), [(490.9, 21_900), (-5715.0, 14_400), (-8508.0, 11_000), (-10013.0, 9_200)]
+)
+def test_largest_ki_at_each_spring_rate(write: Any, rate: float, ki: float) -> None:
+    stability = open_campaign(write()).rig.stability
+    assert largest_ki(stability, rate) == pytest.approx(ki, abs=50)
+    assert total_stiffness(stability, rate, largest_ki(stability, rate)) == pytest.approx(3000)
+
+
+def test_a_row_with_too_little_stiffness_is_named(write: Any) -> None:
+    body = """\
+matrix:
+  grid:
+    - spring_n_per_m: -5715
+      kp_n_s_per_m: [-1000, -2000]
+      ki_n_per_m: [0, 14000, 15000]
+"""
+    ((_, line, key, said),) = told(write(body))
+    assert (line, key) == (8, "matrix.grid[0].ki_n_per_m")
+    assert said.startswith(
+        "point 2 and 1 more (spring -5715 N/m, Kp -1000 N*s/m, Ki 15000 N/m) leaves 2405 N/m of "
+        "stiffness, less than 3000; at this spring rate Ki is allowed up to 14405 N/m"
+    )
+
+
+def test_spring_rates_outside_the_map(write: Any) -> None:
+    ((_, line, key, said),) = told(
+        write("matrix: {grid: [{spring_n_per_m: 8400, kp_n_s_per_m: [-1, -2], ki_n_per_m: 0}]}")
+    )
+    assert (line, key) == (4, "matrix.grid[0].ki_n_per_m")
+    assert "spring rate 8400 is outside the rig's spring map; allowed -10013 .. 8340 N/m" in said
+    campaign = open_campaign(write())
+    assert outside_map(campaign.points, campaign.rig.spring) == ()
+
+
+def test_too_many_rows(write: Any) -> None:
+    grid = "{spring_n_per_m: 0, kp_n_s_per_m: {from: 0, to: -199, step: -1}, ki_n_per_m: [0, 1]}"
+    ((_, line, key, said),) = told(write(f"repeat: 100\nmatrix: {{grid: [{grid}]}}\n"))
+    assert (line, key, said) == (4, "repeat", "40000 rows; allowed at most 10000")
+
+
+def test_windows_that_do_not_fit_are_told_with_the_interval_that_would(write: Any) -> None:
+    body = "timing:\n  settle_s: 10\n  interval_s: 11\n"
+    assert [p[1:3] for p in told(write(body))] == [(6, "timing.interval_s")]
+    assert "allowed interval_s at least 12 s" in told(write(body))[0][3]
+
+
+def test_resolved_holds_everything_and_can_be_read_again(write: Any) -> None:
+    campaign = open_campaign(write("tare: none\ntiming: mask4\n"))
+    text = resolved(campaign)
+    whole = json.loads(text)
+    assert set(whole) == {"campaign", "points", "rig", "limits", "plant", "files"}
+    assert whole["campaign"]["start"]["lead_in_s"] == 120.0
+    assert whole["campaign"]["tare"] == "none"
+    assert whole["limits"]["heave"]["position_stop_m"] == 0.35
+    assert whole["plant"] == {"kind": "stub"}
+    assert all(len(file["sha256"]) == 64 for file in whole["files"])
+    assert CampaignFile.model_validate(whole["campaign"]) == campaign.file
+    assert text == resolved(campaign)
+
+
+def test_report(write: Any) -> None:
+    good = check(write())
+    assert good.ok
+    assert "wave clock 140 s" in good.text()
+    whole = json.loads(good.to_json())
+    assert whole["ok"] is True
+    assert whole["rows"] == 1
+    assert whole["phases_s"] == {
+        "tare": 5.0, "lead_in": 120.0, "moving": 0.5, "settle": 5.0, "measure": 14.0, "tail": 1.0,
+    }  # fmt: skip
+    bad = check(write("repeat: 0\n"))
+    assert not bad.ok
+    assert bad.text().endswith("repeat: 0 is out of range; allowed 1 .. 1000\n1 problem")
+    assert json.loads(bad.to_json())["problems"][0]["key"] == "repeat"

@@ -1,0 +1,260 @@
+"""From a campaign to the plan table: windows, segments, order."""
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig.campaign import Plan, Point, WindowError, check, open_campaign, plan, windows
+from rig.campaign.order import least_travel, turns
+from rig.config import CampaignFile, Place, RigFile, load
+from rig.config.campaign_file import Timing
+from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
+from rig.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
+NOWHERE = Place(Path("x.yaml"), 1)
+RATES = (490.9, -5715.0, 8340.0, -10013.0, 0.0)
+
+
+def regular(**change: Any) -> RegularSea:
+    return RegularSea.model_validate({"kind": "regular", "amplitude_m": 0.1, **change})
+
+
+JONSWAP = JonswapSea.model_validate({"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5})
+RECORDED = RecordedSea.model_validate(
+    {"kind": "recorded", "file": "x.csv", "channel": "a", "unit": "m", "start_s": 5, "end_s": 65}
+)
+
+
+@pytest.mark.parametrize(
+    ("sea", "timing", "expected"),
+    [
+        # settle, measure, tail, move, periods
+        (regular(frequency_hz=0.3), {}, (5, 4 / 0.3, 15 - 4 / 0.3, 20, 4)),
+        (regular(frequency_hz=0.5), {}, (5, 14, 1, 20, 7)),
+        (regular(frequency_hz=0.2), {}, (5, 15, 0, 20, 3)),  # 3 x 5.000000000000001 s must fit
+        (regular(period_s=2.5), {}, (5, 15, 0, 20, 6)),
+        (regular(period_s=15), {}, (5, 15, 0, 20, 1)),
+        (regular(frequency_hz=0.4), {"periods": 5}, (5, 12.5, 2.5, 20, 5)),
+        (regular(frequency_hz=0.5), {"scheme": "mask4"}, (5, 14, 1, 20, 7)),
+        (regular(frequency_hz=0.5), {"settle_s": 0, "interval_s": 5}, (0, 4, 1, 5, 2)),
+        (JONSWAP, {}, (10, 300, 0, 10, 1)),
+        (JONSWAP, {"scheme": "mask4"}, (2, 298, 0, 300, 0)),
+        (JONSWAP, {"scheme": "mask4", "interval_s": 302}, (2, 300, 0, 302, 1)),
+        (JONSWAP, {"periods": 2}, (10, 600, 0, 10, 2)),
+        (JONSWAP, {"settle_s": 20}, (20, 300, 0, 20, 1)),
+        (JONSWAP, {"interval_s": 700}, (10, 600, 90, 10, 2)),
+        (RECORDED, {}, (10, 60, 0, 10, 1)),
+        (CalmSea(kind="calm"), {}, (5, 15, 0, 20, 0)),
+        (CalmSea(kind="calm"), {"interval_s": 30, "settle_s": 1}, (1, 29, 0, 30, 0)),
+    ],
+)
+def test_windows(sea: Any, timing: dict[str, Any], expected: tuple[float, ...]) -> None:
+    cut = windows(sea, Timing.model_validate(timing))
+    assert tuple(cut) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("sea", "timing", "key", "said"),
+    [
+        (regular(period_s=16), {}, "timing", "one wave period of 16 s after 5 s of settling does "
+         "not fit into an interval of 20 s; allowed interval_s at least 21 s"),
+        (regular(frequency_hz=0.3), {"interval_s": 6}, "timing.interval_s", "at least 8.334 s"),
+        (regular(frequency_hz=0.5), {"periods": 8}, "timing", "8 wave periods of 2 s"),
+        (JONSWAP, {"interval_s": 300}, "timing.interval_s", "one repeat period of 300 s"),
+        (JONSWAP, {"scheme": "mask4", "settle_s": 300}, "timing.settle_s", "leaves nothing"),
+        (CalmSea(kind="calm"), {"settle_s": 30}, "timing.settle_s", "leaves nothing to measure"),
+        (CalmSea(kind="calm"), {"interval_s": 4}, "timing.interval_s", "leaves nothing"),
+        (CalmSea(kind="calm"), {"periods": 4}, "timing.periods", "4 periods of a calm sea"),
+    ],
+)  # fmt: skip
+def test_windows_that_cannot_be_cut(sea: Any, timing: dict[str, Any], key: str, said: str) -> None:
+    with pytest.raises(WindowError) as caught:
+        windows(sea, Timing.model_validate(timing))
+    assert ".".join(str(k) for k in caught.value.key) == key
+    assert said in caught.value.message
+
+
+def lengths(made: Plan, row: int) -> list[tuple[Phase, int]]:
+    s = made.segments
+    return [(Phase(p), t) for r, p, t in zip(s.row, s.phase, s.ticks, strict=True) if r == row]
+
+
+def test_the_default_campaign() -> None:
+    made = check(CONFIGS / "campaigns" / "default.yaml").plan
+    assert made is not None
+    assert len(made.rows) == 66
+    assert made.wave_seconds == 1460.0
+    assert made.spring_moves == 1
+    assert made.dt == 0.001
+    assert lengths(made, 0) == [(Phase.SETTLE, 5000), (Phase.MEASURE, 14000), (Phase.TAIL, 1000)]
+    assert lengths(made, 36)[0] == (Phase.MOVING, 20_000)
+    assert made.rows[0][3:7] == (490.9, -13.0, -1000.0, 0.0)
+    assert made.rows[1][3:7] == (490.9, -13.0, -1000.0, 2000.0)
+    assert made.rows[36][3:7] == (-5715.0, 27.0, -1000.0, -4000.0)
+    assert made.rows[65][3:7] == (-5715.0, 27.0, -3500.0, 4000.0)
+
+
+def test_windows_at_0p3_hz_end_on_the_nearest_sample(write: Any) -> None:
+    head = (
+        "name: test\nrig: ../rigs/wavebot.yaml\n"
+        "sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.3}\n"
+    )
+    campaign = open_campaign(write("repeat: 3\n", head=head))
+    made = plan(campaign.file, campaign.rig, campaign.points)
+    for row in made.rows:
+        assert (row.periods, row.measure) == (4, pytest.approx(13.3333, abs=1e-4))
+        assert lengths(made, row.row) == [
+            (Phase.SETTLE, 5000),
+            (Phase.MEASURE, 13_333),
+            (Phase.TAIL, 1667),
+        ]
+
+
+def test_the_opening(write: Any) -> None:
+    body = """\
+start: {set_point_s: 7, lead_in_s: 30, set_point: {kp_n_s_per_m: -2500, ki_n_per_m: 100}}
+matrix:
+  list:
+    - {spring_n_per_m: -5715, kp_n_s_per_m: -1000, ki_n_per_m: 2000}
+    - {spring_n_per_m: 490.9, kp_n_s_per_m: -1000, ki_n_per_m: 2000}
+"""
+    campaign = open_campaign(write(body))
+    made = plan(campaign.file, campaign.rig, campaign.points)
+    s, p = made.segments, made.setpoints
+    gains = [(p.kp[i], p.ki[i], p.spring_rate[i]) for i in s.setpoint]
+    table = list(zip(s.row, s.phase, s.ticks, s.wait, s.timeout, s.restart, s.drive, s.waves,
+                     gains, strict=True))  # fmt: skip
+    held, first, second = (-2500, 100, -5715), (-1000, 2000, -5715), (-1000, 2000, 490.9)
+    both = WAIT_STATOR | WAIT_DRIVE
+    assert table == [
+        (NO_ROW, Phase.TARE, 5000, 0, 0, 0, 0, 0, held),
+        (NO_ROW, Phase.MOVING, 500, both, 60_000, 1, 1, 0, held),
+        (NO_ROW, Phase.LEAD_IN, 7000, 0, 0, 2, 1, 1, held),
+        (NO_ROW, Phase.LEAD_IN, 23_000, 0, 0, 2, 1, 1, first),
+        (0, Phase.SETTLE, 5000, 0, 0, 4, 1, 1, first),
+        (0, Phase.MEASURE, 14_000, 0, 0, 4, 1, 1, first),
+        (0, Phase.TAIL, 1000, 0, 0, 4, 1, 1, first),
+        (1, Phase.MOVING, 20_000, WAIT_STATOR, 60_000, 7, 1, 1, second),
+        (1, Phase.SETTLE, 5000, 0, 0, 7, 1, 1, second),
+        (1, Phase.MEASURE, 14_000, 0, 0, 7, 1, 1, second),
+        (1, Phase.TAIL, 1000, 0, 0, 7, 1, 1, second),
+        (NO_ROW, Phase.DONE, 0, 0, 0, 11, 0, 0, (-1000, 0, 490.9)),
+    ]
+
+
+def test_the_default_set_point_is_the_first_rows_damping_alone(write: Any) -> None:
+    body = "matrix: {list: [{spring_n_per_m: 0, kp_n_s_per_m: -1500, ki_n_per_m: 3000}]}\n"
+    campaign = open_campaign(write("tare: none\nstart: {set_point_s: 0, lead_in_s: 0}\n" + body))
+    made = plan(campaign.file, campaign.rig, campaign.points)
+    assert (made.setpoints.kp[0], made.setpoints.ki[0]) == (-1500.0, 0.0)
+    phases = [Phase(p) for p in made.segments.phase]
+    assert phases[:2] == [Phase.MOVING, Phase.SETTLE]  # no tare, no lead-in: no segment of no ticks
+
+
+POINTS = st.lists(
+    st.tuples(
+        st.sampled_from(RATES),
+        st.floats(-3500, 0).map(round).map(float),
+        st.sampled_from([0.0, 2000.0]),
+    ),
+    min_size=1,
+    max_size=12,
+).map(lambda found: tuple(Point(*point, NOWHERE, "x") for point in found))
+
+
+@given(POINTS, st.sampled_from(["as given", "fewest spring moves", "random"]), st.integers(1, 3))
+def test_every_point_is_run_once_per_repetition(
+    points: tuple[Point, ...], order: Any, repeat: int
+) -> None:
+    positions = {rate: -rate for rate in RATES}
+    found = turns(points, order, repeat, 7, positions)
+    everyone = itertools.product(range(len(points)), range(repeat))
+    assert sorted(found) == sorted(everyone)
+    assert found == turns(points, order, repeat, 7, positions)
+    rates = [points[turn.point].spring_rate for turn in found]
+    moves = sum(a != b for a, b in itertools.pairwise(rates))
+    if order == "as given":
+        given_rates = [point.spring_rate for point in points]
+        assert moves == sum(a != b for a, b in itertools.pairwise(given_rates))
+    if order == "fewest spring moves":
+        assert moves == len(set(rates)) - 1
+        for rate in set(rates):  # the order of the file within a spring rate
+            block = [t for t in found if points[t.point].spring_rate == rate]
+            assert block == sorted(block, key=lambda t: (t.repetition, t.point))
+
+
+@given(st.lists(st.sampled_from(RATES), min_size=1, max_size=8))
+def test_no_order_of_the_spring_rates_moves_the_stator_less(rates: list[float]) -> None:
+    def travel(order: Any) -> float:
+        return sum(abs(a - b) for a, b in itertools.pairwise(order))
+
+    found = least_travel(rates, {rate: rate / 100 for rate in RATES})
+    assert travel(found) == min(travel(p) for p in itertools.permutations(set(rates)))
+    back = tuple(reversed(found))
+    assert rates.index(found[0]) <= rates.index(back[0])  # the end the file names first begins
+
+
+def test_another_seed_is_another_random_order() -> None:
+    points = tuple(Point(0.0, -float(i), 0.0, NOWHERE, "x") for i in range(20))
+    assert turns(points, "random", 1, 1, {}) != turns(points, "random", 1, 2, {})
+
+
+SEAS = st.one_of(
+    st.floats(0.07, 2).map(lambda f: {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": f}),
+    st.floats(10, 40).map(lambda r: {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2, "repeat_s": r}),
+    st.just({"kind": "calm"}),
+)
+
+
+@settings(max_examples=200)
+@given(SEAS, POINTS, st.sampled_from(["as given", "random"]), st.integers(1, 2),
+       st.integers(100, 2000), st.floats(0, 20), st.floats(0, 20))  # fmt: skip
+def test_any_plan_is_whole(
+    sea: dict[str, Any], points: tuple[Point, ...], order: str, repeat: int, rate: int,
+    set_point: float, rest: float,
+) -> None:  # fmt: skip
+    campaign = CampaignFile.model_validate(
+        {
+            "name": "x", "rig": "x", "sea": sea, "order": order, "repeat": repeat,
+            "matrix": {"csv": "x"}, "start": {"set_point_s": set_point, "lead_in_s": set_point + rest},
+        }
+    )  # fmt: skip
+    made = plan(campaign, RIG.model_copy(update={"rate_hz": rate}), points)
+    s = made.segments
+    n = len(s.phase)
+    cut = windows(campaign.sea, campaign.timing)
+    assert all(len(column) == n for column in s)
+    assert s.phase[-1] == Phase.DONE
+    assert s.phase.count(Phase.DONE) == 1
+    assert all(ticks > 0 for ticks in s.ticks[:-1])
+    # what is planned in seconds is what stands in ticks
+    assert sum(s.ticks) * made.dt == pytest.approx(made.duration)
+    assert sum(made.phases) == pytest.approx(made.duration)
+    waves = set_point + rest + len(made.rows) * cut.interval + made.spring_moves * cut.move
+    assert made.wave_seconds == pytest.approx(waves, abs=1.01 * made.dt)
+    # rows are contiguous, in order, and each measured exactly once, to the nearest sample
+    assert [r for r, _ in itertools.groupby(s.row)] == [NO_ROW, *range(len(made.rows)), NO_ROW]
+    for row in made.rows:
+        phases = lengths(made, row.row)
+        assert [p for p, _ in phases] == sorted({p for p, _ in phases})
+        ((_, measured),) = [p for p in phases if p[0] is Phase.MEASURE]
+        assert measured * made.dt == pytest.approx(cut.measure, abs=1.01 * made.dt)
+    for i in range(n):
+        again = s.restart[i]
+        assert again <= i
+        assert s.row[again] == s.row[i]
+        assert again == 0 or s.row[again - 1] != s.row[i] or s.row[i] == NO_ROW
+        point = made.rows[s.row[i]] if s.row[i] != NO_ROW else None
+        if point is not None:
+            j = s.setpoint[i]
+            p = made.setpoints
+            assert (p.kp[j], p.ki[j], p.spring_rate[j]) == (point.kp, point.ki, point.spring_rate)
+            assert (s.drive[i], s.waves[i]) == (1, 1)
+        assert (s.wait[i] != 0) == (s.phase[i] == Phase.MOVING)
+        assert s.wait[i] == 0 or s.timeout[i] >= s.ticks[i]

@@ -1,0 +1,222 @@
+"""One broken file for every rule of the schema, with the message it earns."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel, Field, ValidationError
+from ruamel.yaml import YAML
+
+from rig.config import CampaignFile, ConfigError, LimitsFile, RigFile, load, load_mapping
+from rig.config import problems_from as translate
+from rig.config.ranges import unit
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+CAMPAIGN = """\
+name: test
+rig: rig.yaml
+seed: 1
+order: as given
+repeat: 1
+sea:
+  kind: regular
+  amplitude_m: 0.127
+  frequency_hz: 0.5
+timing:
+  settle_s: 5
+  interval_s: 20
+start:
+  set_point_s: 5
+  lead_in_s: 120
+tare: {duration_s: 5}
+matrix:
+  grid:
+    - spring_n_per_m: 490.9
+      kp_n_s_per_m: [-1000, -2000]
+      ki_n_per_m: {from: 0, to: 4000, step: 2000}
+"""
+
+BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_files.yaml"))
+
+
+def problems(path: Path, model: type[BaseModel]) -> list[tuple[int, str, str]]:
+    with pytest.raises(ConfigError) as caught:
+        load(path, model)
+    return [(p.line, p.key, p.message) for p in caught.value.problems]
+
+
+def test_the_unbroken_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(CAMPAIGN)
+    file, _ = load(path, CampaignFile)
+    assert file.matrix.grid is not None
+    assert file.matrix.grid[0].ki_n_per_m == (0.0, 2000.0, 4000.0)
+    assert type(file.matrix.grid[0].kp_n_s_per_m[0]) is float
+    with pytest.raises(ValidationError, match="frozen"):
+        file.name = "other"
+
+
+def broken_files() -> list[Any]:
+    cases = []
+    for source, model in (("campaign", CampaignFile), ("rigs", RigFile), ("limits", LimitsFile)):
+        shipped = CONFIGS / source / "wavebot.yaml"
+        text = CAMPAIGN if source == "campaign" else shipped.read_text()
+        for rule in BROKEN[source]:
+            name = f"{source} {rule['key']}: {rule['says']}"
+            cases.append(pytest.param(text, model, rule, id=name))
+    return cases
+
+
+@pytest.mark.parametrize(("text", "model", "rule"), broken_files())
+def test_every_rule(tmp_path: Path, text: str, model: type[BaseModel], rule: Any) -> None:
+    assert text.count(rule["old"]) == 1
+    path = tmp_path / "x.yaml"
+    path.write_text(text.replace(rule["old"], rule["new"]))
+    line = rule["line"]
+    if line == 0:
+        line = text[: text.index(rule["old"])].count("\n") + 1
+    found = [p for p in problems(path, model) if p[1] == rule["key"]]
+    assert [p[:2] for p in found] == [(line, rule["key"])], problems(path, model)
+    assert rule["says"] in found[0][2]
+
+
+def numbers(value: Any, at: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
+    if isinstance(value, dict):
+        return [key for name, v in value.items() for key in numbers(v, (*at, name))]
+    if isinstance(value, list):
+        return [key for i, v in enumerate(value) for key in numbers(v, (*at, i))]
+    return [at] if isinstance(value, (int, float)) else []
+
+
+def every_number() -> list[Any]:
+    cases = []
+    for source, model in (("rigs", RigFile), ("limits", LimitsFile)):
+        mapping, _ = load_mapping(CONFIGS / source / "wavebot.yaml")
+        cases += [pytest.param(mapping, model, key, id=str(key)) for key in numbers(mapping)]
+    return cases
+
+
+@pytest.mark.parametrize(("mapping", "model", "key"), every_number())
+def test_every_number_of_rig_and_limits_has_a_range_and_no_default(
+    tmp_path: Path, mapping: dict[str, Any], model: type[BaseModel], key: tuple[str | int, ...]
+) -> None:
+    """Far too large, far too small, text, true and missing: each is refused at its own key."""
+    path = tmp_path / "x.yaml"
+    for wrong, said in (
+        (1e300, "is out of range; allowed"),
+        (-1e300, "is out of range; allowed"),
+        ("5", "is not a"),
+        (True, "is not a"),
+        (None, "is not a"),
+        (math.nan, "is not a"),
+        ("gone", "missing; allowed"),
+    ):
+        copy = json.loads(json.dumps(mapping))
+        inner = copy
+        for part in key[:-1]:
+            inner = inner[part]
+        inner[key[-1]] = wrong
+        if wrong == "gone":
+            del inner[key[-1]]
+        path.write_text(json.dumps(copy, indent=1).replace("NaN", ".nan"))
+        told = [p for p in problems(path, model) if p[1].endswith(str(key[-1]))]
+        assert len(told) == 1, (wrong, told)
+        assert said in told[0][2]
+        assert "allowed" in told[0][2]
+        assert unit(str(key[-1])) in told[0][2]
+
+
+def test_all_problems_of_a_file_at_once_in_its_order(tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(
+        CAMPAIGN.replace("seed: 1", "sed: 1")
+        .replace("repeat: 1", "repeat: 0")
+        .replace("frequency_hz: 0.5", "hs_m: 0.5")
+        .replace("[-1000, -2000]", "[1, -2000, abc]")
+    )
+    found = problems(path, CampaignFile)
+    assert [p[:2] for p in found] == [
+        (3, "sed"),
+        (5, "repeat"),
+        (9, "sea.hs_m"),
+        (20, "matrix.grid[0].kp_n_s_per_m[0]"),
+        (20, "matrix.grid[0].kp_n_s_per_m[2]"),
+    ]
+
+
+def test_text_and_json_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("x.yaml").write_text(CAMPAIGN.replace("[-1000, -2000]", "abc").replace("0.127", ".nan"))
+    with pytest.raises(ConfigError) as caught:
+        load(Path("x.yaml"), CampaignFile)
+    assert str(caught.value).splitlines() == [
+        "x.yaml:8: sea.amplitude_m: nan is not a finite number; allowed 0.001 .. 0.5 m",
+        "x.yaml:20: matrix.grid[0].kp_n_s_per_m: 'abc' is not a number; allowed -20000 .. 0 N*s/m",
+    ]
+    first, second = json.loads(caught.value.to_json())
+    assert first["value"] == "nan"
+    assert second == {
+        "file": "x.yaml",
+        "line": 20,
+        "key": "matrix.grid[0].kp_n_s_per_m",
+        "value": "abc",
+        "message": "'abc' is not a number; allowed -20000 .. 0 N*s/m",
+        "column": 0,
+    }
+
+
+def test_a_value_of_an_extended_file_is_told_in_that_file(tmp_path: Path) -> None:
+    (tmp_path / "base.yaml").write_text(CAMPAIGN.replace("0.127", "9"))
+    (tmp_path / "top.yaml").write_text("extends: base.yaml\nrepeat: 0\n")
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path / "top.yaml", CampaignFile)
+    assert [(Path(p.file).name, p.line, p.key) for p in caught.value.problems] == [
+        ("top.yaml", 2, "repeat"),
+        ("base.yaml", 8, "sea.amplitude_m"),
+    ]
+
+
+class ForeignPart(BaseModel):
+    mass_kg: float = Field(gt=0)
+    kind: int | str = 1
+
+
+class Foreign(BaseModel):
+    part: ForeignPart
+    parts: dict[str, ForeignPart] = {}
+
+
+def test_models_from_elsewhere(tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text("part:\n  mass_kg: -1\n  kind: []\nparts:\n  a:\n    mass_kg: x\n")
+    mapping, locate = load_mapping(path)
+    with pytest.raises(ValidationError) as caught:
+        Foreign.model_validate(mapping)
+    told = translate(caught.value, locate, Foreign)
+    assert [(p.line, p.key) for p in told][:2] == [(2, "part.mass_kg"), (3, "part.kind")]
+    assert told[0].message == "-1 is out of range; allowed above 0 kg"
+    assert told[-1].message == "'x' is not a number; allowed above 0 kg"
+    assert [p.line for p in translate(caught.value, locate)] == [p.line for p in told]
+
+
+@pytest.mark.parametrize(
+    ("key", "said"),
+    [
+        ("kp_n_s_per_m", "N*s/m"),
+        ("jerk_density_m2_per_s5", "m^2/s^5"),
+        ("torque_constant_n_m_per_a", "N*m/A"),
+        ("velocity_stop_m_per_s", "m/s"),
+        ("stator_percent", "%"),
+        ("counts_per_revolution", ""),
+        ("encoder_noise_counts", "counts"),
+        ("lost_ticks_stop", ""),
+        ("small_displacement_factor", ""),
+        ("name", ""),
+        ("m", ""),
+    ],
+)
+def test_units_are_read_from_keys(key: str, said: str) -> None:
+    assert unit(key) == said

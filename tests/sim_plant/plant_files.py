@@ -1,0 +1,97 @@
+"""Plant files, BEM, reference data and worlds for the tests of sim_plant."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from sim_plant.bem import Bem, read_bem
+from sim_plant.parameters import Plant
+from sim_plant.waves import Sea, calm
+from sim_plant.world import Actuation, World
+
+DT = 0.001
+ROOT = Path(__file__).resolve().parents[2]
+PLANTS = ROOT / "configs" / "plants"
+DATA = ROOT.parent / "shared" / "data"
+
+
+def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """Lay one mapping over another; an entry (a mapping with a value) is replaced whole."""
+    out = dict(base)
+    for key, value in over.items():
+        below = out.get(key)
+        deep = isinstance(value, dict) and isinstance(below, dict) and "value" not in value
+        out[key] = merged(below, value) if deep else value
+    return out
+
+
+def mapping(name: str) -> dict[str, Any]:
+    """Read a plant file and what it extends."""
+    text: dict[str, Any] = YAML(typ="safe").load(PLANTS / name)
+    below = text.pop("extends", None)
+    return merged(mapping(below), text) if below else text
+
+
+@functools.cache
+def plant(name: str = "wavebot") -> Plant:
+    return Plant.model_validate(mapping(f"{name}.yaml"))
+
+
+def changed(name: str = "wavebot", **values: float) -> Plant:
+    """A plant with some values replaced: changed(spring__spring_effect=0.5)."""
+    text = mapping(f"{name}.yaml")
+    for path, value in values.items():
+        section, field = path.split("__")
+        text[section][field] = {**text[section][field], "value": value}
+    return Plant.model_validate(text)
+
+
+@functools.cache
+def bem() -> Bem:
+    return read_bem(PLANTS / plant().bem)
+
+
+def reference(name: str) -> Path:
+    """Give a file of the shared data folder, or skip the test."""
+    path = DATA / name
+    if not path.exists():
+        pytest.skip(f"{path} is absent: reference data stay outside the repository")
+    return path
+
+
+QUIET = {
+    "sensors__current_noise": 0.0,
+    "sensors__current_resolution": 0.0,
+    "sensors__string_pot_bias": 0.0,
+    "sensors__string_pot_noise": 0.0,
+    "sensors__string_pot_resolution": 0.0,
+    "sensors__lcb_bias": 0.0,
+    "sensors__lcb_noise": 0.0,
+    "sensors__trs_bias": 0.0,
+    "sensors__trs_noise": 0.0,
+    "sensors__force_resolution": 0.0,
+    "sensors__rotor_noise": 0.0,
+}
+
+
+def world(sea: Sea | None = None, name: str = "wavebot", seed: int = 1, **values: float) -> World:
+    """A world of a plant file with some values replaced, 1 ms, calm water unless told."""
+    chosen = changed(name, **values) if values else plant(name)
+    return World(chosen, calm() if sea is None else sea, bem(), dt=DT, seed=seed)
+
+
+def command(current: float = 0.0, **more: float) -> Actuation:
+    """An actuation with the drive on, stator held and no waves, unless told."""
+    fields: dict[str, Any] = {
+        "heave_current": current,
+        "heave_enable": 1,
+        "stator_target": 0.0,
+        "stator_enable": 0,
+        "wave_trigger": 0,
+    }
+    return Actuation(**{**fields, **more})

@@ -1,0 +1,156 @@
+"""Seas: height, shape, exact repeat, phase convention, refusals, and a real basin record."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plant_files import bem, reference
+
+from sim_plant import waves
+from sim_plant.bem import excitation_at
+
+DT = 0.001
+MASK4 = [(0.127, 3.45), (0.127, 2.5), (0.127, 1.58), (0.254, 2.5), (0.254, 3.45)]
+
+
+@pytest.mark.parametrize(("hs", "tp"), MASK4)
+def test_height_is_hs(hs: float, tp: float) -> None:
+    sea = waves.jonswap(hs, tp, 3.3, 300.0, seed=7)
+    elevation = waves.tables(sea, bem(), DT).elevation
+    assert waves.hm0(sea) == pytest.approx(hs, rel=1e-6)
+    assert 4.0 * elevation.std() == pytest.approx(hs, rel=1e-6)
+    assert float(sea.description["hm0_raw_m"]) == pytest.approx(hs, rel=0.03)
+
+
+@pytest.mark.parametrize(("tp", "te"), [(3.45, 3.116), (2.5, 2.258), (1.58, 1.427)])
+def test_shape_has_the_moments_of_the_spectrum(tp: float, te: float) -> None:
+    """m(-1), m0, m1 against a fine integral over the same band, and the known energy period.
+
+    The known one is of the whole spectrum: the cut at 2 Hz lengthens the shortest sea by 0.6 %.
+    """
+    sea = waves.jonswap(0.127, tp, 3.3, 300.0, seed=1)
+    f = waves.frequencies(sea)
+    energy = 0.5 * np.abs(sea.amplitude) ** 2
+    fine = np.linspace(f[0], f[-1], 200001)
+    density = waves.jonswap_density(fine, 0.127, tp, 3.3)
+    moments = {n: float(np.sum(energy * f**n)) for n in (-1, 0, 1)}
+    whole = {n: float(np.trapezoid(density * fine**n, fine)) for n in (-1, 0, 1)}
+    for n in (-1, 1):
+        assert moments[n] / moments[0] == pytest.approx(whole[n] / whole[0], rel=1e-3)
+    assert moments[-1] / moments[0] == pytest.approx(te, rel=0.007)
+
+
+def test_mhkit_factor_is_0_12_percent_high() -> None:
+    raw = waves.jonswap(0.254, 3.45, 3.3, 300.0, seed=1).description["hm0_raw_m"]
+    assert float(raw) / 0.254 == pytest.approx(1.0012, abs=0.0005)
+
+
+def test_table_is_an_independent_cosine_sum() -> None:
+    """Re(sum Fe a e^{-iwt}) term by term: amplitude, phase sign and time origin."""
+    sea = waves.jonswap(0.127, 2.5, 3.3, 20.0, seed=3)
+    table = waves.tables(sea, bem(), DT)
+    t = np.arange(0, 20000, 97) * DT
+    elevation = np.zeros(t.size)
+    force = np.zeros(t.size)
+    for f, a in zip(waves.frequencies(sea), sea.amplitude, strict=True):
+        coefficient = complex(excitation_at(bem(), np.array([f]))[0])
+        turn = 2 * np.pi * f * t
+        elevation += abs(a) * np.cos(turn - np.angle(a))
+        force += abs(a * coefficient) * np.cos(turn - np.angle(a) - np.angle(coefficient))
+    np.testing.assert_allclose(table.elevation[::97], elevation, atol=1e-12)
+    np.testing.assert_allclose(table.excitation[::97], force, atol=1e-7)
+
+
+def test_excitation_leads_at_a_crest() -> None:
+    """Fe has a phase of -33 degrees at 0.5 Hz in e^{-iwt}: the force comes before the crest."""
+    table = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
+    assert table.elevation[0] == pytest.approx(0.127)
+    lead = (len(table.excitation) - int(np.argmax(table.excitation))) * DT
+    phase = -np.angle(excitation_at(bem(), np.array([0.5]))[0])
+    assert lead == pytest.approx(phase / (2 * np.pi * 0.5), abs=DT)
+
+
+def test_nothing_excites_above_2_hz() -> None:
+    rng = np.random.default_rng(0)
+    sea = waves.recorded(0.1 * rng.standard_normal(2000), 20.0)
+    table = waves.tables(sea, bem(), DT)
+    f = np.fft.rfftfreq(table.excitation.size, DT)
+    force = np.abs(np.fft.rfft(table.excitation))
+    assert force[f > 2.0 + 1e-9].max() <= 1e-9 * force.max()
+    assert waves.frequencies(waves.jonswap(0.1, 1.0, 1.0, 300.0, 0)).max() <= 2.0
+
+
+@pytest.mark.parametrize(
+    ("frequency", "repeat"), [(0.3, 10.0), (1 / 3.45, 69.0), (0.5, 2.0), (0.1 + 0.2, 10.0)]
+)
+def test_regular_repeat(frequency: float, repeat: float) -> None:
+    assert waves.regular(0.127, frequency).repeat == repeat
+
+
+@given(st.integers(1, 2000), st.integers(1, 1000))
+@settings(max_examples=50, deadline=None)
+def test_any_rational_frequency_repeats_exactly(numerator: int, denominator: int) -> None:
+    frequency = numerator / denominator
+    if frequency > 2.0:
+        return
+    sea = waves.regular(0.1, frequency)
+    cycles = sea.repeat * frequency
+    assert cycles == pytest.approx(round(cycles), abs=1e-9)
+    assert int(sea.cycles[0]) == round(cycles)
+
+
+def test_refusals() -> None:
+    with pytest.raises(ValueError, match="nearest that does"):
+        waves.regular(0.1, 0.2898550724)
+    with pytest.raises(ValueError, match="frequency"):
+        waves.regular(0.1, 2.5)
+    with pytest.raises(ValueError, match="amplitude"):
+        waves.regular(float("nan"), 0.5)
+    with pytest.raises(ValueError, match="no whole number"):
+        waves.tables(waves.recorded(np.arange(7.0), 13.0), bem(), DT)
+    with pytest.raises(ValueError, match="half the tick rate"):
+        waves.tables(waves.recorded(np.arange(5000.0), 1000.0), bem(), 0.005)
+    with pytest.raises(ValueError, match="finite"):
+        waves.recorded([0.0, 1.0, float("nan"), 1.0], 1.0)
+    for bad in ({"tp_s": 0.1}, {"gamma": 0.5}, {"repeat_s": 1.0}, {"hs_m": -1.0}):
+        good = {"hs_m": 0.1, "tp_s": 2.0, "gamma": 3.3, "repeat_s": 300.0}
+        with pytest.raises(ValueError, match=next(iter(bad)).split("_", maxsplit=1)[0]):
+            waves.jonswap(**{**good, **bad}, seed=0)
+
+
+def test_calm_and_seeds() -> None:
+    assert not np.any(waves.tables(waves.calm(), bem(), DT).excitation)
+    one, two, other = (waves.jonswap(0.1, 2.0, 3.3, 60.0, seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.amplitude, two.amplitude)
+    assert not np.array_equal(one.amplitude, other.amplitude)
+
+
+def read_twe(name: str) -> np.ndarray:
+    """Probe SAA 01 of a basin record, m, 20 Hz (a reader of this test alone)."""
+    lines = reference(name).read_text().splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("DATA:"))
+    rows = [line.split("\t") for line in lines[first:] if line.strip()]
+    return np.array([[float(row[2]), float(row[3])] for row in rows])
+
+
+def test_basin_record_drives_the_plant() -> None:
+    """Empty-basin pink record, 120-1320 s: four repeat periods of 300 s."""
+    time, inches = read_twe("AWDC-SAADAQ-s00113.twe").T
+    window = (time >= 120.0 - 0.01) & (time < 1320.0 - 0.01)
+    record = 0.0254 * inches[window]
+    assert record.size == 24000
+    sea = waves.recorded(record, 20.0)
+    assert waves.hm0(sea) == pytest.approx(0.253, rel=0.005)
+    centred = record - record.mean()
+    shift = 6000
+    product = float(np.sum(centred[:-shift] * centred[shift:]))
+    sizes = float(np.sum(centred[:-shift] ** 2) * np.sum(centred[shift:] ** 2)) ** 0.5
+    assert product / sizes >= 0.98
+    lags = range(shift - 200, shift + 201)
+    peak = max(lags, key=lambda k: float(np.mean(centred[:-k] * centred[k:])))
+    assert peak / 20.0 == pytest.approx(300.0, abs=0.05)
+    table = waves.tables(sea, bem(), DT)
+    assert table.elevation.size == 1_200_000
+    np.testing.assert_allclose(table.elevation[::50], centred, atol=1e-4)

@@ -124,7 +124,7 @@ def make(kind: Kind) -> Step:
         )
         i = place.segment
         trip = check(params.rig, state.rig, sense, seen, mode)
-        if trip == FINE and periods > params.lost_ticks_stop:
+        if periods > params.lost_ticks_stop:  # allows no controlled stop, so it goes first
             trip = Reason.LOST_TICKS.value
         if trip == FINE and walk.late:
             trip = Reason.STATOR_LATE.value

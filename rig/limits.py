@@ -96,7 +96,7 @@ def warn_axis(limits: AxisLimits, motion: Estimate) -> int:
 def grant(
     limits: AxisLimits, state: AxisState, demand: float, mode: int, dt: float
 ) -> tuple[AxisState, AxisCommand]:
-    """The command for a demanded force (N): by mode, then slew, then peak or continuous current.
+    """The command for a demanded force (N): by mode, then peak or continuous current, then slew.
 
     Only RUN, STOP_2 and STOP_1 grant a force; ENABLING asks the drive on with zero force; OFF and
     STOP_0 remove force and power in this very tick. A demand that is not finite is granted as
@@ -112,20 +112,21 @@ def grant(
         return AxisState(0.0, cooled, 1), AxisCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
     limited = 0
     force = demand
-    step = limits.force_slew * dt
-    if force > state.force + step:
-        force = state.force + step
-        limited = Limited.SLEW.value
-    elif force < state.force - step:
-        force = state.force - step
-        limited = Limited.SLEW.value
     ceiling = limits.current_peak * limits.newtons_per_ampere
     spent = state.mean_square >= limits.current_rms * limits.current_rms
     if spent:
         ceiling = limits.current_rms * limits.newtons_per_ampere
     if magnitude(force) > ceiling:
         force = ceiling if force > 0.0 else -ceiling
-        limited = limited | (Limited.CURRENT_RMS if spent else Limited.CURRENT_PEAK).value
+        limited = (Limited.CURRENT_RMS if spent else Limited.CURRENT_PEAK).value
+    # Last, so that the force does not jump when the current folds back from peak to continuous.
+    step = limits.force_slew * dt
+    if force > state.force + step:
+        force = state.force + step
+        limited = limited | Limited.SLEW.value
+    elif force < state.force - step:
+        force = state.force - step
+        limited = limited | Limited.SLEW.value
     current = force / limits.newtons_per_ampere
     mean_square = state.mean_square + decay * (current * current - state.mean_square)
     return AxisState(force, mean_square, 0), AxisCommand(force, current, 1, limited)

@@ -38,9 +38,10 @@ def run(
     """Tick until the safety machine has removed the power, then a few ticks more.
 
     Every way out of here, an exception included, ends in repeated stops: when this returns or
-    raises, the last thing every device was told is to stop. ``overseer`` is asked now
-    and then for a request that does not come by mailbox (supervisor gone, process terminated). ``measure_work``: log how long each tick took (real clock only,
-    so that rehearsals repeat to the bit).
+    raises, the last thing every device was told is to stop. ``overseer`` is asked now and then for
+    a request that does not come by mailbox (supervisor gone, process terminated).
+    ``measure_work``: log how long each tick took (real clock only, so that rehearsals repeat to
+    the bit).
     """
     step = cycle.make(kind)
     reason = Reason.EXCEPTION.value

@@ -34,10 +34,11 @@ class RowError(TypeError):
     """A row type that cannot be laid out, with the field named."""
 
 
-def _fields(row_type: type) -> dict[str, Any]:
+def _fields(row_type: type, where: str = "") -> dict[str, Any]:
     names = getattr(row_type, "_fields", None)
     if not (issubclass(row_type, tuple) and names):
-        raise RowError(f"{row_type.__name__} is not a NamedTuple with at least one field")
+        at = f"{where}: " if where else ""
+        raise RowError(f"{at}{row_type.__name__} is not a NamedTuple with at least one field")
     hints = get_type_hints(row_type, include_extras=True)
     return {name: hints[name] for name in names}
 
@@ -52,14 +53,18 @@ def _leaf(path: tuple[str, ...], hint: Any) -> Leaf:
     return Leaf(path, "d" if kind is float else "q", unit)
 
 
-def _walk(row_type: type, path: tuple[str, ...]) -> list[Leaf]:
+def _walk(row_type: type, path: tuple[str, ...], named: dict[str, type]) -> list[Leaf]:
     found: list[Leaf] = []
-    for name, hint in _fields(row_type).items():
+    fields = _fields(row_type, ".".join(path))
+    if named.setdefault(row_type.__name__, row_type) is not row_type:
+        where = ".".join(path)
+        raise RowError(f"{where}: a second type named {row_type.__name__}; a schema has one")
+    for name, hint in fields.items():
         here = (*path, name)
         if not FIELD_NAME.fullmatch(name):
             raise RowError(f"{'.'.join(here)}: not a ROS field name ([a-z][a-z0-9_]*)")
         if isinstance(hint, type) and issubclass(hint, tuple):
-            found += _walk(hint, here)
+            found += _walk(hint, here, named)
         else:
             found.append(_leaf(here, hint))
     return found
@@ -68,7 +73,7 @@ def _walk(row_type: type, path: tuple[str, ...]) -> list[Leaf]:
 @lru_cache
 def leaves(row_type: type) -> tuple[Leaf, ...]:
     """All numbers of a row type in storage order; raises RowError naming the field at fault."""
-    return tuple(_walk(row_type, ()))
+    return tuple(_walk(row_type, (), {}))
 
 
 def layout(row_type: type) -> struct.Struct:

@@ -180,8 +180,10 @@ def step(
     reason = trip
     if reason == FINE and mode == ENABLING and age >= params.enable_ticks and not powered:
         reason = Reason.DRIVE_NOT_ON.value
-    if reason == FINE and request != REQUEST_NONE:
-        reason = requested(request)
+    asked = requested(request)
+    # An abort goes before a fault that would still allow a controlled stop.
+    if asked != FINE and (reason == FINE or CATEGORY[asked] < CATEGORY[reason]):
+        reason = asked
     if reason == FINE and finished:
         reason = Reason.PLAN_END.value
 

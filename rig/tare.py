@@ -60,7 +60,7 @@ def step(state: State, raw: Raw, phase: int) -> State:
         first = Zeros(x, raw.string_pot, raw.lcb, raw.trs, 0)
         state = State(first, 1, 0, _NOTHING, x, x)
     if phase == TARE:
-        total, x = state.sum, raw.position
+        total, x, first_sample = state.sum, raw.position, state.samples == 0
         return State(
             state.zeros,
             1,
@@ -71,8 +71,8 @@ def step(state: State, raw: Raw, phase: int) -> State:
                 total.lcb + raw.lcb,
                 total.trs + raw.trs,
             ),
-            x if x < state.lowest else state.lowest,
-            x if x > state.highest else state.highest,
+            x if first_sample or x < state.lowest else state.lowest,
+            x if first_sample or x > state.highest else state.highest,
         )
     n, total = state.samples, state.sum
     if n == 0:

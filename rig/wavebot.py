@@ -21,7 +21,7 @@ from controllers.signals import (
 )
 from rig import axis, cycle, limits, power, tare
 from rig.limits import magnitude
-from rig.safety import FINE, RUN, Reason
+from rig.safety import CATEGORY, FINE, RUN, Reason
 from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
 
@@ -142,10 +142,10 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
 
 
 def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int) -> int:
-    """The first reason to trip, or Reason.NONE."""
+    """The first reason to trip, those that allow no controlled stop before others, or NONE."""
     motion = seen.motion
     reason = limits.check_axis(params.heave.limits, state.heave.limits, sense.heave, motion, mode)
-    if reason != FINE:
+    if reason != FINE and CATEGORY[reason] == 0:
         return reason
     bounds, load, spring, meter = params.limits, sense.load, sense.spring, sense.power
     # One sum instead of ten tests: it is finite only if every term is.
@@ -154,7 +154,14 @@ def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int
     total = total + meter.ac + meter.dc + meter.bus_voltage + meter.age
     if not finite(total):
         return Reason.NOT_FINITE.value
-    if load.age > bounds.load_cell_age_stop:
+    stale = load.age > bounds.load_cell_age_stop
+    zero = state.tare.zeros.string_pot if state.tare.seeded == 1 else load.string_pot
+    gap = magnitude(load.string_pot - zero - motion.position)
+    if not stale and gap > bounds.string_pot_difference_stop:
+        return Reason.POSITION_DISAGREES.value
+    if reason != FINE:  # damping works on the encoder's word: only now is it believed
+        return reason
+    if stale:
         return Reason.STALE_LOAD_CELL.value
     if meter.age > bounds.analyser_age_stop:
         return Reason.STALE_ANALYSER.value
@@ -162,9 +169,6 @@ def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int
         return Reason.STALE_STATOR.value
     if magnitude(load.rotor_angle * bounds.metres_per_radian) > bounds.rotor_travel_stop:
         return Reason.ROTOR_TRAVEL.value
-    zero = state.tare.zeros.string_pot if state.tare.seeded == 1 else load.string_pot
-    if magnitude(load.string_pot - zero - motion.position) > bounds.string_pot_difference_stop:
-        return Reason.POSITION_DISAGREES.value
     if tare.span(state.tare) > bounds.tare_span_stop:
         return Reason.NOT_CALM.value
     return FINE

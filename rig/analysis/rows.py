@@ -170,9 +170,10 @@ def row_table(
     for window in windows(source, ["time", *FIELDS]):
         if window.row < 0:
             continue
-        if not window.cut_short and window.span < _length(planned.get(window.row, {}), dt) - 1:
-            window = window._replace(cut_short="shorter than planned")
-        found[window.row] = _reduced(window, period_ticks)  # the last attempt counts
+        least = 0.99 * _length(planned.get(window.row, {}), dt) - 1.0
+        why = window.cut_short or ("shorter than planned" if window.span < least else "")
+        reduced = _reduced(window._replace(cut_short=why), period_ticks)
+        found[window.row] = reduced  # the last attempt counts
     table = [
         _with_plan(found.get(row), planned.get(row, {}), row) for row in sorted({*planned, *found})
     ]
@@ -180,7 +181,8 @@ def row_table(
         far = abs(entry["position_mean"]) > mean_position_alarm
         entry["position_alarm"] = int(far)
     _repeat_errors(table)
-    return _dataset(table, known, period)
+    out = _dataset(table, known, period)
+    return out.assign_attrs(mean_position_alarm_m=mean_position_alarm)
 
 
 def _with_plan(

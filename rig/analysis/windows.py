@@ -4,6 +4,7 @@ One window is held at a time, so a run of many hours needs no more memory than i
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,7 +60,7 @@ def _stretches(block: Records) -> Iterator[tuple[int, int]]:
         values = block[name]
         changed |= values[1:] != values[:-1]
     edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(block)]
-    yield from zip(edges[:-1], edges[1:], strict=True)
+    yield from pairwise(edges)
 
 
 def _left_early(row: int, after: Any) -> str:

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from rig.campaign.elevation import Elevation, read_elevation
-from rig.campaign.points import MOST_ROWS, Point, outside_map, points
-from rig.campaign.stability import unstable
+from rig.campaign.order import turns
+from rig.campaign.points import MOST_ROWS, Point, outside_map, points, stator_positions
+from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import LimitsFile
@@ -53,9 +54,9 @@ def open_campaign(path: Path) -> Campaign:
     """
     problems: list[Problem] = []
 
-    def attempt(task: Callable[[], T]) -> T | None:
+    def attempt(step: Callable[[], T]) -> T | None:
         try:
-            return task()
+            return step()
         except ConfigError as error:
             problems.extend(error.problems)
             return None
@@ -67,7 +68,7 @@ def open_campaign(path: Path) -> Campaign:
     limits_source = plant_source = None
     if rig_source is not None:
         limits_source = attempt(lambda: _named(rig_source, ("limits",)))
-    owner = top if "plant" in top.mapping else rig_source
+    owner = rig_source if top.mapping.get("plant") is None else top
     if owner is not None:
         plant_source = attempt(lambda: _named(owner, ("plant",)))
 
@@ -95,8 +96,11 @@ def open_campaign(path: Path) -> Campaign:
             if elevation is not None:
                 files.append(_file("elevation", record))
     if rig is not None and found is not None:
-        problems += outside_map(found, rig.spring)
-        problems += unstable(found, rig.stability)
+        outside = outside_map(found, rig.spring)
+        problems += (*outside, *unstable(found, rig.stability))
+        if campaign is not None and not outside:
+            first = _first(campaign, found, rig)
+            problems += unstable_set_point(campaign, first, rig.stability, top.locate)
     if problems:
         raise ConfigError(_in_order(problems, (top, rig_source, limits_source, plant_source)))
     assert campaign is not None
@@ -145,6 +149,12 @@ def _own_rules(
         key = ("repeat",) if campaign.repeat > 1 else ("matrix",)
         problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MOST_ROWS}"))
     return tuple(problems)
+
+
+def _first(campaign: CampaignFile, found: tuple[Point, ...], rig: RigFile) -> Point:
+    positions = stator_positions(found, rig.spring)
+    turn, *_ = turns(found, campaign.order, campaign.repeat, campaign.seed, positions)
+    return found[turn.point]
 
 
 def _elevation(record: Path, sea: RecordedSea, locate: Locate) -> Elevation:

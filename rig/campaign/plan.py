@@ -8,9 +8,9 @@ is held for an extra interval while the stator moves (MASK4 report (Sandia), sec
 
 from typing import NamedTuple
 
-from controllers import magnetic_spring
 from rig.campaign.order import turns
-from rig.campaign.points import Point
+from rig.campaign.points import Point, stator_positions
+from rig.campaign.stability import bearable_ki
 from rig.campaign.windows import Windows, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.rig_file import RigFile
@@ -79,11 +79,7 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
     ``points`` are those of its matrix. Raises `WindowError` when no window can be cut.
     """
     cut = windows(campaign.sea, campaign.timing)
-    spring = magnetic_spring.Params(*rig.spring.by_rate(), rig.spring.arrival_tolerance_percent)
-    positions = {
-        point.spring_rate: magnetic_spring.stator_position(spring, point.spring_rate)
-        for point in points
-    }
+    positions = stator_positions(points, rig.spring)
     rows = tuple(
         CampaignRow(
             row,
@@ -110,11 +106,13 @@ def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_
     given = start.set_point
     kp, ki = (given.kp_n_s_per_m, given.ki_n_per_m) if given is not None else (first.kp, 0.0)
     set_point = _Setpoint(kp, ki, first.spring_rate)
+    # Where the stator stands before its first move is not known: bearable anywhere.
+    anywhere = bearable_ki(rig.stability, rig.spring.by_rate()[0], ki)
     ready = _Segment(
         NO_ROW,
         Phase.MOVING,
         max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
-        set_point,
+        _Setpoint(kp, anywhere, first.spring_rate),
         wait=WAIT_STATOR | WAIT_DRIVE,
         timeout=max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
         waves=0,
@@ -133,13 +131,15 @@ def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Se
     for row in rows:
         gains = _gains(row)
         if row.spring_rate != rate:
+            # Gains change at once, the stator takes seconds: until then the old spring bears them.
+            ki = bearable_ki(rig.stability, (rate, row.spring_rate), row.ki)
             rate = row.spring_rate
             pieces.append(
                 _Segment(
                     row.row,
                     Phase.MOVING,
                     max(cut.move, 1.0 / rig.rate_hz),
-                    gains,
+                    _Setpoint(row.kp, ki, row.spring_rate),
                     wait=WAIT_STATOR,
                     timeout=rig.spring.move_timeout_s,
                 )

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from controllers import magnetic_spring
 from rig.config.matrix import END_MARK, Combination, Matrix
 from rig.config.problems import ConfigError, Problem, key_text, number_text, shown
 from rig.config.ranges import allowed
@@ -60,6 +61,15 @@ def points(matrix: Matrix, locate: Locate) -> tuple[Point, ...]:
             )
         )
     return tuple(found)
+
+
+def stator_positions(found: tuple[Point, ...], spring: MagneticSpring) -> dict[float, float]:
+    """Stator position (%) of each spring rate (N/m): what the loop will command."""
+    params = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
+    return {
+        point.spring_rate: magnetic_spring.stator_position(params, point.spring_rate)
+        for point in found
+    }
 
 
 def outside_map(found: tuple[Point, ...], spring: MagneticSpring) -> tuple[Problem, ...]:

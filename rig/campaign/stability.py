@@ -3,12 +3,18 @@
 Total stiffness for small motion is K_h + c K_table - Ki: Ki > 0 acts as a negative spring, and
 the spring map (MASK4 report (Sandia), Table 4-1) holds least-squares slopes, c times softer than
 the spring is near its zero.
+
+While the stator moves, the body must be stable on the whole way: the gains of a stretch of moving
+are limited to the Ki that the softer end bears (`bearable_ki`).
 """
 
+from collections.abc import Iterable
+
 from rig.campaign.points import Point
+from rig.config.campaign_file import CampaignFile
 from rig.config.problems import Problem, number_text
 from rig.config.rig_file import Stability
-from rig.config.source import Place
+from rig.config.source import Locate, Place
 
 
 def total_stiffness(stability: Stability, spring_rate: float, ki: float) -> float:
@@ -20,6 +26,11 @@ def total_stiffness(stability: Stability, spring_rate: float, ki: float) -> floa
 def largest_ki(stability: Stability, spring_rate: float) -> float:
     """Largest Ki, N/m, that leaves the least stiffness at a spring rate (N/m)."""
     return total_stiffness(stability, spring_rate, 0.0) - stability.least_stiffness_n_per_m
+
+
+def bearable_ki(stability: Stability, spring_rates: Iterable[float], ki: float) -> float:
+    """Ki, N/m, or less: the largest that leaves the least stiffness at every rate given (N/m)."""
+    return min(ki, largest_ki(stability, min(spring_rates)))
 
 
 def unstable(found: tuple[Point, ...], stability: Stability) -> tuple[Problem, ...]:
@@ -47,3 +58,21 @@ def unstable(found: tuple[Point, ...], stability: Stability) -> tuple[Problem, .
             )
         )
     return tuple(problems)
+
+
+def unstable_set_point(
+    campaign: CampaignFile, first: Point, stability: Stability, locate: Locate
+) -> tuple[Problem, ...]:
+    """A problem if the set point's Ki leaves too little stiffness at the first row's spring."""
+    given = campaign.start.set_point
+    most = largest_ki(stability, first.spring_rate)
+    if given is None or given.ki_n_per_m <= most:
+        return ()
+    ki = given.ki_n_per_m
+    left = total_stiffness(stability, first.spring_rate, ki)
+    message = (
+        f"{number_text(ki)} leaves {left:.0f} N/m of stiffness at the first row's spring rate of "
+        f"{number_text(first.spring_rate)} N/m, less than "
+        f"{number_text(stability.least_stiffness_n_per_m)}; allowed up to {most:.0f} N/m"
+    )
+    return (locate.problem(("start", "set_point", "ki_n_per_m"), ki, message),)

@@ -188,6 +188,6 @@ def _range(metadata: Iterable[object], in_unit: str) -> str:
     return f"{text} {in_unit}".rstrip()
 
 
-def full_key(key: KeyPath) -> str:
+def last_name(key: KeyPath) -> str:
     """The last named part of a key path: whose unit counts."""
     return next((part for part in reversed(key) if isinstance(part, str)), "")

@@ -214,7 +214,10 @@ class _Reader:
             if kind == "bool":
                 return bool(self.construct.construct_yaml_bool(node))
             if kind == "int":
-                return int(self.construct.construct_yaml_int(node))
+                whole = int(self.construct.construct_yaml_int(node))
+                if abs(whole) >= 2**63:  # no float or int64 of a log could hold it
+                    self.refuse(node, at, "a whole number of more than 64 bits")
+                return whole
             if kind == "float":
                 return float(self.construct.construct_yaml_float(node))
         except ValueError:

@@ -133,7 +133,7 @@ def _allowed_words(model: type[BaseModel] | None, loc: KeyPath) -> str:
     found = ranges.allowed(model, loc) if model is not None else None
     if found is None:
         return ""
-    words = found.words(ranges.full_key(loc))
+    words = found.words(ranges.last_name(loc))
     return f"; allowed {words}" if words else ""
 
 

@@ -82,6 +82,11 @@ def test_the_campaign_may_name_another_plant(write: Any, tmp_path: Path) -> None
     ]
 
 
+def test_an_empty_plant_leaves_the_rigs(write: Any) -> None:
+    assert open_campaign(write("plant:\n")).plant == {"kind": "stub"}
+    assert [p[2] for p in told(write("plant: 5\n"))] == ["plant"]
+
+
 def test_paths_of_an_extended_campaign_are_relative_to_where_they_stand(
     write: Any, tmp_path: Path
 ) -> None:
@@ -185,6 +190,22 @@ matrix:
         "point 2 and 1 more (spring -5715 N/m, Kp -1000 N*s/m, Ki 15000 N/m) leaves 2405 N/m of "
         "stiffness, less than 3000; at this spring rate Ki is allowed up to 14405 N/m"
     )
+
+
+def test_a_set_point_with_too_little_stiffness(write: Any) -> None:
+    body = """\
+order: fewest spring moves
+start:
+  set_point: {kp_n_s_per_m: -2000, ki_n_per_m: 12000}
+matrix:
+  list:
+    - {spring_n_per_m: -8508, kp_n_s_per_m: -2000, ki_n_per_m: 0}
+    - {spring_n_per_m: 0, kp_n_s_per_m: -2000, ki_n_per_m: 0}
+"""
+    ((_, line, key, said),) = told(write(body))
+    assert (line, key) == (6, "start.set_point.ki_n_per_m")
+    assert "leaves 2017 N/m of stiffness at the first row's spring rate of -8508 N/m" in said
+    assert said.endswith("allowed up to 11017 N/m")
 
 
 def test_spring_rates_outside_the_map(write: Any) -> None:

@@ -20,7 +20,7 @@ READY = WAIT_STATOR | WAIT_DRIVE
 
 class Tick(NamedTuple):
     tick: int
-    index: int
+    segment: int
     row: int
     phase: Phase
     attempt: int
@@ -50,9 +50,9 @@ def walk(made: Plan, ticks: Any, ready: Any = None, held: Any = ()) -> list[Tick
         state, position = sequence.step(
             made.segments, state, tick, flags, tick not in held, tick in held
         )
-        phase = Phase(made.segments.phase[state.index])
-        row = made.segments.row[state.index]
-        walked.append(Tick(tick, state.index, row, phase, state.attempt, position.late))
+        phase = Phase(made.segments.phase[state.segment])
+        row = made.segments.row[state.segment]
+        walked.append(Tick(tick, state.segment, row, phase, state.attempt, position.late))
         if phase is Phase.DONE:
             assert position.finished
             break
@@ -61,7 +61,7 @@ def walk(made: Plan, ticks: Any, ready: Any = None, held: Any = ()) -> list[Tick
 
 
 def counts(walked: list[Tick]) -> list[int]:
-    return [len(list(group)) for _, group in itertools.groupby(walked, key=lambda t: t.index)]
+    return [len(list(group)) for _, group in itertools.groupby(walked, key=lambda t: t.segment)]
 
 
 def test_the_default_campaign_takes_exactly_its_planned_ticks() -> None:
@@ -96,7 +96,7 @@ def test_waiting_makes_moving_longer_and_nothing_else() -> None:
 
 def test_a_stator_that_never_arrives_is_late_at_its_timeout() -> None:
     made = small()
-    walked = walk(made, range(7000), lambda tick: READY if tick >= 6200 else WAIT_DRIVE)
+    walked = walk(made, itertools.count(), lambda tick: READY if tick >= 6200 else WAIT_DRIVE)
     first_late = next(t for t in walked if t.late)
     assert first_late.phase is Phase.MOVING
     assert first_late.tick == 50 + 6000  # 60 s after the tare
@@ -114,9 +114,9 @@ def test_lost_ticks_do_not_shift_a_window(gaps: list[int], frequency: float) -> 
     for tick in ticks[: len(walked)]:
         before = state
         state, _ = sequence.step(made.segments, state, tick, READY, True, False)
-        if state.index != before.index:
-            entered += made.segments.ticks[before.index]
-            if made.segments.wait[before.index]:
+        if state.segment != before.segment:
+            entered += made.segments.ticks[before.segment]
+            if made.segments.wait[before.segment]:
                 assert entered <= state.entered
                 entered = state.entered  # one that waited ends now
             assert state.entered == entered
@@ -137,11 +137,11 @@ def test_a_hold_makes_the_row_start_over(begin: int, length: int) -> None:
     # the tick of the hold itself stands still in the segment of the tick before
     at = plain[max(begin - 1, 0)]
     after = next(t for t in walked if t.tick == begin + length)
-    assert after.index == s.restart[at.index]
-    assert s.row[after.index] == at.row
+    assert after.segment == s.restart[at.segment]
+    assert s.row[after.segment] == at.row
     assert after.attempt == 1
     # from there on the walk is the plain one, later
-    lost = after.tick - next(t.tick for t in plain if t.index == after.index)
+    lost = after.tick - next(t.tick for t in plain if t.segment == after.segment)
     assert walked[-1].tick == end + lost
     for t in walked:
         if t.row >= 0 and t.tick >= begin + length:
@@ -157,5 +157,5 @@ def test_neither_running_nor_held_leaves_the_plan_for_good() -> None:
     state = sequence.start(0)
     for tick in range(1000):
         state, position = sequence.step(made.segments, state, tick, READY, tick != 700, False)
-    assert Phase(made.segments.phase[state.index]) is Phase.DONE
+    assert Phase(made.segments.phase[state.segment]) is Phase.DONE
     assert position.finished

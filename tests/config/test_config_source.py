@@ -60,6 +60,8 @@ def test_every_value_knows_its_line(tmp_path: Path) -> None:
         ("a: &x {b: 1}\nc:\n  <<: *x\n", "x.yaml:3: c.<<: merge keys are not read; use extends"),
         ("a: !money 3\n", "x.yaml:1: a: the tag !money is not read"),
         ("a: !!int three\n", "x.yaml:1: a: 'three' is not a number"),
+        (f"a: 1{'0' * 400}\n", "x.yaml:1: a: a whole number of more than 64 bits"),
+        (f"a: 1{'0' * 9000}\n", "x.yaml:1: a: '1000"),
         ("a: &x [*x]\n", "x.yaml:1: a[0]: an alias that contains itself"),
         ("a: \x01\n", "x.yaml:1: : YAML syntax: "),
     ],

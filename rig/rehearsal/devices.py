@@ -1,7 +1,4 @@
-"""A rehearsal: the loop process with the simulated plant behind the device seam.
-
-One of the few doors to sim_plant: it translates the plant's words into the rig's and back.
-"""
+"""The simulated WaveBot behind the loop's device seam."""
 
 from pathlib import Path
 from typing import Any
@@ -9,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from controllers.signals import AxisSense, SpringSense
-from rig import loop_process
-from rig.wavebot import KIND, Command, LoadSense, PowerSense, Sense, WaveSense
+from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
@@ -18,8 +14,8 @@ from sim_plant.waves import Sea
 from sim_plant.world import Actuation, World
 
 
-def sea_of(description: dict[str, Any]) -> Sea:
-    """The sea that a campaign describes (`rig.config.sea`); ValueError if it has no repeat."""
+def build_sea(description: dict[str, Any]) -> Sea:
+    """The sea that a campaign describes; ValueError if it has no repeat period."""
     kind = description["kind"]
     if kind == "calm":
         return waves.calm()
@@ -84,11 +80,6 @@ class PlantDevices:
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:
     """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}."""
     plant = Plant.model_validate(config["plant"])
-    world = World(
-        plant, sea_of(config["sea"]), read_bem(Path(config["bem"])), dt=dt, seed=config["seed"]
-    )
+    sea, bem = build_sea(config["sea"]), read_bem(Path(config["bem"]))
+    world = World(plant, sea, bem, dt=dt, seed=config["seed"])
     return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)
-
-
-if __name__ == "__main__":
-    loop_process.main(KIND, connect)

@@ -1,0 +1,178 @@
+"""The summary as one A4 page."""
+
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import xarray
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from rig.analysis import surfaces, words
+from rig.analysis.points import by_spring, points
+from rig.analysis.summary import ENDINGS, Summary
+
+A4 = (8.27, 11.69)  # inches, portrait
+_INK = surfaces.INK
+_SOFT = "#66727d"
+_PALE = "#eef2f5"
+_GOOD, _BAD = "#2a7f4f", "#b23a48"
+_LEFT, _RIGHT = 0.06, 0.94
+_MOST_SPRINGS = 4  # columns of surfaces that are readable on the page
+_MOST_ALARMS = 6
+_LINE = 0.0135  # height of a line of text, of the page
+
+
+def _header(figure: Figure, summary: Summary) -> None:
+    figure.add_artist(Rectangle((0.0, 0.937), 1.0, 0.063, color=_INK, lw=0))
+    figure.text(
+        _LEFT,
+        0.975,
+        f"Campaign {summary.campaign}",
+        color="white",
+        fontsize=17,
+        fontweight="bold",
+        va="center",
+    )
+    figure.text(_LEFT, 0.950, f"run {summary.run}", color="#c9d3db", fontsize=8.5, va="center")
+    figure.text(
+        _RIGHT,
+        0.968,
+        summary.stamp,
+        color=_INK,
+        fontsize=9,
+        fontweight="bold",
+        ha="right",
+        va="center",
+        bbox={"boxstyle": "round,pad=0.45", "fc": surfaces.ZERO, "ec": "none"},
+    )
+
+
+def _heading(figure: Figure, x: float, y: float, text: str) -> None:
+    figure.text(x, y, text.upper(), fontsize=7.5, fontweight="bold", color=_SOFT, va="top")
+
+
+def _what(figure: Figure, summary: Summary) -> None:
+    _heading(figure, _LEFT, 0.922, "What was run")
+    told = {
+        "Sea": summary.sea,
+        "Rig": summary.rig,
+        "Start": summary.started_utc,
+        "End": summary.ended_utc,
+        "Host": summary.host,
+        "Code": summary.code,
+    }
+    y = 0.904
+    for name, value in told.items():
+        figure.text(_LEFT, y, name, fontsize=8.5, color=_SOFT, va="top")
+        wrapped = textwrap.wrap(value, 46) or [""]
+        figure.text(_LEFT + 0.07, y, "\n".join(wrapped), fontsize=8.5, color=_INK, va="top")
+        y -= _LINE * len(wrapped) + 0.001
+
+
+def _outcome(figure: Figure, summary: Summary) -> None:
+    x = 0.56
+    _heading(figure, x, 0.922, "Outcome")
+    good = summary.ending == ENDINGS["complete"]
+    colour = _GOOD if good else _BAD
+    figure.text(x, 0.905, summary.ending, fontsize=15, fontweight="bold", color=colour, va="top")
+    reason = textwrap.fill(summary.reason[:1].upper() + summary.reason[1:] + ".", 48)
+    figure.text(x, 0.880, reason, fontsize=8.5, color=_INK, va="top")
+    share = summary.rows_done / max(1, summary.rows_planned)
+    y, width = 0.843, _RIGHT - x
+    figure.add_artist(Rectangle((x, y), width, 0.006, color=_PALE, lw=0))
+    figure.add_artist(Rectangle((x, y), width * share, 0.006, color=colour, lw=0))
+    done = f"{summary.rows_done} of {summary.rows_planned} rows complete"
+    figure.text(x, y - 0.004, done, fontsize=8.5, color=_INK, va="top")
+
+
+def _table(figure: Figure, summary: Summary, top: float) -> float:
+    """The optima; returns the page height below it."""
+    _heading(figure, _LEFT, top, "Most power absorbed, by station and spring rate")
+    heads = ("station", "mean power", "spring", "stator", "Kp", "Ki", "")
+    units = ("", "W (negative: absorbed)", "N/m", "%", "N·s/m", "N/m", "")
+    sides = ("left", "right", "right", "right", "right", "right", "left")
+    places = (_LEFT, 0.465, 0.57, 0.65, 0.74, 0.83, 0.85)
+    y = top - 0.019
+    for x, head, unit, side in zip(places, heads, units, sides, strict=True):
+        text = f"{head}, {unit}" if unit else head
+        figure.text(x, y, text, fontsize=7.5, color=_SOFT, ha=side, va="top")
+    y -= 0.016
+    if not summary.optima:
+        figure.text(_LEFT, y, "No complete row.", fontsize=8.5, color=_INK, va="top")
+        return y - 0.02
+    last = ""
+    for o in summary.optima:
+        if o.kind != last:
+            rule = y + 0.0028
+            figure.add_artist(Line2D((_LEFT, _RIGHT), (rule, rule), color="#cfd6dc", lw=0.7))
+        cells = (
+            words.POWER_NAMES[o.kind] if o.kind != last else "",
+            words.watts(o.power, o.error),
+            words.signed(o.point.spring_rate),
+            words.signed(o.point.stator),
+            words.signed(o.point.kp),
+            words.signed(o.point.ki),
+            "grid's edge" if o.at_edge else "",
+        )
+        for i, (x, cell, side) in enumerate(zip(places, cells, sides, strict=True)):
+            weight = "bold" if i == 1 else "normal"
+            colour = _BAD if i == 6 else _INK
+            figure.text(
+                x, y, cell, fontsize=8.5, color=colour, ha=side, va="top", fontweight=weight
+            )
+        y -= 0.0152
+        last = o.kind
+    return y - 0.008
+
+
+def _bottom(figure: Figure, summary: Summary) -> float:
+    """Alarms and timing at the foot of the page; returns the page height above them."""
+    shown = list(summary.alarms[:_MOST_ALARMS])
+    if len(summary.alarms) > len(shown):
+        shown.append(f"and {len(summary.alarms) - len(shown)} more in summary.txt")
+    lines: list[str] = []
+    for alarm in shown:
+        lines += textwrap.wrap(alarm, 120, initial_indent="• ", subsequent_indent="   ")
+    timing = textwrap.wrap(summary.timing, 130)
+    y = 0.03 + _LINE * len(timing)
+    figure.text(_LEFT, y, "\n".join(timing), fontsize=7.5, color=_SOFT, va="top")
+    _heading(figure, _LEFT, y + 0.016, "Timing")
+    y += 0.027 + _LINE * max(1, len(lines))
+    text = "\n".join(lines) if lines else "None."
+    figure.text(
+        _LEFT, y, text, fontsize=8, color=_BAD if lines else _GOOD, va="top", linespacing=1.25
+    )
+    _heading(figure, _LEFT, y + 0.016, "Alarms")
+    return y + 0.03
+
+
+def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) -> None:
+    """Surfaces between two heights of the page, in a figure of their own size."""
+    springs = len(by_spring(points(table)))
+    if springs > _MOST_SPRINGS:
+        note = f"{springs} spring rates: see surfaces.png"
+        figure.text(0.5, (bottom + top) / 2.0, note, ha="center", color=_SOFT, fontsize=9)
+        return
+    if springs == 0 or top - bottom < 0.2:
+        return
+    bands: Any = figure.subfigures(
+        3, 3, height_ratios=[1.0 - top, top - bottom, bottom], width_ratios=[0.04, 0.92, 0.04]
+    )
+    surfaces.draw(bands[1, 1], table)
+
+
+def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Path]:
+    """``summary.pdf``, and the same page as ``summary.png`` for screens."""
+    figure = Figure(figsize=A4, layout="constrained")  # for the surfaces; the rest stands fixed
+    _header(figure, summary)
+    _what(figure, summary)
+    _outcome(figure, summary)
+    top = _table(figure, summary, 0.805)
+    bottom = _bottom(figure, summary)
+    _surfaces(figure, table, bottom, top)
+    paper, screen = folder / "summary.pdf", folder / "summary.png"
+    figure.savefig(paper, metadata={"Title": f"{summary.campaign}, run {summary.run}"})
+    figure.savefig(screen, dpi=130)
+    return [paper, screen]

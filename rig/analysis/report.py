@@ -1,0 +1,38 @@
+"""All products of a run, written into its folder: after a run, and again whenever asked."""
+
+from pathlib import Path
+
+from rig.analysis.page import write_page
+from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
+from rig.analysis.summary import summarise, write_texts
+from rig.analysis.surfaces import write_surfaces
+from rig.runs import mcap_file
+from rig.runs.folder import facts, files
+
+
+def _unfinished(contents: list[mcap_file.Contents]) -> str:
+    if all(each.finished for each in contents):
+        return ""
+    torn = sum(each.unread for each in contents)
+    said = f", {torn} torn bytes at its end" if torn else ""
+    return f"the record was not finished by its writer{said}; run `rig recover` to close it"
+
+
+def write_products(
+    run_folder: Path, mean_position_alarm: float = MEAN_POSITION_ALARM
+) -> list[Path]:
+    """Row table, surfaces and summary of a run, also of one that ended early or crashed.
+
+    ``mean_position_alarm`` in m. Returns the files written. RunError if the record cannot be
+    read, KeyError if the kind of rig has no rows and power.
+    """
+    folder = Path(run_folder)
+    contents = [mcap_file.scan(path) for path in files(folder)]
+    table = row_table(folder, mean_position_alarm)
+    summary = summarise(table, facts(folder, contents), _unfinished(contents))
+    return [
+        *write_rows(table, folder),
+        write_surfaces(table, folder / "surfaces.png"),
+        *write_texts(summary, folder),
+        *write_page(summary, table, folder),
+    ]

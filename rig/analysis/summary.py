@@ -1,0 +1,218 @@
+"""What a run was and what came of it, in one page's worth of words and numbers."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray
+
+from rig.analysis import words
+from rig.analysis.points import Optimum, optima
+from rig.analysis.rows import COMPLETE, CUT_SHORT
+from rig.runs.folder import Facts
+
+ENDINGS = {
+    "complete": "Complete",
+    "stopped": "Stopped early",
+    "fault": "Stopped by a fault",
+    "crashed": "Crashed",
+}
+NO_END = "No end recorded"
+
+
+class Summary(NamedTuple):
+    """The page's content."""
+
+    run: str
+    campaign: str
+    rung: str
+    stamp: str
+    sea: str
+    rig: str
+    host: str
+    started_utc: str
+    ended_utc: str
+    code: str
+    ending: str
+    reason: str
+    rows_done: int
+    rows_planned: int
+    optima: tuple[Optimum, ...]
+    alarms: tuple[str, ...]
+    timing: str
+
+
+def _sea(plan: dict[str, Any]) -> str:
+    sea = plan.get("sea") or {}
+    if sea.get("words"):
+        return str(sea["words"])
+    texts = {
+        "amplitude_m": "amplitude {} m",
+        "frequency_hz": "{} Hz",
+        "period_s": "period {} s",
+        "hs_m": "Hs {} m",
+        "tp_s": "Tp {} s",
+        "gamma": "gamma {}",
+        "file": "from {}",
+        "text": "{}",
+    }
+    known = [text.format(sea[key]) for key, text in texts.items() if sea.get(key) is not None]
+    return ", ".join([str(sea.get("kind", "not recorded")), *known])
+
+
+def _code(code: dict[str, Any]) -> str:
+    text = str(code.get("version") or "version not recorded")
+    if code.get("git"):
+        text += f" ({str(code['git'])[:12]}{', with local changes' if code.get('dirty') else ''})"
+    if code.get("python"):
+        text += f", Python {code['python']}"
+    return text
+
+
+def _name(config: dict[str, Any], key: str) -> str:
+    value = config.get(key)
+    return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
+
+
+def row_list(rows: Any) -> str:
+    """Row ids as short text: ``1-5, 9``."""
+    parts: list[list[int]] = []
+    for row in sorted(int(r) for r in rows):
+        if parts and row == parts[-1][1] + 1:
+            parts[-1][1] = row
+        else:
+            parts.append([row, row])
+    texts = [str(a) if a == b else f"{a}-{b}" for a, b in parts]
+    if len(texts) > 12:
+        texts = [*texts[:12], f"and {len(texts) - 12} more"]
+    return ("row " if texts == [str(parts[0][0])] else "rows ") + ", ".join(texts)
+
+
+def _flagged(table: xarray.Dataset, name: str, said: str) -> list[str]:
+    by_flag: dict[str, list[int]] = {}
+    for row, text in zip(table["row"].values.tolist(), table[name].values.tolist(), strict=True):
+        for flag in text.split():
+            by_flag.setdefault(flag, []).append(row)
+    return [
+        f"{said.format(flag.lower().replace('_', ' '))} in {row_list(rows)}"
+        for flag, rows in by_flag.items()
+    ]
+
+
+def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[str]:
+    """Everything a reader of the results must know of, a sentence each; none if all is well."""
+    found = [unfinished] if unfinished else []
+    dropped = known.timing.get("dropped_rows") or 0
+    if dropped:
+        found.append(f"{dropped} log rows were dropped because the disk was too slow")
+    if table.sizes.get("row", 0) == 0:
+        return [*found, "no row was measured"]
+    rows = table["row"].values
+    off = np.flatnonzero(table["position_alarm"].values)
+    if len(off):
+        means = table["position_mean"].values
+        worst = off[np.argmax(np.abs(means[off]))]
+        bound = 1e3 * table.attrs["mean_position_alarm_m"]
+        found.append(
+            f"mean position beyond {bound:g} mm in {row_list(rows[off])}: "
+            f"{words.signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; check the encoder zero"
+        )
+    found += _flagged(table, "limits", "force limited ({})")
+    found += _flagged(table, "warned", "warning ({})")
+    lost = table["lost_ticks"].values
+    if lost.any():
+        found.append(f"{lost.sum()} ticks lost while measuring, in {row_list(rows[lost > 0])}")
+    again = table["attempt"].values > 0
+    if again.any():
+        found.append(f"started over after a hold: {row_list(rows[again])}")
+    for row in np.flatnonzero(table["state"].values == CUT_SHORT).tolist():
+        found.append(f"row {rows[row]} is not whole ({table['cut_short'].values[row]})")
+    return found
+
+
+def summarise(table: xarray.Dataset, known: Facts, unfinished: str = "") -> Summary:
+    """The summary of a run from its row table and what its files say of it.
+
+    ``unfinished`` tells that the record lacks its end; it becomes the first alarm.
+    """
+    status = known.status
+    states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
+    timing = known.timing.get("summary")
+    return Summary(
+        run=known.run,
+        campaign=known.campaign or "not recorded",
+        rung=known.rung,
+        stamp=words.rung_stamp(known.rung),
+        sea=_sea(known.plan),
+        rig=_name(known.config, "rig") or "not recorded",
+        host=str(known.host.get("hostname") or known.host.get("name") or "not recorded"),
+        started_utc=str(status.get("started_utc") or "not recorded"),
+        ended_utc=str(status.get("ended_utc") or "not recorded"),
+        code=_code(known.code),
+        ending=ENDINGS.get(str(status.get("status")), NO_END),
+        reason=words.reason_words(str(status.get("reason") or "")),
+        rows_done=states.count(COMPLETE),
+        rows_planned=len(states),
+        optima=tuple(optima(table)),
+        alarms=tuple(alarms(table, known, unfinished)),
+        timing=str(timing or "No timing certificate: the run did not get to its end."),
+    )
+
+
+def as_json(summary: Summary) -> dict[str, Any]:
+    """The summary as plain data; W, N/m, %, N*s/m; an unknown error is null."""
+    best = [
+        {
+            "power": o.kind,
+            "spring_rate_n_per_m": o.point.spring_rate,
+            "stator_percent": o.point.stator,
+            "kp_n_s_per_m": o.point.kp,
+            "ki_n_per_m": o.point.ki,
+            "mean_w": o.power,
+            "standard_error_w": o.error if np.isfinite(o.error) else None,
+            "at_edge_of_grid": o.at_edge,
+            "points": o.points,
+        }
+        for o in summary.optima
+    ]
+    return {**summary._asdict(), "optima": best, "alarms": list(summary.alarms)}
+
+
+def as_text(summary: Summary) -> str:
+    """The summary for a terminal."""
+    lines = [
+        f"Campaign {summary.campaign}   run {summary.run}   [{summary.stamp}]",
+        "",
+        f"{summary.ending}: {summary.reason}.",
+        f"{summary.rows_done} of {summary.rows_planned} rows complete.",
+        "",
+        f"sea      {summary.sea}",
+        f"rig      {summary.rig}",
+        f"host     {summary.host}",
+        f"started  {summary.started_utc}",
+        f"ended    {summary.ended_utc}",
+        f"code     {summary.code}",
+        "",
+        "Most power absorbed (negative is absorbed; ± standard error)",
+    ]
+    for o in summary.optima:
+        lines.append(
+            f"  {words.POWER_NAMES[o.kind]:<32} {words.watts(o.power, o.error):>16}"
+            f"   Kp {words.signed(o.point.kp):>6}  Ki {words.signed(o.point.ki):>6}"
+            f"   {words.spring_words(o.point.spring_rate, o.point.stator)}"
+            + ("   at the grid's edge" if o.at_edge else "")
+        )
+    if not summary.optima:
+        lines.append("  no complete row")
+    lines += ["", "Alarms"]
+    lines += [f"  {alarm}" for alarm in summary.alarms] or ["  none"]
+    return "\n".join([*lines, "", summary.timing, ""])
+
+
+def write_texts(summary: Summary, folder: Path) -> list[Path]:
+    """``summary.txt`` and ``summary.json``."""
+    text, data = folder / "summary.txt", folder / "summary.json"
+    text.write_text(as_text(summary), encoding="utf-8")
+    data.write_text(json.dumps(as_json(summary), indent=2, ensure_ascii=False), encoding="utf-8")
+    return [text, data]

@@ -1,0 +1,235 @@
+"""Power surfaces over the gains, one panel a spring rate and kind of power.
+
+Between measured points the surface is linear and passes through them; outside their hull nothing
+is drawn, and a missing point is not a zero. More absorbed is darker; each kind of power has one
+colour scale over all spring rates.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure, FigureBase
+from matplotlib.patheffects import AbstractPathEffect, withStroke
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import LinearTriInterpolator, Triangulation
+
+from rig.analysis import words
+from rig.analysis.points import Optimum, Point, by_spring, optima, points
+
+KINDS = ("mechanical_1", "ac", "dc")  # of the four stations, those shown as surfaces
+COLOURS = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
+MARK = "#d1495b"
+ZERO = "#ffb703"
+INK = "#22303c"
+_FLAT = 1e-9  # relative extent below which points lie on one line
+
+
+def _scaled(group: list[Point]) -> Any:
+    """Gains on a unit box, so that neither unit decides who is whose neighbour. Shape (n, 2)."""
+    gains = np.array([(point.ki, point.kp) for point in group])
+    extent = np.ptp(gains, axis=0)
+    return (gains - gains.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
+
+
+def spans_surface(group: list[Point]) -> bool:
+    """Whether the points are at least three and not on one line."""
+    if len(group) < 3:
+        return False
+    centred = _scaled(group) - _scaled(group).mean(axis=0)
+    spread = np.linalg.svd(centred, compute_uv=False)
+    return bool(spread[1] > _FLAT * max(spread[0], 1.0))
+
+
+def triangulation(group: list[Point]) -> Triangulation:
+    """Neighbourhood of the measured points, x = Ki (N/m), y = Kp (N*s/m)."""
+    unit = _scaled(group)
+    triangles = Triangulation(unit[:, 0], unit[:, 1]).triangles
+    return Triangulation([p.ki for p in group], [p.kp for p in group], triangles)
+
+
+def interpolator(group: list[Point], kind: str) -> LinearTriInterpolator:
+    """Power (W) as a function of (Ki, Kp), masked outside the measured points' hull."""
+    return LinearTriInterpolator(triangulation(group), [p.power[kind] for p in group])
+
+
+def _scale(found: list[Point], kind: str) -> Any:
+    """Contour levels in W over all spring rates; None without a finite value."""
+    values = [p.power[kind] for p in found if np.isfinite(p.power[kind])]
+    if not values:
+        return None
+    low, high = min(values), max(values)
+    if high - low < 1e-6:
+        low, high = low - 0.5, high + 0.5
+    return MaxNLocator(10).tick_values(low, high)
+
+
+def _surface(axes: Axes, group: list[Point], kind: str, levels: Any, norm: Normalize) -> None:
+    values = np.array([p.power[kind] for p in group])
+    mesh = triangulation(group)
+    fine = np.linspace(levels[0], levels[-1], 8 * (len(levels) - 1) + 1)
+    axes.tricontourf(mesh, values, levels=fine, cmap=COLOURS, norm=norm)
+    axes.tricontour(mesh, values, levels=levels, colors="white", linewidths=0.5, alpha=0.7)
+    if values.min() < 0.0 < values.max():
+        zero = axes.tricontour(mesh, values, levels=[0.0], colors=ZERO, linewidths=1.6)
+        halo: list[AbstractPathEffect] = [withStroke(linewidth=2.6, foreground=INK)]
+        zero.set_path_effects(halo)
+        for label in axes.clabel(zero, fmt="0 W", fontsize=7):
+            label.set_path_effects(halo)
+    x, y = [p.ki for p in group], [p.kp for p in group]
+    axes.plot(x, y, "o", mfc="white", mec=INK, mew=0.6, ms=3, clip_on=False)
+
+
+def _line(axes: Axes, group: list[Point], kind: str) -> None:
+    """Points on one line: power against the gain that varies most."""
+    along = int(np.ptp([p.kp for p in group]) > np.ptp([p.ki for p in group]))
+    gain = sorted(group, key=lambda p: (p.ki, p.kp)[along])
+    x = [(p.ki, p.kp)[along] for p in gain]
+    y = [p.power[kind] for p in gain]
+    errors = np.nan_to_num([p.error[kind] for p in gain])
+    axes.errorbar(x, y, yerr=errors, fmt="o-", color=INK, ms=3.5, lw=1.0, capsize=2)
+    axes.set_xlabel(("Ki, N/m", "Kp, N·s/m")[along], fontsize=8)
+    axes.set_ylabel("power, W", fontsize=8)
+    axes.grid(alpha=0.3)
+    _note(axes, "points on one line: no surface")
+
+
+def _note(axes: Axes, text: str) -> None:
+    axes.text(
+        0.5,
+        0.03,
+        text,
+        transform=axes.transAxes,
+        ha="center",
+        fontsize=7,
+        style="italic",
+        color=INK,
+    )
+
+
+def _mark(axes: Axes, best: Optimum) -> None:
+    axes.plot(
+        best.point.ki, best.point.kp, "*", ms=13, mfc=MARK, mec="white", mew=0.9, clip_on=False
+    )
+
+
+def _caption(best: Optimum) -> str:
+    where = f"Kp {words.signed(best.point.kp)}, Ki {words.signed(best.point.ki)}"
+    edge = ", at the grid's edge" if best.at_edge else ""
+    return f"{words.watts(best.power, best.error)} at {where}{edge}"
+
+
+def _panel(
+    axes: Axes, group: list[Point], kind: str, best: Optimum | None, levels: Any, norm: Normalize
+) -> None:
+    finite = [p for p in group if np.isfinite(p.power[kind])]
+    axes.tick_params(labelsize=7, color="#8a949d")
+    for side in axes.spines.values():
+        side.set_color("#b8c0c7")
+    if not finite:
+        axes.set_axis_off()
+        _note(axes, "no complete row")
+        return
+    if best is not None:
+        axes.set_title(_caption(best), fontsize=7.5, color=MARK, pad=4)
+    if len(finite) >= 3 and not spans_surface(finite):
+        _line(axes, finite, kind)
+        return
+    if spans_surface(finite):
+        _surface(axes, finite, kind, levels, norm)
+    else:
+        colours = COLOURS(norm([p.power[kind] for p in finite]))
+        axes.scatter([p.ki for p in finite], [p.kp for p in finite], c=colours, s=60, ec=INK)
+        _note(axes, f"{len(finite)} point{'s' * (len(finite) > 1)}: no surface")
+    if best is not None:
+        _mark(axes, best)
+    axes.use_sticky_edges = False
+    axes.margins(0.05)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    axes.yaxis.set_major_locator(MaxNLocator(6))
+    place = axes.get_subplotspec()
+    if place is None or place.is_last_row():
+        axes.set_xlabel("Ki, N/m", fontsize=8)
+    if place is None or place.is_first_col():
+        axes.set_ylabel("Kp, N·s/m", fontsize=8)
+
+
+def draw(figure: FigureBase, table: xarray.Dataset) -> None:
+    """Put the grid of surfaces into a figure or a part of one."""
+    found = points(table)
+    groups = by_spring(found)
+    if not groups:
+        figure.text(0.5, 0.5, "no complete row: no surface", ha="center", color=INK)
+        return
+    best = {(o.kind, o.point.spring_rate): o for o in optima(table)}
+    panels: Any = figure.subplots(len(KINDS), len(groups), squeeze=False)
+    for i, kind in enumerate(KINDS):
+        levels = _scale(found, kind)
+        norm = Normalize(levels[0], levels[-1]) if levels is not None else Normalize(0.0, 1.0)
+        for j, (rate, group) in enumerate(groups.items()):
+            _panel(panels[i, j], group, kind, best.get((kind, rate)), levels, norm)
+            if i == 0:
+                panels[i, j].annotate(
+                    words.spring_words(rate, group[0].stator),
+                    (0.5, 1.0),
+                    xycoords="axes fraction",
+                    xytext=(0, 19),
+                    textcoords="offset points",
+                    ha="center",
+                    fontsize=9,
+                    fontweight="bold",
+                    color=INK,
+                )
+        bar = figure.colorbar(
+            ScalarMappable(norm, COLOURS),
+            ax=panels[i].tolist(),
+            fraction=0.04,
+            pad=0.02,
+        )
+        bar.set_label(f"{words.SHORT_NAMES[kind]}, W", fontsize=8)
+        bar.ax.tick_params(labelsize=7)
+        bar.outline.set_visible(False)
+
+
+def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
+    """The run's power surfaces as one picture; says so in it where there is nothing to show."""
+    columns = max(1, len(by_spring(points(table))))
+    figure = Figure(figsize=(3.6 * columns + 1.4, 9.2), layout="constrained")
+    title: Any = figure.subfigures(2, 1, height_ratios=[0.55, 9.0])
+    attributes = table.attrs
+    title[0].text(
+        0.02,
+        0.45,
+        f"Power surfaces: {attributes.get('campaign', 'campaign unknown')}",
+        fontsize=13,
+        fontweight="bold",
+        color=INK,
+        va="center",
+    )
+    title[0].text(
+        0.98,
+        0.62,
+        words.rung_stamp(attributes.get("rung", "")),
+        fontsize=9,
+        fontweight="bold",
+        color=MARK,
+        ha="right",
+        va="center",
+    )
+    title[0].text(
+        0.98,
+        0.18,
+        f"run {attributes.get('run', '')}; negative is absorbed",
+        fontsize=8,
+        color=INK,
+        ha="right",
+        va="center",
+    )
+    draw(title[1], table)
+    figure.savefig(path, dpi=150)
+    return path

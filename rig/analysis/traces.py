@@ -1,0 +1,135 @@
+"""Time series of a run, one panel a unit, phases of the plan shaded behind them."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from rig.analysis import words
+from rig.runs import reader
+from rig.runs.folder import facts
+from rig.sequence import Phase
+
+DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1", "power.ac")
+COLUMNS = 2000  # time bins of a picture; each keeps its least and greatest sample
+_INK = "#22303c"
+_LINES = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
+_SHADES = {
+    Phase.TARE: "#e8e4f3",
+    Phase.LEAD_IN: "#eef1f4",
+    Phase.MOVING: "#f8e3d4",
+    Phase.SETTLE: "#fdf3c8",
+    Phase.MEASURE: "#d8efe3",
+    Phase.TAIL: "#eef1f4",
+    Phase.DONE: "#e3e3e3",
+}
+
+
+def decimate(time: Any, values: Any, columns: int = COLUMNS) -> tuple[Any, Any]:
+    """The least and greatest sample of each of ``columns`` bins, in order of time.
+
+    No peak is lost; a series of at most two samples a bin is returned as it is. Bins that hold a
+    NaN show it.
+    """
+    count = len(values)
+    if count <= 2 * columns:
+        return time, values
+    edges = np.linspace(0, count, columns + 1).astype(int)[:-1]
+    size = np.diff(np.append(edges, count))
+    places = []
+    for begin, length in zip(edges.tolist(), size.tolist(), strict=True):
+        part = values[begin : begin + length]
+        places += sorted((begin + int(part.argmin()), begin + int(part.argmax())))
+    return time[places], values[places]
+
+
+def _broken(time: Any, values: Any, step: float) -> tuple[Any, Any]:
+    """The series with a NaN where time jumps, so that no line bridges ticks that were not read."""
+    jumps = np.flatnonzero(np.diff(time) > step) + 1
+    return np.insert(time, jumps, np.nan), np.insert(values.astype(float), jumps, np.nan)
+
+
+def _shade(axes: Axes, time: Any, phase: Any, step: float) -> set[Phase]:
+    edges = np.flatnonzero((np.diff(phase) != 0) | (np.diff(time) > step)) + 1
+    begins = np.concatenate(([0], edges))
+    ends = np.concatenate((edges, [len(phase)])) - 1
+    seen = {Phase(int(value)) for value in np.unique(phase)}
+    for each in seen:  # one artist a phase: a long run has thousands of stretches
+        spans = [
+            (time[b], time[e] - time[b])
+            for b, e in zip(begins.tolist(), ends.tolist(), strict=True)
+            if phase[b] == each
+        ]
+        across = axes.get_xaxis_transform()
+        axes.broken_barh(spans, (0.0, 1.0), transform=across, color=_SHADES[each], lw=0, zorder=0)
+    return seen
+
+
+def write_traces(
+    run: Path,
+    path: Path,
+    fields: Iterable[str] = DEFAULT_FIELDS,
+    rows: int | Iterable[int] | None = None,
+) -> Path:
+    """A picture of the named fields over time (s from run start), of some rows or the whole run.
+
+    ``fields`` are names, prefixes or shell patterns as in `rig.runs.open_run`; KeyError for an
+    unknown field or row, RunError for a run that cannot be read.
+    """
+    source = reader.source(run)
+    names = [name for name in reader.choose(source.leaves, fields) if name != "time"]
+    if isinstance(rows, int):
+        rows = [rows]
+    place = [leaf.name for leaf in source.leaves if leaf.name == "plan.phase"]
+    data = reader.columns(source, ["time", *dict.fromkeys([*place, *names])], rows)
+    time = data["time"]
+    units = {leaf.name: leaf.unit for leaf in source.leaves}
+    panels: dict[str, list[str]] = {}
+    for name in names:
+        panels.setdefault(units[name], []).append(name)
+    figure = Figure(figsize=(11.0, 1.1 + 2.2 * max(1, len(panels))), layout="constrained")
+    axes_of: Any = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
+    step = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else np.inf
+    seen: set[Phase] = set()
+    for axes, (unit, members) in zip(axes_of, panels.items(), strict=False):
+        if place and len(time):
+            seen |= _shade(axes, time, data["plan.phase"], step)
+        for i, name in enumerate(members):
+            x, y = _broken(time, data[name], step)
+            style = ("-", "--", ":")[i // len(_LINES) % 3]
+            axes.plot(*decimate(x, y), style, color=_LINES[i % len(_LINES)], lw=0.9, label=name)
+        axes.set_ylabel(unit.replace("^2", "²").replace("*", "·"))
+        axes.grid(alpha=0.25)
+        axes.margins(x=0.0)
+        axes.legend(
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            fontsize=7,
+            ncols=5,
+            frameon=False,
+            borderpad=0.2,
+        )
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+    axes_of[-1].set_xlabel("time from run start, s")
+    known = facts(run, source.contents)
+    stamp = words.rung_stamp(known.rung)
+    figure.suptitle(
+        f"{known.campaign or 'campaign unknown'}, run {known.run}   [{stamp}]",
+        fontsize=10,
+        color=_INK,
+        x=0.01,
+        ha="left",
+    )
+    if seen:
+        patches = [
+            Patch(color=_SHADES[phase], label=phase.name.lower().replace("_", "-"))
+            for phase in sorted(seen)
+        ]
+        figure.legend(handles=patches, loc="outside lower right", ncols=len(patches), fontsize=7)
+    figure.savefig(path, dpi=140)
+    return path

@@ -1,0 +1,87 @@
+"""Names and phrases that pictures and pages share."""
+
+import math
+
+from rig.safety import Reason
+
+POWER_NAMES = {
+    "mechanical_1": "mechanical (column load cell)",
+    "mechanical_2": "mechanical (shaft torque sensor)",
+    "ac": "electrical AC",
+    "dc": "electrical DC",
+}
+
+SHORT_NAMES = {
+    "mechanical_1": "mechanical",
+    "mechanical_2": "mechanical (shaft)",
+    "ac": "electrical AC",
+    "dc": "electrical DC",
+}
+
+_RUNGS = {
+    "batch": "BATCH: simulated plant, no clock",
+    "rehearsal": "REHEARSAL: simulated plant",
+    "hil": "HIL: emulated devices on real wires",
+    "hardware": "HARDWARE",
+}
+
+REASONS = {
+    Reason.NONE: "no reason recorded",
+    Reason.PLAN_END: "the plan was walked to its end",
+    Reason.OPERATOR_STOP: "the operator stopped the run",
+    Reason.OPERATOR_ABORT: "the operator aborted the run (power off at once)",
+    Reason.SUPERVISOR_LOST: "the supervisor was gone",
+    Reason.LOGGER_LOST: "the logger was gone and could not be started again",
+    Reason.NOT_FINITE: "a value was NaN or infinite",
+    Reason.STALE_ENCODER: "the encoder's value was too old",
+    Reason.STALE_DRIVE: "the drive's values were too old",
+    Reason.STALE_LOAD_CELL: "the load cells' values were too old",
+    Reason.STALE_ANALYSER: "the power analyser's values were too old",
+    Reason.STALE_STATOR: "the stator's position was too old",
+    Reason.LOST_TICKS: "too many ticks were lost in one gap",
+    Reason.DRIVE_FAULT: "the drive reported a fault",
+    Reason.DRIVE_DROPPED: "the drive switched its power off by itself",
+    Reason.DRIVE_NOT_ON: "the drive did not come up in time",
+    Reason.POSITION: "the position limit was reached",
+    Reason.VELOCITY: "the velocity limit was reached",
+    Reason.ROTOR_TRAVEL: "the magnetic spring's rotor reached its travel limit",
+    Reason.POSITION_DISAGREES: "encoder and string pot disagreed",
+    Reason.STATOR_LATE: "the stator (or the drive) was not ready in time",
+    Reason.NOT_CALM: "the body moved during the tare",
+    Reason.EXCEPTION: "the loop's own code failed",
+}
+
+
+def rung_stamp(rung: str) -> str:
+    """What every picture says about who played the plant."""
+    return _RUNGS.get(rung, rung.upper() if rung else "RUNG NOT RECORDED")
+
+
+def reason_words(reason: str) -> str:
+    """A stop reason, given by name, in plain words; an unknown one as it is."""
+    try:
+        return REASONS[Reason[reason]]
+    except KeyError:
+        return reason or REASONS[Reason.NONE]
+
+
+def signed(value: float, digits: int = 0) -> str:
+    """A number with its sign and a true minus; zero has no sign."""
+    text = f"{value:+.{digits}f}"
+    if float(text) == 0.0:
+        return text[1:]
+    return text.replace("-", "\N{MINUS SIGN}")
+
+
+def watts(value: float, error: float = float("nan")) -> str:
+    """A power with its standard error where that is known, W."""
+    digits = 1 if abs(value) < 100.0 else 0
+    text = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+    if math.isfinite(error):
+        text += f" ± {error:.{max(digits, 1)}f}"
+    return f"{text} W"
+
+
+def spring_words(rate: float, stator: float) -> str:
+    """Spring rate and stator position of a panel's title."""
+    return f"spring {signed(rate)} N/m, stator {signed(stator)} %"

@@ -1,0 +1,180 @@
+"""One campaign, from its checked file to its products: what `rig run` does."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from types import FrameType
+from typing import NamedTuple, Protocol
+
+from rig import provenance, run_folder, safety
+from rig.assemble import wavebot_params
+from rig.campaign import Campaign, Plan, resolved
+from rig.config.sea import RegularSea
+from rig.rehearsal import job
+from rig.runs import join
+from rig.runs.folder import files
+from rig.supervisor import Outcome, Run, Setup, Snapshot
+from rig.wavebot import KIND
+
+RUNG = "rehearsal"
+ATTACHED = ("config.json", "plan.json", "code.json", "host.json")
+
+
+class View(Protocol):
+    """Who draws the run."""
+
+    notice: str  # what was asked of the run, e.g. after Ctrl-C
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        """Draw the run as it stands."""
+        ...
+
+
+class Ended(NamedTuple):
+    """A run that has ended."""
+
+    folder: Path
+    outcome: Outcome
+
+
+def rehearse(
+    campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clock: bool
+) -> Ended:
+    """Rehearse a campaign on the simulated plant; raises BusyError when the real clock is taken.
+
+    Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
+    measured so far is kept.
+    """
+    started = datetime.now(UTC)
+    folder = run_folder.make(runs, campaign.file.name, started)
+    lock = run_folder.hold_realtime(folder.name) if real_clock else None
+    _write_start(folder, campaign, plan)
+    run = Run(
+        Setup(
+            campaign.rig.kind,
+            KIND,
+            wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints),
+            "rig.rehearsal",
+            job.devices_of(campaign),
+            plan.dt,
+            real_clock,
+            campaign.rig.realtime == "required" and real_clock,
+            folder,
+            ATTACHED,
+            RUNG,
+        )
+    )
+    with _interrupts(run, view):
+        outcome = run.supervise(view)
+    _join_parts(folder)
+    ended = datetime.now(UTC)
+    run_folder.write_json(
+        folder,
+        run_folder.STATUS,
+        {
+            "run": folder.name,
+            "status": outcome.status,
+            "reason": outcome.reason,
+            "rung": RUNG,
+            "campaign": campaign.file.name,
+            "rows_planned": len(plan.rows),
+            "ticks": outcome.ticks,
+            "skipped": outcome.skipped,
+            "dropped_rows": outcome.dropped,
+            "unsaved_rows": outcome.unsaved,
+            "logger_restarts": outcome.logger_restarts,
+            "started_utc": started.isoformat(),
+            "ended_utc": ended.isoformat(),
+        },
+    )
+    if lock is not None:
+        lock.close()
+    return Ended(folder, outcome)
+
+
+def _write_start(folder: Path, campaign: Campaign, plan: Plan) -> None:
+    (folder / "config.json").write_text(resolved(campaign) + "\n")
+    sea = campaign.file.sea
+    run_folder.write_json(
+        folder,
+        "plan.json",
+        {
+            "dt": plan.dt,
+            "rows": [
+                {
+                    "row": r.row,
+                    "point": r.point,
+                    "repetition": r.repetition,
+                    "spring_rate": r.spring_rate,
+                    "stator": r.stator_position,
+                    "kp": r.kp,
+                    "ki": r.ki,
+                    "periods": r.periods,
+                    "measure_s": r.measure,
+                }
+                for r in plan.rows
+            ],
+            "repeat_s": _wave_period(campaign),
+            "sea": sea.model_dump(mode="json") | {"words": sea.words()},
+            "spring_moves": plan.spring_moves,
+            "duration_s": plan.duration,
+        },
+    )
+    run_folder.write_json(folder, "code.json", provenance.code())
+    run_folder.write_json(folder, "host.json", provenance.host())
+    run_folder.write_json(
+        folder,
+        run_folder.STATUS,
+        {
+            "run": folder.name,
+            "status": "running",
+            "rung": RUNG,
+            "campaign": campaign.file.name,
+            "rows_planned": len(plan.rows),
+            "started_utc": datetime.now(UTC).isoformat(),
+        },
+    )
+
+
+def _wave_period(campaign: Campaign) -> float | None:
+    """What one whole wave period is for the standard error (s); None in calm water."""
+    sea = campaign.file.sea
+    if isinstance(sea, RegularSea):
+        return sea.period
+    repeat: float | None = getattr(sea, "repeat", None)
+    return repeat
+
+
+def _join_parts(folder: Path) -> None:
+    """One file out of what killed loggers left; the parts stay if they cannot be joined."""
+    parts = files(folder)
+    if len(parts) == 1 and parts[0].name == run_folder.MCAP:
+        return
+    join(parts, folder / run_folder.MCAP)
+    for part in parts:
+        part.unlink()
+
+
+@contextmanager
+def _interrupts(run: Run, view: View) -> Iterator[None]:
+    """Ctrl-C and termination become requests while this is open."""
+    count = 0
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal count
+        count += 1
+        if count == 1:
+            run.ask(safety.REQUEST_STOP)
+            view.notice = "stopping: damping, then power off (Ctrl-C again: off at once)"
+        else:
+            run.ask(safety.REQUEST_ABORT)
+            view.notice = "power off; saving what was measured"
+
+    before = {n: signal.signal(n, interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

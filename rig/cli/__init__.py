@@ -1,0 +1,91 @@
+"""The command line: one file a command; heavy imports happen inside the commands."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    name="rig",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Run wave-energy test rigs: campaigns, rehearsals, and what comes out of them.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
+RUNS = Path("runs")
+
+OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
+
+_CODES = """Exit codes: 0 complete; 1 failed; 2 bad input; 3 stopped by the operator; 4 the rig
+tripped; 5 a process died or rows were lost."""
+
+
+@app.command(epilog=_CODES)
+def run(
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")],
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
+    ] = False,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Run a campaign: rehearse it on the simulated plant and make its power surfaces."""
+    from rig.cli.run import main
+
+    sys.exit(main(campaign, runs, realtime=realtime, as_json=json))
+
+
+@app.command()
+def check(
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")], json: Json = False
+) -> None:
+    """Say everything that is wrong with a campaign, or what it will do and how long it takes."""
+    from rig.cli.check import main
+
+    sys.exit(main(campaign, as_json=json))
+
+
+@app.command("runs")
+def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
+    """List the runs there are, newest first."""
+    from rig.cli.runs import main
+
+    sys.exit(main(runs, as_json=json))
+
+
+@app.command()
+def show(
+    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Show what a run was and what came out of it."""
+    from rig.cli.show import main
+
+    sys.exit(main(run, runs, as_json=json))
+
+
+@app.command()
+def plot(
+    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    fields: Annotated[
+        list[str] | None,
+        typer.Option("--field", "-f", help="Log field or pattern to draw over time; repeatable."),
+    ] = None,
+    rows: Annotated[
+        list[int] | None, typer.Option("--row", "-r", help="Only this campaign row; repeatable.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Draw a run again: its surfaces and summary, or log fields over time."""
+    from rig.cli.plot import main
+
+    sys.exit(main(run, runs, fields or [], rows or [], output, as_json=json))

@@ -1,0 +1,28 @@
+"""Which run a person means."""
+
+from pathlib import Path
+
+from rig.runs import RunError
+
+
+def find_run(named: Path, runs: Path) -> Path:
+    """A folder or file by its path, a run of ``runs`` by its id or its unique beginning, or 'last'.
+
+    Raises RunError saying what there is.
+    """
+    if named.exists():
+        return named
+    known = sorted(path for path in runs.glob("*") if path.is_dir()) if runs.is_dir() else []
+    if str(named) == "last" and known:
+        return max(known, key=lambda path: path.stat().st_mtime)
+    matches = [path for path in known if path.name.startswith(str(named))]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise RunError(f"{named}: {len(matches)} runs begin so: {_names(matches)}")
+    there = _names(known[-5:]) if known else "none"
+    raise RunError(f"{named}: no such run in {runs}/; the newest there: {there}")
+
+
+def _names(paths: list[Path]) -> str:
+    return ", ".join(path.name for path in paths)

@@ -1,0 +1,79 @@
+"""Whatever stands in a file, the answer is a model or a list of problems, never another error."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel
+
+from rig.config import CampaignFile, ConfigError, LimitsFile, RigFile, load, load_mapping
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SHIPPED: tuple[tuple[type[BaseModel], str], ...] = (
+    (CampaignFile, "campaigns/default.yaml"),
+    (CampaignFile, "campaigns/irregular.yaml"),
+    (CampaignFile, "campaigns/recorded.yaml"),
+    (CampaignFile, "campaigns/quick.yaml"),
+    (RigFile, "rigs/wavebot.yaml"),
+    (LimitsFile, "limits/wavebot.yaml"),
+)
+JUNK = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.just(10**400) | st.floats() | st.text(max_size=5)
+    | st.sampled_from(["kind", "from", "regular", "mask4", -999, 1e308]),
+    lambda inner: st.lists(inner, max_size=3)
+    | st.dictionaries(st.sampled_from(["kind", "from", "to", "step", "x"]), inner, max_size=3),
+    max_leaves=5,
+)  # fmt: skip
+
+
+def keys(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    parts = value.items() if isinstance(value, dict) else enumerate(value)
+    found = []
+    for key, inner in parts:
+        found.append((*at, key))
+        if isinstance(inner, (dict, list)):
+            found += keys(inner, (*at, key))
+    return found
+
+
+def refusal(attempt: Callable[[], object]) -> ConfigError | None:
+    try:
+        attempt()
+    except ConfigError as error:
+        return error
+    return None
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.data())
+def test_junk_anywhere_is_a_problem_on_a_line_of_the_file(
+    tmp_path_factory: Any, data: st.DataObject
+) -> None:
+    model, name = data.draw(st.sampled_from(SHIPPED))
+    mapping = json.loads(json.dumps(load_mapping(CONFIGS / name)[0]))
+    for _ in range(data.draw(st.integers(1, 3))):
+        *outer, last = data.draw(st.sampled_from(keys(mapping)))
+        inner = mapping
+        for part in outer:
+            inner = inner[part]
+        inner[last] = data.draw(JUNK)
+    path = tmp_path_factory.getbasetemp() / "junk.yaml"
+    text = json.dumps(mapping, indent=1).replace("NaN", ".nan").replace("Infinity", ".inf")
+    path.write_text(text)
+    told = refusal(lambda: load(path, model))
+    assert told is None or told.problems
+    for problem in told.problems if told is not None else ():
+        assert 1 <= problem.line <= text.count("\n") + 1
+        assert json.loads(json.dumps(problem.as_dict(), allow_nan=False))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.binary(max_size=40) | st.text(max_size=40).map(str.encode))
+def test_any_bytes_are_a_mapping_or_problems(tmp_path_factory: Any, content: bytes) -> None:
+    path = tmp_path_factory.getbasetemp() / "bytes.yaml"
+    path.write_bytes(content)
+    told = refusal(lambda: load_mapping(path))
+    assert told is None or told.problems

@@ -34,18 +34,19 @@ def start() -> State:
 
 def step(params: Params, state: State, counts: int, periods: int, dt: float) -> State:
     """Predict over ``periods`` ticks (1 unless ticks were lost), then correct with the counts."""
-    measured = counts * params.metres_per_count
-    if state.seeded == 0:
+    scale, gain_position, gain_velocity, gain_acceleration = params
+    x, v, a, seeded = state
+    measured = counts * scale
+    if seeded == 0:
         return State(measured, 0.0, 0.0, 1)
     span = periods * dt
-    a = state.acceleration
-    v = state.velocity + a * span
-    x = state.position + state.velocity * span + 0.5 * a * span * span
+    x = x + v * span + 0.5 * a * span * span
+    v = v + a * span
     residual = measured - x
     return State(
-        x + params.gain_position * residual,
-        v + params.gain_velocity * residual,
-        a + params.gain_acceleration * residual,
+        x + gain_position * residual,
+        v + gain_velocity * residual,
+        a + gain_acceleration * residual,
         1,
     )
 

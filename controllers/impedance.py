@@ -37,10 +37,12 @@ def step(
 
     A change of gains is bumpless: the force is continuous because gains and motion are.
     """
-    if state.kp.value == gains.kp and state.ki.value == gains.ki:  # the usual tick
-        force = gains.kp * estimate.velocity + gains.ki * estimate.position
-        return state, Demand(gains.kp, gains.ki, force)
-    kp = ramp_step(state.kp, gains.kp, params.ramp, dt)
-    ki = ramp_step(state.ki, gains.ki, params.ramp, dt)
-    force = kp.value * estimate.velocity + ki.value * estimate.position
+    wanted_kp, wanted_ki = gains
+    position, velocity, _ = estimate
+    kp, ki = state
+    if kp.value == wanted_kp and ki.value == wanted_ki:  # the usual tick
+        return state, Demand(wanted_kp, wanted_ki, wanted_kp * velocity + wanted_ki * position)
+    kp = ramp_step(kp, wanted_kp, params.ramp, dt)
+    ki = ramp_step(ki, wanted_ki, params.ramp, dt)
+    force = kp.value * velocity + ki.value * position
     return State(kp, ki), Demand(kp.value, ki.value, force)

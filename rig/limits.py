@@ -66,29 +66,31 @@ def check_axis(
     limits: AxisLimits, state: AxisState, sense: AxisSense, motion: Estimate, mode: int
 ) -> int:
     """The first reason to trip on this axis, worst first, or Reason.NONE."""
+    _, encoder_age, current, enabled, fault, drive_age = sense
+    position, velocity, acceleration = motion
     # One sum instead of many tests: it is finite only if every term is.
-    total = sense.current + sense.encoder_age + sense.drive_age
-    total = total + motion.position + motion.velocity + motion.acceleration
+    total = current + encoder_age + drive_age + position + velocity + acceleration
     if state.absurd == 1 or not finite(total):
         return Reason.NOT_FINITE.value
-    if sense.encoder_age > limits.encoder_age_stop:
+    if encoder_age > limits.encoder_age_stop:
         return Reason.STALE_ENCODER.value
-    if sense.drive_age > limits.drive_age_stop:
+    if drive_age > limits.drive_age_stop:
         return Reason.STALE_DRIVE.value
-    if sense.fault != 0:
+    if fault != 0:
         return Reason.DRIVE_FAULT.value
-    if sense.enabled == 0 and RUN <= mode <= STOP_1:
+    if enabled == 0 and RUN <= mode <= STOP_1:
         return Reason.DRIVE_DROPPED.value
-    if magnitude(motion.position) > limits.position_stop:
+    if position > limits.position_stop or position < -limits.position_stop:
         return Reason.POSITION.value
-    if magnitude(motion.velocity) > limits.velocity_stop:
+    if velocity > limits.velocity_stop or velocity < -limits.velocity_stop:
         return Reason.VELOCITY.value
     return FINE
 
 
 def warn_axis(limits: AxisLimits, motion: Estimate) -> int:
     """The set of `Warned` flags of this axis."""
-    if magnitude(motion.position) > limits.position_warn:
+    position, bound = motion.position, limits.position_warn
+    if position > bound or position < -bound:
         return Warned.POSITION.value
     return 0
 
@@ -102,31 +104,34 @@ def grant(
     STOP_0 remove force and power in this very tick. A demand that is not finite is granted as
     nothing, and trips in the next tick.
     """
+    granted, mean_square, _ = state
     decay = dt / limits.current_rms_time
-    cooled = state.mean_square - decay * state.mean_square
     if not RUN <= mode <= STOP_1:
         enable = 1 if mode == ENABLING else 0
         limited = 0 if demand == 0.0 else Limited.MODE.value
+        cooled = mean_square - decay * mean_square
         return AxisState(0.0, cooled, 0), AxisCommand(0.0, 0.0, enable, limited)
     if not finite(demand):
+        cooled = mean_square - decay * mean_square
         return AxisState(0.0, cooled, 1), AxisCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
     limited = 0
     force = demand
-    ceiling = limits.current_peak * limits.newtons_per_ampere
-    spent = state.mean_square >= limits.current_rms * limits.current_rms
+    scale = limits.newtons_per_ampere
+    ceiling = limits.current_peak * scale
+    spent = mean_square >= limits.current_rms * limits.current_rms
     if spent:
-        ceiling = limits.current_rms * limits.newtons_per_ampere
-    if magnitude(force) > ceiling:
+        ceiling = limits.current_rms * scale
+    if force > ceiling or force < -ceiling:
         force = ceiling if force > 0.0 else -ceiling
         limited = (Limited.CURRENT_RMS if spent else Limited.CURRENT_PEAK).value
     # Last, so that the force does not jump when the current folds back from peak to continuous.
     step = limits.force_slew * dt
-    if force > state.force + step:
-        force = state.force + step
+    if force > granted + step:
+        force = granted + step
         limited = limited | Limited.SLEW.value
-    elif force < state.force - step:
-        force = state.force - step
+    elif force < granted - step:
+        force = granted - step
         limited = limited | Limited.SLEW.value
-    current = force / limits.newtons_per_ampere
-    mean_square = state.mean_square + decay * (current * current - state.mean_square)
+    current = force / scale
+    mean_square = mean_square + decay * (current * current - mean_square)
     return AxisState(force, mean_square, 0), AxisCommand(force, current, 1, limited)

@@ -34,27 +34,13 @@ def step(
     """Power in this tick from tared forces on the body (N), velocity (m/s) and the analyser (W)."""
     mechanical_1 = lcb * velocity
     mechanical_2 = trs * velocity
+    _, _, _, _, mean_1, mean_ac, mean_dc, samples = before
     if phase == MEASURE:
-        n = before.samples + 1
-        return Power(
-            mechanical_1,
-            mechanical_2,
-            ac,
-            dc,
-            before.mean_mechanical_1 + (mechanical_1 - before.mean_mechanical_1) / n,
-            before.mean_ac + (ac - before.mean_ac) / n,
-            before.mean_dc + (dc - before.mean_dc) / n,
-            n,
-        )
-    if phase == TAIL:  # the row's result stays readable until the next row
-        return Power(
-            mechanical_1,
-            mechanical_2,
-            ac,
-            dc,
-            before.mean_mechanical_1,
-            before.mean_ac,
-            before.mean_dc,
-            before.samples,
-        )
-    return Power(mechanical_1, mechanical_2, ac, dc, 0.0, 0.0, 0.0, 0)
+        samples = samples + 1
+        mean_1 = mean_1 + (mechanical_1 - mean_1) / samples
+        mean_ac = mean_ac + (ac - mean_ac) / samples
+        mean_dc = mean_dc + (dc - mean_dc) / samples
+    elif phase != TAIL:  # in the tail the row's result stays readable
+        mean_1 = mean_ac = mean_dc = 0.0
+        samples = 0
+    return Power(mechanical_1, mechanical_2, ac, dc, mean_1, mean_ac, mean_dc, samples)

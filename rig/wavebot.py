@@ -142,34 +142,33 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
 
 
 def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int) -> int:
-    """The first reason to trip, those that allow no controlled stop before others, or NONE."""
+    """The first reason to trip, or Reason.NONE."""
+    heave, load, spring, meter, _ = sense
     motion = seen.motion
-    reason = limits.check_axis(params.heave.limits, state.heave.limits, sense.heave, motion, mode)
-    if reason != FINE and CATEGORY[reason] == 0:
+    reason = limits.check_axis(params.heave.limits, state.heave.limits, heave, motion, mode)
+    if reason != FINE:
         return reason
-    bounds, load, spring, meter = params.limits, sense.load, sense.spring, sense.power
-    # One sum instead of ten tests: it is finite only if every term is.
-    total = load.lcb + load.trs + load.string_pot + load.rotor_angle + load.age
-    total = total + spring.position + spring.age
-    total = total + meter.ac + meter.dc + meter.bus_voltage + meter.age
-    if not finite(total):
+    lcb, trs, string_pot, rotor_angle, load_age = load
+    stator, _, stator_age = spring
+    ac, dc, bus_voltage, meter_age = meter
+    # One sum instead of many tests: it is finite only if every term is.
+    total = lcb + trs + string_pot + rotor_angle + load_age + stator + stator_age
+    if not finite(total + ac + dc + bus_voltage + meter_age):
         return Reason.NOT_FINITE.value
-    stale = load.age > bounds.load_cell_age_stop
-    zero = state.tare.zeros.string_pot if state.tare.seeded == 1 else load.string_pot
-    gap = magnitude(load.string_pot - zero - motion.position)
-    if not stale and gap > bounds.string_pot_difference_stop:
-        return Reason.POSITION_DISAGREES.value
-    if reason != FINE:  # damping works on the encoder's word: only now is it believed
-        return reason
-    if stale:
+    bounds = params.limits
+    if load_age > bounds.load_cell_age_stop:
         return Reason.STALE_LOAD_CELL.value
-    if meter.age > bounds.analyser_age_stop:
+    if meter_age > bounds.analyser_age_stop:
         return Reason.STALE_ANALYSER.value
-    if spring.age > bounds.stator_age_stop:
+    if stator_age > bounds.stator_age_stop:
         return Reason.STALE_STATOR.value
-    if magnitude(load.rotor_angle * bounds.metres_per_radian) > bounds.rotor_travel_stop:
+    if magnitude(rotor_angle * bounds.metres_per_radian) > bounds.rotor_travel_stop:
         return Reason.ROTOR_TRAVEL.value
-    if tare.span(state.tare) > bounds.tare_span_stop:
+    tared = state.tare
+    zero = tared.zeros.string_pot if tared.seeded == 1 else string_pot
+    if magnitude(string_pot - zero - motion.position) > bounds.string_pot_difference_stop:
+        return Reason.POSITION_DISAGREES.value
+    if tared.highest - tared.lowest > bounds.tare_span_stop:
         return Reason.NOT_CALM.value
     return FINE
 
@@ -200,19 +199,14 @@ def control(
     # The stator stays put in a stop, and is not moved before the tare is over.
     move = 1 if now.phase != TARE and now.mode <= RUN else 0
     spring = magnetic_spring.step(params.spring, state.spring, table.spring_rate[i], move)
-    load = sense.load
-    raw = tare.Raw(seen.estimator.position, load.string_pot, load.lcb, load.trs)
-    tared = tare.step(state.tare, raw, now.phase)
+    load, meter = sense.load, sense.power
+    tared = state.tare
+    if now.phase == TARE or tared.samples > 0 or tared.seeded == 0:
+        raw = tare.Raw(seen.estimator.position, load.string_pot, load.lcb, load.trs)
+        tared = tare.step(tared, raw, now.phase)
     zeros = tared.zeros
-    spent = power.step(
-        state.power,
-        load.lcb - zeros.lcb,
-        load.trs - zeros.trs,
-        motion.velocity,
-        sense.power.ac,
-        sense.power.dc,
-        now.phase,
-    )
+    lcb, trs = load.lcb - zeros.lcb, load.trs - zeros.trs
+    spent = power.step(state.power, lcb, trs, motion.velocity, meter.ac, meter.dc, now.phase)
     words = axis.Record(sense.heave, motion, demand, command), spent, zeros
     sent = Command(command, spring.command, now.waves)
     return State(heave, spring, tared, spent), sent, words

@@ -23,7 +23,7 @@ from sim_plant.units import (
 from sim_plant.wavebot import Actuation, Readings
 from sim_plant.waves import Sea, tables
 
-__all__ = ["Actuation", "Readings", "Truth", "World"]
+__all__ = ["Actuation", "Readings", "Stepper", "Truth", "World"]
 
 OFF = Actuation(0.0, 0, 0.0, 0, 0)
 
@@ -46,6 +46,37 @@ class Truth(NamedTuple):
     wave_clock: Second  # since the trigger's last rising edge; 0 before the first
 
 
+class Stepper:
+    """Moves the plant's state by one tick and samples its sensors; interpreted."""
+
+    def __init__(
+        self, params: wavebot.WaveBotParams, state: wavebot.WaveBotState, normals: list[float]
+    ) -> None:
+        self.params = params
+        self.state = state
+        self._normals = normals
+
+    def advance(
+        self,
+        actuation: Actuation,
+        fresh: int,
+        excitation_now: Newton,
+        excitation_next: Newton,
+        tick: int,
+        elevation: Metre,
+        dt: Second,
+    ) -> Readings:
+        """Step to ``tick`` and give what the sensors read there."""
+        self.state = state = wavebot.step(
+            self.params, self.state, actuation, fresh, excitation_now, excitation_next, dt
+        )
+        return wavebot.sample(self.params, state, tick, elevation, self._normals)
+
+    def readings(self, tick: int, elevation: Metre) -> Readings:
+        """Give what the sensors read at the present state."""
+        return wavebot.sample(self.params, self.state, tick, elevation, self._normals)
+
+
 class World:
     """A WaveBot in heave.
 
@@ -54,8 +85,20 @@ class World:
     has a delay of delay_ticks dt + dt/2 (hold) + the current loop's time constant.
     """
 
-    def __init__(self, plant: Plant, sea: Sea, bem: Bem, *, dt: float, seed: int) -> None:
-        """Raises ValueError if the sea's repeat period is no whole number of dt, or dt > 5 ms."""
+    def __init__(
+        self,
+        plant: Plant,
+        sea: Sea,
+        bem: Bem,
+        *,
+        dt: float,
+        seed: int,
+        stepper: type[Stepper] = Stepper,
+    ) -> None:
+        """Raises ValueError if the sea's repeat period is no whole number of dt, or dt > 5 ms.
+
+        ``stepper`` may be another execution of the same step, equal to the bit.
+        """
         if not 0.0 < dt <= 0.005:
             raise ValueError(f"dt must be in (0, 0.005] s, got {dt}")
         table = tables(sea, bem, dt)
@@ -68,9 +111,8 @@ class World:
         self._ramp = float(plant.waves.onset.value)
         self._ramp_ticks = math.ceil(self._ramp / dt)
         normals = np.random.default_rng(seed).standard_normal(NORMALS)
-        self._normals: list[float] = normals.tolist()
-        start = plant.stator.start.value
-        self._state = wavebot.initial(self.params, float(start), 0.0)
+        start = wavebot.initial(self.params, float(plant.stator.start.value), 0.0)
+        self._stepper = stepper(self.params, start, normals.tolist())
         self._actuation = OFF
         self._fresh = 0
         self._tick = 0
@@ -78,7 +120,7 @@ class World:
         self._wave_clock = 0.0
         self._excitation = 0.0
         self._elevation = 0.0
-        first = wavebot.sample(self.params, self._state, 0, 0.0, self._normals)
+        first = self._stepper.readings(0, 0.0)
         delay = plant.sensors.delay_ticks.value
         self._line: deque[Readings] = deque([first] * (delay + 1), maxlen=delay + 1)
 
@@ -104,12 +146,10 @@ class World:
                 onset = wavebot.wave_ramp(wave_tick * dt, self._ramp)
                 elevation, after = onset * elevation, onset * after
             self._elevation, self._excitation = elevation, after
-        params = self.params
-        self._state = state = wavebot.step(
-            params, self._state, self._actuation, self._fresh, now, after, dt
+        self._line.append(
+            self._stepper.advance(self._actuation, self._fresh, now, after, tick, elevation, dt)
         )
         self._fresh = 0
-        self._line.append(wavebot.sample(params, state, tick, elevation, self._normals))
 
     def readings(self) -> Readings:
         """Give the values sampled delay_ticks ago."""
@@ -117,7 +157,7 @@ class World:
 
     def truth(self) -> Truth:
         """Give the true motion and forces now, for tests and comparison with estimates."""
-        params, state = self.params, self._state
+        params, state = self.params, self._stepper.state
         motor = pto.motor_force(params.pto, state.drive.current)
         applied = self._excitation + motor + state.passive
         return Truth(
@@ -138,7 +178,8 @@ class World:
 
     def release(self, position: Metre) -> None:
         """Hold the body at a heave position (m) and let it go: start of a free decay."""
-        self._state = wavebot.initial(self.params, self._state.stator.position, position)
+        stator = self._stepper.state.stator.position
+        self._stepper.state = wavebot.initial(self.params, stator, position)
 
     def _switch_waves(self, trigger: int) -> None:
         """Start the waves at t = 0 of their clock, or still the water at once."""

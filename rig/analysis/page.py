@@ -91,7 +91,7 @@ def _table(figure: Figure, summary: Summary, top: float) -> float:
     """The optima; returns the page height below it."""
     _heading(figure, _LEFT, top, "Most power absorbed, by station and spring rate")
     heads = ("station", "mean power", "spring", "stator", "Kp", "Ki", "")
-    units = ("", "W (negative: absorbed)", "N/m", "%", "N·s/m", "N/m", "")
+    units = ("", "negative is absorbed", "N/m", "%", "N·s/m", "N/m", "")
     sides = ("left", "right", "right", "right", "right", "right", "left")
     places = (_LEFT, 0.465, 0.57, 0.65, 0.74, 0.83, 0.85)
     y = top - 0.019
@@ -160,7 +160,7 @@ def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) 
     bands: Any = figure.subfigures(
         3, 3, height_ratios=[1.0 - top, top - bottom, bottom], width_ratios=[0.04, 0.92, 0.04]
     )
-    surfaces.draw(bands[1, 1], table)
+    surfaces.draw(bands[1, 1], table, compact=springs > 2)
 
 
 def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Path]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rig.analysis.page import write_page
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
-from rig.analysis.summary import summarise, write_texts
+from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import write_surfaces
 from rig.runs import mcap_file
 from rig.runs.folder import facts, files
@@ -16,6 +16,13 @@ def _unfinished(contents: list[mcap_file.Contents]) -> str:
     torn = sum(each.unread for each in contents)
     said = f", {torn} torn bytes at its end" if torn else ""
     return f"the record was not finished by its writer{said}; run `rig recover` to close it"
+
+
+def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> Summary:
+    """The summary of a run, worked out from its record; RunError if that cannot be read."""
+    contents = [mcap_file.scan(path) for path in files(run)]
+    table = row_table(run, mean_position_alarm)
+    return summarise(table, facts(run, contents), _unfinished(contents))
 
 
 def write_products(

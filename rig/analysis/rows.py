@@ -179,7 +179,7 @@ def row_table(
     ]
     for entry in table:
         far = abs(entry["position_mean"]) > mean_position_alarm
-        entry["position_alarm"] = int(far)
+        entry["position_alarm"] = int(far and entry["state"] == COMPLETE)
     _repeat_errors(table)
     out = _dataset(table, known, period)
     return out.assign_attrs(mean_position_alarm_m=mean_position_alarm)

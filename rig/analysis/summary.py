@@ -19,6 +19,7 @@ ENDINGS = {
     "crashed": "Crashed",
 }
 NO_END = "No end recorded"
+NO_REASON = "the record just stops: power cut, killed processes, or a run that still goes on"
 
 
 class Summary(NamedTuple):
@@ -147,11 +148,11 @@ def summarise(table: xarray.Dataset, known: Facts, unfinished: str = "") -> Summ
         sea=_sea(known.plan),
         rig=_name(known.config, "rig") or "not recorded",
         host=str(known.host.get("hostname") or known.host.get("name") or "not recorded"),
-        started_utc=str(status.get("started_utc") or "not recorded"),
+        started_utc=known.started_utc or "not recorded",
         ended_utc=str(status.get("ended_utc") or "not recorded"),
         code=_code(known.code),
         ending=ENDINGS.get(str(status.get("status")), NO_END),
-        reason=words.reason_words(str(status.get("reason") or "")),
+        reason=words.reason_words(str(status.get("reason") or "")) if status else NO_REASON,
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(optima(table)),

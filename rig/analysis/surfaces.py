@@ -17,7 +17,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
-from matplotlib.tri import LinearTriInterpolator, Triangulation
+from matplotlib.tri import LinearTriInterpolator, TriAnalyzer, Triangulation
 
 from rig.analysis import words
 from rig.analysis.points import Optimum, Point, by_spring, optima, points
@@ -27,14 +27,20 @@ COLOURS = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe fo
 MARK = "#d1495b"
 ZERO = "#ffb703"
 INK = "#22303c"
+_STEPS = [1, 2, 2.5, 5, 10]
+_SLIVER = 0.15  # least ratio of inner to outer circle; a grid cell's half has 0.41
 _FLAT = 1e-9  # relative extent below which points lie on one line
 
 
 def _scaled(group: list[Point]) -> Any:
-    """Gains on a unit box, so that neither unit decides who is whose neighbour. Shape (n, 2)."""
+    """Gains in units of their usual spacing: neither unit decides who is whose neighbour.
+
+    Shape (n, 2), Ki first.
+    """
     gains = np.array([(point.ki, point.kp) for point in group])
-    extent = np.ptp(gains, axis=0)
-    return (gains - gains.min(axis=0)) / np.where(extent > 0.0, extent, 1.0)
+    steps = [np.diff(np.unique(column)) for column in gains.T]
+    usual = [float(np.median(step)) if len(step) else 1.0 for step in steps]
+    return (gains - gains.min(axis=0)) / np.array(usual)
 
 
 def spans_surface(group: list[Point]) -> bool:
@@ -47,10 +53,20 @@ def spans_surface(group: list[Point]) -> bool:
 
 
 def triangulation(group: list[Point]) -> Triangulation:
-    """Neighbourhood of the measured points, x = Ki (N/m), y = Kp (N*s/m)."""
+    """Neighbourhood of the measured points, x = Ki (N/m), y = Kp (N*s/m).
+
+    Slivers along the border, which join points that are no neighbours (a grid that was left half
+    done), are masked.
+    """
     unit = _scaled(group)
-    triangles = Triangulation(unit[:, 0], unit[:, 1]).triangles
-    return Triangulation([p.ki for p in group], [p.kp for p in group], triangles)
+    mesh = Triangulation(unit[:, 0], unit[:, 1])
+    mask = TriAnalyzer(mesh).get_flat_tri_mask(_SLIVER, rescale=False)
+    return Triangulation(
+        [p.ki for p in group],
+        [p.kp for p in group],
+        mesh.triangles,
+        None if np.all(mask) else mask,
+    )
 
 
 def interpolator(group: list[Point], kind: str) -> LinearTriInterpolator:
@@ -85,82 +101,84 @@ def _surface(axes: Axes, group: list[Point], kind: str, levels: Any, norm: Norma
     axes.plot(x, y, "o", mfc="white", mec=INK, mew=0.6, ms=3, clip_on=False)
 
 
-def _line(axes: Axes, group: list[Point], kind: str) -> None:
+def _line(axes: Axes, group: list[Point], kind: str, best: Optimum) -> None:
     """Points on one line: power against the gain that varies most."""
     along = int(np.ptp([p.kp for p in group]) > np.ptp([p.ki for p in group]))
-    gain = sorted(group, key=lambda p: (p.ki, p.kp)[along])
-    x = [(p.ki, p.kp)[along] for p in gain]
-    y = [p.power[kind] for p in gain]
-    errors = np.nan_to_num([p.error[kind] for p in gain])
+    in_order = sorted(group, key=lambda p: (p.ki, p.kp)[along])
+    x = [(p.ki, p.kp)[along] for p in in_order]
+    y = [p.power[kind] for p in in_order]
+    errors = np.nan_to_num([p.error[kind] for p in in_order])
     axes.errorbar(x, y, yerr=errors, fmt="o-", color=INK, ms=3.5, lw=1.0, capsize=2)
+    _mark(axes, (best.point.ki, best.point.kp)[along], best.power)
     axes.set_xlabel(("Ki, N/m", "Kp, N·s/m")[along], fontsize=8)
     axes.set_ylabel("power, W", fontsize=8)
     axes.grid(alpha=0.3)
-    _note(axes, "points on one line: no surface")
 
 
-def _note(axes: Axes, text: str) -> None:
-    axes.text(
-        0.5,
-        0.03,
-        text,
-        transform=axes.transAxes,
-        ha="center",
-        fontsize=7,
-        style="italic",
-        color=INK,
-    )
+def _few(axes: Axes, group: list[Point], kind: str, norm: Normalize) -> None:
+    """One or two points, coloured by their power."""
+    x, y = [p.ki for p in group], [p.kp for p in group]
+    axes.scatter(x, y, c=COLOURS(norm([p.power[kind] for p in group])), s=150, ec=INK, lw=0.6)
+    axes.set_xlim(min(x) - 1000.0, max(x) + 1000.0)
+    axes.set_ylim(min(y) - 500.0, max(y) + 500.0)
 
 
-def _mark(axes: Axes, best: Optimum) -> None:
-    axes.plot(
-        best.point.ki, best.point.kp, "*", ms=13, mfc=MARK, mec="white", mew=0.9, clip_on=False
-    )
+def _mark(axes: Axes, x: float, y: float) -> None:
+    axes.plot(x, y, "*", ms=13, mfc=MARK, mec="white", mew=0.9, clip_on=False, zorder=5)
 
 
-def _caption(best: Optimum) -> str:
-    where = f"Kp {words.signed(best.point.kp)}, Ki {words.signed(best.point.ki)}"
-    edge = ", at the grid's edge" if best.at_edge else ""
-    return f"{words.watts(best.power, best.error)} at {where}{edge}"
+def _caption(best: Optimum, compact: bool, note: str) -> str:
+    value = words.watts(best.power, best.error)
+    if compact:  # the gains stand in the table above
+        return f"{value}; {note}" if note else value
+    where = f"{value} at Kp {words.signed(best.point.kp)}, Ki {words.signed(best.point.ki)}"
+    if note:
+        return f"{where}; {note}"
+    return f"{where}, at the grid's edge" if best.at_edge else where
 
 
 def _panel(
-    axes: Axes, group: list[Point], kind: str, best: Optimum | None, levels: Any, norm: Normalize
+    axes: Axes,
+    group: list[Point],
+    best: Optimum | None,
+    levels: Any,
+    compact: bool,
 ) -> None:
-    finite = [p for p in group if np.isfinite(p.power[kind])]
     axes.tick_params(labelsize=7, color="#8a949d")
     for side in axes.spines.values():
         side.set_color("#b8c0c7")
-    if not finite:
+    if best is None:
         axes.set_axis_off()
-        _note(axes, "no complete row")
+        axes.text(0.5, 0.5, "no value", transform=axes.transAxes, ha="center", color=INK)
         return
-    if best is not None:
-        axes.set_title(_caption(best), fontsize=7.5, color=MARK, pad=4)
-    if len(finite) >= 3 and not spans_surface(finite):
-        _line(axes, finite, kind)
-        return
-    if spans_surface(finite):
-        _surface(axes, finite, kind, levels, norm)
-    else:
-        colours = COLOURS(norm([p.power[kind] for p in finite]))
-        axes.scatter([p.ki for p in finite], [p.kp for p in finite], c=colours, s=60, ec=INK)
-        _note(axes, f"{len(finite)} point{'s' * (len(finite) > 1)}: no surface")
-    if best is not None:
-        _mark(axes, best)
-    axes.use_sticky_edges = False
-    axes.margins(0.05)
-    axes.xaxis.set_major_locator(MaxNLocator(5))
-    axes.yaxis.set_major_locator(MaxNLocator(6))
+    kind = best.kind
+    norm = Normalize(levels[0], levels[-1])
+    finite = [p for p in group if np.isfinite(p.power[kind])]
+    note = ""
     place = axes.get_subplotspec()
     if place is None or place.is_last_row():
         axes.set_xlabel("Ki, N/m", fontsize=8)
     if place is None or place.is_first_col():
         axes.set_ylabel("Kp, N·s/m", fontsize=8)
+    if spans_surface(finite):
+        _surface(axes, finite, kind, levels, norm)
+        _mark(axes, best.point.ki, best.point.kp)
+        axes.use_sticky_edges = False
+        axes.margins(0.05)
+    elif len(finite) >= 3:
+        _line(axes, finite, kind, best)
+        note = "points on one line"
+    else:
+        _few(axes, finite, kind, norm)
+        _mark(axes, best.point.ki, best.point.kp)
+        note = "1 point only" if len(finite) == 1 else "2 points only"
+    axes.xaxis.set_major_locator(MaxNLocator(3 if compact else 5, steps=_STEPS))
+    axes.yaxis.set_major_locator(MaxNLocator(5, steps=_STEPS))
+    axes.set_title(_caption(best, compact, note), fontsize=7.5, color=MARK, pad=4)
 
 
-def draw(figure: FigureBase, table: xarray.Dataset) -> None:
-    """Put the grid of surfaces into a figure or a part of one."""
+def draw(figure: FigureBase, table: xarray.Dataset, compact: bool = False) -> None:
+    """Put the grid of surfaces into a figure or a part of one; ``compact`` for narrow panels."""
     found = points(table)
     groups = by_spring(found)
     if not groups:
@@ -170,30 +188,34 @@ def draw(figure: FigureBase, table: xarray.Dataset) -> None:
     panels: Any = figure.subplots(len(KINDS), len(groups), squeeze=False)
     for i, kind in enumerate(KINDS):
         levels = _scale(found, kind)
-        norm = Normalize(levels[0], levels[-1]) if levels is not None else Normalize(0.0, 1.0)
-        for j, (rate, group) in enumerate(groups.items()):
-            _panel(panels[i, j], group, kind, best.get((kind, rate)), levels, norm)
+        for axes, (rate, group) in zip(panels[i], groups.items(), strict=True):
+            _panel(axes, group, best.get((kind, rate)), levels, compact)
             if i == 0:
-                panels[i, j].annotate(
-                    words.spring_words(rate, group[0].stator),
-                    (0.5, 1.0),
-                    xycoords="axes fraction",
-                    xytext=(0, 19),
-                    textcoords="offset points",
-                    ha="center",
-                    fontsize=9,
-                    fontweight="bold",
-                    color=INK,
-                )
+                _heading(axes, words.spring_words(rate, group[0].stator), compact)
+        if levels is None:
+            continue
+        norm = Normalize(levels[0], levels[-1])
         bar = figure.colorbar(
-            ScalarMappable(norm, COLOURS),
-            ax=panels[i].tolist(),
-            fraction=0.04,
-            pad=0.02,
+            ScalarMappable(norm, COLOURS), ax=panels[i].tolist(), fraction=0.04, pad=0.02
         )
         bar.set_label(f"{words.SHORT_NAMES[kind]}, W", fontsize=8)
         bar.ax.tick_params(labelsize=7)
         bar.outline.set_visible(False)
+
+
+def _heading(axes: Axes, text: str, compact: bool) -> None:
+    """A column's title, above the caption of its first panel."""
+    axes.annotate(
+        text,
+        (0.5, 1.0),
+        xycoords="axes fraction",
+        xytext=(0, 19),
+        textcoords="offset points",
+        ha="center",
+        fontsize=7.5 if compact else 9,
+        fontweight="bold",
+        color=INK,
+    )
 
 
 def write_surfaces(table: xarray.Dataset, path: Path) -> Path:

@@ -33,6 +33,7 @@ class Campaign(NamedTuple):
     """A campaign whose files passed every check that needs no plant."""
 
     file: CampaignFile
+    locate: Locate  # where each value of the campaign file stands
     rig: RigFile
     limits: LimitsFile
     plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
@@ -110,6 +111,7 @@ def open_campaign(path: Path) -> Campaign:
     assert found is not None
     return Campaign(
         campaign,
+        top.locate,
         rig,
         limits,
         plant_source.mapping,

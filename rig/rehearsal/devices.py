@@ -11,7 +11,7 @@ from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
 from sim_plant.waves import Sea
-from sim_plant.world import Actuation, World
+from sim_plant.world import Actuation, Stepper, World
 
 
 def build_sea(description: dict[str, Any]) -> Sea:
@@ -77,9 +77,20 @@ class PlantDevices:
         """Nothing to release."""
 
 
+def stepper(compiled: bool) -> type[Stepper]:
+    """The compiled step, or the interpreted one, which needs no compiler and gives the same."""
+    if not compiled:
+        return Stepper
+    from rig.rehearsal.compiled import CompiledStepper
+
+    return CompiledStepper
+
+
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:
     """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}."""
     plant = Plant.model_validate(config["plant"])
     sea, bem = build_sea(config["sea"]), read_bem(Path(config["bem"]))
-    world = World(plant, sea, bem, dt=dt, seed=config["seed"])
+    world = World(
+        plant, sea, bem, dt=dt, seed=config["seed"], stepper=stepper(config.get("compiled", True))
+    )
     return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)

@@ -30,7 +30,7 @@ def problems(campaign: Campaign) -> tuple[Problem, ...]:
     try:
         plant = Plant.model_validate(campaign.plant)
     except ValidationError as error:
-        return tuple(problems_from(error, locate))
+        return tuple(problems_from(error, locate, Plant))
     bem_file = locate.file(("bem",), plant.bem)
     try:
         bem = read_bem(bem_file)
@@ -39,8 +39,7 @@ def problems(campaign: Campaign) -> tuple[Problem, ...]:
     try:
         waves.tables(build_sea(_sea_of(campaign)), bem, 1.0 / campaign.rig.rate_hz)
     except ValueError as error:
-        first = campaign.files[0]
-        return (Problem(str(first.path), 1, "sea", campaign.file.sea.words(), str(error)),)
+        return (campaign.locate.problem(("sea",), campaign.file.sea.words(), str(error)),)
     return ()
 
 

@@ -1,0 +1,160 @@
+"""What one pure cycle costs: estimate, law, safety, limits and the row, no plant and no ring."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from array import array
+from pathlib import Path
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
+from benchmarks.support.result import Result, figure, quantile, ratios
+from rig import cycle
+from rig.wavebot import KIND
+
+MEAN_US = 20.0
+SHARE_OF_PERIOD = 0.2  # that the 99.9th percentile may take
+
+_NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+
+
+class _Point(NamedTuple):
+    a: float
+    b: float
+    c: float
+    d: float
+
+
+def reference_cost(times: int) -> float:
+    """Microseconds for 100 NamedTuples in plain Python: what hosts are compared by."""
+    hundred = range(100)
+    a, b, c, d = 1.0, 2.0, 3.0, 4.0
+    began = perf_counter_ns()
+    for _ in range(times):
+        for _ in hundred:
+            _Point(a, b, c, d)
+    return (perf_counter_ns() - began) / 1e3 / times
+
+
+def cycle_cost(recorded: Recorded) -> float:
+    """Mean microseconds of a cycle over the recorded ticks."""
+    step = cycle.make(KIND)
+    params, state, dt, timing = recorded.params, recorded.state, recorded.dt, _NO_TIMING
+    began = perf_counter_ns()
+    for tick, sense in enumerate(recorded.senses, recorded.first):
+        state, _, _ = step(params, state, sense, 0, tick, timing, 1, dt)
+    return (perf_counter_ns() - began) / 1e3 / len(recorded.senses)
+
+
+def cycle_costs(recorded: Recorded) -> list[float]:
+    """Microseconds of each single cycle, with the two looks at the clock taken off."""
+    step = cycle.make(KIND)
+    params, state, dt, timing = recorded.params, recorded.state, recorded.dt, _NO_TIMING
+    stamps = array("q", bytes(8 * len(recorded.senses)))
+    now = perf_counter_ns
+    for i, sense in enumerate(recorded.senses):
+        began = now()
+        state, _, _ = step(params, state, sense, 0, recorded.first + i, timing, 1, dt)
+        stamps[i] = now() - began
+    look = min(-(now() - now()) for _ in range(1000))  # what two looks at the clock cost
+    return [(stamp - look) / 1e3 for stamp in stamps]
+
+
+def repeats(recorded: Recorded) -> bool:
+    """Whether walking the recorded ticks again gives the same rows to the bit."""
+    step, state = cycle.make(KIND), recorded.state
+    for i, (sense, row) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
+        state, _, again = step(
+            recorded.params, state, sense, 0, recorded.first + i, _NO_TIMING, 1, recorded.dt
+        )
+        if again != row:
+            return False
+    return True
+
+
+class Blocks(NamedTuple):
+    """Alternating blocks; all in microseconds."""
+
+    mean: list[float]
+    p50: list[float]
+    p99: list[float]
+    p999: list[float]
+    reference: list[float]
+
+
+def alternate(recorded: Recorded, blocks: int) -> Blocks:
+    """Mean, reference and single cycles, block after block."""
+    found = Blocks([], [], [], [], [])
+    with quiet():
+        for _ in range(blocks):
+            found.mean.append(cycle_cost(recorded))
+            found.reference.append(reference_cost(max(1, len(recorded.senses) // 4)))
+            single = cycle_costs(recorded)
+            for into, share in ((found.p50, 0.5), (found.p99, 0.99), (found.p999, 0.999)):
+                into.append(quantile(single, share))
+    return found
+
+
+def on_the_real_clock(
+    campaign: Path, seconds: float, env: dict[str, str] | None = None
+) -> dict[str, Any]:
+    """A loop at its real rate, timed at its seams: the cycle after a sleep, caches gone cold."""
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.support.tick_process", campaign, "real", str(seconds)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **(env or {})},
+    )
+    if done.returncode != 0:
+        raise RuntimeError(done.stderr.strip().splitlines()[-1])
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
+def measure(short: bool) -> Result:
+    """Cycle cost, in blocks beside a fixed reference, and in a loop at its real rate."""
+    ticks, blocks, seconds, loops = (2000, 4, 2.0, 1) if short else (10_000, 20, 10.0, 5)
+    with tempfile.TemporaryDirectory() as scratch:
+        path = campaign_file(Path(scratch), 60.0)
+        recorded = record(path, ticks)
+        if not repeats(recorded):
+            raise RuntimeError("the cycle does not repeat its own rows")
+        found = alternate(recorded, blocks)
+        real = [on_the_real_clock(path, seconds) for _ in range(loops)]
+    period = recorded.dt * 1e6
+    bound = SHARE_OF_PERIOD * period
+    refused = sorted({why for one in real for why in one["refused"]})
+    return Result(
+        "cycle",
+        f"one pure cycle of a WaveBot in plain Python, of a period of {period:g} us",
+        f"{blocks} blocks of {ticks} cycles and of {ticks // 4} references, alternating; "
+        f"{loops} x {seconds:g} s on the real clock",
+        (
+            figure("mean", "us", found.mean, at_most=MEAN_US),
+            figure("p50", "us", found.p50),
+            figure("p99", "us", found.p99),
+            figure("p99.9", "us", found.p999, at_most=bound),
+            figure("100 NamedTuples (reference)", "us", found.reference),
+            figure("mean / reference", "ratio", ratios(found.mean, found.reference)),
+            *(
+                figure(
+                    f"{name}, in a loop at its real rate",
+                    "us",
+                    [one["us"]["cycle"][key] for one in real],
+                    at_most=limit,
+                )
+                for name, key, limit in (
+                    ("mean", "mean", None),
+                    ("p50", "p50", None),
+                    ("p99", "p99", None),
+                    ("p99.9", "p99.9", bound),
+                )
+            ),
+        ),
+        tuple(f"on the real clock not granted: {why}" for why in refused),
+    )

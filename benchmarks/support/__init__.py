@@ -1,0 +1,1 @@
+"""What the measurements share: results, host, recorded ticks, runs watched from outside."""

@@ -1,0 +1,63 @@
+"""The machine the figures come from, and how busy others kept it."""
+
+import os
+import platform
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig import provenance
+
+
+def facts() -> dict[str, Any]:
+    """Processor, cores, kernel, Python, memory, version of the code, and the date."""
+    host, code = provenance.host(), provenance.code()
+    return {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "processor": host["processor"],
+        "cores": len(os.sched_getaffinity(0)),
+        "kernel": host["kernel"],
+        "virtual_machine": "hypervisor" in _processor_flags(),
+        "python": platform.python_version(),
+        "memory_gib": round(host["memory_bytes"] / 2**30, 1),
+        "version": code["version"],
+        "git": code["git"][:12],
+        "dirty": code["dirty"],
+    }
+
+
+class Busy(NamedTuple):
+    """Processor time of the whole machine since it was started, in seconds."""
+
+    at: float
+    busy: float
+    stolen: float  # by other guests of the same host
+    ours: float  # of this process and its ended children
+
+    @staticmethod
+    def now() -> "Busy":
+        """The counters as they stand."""
+        words = Path("/proc/stat").read_text().splitlines()[0].split()[1:]
+        ticks = [int(word) / os.sysconf("SC_CLK_TCK") for word in words]
+        busy = sum(ticks[:3]) + sum(ticks[5:7])
+        used = os.times()
+        return Busy(time.monotonic(), busy, ticks[7], sum(used[:4]))
+
+
+def others(before: Busy, after: Busy) -> dict[str, float]:
+    """How many cores' worth of time went to other work on this machine and to other guests."""
+    elapsed = max(after.at - before.at, 0.001)
+    mine = after.ours - before.ours
+    return {
+        "other_work_cores": round(max(0.0, after.busy - before.busy - mine) / elapsed, 3),
+        "stolen_cores": round((after.stolen - before.stolen) / elapsed, 3),
+    }
+
+
+def _processor_flags() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return ""
+    return next((line for line in lines if line.startswith("flags")), "")

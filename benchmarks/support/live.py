@@ -1,0 +1,233 @@
+"""A run of its own, watched from outside: its processes, their memory and time, its ring.
+
+The ring is looked into through the supervisor's file descriptor, so nothing in the run knows that
+it is watched, and what was put into it can still be counted after every process of it was killed.
+"""
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from benchmarks.support.recorded import ROOT
+from rig.ring import Producer, Reader
+
+LOOP, LOGGER = "rig.rehearsal", "rig.logger"
+PATIENCE = 60.0  # s
+
+
+class Peek(NamedTuple):
+    """The newest tick, seen from outside."""
+
+    at: float  # s, monotonic clock
+    tick: int
+
+
+class TimeOutError(RuntimeError):
+    """Something that had to happen did not."""
+
+
+def wait_until(true: Callable[[], bool], what: str, every: float = 0.005) -> None:
+    """Poll until ``true()``; TimeOutError after a minute."""
+    end = time.monotonic() + PATIENCE
+    while not true():
+        if time.monotonic() > end:
+            raise TimeOutError(f"not within {PATIENCE:g} s: {what}")
+        time.sleep(every)
+
+
+def running(pid: int) -> bool:
+    """Whether a process is there and has not ended."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def child(parent: int, module: str) -> int | None:
+    """Process id of the child that runs ``python -m module``."""
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            stat = (entry / "stat").read_text().rsplit(")", 1)[1].split()
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if stat[0] != "Z" and int(stat[1]) == parent and module.encode() in words:
+            return int(entry.name)
+    return None
+
+
+def processor_time(pid: int) -> float | None:
+    """Seconds a process has spent on a core; None when it is gone."""
+    try:
+        return int(Path(f"/proc/{pid}/schedstat").read_text().split()[0]) / 1e9
+    except (OSError, IndexError):
+        return None
+
+
+def memory(pid: int) -> dict[str, int]:
+    """Resident bytes of a process: private, mapped from files, shared, and all."""
+    names = {"RssAnon": "private", "RssFile": "files", "RssShmem": "shared", "VmRSS": "all"}
+    found = {}
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        key, _, rest = line.partition(":")
+        if key in names:
+            found[names[key]] = int(rest.split()[0]) * 1024
+    return found
+
+
+def ring_of(pid: int) -> Reader | None:
+    """A bystander's end of the ring that a process holds, None while there is none."""
+    try:
+        for entry in Path(f"/proc/{pid}/fd").iterdir():
+            if "memfd:wec-rig-ring" in os.readlink(entry):
+                fd = os.open(entry, os.O_RDWR | os.O_CLOEXEC)
+                try:
+                    return Reader(fd)
+                finally:
+                    os.close(fd)
+    except (OSError, ValueError):  # ended, or not complete yet
+        return None
+    return None
+
+
+class LiveRun:
+    """A run in its own processes; everything it started has ended when the block is left."""
+
+    def __init__(
+        self, command: list[str], runs: Path, env: dict[str, str] | None = None
+    ) -> None:
+        runs.mkdir(parents=True, exist_ok=True)
+        self.runs = runs
+        self._words = (runs / "words.txt").open("w+")
+        self.began = time.monotonic()
+        self.process = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            stdout=self._words,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, **(env or {})},
+        )
+        self._ring: Reader | None = None
+        self._known: set[int] = set()
+
+    def __enter__(self) -> "LiveRun":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._know()
+        for pid in (*self._known, self.process.pid):
+            if running(pid):
+                os.kill(pid, signal.SIGKILL)
+        self.process.wait()
+        self._words.close()
+
+    @property
+    def ring(self) -> Reader:
+        """The run's ring."""
+        if self._ring is None:
+            wait_until(self._look, f"a ring of rows ({self.said()})")
+        assert self._ring is not None
+        return self._ring
+
+    def _look(self) -> bool:
+        if self.process.poll() is not None:
+            raise TimeOutError(f"the run ended at once: {self.said()}")
+        self._ring = ring_of(self.process.pid)
+        return self._ring is not None
+
+    def wait_started(self) -> Peek:
+        """Wait for the first tick."""
+
+        def started() -> bool:
+            if self.process.poll() is not None and self.ring.head == 0:
+                raise TimeOutError(f"the run ended without a tick: {self.said()}")
+            return self.ring.head > 0
+
+        wait_until(started, "the first tick", every=0.002)
+        self._know()
+        return self.peek()
+
+    def peek(self) -> Peek:
+        """The newest tick."""
+        newest = self.ring.latest()
+        assert newest is not None
+        return Peek(time.monotonic(), struct.unpack_from("<q", newest)[0])
+
+    def pid(self, module: str) -> int:
+        """Process id of the loop or the logger as it is now."""
+        found: int | None = None
+
+        def look() -> bool:
+            nonlocal found
+            found = child(self.process.pid, module)
+            return found is not None
+
+        wait_until(look, f"a process of {module}", every=0.01)
+        assert found is not None
+        self._known.add(found)
+        return found
+
+    def _know(self) -> None:
+        for module in (LOOP, LOGGER):
+            pid = child(self.process.pid, module)
+            if pid is not None:
+                self._known.add(pid)
+
+    def stop(self) -> None:
+        """Ask for a controlled stop."""
+        self.process.send_signal(signal.SIGTERM)
+
+    def wait_ended(self) -> dict[str, Any]:
+        """Wait for the supervisor's end; gives its outcome."""
+        wait_until(lambda: self.process.poll() is not None, "the end of the run")
+        said = self.said()
+        if self.process.returncode != 0:
+            raise TimeOutError(f"the run failed: {said}")
+        outcome: dict[str, Any] = json.loads(said.splitlines()[-1])
+        return outcome
+
+    def said(self) -> str:
+        """What the process has printed."""
+        return Path(self._words.name).read_text().strip()
+
+    @property
+    def folder(self) -> Path:
+        """The run's folder."""
+        return next(path for path in self.runs.iterdir() if path.is_dir())
+
+    def drained(self) -> bool:
+        """The loop has ended and every row it put is safe on disk."""
+        return self.ring.state == Producer.FINISHED and self.ring.tail == self.ring.head
+
+
+def live_run(
+    campaign: Path,
+    runs: Path,
+    *,
+    real_clock: bool,
+    core: int | None = None,
+    env: dict[str, str] | None = None,
+) -> LiveRun:
+    """Start a campaign under the real supervisor."""
+    clock = "real" if real_clock else "virtual"
+    confined = [] if core is None else [str(core)]
+    module = "benchmarks.support.run_process"
+    return LiveRun(
+        [sys.executable, "-m", module, str(campaign), str(runs), clock, *confined], runs, env
+    )

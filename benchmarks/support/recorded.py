@@ -1,0 +1,113 @@
+"""A campaign of any length, and ticks of its rehearsal kept in memory to be walked again."""
+
+import gc
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig import cycle
+from rig.assemble import wavebot_params
+from rig.campaign import Campaign, Plan, check
+from rig.rehearsal import job
+from rig.rehearsal.devices import PlantDevices, connect
+from rig.wavebot import KIND
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+_OPENING = 6.5  # s of tare, readiness and lead-in of the campaign below
+_ROUND = 48.0  # s of its four rows
+
+_CAMPAIGN = """\
+name: benchmark
+rig: {rig}
+sea: {{kind: regular, amplitude_m: 0.127, frequency_hz: 0.5}}
+tare: {{duration_s: 1}}
+start: {{set_point_s: 1, lead_in_s: 5}}
+timing: {{settle_s: 4, interval_s: 12}}
+repeat: {repeat}
+matrix:
+  list:
+    - {{spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0}}
+    - {{spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 4000}}
+    - {{spring_n_per_m: -2763, kp_n_s_per_m: -2000, ki_n_per_m: 4000}}
+    - {{spring_n_per_m: -2763, kp_n_s_per_m: -2000, ki_n_per_m: 0}}
+"""
+
+
+def campaign_file(folder: Path, seconds: float) -> Path:
+    """A campaign that lasts at least so long: the drive comes on after a second of tare."""
+    repeat = max(1, math.ceil((seconds - _OPENING) / _ROUND))
+    path = folder / f"benchmark_{repeat}.yaml"
+    rig = ROOT / "configs" / "rigs" / "wavebot.yaml"
+    path.write_text(_CAMPAIGN.format(rig=json.dumps(str(rig)), repeat=repeat))
+    return path
+
+
+class Parts(NamedTuple):
+    """What a loop is made of, ready to be put together in this process."""
+
+    campaign: Campaign
+    plan: Plan
+    params: cycle.Params
+    devices: dict[str, Any]
+
+    def connect(self) -> PlantDevices:
+        """Fresh devices, the plant at rest."""
+        return connect(self.devices, self.plan.dt)
+
+
+def parts(path: Path) -> Parts:
+    """The parts of a campaign's loop; ValueError with what is wrong with the file."""
+    report = check(path)
+    if report.campaign is None or report.plan is None:
+        raise ValueError(report.text())
+    campaign, plan = report.campaign, report.plan
+    params = wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints)
+    devices = json.loads(json.dumps(job.devices_of(campaign)))
+    return Parts(campaign, plan, params, devices)
+
+
+class Recorded(NamedTuple):
+    """Ticks of a rehearsal, as they came, from the drive being on and the waves up."""
+
+    params: cycle.Params
+    dt: float
+    first: int  # tick of the first sense
+    state: cycle.State  # before it
+    senses: tuple[Any, ...]
+    rows: tuple[Any, ...]
+
+
+def record(path: Path, ticks: int, skip: int = 12_000) -> Recorded:
+    """Rehearse a campaign in this process and keep ``ticks`` ticks after ``skip``."""
+    made = parts(path)
+    devices, dt = made.connect(), made.plan.dt
+    step = cycle.make(KIND)
+    state = start = cycle.start(KIND, 0)
+    senses, rows = [], []
+    none = cycle.Timing(0.0, 0.0, 0)
+    for tick in range(skip + ticks):
+        sense = devices.read(tick * dt)
+        if tick == skip:
+            start = state
+        state, command, row = step(made.params, state, sense, 0, tick, none, 1, dt)
+        devices.write(command)
+        if tick >= skip:
+            senses.append(sense)
+            rows.append(row)
+    return Recorded(made.params, dt, skip, start, tuple(senses), tuple(rows))
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """No garbage collection, as in the loop process, while this is open."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()

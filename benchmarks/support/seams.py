@@ -1,0 +1,75 @@
+"""A stopwatch at the loop's own seams: devices, ring, and what lies between them.
+
+Stamps are taken where the loop hands over to devices and ring, so the parts of a tick add up to
+the whole and the loop itself is not touched. The stamps' own cost is in the parts; how much it is
+shows in a loop timed beside one that is not.
+"""
+
+from array import array
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from rig.devices import Devices
+from rig.ring import Writer
+
+# The loop reads the devices, runs the cycle, writes, puts the row; the rest is clock and mailbox.
+PARTS = ("plant", "cycle", "ring", "rest")
+
+
+class Stamps:
+    """Six moments of every tick, in nanoseconds."""
+
+    def __init__(self) -> None:
+        self.taken = array("q")
+
+    def parts(self) -> "Parts":
+        """Microseconds of each part, tick by tick."""
+        whole = len(self.taken) // 6
+        at = np.frombuffer(self.taken, dtype=np.int64)[: 6 * whole].reshape(-1, 6) / 1e3
+        reading, stepping, writing = at[:, 1] - at[:, 0], at[:, 2] - at[:, 1], at[:, 3] - at[:, 2]
+        putting = at[:, 5] - at[:, 4]
+        rest = (at[1:, 0] - at[:-1, 5]) + (at[1:, 4] - at[1:, 3])
+        return Parts(reading + writing, stepping, putting, rest)
+
+
+class Parts(NamedTuple):
+    """Microseconds of each part of a tick, one entry a tick."""
+
+    plant: npt.NDArray[np.float64]
+    cycle: npt.NDArray[np.float64]
+    ring: npt.NDArray[np.float64]
+    rest: npt.NDArray[np.float64]  # waiting for the clock included
+
+
+class TimedDevices:
+    """Devices with a stamp before and after reading and writing."""
+
+    def __init__(self, devices: Devices, stamps: Stamps) -> None:
+        self._read, self._write = devices.read, devices.write
+        self.stop, self.close = devices.stop, devices.close
+        self._stamp = stamps.taken.append
+
+    def read(self, now: float) -> Any:
+        self._stamp(perf_counter_ns())
+        sense = self._read(now)
+        self._stamp(perf_counter_ns())
+        return sense
+
+    def write(self, command: Any) -> None:
+        self._stamp(perf_counter_ns())
+        self._write(command)
+        self._stamp(perf_counter_ns())
+
+
+class TimedWriter(Writer):
+    """A ring's end with a stamp before and after a row is put."""
+
+    stamps: Stamps
+
+    def put(self, row: Any) -> None:
+        self.stamps.taken.append(perf_counter_ns())
+        super().put(row)
+        self.stamps.taken.append(perf_counter_ns())

@@ -1,0 +1,85 @@
+"""A loop in this process, with the simulated plant, timed at its seams.
+
+``python -m benchmarks.support.tick_process CAMPAIGN virtual|real SECONDS``: on the real clock it
+asks for the real-time privileges first and reports what was refused. Prints one JSON object.
+"""
+
+import json
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from benchmarks.support.recorded import Parts, parts
+from benchmarks.support.result import quantile
+from benchmarks.support.seams import PARTS, Stamps, TimedDevices, TimedWriter
+from rig import loop, mailbox, realtime, ring, run_folder, safety
+from rig.clock import Clock, RealClock, VirtualClock
+from rig.mailbox import Mailbox, Request
+from rig.wavebot import KIND
+
+
+def tick(made: Parts, clock: Clock, seconds: float, stamps: Stamps | None) -> tuple[int, float]:
+    """Run the loop for so long; gives the ticks and the seconds they took."""
+    ring_fd, mail_fd = ring.create(KIND.row_type), mailbox.create()
+    devices: Any = made.connect()
+    with suppress(OSError):  # touched once, as in a loop that has run for a minute
+        os.posix_fallocate(ring_fd, 0, os.fstat(ring_fd).st_size)
+    if stamps is None:
+        writer = ring.Writer(ring_fd, KIND.row_type, wait=False)
+    else:
+        writer = TimedWriter(ring_fd, KIND.row_type, wait=False)
+        writer.stamps = stamps
+        devices = TimedDevices(devices, stamps)
+    end_tick = round(seconds / made.plan.dt)
+    if end_tick > ring.CAPACITY - 4096:
+        raise ValueError(f"nobody empties this ring: at most {ring.CAPACITY - 4096} ticks")
+
+    def overseer() -> int:
+        return safety.REQUEST_ABORT if clock.now() >= seconds else 0
+
+    began = perf_counter()
+    end = loop.run(
+        KIND,
+        made.params,
+        devices,
+        clock,
+        writer,
+        Mailbox(mail_fd, Request),
+        overseer,
+        measure_work=False,
+    )
+    took = perf_counter() - began
+    os.close(ring_fd)
+    os.close(mail_fd)
+    return end.ticks, took
+
+
+def main() -> None:
+    """Time one loop and print what each part of its ticks cost."""
+    campaign, kind, seconds = Path(sys.argv[1]), sys.argv[2], float(sys.argv[3])
+    made = parts(campaign)
+    stamps, refused = Stamps(), []
+    if kind == "real":
+        lock = run_folder.hold_realtime("of a benchmark")
+        refused = list(realtime.acquire().refused)
+        tick(made, RealClock(made.plan.dt), seconds, stamps)
+        lock.close()
+    else:
+        realtime.quiet_memory()
+        tick(made, VirtualClock(made.plan.dt), seconds, stamps)
+    found = stamps.parts()
+    told = {
+        name: {
+            "mean": float(values.mean()),
+            **{f"p{share:g}": quantile(values, share / 100) for share in (50, 99, 99.9)},
+        }
+        for name, values in zip(PARTS, found, strict=True)
+    }
+    print(json.dumps({"refused": refused, "ticks": len(found.cycle), "us": told}))
+
+
+if __name__ == "__main__":
+    main()

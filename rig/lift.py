@@ -1,0 +1,134 @@
+"""Lifting pure step functions into compiled code: the only file that imports numba.
+
+The functions stay plain Python; `register_jitable` makes the very same ones callable from compiled
+code. numba's own cache looks only at the file of the compiled function and would serve a stale law
+after an edit elsewhere, so the cache folder is named by a hash of every lifted source, numba's
+version and the processor.
+
+Compiled code is called with one float64 array a tree of NamedTuples, because handing over a
+NamedTuple costs more than the step itself; the code that unpacks and packs the arrays is generated
+from an example of the tree.
+"""
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import platform
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # its functions differ in the last bit
+
+import numba
+from numba.extending import register_jitable
+
+Floats = npt.NDArray[np.float64]
+
+
+def lift(modules: Iterable[ModuleType]) -> None:
+    """Make every plain function of the modules callable from compiled code."""
+    for module in modules:
+        for function in vars(module).values():
+            if inspect.isfunction(function) and function.__module__ == module.__name__:
+                register_jitable(function)
+
+
+def load(name: str, source: str, modules: Iterable[ModuleType]) -> ModuleType:
+    """Import generated source whose compiled functions are cached on disk.
+
+    The source stands in a folder named by what it was made from, so an edit of any lifted module
+    is a new folder. Falls back to no cache where the folder cannot be written.
+    """
+    modules = tuple(modules)
+    lift(modules)
+    folder = _cache_root() / _fingerprint(source, modules)
+    path = folder / f"{name}.py"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        part = folder / f".{name}.{os.getpid()}"
+        part.write_text(source)
+        part.replace(path)
+    spec = importlib.util.spec_from_file_location(f"lifted_{name}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # numba looks its cached code up by module name
+    spec.loader.exec_module(module)
+    return module
+
+
+def numbers(tree: Any) -> list[float]:
+    """All numbers of a tree of tuples in order; ints are exact below 2^53."""
+    if isinstance(tree, tuple):
+        return [number for item in tree for number in numbers(item)]
+    return [float(tree)]
+
+
+def unpacking(tree: Any, array: str, start: int = 0) -> str:
+    """Source of an expression that rebuilds ``tree`` from an array of its numbers."""
+    text, _ = _unpack(tree, array, start)
+    return text
+
+
+def _unpack(tree: Any, array: str, at: int) -> tuple[str, int]:
+    if not isinstance(tree, tuple):
+        item = f"{array}[{at}]"
+        return (item if isinstance(tree, float) else f"int({item})"), at + 1
+    parts = []
+    for member in tree:
+        part, at = _unpack(member, array, at)
+        parts.append(part)
+    inside = ", ".join(parts)
+    name = "" if type(tree) is tuple else type(tree).__name__
+    return (f"{name}({inside})" if name else f"({inside},)"), at
+
+
+def packing(tree: Any, value: str, array: str) -> list[str]:
+    """Source lines that write the numbers of ``value``, shaped like ``tree``, into an array."""
+    leaves: list[str] = []
+
+    def walk(member: Any, expression: str) -> None:
+        if isinstance(member, tuple):
+            for i, item in enumerate(member):
+                walk(item, f"{expression}[{i}]")
+        else:
+            leaves.append(expression)
+
+    walk(tree, value)
+    return [f"{array}[{i}] = {leaf}" for i, leaf in enumerate(leaves)]
+
+
+def words(tree: Any) -> set[type]:
+    """Every NamedTuple type in a tree: what generated source has to import."""
+    if not isinstance(tree, tuple):
+        return set()
+    found = {type(tree)} - {tuple}
+    for member in tree:
+        found |= words(member)
+    return found
+
+
+def _cache_root() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "wec-rig"
+
+
+def _fingerprint(source: str, modules: tuple[ModuleType, ...]) -> str:
+    told = [source, numba.__version__, np.__version__, sys.version, platform.machine(), _cpu()]
+    told += [inspect.getsource(module) for module in modules]
+    return hashlib.sha256("\0".join(told).encode()).hexdigest()[:24]
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    return "".join(line for line in lines[:30] if line.startswith(("model name", "flags")))

@@ -1,0 +1,327 @@
+"""What limits and safety must do, written apart from them, and run on any version of the modules.
+
+`check_safety(module)` and `check_limits(module)` raise AssertionError when a module, the real one
+or a mutant, does something else.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Any, NamedTuple
+
+from controllers.signals import AxisSense, Estimate
+
+MODES = {"OFF": 0, "ENABLING": 1, "RUN": 2, "STOP_2": 3, "STOP_1": 4, "STOP_0": 5}
+
+# Reason: number in the log, stop category. The numbers are in recorded files and never change.
+REASONS = {
+    "NONE": (0, 1),
+    "PLAN_END": (1, 1),
+    "OPERATOR_STOP": (2, 1),
+    "OPERATOR_ABORT": (3, 0),
+    "SUPERVISOR_LOST": (4, 1),
+    "LOGGER_LOST": (5, 1),
+    "NOT_FINITE": (6, 0),
+    "STALE_ENCODER": (7, 0),
+    "STALE_DRIVE": (8, 0),
+    "STALE_LOAD_CELL": (9, 1),
+    "STALE_ANALYSER": (10, 1),
+    "STALE_STATOR": (11, 1),
+    "LOST_TICKS": (12, 0),
+    "DRIVE_FAULT": (13, 0),
+    "DRIVE_DROPPED": (14, 0),
+    "DRIVE_NOT_ON": (15, 0),
+    "POSITION": (16, 1),
+    "VELOCITY": (17, 1),
+    "ROTOR_TRAVEL": (18, 1),
+    "POSITION_DISAGREES": (19, 0),
+    "STATOR_LATE": (20, 1),
+    "NOT_CALM": (21, 1),
+    "EXCEPTION": (22, 0),
+}
+
+REQUESTS = {
+    "NONE": (0, "NONE"),
+    "STOP": (1, "OPERATOR_STOP"),
+    "ABORT": (2, "OPERATOR_ABORT"),
+    "HOLD": (3, "NONE"),
+    "RESUME": (4, "NONE"),
+    "LOGGER_LOST": (5, "LOGGER_LOST"),
+    "SUPERVISOR_LOST": (6, "SUPERVISOR_LOST"),
+}
+
+# Every pair of mode and event, in the words of IEC 60204-1. "away": power removed (category 0);
+# "damp": motion brought under control, then power removed (category 1); "hold": the same and power
+# kept (category 2); "up": the drive is asked on; "run": the law acts; "-": nothing changes.
+EVENTS = "TRIP_0 EXPIRED TRIP_1 STOP HOLD RESUME POWER WANTED NONE".split()
+WORDS = {
+    "OFF": "away - away away - - up up -",
+    "ENABLING": "away away away away - - run - -",
+    "RUN": "away - damp damp hold - - - -",
+    "STOP_2": "away - damp damp - run - - -",
+    "STOP_1": "away away - - - - - - -",
+    "STOP_0": "- - - - - - - - -",
+}
+MEANING = {"away": "STOP_0", "damp": "STOP_1", "hold": "STOP_2", "up": "ENABLING", "run": "RUN"}
+
+ENABLE_TICKS, STOP_TICKS = 5, 3
+
+
+class Input(NamedTuple):
+    """What the safety machine is told in a tick, in words; "" is none."""
+
+    mode: str
+    age: int
+    reason: str  # kept from before
+    trip: str
+    request: str
+    finished: bool
+    wanted: bool
+    powered: bool
+
+
+def cause(now: Input) -> str:
+    """Why to stop in this tick: the worst first; at equal rank what was found, asked, planned."""
+    causes = []
+    if now.trip != "NONE":
+        causes.append(now.trip)
+    elif now.mode == "ENABLING" and now.age >= ENABLE_TICKS and not now.powered:
+        causes.append("DRIVE_NOT_ON")
+    if REQUESTS.get(now.request, (0, "NONE"))[1] != "NONE":
+        causes.append(REQUESTS[now.request][1])
+    if now.finished:
+        causes.append("PLAN_END")
+    return min(causes, key=lambda name: REASONS[name][1], default="NONE")
+
+
+def expected(now: Input) -> tuple[str, str]:
+    """Mode and reason after the tick."""
+    why = cause(now)
+    after = _mode_after(now, why)
+    if after == now.mode:
+        return after, now.reason
+    return after, now.reason if now.reason != "NONE" else why
+
+
+def _mode_after(now: Input, why: str) -> str:
+    if now.mode == "STOP_0":
+        return "STOP_0"  # latched
+    if why != "NONE" and REASONS[why][1] == 0:
+        return "STOP_0"  # category 0: power away at once
+    if now.mode == "STOP_1":
+        return "STOP_0" if now.age >= STOP_TICKS else "STOP_1"
+    if now.mode in ("OFF", "ENABLING"):
+        if why != "NONE":
+            return "STOP_0"  # nothing moves under power yet: nothing to damp
+        if now.mode == "OFF":
+            return "ENABLING" if now.wanted else "OFF"
+        return "RUN" if now.wanted and now.powered else "ENABLING"
+    if why != "NONE":
+        return "STOP_1"  # category 1: damp, then power away
+    if now.mode == "RUN":
+        return "STOP_2" if now.request == "HOLD" else "RUN"
+    return "RUN" if now.request == "RESUME" else "STOP_2"
+
+
+def inputs() -> list[Input]:
+    """Every combination that can matter to the machine."""
+    return [
+        Input(*case)
+        for case in itertools.product(
+            MODES,
+            (0, STOP_TICKS - 1, STOP_TICKS, ENABLE_TICKS - 1, ENABLE_TICKS, ENABLE_TICKS + 1),
+            ("NONE", "STALE_STATOR"),
+            ("NONE", "POSITION", "DRIVE_FAULT"),
+            (*REQUESTS, "UNKNOWN"),
+            (False, True),
+            (False, True),
+            (False, True),
+        )
+    ]
+
+
+INPUTS = [(case, expected(case)) for case in inputs()]
+
+
+def check_safety(module: Any) -> None:
+    """The numbers, the categories, the start, and every step."""
+    assert {mode.name: mode.value for mode in module.Mode} == MODES
+    assert {name: getattr(module, name) for name in MODES} == MODES
+    assert {event.name: event.value for event in module.Event} == {
+        name: number for number, name in enumerate(EVENTS)
+    }
+    assert [[mode.name for mode in row] for row in module.TABLE] == [
+        [MEANING.get(word, name) for word in WORDS[name].split()] for name in MODES
+    ]
+    assert {reason.name: reason.value for reason in module.Reason} == {
+        name: number for name, (number, _) in REASONS.items()
+    }
+    assert list(module.CATEGORY) == [category for _, category in REASONS.values()]
+    for name, (number, reason) in REQUESTS.items():
+        assert getattr(module, f"REQUEST_{name}") == number
+        assert module.requested(number) == REASONS[reason][0]
+    assert module.requested(99) == module.FINE == 0
+    assert module.start(7) == (0, 7, 0)
+    params = module.Params(ENABLE_TICKS, STOP_TICKS)
+    for case, (mode, reason) in INPUTS:
+        state = module.State(MODES[case.mode], 100, REASONS[case.reason][0])
+        tick = 100 + case.age
+        got = module.step(
+            params,
+            state,
+            tick,
+            REASONS[case.trip][0],
+            REQUESTS.get(case.request, (99,))[0],
+            case.finished,
+            case.wanted,
+            case.powered,
+        )
+        entered = 100 if mode == case.mode else tick
+        assert got == (MODES[mode], entered, REASONS[reason][0]), case
+        assert type(got.mode) is int
+
+
+# --- limits; numbers chosen so that every bound is exact in binary
+
+DT = 1.0 / 1024.0
+BOUNDS = {
+    "position_warn": 0.25,
+    "position_stop": 0.5,
+    "velocity_stop": 2.0,
+    "current_peak": 16.0,
+    "current_rms": 8.0,
+    "current_rms_time": 0.5,
+    "force_slew": 8192.0,  # 8 N a tick
+    "encoder_age_stop": 0.125,
+    "drive_age_stop": 0.375,
+    "newtons_per_ampere": 4.0,
+}
+SLEW, PEAK, RMS = 8.0, 64.0, 32.0  # N
+LIMITED = {"CURRENT_PEAK": 1, "CURRENT_RMS": 2, "SLEW": 4, "MODE": 8, "NOT_FINITE": 16}
+NORMAL = AxisSense(123, 0.125, 3.0, 1, 0, 0.375)  # ages stand on their bounds
+STILL = Estimate(0.5, -2.0, 7.0)  # and so does the motion
+
+# What can be wrong with an axis, in order of rank: the reason, and what makes it so.
+FAULTS: tuple[tuple[str, dict[str, float]], ...] = (
+    ("NOT_FINITE", {"acceleration": math.nan}),
+    ("STALE_ENCODER", {"encoder_age": 0.126}),
+    ("STALE_DRIVE", {"drive_age": 0.376}),
+    ("DRIVE_FAULT", {"fault": 1}),
+    ("DRIVE_DROPPED", {"enabled": 0}),
+    ("POSITION", {"position": -0.501}),
+    ("VELOCITY", {"velocity": 2.001}),
+)
+
+
+def axis_with(**changes: Any) -> tuple[AxisSense, Estimate]:
+    """A faultless axis with some values replaced."""
+    sense = {name: value for name, value in changes.items() if name in AxisSense._fields}
+    motion = {name: value for name, value in changes.items() if name in Estimate._fields}
+    assert len(sense) + len(motion) == len(changes)
+    return NORMAL._replace(**sense), STILL._replace(**motion)
+
+
+def check_limits(module: Any) -> None:
+    """Trips, warnings, and the force that is granted."""
+    limits = module.AxisLimits(**BOUNDS)
+    assert module.start() == (0.0, 0.0, 0)
+    assert [module.magnitude(x) for x in (-2.5, 0.0, 0.5, 1.5)] == [2.5, 0.0, 0.5, 1.5]
+    assert {flag.name: flag.value for flag in module.Limited} == LIMITED
+    assert {flag.name: flag.value for flag in module.Warned} == {"POSITION": 1, "ANALYSER_AGE": 2}
+    _check_trips(module, limits)
+    for position, warned in ((0.25, 0), (-0.25, 0), (0.2501, 1), (-0.2501, 1), (0.0, 0)):
+        assert module.warn_axis(limits, Estimate(position, 0.0, 0.0)) == warned
+    _check_grants(module, limits)
+
+
+def _check_trips(module: Any, limits: Any) -> None:
+    fine = module.AxisState(0.0, 0.0, 0)
+    for mode in MODES.values():
+        powered = mode in (MODES["RUN"], MODES["STOP_2"], MODES["STOP_1"])
+        for chosen in itertools.product((False, True), repeat=len(FAULTS)):
+            changes: dict[str, Any] = {}
+            found = []
+            for (reason, change), is_wrong in zip(FAULTS, chosen, strict=True):
+                if is_wrong:
+                    changes |= change
+                    if reason != "DRIVE_DROPPED" or powered:
+                        found.append(reason)
+            sense, motion = axis_with(**changes)
+            got = module.check_axis(limits, fine, sense, motion, mode)
+            assert got == REASONS[found[0] if found else "NONE"][0], (mode, changes)
+            assert type(got) is int
+    run = MODES["RUN"]
+    for name in ("current", "encoder_age", "drive_age", *Estimate._fields):
+        for bad in (math.nan, math.inf, -math.inf):
+            sense, motion = axis_with(**{name: bad})
+            got = module.check_axis(limits, fine, sense, motion, run)
+            assert got == REASONS["NOT_FINITE"][0], (name, bad)
+    sense, motion = axis_with(current=math.inf, velocity=-math.inf)  # must not cancel out
+    assert module.check_axis(limits, fine, sense, motion, run) == REASONS["NOT_FINITE"][0]
+    absurd = module.AxisState(0.0, 0.0, 1)
+    got = module.check_axis(limits, absurd, NORMAL, STILL, run)
+    assert got == REASONS["NOT_FINITE"][0]
+    for name, value, reason in (
+        ("position", 0.501, "POSITION"),
+        ("position", -0.5, "NONE"),
+        ("velocity", -2.001, "VELOCITY"),
+        ("velocity", 2.0, "NONE"),
+        ("fault", 0x2310, "DRIVE_FAULT"),
+        ("current", -900.0, "NONE"),  # measured current is the drive's own business
+    ):
+        sense, motion = axis_with(**{name: value})
+        assert module.check_axis(limits, fine, sense, motion, run) == REASONS[reason][0]
+
+
+def granted(
+    before: float, square: float, demand: float, mode: int
+) -> tuple[tuple[float, float, int], tuple[float, float, int, int]]:
+    """State and command that `grant` owes, by plain words."""
+    share = DT / BOUNDS["current_rms_time"]
+    rest = square * (1.0 - share)
+    if mode not in (MODES["RUN"], MODES["STOP_2"], MODES["STOP_1"]):
+        on = int(mode == MODES["ENABLING"])
+        return (0.0, rest, 0), (0.0, 0.0, on, 0 if demand == 0.0 else LIMITED["MODE"])
+    if not math.isfinite(demand):
+        return (0.0, rest, 1), (0.0, 0.0, 1, LIMITED["NOT_FINITE"])
+    spent = square >= BOUNDS["current_rms"] ** 2
+    top = RMS if spent else PEAK
+    flags = 0
+    wanted = min(max(demand, -top), top)
+    if wanted != demand:
+        flags += LIMITED["CURRENT_RMS" if spent else "CURRENT_PEAK"]
+    force = min(max(wanted, before - SLEW), before + SLEW)
+    if force != wanted:
+        flags += LIMITED["SLEW"]
+    current = force / BOUNDS["newtons_per_ampere"]
+    return (force, rest + share * current * current, 0), (force, current, 1, flags)
+
+
+DEMANDS = (
+    *(0.0, 1.0, 8.0, 9.0, -8.0, -9.0, 32.0, 33.0, -33.0, 38.0, -38.0, 64.0, -64.0, 65.0, -65.0),
+    *(1e9, -1e9, math.nan, math.inf, -math.inf),
+)
+GRANTS = [
+    (before, square, demand, mode, granted(before, square, demand, mode))
+    for before, square, demand, mode in itertools.product(
+        (0.0, 1.0, 30.0, -30.0, 60.0, -60.0, 64.0, -64.0),
+        (0.0, 40.0, math.nextafter(64.0, 0.0), 64.0, 65.0),
+        DEMANDS,
+        MODES.values(),
+    )
+]
+
+
+def _check_grants(module: Any, limits: Any) -> None:
+    """The table of grants."""
+    for before, square, demand, mode, (state, command) in GRANTS:
+        for absurd in (0, 1):
+            memory = module.AxisState(before, square, absurd)
+            got_state, got_command = module.grant(limits, memory, demand, mode, DT)
+            case = (before, square, demand, mode)
+            assert got_state.force == state[0], case
+            assert math.isclose(got_state.mean_square, state[1], rel_tol=1e-12), case
+            assert got_state.absurd == state[2], case
+            assert got_command == command, case
+            assert type(got_command.limited) is int

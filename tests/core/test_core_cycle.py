@@ -1,0 +1,209 @@
+"""The cycle composed for a one-axis and a two-axis rig, run by the real loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from core_kinds import (
+    AXIS,
+    BENCH,
+    PAIR,
+    SAFETY,
+    SHORT,
+    PairParams,
+    PairRow,
+    PairSense,
+    Ran,
+    Slider,
+    Sliders,
+    Table,
+    bench,
+    bench_params,
+    run,
+)
+
+from rig import axis, cycle
+from rig.limits import Limited, Warned
+from rig.record import leaves, leaves_of_schema, schema
+from rig.ring import Producer
+from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, Reason
+from rig.sequence import Phase
+
+
+def wave(amplitude: float, f: float = 2.0) -> Callable[[float], float]:
+    return lambda t: amplitude * math.sin(2.0 * math.pi * f * t)
+
+
+GAINS = Table((-100.0, -200.0), (0.0, 50.0))
+
+
+def pair_params(surge: Table = GAINS, surge_axis: axis.Params = AXIS) -> cycle.Params:
+    return cycle.Params(SHORT, SAFETY, 10, PairParams(AXIS, surge_axis, GAINS, surge))
+
+
+def pair(heave: float = 20.0, surge: float = 30.0) -> Sliders:
+    return Sliders(PairSense, Slider(wave(heave)), Slider(wave(surge, 3.0)))
+
+
+def check_whole(made: Ran) -> None:
+    """Ticks without gaps, first and last equal, the run's planned end."""
+    assert made.error is None
+    assert made.end is not None
+    assert made.end.reason == Reason.PLAN_END
+    assert made.state == Producer.FINISHED
+    assert [row.tick for row in made.rows] == list(range(made.end.ticks))
+    assert all(row.tick == row.tick_end for row in made.rows)
+    assert [row.time for row in made.rows] == [row.tick * 0.001 for row in made.rows]
+
+
+@pytest.mark.parametrize("kind", [BENCH, PAIR], ids=lambda kind: kind.row_type.__name__)
+def test_the_row_of_each_kind_has_a_schema_that_says_its_leaves(kind: cycle.Kind) -> None:
+    assert leaves_of_schema(schema(kind.row_type)) == leaves(kind.row_type)
+
+
+def test_a_bench_walks_its_plan() -> None:
+    made = run(BENCH, bench_params(), bench(wave(20.0)))
+    check_whole(made)
+    phases = [row.plan.phase for row in made.rows]
+    lengths = {phase: phases.count(phase) for phase in Phase}
+    # the drive takes 30 ticks once asked, one more until that is read, one until it counts
+    assert lengths[Phase.TARE] == 20
+    assert 30 <= lengths[Phase.MOVING] <= 34
+    assert lengths[Phase.LEAD_IN] == 40
+    assert lengths[Phase.SETTLE] == 120
+    assert lengths[Phase.MEASURE] == 200
+    assert lengths[Phase.TAIL] == 5
+    modes = [row.safety.mode for row in made.rows]
+    order = [mode for i, mode in enumerate(modes) if i == 0 or mode != modes[i - 1]]
+    assert order == [OFF, ENABLING, RUN, STOP_1, STOP_0]
+    assert modes.count(STOP_1) == SAFETY.stop_ticks
+    measured = {
+        row.plan.row: row.axis.demand for row in made.rows if row.plan.phase == Phase.MEASURE
+    }
+    assert {row: tuple(demand[:2]) for row, demand in measured.items()} == {
+        0: (-100.0, 0.0),
+        1: (-200.0, 50.0),
+    }
+
+
+def test_force_is_granted_only_where_the_mode_says_so() -> None:
+    made = run(BENCH, bench_params(), bench(wave(20.0)))
+    check_whole(made)
+    for row in made.rows:
+        if row.safety.mode in (OFF, ENABLING, STOP_0):
+            assert row.axis.command[:2] == (0.0, 0.0)
+        assert row.axis.command.enable == int(ENABLING <= row.safety.mode <= STOP_1)
+    assert any(row.axis.command.force for row in made.rows if row.safety.mode == RUN)
+    assert any(row.axis.command.force for row in made.rows if row.safety.mode == STOP_1)
+
+
+def test_the_wave_clock_starts_with_the_lead_in() -> None:
+    made = run(BENCH, bench_params(), bench())
+    first = next(row.tick for row in made.rows if row.plan.phase == Phase.LEAD_IN)
+    for row in made.rows:
+        expected = -1.0 if row.tick < first else (row.tick - first) * 0.001
+        assert row.plan.wave_clock == expected
+
+
+def test_two_runs_are_equal_to_the_bit() -> None:
+    once, again = (run(PAIR, pair_params(), pair()) for _ in range(2))
+    assert once.rows == again.rows
+    assert len(once.rows) > 400
+
+
+def test_a_pair_walks_its_plan_and_both_axes_work() -> None:
+    made = run(PAIR, pair_params(), pair())
+    check_whole(made)
+    assert isinstance(made.rows[0], PairRow)
+    for name in ("heave", "surge"):
+        run_rows = [row for row in made.rows if row.safety.mode == RUN]
+        forces = [getattr(row, name).command.force for row in run_rows]
+        assert max(forces) > 1.0
+        assert min(forces) < -1.0
+    for row in made.rows:
+        between = row.surge.estimate.position - row.heave.estimate.position
+        assert row.offset.between == between
+        assert row.offset.both_on == int(ENABLING <= row.safety.mode <= STOP_1)
+
+
+def test_a_saturated_surge_does_not_change_heave() -> None:
+    mild = run(PAIR, pair_params(), pair())
+    far = AXIS._replace(limits=AXIS.limits._replace(position_stop=9.0, velocity_stop=99.0))
+    wild_gains = Table((-9000.0, -9000.0), (0.0, 0.0))
+    wild = run(PAIR, pair_params(wild_gains, far), pair(surge=600.0))
+    check_whole(mild)
+    check_whole(wild)
+    assert [row.heave for row in wild.rows] == [row.heave for row in mild.rows]
+    flags = {row.surge.command.limited for row in wild.rows}
+    assert any(flag & (Limited.CURRENT_PEAK | Limited.CURRENT_RMS) for flag in flags)
+    assert any(flag & Limited.SLEW for flag in flags)
+    assert {row.heave.command.limited for row in wild.rows} == {0}
+    assert [row.surge for row in wild.rows] != [row.surge for row in mild.rows]
+
+
+def test_axes_can_be_swapped() -> None:
+    """What heave does with one push, surge does with the same push."""
+    made = run(PAIR, pair_params(), Sliders(PairSense, Slider(wave(20.0)), Slider(wave(35.0))))
+    swapped = run(PAIR, pair_params(), Sliders(PairSense, Slider(wave(35.0)), Slider(wave(20.0))))
+    assert [row.heave for row in made.rows] == [row.surge for row in swapped.rows]
+    assert [row.surge for row in made.rows] == [row.heave for row in swapped.rows]
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_fault_of_one_axis_stops_both(which: int) -> None:
+    devices = pair()
+    plain = devices.read
+
+    def read(now: float) -> PairSense:
+        if round(now / 0.001) == 200:
+            devices.axes[which].fault = 1
+        return plain(now)
+
+    devices.read = read
+    made = run(PAIR, pair_params(), devices)
+    assert made.end is not None
+    assert made.end.reason == Reason.DRIVE_FAULT
+    for row in made.rows:
+        if row.tick < 200:
+            assert row.safety.mode != STOP_0
+        else:
+            assert row.safety.mode == STOP_0
+            assert row.heave.command[:3] == row.surge.command[:3] == (0.0, 0.0, 0)
+    assert devices.stops == [Reason.DRIVE_FAULT] * 5
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_body_driven_beyond_its_stop_is_damped_then_released(which: int) -> None:
+    pushes = [wave(20.0), wave(20.0)]
+    pushes[which] = lambda t: 60.0
+    devices = Sliders(PairSense, Slider(pushes[0]), Slider(pushes[1]))
+    near = AXIS._replace(limits=AXIS.limits._replace(position_warn=0.1, position_stop=0.15))
+    none = Table((0.0, 0.0), (0.0, 0.0))
+    params = cycle.Params(SHORT, SAFETY, 10, PairParams(near, near, none, none))
+    made = run(PAIR, params, devices)
+    assert made.end is not None
+    assert made.end.reason == Reason.POSITION
+    tripped = next(row for row in made.rows if row.safety.mode == STOP_1)
+    words = (tripped.heave, tripped.surge)
+    assert abs(words[which].estimate.position) > 0.15
+    assert abs(words[1 - which].estimate.position) < 0.15
+    assert tripped.safety.warned == Warned.POSITION
+    warned = next(row for row in made.rows if row.safety.warned)
+    assert warned.tick < tripped.tick
+    assert [row.safety.mode for row in made.rows].count(STOP_1) == SAFETY.stop_ticks
+    for row in made.rows:
+        if row.safety.mode == STOP_1:
+            word = (row.heave, row.surge)[which]
+            assert word.command.force * word.estimate.velocity <= 0.0  # damping takes energy out
+
+
+def test_the_drives_of_both_axes_are_waited_for() -> None:
+    devices = pair()
+    devices.axes[1].enable_ticks = 90
+    made = run(PAIR, pair_params(), devices)
+    check_whole(made)
+    running = next(row for row in made.rows if row.safety.mode == RUN)
+    assert running.heave.sense.enabled == running.surge.sense.enabled == 1
+    assert running.tick >= 20 + 90

@@ -1,0 +1,174 @@
+"""One declaration, many layouts: leaves, struct bytes, flattener and schema agree."""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+import keyword
+import math
+import struct
+from typing import Annotated, Any, NamedTuple, get_type_hints
+
+import pytest
+from core_kinds import BenchRow, PairRow, unflatten
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controllers import signals
+from rig import wavebot
+from rig.record import RowError, flattener, layout, leaves, leaves_of_schema, schema, schema_name
+from rig.wavebot import WaveBotRow
+
+ROWS = (WaveBotRow, BenchRow, PairRow)
+_number = itertools.count()
+
+Metre = Annotated[float, "m"]
+
+
+def walked(value: Any) -> list[float | int]:
+    """The numbers of a row by plain recursion."""
+    if isinstance(value, tuple):
+        return [number for part in value for number in walked(part)]
+    return [value]
+
+
+def named_tuple(fields: list[tuple[str, Any]]) -> Any:
+    made: Any = NamedTuple(f"Word{next(_number)}", fields)
+    return made
+
+
+FIELD = st.from_regex(r"[a-z](_?[a-z0-9]){0,6}", fullmatch=True).filter(
+    lambda n: not keyword.iskeyword(n)
+)
+UNIT = st.sampled_from(["m", "N*s/m", "%", "1", "m/s^2", "a [b] c"])
+LEAF = st.builds(lambda kind, unit: Annotated[kind, unit], st.sampled_from([float, int]), UNIT)
+
+
+def tuples(below: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    fields = st.lists(st.tuples(FIELD, below), min_size=1, max_size=4, unique_by=lambda f: f[0])
+    return fields.map(named_tuple)
+
+
+ROW_TYPES = tuples(st.recursive(LEAF, tuples, max_leaves=12))
+
+
+@settings(max_examples=80, deadline=None)
+@given(ROW_TYPES, st.data())
+def test_any_nested_type_is_laid_out_the_same_everywhere(row_type: Any, data: Any) -> None:
+    found = leaves(row_type)
+    number = {
+        "d": st.floats(allow_nan=False),
+        "q": st.integers(-(2**63), 2**63 - 1),
+    }
+    values = [data.draw(number[leaf.code]) for leaf in found]
+    row = unflatten(row_type, values)
+    flat = flattener(row_type)(row)
+    assert list(flat) == values == walked(row)
+    packed = layout(row_type).pack(*flat)
+    assert packed == b"".join(
+        struct.pack("<" + leaf.code, value) for leaf, value in zip(found, values, strict=True)
+    )
+    assert layout(row_type).size == 8 * len(found)
+    for leaf, value in zip(found, values, strict=True):
+        part: Any = row
+        for name in leaf.path:
+            part = getattr(part, name)
+        assert part == value
+        assert leaf.name == ".".join(leaf.path)
+    assert leaves_of_schema(schema(row_type)) == found
+
+
+@pytest.mark.parametrize("row_type", ROWS)
+def test_each_row_type_has_a_unit_everywhere_and_a_schema_that_says_it(row_type: Any) -> None:
+    found = leaves(row_type)
+    assert all(leaf.unit for leaf in found)
+    assert len({leaf.name for leaf in found}) == len(found)
+    assert leaves_of_schema(schema(row_type)) == found
+    row = unflatten(row_type, range(len(found)))
+    assert flattener(row_type)(row) == tuple(range(len(found)))
+    assert found[0].name == "tick"
+    assert found[-1].name == "tick_end"
+    assert found[0].code == found[-1].code == "q"
+    assert schema_name(row_type) == f"wec_rig/msg/{row_type.__name__}"
+
+
+def test_the_wavebot_row_carries_what_the_analysis_needs() -> None:
+    units = {leaf.name: leaf.unit for leaf in leaves(WaveBotRow)}
+    assert units["heave.estimate.velocity"] == "m/s"
+    assert units["heave.demand.force"] == units["heave.command.force"] == "N"
+    assert units["heave.sense.counts"] == "count"
+    assert units["heave.command.limited"] == "flag"
+    assert units["timing.lateness"] == units["timing.work"] == "s"
+    assert units["power.mean_mechanical_1"] == units["power_sense.dc"] == "W"
+    assert {"plan.row", "plan.phase", "plan.attempt", "safety.mode", "safety.reason"} <= set(units)
+    assert {f"{name}.age" for name in ("load", "spring_sense", "power_sense")} <= set(units)
+
+
+def test_every_word_of_the_loop_has_a_unit() -> None:
+    words = [
+        kind
+        for kind in vars(signals).values()
+        if inspect.isclass(kind) and issubclass(kind, tuple) and hasattr(kind, "_fields")
+    ]
+    assert {word.__name__ for word in words} >= {"AxisSense", "Estimate", "Demand", "AxisCommand"}
+    for word in (*words, wavebot.Sense, wavebot.Command):
+        for name, hint in get_type_hints(word, include_extras=True).items():
+            assert hasattr(hint, "_fields") or hint.__metadata__[0], f"{word.__name__}.{name}"
+        leaves(word)
+
+
+@pytest.mark.parametrize(
+    ("hint", "says"),
+    [
+        (float, "has no unit"),
+        (int, "has no unit"),
+        (Annotated[bool, "flag"], "only float and int"),
+        (Annotated[str, "text"], "only float and int"),
+        (Annotated[float, ""], "unit text"),
+        (Annotated[float, 3], "unit text"),
+        (Annotated[tuple[float, float], "m"], "only float and int"),
+        (tuple[float, float], "has no unit"),
+        (list[float], "has no unit"),
+        (float | None, "has no unit"),
+        (tuple, "not a NamedTuple"),
+        (NamedTuple("Nothing", []), "at least one field"),
+    ],
+)
+def test_what_cannot_be_laid_out_is_refused_by_name(hint: Any, says: str) -> None:
+    outer = named_tuple([("tick", Metre), ("inner", named_tuple([("odd", hint)]))])
+    for use in (leaves, layout, flattener, schema):
+        with pytest.raises(RowError, match=says) as caught:
+            use(outer)
+        assert str(caught.value).startswith("inner.odd: ")
+
+
+@pytest.mark.parametrize("name", ["Upper", "two__scores", "tail_", "größe", "camelCase"])
+def test_a_field_that_is_no_ros_name_is_refused(name: str) -> None:
+    outer = named_tuple([("inner", named_tuple([(name, Metre)]))])
+    with pytest.raises(RowError, match=f"^inner.{name}: not a ROS field name"):
+        leaves(outer)
+
+
+def test_a_type_that_is_no_named_tuple_is_refused() -> None:
+    with pytest.raises(RowError, match=r"^int is not a NamedTuple"):
+        leaves(int)
+
+
+def test_two_types_of_one_name_are_refused() -> None:
+    """A schema names a type once: the second would be read by the layout of the first."""
+    one, two = NamedTuple("Same", [("a", Metre)]), NamedTuple("Same", [("b", Metre)])
+    with pytest.raises(RowError, match=r"^y: a second type named Same"):
+        leaves(named_tuple([("x", one), ("y", two)]))
+    assert len(leaves(named_tuple([("x", one), ("y", one)]))) == 2
+
+
+def test_a_schema_line_that_is_not_ours_is_refused() -> None:
+    with pytest.raises(RowError, match="not understood"):
+        leaves_of_schema("float64\n")
+
+
+def test_floats_go_through_to_the_bit() -> None:
+    odd = (math.nan, -0.0, 5e-324, math.inf, -math.inf, 1.7976931348623157e308)
+    kind = named_tuple([(f"f{i}", Metre) for i in range(len(odd))])
+    back = layout(kind).unpack(layout(kind).pack(*flattener(kind)(kind(*odd))))
+    assert [struct.pack("d", x) for x in back] == [struct.pack("d", x) for x in odd]

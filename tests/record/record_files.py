@@ -1,0 +1,47 @@
+"""WaveBot rows with a different number in every field, and files of them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig import record
+from rig.log import RowWriter
+from rig.runs.mcap_file import row_dtype
+from rig.wavebot import WaveBotRow
+
+START = 1_760_000_000_000_000_000  # ns, UTC
+DTYPE = row_dtype(record.leaves(WaveBotRow))
+
+
+def rows(count: int, first: int = 0, dt: float = 1e-3) -> Any:
+    """``count`` rows from tick ``first`` on; no two fields of a row are equal but the ticks."""
+    block = np.zeros(count, DTYPE)
+    ticks = np.arange(first, first + count)
+    for place, name in enumerate(DTYPE.names or ()):
+        block[name] = ticks * 100 + place
+        if DTYPE[name] == np.float64:
+            block[name] += 0.25
+    block["tick"] = block["tick_end"] = ticks
+    block["time"] = ticks * dt
+    block["plan.row"] = ticks // 100
+    return block
+
+
+def writer(path: Path, **attachments: bytes) -> RowWriter:
+    """A writer of WaveBot rows at the common start."""
+    told = {"run": {"run": "test"}}
+    return RowWriter(path, WaveBotRow, attachments, told, start_utc_ns=START)
+
+
+def write(path: Path, data: Any, flush_every: int = 500, finish: bool = True) -> Path:
+    """A file of these rows; without ``finish`` as a killed writer leaves it."""
+    out = writer(path)
+    for begin in range(0, len(data), flush_every):
+        out.append(data[begin : begin + flush_every].tobytes())
+        out.flush()
+    if finish:
+        out.finish()
+    else:
+        out.close()
+    return path

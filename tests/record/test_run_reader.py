@@ -1,0 +1,168 @@
+"""Opening runs: fields, rows, units, and the same numbers as the stock reader gives."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import record_files as files
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from rig import record
+from rig.runs import RunError, list_runs, open_run
+from rig.runs.mcap_file import is_ours, scan
+from rig.wavebot import WaveBotRow
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "20260504-093000"
+    folder.mkdir()
+    config = json.dumps({"name": "default"}).encode()
+    out = files.writer(folder / "run.mcap", **{"config.json": config})
+    out.append(files.rows(2500).tobytes())
+    out.attach("status.json", b'{"status": "complete", "rung": "rehearsal", "reason": "PLAN_END"}')
+    out.attach("code.json", b'{"version": "0.1.0", "git": "abc"}')
+    out.finish()
+    return folder
+
+
+def test_all_fields_with_their_units(run: Path) -> None:
+    data = open_run(run)
+    expected = files.rows(2500)
+    assert list(data.data_vars) == [n for n in files.DTYPE.names or () if n != "time"]
+    for name in data.data_vars:
+        assert np.array_equal(data[name].values, expected[str(name)])
+    assert np.array_equal(data["time"].values, expected["time"])
+    for leaf in record.leaves(WaveBotRow):
+        assert data[leaf.name].attrs["units"] == leaf.unit
+    assert data.attrs["run"] == "test"
+    assert data.attrs["campaign"] == "default"
+    assert data.attrs["rung"] == "rehearsal"
+    assert data.attrs["code_version"] == "0.1.0"
+    assert data.attrs["started_utc"] == "2025-10-09T08:53:20Z"
+
+
+@pytest.mark.parametrize(
+    ("fields", "names"),
+    [
+        ("load.lcb", {"load.lcb"}),
+        (
+            ["heave.estimate"],
+            {f"heave.estimate.{n}" for n in ("position", "velocity", "acceleration")},
+        ),
+        (["*.mean_ac", "wave"], {"power.mean_ac", "wave.elevation"}),
+        (["*.age"], {"load.age", "spring_sense.age", "power_sense.age"}),
+    ],
+)
+def test_fields_by_name_prefix_and_pattern(run: Path, fields: object, names: set[str]) -> None:
+    assert set(open_run(run, fields).data_vars) == names  # type: ignore[arg-type]
+
+
+def test_an_unknown_field_is_told_with_near_ones(run: Path) -> None:
+    with pytest.raises(
+        KeyError, match=r"no field 'heave.estimate.positon'.*heave\.estimate\.position"
+    ):
+        open_run(run, ["heave.estimate.positon"])
+
+
+def test_rows_by_id(run: Path) -> None:
+    data = open_run(run, "load.lcb", rows=[3, 24])
+    assert data["time"].values.tolist() == pytest.approx(
+        [t * 1e-3 for t in (*range(300, 400), *range(2400, 2500))]
+    )
+    assert open_run(run, "load", rows=7).sizes["time"] == 100
+    with pytest.raises(KeyError, match=r"no row 99 in this run \(rows: 0 to 24\)"):
+        open_run(run, rows=99)
+
+
+def test_the_fast_way_equals_the_stock_reader(run: Path) -> None:
+    with (run / "run.mcap").open("rb") as file:
+        stock = b"".join(m.data[4:] for _, _, m in make_reader(file).iter_messages())
+    expected = np.frombuffer(stock, files.DTYPE)
+    data = open_run(run)
+    for name in data.data_vars:
+        assert np.array_equal(data[name].values, expected[str(name)])
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_files_that_another_writer_made(tmp_path: Path, compression: CompressionType) -> None:
+    data = files.rows(700)
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        out = Writer(file, chunk_size=50_000, compression=compression)
+        out.start("ros2")
+        text = record.schema(WaveBotRow).encode()
+        schema = out.register_schema(record.schema_name(WaveBotRow), "ros2msg", text)
+        other = out.register_channel("/words", "json", 0)
+        channel = out.register_channel("/row", "cdr", schema)
+        for i in range(700):
+            message = record.CDR_HEADER + data[i : i + 1].tobytes()
+            out.add_message(channel, i, message, i, i)
+            if i % 100 == 0:
+                out.add_message(other, i, b"{}", i)
+        out.finish()
+    assert not is_ours(scan(path))
+    for _ in ("whole", "without its end"):
+        found = open_run(path, ["load.lcb", "tick"])
+        assert np.array_equal(found["load.lcb"].values[:600], data["load.lcb"][:600])
+        path.write_bytes(path.read_bytes()[: int(path.stat().st_size * 0.99)])
+
+
+def test_a_killed_writers_parts_are_read_as_one_run(tmp_path: Path) -> None:
+    files.write(tmp_path / "run.mcap.part0", files.rows(1000), finish=False)
+    files.write(tmp_path / "run.mcap.part1", files.rows(1000, 950), finish=False)
+    files.write(tmp_path / "run.mcap.part10", files.rows(10, 1950), finish=False)
+    assert open_run(tmp_path, "load.lcb")["time"].size == 1960
+
+
+def test_an_empty_run_has_no_ticks(tmp_path: Path) -> None:
+    files.write(tmp_path / "run.mcap", files.rows(0))
+    assert open_run(tmp_path, ["load"])["load.lcb"].size == 0
+
+
+def test_what_is_no_run_is_told(tmp_path: Path) -> None:
+    for path, said in ((tmp_path, "no run.mcap and no part"), (tmp_path / "x", "no such run")):
+        with pytest.raises(RunError, match=said):
+            open_run(path)
+
+
+def test_reading_is_fast(tmp_path: Path) -> None:
+    path = files.write(tmp_path / "run.mcap", files.rows(200_000), flush_every=2000)
+    begin = time.perf_counter()
+    open_run(path, ["load", "heave.estimate"])
+    assert time.perf_counter() - begin < 3.0  # 0.2 s on a quiet machine; catches the slow way
+
+
+def test_lists_of_runs(tmp_path: Path) -> None:
+    good = tmp_path / "b_good"
+    good.mkdir()
+    files.write(good / "run.mcap", files.rows(10))
+    told = {"status": "complete", "reason": "PLAN_END", "rows_done": 66, "rows_planned": 66}
+    told |= {"rung": "hil", "started_utc": "2026-05-04T09:30:00Z"}
+    (good / "run.json").write_text(json.dumps(told))
+    (good / "config.json").write_text('{"name": "default"}')
+    for name in ("empty_folder", "no_end", "zero_bytes", "rubbish", "bad_json"):
+        (tmp_path / name).mkdir()
+    files.write(tmp_path / "no_end" / "run.mcap.part0", files.rows(10), finish=False)
+    (tmp_path / "zero_bytes" / "run.mcap").touch()
+    (tmp_path / "rubbish" / "run.mcap").write_bytes(b"not a log at all")
+    files.write(tmp_path / "bad_json" / "run.mcap", files.rows(10))
+    (tmp_path / "bad_json" / "run.json").write_text("{")
+    (tmp_path / "notes.txt").write_text("no run")
+    listed = {run.path.name: run for run in list_runs(tmp_path)}
+    assert len(listed) == 6
+    run = listed["b_good"]
+    assert (run.rung, run.campaign, run.rows_done, run.status) == ("hil", "default", 66, "complete")
+    assert run.size == (good / "run.mcap").stat().st_size
+    assert not run.problem
+    said = {name: listed[name].problem for name in listed}
+    assert "no run.mcap" in said["empty_folder"]
+    assert "no run.json" in said["no_end"]
+    assert "empty" in said["zero_bytes"]
+    assert "not an MCAP file" in said["rubbish"]
+    assert "run.json is not readable" in said["bad_json"]
+    assert listed["no_end"].started_utc == "2025-10-09T08:53:20Z"
+    assert list_runs(tmp_path / "nowhere") == []

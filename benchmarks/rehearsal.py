@@ -59,10 +59,10 @@ class Tick(NamedTuple):
 
 def breakdown(made: Parts, seconds: float) -> Tick:
     """A loop not timed inside, then one timed at its seams."""
-    dt, stamps = made.plan.dt, Stamps()
+    stamps = Stamps()
     with quiet():
-        ticks, took = tick(made, VirtualClock(dt), seconds, None)
-        tick(made, VirtualClock(dt), seconds, stamps)
+        ticks, took = tick(made, VirtualClock, seconds, None)
+        tick(made, VirtualClock, seconds, stamps)
     means = tuple(float(values.mean()) for values in stamps.parts())
     return Tick(took / ticks * 1e6, means)
 
@@ -119,9 +119,7 @@ def measure(short: bool) -> Result:
                 [each.times_real for each in one],
                 at_least=TIMES_REAL,
             ),
-            figure(
-                "one core, by processor time", "x real time", [each.times_core for each in one]
-            ),
+            figure("one core, by processor time", "x real time", [each.times_core for each in one]),
             figure(f"{len(cores)} cores, as started", "x real time", [e.times_real for e in two]),
             figure("loop", "us of processor a tick", [each.loop_us for each in one]),
             figure("logger", "us of processor a row", [each.logger_us for each in one]),

@@ -6,14 +6,14 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rig import provenance, run_folder, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, resolved
 from rig.config.sea import RegularSea
 from rig.rehearsal import job
-from rig.runs import join
+from rig.runs import RunError, join
 from rig.runs.folder import files
 from rig.supervisor import Outcome, Run, Setup, Snapshot
 from rig.wavebot import KIND
@@ -37,11 +37,10 @@ class Ended(NamedTuple):
 
     folder: Path
     outcome: Outcome
+    trouble: str  # what could not be put on disk at the end; empty if nothing
 
 
-def rehearse(
-    campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clock: bool
-) -> Ended:
+def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clock: bool) -> Ended:
     """Rehearse a campaign on the simulated plant; raises BusyError when the real clock is taken.
 
     Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
@@ -50,7 +49,7 @@ def rehearse(
     started = datetime.now(UTC)
     folder = run_folder.make(runs, campaign.file.name, started)
     lock = run_folder.hold_realtime(folder.name) if real_clock else None
-    _write_start(folder, campaign, plan)
+    _write_start(folder, campaign, plan, started)
     run = Run(
         Setup(
             campaign.rig.kind,
@@ -68,33 +67,53 @@ def rehearse(
     )
     with _interrupts(run, view):
         outcome = run.supervise(view)
-    _join_parts(folder)
-    ended = datetime.now(UTC)
-    run_folder.write_json(
-        folder,
-        run_folder.STATUS,
-        {
-            "run": folder.name,
-            "status": outcome.status,
-            "reason": outcome.reason,
-            "rung": RUNG,
-            "campaign": campaign.file.name,
-            "rows_planned": len(plan.rows),
-            "ticks": outcome.ticks,
-            "skipped": outcome.skipped,
-            "dropped_rows": outcome.dropped,
-            "unsaved_rows": outcome.unsaved,
-            "logger_restarts": outcome.logger_restarts,
-            "started_utc": started.isoformat(),
-            "ended_utc": ended.isoformat(),
-        },
-    )
+    trouble = _close_folder(folder, campaign, plan, outcome, started)
     if lock is not None:
         lock.close()
-    return Ended(folder, outcome)
+    return Ended(folder, outcome, trouble)
 
 
-def _write_start(folder: Path, campaign: Campaign, plan: Plan) -> None:
+def _close_folder(
+    folder: Path, campaign: Campaign, plan: Plan, outcome: Outcome, started: datetime
+) -> str:
+    """One finished record and the run's status; what could not be done, in words.
+
+    A full disk must not hide how the run ended, so nothing here raises for one.
+    """
+    trouble = []
+    status = _status(folder, campaign, plan, started) | {
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "ticks": outcome.ticks,
+        "skipped": outcome.skipped,
+        "dropped_rows": outcome.dropped,
+        "unsaved_rows": outcome.unsaved,
+        "logger_restarts": outcome.logger_restarts,
+        "ended_utc": datetime.now(UTC).isoformat(),
+    }
+    try:
+        _join_parts(folder)
+    except (OSError, RunError) as error:
+        trouble.append(str(error))
+    try:
+        run_folder.write_json(folder, run_folder.STATUS, status)
+    except OSError as error:
+        trouble.append(str(error))
+    return "; ".join(trouble)
+
+
+def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> dict[str, Any]:
+    return {
+        "run": folder.name,
+        "status": "running",
+        "rung": RUNG,
+        "campaign": campaign.file.name,
+        "rows_planned": len(plan.rows),
+        "started_utc": started.isoformat(),
+    }
+
+
+def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> None:
     (folder / "config.json").write_text(resolved(campaign) + "\n")
     sea = campaign.file.sea
     run_folder.write_json(
@@ -124,18 +143,7 @@ def _write_start(folder: Path, campaign: Campaign, plan: Plan) -> None:
     )
     run_folder.write_json(folder, "code.json", provenance.code())
     run_folder.write_json(folder, "host.json", provenance.host())
-    run_folder.write_json(
-        folder,
-        run_folder.STATUS,
-        {
-            "run": folder.name,
-            "status": "running",
-            "rung": RUNG,
-            "campaign": campaign.file.name,
-            "rows_planned": len(plan.rows),
-            "started_utc": datetime.now(UTC).isoformat(),
-        },
-    )
+    run_folder.write_json(folder, run_folder.STATUS, _status(folder, campaign, plan, started))
 
 
 def _wave_period(campaign: Campaign) -> float | None:
@@ -150,9 +158,16 @@ def _wave_period(campaign: Campaign) -> float | None:
 def _join_parts(folder: Path) -> None:
     """One file out of what killed loggers left; the parts stay if they cannot be joined."""
     parts = files(folder)
-    if len(parts) == 1 and parts[0].name == run_folder.MCAP:
+    whole = folder / run_folder.MCAP
+    if whole in parts:
         return
-    join(parts, folder / run_folder.MCAP)
+    made = folder / f".{run_folder.MCAP}.new"
+    try:
+        join(parts, made)
+    except OSError:
+        made.unlink(missing_ok=True)
+        raise
+    made.rename(whole)
     for part in parts:
         part.unlink()
 

@@ -20,7 +20,6 @@ from rig.timing import Certificate
 
 FLUSH = 0.5  # s between flushes
 RETRY = 0.5  # s between attempts on a full disk
-GIVE_UP = 20.0  # s of a full disk after which the rest is lost
 IDLE = 0.005  # s
 DISK = 74  # exit code: rows were lost to the disk
 
@@ -38,6 +37,7 @@ class Job(NamedTuple):
     rung: str
     clock: str  # "virtual" or "real"
     rate_hz: float
+    patience: float  # s of a failing disk after which the rest is lost
 
 
 PRIVILEGES = "privileges.json"  # left in the folder by the supervisor when the loop reports
@@ -132,7 +132,7 @@ class Log:
 
     def _given_up(self) -> bool:
         since = self._failing_since
-        return since is not None and time.monotonic() - since > GIVE_UP
+        return since is not None and time.monotonic() - since > self._job.patience
 
 
 def main() -> None:

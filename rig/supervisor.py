@@ -26,6 +26,7 @@ from rig.safety import Reason
 
 POLL = 0.1  # s between looks
 RESTARTS = 5  # of a killed logger in one run
+DISK_PATIENCE = 20.0  # s a failing disk is retried before the rest of the log is given up
 DRAIN = 60.0  # s the logger may take after the loop has ended
 
 
@@ -94,8 +95,9 @@ class _Child:
         self._listener.start()
 
     def _listen(self, lines: IO[str]) -> None:
-        for line in lines:
-            self.events.put(json.loads(line))
+        with lines:
+            for line in lines:
+                self.events.put(json.loads(line))
 
     def alive(self) -> bool:
         return self.process.poll() is None
@@ -108,6 +110,11 @@ class _Child:
         while not self.events.empty():
             found.append(self.events.get())
         return found
+
+    def end(self) -> None:
+        """Wait until the process and what it said are all taken in."""
+        self.process.wait()
+        self._listener.join()
 
     def last_words(self) -> str:
         """The last line the process wrote to its error file."""
@@ -179,9 +186,13 @@ class Run:
             self._ring.bury()
         self._listen(loop)
         watch(self._snapshot())
+        loop.end()
+        logger.end()
         outcome = self._outcome(loop)
         if self._parts == 1 and logger.process.returncode == 0:
             (setup.folder / f"{MCAP}.part0").rename(setup.folder / MCAP)
+        os.close(self._ring_fd)
+        os.close(self._mail_fd)
         return outcome
 
     def _start_logger(self, started_ns: int) -> _Child:
@@ -199,6 +210,7 @@ class Run:
             setup.rung,
             "real" if setup.real_clock else "virtual",
             1.0 / setup.dt,
+            DISK_PATIENCE,
         )
         errors = setup.folder / "logger.stderr"
         return _Child("rig.logger", handover.dumps(job), (self._ring_fd,), errors)

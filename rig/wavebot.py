@@ -142,11 +142,11 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
 
 
 def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int) -> int:
-    """The first reason to trip, or Reason.NONE."""
+    """The first reason to trip, those that allow no controlled stop before others, or NONE."""
     heave, load, spring, meter, _ = sense
     motion = seen.motion
     reason = limits.check_axis(params.heave.limits, state.heave.limits, heave, motion, mode)
-    if reason != FINE:
+    if reason != FINE and CATEGORY[reason] == 0:
         return reason
     lcb, trs, string_pot, rotor_angle, load_age = load
     stator, _, stator_age = spring
@@ -155,8 +155,15 @@ def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int
     total = lcb + trs + string_pot + rotor_angle + load_age + stator + stator_age
     if not finite(total + ac + dc + bus_voltage + meter_age):
         return Reason.NOT_FINITE.value
-    bounds = params.limits
-    if load_age > bounds.load_cell_age_stop:
+    bounds, tared = params.limits, state.tare
+    stale = load_age > bounds.load_cell_age_stop
+    zero = tared.zeros.string_pot if tared.seeded == 1 else string_pot
+    gap = magnitude(string_pot - zero - motion.position)
+    if gap > bounds.string_pot_difference_stop and not stale:
+        return Reason.POSITION_DISAGREES.value
+    if reason != FINE:  # damping trusts the encoder, so the string pot is asked first
+        return reason
+    if stale:
         return Reason.STALE_LOAD_CELL.value
     if meter_age > bounds.analyser_age_stop:
         return Reason.STALE_ANALYSER.value
@@ -164,10 +171,6 @@ def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int
         return Reason.STALE_STATOR.value
     if magnitude(rotor_angle * bounds.metres_per_radian) > bounds.rotor_travel_stop:
         return Reason.ROTOR_TRAVEL.value
-    tared = state.tare
-    zero = tared.zeros.string_pot if tared.seeded == 1 else string_pot
-    if magnitude(string_pot - zero - motion.position) > bounds.string_pot_difference_stop:
-        return Reason.POSITION_DISAGREES.value
     if tared.highest - tared.lowest > bounds.tare_span_stop:
         return Reason.NOT_CALM.value
     return FINE

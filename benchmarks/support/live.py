@@ -103,9 +103,7 @@ def ring_of(pid: int) -> Reader | None:
 class LiveRun:
     """A run in its own processes; everything it started has ended when the block is left."""
 
-    def __init__(
-        self, command: list[str], runs: Path, env: dict[str, str] | None = None
-    ) -> None:
+    def __init__(self, command: list[str], runs: Path, env: dict[str, str] | None = None) -> None:
         runs.mkdir(parents=True, exist_ok=True)
         self.runs = runs
         self._words = (runs / "words.txt").open("w+")

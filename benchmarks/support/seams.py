@@ -6,6 +6,7 @@ shows in a loop timed beside one that is not.
 """
 
 from array import array
+from collections.abc import Callable
 from time import perf_counter_ns
 from typing import Any, NamedTuple
 
@@ -48,28 +49,31 @@ class TimedDevices:
     """Devices with a stamp before and after reading and writing."""
 
     def __init__(self, devices: Devices, stamps: Stamps) -> None:
-        self._read, self._write = devices.read, devices.write
         self.stop, self.close = devices.stop, devices.close
-        self._stamp = stamps.taken.append
-
-    def read(self, now: float) -> Any:
-        self._stamp(perf_counter_ns())
-        sense = self._read(now)
-        self._stamp(perf_counter_ns())
-        return sense
-
-    def write(self, command: Any) -> None:
-        self._stamp(perf_counter_ns())
-        self._write(command)
-        self._stamp(perf_counter_ns())
+        self.read = _timed(devices.read, stamps)
+        self.write = _timed(devices.write, stamps)
 
 
 class TimedWriter(Writer):
     """A ring's end with a stamp before and after a row is put."""
 
-    stamps: Stamps
+    def __init__(self, fd: int, row_type: type, stamps: Stamps) -> None:
+        super().__init__(fd, row_type, wait=False)
+        self._put = _timed(super().put, stamps)
 
     def put(self, row: Any) -> None:
-        self.stamps.taken.append(perf_counter_ns())
-        super().put(row)
-        self.stamps.taken.append(perf_counter_ns())
+        self._put(row)
+
+
+def _timed(call: Callable[[Any], Any], stamps: Stamps) -> Callable[[Any], Any]:
+    stamp = stamps.taken.append
+
+    def timed(argument: Any) -> Any:
+        began = perf_counter_ns()
+        result = call(argument)
+        ended = perf_counter_ns()
+        stamp(began)
+        stamp(ended)
+        return result
+
+    return timed

@@ -7,6 +7,7 @@ asks for the real-time privileges first and reports what was refused. Prints one
 import json
 import os
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -21,7 +22,9 @@ from rig.mailbox import Mailbox, Request
 from rig.wavebot import KIND
 
 
-def tick(made: Parts, clock: Clock, seconds: float, stamps: Stamps | None) -> tuple[int, float]:
+def tick(
+    made: Parts, clocks: Callable[[float], Clock], seconds: float, stamps: Stamps | None
+) -> tuple[int, float]:
     """Run the loop for so long; gives the ticks and the seconds they took."""
     ring_fd, mail_fd = ring.create(KIND.row_type), mailbox.create()
     devices: Any = made.connect()
@@ -30,8 +33,7 @@ def tick(made: Parts, clock: Clock, seconds: float, stamps: Stamps | None) -> tu
     if stamps is None:
         writer = ring.Writer(ring_fd, KIND.row_type, wait=False)
     else:
-        writer = TimedWriter(ring_fd, KIND.row_type, wait=False)
-        writer.stamps = stamps
+        writer = TimedWriter(ring_fd, KIND.row_type, stamps)
         devices = TimedDevices(devices, stamps)
     end_tick = round(seconds / made.plan.dt)
     if end_tick > ring.CAPACITY - 4096:
@@ -40,6 +42,7 @@ def tick(made: Parts, clock: Clock, seconds: float, stamps: Stamps | None) -> tu
     def overseer() -> int:
         return safety.REQUEST_ABORT if clock.now() >= seconds else 0
 
+    clock = clocks(made.plan.dt)  # last: it runs from here on
     began = perf_counter()
     end = loop.run(
         KIND,
@@ -65,11 +68,11 @@ def main() -> None:
     if kind == "real":
         lock = run_folder.hold_realtime("of a benchmark")
         refused = list(realtime.acquire().refused)
-        tick(made, RealClock(made.plan.dt), seconds, stamps)
+        tick(made, RealClock, seconds, stamps)
         lock.close()
     else:
         realtime.quiet_memory()
-        tick(made, VirtualClock(made.plan.dt), seconds, stamps)
+        tick(made, VirtualClock, seconds, stamps)
     found = stamps.parts()
     told = {
         name: {

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import xarray
+
 from rig.analysis.page import write_page
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
 from rig.analysis.summary import Summary, summarise, write_texts
@@ -18,11 +20,19 @@ def _unfinished(contents: list[mcap_file.Contents]) -> str:
     return f"the record was not finished by its writer{said}; run `rig recover` to close it"
 
 
-def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> Summary:
-    """The summary of a run, worked out from its record; RunError if that cannot be read."""
+def _read(run: Path, mean_position_alarm: float) -> tuple[xarray.Dataset, Summary]:
     contents = [mcap_file.scan(path) for path in files(run)]
     table = row_table(run, mean_position_alarm)
-    return summarise(table, facts(run, contents), _unfinished(contents))
+    return table, summarise(table, facts(run, contents), _unfinished(contents))
+
+
+def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> Summary:
+    """The summary of a run, worked out from its record; nothing is written.
+
+    ``mean_position_alarm`` in m. RunError if the record cannot be read, KeyError if the kind of
+    rig has no rows and power.
+    """
+    return _read(Path(run), mean_position_alarm)[1]
 
 
 def write_products(
@@ -30,13 +40,13 @@ def write_products(
 ) -> list[Path]:
     """Row table, surfaces and summary of a run, also of one that ended early or crashed.
 
+    They go into the run's folder, or beside the MCAP file if that is given alone.
     ``mean_position_alarm`` in m. Returns the files written. RunError if the record cannot be
     read, KeyError if the kind of rig has no rows and power.
     """
-    folder = Path(run_folder)
-    contents = [mcap_file.scan(path) for path in files(folder)]
-    table = row_table(folder, mean_position_alarm)
-    summary = summarise(table, facts(folder, contents), _unfinished(contents))
+    run = Path(run_folder)
+    folder = run if run.is_dir() else run.parent
+    table, summary = _read(run, mean_position_alarm)
     return [
         *write_rows(table, folder),
         write_surfaces(table, folder / "surfaces.png"),

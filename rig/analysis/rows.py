@@ -67,7 +67,7 @@ def wave_period(plan: dict[str, Any]) -> float | None:
     sea = plan.get("sea") or {}
     if sea.get("frequency_hz"):
         return 1.0 / float(sea["frequency_hz"])
-    period = sea.get("period_s") or plan.get("repeat_s")
+    period = sea.get("period_s") or plan.get("repeat_s") or sea.get("repeat_s")
     return float(period) if period else None
 
 
@@ -133,7 +133,7 @@ def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
 
 def _length(planned: dict[str, Any], dt: float | None) -> int:
     """Ticks that a planned row is measured for; 0 if the plan does not say."""
-    seconds = planned.get("measure")
+    seconds = planned.get("measure_s")
     return round(seconds / dt) if isinstance(seconds, int | float) and dt else 0
 
 

@@ -138,6 +138,7 @@ def summarise(table: xarray.Dataset, known: Facts, unfinished: str = "") -> Summ
     ``unfinished`` tells that the record lacks its end; it becomes the first alarm.
     """
     status = known.status
+    ended = status.get("status", "running") != "running"
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
     timing = known.timing.get("summary")
     return Summary(
@@ -148,11 +149,11 @@ def summarise(table: xarray.Dataset, known: Facts, unfinished: str = "") -> Summ
         sea=_sea(known.plan),
         rig=_name(known.config, "rig") or "not recorded",
         host=str(known.host.get("hostname") or known.host.get("name") or "not recorded"),
-        started_utc=known.started_utc or "not recorded",
-        ended_utc=str(status.get("ended_utc") or "not recorded"),
+        started_utc=words.utc(known.started_utc) or "not recorded",
+        ended_utc=words.utc(str(status.get("ended_utc") or "not recorded")),
         code=_code(known.code),
         ending=ENDINGS.get(str(status.get("status")), NO_END),
-        reason=words.reason_words(str(status.get("reason") or "")) if status else NO_REASON,
+        reason=words.reason_words(str(status.get("reason") or "")) if ended else NO_REASON,
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(optima(table)),

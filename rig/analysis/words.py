@@ -1,6 +1,7 @@
 """Names and phrases that pictures and pages share."""
 
 import math
+from datetime import UTC, datetime
 
 from rig.safety import Reason
 
@@ -77,9 +78,20 @@ def watts(value: float, error: float = float("nan")) -> str:
     """A power with its standard error where that is known, W."""
     digits = 1 if abs(value) < 100.0 else 0
     text = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
-    if math.isfinite(error):
-        text += f" ± {error:.{max(digits, 1)}f}"
-    return f"{text} W"
+    if not math.isfinite(error):
+        return f"{text} W"
+    if error < 0.005:
+        return f"{text} ± <0.01 W"
+    return f"{text} ± {error:.{1 if error >= 0.095 else 2}f} W"
+
+
+def utc(text: str) -> str:
+    """An ISO 8601 time in UTC as people write it, to the second; other text as it is."""
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return text
+    return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
 def spring_words(rate: float, stator: float) -> str:

@@ -27,6 +27,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
     except (run_folder.BusyError, OSError, RunError) as error:
         return _failed(str(error), as_json=as_json)
     products, trouble = _analyse(ended, quiet=as_json)
+    trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     outcome = ended.outcome
     if as_json:
         print(
@@ -66,6 +67,8 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], str]:
         products = write_products(ended.folder)
     except (RunError, OSError, ValueError) as error:
         return [], f"no products: {error}"
+    except KeyboardInterrupt:
+        return [], f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
     summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
     status = json.loads((ended.folder / run_folder.STATUS).read_text())
     status["rows_done"] = summary["rows_done"]

@@ -90,7 +90,7 @@ def _code(params: WaveBotParams, state: WaveBotState) -> Any:
     names = lift.words(params) | lift.words(state) | {Actuation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
     source = _SOURCE.format(
-        imports="\n".join(sorted(imports) + ["from sim_plant.wavebot import sample, step"]),
+        imports="\n".join([*sorted(imports), "from sim_plant.wavebot import sample, step"]),
         params=lift.unpacking(params, "p"),
         state=lift.unpacking(state, "x"),
         store="\n    ".join(lift.packing(state, "state", "x")),

@@ -54,7 +54,7 @@ REQUESTS = {
 # Every pair of mode and event, in the words of IEC 60204-1. "away": power removed (category 0);
 # "damp": motion brought under control, then power removed (category 1); "hold": the same and power
 # kept (category 2); "up": the drive is asked on; "run": the law acts; "-": nothing changes.
-EVENTS = "TRIP_0 EXPIRED TRIP_1 STOP HOLD RESUME POWER WANTED NONE".split()
+EVENTS = ["TRIP_0", "EXPIRED", "TRIP_1", "STOP", "HOLD", "RESUME", "POWER", "WANTED", "NONE"]
 WORDS = {
     "OFF": "away - away away - - up up -",
     "ENABLING": "away away away away - - run - -",

@@ -6,23 +6,8 @@ import math
 from collections.abc import Callable
 
 import pytest
-from core_kinds import (
-    AXIS,
-    BENCH,
-    PAIR,
-    SAFETY,
-    SHORT,
-    PairParams,
-    PairRow,
-    PairSense,
-    Ran,
-    Slider,
-    Sliders,
-    Table,
-    bench,
-    bench_params,
-    run,
-)
+from core_kinds import AXIS, BENCH, PAIR, PairParams, PairRow, PairSense, Table
+from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, run
 
 from rig import axis, cycle
 from rig.limits import Limited, Warned

@@ -10,7 +10,8 @@ import struct
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import pytest
-from core_kinds import BenchRow, PairRow, unflatten
+from core_kinds import BenchRow, PairRow
+from core_runs import unflatten
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

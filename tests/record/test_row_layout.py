@@ -62,7 +62,7 @@ def as_message(store: Any, row: Any, hint: type) -> Any:
     return store.types[record.schema_name(hint)](*values)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(st.data())
 def test_one_layout(data: st.DataObject) -> None:
     row_type = data.draw(row_types())
@@ -82,7 +82,7 @@ def test_one_layout(data: st.DataObject) -> None:
     assert bytes(encoded) == record.CDR_HEADER + packed
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(row_types())
 def test_the_schema_tells_the_layout(row_type: Any) -> None:
     assert record.leaves_of_schema(record.schema(row_type)) == record.leaves(row_type)

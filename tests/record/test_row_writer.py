@@ -10,10 +10,14 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pytest
 import record_files as files
+import zstandard
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
+from mcap.records import Chunk, MessageIndex
+from mcap.stream_reader import StreamReader
 
 from rig import record, runs
-from rig.log import CHUNK_BYTES, RowWriter
+from rig.log import CHUNK_BYTES, MESSAGE, RowWriter
 from rig.runs.mcap_file import blocks, scan
 
 
@@ -43,10 +47,25 @@ def test_the_stock_reader_finds_index_statistics_and_attachments(tmp_path: Path)
         messages = list(reader.iter_messages(topics="/row"))
         assert [m.sequence for _, _, m in messages] == list(range(3000))
         assert b"".join(m.data[4:] for _, _, m in messages) == data.tobytes()
-        # The index leads to the right messages, not only to the first of each chunk.
         some = files.START + 1_234_000_000
         _, _, found = next(iter(reader.iter_messages(starting_at=some)))
         assert found.sequence == 1234
+
+
+def test_the_index_of_a_chunk_leads_to_each_message(tmp_path: Path) -> None:
+    path = files.write(tmp_path / "run.mcap", files.rows(900), flush_every=300)
+    plain, indexed = b"", 0
+    with path.open("rb") as file:
+        for item in StreamReader(file, emit_chunks=True).records:
+            if isinstance(item, Chunk):
+                plain = zstandard.decompress(item.data, max_output_size=item.uncompressed_size)
+            elif isinstance(item, MessageIndex):
+                for log_time, offset in item.records:
+                    opcode, _, _, sequence, at, _, _ = MESSAGE.unpack_from(plain, offset)
+                    assert (opcode, sequence) == (Opcode.MESSAGE, indexed)
+                    assert at == log_time == files.START + indexed * 1_000_000
+                    indexed += 1
+    assert indexed == 900
 
 
 def test_a_large_block_is_cut_into_chunks(tmp_path: Path) -> None:

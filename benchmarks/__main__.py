@@ -1,0 +1,90 @@
+"""`python -m benchmarks [NAME ...] [--short] [--json]`."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks import crash, cycle, lateness, reading, rehearsal, ring, start
+from benchmarks.support import host, report
+from benchmarks.support.result import Result, text
+
+RESULTS = Path(__file__).parent / "results"
+
+MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
+    "cycle": cycle.measure,
+    "rehearsal": rehearsal.measure,
+    "lateness": lateness.measure,
+    "ring": ring.measure,
+    "crash": crash.measure,
+    "reading": reading.measure,
+    "start": start.measure,
+}
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Measure the numbers this project holds; the figures go to "
+        "benchmarks/results/ unless the run is a short one.",
+        epilog="\n".join(f"  {n:10} {_first_line(m)}" for n, m in MEASUREMENTS.items()),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help="what to measure (default: all)")
+    parser.add_argument(
+        "--short", action="store_true", help="a minute instead of the better part of half an hour"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
+    given = parser.parse_args()
+    unknown = [name for name in given.names if name not in MEASUREMENTS]
+    if unknown:
+        parser.error(f"no measurement {unknown[0]!r}; there are {', '.join(MEASUREMENTS)}")
+    return given
+
+
+def _first_line(measure: Callable[[bool], Result]) -> str:
+    module = sys.modules[measure.__module__]
+    return (module.__doc__ or "").strip().splitlines()[0]
+
+
+def main() -> int:
+    """Measure what was asked for; 0 unless something could not be measured at all."""
+    given = _arguments()
+    names = given.names or list(MEASUREMENTS)
+    told: dict[str, Any] = {}
+    missed: list[str] = []
+    failed: list[str] = []
+    for name in names:
+        if not given.json:
+            print(f"{name} ...", file=sys.stderr, flush=True)
+        before, began = host.Busy.now(), time.monotonic()
+        try:
+            result = MEASUREMENTS[name](given.short)
+        except Exception as error:  # noqa: BLE001  the others are measured all the same
+            failed.append(f"{name}: {type(error).__name__}: {error}")
+            continue
+        told[name] = {
+            **result.as_dict(),
+            "host": host.facts(),
+            "load": host.others(before, host.Busy.now()),
+            "took_s": round(time.monotonic() - began, 1),
+        }
+        missed += [f"{name}: {f.name.strip()}, {f.median:.3g} {f.unit}" for f in result.missed]
+        if not given.json:
+            print(text(result), end="\n\n", flush=True)
+        if not given.short:
+            report.keep(RESULTS, name, told[name], list(MEASUREMENTS))
+    if given.json:
+        print(json.dumps({"short": given.short, "results": told, "failed": failed}, indent=2))
+    else:
+        print(report.closing(missed))
+    for line in failed:
+        print(f"not measured: {line}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

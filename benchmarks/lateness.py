@@ -1,0 +1,235 @@
+"""How late the real-time loop wakes, beside cyclictest at the same priority on the same core."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.ring import refusals
+from benchmarks.support.live import Peek, live_run
+from benchmarks.support.recorded import campaign_file
+from benchmarks.support.result import Figure, Result, figure, quantile, ratios
+from rig.realtime import PRIORITY
+from rig.runs import open_run
+
+P50_RATIO, P99_RATIO = 2.0, 3.0
+INTERVAL_US = 1000
+BINS = 100_000  # us of cyclictest's histogram
+MISSING = (
+    "no comparison: cyclictest is not here (Debian, Ubuntu: apt-get install rt-tests; "
+    "it needs root for SCHED_FIFO)"
+)
+
+
+class Block(NamedTuple):
+    """Lateness over one block, in microseconds."""
+
+    p50: float
+    p99: float
+    worst: float
+    wakes: int
+
+
+class LoopBlock(NamedTuple):
+    """One block of the real-time loop, with its bookkeeping."""
+
+    late: Block
+    work: tuple[float, float, float]  # us of a tick: p50, p99, p99.9
+    skipped: int  # periods lost
+    imbalance: int  # executed + skipped - elapsed periods, by the loop's own count
+    drift: float  # the same by the monotonic clock seen from outside, in periods
+    refused: tuple[str, ...]
+
+
+def last_core() -> int:
+    """The core the loop pins itself to."""
+    return max(os.sched_getaffinity(0))
+
+
+def summary(late: npt.NDArray[np.int64]) -> Block:
+    """Percentiles of whole microseconds."""
+    return Block(quantile(late, 0.5), quantile(late, 0.99), float(late.max()), len(late))
+
+
+def histogram(text: str) -> Block:
+    """Percentiles of what ``cyclictest -h`` prints; ValueError if it is no histogram."""
+    pairs = [line.split() for line in text.splitlines() if re.fullmatch(r"\d+\s+\d+", line)]
+    counts = np.array([(int(us), int(count)) for us, count in pairs], dtype=np.int64)
+    worst = re.search(r"# Max Latencies: (\d+)", text)
+    beyond = re.search(r"# Histogram Overflows: (\d+)", text)
+    if len(counts) == 0 or counts[:, 1].sum() == 0 or worst is None or beyond is None:
+        raise ValueError(f"cyclictest gave no histogram: {text.strip()[-200:]}")
+    top = int(worst[1])
+    late = np.concatenate(
+        (np.repeat(counts[:, 0], counts[:, 1]), np.full(int(beyond[1]), top, dtype=np.int64))
+    )
+    return summary(late)
+
+
+def cyclictest(seconds: float) -> Block:
+    """One block of cyclictest: FIFO, absolute clock_nanosleep, memory locked, the loop's core."""
+    command = [
+        "cyclictest",
+        *("--quiet", "--mlockall", "--policy=fifo", f"--priority={PRIORITY}", "--threads=1"),
+        *(f"--affinity={last_core()}", f"--interval={INTERVAL_US}", f"--histogram={BINS}"),
+        f"--loops={round(seconds * 1e6 / INTERVAL_US)}",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise RuntimeError(f"cyclictest: {(done.stderr or done.stdout).strip()[-200:]}")
+    return histogram(done.stdout)
+
+
+def loop_block(
+    campaign: Path, runs: Path, seconds: float, env: dict[str, str] | None = None
+) -> LoopBlock:
+    """One block of the loop under the supervisor, from its very first tick on."""
+    periods = round(seconds * 1e6 / INTERVAL_US)
+    peeks: list[Peek] = []
+    with live_run(campaign, runs, real_clock=True, env=env) as run:
+        start = run.wait_started()
+        while time.monotonic() < start.at + seconds + 0.1:
+            peeks.append(run.peek())
+            time.sleep(0.01)
+        run.stop()
+        outcome = run.wait_ended()
+    data = open_run(run.folder, fields=["tick", "timing"])
+    ticks, skipped = data["tick"].values, data["timing.skipped"].values
+    within = ticks < periods
+    late = (data["timing.lateness"].values[within] * 1e6).astype(np.int64)
+    work = data["timing.work"].values[1:][within[1:]] * 1e6  # each row has that of the tick before
+    return LoopBlock(
+        summary(late),
+        (quantile(work, 0.5), quantile(work, 0.99), quantile(work, 0.999)),
+        int(skipped[within][-1]),
+        int(outcome["ticks"]) + int(outcome["skipped"]) - (int(ticks[-1]) + 1),
+        drift(peeks),
+        refusals(run.folder),
+    )
+
+
+def drift(peeks: list[Peek]) -> float:
+    """Periods by which the loop's tick ran away from the monotonic clock.
+
+    A look from outside comes up to a period after its tick, and later when the host stalls; the
+    promptest look of each quarter of the run is free of both.
+    """
+    ahead = [peek.tick - (peek.at - peeks[0].at) * 1e6 / INTERVAL_US for peek in peeks]
+    quarter = max(1, len(ahead) // 4)
+    return max(ahead[-quarter:]) - max(ahead[:quarter])
+
+
+class Pairs(NamedTuple):
+    """Alternating blocks under one load; without cyclictest its list is empty."""
+
+    loop: list[LoopBlock]
+    peer: list[Block]
+
+
+def alternate(folder: Path, seconds: float, pairs: int, *, busy: bool, compare: bool) -> Pairs:
+    """Loop, cyclictest, loop, cyclictest, ...; with ``busy`` beside a spinning process."""
+    campaign = campaign_file(folder, seconds + 60.0)
+    found = Pairs([], [])
+    load: AbstractContextManager[object] = _Spinner() if busy else nullcontext()
+    with load:
+        for i in range(pairs):
+            runs = folder / f"{'busy' if busy else 'calm'}{i}"
+            found.loop.append(loop_block(campaign, runs, seconds))
+            shutil.rmtree(runs)
+            if compare:
+                found.peer.append(cyclictest(seconds))
+    return found
+
+
+class _Spinner:
+    """A process that does nothing but compute, on the first core."""
+
+    def __enter__(self) -> None:
+        code = (
+            f"import os; os.sched_setaffinity(0, {{{min(os.sched_getaffinity(0))}}})\n"
+            "while True: sum(range(1000))"
+        )
+        self._process = subprocess.Popen([sys.executable, "-c", code])
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait()
+
+
+def _figures(load: str, found: Pairs) -> list[Figure]:
+    loop, peer = found.loop, found.peer
+    figures: list[Figure] = []
+    for name, ours, theirs, limit in (
+        ("p50", [b.late.p50 for b in loop], [b.p50 for b in peer], P50_RATIO),
+        ("p99", [b.late.p99 for b in loop], [b.p99 for b in peer], P99_RATIO),
+        ("worst", [b.late.worst for b in loop], [b.worst for b in peer], None),
+    ):
+        figures.append(figure(f"{load}: loop, {name}", "us late", ours))
+        if peer:
+            figures.append(figure(f"{load}: cyclictest, {name}", "us late", theirs))
+            if all(theirs):
+                compared = ratios(ours, theirs)
+                label = f"{load}: loop / cyclictest, {name}"
+                figures.append(figure(label, "ratio", compared, at_most=limit))
+    for i, name in enumerate(("p50", "p99", "p99.9")):
+        figures.append(figure(f"{load}: tick with plant, {name}", "us", [b.work[i] for b in loop]))
+    figures += [
+        figure(f"{load}: periods skipped and counted", "periods", [b.skipped for b in loop]),
+        figure(
+            f"{load}: executed + skipped - elapsed, own count",
+            "periods",
+            [abs(b.imbalance) for b in loop],
+            at_most=0,
+            judge="worst",
+        ),
+        figure(
+            f"{load}: the same by the clock, from outside",
+            "periods",
+            [abs(b.drift) for b in loop],
+            at_most=1,
+            judge="worst",
+        ),
+    ]
+    return figures
+
+
+def measure(short: bool) -> Result:
+    """Alternating blocks on an otherwise idle machine, then with the other core kept busy."""
+    seconds, pairs = (2.0, 1) if short else (20.0, 5)
+    compare = shutil.which("cyclictest") is not None
+    loads = [("calm", False)]
+    notes = [
+        "calm: nothing started beside the loop with its supervisor and logger, or cyclictest",
+        "busy: a process computing without end on the first core, in loop and cyclictest blocks",
+    ]
+    if not compare:
+        notes.append(MISSING)
+    if len(os.sched_getaffinity(0)) > 1:
+        loads.append(("busy", True))
+    else:
+        notes.append("no busy blocks: this host has one core")
+    figures: list[Figure] = []
+    refused: set[str] = set()
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, busy in loads:
+            found = alternate(Path(scratch), seconds, pairs, busy=busy, compare=compare)
+            figures += _figures(name, found)
+            refused.update(why for block in found.loop for why in block.refused)
+    notes += [f"not granted to the loop, so not the same terms: {why}" for why in sorted(refused)]
+    return Result(
+        "lateness",
+        f"wake-up of the real-time loop at {1e6 / INTERVAL_US:g} Hz, FIFO {PRIORITY}, last core",
+        f"{2 * pairs if compare else pairs} blocks of {seconds:g} s under each load"
+        + (", loop and cyclictest alternating" if compare else ""),
+        tuple(figures),
+        tuple(notes),
+    )

@@ -1,0 +1,194 @@
+"""What handing a row to the logger costs the loop, and whether a stalled logger costs rows."""
+
+import json
+import os
+import signal
+import tempfile
+import time
+from pathlib import Path
+from time import perf_counter_ns
+from typing import Any, NamedTuple
+
+from benchmarks.cycle import on_the_real_clock
+from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
+from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
+from benchmarks.support.result import Result, figure, quantile, ratios
+from rig import cycle, ring
+from rig.runs import open_run
+from rig.wavebot import KIND
+
+PUT_US = 3.0
+GROWTH_MB = 1.0
+SETTLED = 1.0  # s after the first tick: memory before
+
+_NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+
+
+class Cost(NamedTuple):
+    """Alternating blocks; all in microseconds a tick."""
+
+    put: list[float]  # rows put one after another
+    p99: list[float]
+    cycle: list[float]  # the cycle alone
+    both: list[float]  # the cycle, each row put at once, as the loop does
+
+
+def cost(recorded: Recorded, blocks: int) -> Cost:
+    """Put recorded rows, walk recorded ticks, do both; block after block."""
+    fd = ring.create(KIND.row_type)
+    writer, reader = ring.Writer(fd, KIND.row_type, wait=False), ring.Reader(fd)
+    os.posix_fallocate(fd, 0, os.fstat(fd).st_size)
+    os.close(fd)
+    found = Cost([], [], [], [])
+    with quiet():
+        for block in range(blocks + 1):
+            put, p99 = _put(recorded, writer)
+            _empty(reader)
+            alone, both = _walk(recorded, None), _walk(recorded, writer)
+            _empty(reader)
+            if block:  # the first one brings the ring's pages into memory
+                for into, value in zip(found, (put, p99, alone, both), strict=True):
+                    into.append(value)
+    if writer.dropped:
+        raise RuntimeError("the ring was full: these figures are not of puts")
+    return found
+
+
+def _put(recorded: Recorded, writer: ring.Writer) -> tuple[float, float]:
+    put, now = writer.put, perf_counter_ns
+    began = now()
+    for row in recorded.rows:
+        put(row)
+    mean = (now() - began) / 1e3 / len(recorded.rows)
+    single = []
+    for row in recorded.rows:
+        began = now()
+        put(row)
+        single.append(now() - began)
+    return mean, quantile(single, 0.99) / 1e3
+
+
+def _walk(recorded: Recorded, writer: ring.Writer | None) -> float:
+    step, put = cycle.make(KIND), _nothing if writer is None else writer.put
+    params, state, dt, timing = recorded.params, recorded.state, recorded.dt, _NO_TIMING
+    began = perf_counter_ns()
+    for tick, sense in enumerate(recorded.senses, recorded.first):
+        state, _, row = step(params, state, sense, 0, tick, timing, 1, dt)
+        put(row)
+    return (perf_counter_ns() - began) / 1e3 / len(recorded.senses)
+
+
+def _nothing(row: Any) -> None:
+    pass
+
+
+def _empty(reader: ring.Reader) -> None:
+    while reader.pending:
+        reader.take()
+        reader.commit()
+
+
+class Stalled(NamedTuple):
+    """A run on the real clock whose logger stood still for a while."""
+
+    seconds: float
+    ticks: int
+    lost: int  # rows put or ticked and not in the file
+    dropped: int
+    behind: int  # rows waiting in the ring at worst
+    growth: float  # MB of the loop's own memory, ring not counted
+    growth_all: float  # MB, everything resident
+    refused: tuple[str, ...]  # real-time privileges
+
+
+def stalled_run(
+    folder: Path, seconds: float, stall: float, env: dict[str, str] | None = None
+) -> Stalled:
+    """Run on the real clock, stop the logger in the middle for ``stall`` seconds, count rows."""
+    campaign = campaign_file(folder, seconds + 30.0)
+    with live_run(campaign, folder / "stalled", real_clock=True, env=env) as run:
+        start = run.wait_started()
+        loop, logger = run.pid(LOOP), run.pid(LOGGER)
+        _watch(run, start.at + min(SETTLED, seconds / 4))
+        before = memory(loop)
+        _watch(run, start.at + (seconds - stall) / 2)
+        os.kill(logger, signal.SIGSTOP)
+        behind = _watch(run, time.monotonic() + stall)
+        os.kill(logger, signal.SIGCONT)
+        _watch(run, start.at + seconds)
+        after = memory(loop)
+        run.stop()
+        outcome = run.wait_ended()
+        last = run.peek().tick
+        put = run.ring.head
+    ticks = open_run(run.folder, fields=["tick"])["tick"].values
+    executed = last + 1 - int(outcome["skipped"])
+    return Stalled(
+        seconds,
+        executed,
+        max(executed, put, int(outcome["ticks"])) - len(ticks),
+        int(outcome["dropped"]),
+        behind,
+        _own(after) - _own(before),
+        (after["all"] - before["all"]) / 1e6,
+        refusals(run.folder),
+    )
+
+
+def refusals(folder: Path) -> tuple[str, ...]:
+    """Real-time privileges that a run was not granted."""
+    granted: dict[str, str] = json.loads((folder / "privileges.json").read_text())
+    return tuple(f"{name}: {why}" for name, why in granted.items() if why)
+
+
+def _own(resident: dict[str, int]) -> float:
+    return (resident["private"] + resident["files"]) / 1e6
+
+
+def _watch(run: LiveRun, until: float) -> int:
+    """Sleep until then; gives the most rows that waited in the ring meanwhile."""
+    most = 0
+    while time.monotonic() < until:
+        most = max(most, run.ring.head - run.ring.tail)
+        time.sleep(0.05)
+    return most
+
+
+def measure(short: bool) -> Result:
+    """Cost of a put in blocks beside the cycle, at the real rate, and a long run with a stall."""
+    ticks, blocks, loops = (2000, 4, 1) if short else (10_000, 20, 5)
+    seconds, stall = (20.0, 2.0) if short else (600.0, 5.0)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        path = campaign_file(folder, 60.0)
+        found = cost(record(path, ticks), blocks)
+        real = [on_the_real_clock(path, 2.0 if short else 10.0) for _ in range(loops)]
+        run = stalled_run(folder, seconds, stall)
+    added = [both - alone for both, alone in zip(found.both, found.cycle, strict=True)]
+    late = [one["us"]["ring"] for one in real]
+    return Result(
+        "ring",
+        "handing a row to the logger through shared memory, and a logger that stands still",
+        f"{blocks} alternating blocks of {ticks} rows; {loops} loops at their real rate; one run "
+        f"of {seconds:g} s at 1 kHz with the logger stopped for {stall:g} s in the middle",
+        (
+            figure("put, row after row", "us a tick", found.put, at_most=PUT_US),
+            figure("put, p99", "us", found.p99),
+            figure("put, added to the cycle", "us a tick", added, at_most=PUT_US),
+            figure("put / cycle", "ratio", ratios(found.put, found.cycle)),
+            figure(
+                "put, in a loop at its real rate, mean",
+                "us a tick",
+                [one["mean"] for one in late],
+                at_most=PUT_US,
+            ),
+            figure("put, in a loop at its real rate, p99", "us", [one["p99"] for one in late]),
+            figure("rows lost to the stall", "rows", run.lost, at_most=0),
+            figure("rows dropped by the ring", "rows", run.dropped, at_most=0),
+            figure("rows waiting in the ring at worst", "rows", run.behind),
+            figure("ticks of that run", "ticks", run.ticks),
+            figure("memory growth of the loop", "MB", run.growth, at_most=GROWTH_MB),
+            figure("  the same with the ring's pages", "MB", run.growth_all),
+        ),
+        tuple(f"on the real clock not granted: {why}" for why in run.refused),
+    )

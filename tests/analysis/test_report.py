@@ -1,0 +1,198 @@
+"""The products of a run: all of them, for whole, partial and crashed runs."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import synthetic_runs as synthetic
+from matplotlib.image import imread
+
+from rig.analysis.report import summary_of, write_products
+from rig.analysis.rows import row_table
+from rig.analysis.summary import row_list
+from rig.analysis.traces import decimate, write_traces
+from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
+from rig.limits import Limited
+from rig.runs import RunError
+from rig.safety import Reason
+from rig.sequence import Phase
+
+SHAPE = synthetic.Shape(noise=10.0, wander=1.0)
+ROWS = synthetic.default_rows()
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "20260504-093000-default"
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    return synthetic.write_run(folder, synthetic.run_rows(ROWS, SHAPE), plan)
+
+
+@pytest.fixture(scope="module")
+def products(whole: Path) -> dict[str, Path]:
+    return {path.name: path for path in write_products(whole)}
+
+
+def test_all_products_are_there(products: dict[str, Path]) -> None:
+    assert set(products) == {
+        "rows.csv",
+        "rows.nc",
+        "surfaces.png",
+        "summary.txt",
+        "summary.json",
+        "summary.pdf",
+        "summary.png",
+    }
+    assert all(path.stat().st_size > 500 for path in products.values())
+
+
+def test_the_page_is_one_a4_page(products: dict[str, Path]) -> None:
+    data = products["summary.pdf"].read_bytes()
+    assert len(re.findall(rb"/Type /Page\b", data)) == 1
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]", data)
+    assert box is not None
+    assert [float(side) for side in box.groups()] == pytest.approx([595.4, 841.7], abs=0.5)
+    assert imread(products["summary.png"]).std() > 0.05
+
+
+def test_the_summary_says_what_was_run_and_what_came_of_it(products: dict[str, Path]) -> None:
+    text = products["summary.txt"].read_text()
+    for part in (
+        "REHEARSAL: simulated plant",
+        "Complete: the plan was walked to its end.",
+        "66 of 66 rows complete.",
+        "regular, amplitude 0.127 m, 0.5 Hz",
+        "0.1.0 (0123abc)",
+        "Virtual clock: every tick ran in order",
+        "Alarms\n  none",
+    ):
+        assert part in text
+    told = json.loads(products["summary.json"].read_text())
+    best = {(o["power"], o["spring_rate_n_per_m"]): o for o in told["optima"]}
+    assert best["ac", 490.9]["kp_n_s_per_m"] == -2500.0
+    assert best["dc", -5715.0]["mean_w"] == pytest.approx(-15.0, abs=3.0)
+    assert best["ac", 490.9]["standard_error_w"] > 0.0
+
+
+def test_written_again_the_products_are_the_same(whole: Path, products: dict[str, Path]) -> None:
+    names = ("rows.csv", "summary.txt", "summary.json")
+    before = {name: products[name].read_bytes() for name in names}
+    write_products(whole)
+    assert before == {name: products[name].read_bytes() for name in names}
+
+
+def test_a_crashed_run_gets_its_products(tmp_path: Path) -> None:
+    data = synthetic.run_rows(ROWS, SHAPE)
+    at = np.flatnonzero((data["plan.row"] == 9) & (data["plan.phase"] == Phase.MEASURE))
+    data["heave.estimate.position"][data["plan.row"] == 4] -= 0.0072
+    third = np.flatnonzero((data["plan.row"] == 3) & (data["plan.phase"] == Phase.MEASURE))
+    data["heave.command.limited"][third] = Limited.CURRENT_PEAK
+    cut = np.delete(data[: at[100]], third[5:8])
+    synthetic.write_run(tmp_path, cut, synthetic.plan_json(ROWS, SHAPE), finish=False)
+    with (tmp_path / "run.mcap").open("ab") as file:
+        file.write(b"\x06torn")
+    write_products(tmp_path)
+    text = (tmp_path / "summary.txt").read_text()
+    for part in (
+        "No end recorded",
+        "9 of 66 rows complete",
+        "the record was not finished by its writer, 5 torn bytes at its end",
+        "mean position beyond 5 mm in row 4: −7.2 mm in row 4",
+        "force limited (current peak) in row 3",
+        "3 ticks lost while measuring, in row 3",
+        "row 9 is not whole (the log ends here)",
+        "No timing certificate",
+    ):
+        assert part in text
+
+
+def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
+    data = synthetic.run_rows(ROWS[:1], SHAPE)[:50]
+    status = {"status": "fault", "reason": "NOT_CALM", "rung": "hardware"}
+    synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE), **status)
+    write_products(tmp_path)
+    text = (tmp_path / "summary.txt").read_text()
+    assert "Stopped by a fault: the body moved during the tare." in text
+    assert "0 of 66 rows complete" in text
+    assert "[HARDWARE]" in text
+    (tmp_path / "none").mkdir()
+    synthetic.write_run(tmp_path / "none", data, {})
+    write_products(tmp_path / "none")
+    assert "no row was measured" in (tmp_path / "none" / "summary.txt").read_text()
+
+
+def test_a_single_file_tells_all_but_its_end(whole: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "mailed.mcap"
+    alone.write_bytes((whole / "run.mcap").read_bytes())
+    summary = summary_of(alone)
+    assert (summary.campaign, summary.rung, summary.rows_done) == ("default", "rehearsal", 66)
+    assert [p.name for p in tmp_path.iterdir()] == ["mailed.mcap"]
+
+
+def test_a_run_that_still_goes_on(tmp_path: Path) -> None:
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    data = synthetic.run_rows(ROWS[:3], SHAPE)
+    synthetic.write_run(tmp_path, data, plan, status="running", reason="")
+    assert summary_of(tmp_path).reason.startswith("the record just stops")
+
+
+def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"no run\.mcap"):
+        write_products(tmp_path)
+
+
+def test_many_spring_rates_fit(tmp_path: Path) -> None:
+    rows = []
+    for rate in (8000.0, 4000.0, 490.9, -3000.0, -5715.0):
+        for kp in (-1000.0, -2000.0):
+            for ki in (0.0, 1000.0):
+                power = dict.fromkeys(("mechanical_1", "mechanical_2", "ac", "dc"), kp / 100.0)
+                rows.append(synthetic.Row(len(rows), 0, rate, kp, ki, power))
+    shape = synthetic.Shape(periods=1)
+    plan = synthetic.plan_json(rows, shape)
+    synthetic.write_run(tmp_path, synthetic.run_rows(rows, shape), plan)
+    write_products(tmp_path)
+    assert len(row_table(tmp_path)["row"]) == 20
+
+
+def test_traces(whole: Path, tmp_path: Path) -> None:
+    picture = imread(write_traces(whole, tmp_path / "all.png"))
+    assert picture.std() > 0.05
+    write_traces(whole, tmp_path / "some.png", ["power.*", "plan.phase"], rows=[3, 7])
+    with pytest.raises(KeyError, match="no field 'nothing'"):
+        write_traces(whole, tmp_path / "x.png", ["nothing"])
+    with pytest.raises(KeyError, match="no row 400"):
+        write_traces(whole, tmp_path / "x.png", rows=400)
+
+
+def test_no_peak_is_lost_by_decimation() -> None:
+    random = np.random.default_rng(2)
+    values = random.normal(size=100_000)
+    values[77_777] = 50.0
+    values[33_333] = -60.0
+    time = np.arange(100_000.0)
+    x, y = decimate(time, values, 500)
+    assert len(x) == 1000
+    assert (y.max(), y.min()) == (50.0, -60.0)
+    assert (np.diff(x) >= 0.0).all()
+    assert decimate(time[:900], values[:900], 500)[1].size == 900
+
+
+def test_words() -> None:
+    assert set(REASONS) == set(Reason)
+    assert reason_words("POSITION") == "the position limit was reached"
+    assert reason_words("something new") == "something new"
+    assert rung_stamp("hil").startswith("HIL")
+    assert rung_stamp("") == "RUNG NOT RECORDED"
+    assert signed(-2500.0) == "−2500"
+    assert signed(-0.2) == "0"
+    assert watts(-55.04, 0.26) == "−55.0 ± 0.3 W"
+    assert watts(-55.04, 0.012) == "−55.0 ± 0.01 W"
+    assert watts(-55.04, 0.0) == "−55.0 ± <0.01 W"
+    assert watts(-55.04) == "−55.0 W"
+    assert utc("2026-11-21T10:41:01.456806+00:00") == "2026-11-21 10:41:01 UTC"
+    assert utc("not recorded") == "not recorded"
+    assert row_list([3, 1, 2, 9]) == "rows 1-3, 9"
+    assert row_list([4]) == "row 4"

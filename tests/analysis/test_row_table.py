@@ -1,0 +1,243 @@
+"""The row table against closed forms: means, errors, windows that are not whole."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_runs as synthetic
+import xarray
+from scipy import stats
+from synthetic_runs import Row, Shape
+
+from rig.analysis.points import optima, points
+from rig.analysis.rows import POWERS, period_means, row_table, standard_error, write_rows
+from rig.limits import Limited, Warned
+from rig.safety import Mode, Reason
+from rig.sequence import Phase
+
+POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
+
+
+def planned(count: int, repetitions: int = 1) -> list[Row]:
+    rows = []
+    for i in range(count):
+        for again in range(repetitions):
+            power = {kind: value + i for kind, value in POWER.items()}
+            rows.append(Row(i, again, 490.9, -2000.0, 1000.0 * i, power))
+    return rows
+
+
+def table_of(folder: Path, data: Any, rows: list[Row], shape: Shape) -> xarray.Dataset:
+    synthetic.write_run(folder, data, synthetic.plan_json(rows, shape))
+    return row_table(folder)
+
+
+def run(folder: Path, rows: list[Row], shape: Shape) -> xarray.Dataset:
+    return table_of(folder, synthetic.run_rows(rows, shape), rows, shape)
+
+
+def test_means_of_sinusoids_are_exact(tmp_path: Path) -> None:
+    rows, shape = planned(3), Shape()
+    table = run(tmp_path, rows, shape)
+    for i, row in enumerate(rows):
+        here = table.isel(row=i)
+        for kind, value in row.power.items():
+            assert float(here[f"power_{kind}"]) == pytest.approx(value, abs=1e-9)
+            assert float(here[f"power_{kind}_se"]) == pytest.approx(0.0, abs=1e-9)
+        for kind in ("mechanical_1", "mechanical_2"):  # the cell's offset of 12 N drops out
+            assert float(here[f"power_{kind}_demeaned"]) == pytest.approx(row.power[kind], abs=1e-9)
+        assert float(here["velocity_rms"]) == pytest.approx(0.2 / np.sqrt(2.0))
+        assert float(here["current_peak"]) == pytest.approx(4.0)
+        assert float(here["force_mean"]) == pytest.approx(0.0, abs=1e-9)
+        assert float(here["stroke"]) == pytest.approx(2.0 * 0.2 / np.pi)
+        assert (float(here["kp"]), float(here["ki"])) == (row.kp, row.ki)
+    assert table["periods"].values.tolist() == [5, 5, 5]
+    assert table["samples"].values.tolist() == [1000, 1000, 1000]
+    assert set(table["state"].values) == {"complete"}
+    assert table["power_ac"].attrs["units"] == "W"
+    assert table["kp"].attrs["units"] == "N*s/m"
+
+
+def test_only_measured_ticks_count(tmp_path: Path) -> None:
+    rows, shape = planned(2), Shape()
+    data = synthetic.run_rows(rows, shape)
+    data["power.ac"][data["plan.phase"] != Phase.MEASURE] = 1e6
+    table = table_of(tmp_path, data, rows, shape)
+    assert table["power_ac"].values == pytest.approx([-40.0, -39.0])
+
+
+def test_periods_that_are_no_whole_number_of_ticks() -> None:
+    ticks = np.arange(1333)  # four periods of 0.3 Hz at 100 Hz, ends on the nearest sample
+    period = 100.0 / 0.3
+    power = 10.0 + 7.0 * np.sin(2.0 * np.pi * ticks / period)
+    means = period_means(power, ticks, period)
+    assert len(means) == 4
+    assert means == pytest.approx(np.full(4, 10.0), abs=0.05)
+
+
+def test_a_lost_tick_shifts_no_period() -> None:
+    ticks = np.delete(np.arange(500), [3, 7, 250])
+    values = (ticks // 100).astype(float)
+    assert period_means(values, ticks, 100.0).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_the_stated_error_covers() -> None:
+    random = np.random.default_rng(11)
+    periods, trials, truth = 7, 4000, -50.0
+    bound = stats.t.ppf(0.975, periods - 1)
+    ticks = np.arange(periods * 40)
+    inside = 0
+    for _ in range(trials):
+        wander = np.repeat(random.normal(0.0, 2.0, periods), 40)
+        swing = 30.0 * np.sin(2.0 * np.pi * ticks / 40.0)
+        power = truth + wander + swing + random.normal(0.0, 5.0, len(ticks))
+        means = period_means(power, ticks, 40.0)
+        inside += abs(power.mean() - truth) <= bound * standard_error(means)
+    # Three standard deviations of a binomial around 95 %.
+    assert inside / trials == pytest.approx(0.95, abs=3.0 * np.sqrt(0.05 * 0.95 / trials))
+
+
+def test_the_error_of_a_run_is_that_of_its_wander(tmp_path: Path) -> None:
+    shape = Shape(wander=3.0, noise=1.0, periods=10)
+    table = run(tmp_path, planned(60), shape)
+    expected = np.sqrt((3.0**2 + 1.0**2 / 200.0) / 10.0)
+    squares = np.mean(table["power_ac_se"].values ** 2)
+    assert np.sqrt(squares) == pytest.approx(expected, rel=0.1)
+
+
+def test_one_repeat_period_of_an_irregular_sea_has_no_error(tmp_path: Path) -> None:
+    shape = Shape(periods=1, irregular_repeat=30.0, noise=1.0)
+    table = run(tmp_path, planned(2), shape)
+    assert table["periods"].values.tolist() == [1, 1]
+    for kind in POWERS:
+        assert np.isnan(table[f"power_{kind}_se"].values).all()
+    assert all(np.isnan(best.error) for best in optima(table))
+
+
+def test_repetitions_give_the_error(tmp_path: Path) -> None:
+    shape = Shape(periods=1, irregular_repeat=10.0, wander=2.0)
+    table = run(tmp_path, planned(2, repetitions=4), shape)
+    for point in points(table):
+        means = table["power_ac"].values[list(point.rows)]
+        assert len(means) == 4
+        assert point.power["ac"] == pytest.approx(means.mean())
+        assert point.error["ac"] == pytest.approx(np.std(means, ddof=1) / 2.0)
+        rows = table["power_ac_se"].values[list(point.rows)]
+        assert rows == pytest.approx(np.full(4, np.std(means, ddof=1)))  # of a single row
+
+
+def test_lost_ticks_are_counted(tmp_path: Path) -> None:
+    rows, shape = planned(2), Shape()
+    data = synthetic.run_rows(rows, shape)
+    inside = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))
+    table = table_of(tmp_path, np.delete(data, inside[100:107]), rows, shape)
+    assert table["lost_ticks"].values.tolist() == [0, 7]
+    assert table["samples"].values.tolist() == [1000, 993]
+    assert set(table["state"].values) == {"complete"}
+
+
+def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
+    rows, shape = planned(3), Shape()
+    data = synthetic.run_rows(rows, shape)
+    second = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))
+    data["heave.command.limited"][second[5]] = Limited.CURRENT_PEAK
+    data["heave.command.limited"][second[9]] = Limited.SLEW
+    data["safety.warned"][second[5]] = Warned.POSITION
+    data["heave.estimate.position"][data["plan.row"] == 2] += 0.006
+    table = table_of(tmp_path, data, rows, shape)
+    assert table["limits"].values.tolist() == ["", "CURRENT_PEAK SLEW", ""]
+    assert table["warned"].values.tolist() == ["", "POSITION", ""]
+    assert table["position_alarm"].values.tolist() == [0, 0, 1]
+    assert row_table(tmp_path, 0.01)["position_alarm"].values.tolist() == [0, 0, 0]
+
+
+def stopped(data: Any, row: int, reason: Reason) -> Any:
+    """The run stops 300 ticks into a row's window, as the cycle logs it."""
+    at = np.flatnonzero((data["plan.row"] == row) & (data["plan.phase"] == Phase.MEASURE))[300]
+    cut = data[: at + 40].copy()
+    cut["safety.mode"][at:] = Mode.STOP_1
+    cut["safety.reason"][at:] = reason
+    cut["plan.phase"][at + 1 :] = Phase.DONE  # the plan is left one tick after the stop
+    cut["plan.row"][at + 1 :] = -1
+    return cut
+
+
+def test_a_row_cut_short_by_a_stop(tmp_path: Path) -> None:
+    rows, shape = planned(4), Shape()
+    data = stopped(synthetic.run_rows(rows, shape), 2, Reason.POSITION)
+    table = table_of(tmp_path, data, rows, shape)
+    assert table["state"].values.tolist() == ["complete", "complete", "cut short", "not run"]
+    assert table["cut_short"].values[2] == "held or stopped"
+    assert np.isnan(table["power_ac"].values[3])
+    assert [point.rows for point in points(table)] == [(0,), (1,)]
+
+
+def test_a_row_cut_short_by_the_end_of_the_log(tmp_path: Path) -> None:
+    rows, shape = planned(3), Shape()
+    data = synthetic.run_rows(rows, shape)
+    at = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))[-2]
+    table = table_of(tmp_path, data[:at], rows, shape)
+    assert table["state"].values.tolist() == ["complete", "cut short", "not run"]
+    assert table["cut_short"].values[1] == "the log ends here"
+
+
+def test_a_window_shorter_than_planned(tmp_path: Path) -> None:
+    rows, shape = planned(2), Shape()
+    plan = synthetic.plan_json(rows, shape)
+    for row in plan["rows"]:
+        row["measure_s"] = 10.0 if row["row"] == 0 else 11.0
+    synthetic.write_run(tmp_path, synthetic.run_rows(rows, shape), plan)
+    assert row_table(tmp_path)["state"].values.tolist() == ["complete", "cut short"]
+
+
+def test_after_a_hold_only_the_last_attempt_counts(tmp_path: Path) -> None:
+    rows, shape = planned(2), Shape()
+    data = synthetic.run_rows(rows, shape)
+    first = data[(data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE)].copy()
+    begin = np.flatnonzero(data["plan.row"] == 1)[0]
+    first["power.ac"] = 999.0
+    held = first[:400]
+    held["safety.mode"][300:] = Mode.STOP_2
+    again = data[begin:].copy()
+    again["plan.attempt"][again["plan.row"] == 1] = 1
+    whole = synthetic.stamped(np.concatenate([data[:begin], held, again]), shape.dt)
+    table = table_of(tmp_path, whole, rows, shape)
+    assert table["state"].values.tolist() == ["complete", "complete"]
+    assert table["attempt"].values.tolist() == [0, 1]
+    assert table["power_ac"].values == pytest.approx([-40.0, -39.0])
+
+
+def test_without_a_plan_the_log_gives_the_gains(tmp_path: Path) -> None:
+    rows, shape = planned(2), Shape()
+    synthetic.write_run(tmp_path, synthetic.run_rows(rows, shape), {})
+    table = row_table(tmp_path)
+    assert table["ki"].values.tolist() == [0.0, 1000.0]
+    assert table["stator"].values.tolist() == [-13.0, -13.0]
+    assert np.isnan(table["power_ac_se"].values).all()  # no wave period is known
+
+
+def test_files_of_the_table(tmp_path: Path) -> None:
+    table = run(tmp_path, planned(2), Shape())
+    text, binary = write_rows(table, tmp_path)
+    with text.open() as file:
+        lines = list(csv.DictReader(file))
+    assert float(lines[1]["power_ac [W]"]) == pytest.approx(-39.0)
+    assert float(lines[1]["ki [N/m]"]) == 1000.0
+    assert lines[0]["state"] == "complete"
+    with xarray.open_dataset(binary, engine="h5netcdf") as back:
+        assert back["power_dc"].attrs["units"] == "W"
+        assert np.array_equal(back["power_dc"].values, table["power_dc"].values)
+        assert back["state"].values.tolist() == ["complete", "complete"]
+
+
+def test_the_best_point_and_whether_it_lies_at_the_edge(tmp_path: Path) -> None:
+    table = run(tmp_path, synthetic.default_rows(), Shape())
+    best = {(o.kind, o.point.spring_rate): o for o in optima(table)}
+    assert len(best) == 8
+    ac = best["ac", 490.9]
+    assert (ac.point.kp, ac.point.ki, ac.at_edge, ac.points) == (-2500.0, 4000.0, False, 36)
+    assert ac.power == pytest.approx(-55.0)
+    table = run(tmp_path / "slope", planned(4), Shape())  # power grows with Ki
+    assert [o.at_edge for o in optima(table)] == [True] * 4

@@ -1,0 +1,127 @@
+"""Surfaces pass through the points, end at the hull, and say what they cannot show."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from rig.analysis.points import Point
+from rig.analysis.rows import POWERS
+from rig.analysis.surfaces import draw, interpolator, spans_surface, triangulation, write_surfaces
+
+
+def bowl(kp: float, ki: float) -> float:
+    return -90.0 + ((kp + 2000.0) / 200.0) ** 2 + ((ki - 8000.0) / 800.0) ** 2
+
+
+def point(kp: float, ki: float, power: float | None = None) -> Point:
+    value = bowl(kp, ki) if power is None else power
+    return Point(490.9, -13.0, kp, ki, dict.fromkeys(POWERS, value), dict.fromkeys(POWERS, 1.0), ())
+
+
+def grid(skip: set[tuple[float, float]] = frozenset()) -> list[Point]:  # type: ignore[assignment]
+    gains = [(kp, ki) for kp in range(-3500, -999, 500) for ki in range(0, 10001, 2000)]
+    return [point(float(kp), float(ki)) for kp, ki in gains if (kp, ki) not in skip]
+
+
+def table(found: list[Point]) -> xarray.Dataset:
+    columns: dict[str, Any] = {
+        "row": range(len(found)),
+        "point": range(len(found)),
+        "state": ["complete"] * len(found),
+        **{n: [getattr(p, n) for p in found] for n in ("spring_rate", "stator", "kp", "ki")},
+    }
+    for kind in POWERS:
+        columns[f"power_{kind}"] = [p.power[kind] for p in found]
+        columns[f"power_{kind}_se"] = [p.error[kind] for p in found]
+    attributes = {"campaign": "default", "run": "r1", "rung": "rehearsal"}
+    return xarray.Dataset(
+        {k: ("row", np.array(list(v))) for k, v in columns.items()}, None, attributes
+    )
+
+
+def texts(found: list[Point]) -> str:
+    figure = Figure(layout="constrained")
+    draw(figure, table(found))
+    figure.draw_without_rendering()
+    parts = [t.get_text() for axes in figure.axes for t in [axes.title, *axes.texts]]
+    return "\n".join([*parts, *(t.get_text() for t in figure.texts)])
+
+
+def test_the_surface_hits_its_points() -> None:
+    surface = interpolator(grid(), "ac")
+    for each in grid():
+        assert float(surface(each.ki, each.kp)) == pytest.approx(each.power["ac"], abs=1e-9)
+
+
+def test_between_points_it_lies_between_them() -> None:
+    surface = interpolator(grid(), "ac")
+    random = np.random.default_rng(5)
+    for ki, kp in zip(random.uniform(0, 1e4, 200), random.uniform(-3500, -1000, 200), strict=True):
+        corners = [
+            bowl(y, x)
+            for x in (2000.0 * (ki // 2000.0), 2000.0 * (ki // 2000.0 + 1))
+            for y in (500.0 * (kp // 500.0), 500.0 * (kp // 500.0 + 1))
+        ]
+        assert min(corners) - 1e-9 <= float(surface(ki, kp)) <= max(corners) + 1e-9
+
+
+def test_a_hole_is_not_zero() -> None:
+    surface = interpolator(grid({(-2000, 4000)}), "ac")
+    neighbours = [bowl(-2000.0, 2000.0), bowl(-2000.0, 6000.0), bowl(-1500.0, 4000.0)]
+    assert float(surface(4000.0, -2000.0)) <= max(neighbours)
+
+
+def test_nothing_outside_the_points() -> None:
+    surface = interpolator(grid(), "ac")
+    assert surface(10_100.0, -2000.0).mask
+    assert surface(5000.0, -900.0).mask
+
+
+def test_a_half_done_grid_is_not_bridged() -> None:
+    done = [p for p in grid() if p.kp > -3500.0 or p.ki == 0.0]
+    surface = interpolator(done, "ac")
+    assert surface(6000.0, -3100.0).mask  # inside the hull, but between points far apart
+    assert not surface(500.0, -3100.0).mask
+
+
+@pytest.mark.parametrize("columns", [2, 3, 11])
+def test_narrow_grids_are_surfaces(columns: int) -> None:
+    found = [point(kp, 1000.0 * i) for kp in (-2000.0, -1000.0) for i in range(columns)]
+    assert spans_surface(found)
+    mesh = triangulation(found)
+    assert mesh.mask is None or not mesh.mask.any()
+
+
+def test_too_few_points_or_one_line_are_no_surface() -> None:
+    assert not spans_surface([point(-1000.0, 0.0), point(-2000.0, 100.0)])
+    line = [point(-1000.0 - 500.0 * i, 2000.0 * i) for i in range(5)]
+    assert not spans_surface(line)
+    assert "points on one line" in texts(line)
+    assert "2 points only" in texts(line[:2])
+    assert "1 point only" in texts(line[:1])
+    assert "no complete row" in texts([])
+
+
+def test_the_optimum_is_marked_with_value_and_gains() -> None:
+    said = texts(grid())
+    assert "−90.0 ± 1.0 W at Kp −2000, Ki +8000" in said
+    assert "spring +491 N/m, stator −13 %" in said
+    edge = [p for p in grid() if p.ki <= 4000.0]
+    assert "at the grid's edge" in texts(edge)
+
+
+def test_a_row_without_a_number_is_left_out() -> None:
+    broken = [*grid({(-2000, 8000)}), point(-2000.0, 8000.0, float("nan"))]
+    assert "nan" not in texts(broken)
+
+
+@pytest.mark.parametrize("found", [grid(), grid()[:1], []], ids=["grid", "one point", "nothing"])
+def test_a_picture_is_written(tmp_path: Path, found: list[Point]) -> None:
+    picture = imread(write_surfaces(table(found), tmp_path / "surfaces.png"))
+    assert picture.shape[0] > 500
+    assert picture.std() > 0.01  # not blank

@@ -1,0 +1,254 @@
+"""Honest small plants, short plans and whole runs of the real loop, for any kind of rig."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any, NamedTuple, get_type_hints
+
+from core_kinds import AXIS, DT, SCALE, BenchParams, BenchSense, Table
+
+from controllers.signals import AxisCommand, AxisSense
+from rig import axis, cycle, loop, mailbox, ring, safety, sequence
+from rig.clock import Clock, VirtualClock, Wake
+from rig.mailbox import Mailbox, Request
+from rig.record import layout
+from rig.sequence import WAIT_DRIVE, Phase
+
+# --- the plants
+
+
+class Slider:
+    """A mass on a damped slide with a drive that takes a while to come up."""
+
+    def __init__(self, push: Callable[[float], float] = lambda t: 0.0) -> None:
+        self.push = push  # N, outside force on the mass at time t
+        self.mass = 20.0
+        self.damping = 10.0
+        self.newtons_per_ampere = 50.0
+        self.enable_ticks = 30
+        self.position = self.velocity = self.time = 0.0
+        self.current = 0.0
+        self.asked = self.waited = 0
+        self.fault = 0
+
+    @property
+    def enabled(self) -> int:
+        return int(self.fault == 0 and self.waited >= self.enable_ticks)
+
+    def tell(self, command: AxisCommand) -> None:
+        self.asked = command.enable
+        self.current = command.current
+
+    def advance(self, dt: float) -> None:
+        self.waited = self.waited + 1 if self.asked == 1 else 0
+        force = self.push(self.time) - self.damping * self.velocity
+        if self.enabled:
+            force += self.current * self.newtons_per_ampere
+        self.velocity += dt * force / self.mass
+        self.position += dt * self.velocity
+        self.time += dt
+
+    def sense(self) -> AxisSense:
+        current = self.current if self.enabled else 0.0
+        return AxisSense(round(self.position / SCALE), 0.0, current, self.enabled, self.fault, 0.0)
+
+
+class Sliders:
+    """The devices of a bench or pair: one `Slider` an axis, moved to the tick's time when read."""
+
+    def __init__(self, sense_type: type, *axes: Slider, dt: float = DT) -> None:
+        self.sense_type = sense_type
+        self.axes = axes
+        self.dt = dt
+        self.tick = 0
+        self.commands: list[Any] = []
+        self.stops: list[int] = []
+        self.closed = 0
+
+    def read(self, now: float) -> Any:
+        while self.tick < round(now / self.dt):
+            for one in self.axes:
+                one.advance(self.dt)
+            self.tick += 1
+        return self.sense_type(*(one.sense() for one in self.axes))
+
+    def write(self, command: Any) -> None:
+        self.commands.append(command)
+        for one, word in zip(self.axes, command, strict=True):
+            one.tell(word)
+
+    def stop(self, reason: int) -> None:
+        self.stops.append(reason)
+        for one in self.axes:
+            one.tell(AxisCommand(0.0, 0.0, 0, 0))
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def bench(push: Callable[[float], float] = lambda t: 0.0) -> Sliders:
+    """Devices of a bench."""
+    return Sliders(BenchSense, Slider(push))
+
+
+# --- plans and runs
+
+
+def plan(*rows: tuple[int, Phase, int, int, int], timeout: int = 400) -> sequence.Segments:
+    """Segments from (row, phase, ticks, wait, set point); a row restarts at its first segment."""
+    row = (*(r[0] for r in rows), sequence.NO_ROW)
+    phase = (*(int(r[1]) for r in rows), int(Phase.DONE))
+    on = tuple(int(p not in (Phase.TARE, Phase.DONE)) for p in phase)
+    restart = tuple(
+        next(j for j in range(i + 1) if row[j : i + 1] == (row[i],) * (i + 1 - j))
+        if row[i] != sequence.NO_ROW
+        else i
+        for i in range(len(row))
+    )
+    return sequence.Segments(
+        row=row,
+        phase=phase,
+        ticks=(*(r[2] for r in rows), 0),
+        wait=(*(r[3] for r in rows), 0),
+        timeout=tuple(timeout if w else 0 for w in (*(r[3] for r in rows), 0)),
+        restart=restart,
+        drive=on,
+        waves=tuple(int(o and p != Phase.MOVING) for o, p in zip(on, phase, strict=True)),
+        setpoint=(*(r[4] for r in rows), rows[-1][4]),
+    )
+
+
+SHORT = plan(
+    (-1, Phase.TARE, 20, 0, 0),
+    (-1, Phase.MOVING, 10, WAIT_DRIVE, 0),
+    (-1, Phase.LEAD_IN, 40, 0, 0),
+    (0, Phase.SETTLE, 60, 0, 0),
+    (0, Phase.MEASURE, 100, 0, 0),
+    (1, Phase.SETTLE, 60, 0, 1),
+    (1, Phase.MEASURE, 100, 0, 1),
+    (1, Phase.TAIL, 5, 0, 1),
+)
+
+SAFETY = safety.Params(enable_ticks=200, stop_ticks=50)
+
+
+def bench_params(
+    segments: sequence.Segments = SHORT, axis_params: axis.Params = AXIS, **more: Any
+) -> cycle.Params:
+    """Parameters of a bench run with two set points."""
+    gains = more.pop("gains", Table((-100.0, -200.0), (0.0, 50.0)))
+    return cycle.Params(
+        segments,
+        more.pop("safety", SAFETY),
+        more.pop("lost_ticks_stop", 10),
+        BenchParams(axis_params, gains),
+    )
+
+
+def unflatten(row_type: Any, values: Any) -> Any:
+    """A row from its numbers in storage order, by walking the type."""
+    flow = iter(values)
+
+    def build(kind: Any) -> Any:
+        hints = get_type_hints(kind)
+        return kind(
+            *(
+                build(hints[name]) if hasattr(hints[name], "_fields") else next(flow)
+                for name in kind._fields
+            )
+        )
+
+    row = build(row_type)
+    assert next(flow, None) is None
+    return row
+
+
+def drain(reader: ring.Reader, row_type: Any) -> list[Any]:
+    """All rows of a ring whose producer has finished."""
+    packed, rows = layout(row_type), []
+    while block := reader.take():
+        rows += [unflatten(row_type, values) for values in packed.iter_unpack(block)]
+    return rows
+
+
+class Ran(NamedTuple):
+    """What is left of a run."""
+
+    end: loop.End | None
+    rows: list[Any]
+    error: BaseException | None
+    state: int  # of the ring
+
+
+def run(
+    kind: cycle.Kind,
+    params: cycle.Params,
+    devices: Any,
+    *,
+    clock: Clock | None = None,
+    posts: dict[int, int] | None = None,
+    overseer: Callable[[], int] = lambda: 0,
+    writer: Callable[[ring.Writer], Any] = lambda made: made,
+    capacity: int = 20_000,
+) -> Ran:
+    """One run of the real loop with a real ring and mailbox; ``posts``: tick -> request.
+
+    Raises nothing: an exception of the loop is in the result.
+    """
+    ring_fd, mail_fd = ring.create(kind.row_type, capacity), mailbox.create()
+    try:
+        reader, sender = ring.Reader(ring_fd), Mailbox(mail_fd, Request)
+        timed = _Posting(clock or VirtualClock(DT), sender, posts or {})
+        made = writer(ring.Writer(ring_fd, kind.row_type, wait=False))
+        end, error = None, None
+        try:
+            end = loop.run(
+                kind,
+                params,
+                devices,
+                timed,
+                made,
+                Mailbox(mail_fd, Request),
+                overseer,
+                measure_work=False,
+            )
+        except BaseException as caught:  # noqa: BLE001  what was raised is a result here
+            error = caught
+        assert reader.dropped == 0
+        return Ran(end, drain(reader, kind.row_type), error, reader.state)
+    finally:
+        os.close(ring_fd)
+        os.close(mail_fd)
+
+
+class _Posting:
+    """A clock that lets people press a button at a given tick."""
+
+    def __init__(self, clock: Clock, mail: Mailbox, posts: dict[int, int]) -> None:
+        self.dt = clock.dt
+        self.now = clock.now
+        self._clock, self._mail, self._posts = clock, mail, posts
+
+    def wait_next(self) -> Any:
+        wake = self._clock.wait_next()
+        if wake.tick in self._posts:
+            self._mail.post(Request(self._posts[wake.tick], 0))
+        return wake
+
+
+class LossyClock:
+    """A virtual clock that loses the given periods: {tick it should give: periods it takes}."""
+
+    def __init__(self, gaps: dict[int, int], dt: float = DT) -> None:
+        self.dt = dt
+        self._gaps = gaps
+        self._tick = -1
+
+    def now(self) -> float:
+        return self._tick * self.dt
+
+    def wait_next(self) -> Any:
+        periods = self._gaps.get(self._tick + 1, 1)
+        self._tick += periods
+        return Wake(self._tick, self._tick * self.dt, periods, 0.0)

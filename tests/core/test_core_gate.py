@@ -1,0 +1,179 @@
+"""The gate for numbers that are none: NaN or infinity in any sensed value of a WaveBot."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, get_type_hints
+
+import pytest
+from core_runs import Ran, plan, run
+from core_wavebot import READY, Bent, Quiet, params
+
+from rig import safety
+from rig.record import leaves
+from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.sequence import Phase
+from rig.wavebot import KIND, Sense, WaveBotRow
+
+FLOATS = [leaf.path for leaf in leaves(Sense) if leaf.code == "d"]
+GUARDED = [path for path in FLOATS if path != ("wave", "elevation")]
+BAD = [math.nan, math.inf, -math.inf]
+PLAN = plan(
+    (-1, Phase.TARE, 10, 0, 0),
+    (-1, Phase.MOVING, 10, READY, 0),
+    (0, Phase.SETTLE, 20, 0, 0),
+    (0, Phase.MEASURE, 60, 0, 0),
+)
+PARAMS = params(PLAN)._replace(safety=safety.Params(enable_ticks=50, stop_ticks=40))
+
+
+def bent(path: tuple[str, ...], value: float, at: int) -> Bent:
+    """Quiet devices with one value spoilt in one single tick."""
+
+    def spoil(tick: int, sense: Sense) -> Sense:
+        if tick != at:
+            return sense
+        part = getattr(sense, path[0])
+        return sense._replace(**{path[0]: part._replace(**{path[1]: value})})
+
+    return Bent(Quiet(), spoil)
+
+
+def stopped(made: Ran, devices: Bent, at: int) -> None:
+    """Power away in the very tick, and never back."""
+    assert made.error is None
+    for row, command in zip(made.rows, devices.commands, strict=True):
+        if row.tick >= at:
+            assert row.safety.mode == STOP_0
+            assert command.heave[:3] == (0.0, 0.0, 0)
+            assert command.wave_trigger == 0
+            assert command.spring.enable == 0
+    assert made.rows[-1].tick == at + 19  # the record goes on for 20 ticks, then the run ends
+
+
+def test_the_list_of_fields_is_that_of_the_type() -> None:
+    assert len(FLOATS) == 15
+    hints = get_type_hints(Sense)
+    assert {path[0] for path in FLOATS} == set(hints)
+
+
+@pytest.mark.parametrize("path", GUARDED, ids=".".join)
+@pytest.mark.parametrize("bad", BAD)
+def test_no_number_anywhere_removes_power_in_the_same_tick(
+    path: tuple[str, ...], bad: float
+) -> None:
+    devices = bent(path, bad, at=55)
+    made = run(KIND, PARAMS, devices)
+    assert made.rows[54].safety.mode == RUN
+    assert made.rows[55].safety.reason == Reason.NOT_FINITE
+    assert made.end is not None
+    assert made.end.reason == Reason.NOT_FINITE
+    stopped(made, devices, 55)
+
+
+@pytest.mark.parametrize("path", GUARDED, ids=".".join)
+@pytest.mark.parametrize(
+    ("at", "mode", "request_"),
+    [
+        (0, None, 0),
+        (5, OFF, 0),
+        (11, ENABLING, 0),
+        (48, STOP_2, safety.REQUEST_HOLD),
+        (48, STOP_1, safety.REQUEST_STOP),
+    ],
+)
+def test_in_every_mode(path: tuple[str, ...], at: int, mode: int | None, request_: int) -> None:
+    """In the first tick too, and in a stop that is on its way."""
+    devices = bent(path, math.nan, at)
+    made = run(KIND, PARAMS, devices, posts={40: request_})
+    if mode is not None:
+        assert made.rows[at - 1].safety.mode == mode
+    stopped(made, devices, at)
+
+
+def test_two_infinities_of_opposite_sign_do_not_cancel() -> None:
+    def spoil(tick: int, sense: Sense) -> Sense:
+        if tick != 55:
+            return sense
+        return sense._replace(load=sense.load._replace(lcb=math.inf, trs=-math.inf))
+
+    devices = Bent(Quiet(), spoil)
+    made = run(KIND, PARAMS, devices)
+    stopped(made, devices, 55)
+
+
+def test_an_unknown_elevation_stops_nothing() -> None:
+    def unknown(tick: int, sense: Sense) -> Sense:
+        return sense._replace(wave=sense.wave._replace(elevation=math.nan))
+
+    made = run(KIND, PARAMS, Bent(Quiet(), unknown))
+    assert made.end is not None
+    assert made.end.reason == Reason.PLAN_END
+    assert isinstance(made.rows[0], WaveBotRow)
+    assert all(math.isnan(row.wave.elevation) for row in made.rows)
+
+
+AGES: list[tuple[tuple[str, str], float, Reason, int]] = [
+    (("heave", "encoder_age"), 0.02, Reason.STALE_ENCODER, STOP_0),
+    (("heave", "drive_age"), 0.1, Reason.STALE_DRIVE, STOP_0),
+    (("load", "age"), 0.1, Reason.STALE_LOAD_CELL, STOP_1),
+    (("power", "age"), 1.0, Reason.STALE_ANALYSER, STOP_1),
+    (("spring", "age"), 1.0, Reason.STALE_STATOR, STOP_1),
+]
+
+
+@pytest.mark.parametrize(("path", "bound", "reason", "mode"), AGES)
+def test_an_age_beyond_its_bound_stops_and_one_on_it_does_not(
+    path: tuple[str, str], bound: float, reason: Reason, mode: int
+) -> None:
+    made = run(KIND, PARAMS, bent(path, bound, 55))
+    assert made.end is not None
+    assert made.end.reason == Reason.PLAN_END
+    made = run(KIND, PARAMS, bent(path, math.nextafter(bound, 9.0), 55))
+    assert made.rows[54].safety.mode == RUN
+    assert made.rows[55].safety[:2] == (mode, reason)
+    assert made.end is not None
+    assert made.end.reason == reason
+
+
+def change(sense: Sense, **words: dict[str, Any]) -> Sense:
+    return sense._replace(
+        **{name: getattr(sense, name)._replace(**values) for name, values in words.items()}
+    )
+
+
+# Each fault of the WaveBot with what brings it about, worst first.
+FAULTS: list[tuple[Reason, dict[str, dict[str, Any]]]] = [
+    (Reason.STALE_ENCODER, {"heave": {"encoder_age": 0.5}}),
+    (Reason.STALE_DRIVE, {"heave": {"drive_age": 0.5}}),
+    (Reason.DRIVE_FAULT, {"heave": {"fault": 1}}),
+    (Reason.DRIVE_DROPPED, {"heave": {"enabled": 0}}),
+    (Reason.NOT_FINITE, {"load": {"lcb": math.nan}}),
+    (Reason.POSITION_DISAGREES, {"load": {"string_pot": 0.2}}),
+    (Reason.VELOCITY, {"heave": {"counts": 183264 + 3000}}),
+    (Reason.STALE_LOAD_CELL, {"load": {"age": 0.5}}),
+    (Reason.STALE_ANALYSER, {"power": {"age": 2.0}}),
+    (Reason.STALE_STATOR, {"spring": {"age": 2.0}}),
+    (Reason.ROTOR_TRAVEL, {"load": {"rotor_angle": -2.1}}),
+]
+
+
+@pytest.mark.parametrize("i", range(len(FAULTS)))
+@pytest.mark.parametrize("j", range(len(FAULTS)))
+def test_of_two_faults_in_one_tick_the_worse_counts(i: int, j: int) -> None:
+    """A fault that allows no controlled stop is never hidden behind one that does."""
+
+    def spoil(tick: int, sense: Sense) -> Sense:
+        if tick != 55:
+            return sense
+        return change(change(sense, **FAULTS[j][1]), **FAULTS[i][1])
+
+    made = run(KIND, PARAMS, Bent(Quiet(), spoil))
+    reason = FAULTS[min(i, j)][0]
+    reasons = {FAULTS[i][0], FAULTS[j][0]}
+    if reasons == {Reason.POSITION_DISAGREES, Reason.STALE_LOAD_CELL}:
+        reason = Reason.STALE_LOAD_CELL  # a string pot that is silent cannot disagree
+    assert made.rows[54].safety.mode == RUN
+    assert made.rows[55].safety.reason == reason
+    expected = STOP_0 if safety.CATEGORY[reason] == 0 else STOP_1
+    assert made.rows[55].safety.mode == expected

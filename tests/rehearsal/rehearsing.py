@@ -1,0 +1,51 @@
+"""Running small campaigns end to end, through supervisor, loop and logger, for the tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from rig.analysis.rows import row_table
+from rig.campaign import check
+from rig.campaign_run import Ended, rehearse
+from rig.supervisor import Snapshot
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+class Watcher:
+    """A view that keeps nothing; ``see`` may act on each snapshot."""
+
+    def __init__(self, see: Any = None) -> None:
+        self.notice = ""
+        self._see = see
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        if self._see is not None:
+            self._see(snapshot)
+
+
+def campaign_file(folder: Path, **keys: Any) -> Path:
+    """Write a campaign on the WaveBot of the shipped configuration."""
+    folder.mkdir(parents=True, exist_ok=True)
+    whole = {"name": "test", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
+    path = folder / "campaign.yaml"
+    with path.open("w") as file:
+        YAML(typ="safe").dump(whole, file)
+    return path
+
+
+def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) -> Ended:
+    """Rehearse a campaign file."""
+    report = check(path)
+    assert report.ok, report.text()
+    assert report.campaign is not None
+    assert report.plan is not None
+    return rehearse(report.campaign, report.plan, runs, Watcher(see), real_clock=real_clock)
+
+
+def table_of(ended: Ended) -> Any:
+    """Row table of a run."""
+    return row_table(ended.folder)

@@ -1,0 +1,229 @@
+"""Runs that go wrong: killed processes, a full disk, Ctrl-C, two runs at once."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rehearsing import campaign_file, run
+
+from rig import supervisor
+from rig.run_folder import BusyError, hold_realtime
+from rig.runs import open_run
+from rig.safety import STOP_0, STOP_1, Reason
+from rig.supervisor import Snapshot
+
+FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave.command.force"]
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """About 130 s of rig time: some seconds of the clock on the wall."""
+    return campaign_file(
+        tmp_path,
+        sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+        tare={"duration_s": 1},
+        start={"lead_in_s": 8},
+        timing={"settle_s": 2, "interval_s": 6},
+        matrix={
+            "list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}],
+        },
+        repeat=20,
+    )
+
+
+def processes(module: str) -> Iterator[int]:
+    """Children of this process that run a module."""
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            words = (entry / "cmdline").read_bytes().split(b"\0")
+        except (OSError, IndexError):
+            continue
+        if parent == os.getpid() and module.encode() in words:
+            yield int(entry.name)
+
+
+class Once:
+    """Do something once, when the run has got to a time (s of rig time)."""
+
+    def __init__(self, at: float, deed: Any) -> None:
+        self._at, self._deed = at, deed
+        self.done = False
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        if not self.done and snapshot.row.get("time", -1.0) >= self._at:
+            self.done = True
+            self._deed()
+
+
+def kill(module: str) -> None:
+    for process in processes(module):
+        os.kill(process, signal.SIGKILL)
+
+
+def ticks(folder: Path) -> Any:
+    return open_run(folder, fields=FIELDS)
+
+
+def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: Path) -> None:
+    once = Once(20.0, lambda: kill("rig.logger"))
+    ended = run(campaign, tmp_path / "runs", once)
+    assert once.done
+    assert ended.outcome.status == "complete"
+    assert ended.outcome.logger_restarts == 1
+    found = ticks(ended.folder)["tick"].values
+    assert np.array_equal(found, np.arange(ended.outcome.ticks))
+    assert sorted(p.name for p in ended.folder.glob("*.mcap*")) == ["run.mcap"]
+
+
+def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
+    first, second = Once(20.0, lambda: kill("rig.logger")), Once(60.0, lambda: kill("rig.logger"))
+
+    def see(snapshot: Snapshot) -> None:
+        first(snapshot)
+        second(snapshot)
+
+    ended = run(campaign, tmp_path / "runs", see)
+    assert ended.outcome.logger_restarts == 2
+    assert np.array_equal(ticks(ended.folder)["tick"].values, np.arange(ended.outcome.ticks))
+
+
+def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None:
+    last = []
+
+    def see(snapshot: Snapshot) -> None:
+        once(snapshot)
+        last.append(snapshot)
+
+    once = Once(20.0, lambda: kill("rig.rehearsal"))
+    ended = run(campaign, tmp_path / "runs", see)
+    assert ended.outcome.status == "crashed"
+    assert ended.outcome.unsaved == 0
+    found = ticks(ended.folder)["tick"].values
+    assert np.array_equal(found, np.arange(len(found)))
+    assert found[-1] >= last[-1].row["tick"]
+    assert found[-1] == ended.outcome.ticks - 1
+
+
+def supervised(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[str]:
+    """`rig run` as a person starts it, in a process group of its own."""
+    words = [sys.executable, "-m", "rig", "run", str(campaign), "--runs", str(runs), *options]
+    return subprocess.Popen(
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def wait_for_rows(runs: Path, size: int = 200_000) -> Path:
+    """The run's folder, once some rows are on disk."""
+    for _ in range(600):
+        for part in runs.glob("*/run.mcap.part0"):
+            if part.stat().st_size > size:
+                return part.parent
+        time.sleep(0.05)
+    raise AssertionError("no rows came")
+
+
+def test_killed_supervisor_stops_the_rig_and_saves_the_rows(campaign: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    process = supervised(campaign, runs)
+    folder = wait_for_rows(runs)
+    process.kill()
+    process.communicate()
+    part = folder / "run.mcap.part0"
+    for _ in range(400):  # the logger goes on until the loop has stopped, then ends its file
+        if part.read_bytes()[-8:] == b"\x89MCAP0\r\n":
+            break
+        time.sleep(0.05)
+    found = ticks(folder)
+    assert found["safety.reason"].values[-1] == Reason.SUPERVISOR_LOST
+    assert found["safety.mode"].values[-1] == STOP_0
+    assert found["heave.command.enable"].values[-1] == 0
+    assert STOP_1 in found["safety.mode"].values  # damping first: category 1
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
+    """Once: damping for 2 s, then off. Again: off at once. The data is kept either way."""
+    runs = tmp_path / "runs"
+    process = supervised(campaign, runs, "--realtime")
+    folder = wait_for_rows(runs, size=20_000)
+    time.sleep(4.0)  # past the tare: the drive is on
+    for _ in range(presses):
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the whole group gets it
+        time.sleep(0.3)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 3, err
+    assert "stopped" in out.lower()
+    found = ticks(folder)
+    modes = found["safety.mode"].values
+    assert found["safety.reason"].values[-1] == Reason.OPERATOR_STOP  # the first cause is kept
+    assert modes[-1] == STOP_0
+    elapsed = found["tick"].values[modes == STOP_1]
+    span = elapsed[-1] - elapsed[0]
+    assert (1900 < span <= 2001) if presses == 1 else (span < 1500)
+    assert (found["heave.command.force"].values[modes == STOP_0] == 0.0).all()
+    assert (found["heave.command.enable"].values[modes == STOP_0] == 0).all()
+    assert json.loads((folder / "run.json").read_text())["status"] == "stopped"
+
+
+def test_two_rehearsals_at_once_get_their_own_folders(campaign: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    both = [supervised(campaign, runs) for _ in range(2)]
+    for process in both:
+        _, err = process.communicate(timeout=300)
+        assert process.returncode == 0, err
+    assert len(list(runs.glob("*/run.mcap"))) == 2
+
+
+def test_the_real_clock_is_for_one_run(campaign: Path, tmp_path: Path) -> None:
+    with hold_realtime("another"):
+        with pytest.raises(BusyError, match=rf"run another, process {os.getpid()}"):
+            run(campaign, tmp_path / "runs", real_clock=True)
+        words = [sys.executable, "-m", "rig", "run", str(campaign), "--realtime", "--json"]
+        done = subprocess.run(
+            [*words, "--runs", str(tmp_path / "runs")], capture_output=True, text=True, check=False
+        )
+    assert done.returncode == 1
+    assert "another" in json.loads(done.stdout)["message"]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 3 MB; skipped where it may not be mounted."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("a small file system cannot be mounted here (needs root)")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+def test_full_disk_stops_the_rig_and_keeps_what_was_written(
+    campaign: Path, small_disk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "DISK_PATIENCE", 2.0)
+    ended = run(campaign, small_disk)
+    assert ended.outcome.status == "fault"
+    assert ended.outcome.reason == "LOGGER_LOST"
+    assert ended.outcome.unsaved > 0
+    assert ended.trouble
+    found = ticks(ended.folder)["tick"].values
+    assert len(found) > 1000
+    assert np.array_equal(found, np.arange(len(found)))

@@ -26,8 +26,8 @@ class Loss(NamedTuple):
     """What one run lost to kill -9."""
 
     rows: int  # put into the ring and not in the joined file
-    seconds: float  # from the last logged tick to the kill, or the rows above, what is more
-    readable: bool  # joined, by our reader and by the stock one, each tick once
+    seconds: float  # those rows, or from the last logged tick to the kill where that is more
+    whole: bool  # joined and read by our reader and the stock one, each tick once
     kills: int
 
 
@@ -37,11 +37,10 @@ def kill_logger(campaign: Path, runs: Path, moments: list[float]) -> Loss:
         run.wait_started()
         for wait in moments:
             pid = run.pid(LOGGER)
-            wait_until(lambda: run.ring.head > 0, "ticks")
             time.sleep(wait)
             os.kill(pid, signal.SIGKILL)
-            wait_until(lambda pid=pid: not running(pid), "the killed logger to be gone")  # type: ignore[misc]
-        run.pid(LOGGER)
+            _wait_gone(pid)
+        run.pid(LOGGER)  # the next one is up
         time.sleep(0.3)
         run.stop()
         run.wait_ended()
@@ -51,7 +50,11 @@ def kill_logger(campaign: Path, runs: Path, moments: list[float]) -> Loss:
 def kill_loop(campaign: Path, runs: Path, moment: float) -> Loss:
     """Kill the loop once; supervisor and logger bring the run to an end."""
     with live_run(campaign, runs, real_clock=True) as run:
-        due = _due(run, run.pid(LOOP), moment)
+        run.wait_started()
+        loop = run.pid(LOOP)
+        zero = _watch(run, moment)
+        os.kill(loop, signal.SIGKILL)
+        due = (time.monotonic() - zero) / DT
         run.wait_ended()
         return _loss(run, 1, due)
 
@@ -64,27 +67,50 @@ def kill_supervisor(campaign: Path, runs: Path, moment: float) -> Loss:
         time.sleep(moment)
         run.process.kill()
         run.process.wait()
-        wait_until(lambda: not any(running(pid) for pid in left), "the orphans' end")
+        for pid in left:
+            _wait_gone(pid)
         return _loss(run, 1, None)
 
 
-def _due(run: LiveRun, pid: int, moment: float) -> float:
-    """Kill a process; gives the tick that was due then by the clock."""
-    run.wait_started()
-    end, zero = time.monotonic() + moment, float("inf")
+def kill_all(campaign: Path, runs: Path, moment: float) -> Loss:
+    """Kill all three at once: what was in the ring only is gone with them."""
+    with live_run(campaign, runs, real_clock=True) as run:
+        run.wait_started()
+        rest = [run.pid(LOGGER), run.pid(LOOP)]
+        zero = _watch(run, moment)
+        run.process.kill()
+        due = (time.monotonic() - zero) / DT
+        for pid in rest:
+            os.kill(pid, signal.SIGKILL)
+        run.process.wait()
+        for pid in rest:
+            _wait_gone(pid)
+        return _loss(run, 1, due)
+
+
+def _wait_gone(pid: int) -> None:
+    wait_until(lambda: not running(pid), f"the end of process {pid}")
+
+
+def _watch(run: LiveRun, seconds: float) -> float:
+    """Look on for a while; gives when tick 0 was, on the monotonic clock."""
+    end, zero = time.monotonic() + seconds, float("inf")
     while time.monotonic() < end:
         peek = run.peek()
         zero = min(zero, peek.at - peek.tick * DT)
         time.sleep(0.003)
-    os.kill(pid, signal.SIGKILL)
-    return (time.monotonic() - zero) / DT
+    return zero
 
 
 def _loss(run: LiveRun, kills: int, due: float | None) -> Loss:
-    """Join what is left and count it against what the loop put into the ring."""
+    """Join what is left and count it against what the loop put into the ring.
+
+    ``due``: the tick that was due by the clock when the loop was killed.
+    """
     out = run.folder.parent / f"{run.folder.name}_joined.mcap"
     joined = join(files(run.folder), out)
-    ticks = open_run(out, fields=["tick"])["tick"].values
+    data = open_run(out, fields=["tick", "timing.skipped"])
+    ticks, skipped = data["tick"].values, data["timing.skipped"].values
     with out.open("rb") as file:
         told = make_reader(file).get_summary()
     counted = told.statistics.message_count if told and told.statistics else -1
@@ -92,53 +118,52 @@ def _loss(run: LiveRun, kills: int, due: float | None) -> Loss:
     seconds = rows * DT
     if due is not None:
         seconds = max(seconds, (due - int(ticks[-1])) * DT)
-    whole = joined.clean and len(set(ticks.tolist())) == len(ticks) == counted
-    return Loss(rows, seconds, whole, kills)
+    # A period that the loop skipped and counted has no row; any other absent tick is a loss.
+    absent = joined.missing - int(skipped[-1] - skipped[0])
+    once = len(set(ticks.tolist())) == len(ticks) == joined.rows == counted
+    return Loss(rows, seconds, once and absent == 0 and not joined.damage, kills)
 
 
-def losses(folder: Path, kills: int, dice: random.Random) -> dict[str, list[Loss]]:
-    """``kills`` of each process, every one at a moment of its own."""
-    campaign = campaign_file(folder, 120.0)
+def losses(folder: Path, kills: int, latest: float) -> dict[str, list[Loss]]:
+    """``kills`` of each process, each within ``latest`` seconds of its start or the last kill."""
+    campaign, dice = campaign_file(folder, 120.0), random.Random(DICE)
 
     def moment() -> float:
-        return dice.uniform(0.1, 2.5)
+        return dice.uniform(0.1, latest)
 
-    found: dict[str, list[Loss]] = {"logger": [], "loop": [], "supervisor": []}
-    left = kills
-    while left > 0:
-        few = min(left, KILLS_A_RUN)
-        left -= few
-        runs = folder / f"logger{left}"
-        found["logger"].append(kill_logger(campaign, runs, [moment() for _ in range(few)]))
-    for i in range(kills):
-        found["loop"].append(kill_loop(campaign, folder / f"loop{i}", moment()))
-        found["supervisor"].append(kill_supervisor(campaign, folder / f"supervisor{i}", moment()))
+    found: dict[str, list[Loss]] = {"logger": []}
+    for first in range(0, kills, KILLS_A_RUN):
+        moments = [moment() for _ in range(min(KILLS_A_RUN, kills - first))]
+        found["logger"].append(kill_logger(campaign, folder / f"logger{first}", moments))
+    for name, kill in (("loop", kill_loop), ("supervisor", kill_supervisor), ("all", kill_all)):
+        found[name] = [kill(campaign, folder / f"{name}{i}", moment()) for i in range(kills)]
     return found
 
 
 def measure(short: bool) -> Result:
-    """Kill each of the three processes at random moments of runs on the real clock."""
-    kills = 2 if short else 20
+    """Kill each of the three processes, and all at once, at random moments of real-time runs."""
+    kills, latest = (2, 0.8) if short else (20, 2.5)
     with tempfile.TemporaryDirectory() as scratch:
-        found = losses(Path(scratch), kills, random.Random(DICE))
+        found = losses(Path(scratch), kills, latest)
     figures = []
     for name, those in found.items():
+        killed = f"{name} killed"
         seconds = [loss.seconds for loss in those]
+        broken = sum(not loss.whole for loss in those)
         figures += [
-            figure(f"{name} killed", "times", sum(loss.kills for loss in those)),
-            figure("  rows lost", "rows a run", [loss.rows for loss in those]),
-            figure("  time lost", "s", seconds, at_most=SECONDS_LOST, judge="worst"),
-            figure(
-                "  joined files not whole",
-                "files",
-                sum(not loss.readable for loss in those),
-                at_most=0,
-            ),
+            figure(killed, "times", sum(loss.kills for loss in those)),
+            figure(f"{killed}: rows lost", "rows a run", [loss.rows for loss in those]),
+            figure(f"{killed}: time lost", "s", seconds, at_most=SECONDS_LOST, judge="worst"),
+            figure(f"{killed}: joined files not whole", "files", broken, at_most=0),
         ]
     return Result(
         "crash",
         "kill -9 at random moments of runs at 1 kHz on the real clock, parts joined and read back",
-        f"{kills} kills of each process; the logger up to {KILLS_A_RUN} times in one run",
+        f"{kills} kills of each process and {kills} of all three at once; the logger up to "
+        f"{KILLS_A_RUN} times in one run",
         tuple(figures),
-        ("time lost to a kill of the loop counts from its last logged tick to the kill",),
+        (
+            "time lost with the loop counts from the last logged tick to the kill",
+            "all killed: the ring dies with its processes, what the logger flushed last is left",
+        ),
     )

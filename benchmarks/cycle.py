@@ -118,7 +118,7 @@ def on_the_real_clock(
 
 def measure(short: bool) -> Result:
     """Cycle cost, in blocks beside a fixed reference, and in a loop at its real rate."""
-    ticks, blocks, seconds, loops = (2000, 4, 2.0, 1) if short else (10_000, 20, 10.0, 5)
+    ticks, blocks, seconds, loops = (2000, 4, 2.0, 1) if short else (10_000, 20, 10.0, 3)
     with tempfile.TemporaryDirectory() as scratch:
         path = campaign_file(Path(scratch), 60.0)
         recorded = record(path, ticks)

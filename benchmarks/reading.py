@@ -1,4 +1,4 @@
-"""Opening an hour of rows: ten fields and all of them, in a fresh process; beside the stock reader."""
+"""Opening an hour of rows, ten fields and all, in fresh processes; beside the stock reader."""
 
 import json
 import os

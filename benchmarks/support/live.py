@@ -66,6 +66,14 @@ def child(parent: int, module: str) -> int | None:
     return None
 
 
+def _runs(pid: int, module: str) -> bool:
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return module.encode() in words and running(pid)
+
+
 def processor_time(pid: int) -> float | None:
     """Seconds a process has spent on a core; None when it is gone."""
     try:
@@ -117,7 +125,7 @@ class LiveRun:
             env={**os.environ, **(env or {})},
         )
         self._ring: Reader | None = None
-        self._known: set[int] = set()
+        self._known: dict[int, str] = {}
 
     def __enter__(self) -> "LiveRun":
         return self
@@ -129,10 +137,12 @@ class LiveRun:
         traceback: TracebackType | None,
     ) -> None:
         self._know()
-        for pid in (*self._known, self.process.pid):
-            if running(pid):
-                os.kill(pid, signal.SIGKILL)
+        if self.process.poll() is None:
+            self.process.kill()
         self.process.wait()
+        for pid, module in self._known.items():
+            if _runs(pid, module):  # the number may have gone to another process
+                os.kill(pid, signal.SIGKILL)
         self._words.close()
 
     @property
@@ -178,18 +188,21 @@ class LiveRun:
 
         wait_until(look, f"a process of {module}", every=0.01)
         assert found is not None
-        self._known.add(found)
+        self._known[found] = module
         return found
 
     def _know(self) -> None:
         for module in (LOOP, LOGGER):
             pid = child(self.process.pid, module)
             if pid is not None:
-                self._known.add(pid)
+                self._known[pid] = module
 
     def stop(self) -> None:
-        """Ask for a controlled stop."""
+        """Ask for the power to be taken off at once: the second request overrides the first."""
         self.process.send_signal(signal.SIGTERM)
+        time.sleep(0.02)
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
 
     def wait_ended(self) -> dict[str, Any]:
         """Wait for the supervisor's end; gives its outcome."""

@@ -4,8 +4,8 @@
 """
 
 import json
-import resource
 import sys
+from pathlib import Path
 from time import perf_counter
 
 from rig.runs import open_run
@@ -17,7 +17,9 @@ def main() -> None:
     began = perf_counter()
     data = open_run(run, fields=fields or None)
     took = perf_counter() - began
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    # Not getrusage: its peak begins with that of the process that started this one.
+    status = Path("/proc/self/status").read_text()
+    peak = int(status.split("VmHWM:")[1].split()[0]) * 1024
     total = sum(float(values.values[-1]) for values in data.values())
     told = {"rows": data.sizes["time"], "seconds": took, "peak": peak, "sum": total}
     print(json.dumps(told))

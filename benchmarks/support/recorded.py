@@ -17,7 +17,7 @@ from rig.wavebot import KIND
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 _OPENING = 6.5  # s of tare, readiness and lead-in of the campaign below
-_ROUND = 48.0  # s of its four rows
+_ROW = 12.0  # s
 
 _CAMPAIGN = """\
 name: benchmark
@@ -29,19 +29,27 @@ timing: {{settle_s: 4, interval_s: 12}}
 repeat: {repeat}
 matrix:
   list:
-    - {{spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0}}
-    - {{spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 4000}}
-    - {{spring_n_per_m: -2763, kp_n_s_per_m: -2000, ki_n_per_m: 4000}}
-    - {{spring_n_per_m: -2763, kp_n_s_per_m: -2000, ki_n_per_m: 0}}
+"""
+_POINTS = """\
+    - {spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0}
+    - {spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 4000}
+    - {spring_n_per_m: -2763, kp_n_s_per_m: -2000, ki_n_per_m: 4000}
+    - {spring_n_per_m: -2763, kp_n_s_per_m: -2000, ki_n_per_m: 0}
 """
 
 
 def campaign_file(folder: Path, seconds: float) -> Path:
-    """A campaign that lasts at least so long: the drive comes on after a second of tare."""
-    repeat = max(1, math.ceil((seconds - _OPENING) / _ROUND))
-    path = folder / f"benchmark_{repeat}.yaml"
+    """A campaign that lasts at least so long; the drive comes on after a second of tare.
+
+    Rows of 12 s with two spring rates in turn; one row if that is long enough.
+    """
+    rows = max(1, math.ceil((seconds - _OPENING) / _ROW))
+    points = _POINTS.splitlines(keepends=True)[:rows]
+    repeat = math.ceil(rows / len(points))
+    path = folder / f"benchmark_{rows}.yaml"
     rig = ROOT / "configs" / "rigs" / "wavebot.yaml"
-    path.write_text(_CAMPAIGN.format(rig=json.dumps(str(rig)), repeat=repeat))
+    head = _CAMPAIGN.format(rig=json.dumps(str(rig)), repeat=repeat)
+    path.write_text(head + "".join(points))
     return path
 
 

@@ -11,14 +11,14 @@ Judge = Literal["median", "worst"]
 
 
 class Figure(NamedTuple):
-    """One figure, measured ``count`` times."""
+    """One figure, measured ``repeats`` times."""
 
     name: str
     unit: str
     median: float
     low: float
     high: float
-    count: int
+    repeats: int
     limit: str  # the number to hold, e.g. "<= 20"; empty if there is none
     held: bool | None  # None: there is no number to hold
 
@@ -81,7 +81,7 @@ def ratios(ours: Iterable[float], theirs: Iterable[float]) -> list[float]:
 
 def cells(one: Figure) -> tuple[str, ...]:
     """The figure as table cells: name, median, spread, unit, limit, held."""
-    spread = f"{number(one.low)} - {number(one.high)}" if one.count > 1 else ""
+    spread = f"{number(one.low)} - {number(one.high)}" if one.repeats > 1 else ""
     held = {True: "yes", False: "NO", None: ""}[one.held]
     return one.name, number(one.median), spread, one.unit, one.limit, held
 

@@ -53,7 +53,8 @@ def _heading(figure: Figure, x: float, y: float, text: str) -> None:
     figure.text(x, y, text.upper(), fontsize=7.5, fontweight="bold", color=_SOFT, va="top")
 
 
-def _what(figure: Figure, summary: Summary) -> None:
+def _what(figure: Figure, summary: Summary) -> float:
+    """What was run; returns the page height below it."""
     _heading(figure, _LEFT, 0.922, "What was run")
     told = {
         "Sea": summary.sea,
@@ -66,9 +67,10 @@ def _what(figure: Figure, summary: Summary) -> None:
     y = 0.904
     for name, value in told.items():
         figure.text(_LEFT, y, name, fontsize=8.5, color=_SOFT, va="top")
-        wrapped = textwrap.wrap(value, 46) or [""]
+        wrapped = textwrap.wrap(value, 52) or [""]
         figure.text(_LEFT + 0.07, y, "\n".join(wrapped), fontsize=8.5, color=_INK, va="top")
         y -= _LINE * len(wrapped) + 0.001
+    return y - 0.01
 
 
 def _outcome(figure: Figure, summary: Summary) -> None:
@@ -167,9 +169,9 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     """``summary.pdf``, and the same page as ``summary.png`` for screens."""
     figure = Figure(figsize=A4, layout="constrained")  # for the surfaces; the rest stands fixed
     _header(figure, summary)
-    _what(figure, summary)
+    below = _what(figure, summary)
     _outcome(figure, summary)
-    top = _table(figure, summary, 0.805)
+    top = _table(figure, summary, min(0.805, below))
     bottom = _bottom(figure, summary)
     _surfaces(figure, table, bottom, top)
     paper, screen = folder / "summary.pdf", folder / "summary.png"

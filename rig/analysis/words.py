@@ -80,8 +80,6 @@ def watts(value: float, error: float = float("nan")) -> str:
     text = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
     if not math.isfinite(error):
         return f"{text} W"
-    if error < 0.005:
-        return f"{text} ± <0.01 W"
     return f"{text} ± {error:.{1 if error >= 0.095 else 2}f} W"
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, get_type_hints
 
 from core_kinds import AXIS, DT, SCALE, BenchParams, BenchSense, Table
@@ -146,18 +147,19 @@ def bench_params(
     )
 
 
-def unflatten(row_type: Any, values: Any) -> Any:
+@functools.cache
+def _parts(kind: Any) -> tuple[Any, ...]:
+    """Types of the fields of a word, None for a number."""
+    hints = get_type_hints(kind)
+    return tuple(hints[name] if hasattr(hints[name], "_fields") else None for name in kind._fields)
+
+
+def unflatten(row_type: Any, values: Iterable[Any]) -> Any:
     """A row from its numbers in storage order, by walking the type."""
     flow = iter(values)
 
     def build(kind: Any) -> Any:
-        hints = get_type_hints(kind)
-        return kind(
-            *(
-                build(hints[name]) if hasattr(hints[name], "_fields") else next(flow)
-                for name in kind._fields
-            )
-        )
+        return kind(*[next(flow) if part is None else build(part) for part in _parts(kind)])
 
     row = build(row_type)
     assert next(flow, None) is None

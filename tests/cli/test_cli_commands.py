@@ -1,0 +1,122 @@
+"""The commands as a person or a script calls them: text, JSON, exit codes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rig", *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with one finished run."""
+    folder = tmp_path_factory.mktemp("cli") / "runs"
+    done = rig("run", CONFIGS / "campaigns" / "quick.yaml", "--runs", folder, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert said["status"] == "complete"
+    assert Path(said["folder"]).parent == folder
+    assert all(Path(product).exists() for product in said["products"])
+    return folder
+
+
+def test_check_says_what_a_campaign_will_do() -> None:
+    done = rig("check", CONFIGS / "campaigns" / "default.yaml")
+    assert done.returncode == 0
+    assert "66" in done.stdout
+    said = json.loads(rig("check", CONFIGS / "campaigns" / "default.yaml", "--json").stdout)
+    assert said["ok"]
+    assert (said["rows"], said["wave_clock_s"], said["spring_moves"]) == (66, 1460.0, 1)
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_bad_campaign_is_refused_with_everything_wrong(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(
+        f"name: bad\nrig: {CONFIGS / 'rigs' / 'wavebot.yaml'}\n"
+        "sea: {kind: regular, amplitude_m: much, frequency_hz: 0.5}\n"
+        "matrix:\n  list:\n    - {spring_n_per_m: 490.9, kp_n_s_per_m: 5, ki_n_per_m: 0}\n"
+        "speed: 3\n"
+    )
+    done = rig(command, path, *(["--runs", tmp_path / "runs"] if command == "run" else []))
+    assert done.returncode == 2
+    for line, key in ((3, "sea.amplitude_m"), (6, "matrix.list[0].kp_n_s_per_m"), (7, "speed")):
+        assert f"bad.yaml:{line}: {key}: " in done.stdout
+    assert not (tmp_path / "runs").exists()
+    said = json.loads(rig(command, path, "--json").stdout)
+    assert len(said["problems"]) == 3
+
+
+def test_plant_file_is_checked_too(tmp_path: Path) -> None:
+    (tmp_path / "plant.yaml").write_text(
+        f"extends: {CONFIGS / 'plants' / 'wavebot.yaml'}\n"
+        "body:\n  mass: {value: -3.0, unit: kg, source: test}\n"
+    )
+    (tmp_path / "campaign.yaml").write_text(
+        f"name: bad\nrig: {CONFIGS / 'rigs' / 'wavebot.yaml'}\nplant: plant.yaml\n"
+        "sea: {kind: calm}\n"
+        "matrix: {list: [{spring_n_per_m: 490.9, kp_n_s_per_m: -5, ki_n_per_m: 0}]}\n"
+    )
+    done = rig("check", tmp_path / "campaign.yaml")
+    assert done.returncode == 2
+    assert "plant.yaml:3: body.mass.value: " in done.stdout
+
+
+def test_a_wave_without_repeat_period_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "campaign.yaml").write_text(
+        f"name: bad\nrig: {CONFIGS / 'rigs' / 'wavebot.yaml'}\n"
+        "sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.28985507246}\n"
+        "matrix: {list: [{spring_n_per_m: 490.9, kp_n_s_per_m: -5, ki_n_per_m: 0}]}\n"
+    )
+    done = rig("check", tmp_path / "campaign.yaml")
+    assert done.returncode == 2
+    assert "campaign.yaml:3: sea: " in done.stdout
+
+
+def test_runs_lists_the_run(runs: Path) -> None:
+    assert "complete" in rig("runs", "--runs", runs).stdout
+    (listed,) = json.loads(rig("runs", "--runs", runs, "--json").stdout)
+    assert (listed["status"], listed["rows_done"], listed["rows_planned"]) == ("complete", 4, 4)
+    assert json.loads(rig("runs", "--runs", runs / "none", "--json").stdout) == []
+
+
+def test_show_gives_the_summary(runs: Path) -> None:
+    done = rig("show", "last", "--runs", runs)
+    assert done.returncode == 0
+    assert "4 of 4 rows" in done.stdout
+    said: dict[str, Any] = json.loads(rig("show", "last", "--runs", runs, "--json").stdout)
+    assert said["rows_done"] == 4
+    missing = rig("show", "nothing", "--runs", runs)
+    assert missing.returncode == 2
+    assert "no such run" in missing.stderr
+
+
+def test_plot_draws_fields_over_time(runs: Path, tmp_path: Path) -> None:
+    picture = tmp_path / "x.png"
+    words = ["plot", "last", "--runs", runs, "-f", "heave.estimate", "-r", "1", "-o", picture]
+    done = rig(*words, "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == [str(picture)]
+    assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    unknown = rig("plot", "last", "--runs", runs, "-f", "heave.estimat.position")
+    assert unknown.returncode == 2
+    assert "heave.estimate.position" in unknown.stderr
+
+
+def test_help_names_the_exit_codes() -> None:
+    assert "tripped" in rig("run", "--help").stdout

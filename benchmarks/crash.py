@@ -21,6 +21,8 @@ DT = 0.001
 KILLS_A_RUN = 4  # of the logger; its supervisor restarts it five times at most
 DICE = 20_240_601  # the moments of the kills follow from it
 
+Env = dict[str, str] | None
+
 
 class Loss(NamedTuple):
     """What one run lost to kill -9."""
@@ -31,9 +33,9 @@ class Loss(NamedTuple):
     kills: int
 
 
-def kill_logger(campaign: Path, runs: Path, moments: list[float]) -> Loss:
+def kill_logger(campaign: Path, runs: Path, moments: list[float], env: Env = None) -> Loss:
     """Kill the logger again and again in one run; the loop goes on."""
-    with live_run(campaign, runs, real_clock=True) as run:
+    with live_run(campaign, runs, real_clock=True, env=env) as run:
         run.wait_started()
         for wait in moments:
             pid = run.pid(LOGGER)
@@ -47,9 +49,9 @@ def kill_logger(campaign: Path, runs: Path, moments: list[float]) -> Loss:
         return _loss(run, len(moments), None)
 
 
-def kill_loop(campaign: Path, runs: Path, moment: float) -> Loss:
+def kill_loop(campaign: Path, runs: Path, moment: float, env: Env = None) -> Loss:
     """Kill the loop once; supervisor and logger bring the run to an end."""
-    with live_run(campaign, runs, real_clock=True) as run:
+    with live_run(campaign, runs, real_clock=True, env=env) as run:
         run.wait_started()
         loop = run.pid(LOOP)
         zero = _watch(run, moment)
@@ -59,9 +61,9 @@ def kill_loop(campaign: Path, runs: Path, moment: float) -> Loss:
         return _loss(run, 1, due)
 
 
-def kill_supervisor(campaign: Path, runs: Path, moment: float) -> Loss:
+def kill_supervisor(campaign: Path, runs: Path, moment: float, env: Env = None) -> Loss:
     """Kill the supervisor once; the loop notices and stops, the logger saves what is left."""
-    with live_run(campaign, runs, real_clock=True) as run:
+    with live_run(campaign, runs, real_clock=True, env=env) as run:
         run.wait_started()
         left = [run.pid(LOOP), run.pid(LOGGER)]
         time.sleep(moment)
@@ -72,9 +74,9 @@ def kill_supervisor(campaign: Path, runs: Path, moment: float) -> Loss:
         return _loss(run, 1, None)
 
 
-def kill_all(campaign: Path, runs: Path, moment: float) -> Loss:
+def kill_all(campaign: Path, runs: Path, moment: float, env: Env = None) -> Loss:
     """Kill all three at once: what was in the ring only is gone with them."""
-    with live_run(campaign, runs, real_clock=True) as run:
+    with live_run(campaign, runs, real_clock=True, env=env) as run:
         run.wait_started()
         rest = [run.pid(LOGGER), run.pid(LOOP)]
         zero = _watch(run, moment)

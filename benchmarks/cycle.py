@@ -10,6 +10,7 @@ from pathlib import Path
 from time import perf_counter_ns
 from typing import Any, NamedTuple
 
+from benchmarks.support.live import wait_realtime_free
 from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile, ratios
 from rig import cycle
@@ -102,6 +103,7 @@ def on_the_real_clock(
     campaign: Path, seconds: float, env: dict[str, str] | None = None
 ) -> dict[str, Any]:
     """A loop at its real rate, timed at its seams: the cycle after a sleep, caches gone cold."""
+    wait_realtime_free(env)
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.support.tick_process", campaign, "real", str(seconds)],
         cwd=ROOT,

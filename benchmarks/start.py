@@ -6,7 +6,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks.support.live import LiveRun
+from benchmarks.support.live import LiveRun, wait_realtime_free
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 
@@ -30,6 +30,8 @@ def seconds_of(words: list[str]) -> float:
 def first_tick(folder: Path, *, real_clock: bool, env: dict[str, str] | None = None) -> float:
     """Seconds from `rig run` until a row of its first ticks is in the ring."""
     campaign = campaign_file(folder, 40.0)
+    if real_clock:
+        wait_realtime_free(env)
     options = ["--realtime"] if real_clock else []
     words = [*command(), "run", str(campaign), "--runs", str(folder / "runs"), "--json", *options]
     with LiveRun(words, folder / "watched", env) as run:

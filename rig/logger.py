@@ -12,10 +12,15 @@ import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from numpy.lib.recfunctions import repack_fields
+
 from rig import handover
 from rig.kinds import KINDS
 from rig.log import RowWriter
 from rig.ring import Producer, Reader
+from rig.run_folder import MCAP, ending
+from rig.runs import salvage
+from rig.safety import Reason
 from rig.timing import Certificate
 
 FLUSH = 0.5  # s between flushes
@@ -52,6 +57,7 @@ class Log:
         self._job = job
         self._reader = Reader(job.ring)
         self._certificate = Certificate(kind.row_type)
+        self._count_earlier_parts(folder)
         files = {name: (folder / name).read_bytes() for name in job.attachments}
         self._writer = RowWriter(
             folder / job.part,
@@ -77,7 +83,8 @@ class Log:
                     return DISK
             elif not block:
                 time.sleep(IDLE)
-        self._writer.attach("timing.json", json.dumps(self._timing(), indent=2).encode())
+        for name, value in (("timing.json", self._timing()), ("status.json", self._status())):
+            self._writer.attach(name, json.dumps(value, indent=2).encode())
         while not self._finish():
             if self._given_up():
                 return DISK
@@ -87,6 +94,22 @@ class Log:
     def _complete(self) -> bool:
         finished = self._reader.state == Producer.FINISHED
         return finished and self._reader.pending == 0 and not self._failing_since
+
+    def _count_earlier_parts(self, folder: Path) -> None:
+        """The certificate is the whole run's, so what a killed logger wrote counts too."""
+        for path in sorted(folder.glob(f"{MCAP}.part*")):
+            for block in salvage(path).blocks:
+                self._certificate.add(repack_fields(block).tobytes())
+
+    def _status(self) -> dict[str, Any]:
+        """How the run ended, as far as its rows say."""
+        reason = Reason(self._certificate.reason)
+        return {
+            "run": self._job.run,
+            "rung": self._job.rung,
+            "status": ending(reason),
+            "reason": reason.name,
+        }
 
     def _timing(self) -> dict[str, Any]:
         privileges = Path(self._job.folder) / PRIVILEGES

@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
+from rig.safety import Reason
+
 STATUS = "run.json"
 MCAP = "run.mcap"
 
@@ -28,6 +30,15 @@ def make(runs: Path, name: str, now: datetime) -> Path:
             continue
         return folder
     raise BusyError(f"{runs}: too many runs named {stem}")
+
+
+def ending(reason: Reason) -> str:
+    """How a run ended, in one word, by the first reason of its stop."""
+    if reason is Reason.PLAN_END:
+        return "complete"
+    if reason in (Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT):
+        return "stopped"
+    return "crashed" if reason is Reason.NONE else "fault"
 
 
 def write_json(folder: Path, name: str, value: Any) -> None:

@@ -21,7 +21,7 @@ from rig import logger as log_process
 from rig.loop_process import REFUSED, Job
 from rig.mailbox import Mailbox, Request
 from rig.record import layout, leaves
-from rig.run_folder import MCAP, write_json
+from rig.run_folder import MCAP, ending, write_json
 from rig.safety import Reason
 
 POLL = 0.1  # s between looks
@@ -269,11 +269,7 @@ class Run:
         end, row = self._end, self._latest()
         if end is not None:
             reason = Reason(end["reason"])
-            status = {
-                Reason.PLAN_END: "complete",
-                Reason.OPERATOR_STOP: "stopped",
-                Reason.OPERATOR_ABORT: "stopped",
-            }.get(reason, "fault")
+            status = ending(reason)
             why = reason.name
         elif self._refused or loop.process.returncode == REFUSED:
             status, why = "refused", "the host did not grant what the rig file requires"

@@ -24,11 +24,13 @@ class Certificate:
         self._lateness = names.index("timing.lateness")
         self._work = names.index("timing.work")
         self._skipped = names.index("timing.skipped")
+        self._reason = names.index("safety.reason")
         self._late = np.zeros(_BINS, dtype=np.int64)
         self._busy = np.zeros(_BINS, dtype=np.int64)
         self._latest = 0.0
         self.ticks = 0
         self.skipped = 0
+        self.reason = 0  # of the last row: rig.safety.Reason
 
     def add(self, block: bytes) -> None:
         """Count the rows of a block."""
@@ -36,6 +38,7 @@ class Certificate:
         whole = np.frombuffer(block, dtype="<i8").reshape(-1, self._width)
         self.ticks += len(floats)
         self.skipped = int(whole[-1, self._skipped])
+        self.reason = int(whole[-1, self._reason])
         late = floats[:, self._lateness]
         self._latest = max(self._latest, float(late.max()))
         self._late += _histogram(late)

@@ -1,7 +1,8 @@
 """One campaign under the real supervisor, without products: a process to be watched.
 
 ``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``; SIGTERM asks for a
-controlled stop, a second one for power off. With a core, supervisor, logger and loop are all confined to it.
+controlled stop, a second one for power off. With a core, supervisor, logger and loop are confined
+to it.
 """
 
 import json

@@ -33,7 +33,8 @@ class Stamps:
         reading, stepping, writing = at[:, 1] - at[:, 0], at[:, 2] - at[:, 1], at[:, 3] - at[:, 2]
         putting = at[:, 5] - at[:, 4]
         rest = (at[1:, 0] - at[:-1, 5]) + (at[1:, 4] - at[1:, 3])
-        return Parts(reading + writing, stepping, putting, rest)
+        # Nothing comes before the first tick, and it pays for what is done once: it is left out.
+        return Parts((reading + writing)[1:], stepping[1:], putting[1:], rest)
 
 
 class Parts(NamedTuple):

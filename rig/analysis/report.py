@@ -17,7 +17,7 @@ def _unfinished(contents: list[mcap_file.Contents]) -> str:
         return ""
     torn = sum(each.unread for each in contents)
     said = f", {torn} torn bytes at its end" if torn else ""
-    return f"the record was not finished by its writer{said}; run `rig recover` to close it"
+    return f"the record was not finished by its writer{said}"
 
 
 def _read(run: Path, mean_position_alarm: float) -> tuple[xarray.Dataset, Summary]:

@@ -18,7 +18,7 @@ from rehearsing import campaign_file, run
 
 from rig import supervisor
 from rig.run_folder import BusyError, hold_realtime
-from rig.runs import open_run
+from rig.runs import attachments, open_run
 from rig.safety import STOP_0, STOP_1, Reason
 from rig.supervisor import Snapshot
 
@@ -97,6 +97,9 @@ def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
 
     ended = run(campaign, tmp_path / "runs", see)
     assert ended.outcome.logger_restarts == 2
+    inside = attachments(ended.folder)
+    assert json.loads(inside["timing.json"])["ticks"] == ended.outcome.ticks
+    assert json.loads(inside["status.json"])["status"] == "complete"
     assert np.array_equal(ticks(ended.folder)["tick"].values, np.arange(ended.outcome.ticks))
 
 

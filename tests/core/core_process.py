@@ -1,0 +1,29 @@
+"""Starting a Python process that shares file descriptors with a test."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def start(code: str, *fds: int) -> subprocess.Popen[str]:
+    """Run ``code`` (with this folder on its path) in a process that inherits ``fds``."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *(str(fd) for fd in fds)],
+        pass_fds=fds,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(HERE)},
+    )
+
+
+def output(code: str, *fds: int) -> str:
+    """What a process that must end well prints."""
+    process = start(code, *fds)
+    text, _ = process.communicate(timeout=60)
+    assert process.returncode == 0
+    return text

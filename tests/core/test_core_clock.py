@@ -1,0 +1,131 @@
+"""The two clocks: absolute deadlines, whole periods skipped and counted, never a burst."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig import clock
+from rig.clock import RealClock, VirtualClock, Wake
+
+PERIOD = 1_000_000  # ns
+EINTR = 4
+
+
+class Host:
+    """A machine whose time moves only when somebody sleeps or works, and that wakes late."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, start: int = 123_456_789_012) -> None:
+        self.now = start
+        self.late = itertools.repeat(0)
+        self.interrupts = itertools.repeat(0)
+        self.deadlines: list[int] = []
+        monkeypatch.setattr(clock, "time", SimpleNamespace(monotonic_ns=lambda: self.now))
+        self.clock = RealClock(PERIOD * 1e-9)
+        self.zero = start + PERIOD
+        monkeypatch.setattr(self.clock, "_sleep", self._sleep)
+
+    def _sleep(self, which: int, flags: int, until: Any, rest: Any) -> int:
+        assert (which, flags, rest) == (1, 1, None)  # CLOCK_MONOTONIC, TIMER_ABSTIME
+        target = self.clock._until
+        due = target.seconds * 1_000_000_000 + target.nanoseconds
+        assert 0 <= target.nanoseconds < 1_000_000_000
+        if next(self.interrupts):
+            return EINTR
+        self.deadlines.append(due)
+        self.now = max(self.now, due) + next(self.late)
+        return 0
+
+
+def test_ten_thousand_jittered_ticks_end_on_the_planned_tick(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    host = Host(monkeypatch)
+    host.late = itertools.cycle([0, 50_000, 900_000, 999_999, 120_000])
+    for tick in range(10_000):
+        wake = host.clock.wait_next()
+        assert (wake.tick, wake.periods) == (tick, 1)
+        host.now += 300_000  # work; the late wakes leave the next deadline in the past
+    assert host.deadlines == [host.zero + k * PERIOD for k in range(10_000)]
+    assert wake.now == pytest.approx(9.999)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 5 * PERIOD), st.integers(0, 3 * PERIOD)), max_size=60),
+    st.integers(0, 10**15),
+)
+def test_whatever_the_host_does_the_grid_stands(delays: list[tuple[int, int]], start: int) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        host = Host(patch, start)
+        host.late = iter([late for late, _ in delays])
+        before, total = -1, 0
+        for _, work in delays:
+            wake = host.clock.wait_next()
+            assert wake.tick == before + wake.periods
+            assert wake.periods >= 1
+            assert wake.now == wake.tick * host.clock.dt
+            grid = host.zero + wake.tick * PERIOD
+            # it is within the period it was given: no tick is given before or after its time
+            assert grid <= host.now < grid + PERIOD
+            due = host.zero + (before + 1) * PERIOD
+            assert wake.lateness == (host.now - due) / 1e9
+            before, total = wake.tick, total + wake.periods
+            host.now += work
+        assert total == before + 1
+        assert host.deadlines == sorted(set(host.deadlines))
+
+
+def test_a_long_stall_skips_its_periods_and_goes_on_in_step(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    host = Host(monkeypatch)
+    host.late = iter([0, 0, 35 * PERIOD + 400_000, 0, 0])
+    wakes = [host.clock.wait_next() for _ in range(5)]
+    assert [wake.tick for wake in wakes] == [0, 1, 37, 38, 39]
+    assert [wake.periods for wake in wakes] == [1, 1, 36, 1, 1]
+    assert wakes[2].lateness == pytest.approx(0.0354)
+    assert wakes[3].lateness == 0.0
+
+
+def test_a_signal_does_not_cut_a_sleep_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = Host(monkeypatch)
+    host.interrupts = itertools.cycle([1, 1, 0])
+    for tick in range(20):
+        assert host.clock.wait_next() == Wake(tick, tick * 0.001, 1, 0.0)
+
+
+def test_now_counts_from_tick_zero(monkeypatch: pytest.MonkeyPatch) -> None:
+    host = Host(monkeypatch)
+    assert host.clock.now() == -0.001
+    host.clock.wait_next()
+    assert host.clock.now() == 0.0
+    host.clock.wait_next()
+    assert host.clock.now() == 0.001
+
+
+@pytest.mark.parametrize("dt", [0.0, -0.001, 1.0 / 3.0, 1.0 / 1024.0, 1e-10])
+def test_a_period_that_is_no_whole_number_of_nanoseconds_is_refused(dt: float) -> None:
+    with pytest.raises(ValueError, match="whole number of nanoseconds"):
+        RealClock(dt)
+
+
+@pytest.mark.parametrize("dt", [0.001, 0.002, 0.005, 0.0001, 1.0 / 128.0])
+def test_the_true_sleep_wakes_on_or_after_its_deadline(dt: float) -> None:
+    made = RealClock(dt)
+    for _ in range(5):
+        wake = made.wait_next()
+        assert wake.lateness >= 0.0
+        assert made.now() >= wake.now
+
+
+def test_the_virtual_clock_counts_and_is_never_late() -> None:
+    made = VirtualClock(0.002)
+    for tick in range(100):
+        assert made.wait_next() == (tick, tick * 0.002, 1, 0.0)
+        assert made.now() == tick * 0.002

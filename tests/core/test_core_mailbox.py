@@ -1,0 +1,137 @@
+"""The shared slot: the newest whole value, never half of one."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
+
+import pytest
+from core_process import output, start
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig import mailbox
+from rig.mailbox import Mailbox, Request
+
+
+class Meter(NamedTuple):
+    power: Annotated[float, "W"]
+    count: Annotated[int, "count"]
+
+
+@pytest.fixture
+def fd() -> Iterator[int]:
+    made = mailbox.create()
+    yield made
+    os.close(made)
+
+
+def test_before_the_first_post_there_is_nothing(fd: int) -> None:
+    assert Mailbox(fd, Request).read() is None
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(allow_nan=False), st.integers(-(2**63), 2**63 - 1)), max_size=9)
+)
+def test_every_reader_gets_the_newest(values: list[tuple[float, int]]) -> None:
+    made = mailbox.create()
+    try:
+        sender, early = Mailbox(made, Meter), Mailbox(made, Meter)
+        for value in values:
+            sender.post(Meter(*value))
+            assert early.read() == value
+            assert isinstance(early.read(), Meter)
+            assert early.read() is early.read()  # a level: it stands
+        late = Mailbox(made, Meter).read()
+        assert late == (values[-1] if values else None)
+    finally:
+        os.close(made)
+
+
+def put_words(fd: int, before: int, after: int, payload: bytes = b"") -> None:
+    """Write the sequence words and the value as a writer might have left them."""
+    os.pwrite(fd, struct.pack("<q", before), 0)
+    os.pwrite(fd, struct.pack("<q", after), 8)
+    if payload:
+        os.pwrite(fd, payload, 16)
+
+
+def test_a_writer_caught_in_the_act_leaves_the_old_value(fd: int) -> None:
+    sender, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
+    sender.post(Meter(1.0, 1))
+    assert reader.read() == (1.0, 1)
+    half = struct.pack("<d", 2.0)
+    put_words(fd, 2, 1, half)  # sequence taken, half of the value written
+    assert reader.read() == (1.0, 1)
+    assert Mailbox(fd, Meter).read() is None  # who comes now knows of nothing whole
+    put_words(fd, 2, 2, half + struct.pack("<q", 2))
+    assert reader.read() == (2.0, 2)
+
+
+def test_a_value_that_changes_while_it_is_read_is_not_given(fd: int) -> None:
+    sender, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
+    sender.post(Meter(1.0, 1))
+    assert reader.read() == (1.0, 1)
+    sender.post(Meter(2.0, 2))
+    plain = reader._layout
+
+    class Meddling:
+        """Lets the writer begin another post in the middle of the reading."""
+
+        def unpack_from(self, *place: Any) -> Any:
+            put_words(fd, 3, 2)
+            return plain.unpack_from(*place)
+
+    reader._layout = Meddling()
+    assert reader.read() == (1.0, 1)
+    reader._layout = plain
+    put_words(fd, 3, 3, struct.pack("<dq", 3.0, 3))
+    assert reader.read() == (3.0, 3)
+
+
+def test_a_writer_that_died_in_the_act_is_replaced(fd: int) -> None:
+    first, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
+    first.post(Meter(1.0, 1))
+    put_words(fd, 2, 1)
+    Mailbox(fd, Meter).post(Meter(5.0, 5))
+    assert reader.read() == (5.0, 5)
+
+
+def test_a_word_that_does_not_fit_is_refused(fd: int) -> None:
+    fields = [(f"f{i}", Annotated[float, "m"]) for i in range(os.sysconf("SC_PAGE_SIZE") // 8)]
+    with pytest.raises(ValueError, match="Wide does not fit"):
+        Mailbox(fd, NamedTuple("Wide", fields))
+
+
+def test_a_post_of_another_process_arrives(fd: int) -> None:
+    reader = Mailbox(fd, Request)
+    code = (
+        "import sys; from rig.mailbox import Mailbox, Request;"
+        "m = Mailbox(int(sys.argv[1]), Request); [m.post(Request(n, -n)) for n in range(1, 4)];"
+        "print(m.read())"
+    )
+    assert output(code, fd).strip() == "Request(request=3, beat=-3)"
+    assert reader.read() == (3, -3)
+
+
+def test_values_of_a_busy_writer_are_whole(fd: int) -> None:
+    code = (
+        "import sys; from test_core_mailbox import Meter; from rig.mailbox import Mailbox\n"
+        "m = Mailbox(int(sys.argv[1]), Meter)\n"
+        "for n in range(1, 200_000): m.post(Meter(n * 0.5, n))\n"
+    )
+    process, reader, seen = start(code, fd), Mailbox(fd, Meter), []
+    try:
+        while not seen or seen[-1] < 199_999:
+            value = reader.read()
+            if value is not None and (not seen or value.count != seen[-1]):
+                assert value.power == value.count * 0.5
+                seen.append(value.count)
+            assert process.poll() in (None, 0)
+    finally:
+        process.kill()
+        process.communicate()
+    assert seen == sorted(seen)

@@ -1,0 +1,68 @@
+"""Asking for privileges: a refusal is a word in a report, never an exception."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import pytest
+from core_process import output
+
+from rig import realtime
+from rig.realtime import Privileges
+
+# Without any privilege: as nobody if we are root, and with every limit taken down before.
+UNPRIVILEGED = """
+import json, os, resource, gc
+from rig import realtime
+for limit in (resource.RLIMIT_RTPRIO, resource.RLIMIT_MEMLOCK):
+    resource.setrlimit(limit, (0, 0))
+if os.getuid() == 0:
+    os.setgroups([])
+    os.setgid(65534)
+    os.setuid(65534)
+got = realtime.acquire()
+print(json.dumps({
+    "got": got._asdict(),
+    "refused": got.refused,
+    "gc": gc.isenabled(),
+    "frozen": gc.get_freeze_count() > 0,
+    "cores": len(os.sched_getaffinity(0)),
+    "latency": os.access("/dev/cpu_dma_latency", os.W_OK),
+}))
+"""
+
+
+def test_without_privileges_each_refusal_is_reported() -> None:
+    said = json.loads(output(UNPRIVILEGED))
+    assert set(said["got"]) == set(Privileges._fields)
+    assert said["got"]["fifo"]
+    assert said["got"]["memory_lock"]
+    assert said["latency"] or said["got"]["latency"]
+    assert said["got"]["core"] or said["cores"] == 1
+    refusals = [name for name, why in said["got"].items() if why]
+    assert len(said["refused"]) == len(refusals)
+    for name, words in zip(refusals, said["refused"], strict=True):
+        assert words == f"{name.replace('_', ' ')}: {said['got'][name]}"
+    assert said["gc"] is False
+    assert said["frozen"] is True
+
+
+def test_a_privilege_that_was_granted_is_no_refusal() -> None:
+    assert Privileges("", "", "", "").refused == ()
+    assert Privileges("", "x", "", "y z").refused == ("core: x", "latency: y z")
+
+
+def test_every_refusal_of_the_host_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(os, "sched_setaffinity", refuse)
+    monkeypatch.setattr(realtime, "_LATENCY_FILE", "/nowhere/at/all")
+    monkeypatch.setattr(realtime, "quiet_memory", lambda: None)
+    monkeypatch.setattr(realtime, "_lock", refuse)
+    got = realtime.acquire()
+    assert got[:3] == ("Operation not permitted",) * 3
+    assert got.latency == "No such file or directory"
+    assert len(got.refused) == 4

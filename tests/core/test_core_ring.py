@@ -1,0 +1,295 @@
+"""The ring against a list, its dangers one by one, and a producer that is killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
+
+import pytest
+from core_process import output, start
+from core_runs import unflatten
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig import ring
+from rig.record import layout
+from rig.ring import Producer, Reader, TornRowError, Writer
+
+Tick = Annotated[int, "tick"]
+
+
+class Inner(NamedTuple):
+    force: Annotated[float, "N"]
+    count: Annotated[int, "count"]
+
+
+class Row(NamedTuple):
+    tick: Tick
+    inner: Inner
+    tick_end: Tick
+
+
+SIZE = layout(Row).size
+HEADER = os.sysconf("SC_PAGE_SIZE")
+
+
+def row(n: int) -> Row:
+    return Row(n, Inner(n * 0.5, -n), n)
+
+
+def decode(block: bytes) -> list[Row]:
+    return [unflatten(Row, values) for values in layout(Row).iter_unpack(block)]
+
+
+@pytest.fixture
+def fd() -> Iterator[int]:
+    made = ring.create(Row, 8)
+    yield made
+    os.close(made)
+
+
+class Model:
+    """What a ring owes, as lists."""
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.put: list[int] = []
+        self.dropped = self.tail = self.taken = self.shown = 0
+
+
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("put"), st.integers(1, 12)),
+        st.tuples(st.just("take"), st.integers(1, 12)),
+        st.tuples(st.just("commit"), st.just(0)),
+        st.tuples(st.just("restart"), st.just(0)),
+    ),
+    max_size=60,
+)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(2, 9), STEPS)
+def test_put_take_commit_as_a_list(capacity: int, steps: list[tuple[str, int]]) -> None:
+    made = ring.create(Row, capacity)
+    try:
+        writer, reader, model = Writer(made, Row, wait=False), Reader(made), Model(capacity)
+        number = 0
+        for what, count in steps:
+            if what == "put":
+                for _ in range(count):
+                    writer.put(row(number))
+                    if len(model.put) - model.tail < capacity:
+                        model.put.append(number)
+                    else:
+                        model.dropped += 1
+                    number += 1
+            elif what == "take":
+                got = [one.tick for one in decode(reader.take(count))]
+                # only what the poll before had seen, one stretch of memory at a time
+                stretch = capacity - model.taken % capacity
+                most = max(0, min(model.shown - model.taken, count, stretch))
+                assert got == model.put[model.taken : model.taken + most]
+                model.taken += most
+                model.shown = len(model.put)
+            elif what == "commit":
+                reader.commit()
+                model.tail = model.taken
+            else:
+                reader = Reader(made)  # a new logger goes on from what is safe
+                model.taken = model.shown = model.tail
+            assert (reader.head, reader.tail) == (len(model.put), model.tail)
+            assert reader.dropped == model.dropped
+            assert reader.uncommitted == model.taken - model.tail
+            assert reader.pending == len(model.put) - model.taken
+            newest = reader.latest()
+            assert (decode(newest) if newest else []) == [row(n) for n in model.put[-1:]]
+        writer.finish()
+        rest = []
+        while block := reader.take():
+            rest += decode(block)
+        assert rest == [row(n) for n in model.put[model.taken :]]
+    finally:
+        os.close(made)
+
+
+def test_a_full_ring_drops_and_counts(fd: int) -> None:
+    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+    for n in range(11):
+        writer.put(row(n))
+    assert (reader.head, reader.dropped) == (8, 3)
+    writer.finish()
+    assert [one.tick for one in decode(reader.take())] == list(range(8))
+
+
+def test_a_full_ring_is_waited_for_until_there_is_room(fd: int) -> None:
+    writer, reader = Writer(fd, Row, wait=True), Reader(fd)
+    for n in range(8):
+        writer.put(row(n))
+    late = threading.Thread(target=writer.put, args=(row(8),))
+    late.start()
+    late.join(timeout=0.05)
+    assert late.is_alive()
+    assert reader.take() == b""  # the first poll only looks
+    assert [one.tick for one in decode(reader.take())] == list(range(8))
+    assert late.is_alive()  # taken is not yet safe
+    reader.commit()
+    late.join(timeout=10)
+    assert not late.is_alive()
+    assert (reader.head, reader.dropped) == (9, 0)
+
+
+def test_nobody_waits_for_a_reader_that_was_given_up(fd: int) -> None:
+    writer, reader = Writer(fd, Row, wait=True), Reader(fd)
+    for n in range(8):
+        writer.put(row(n))
+    late = threading.Thread(target=writer.put, args=(row(8),))
+    late.start()
+    reader.abandon()
+    late.join(timeout=10)
+    assert not late.is_alive()
+    assert (reader.head, reader.dropped) == (8, 1)
+
+
+def test_a_row_is_not_given_in_the_poll_that_first_sees_it(fd: int) -> None:
+    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+    writer.put(row(0))
+    assert reader.take() == b""
+    writer.put(row(1))
+    assert decode(reader.take()) == [row(0)]
+    assert decode(reader.take()) == [row(1)]
+
+
+@pytest.mark.parametrize("torn", [0, 3, 4])
+def test_a_torn_row_is_an_error(fd: int, torn: int) -> None:
+    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+    for n in range(5):
+        writer.put(row(n))
+    os.pwrite(fd, struct.pack("<q", 99), HEADER + (torn + 1) * SIZE - 8)
+    writer.finish()
+    with pytest.raises(TornRowError):
+        reader.take()
+    if torn == 4:
+        assert reader.latest() is None
+
+
+def test_a_bystander_sees_the_newest_row_and_changes_nothing(fd: int) -> None:
+    writer, logger, bystander = Writer(fd, Row, wait=False), Reader(fd), Reader(fd)
+    assert bystander.latest() is None
+    for n in range(20):
+        writer.put(row(n))
+        newest = bystander.latest()
+        assert newest is not None
+        assert decode(newest) == [row(n)]
+        logger.take()
+        logger.commit()
+    writer.finish()
+    tail = logger.tail
+    assert decode(logger.take()) == [row(n) for n in range(tail, 20)]
+
+
+def test_a_second_writer_goes_on_where_the_first_ended(fd: int) -> None:
+    Writer(fd, Row, wait=False).put(row(0))
+    second = Writer(fd, Row, wait=False)
+    second.put(row(1))
+    second.finish()
+    assert decode(Reader(fd).take()) == [row(0), row(1)]
+
+
+def test_state_tells_what_became_of_the_producer(fd: int) -> None:
+    reader = Reader(fd)
+    assert reader.state == Producer.ABSENT
+    writer = Writer(fd, Row, wait=False)
+    assert reader.state == Producer.RUNNING
+    writer.put(row(0))
+    reader.bury()
+    assert reader.state == Producer.FINISHED
+    assert decode(reader.take()) == [row(0)]
+
+
+def test_a_ring_of_other_rows_is_refused(fd: int) -> None:
+    with pytest.raises(ValueError, match=f"rows of {SIZE} bytes, not 16"):
+        Writer(fd, Inner, wait=False)
+
+
+def test_what_is_no_ring_is_refused() -> None:
+    other = os.memfd_create("other")
+    os.ftruncate(other, HEADER)
+    with pytest.raises(ValueError, match="not a ring"):
+        Reader(other)
+    os.close(other)
+
+
+PRODUCER = """
+import sys
+from test_core_ring import Row, row
+from rig.ring import Writer
+writer, n = Writer(int(sys.argv[1]), Row, wait=True), 0
+while True:
+    writer.put(row(n))
+    n += 1
+"""
+
+
+def test_a_killed_producer_loses_nothing_it_had_shown() -> None:
+    made = ring.create(Row, 64)
+    process = start(PRODUCER, made)
+    try:
+        reader, got = Reader(made), []
+        deadline = time.monotonic() + 60
+        while len(got) < 1000:
+            got += decode(reader.take())
+            reader.commit()
+            assert time.monotonic() < deadline
+        process.send_signal(signal.SIGKILL)
+        process.wait(timeout=10)
+        reader.bury()
+        head = reader.head
+        while block := reader.take():
+            got += decode(block)
+        assert len(got) == head >= 1000
+        assert got == [row(n) for n in range(head)]
+    finally:
+        process.kill()
+        process.communicate()
+        os.close(made)
+
+
+def test_a_killed_reader_is_replaced() -> None:
+    """The second goes on after what the first had made safe."""
+    made = ring.create(Row, 64)
+    try:
+        writer = Writer(made, Row, wait=False)
+        for n in range(30):
+            writer.put(row(n))
+        first = (
+            "import sys, os, signal; from rig.ring import Reader; r = Reader(int(sys.argv[1]));"
+            "r.take(); r.take(10); r.commit(); r.take(5); os.kill(os.getpid(), signal.SIGKILL)"
+        )
+        process = start(first, made)
+        process.communicate(timeout=60)
+        assert process.returncode == -signal.SIGKILL
+        writer.finish()
+        assert decode(Reader(made).take()) == [row(n) for n in range(10, 30)]
+    finally:
+        os.close(made)
+
+
+def test_another_process_reads_the_same_bytes() -> None:
+    made = ring.create(Row, 16)
+    try:
+        writer = Writer(made, Row, wait=False)
+        for n in range(10):
+            writer.put(row(n))
+        writer.finish()
+        code = (
+            "import sys; from rig.ring import Reader; print(Reader(int(sys.argv[1])).take().hex())"
+        )
+        assert decode(bytes.fromhex(output(code, made))) == [row(n) for n in range(10)]
+    finally:
+        os.close(made)

@@ -102,6 +102,8 @@ def loop_block(
             time.sleep(0.01)
         run.stop()
         outcome = run.wait_ended()
+    if outcome["status"] != "stopped":
+        raise RuntimeError(f"the loop did not last as long as its block: {outcome['reason']}")
     data = open_run(run.folder, fields=["tick", "timing"])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
     within = ticks < periods

@@ -31,8 +31,8 @@ class Speed(NamedTuple):
 def speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Speed:
     """Rehearse a campaign under the real supervisor; on one core, or wherever the host likes."""
     with live_run(campaign, runs, real_clock=False, core=core) as run:
+        logger, loop = run.pid(LOGGER), run.pid(LOOP)
         run.wait_started()
-        loop, logger = run.pid(LOOP), run.pid(LOGGER)
         first, began = run.ring.head, time.monotonic()
         start = {pid: processor_time(pid) or 0.0 for pid in (loop, logger)}
         spent = dict(start)

@@ -141,6 +141,8 @@ def stalled_run(
         outcome = run.wait_ended()
         last = run.peek().tick
         put = run.ring.head
+    if outcome["status"] != "stopped":
+        raise RuntimeError(f"the run did not last as long as it should: {outcome['reason']}")
     ticks = open_run(run.folder, fields=["tick"])["tick"].values
     executed = last + 1 - int(outcome["skipped"])
     return Stalled(

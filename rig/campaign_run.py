@@ -8,13 +8,13 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
-from rig import provenance, run_folder, safety
+from rig import provenance, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, resolved
 from rig.config.sea import RegularSea
 from rig.rehearsal import job
-from rig.runs import RunError, join
-from rig.runs.folder import files
+from rig.runs import RunError, create, join
+from rig.runs.folder import MCAP, STATUS, files
 from rig.supervisor import Outcome, Run, Setup, Snapshot
 from rig.wavebot import KIND
 
@@ -47,8 +47,8 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     measured so far is kept.
     """
     started = datetime.now(UTC)
-    folder = run_folder.make(runs, campaign.file.name, started)
-    lock = run_folder.hold_realtime(folder.name) if real_clock else None
+    folder = create.make(runs, campaign.file.name, started)
+    lock = create.hold_realtime(folder.name) if real_clock else None
     _write_start(folder, campaign, plan, started)
     run = Run(
         Setup(
@@ -96,7 +96,7 @@ def _close_folder(
     except (OSError, RunError) as error:
         trouble.append(str(error))
     try:
-        run_folder.write_json(folder, run_folder.STATUS, status)
+        create.write_json(folder, STATUS, status)
     except OSError as error:
         trouble.append(str(error))
     return "; ".join(trouble)
@@ -116,7 +116,7 @@ def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> 
 def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> None:
     (folder / "config.json").write_text(resolved(campaign) + "\n")
     sea = campaign.file.sea
-    run_folder.write_json(
+    create.write_json(
         folder,
         "plan.json",
         {
@@ -141,9 +141,9 @@ def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime
             "duration_s": plan.duration,
         },
     )
-    run_folder.write_json(folder, "code.json", provenance.code())
-    run_folder.write_json(folder, "host.json", provenance.host())
-    run_folder.write_json(folder, run_folder.STATUS, _status(folder, campaign, plan, started))
+    create.write_json(folder, "code.json", provenance.code())
+    create.write_json(folder, "host.json", provenance.host())
+    create.write_json(folder, STATUS, _status(folder, campaign, plan, started))
 
 
 def _wave_period(campaign: Campaign) -> float | None:
@@ -158,10 +158,10 @@ def _wave_period(campaign: Campaign) -> float | None:
 def _join_parts(folder: Path) -> None:
     """One file out of what killed loggers left; the parts stay if they cannot be joined."""
     parts = files(folder)
-    whole = folder / run_folder.MCAP
+    whole = folder / MCAP
     if whole in parts:
         return
-    made = folder / f".{run_folder.MCAP}.new"
+    made = folder / f".{MCAP}.new"
     try:
         join(parts, made)
     except OSError:

@@ -18,8 +18,9 @@ from rig import handover
 from rig.kinds import KINDS
 from rig.log import RowWriter
 from rig.ring import Producer, Reader
-from rig.run_folder import MCAP, ending
 from rig.runs import salvage
+from rig.runs.create import ending
+from rig.runs.folder import MCAP
 from rig.safety import Reason
 from rig.timing import Certificate
 

@@ -21,7 +21,8 @@ from rig import logger as log_process
 from rig.loop_process import REFUSED, Job
 from rig.mailbox import Mailbox, Request
 from rig.record import layout, leaves
-from rig.run_folder import MCAP, ending, write_json
+from rig.runs.create import ending, write_json
+from rig.runs.folder import MCAP
 from rig.safety import Reason
 
 POLL = 0.1  # s between looks

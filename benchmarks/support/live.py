@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.recorded import ROOT
 from rig.ring import Producer, Reader
-from rig.run_folder import BusyError, hold_realtime
+from rig.runs.create import BusyError, hold_realtime
 
 LOOP, LOGGER = "rig.rehearsal", "rig.logger"
 PATIENCE = 60.0  # s
@@ -190,7 +190,8 @@ class LiveRun:
     def peek(self) -> Peek:
         """The newest tick."""
         newest = self.ring.latest()
-        assert newest is not None
+        if newest is None:
+            raise TimeOutError(f"no row to be seen ({self.last_words()})")
         return Peek(time.monotonic(), struct.unpack_from("<q", newest)[0])
 
     def pid(self, module: str) -> int:

@@ -16,9 +16,10 @@ from typing import Any
 from benchmarks.support.recorded import Parts, parts
 from benchmarks.support.result import quantile
 from benchmarks.support.seams import PARTS, Stamps, TimedDevices, TimedWriter
-from rig import loop, mailbox, realtime, ring, run_folder, safety
+from rig import loop, mailbox, realtime, ring, safety
 from rig.clock import Clock, RealClock, VirtualClock
 from rig.mailbox import Mailbox, Request
+from rig.runs import create
 from rig.wavebot import KIND
 
 
@@ -66,7 +67,7 @@ def main() -> None:
     made = parts(campaign)
     stamps, refused = Stamps(), []
     if kind == "real":
-        lock = run_folder.hold_realtime("of a benchmark")
+        lock = create.hold_realtime("of a benchmark")
         refused = list(realtime.acquire().refused)
         tick(made, RealClock, seconds, stamps)
         lock.close()

@@ -101,11 +101,9 @@ class Progress:
         )
         stamp = Text(f"{self._title}   ", style="bold")
         stamp.append(_STAMP.get(self._rung, self._rung.upper()), style="black on yellow")
-        parts: list[Text | Table | ProgressBar] = [
-            stamp,
-            ProgressBar(total=whole, completed=min(done, whole), width=72),
-            table,
-        ]
+        bar = Table.grid()
+        bar.add_row(ProgressBar(total=whole, completed=min(done, whole), width=72))
+        parts: list[Text | Table] = [stamp, bar, table]
         for text in (snapshot.trouble, self.notice):
             if text:
                 parts.append(Text(text, style="bold red"))

@@ -5,11 +5,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rig import cli, run_folder
+from rig import cli
 from rig.campaign_run import Ended, rehearse
 from rig.cli.check import complain, examine
 from rig.cli.progress import Progress
-from rig.runs import RunError
+from rig.runs import RunError, create
+from rig.runs.folder import STATUS
 
 _CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
@@ -24,7 +25,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
     try:
         with Progress(title, "rehearsal", plan, quiet=as_json) as view:
             ended = rehearse(campaign, plan, runs, view, real_clock=realtime)
-    except (run_folder.BusyError, OSError, RunError) as error:
+    except (create.BusyError, OSError, RunError) as error:
         return _failed(str(error), as_json=as_json)
     products, trouble = _analyse(ended, quiet=as_json)
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
@@ -70,9 +71,9 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], str]:
     except KeyboardInterrupt:
         return [], f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
     summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
-    status = json.loads((ended.folder / run_folder.STATUS).read_text())
+    status = json.loads((ended.folder / STATUS).read_text())
     status["rows_done"] = summary["rows_done"]
-    run_folder.write_json(ended.folder, run_folder.STATUS, status)
+    create.write_json(ended.folder, STATUS, status)
     return products, ""
 
 

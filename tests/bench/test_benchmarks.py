@@ -64,15 +64,18 @@ class Live(NamedTuple):
 @pytest.fixture(scope="module")
 def live(scratch: Path, campaign: Path) -> Live:
     """All of them at once: most of their time is starting up."""
-    alone = {"TMPDIR": str(scratch)}  # tests may share the host with a real-time loop
-    stalled = scratch / "stalled"
-    stalled.mkdir()
+    own = {name: scratch / name for name in ("late", "killed", "stalled")}
+    for folder in own.values():
+        folder.mkdir()
+
+    def env(name: str) -> dict[str, str]:
+        return {"TMPDIR": str(own[name])}  # so that one real-time loop does not shut out another
+
     with ThreadPoolExecutor() as pool:
         speed = pool.submit(rehearsal.speed, campaign, scratch / "speed", 0.001, None)
-        late = pool.submit(lateness.loop_block, campaign, scratch / "late", 0.4, alone)
-        killed = pool.submit(crash.kill_loop, campaign, scratch / "kill", 0.2, alone)
-        alone = {"TMPDIR": str(stalled)}
-        stood = pool.submit(ring.stalled_run, stalled, 0.6, 0.2, alone)
+        late = pool.submit(lateness.loop_block, campaign, own["late"] / "runs", 0.4, env("late"))
+        killed = pool.submit(crash.kill_loop, campaign, own["killed"] / "runs", 0.2, env("killed"))
+        stood = pool.submit(ring.stalled_run, own["stalled"], 0.6, 0.2, env("stalled"))
         return Live(speed.result(), stood.result(), late.result(), killed.result())
 
 

@@ -17,8 +17,8 @@ import pytest
 from rehearsing import campaign_file, run
 
 from rig import supervisor
-from rig.run_folder import BusyError, hold_realtime
 from rig.runs import attachments, open_run
+from rig.runs.create import BusyError, hold_realtime
 from rig.safety import STOP_0, STOP_1, Reason
 from rig.supervisor import Snapshot
 

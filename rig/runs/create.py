@@ -1,4 +1,4 @@
-"""The folder of a run: making it, and the small JSON texts that lie in it."""
+"""Making a run: its folder, its small JSON texts, its place on the real clock."""
 
 import fcntl
 import json
@@ -10,8 +10,6 @@ from typing import Any, TextIO
 
 from rig.safety import Reason
 
-STATUS = "run.json"
-MCAP = "run.mcap"
 
 
 class BusyError(RuntimeError):

@@ -93,7 +93,6 @@ def loop_block(
     campaign: Path, runs: Path, seconds: float, env: dict[str, str] | None = None
 ) -> LoopBlock:
     """One block of the loop under the supervisor, from its very first tick on."""
-    periods = round(seconds * 1e6 / INTERVAL_US)
     peeks: list[Peek] = []
     with live_run(campaign, runs, real_clock=True, env=env) as run:
         start = run.wait_started()
@@ -104,7 +103,13 @@ def loop_block(
         outcome = run.wait_ended()
     if outcome["status"] != "stopped":
         raise RuntimeError(f"the loop did not last as long as its block: {outcome['reason']}")
-    data = open_run(run.folder, fields=["tick", "timing"])
+    return timing_of(run.folder, seconds, drift(peeks))
+
+
+def timing_of(folder: Path, seconds: float, drifted: float) -> LoopBlock:
+    """What the rows of a run say about its first so many seconds."""
+    periods = round(seconds * 1e6 / INTERVAL_US)
+    data = open_run(folder, fields=["tick", "timing"])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
     within = ticks < periods
     late = (data["timing.lateness"].values[within] * 1e6).astype(np.int64)
@@ -113,9 +118,9 @@ def loop_block(
         summary(late),
         (quantile(work, 0.5), quantile(work, 0.99), quantile(work, 0.999)),
         int(skipped[within][-1]),
-        int(outcome["ticks"]) + int(outcome["skipped"]) - (int(ticks[-1]) + 1),
-        drift(peeks),
-        refusals(run.folder),
+        len(ticks) + int(skipped[-1]) - (int(ticks[-1]) + 1),
+        drifted,
+        refusals(folder),
     )
 
 

@@ -41,7 +41,7 @@ def speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Speed:
             time.sleep(0.01)
         took, ticks = time.monotonic() - began, run.ring.head - first
         outcome = run.wait_ended()
-    if outcome["status"] != "complete" or outcome["dropped"] or outcome["unsaved"]:
+    if outcome["status"] != "complete" or outcome["logger_restarts"]:
         raise RuntimeError(f"the rehearsal did not end well: {outcome}")
     used = {pid: spent[pid] - start[pid] for pid in spent}
     return Speed(

@@ -47,8 +47,8 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     measured so far is kept.
     """
     started = datetime.now(UTC)
+    lock = create.hold_realtime(campaign.file.name) if real_clock else None
     folder = create.make(runs, campaign.file.name, started)
-    lock = create.hold_realtime(folder.name) if real_clock else None
     _write_start(folder, campaign, plan, started)
     run = Run(
         Setup(
@@ -67,7 +67,7 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     )
     with _interrupts(run, view):
         outcome = run.supervise(view)
-    trouble = _close_folder(folder, campaign, plan, outcome, started)
+        trouble = _close_folder(folder, campaign, plan, outcome, started)
     if lock is not None:
         lock.close()
     return Ended(folder, outcome, trouble)

@@ -1,8 +1,8 @@
 """What every loop process does besides its devices: take the job, tick, say how it ended.
 
 The supervisor hands a job over on standard input and inherited file descriptors; the process
-answers with one JSON line when it is about to tick and one at the end. It ignores Ctrl-C (that
-reaches the whole process group; the supervisor decides) and takes a termination as an abort.
+answers with one JSON line when it is about to tick and one at the end. It ignores Ctrl-C (the
+supervisor decides what that means) and takes a termination as an abort.
 """
 
 import json

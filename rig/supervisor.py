@@ -83,6 +83,7 @@ class _Child:
                 stderr=sink,
                 pass_fds=fds,
                 text=True,
+                process_group=0,  # a Ctrl-C on the terminal is the supervisor's alone
             )
         assert self.process.stdin is not None
         try:

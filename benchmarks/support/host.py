@@ -2,7 +2,6 @@
 
 import os
 import platform
-import sysconfig
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,7 +20,6 @@ def facts() -> dict[str, Any]:
         "kernel": host["kernel"],
         "virtual_machine": "hypervisor" in _processor_flags(),
         "python": platform.python_version(),
-        "python_optimised": "--enable-optimizations" in _build(),
         "memory_gib": round(host["memory_bytes"] / 2**30, 1),
         "version": code["version"],
         "git": code["git"][:12],
@@ -55,10 +53,6 @@ def others(before: Busy, after: Busy) -> dict[str, float]:
         "other_work_cores": round(max(0.0, after.busy - before.busy - mine) / elapsed, 3),
         "stolen_cores": round((after.stolen - before.stolen) / elapsed, 3),
     }
-
-
-def _build() -> str:
-    return str(sysconfig.get_config_var("CONFIG_ARGS") or "")
 
 
 def _processor_flags() -> str:

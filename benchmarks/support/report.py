@@ -40,9 +40,7 @@ def _section(told: dict[str, Any]) -> str:
     where = (
         f"{host['date']}, {host['processor']}, {host['cores']} cores"
         f"{', virtual machine' if host['virtual_machine'] else ''}, Linux {host['kernel']}, "
-        f"Python {host['python']}"
-        f"{'' if host['python_optimised'] else ' (built without profile-guided optimisation)'}; "
-        f"other work {load['other_work_cores']:g}, "
+        f"Python {host['python']}; other work {load['other_work_cores']:g}, "
         f"stolen {load['stolen_cores']:g}; {told['took_s']:g} s"
     )
     notes = "".join(f"- {note}\n" for note in told["notes"])

@@ -46,8 +46,8 @@ def write_json(folder: Path, name: str, value: Any) -> None:
     part.replace(folder / name)
 
 
-def hold_realtime(run: str) -> TextIO:
-    """Take the host's one real-time place for a run; BusyError names who has it.
+def hold_realtime(campaign: str) -> TextIO:
+    """Take the host's one real-time place for a campaign; BusyError names who has it.
 
     The real-time loop owns a core and the rig behind it. The lock goes with the process, so a
     killed run never blocks the next.
@@ -61,6 +61,6 @@ def hold_realtime(run: str) -> TextIO:
         file.close()
         raise BusyError(f"the real-time loop of this host is taken by {holder}") from None
     file.truncate(0)
-    file.write(f"run {run}, process {os.getpid()}")
+    file.write(f"campaign {campaign}, process {os.getpid()}")
     file.flush()
     return file

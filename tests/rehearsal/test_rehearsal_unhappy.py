@@ -196,7 +196,7 @@ def test_two_rehearsals_at_once_get_their_own_folders(campaign: Path, tmp_path: 
 
 def test_the_real_clock_is_for_one_run(campaign: Path, tmp_path: Path) -> None:
     with hold_realtime("another"):
-        with pytest.raises(BusyError, match=rf"run another, process {os.getpid()}"):
+        with pytest.raises(BusyError, match=rf"campaign another, process {os.getpid()}"):
             run(campaign, tmp_path / "runs", real_clock=True)
         words = [sys.executable, "-m", "rig", "run", str(campaign), "--realtime", "--json"]
         done = subprocess.run(

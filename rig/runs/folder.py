@@ -1,0 +1,210 @@
+"""A run's folder: its files, what is attached, what kind of run it was, and lists of runs.
+
+Small JSON texts lie in the folder while a run goes on and inside its MCAP file for good; the MCAP
+file alone (sent by mail, say) still tells everything.
+"""
+
+import json
+import os
+import re
+from collections.abc import Iterable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig.log import CLOCK, START_KEY
+from rig.runs.mcap_file import Contents, RunError, scan
+
+MCAP = "run.mcap"
+STATUS = "run.json"
+_PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
+
+
+def files(run: str | os.PathLike[str]) -> list[Path]:
+    """The MCAP files of a run in the order of time; RunError if there are none.
+
+    A folder holds ``run.mcap``, or the parts that a killed logger and its successors left.
+    """
+    path = Path(run)
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise RunError(f"{path}: no such run")
+    if (path / MCAP).is_file():
+        return [path / MCAP]
+    parts = {int(m[1]): p for p in path.iterdir() if (m := _PART.fullmatch(p.name))}
+    if not parts:
+        raise RunError(f"{path}: no {MCAP} and no part of one")
+    return [parts[number] for number in sorted(parts)]
+
+
+def attachments(run: str | os.PathLike[str]) -> dict[str, bytes]:
+    """Everything attached to a run's MCAP file(s), by name; the latest counts."""
+    found: dict[str, bytes] = {}
+    for path in files(run):
+        found.update(scan(path).attachments)
+    return found
+
+
+class Facts(NamedTuple):
+    """What a run was, as far as its files say; an empty text or dict where they do not."""
+
+    run: str  # run id
+    rung: str
+    campaign: str
+    status: dict[str, Any]
+    config: dict[str, Any]
+    plan: dict[str, Any]
+    code: dict[str, Any]
+    host: dict[str, Any]
+    timing: dict[str, Any]
+    metadata: dict[str, dict[str, str]]
+
+    @property
+    def started_utc(self) -> str:
+        """When run time was zero, ISO 8601 in UTC; empty if nothing says it."""
+        told = self.status.get("started_utc")
+        nanoseconds = self.metadata.get(CLOCK, {}).get(START_KEY, "")
+        if told or not nanoseconds.isdigit():
+            return str(told or "")
+        moment = datetime.fromtimestamp(int(nanoseconds) // 10**9, UTC)
+        return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+    def attributes(self) -> dict[str, Any]:
+        """The same as flat attributes of a dataset."""
+        flat = {"run": self.run, "rung": self.rung, "campaign": self.campaign}
+        flat["started_utc"] = self.started_utc
+        for key in ("status", "reason", "ended_utc"):
+            if self.status.get(key) is not None:
+                flat[key] = str(self.status[key])
+        for key in ("version", "git"):
+            if self.code.get(key) is not None:
+                flat[f"code_{key}"] = str(self.code[key])
+        for name, pairs in self.metadata.items():
+            flat.update({f"{name}.{key}": value for key, value in pairs.items()})
+        return {key: value for key, value in flat.items() if value}
+
+
+def _json(data: bytes | None) -> dict[str, Any]:
+    if data is None:
+        return {}
+    try:
+        value = json.loads(data)
+    except ValueError:
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+def _campaign(config: dict[str, Any]) -> str:
+    campaign = config.get("campaign")
+    inner = campaign.get("name") if isinstance(campaign, dict) else None
+    return str(config.get("name") or inner or "")
+
+
+def facts(run: str | os.PathLike[str], contents: Iterable[Contents] | None = None) -> Facts:
+    """What a run was; ``contents`` are its scanned files where the caller has them already."""
+    path = Path(run)
+    scanned = list(contents) if contents is not None else [scan(p) for p in files(run)]
+    inside: dict[str, bytes] = {}
+    metadata: dict[str, dict[str, str]] = {}
+    for each in scanned:
+        inside.update(each.attachments)
+        metadata.update(each.metadata)
+
+    def read(*names: str) -> dict[str, Any]:
+        for name in names:
+            beside = path / name
+            if path.is_dir() and beside.is_file() and (found := _json(beside.read_bytes())):
+                return found
+            if found := _json(inside.get(name)):
+                return found
+        return {}
+
+    status, config = read(STATUS, "status.json"), read("config.json")
+    told = metadata.get("run", {})
+    folder = path if path.is_dir() else path.parent
+    return Facts(
+        run=str(told.get("run") or told.get("id") or folder.name),
+        rung=str(status.get("rung") or told.get("rung") or config.get("rung") or ""),
+        campaign=str(status.get("campaign") or _campaign(config)),
+        status=status,
+        config=config,
+        plan=read("plan.json"),
+        code=read("code.json"),
+        host=read("host.json"),
+        timing=read("timing.json"),
+        metadata=metadata,
+    )
+
+
+class Listed(NamedTuple):
+    """One line of a list of runs."""
+
+    run: str
+    path: Path
+    started_utc: str
+    rung: str
+    campaign: str
+    rows_done: int | None
+    rows_planned: int | None
+    status: str  # complete, stopped, fault, crashed; "unknown" if nothing says it
+    reason: str
+    size: int  # bytes of its MCAP file(s)
+    problem: str  # what is wrong with the folder; empty if nothing is
+
+
+def _count(value: Any) -> int | None:
+    return value if isinstance(value, int) else None
+
+
+def _listed(path: Path) -> Listed:
+    problem, size, found = "", 0, Facts(path.name, "", "", {}, {}, {}, {}, {}, {}, {})
+    try:
+        mcaps = files(path)
+        size = sum(p.stat().st_size for p in mcaps)
+        beside, config = path / STATUS, path / "config.json"
+        if beside.is_file() and config.is_file():  # the quick way: no MCAP file is opened
+            status, resolved = _json(beside.read_bytes()), _json(config.read_bytes())
+            found = found._replace(
+                status=status,
+                rung=str(status.get("rung", "")),
+                campaign=str(status.get("campaign") or _campaign(resolved)),
+                run=str(status.get("run") or path.name),
+            )
+        else:
+            found = facts(path)
+        if beside.is_file() and not found.status:
+            problem = f"{STATUS} is not readable"
+        elif not beside.is_file():
+            problem = f"no {STATUS}: the run is going on, or its supervisor was killed"
+        elif size == 0:
+            problem = "the MCAP file is empty"
+    except (RunError, OSError) as error:
+        problem = str(error)
+    status = found.status
+    return Listed(
+        run=found.run,
+        path=path,
+        started_utc=found.started_utc,
+        rung=found.rung,
+        campaign=found.campaign,
+        rows_done=_count(status.get("rows_done")),
+        rows_planned=_count(status.get("rows_planned")),
+        status=str(status.get("status") or "unknown"),
+        reason=str(status.get("reason", "")),
+        size=size,
+        problem=problem,
+    )
+
+
+def list_runs(folder: str | os.PathLike[str]) -> list[Listed]:
+    """All runs in a folder, oldest first; a broken one is listed with what is wrong with it."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        return []
+    found = [
+        _listed(path)
+        for path in sorted(folder.iterdir())
+        if path.is_dir() and not path.name.startswith(".")
+    ]
+    return sorted(found, key=lambda run: run.started_utc or run.run)

@@ -1,0 +1,142 @@
+"""Rows of a run as arrays: by field, by campaign row, with the units that the file itself gives."""
+
+import fnmatch
+import os
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rig.record import Leaf
+from rig.runs import folder, mcap_file
+
+if TYPE_CHECKING:
+    import xarray
+
+ROW_FIELD = "plan.row"
+Column = np.ndarray[tuple[int], np.dtype[Any]]
+
+
+class Source(NamedTuple):
+    """A run's files and what their rows hold."""
+
+    contents: tuple[mcap_file.Contents, ...]  # in the order of time
+    leaves: tuple[Leaf, ...]
+
+    @property
+    def most_rows(self) -> int:
+        """Upper bound of the number of rows."""
+        return sum(c.size for each in self.contents for c in each.chunks) // (
+            self.contents[0].stride
+        )
+
+
+def source(run: str | os.PathLike[str]) -> Source:
+    """The files of a run folder (or one MCAP file), scanned; RunError if none can be read."""
+    contents = tuple(mcap_file.scan(path) for path in folder.files(run))
+    if any(c.schema != contents[0].schema for c in contents):
+        raise mcap_file.RunError(f"{run}: its parts hold rows of different kinds")
+    return Source(contents, contents[0].leaves)
+
+
+def choose(leaves: tuple[Leaf, ...], fields: Iterable[str] | None) -> list[str]:
+    """Names of the leaves asked for by name, by prefix or by shell pattern, in storage order.
+
+    KeyError names the field that is not there and what comes near it.
+    """
+    names = [leaf.name for leaf in leaves]
+    if fields is None:
+        return names
+    wanted: set[str] = set()
+    for field in [fields] if isinstance(fields, str) else fields:
+        hits = [n for n in names if n == field or n.startswith(field + ".")]
+        hits = hits or fnmatch.filter(names, field)
+        if not hits:
+            groups = {name.rsplit(".", i)[0] for name in names for i in (1, 2)}
+            near = get_close_matches(field, [*names, *sorted(groups)], 3, 0.4)
+            hint = f"; near: {', '.join(near)}" if near else ""
+            raise KeyError(f"no field {field!r} in this run{hint}")
+        wanted.update(hits)
+    return [name for name in names if name in wanted]
+
+
+def blocks(run: Source) -> Iterator[mcap_file.Records]:
+    """All rows as numpy records, block by block, each tick once even where files overlap."""
+    last = -1
+    for contents in run.contents:
+        for block in mcap_file.blocks(contents):
+            if len(block) == 0:
+                continue
+            ticks = block["tick"]
+            fresh = block if ticks[0] > last else block[ticks > last]
+            if len(fresh):
+                last = int(fresh["tick"][-1])
+                yield fresh
+
+
+def columns(run: Source, names: list[str], rows: Iterable[int] | None = None) -> dict[str, Column]:
+    """The named fields as contiguous arrays; with ``rows``, only ticks of those campaign rows.
+
+    KeyError if a row id is not in the run.
+    """
+    kinds = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
+    if rows is not None and ROW_FIELD not in kinds:
+        raise KeyError(f"this kind of run has no campaign rows ({ROW_FIELD})")
+    wanted = None if rows is None else np.array(sorted(set(rows)), np.int64)
+    seen: set[int] = set()
+    # An upper bound costs nothing: pages that are never written are never resident.
+    room = run.most_rows
+    out: dict[str, Column] = {}
+    count = 0
+    for whole in blocks(run):
+        block = whole
+        if wanted is not None:
+            ids = whole[ROW_FIELD]
+            seen.update(np.unique(ids).tolist())
+            block = whole[np.isin(ids, wanted)]
+        room = max(room, count + len(block))
+        for name in names:
+            column = out.get(name)
+            if column is None or len(column) < room:
+                grown = np.empty(room, kinds[name])
+                if column is not None:
+                    grown[:count] = column[:count]
+                out[name] = column = grown
+            column[count : count + len(block)] = block[name]
+        count += len(block)
+    if wanted is not None and (absent := [i for i in wanted.tolist() if i not in seen]):
+        there = sorted(i for i in seen if i >= 0)
+        span = f"{there[0]} to {there[-1]}" if there else "none"
+        raise KeyError(f"no row {absent[0]} in this run (rows: {span})")
+    return {name: out[name][:count] if name in out else np.empty(0, kinds[name]) for name in names}
+
+
+def open_run(
+    run: str | os.PathLike[str],
+    fields: Iterable[str] | None = None,
+    rows: int | Iterable[int] | None = None,
+) -> "xarray.Dataset":
+    """A run as a Dataset over ``time`` (s from run start), variables named by dotted path.
+
+    ``fields``: names, prefixes (``heave.estimate``) or shell patterns (``power.*``); all if not
+    given. ``rows``: campaign row ids. Units come from the schema in the file, the dataset's
+    attributes from its attachments. Finished files and those of a killed writer are read alike.
+    KeyError for an unknown field or row, RunError for a file that cannot be read.
+    """
+    import xarray  # noqa: PLC0415  # half a second that listing runs need not pay
+
+    opened = source(run)
+    names = choose(opened.leaves, fields)
+    if isinstance(rows, int):
+        rows = [rows]
+    data = columns(opened, list(dict.fromkeys(["time", *names])), rows)
+    units = {leaf.name: leaf.unit for leaf in opened.leaves}
+    time = xarray.Variable("time", data["time"], {"units": units["time"]})
+    variables = {
+        name: xarray.Variable("time", data[name], {"units": units[name]})
+        for name in names
+        if name != "time"
+    }
+    attributes = folder.facts(run, opened.contents).attributes()
+    return xarray.Dataset(variables, {"time": time}, attributes)

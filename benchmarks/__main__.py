@@ -35,7 +35,7 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="what to measure (default: all)")
     parser.add_argument(
-        "--short", action="store_true", help="a minute instead of the better part of half an hour"
+        "--short", action="store_true", help="a minute or two instead of half an hour"
     )
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     given = parser.parse_args()

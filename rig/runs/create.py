@@ -11,7 +11,6 @@ from typing import Any, TextIO
 from rig.safety import Reason
 
 
-
 class BusyError(RuntimeError):
     """Another run has what this one needs."""
 

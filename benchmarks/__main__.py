@@ -79,7 +79,7 @@ def main() -> int:
             report.keep(RESULTS, name, told[name], list(MEASUREMENTS))
     if given.json:
         print(json.dumps({"short": given.short, "results": told, "failed": failed}, indent=2))
-    else:
+    elif told:
         print(report.closing(missed))
     for line in failed:
         print(f"not measured: {line}", file=sys.stderr)

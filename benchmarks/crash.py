@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
 from benchmarks.support.result import Result, figure
-from rig.runs import join, open_run
+from rig.runs import RunError, join, open_run
 from rig.runs.folder import files
 
 SECONDS_LOST = 1.0
@@ -110,18 +110,23 @@ def _loss(run: LiveRun, kills: int, due: float | None) -> Loss:
     ``due``: the tick that was due by the clock when the loop was killed.
     """
     out = run.folder.parent / f"{run.folder.name}_joined.mcap"
-    joined = join(files(run.folder), out)
+    put = run.ring.head + run.ring.dropped
+    try:
+        joined = join(files(run.folder), out)
+    except RunError:  # the logger was killed before it had written the head of its file
+        return Loss(put, max(put, due or 0.0) * DT, False, kills)
     data = open_run(out, fields=["tick", "timing.skipped"])
     ticks, skipped = data["tick"].values, data["timing.skipped"].values
     with out.open("rb") as file:
         told = make_reader(file).get_summary()
     counted = told.statistics.message_count if told and told.statistics else -1
-    rows = run.ring.head + run.ring.dropped - len(ticks)
+    rows = put - len(ticks)
+    last = int(ticks[-1]) if len(ticks) else -1
     seconds = rows * DT
     if due is not None:
-        seconds = max(seconds, (due - int(ticks[-1])) * DT)
+        seconds = max(seconds, (due - last) * DT)
     # A period that the loop skipped and counted has no row; any other absent tick is a loss.
-    absent = joined.missing - int(skipped[-1] - skipped[0])
+    absent = joined.missing - (int(skipped[-1] - skipped[0]) if len(skipped) else 0)
     once = len(set(ticks.tolist())) == len(ticks) == joined.rows == counted
     return Loss(rows, seconds, once and absent == 0 and not joined.damage, kills)
 

@@ -193,6 +193,7 @@ def run(
     overseer: Callable[[], int] = lambda: 0,
     writer: Callable[[ring.Writer], Any] = lambda made: made,
     capacity: int = 20_000,
+    measure_work: bool = False,
 ) -> Ran:
     """One run of the real loop with a real ring and mailbox; ``posts``: tick -> request.
 
@@ -213,7 +214,7 @@ def run(
                 made,
                 Mailbox(mail_fd, Request),
                 overseer,
-                measure_work=False,
+                measure_work=measure_work,
             )
         except BaseException as caught:  # noqa: BLE001  what was raised is a result here
             error = caught

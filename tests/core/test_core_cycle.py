@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 from core_kinds import AXIS, BENCH, PAIR, PairParams, PairRow, PairSense, Table
@@ -13,7 +14,18 @@ from rig import axis, cycle
 from rig.limits import Limited, Warned
 from rig.record import leaves, leaves_of_schema, schema
 from rig.ring import Producer
-from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, Reason
+from rig.safety import (
+    ENABLING,
+    OFF,
+    REQUEST_HOLD,
+    REQUEST_RESUME,
+    REQUEST_STOP,
+    RUN,
+    STOP_0,
+    STOP_1,
+    STOP_2,
+    Reason,
+)
 from rig.sequence import Phase
 
 
@@ -192,3 +204,49 @@ def test_the_drives_of_both_axes_are_waited_for() -> None:
     running = next(row for row in made.rows if row.safety.mode == RUN)
     assert running.heave.sense.enabled == running.surge.sense.enabled == 1
     assert running.tick >= 20 + 90
+
+
+def test_outside_run_and_its_stops_the_law_asks_for_nothing() -> None:
+    """It starts afresh there, so the gains of a later start grow from zero."""
+    made = run(BENCH, bench_params(), bench(wave(20.0)))
+    idle = [row for row in made.rows if row.safety.mode in (OFF, ENABLING, STOP_0)]
+    assert {tuple(row.axis.demand) for row in idle} == {(0.0, 0.0, 0.0)}
+    first = next(row for row in made.rows if row.safety.mode == RUN)
+    ramp = AXIS.law.ramp / 0.001
+    assert first.axis.demand.kp == pytest.approx(GAINS.kp[0] / ramp)
+
+
+def test_in_a_stop_the_gains_go_to_pure_damping() -> None:
+    params = bench_params(safety=SAFETY._replace(stop_ticks=120))
+    made = run(BENCH, params, bench(wave(20.0)))
+    stop = [row.axis.demand for row in made.rows if row.safety.mode == STOP_1]
+    assert len(stop) == 120
+    assert stop[0].ki == pytest.approx(GAINS.ki[1], rel=0.02)  # from where the run left it
+    assert stop[-1][:2] == (-AXIS.stop_damping, 0.0)
+    assert [demand.ki for demand in stop] == sorted((d.ki for d in stop), reverse=True)
+
+
+def waves_seen(posts: dict[int, int]) -> dict[int, set[int]]:
+    """For each mode what the wave maker was told in it, in a kind that hears of it."""
+    told: dict[int, set[int]] = {}
+
+    def control(params: Any, state: Any, sense: Any, seen: Any, now: cycle.Now, dt: float) -> Any:
+        told.setdefault(now.mode, set()).add(now.waves)
+        return BENCH.control(params, state, sense, seen, now, dt)
+
+    made = run(BENCH._replace(control=control), bench_params(), bench(), posts=posts)
+    assert made.error is None
+    return told
+
+
+def test_the_waves_go_on_in_a_hold_and_end_with_a_stop() -> None:
+    told = waves_seen({200: REQUEST_HOLD, 250: REQUEST_RESUME, 300: REQUEST_STOP})
+    assert told[OFF] == told[ENABLING] == {0}
+    assert told[RUN] == {1}
+    assert told[STOP_2] == {1}
+    assert told[STOP_1] == told[STOP_0] == {0}
+
+
+def test_the_virtual_clock_has_no_timing_to_tell() -> None:
+    made = run(BENCH, bench_params(), bench())
+    assert {tuple(row.timing) for row in made.rows} == {(0.0, 0.0, 0)}

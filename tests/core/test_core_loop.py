@@ -303,3 +303,11 @@ def test_commands_and_rows_say_the_same() -> None:
     made = run(BENCH, bench_params(), devices)
     assert devices.commands == [BenchCommand(row.axis.command) for row in made.rows]
     assert isinstance(devices.read(0.0), BenchSense)
+
+
+def test_the_work_of_a_tick_is_told_in_the_next_one_if_asked() -> None:
+    made = run(BENCH, bench_params(), bench(), measure_work=True)
+    work = [row.timing.work for row in made.rows]
+    assert work[0] == 0.0
+    assert min(work[1:]) > 0.0
+    assert max(work) < 60.0  # a duration, not a time of day

@@ -203,6 +203,7 @@ def test_a_second_writer_goes_on_where_the_first_ended(fd: int) -> None:
 
 def test_state_tells_what_became_of_the_producer(fd: int) -> None:
     reader = Reader(fd)
+    assert [state.value for state in Producer] == [0, 1, 2]
     assert reader.state == Producer.ABSENT
     writer = Writer(fd, Row, wait=False)
     assert reader.state == Producer.RUNNING

@@ -216,3 +216,7 @@ def test_phases_have_the_numbers_that_are_in_recorded_files() -> None:
     assert [names(n) for n in range(7)] == [
         "TARE", "LEAD_IN", "MOVING", "SETTLE", "MEASURE", "TAIL", "DONE",
     ]  # fmt: skip
+
+
+def test_conditions_are_different_bits() -> None:
+    assert (sequence.WAIT_STATOR, sequence.WAIT_DRIVE) == (1, 2)

@@ -166,3 +166,10 @@ def test_means_are_those_of_the_measured_ticks(
     tail = power.step(state, 9e9, 9e9, 1.0, 9e9, 9e9, Phase.TAIL)
     assert tail[4:] == state[4:]
     assert power.step(tail, 1.0, 1.0, 1.0, 1.0, 1.0, Phase.SETTLE)[4:] == (0.0, 0.0, 0.0, 0)
+
+
+def test_both_start_from_nothing() -> None:
+    assert power.start() == (0.0,) * 7 + (0,)
+    assert tare.start() == (((0.0,) * 4 + (0,)), 0, 0, (0.0,) * 4, 0.0, 0.0)
+    seeded = tare.step(tare.start(), CALM, Phase.TARE)
+    assert seeded.seeded == tare.step(seeded, CALM, Phase.MOVING).seeded == 1

@@ -19,7 +19,7 @@ UV_VERSION := 0.13.8
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
 	@echo "make test   lint, types, import contracts and all tests"
-	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 15 min)"
+	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"
 	@echo "make clean  remove the virtual environment and caches (never runs/)"
 
 setup: $(VENV)/.ready

@@ -10,7 +10,7 @@ import numpy as np
 from rig import lift
 from sim_plant import body, drive, magnetic_spring, pto, sensors, wavebot
 from sim_plant.wavebot import Actuation, Readings, WaveBotParams, WaveBotState
-from sim_plant.world import Stepper
+from sim_plant.world import OFF, Stepper
 
 _LIFTED = (body, drive, magnetic_spring, pto, sensors, wavebot)
 
@@ -49,6 +49,9 @@ class CompiledStepper(Stepper):
         self._noise = np.array(normals)
         self._step = self._code.advance
         super().__init__(params, state, normals)
+        # The first call of compiled code takes milliseconds; not in a tick, please.
+        self.advance(OFF, 0, 0.0, 0.0, 0, 0.0, 0.001)
+        self.state = state
 
     @property
     def state(self) -> WaveBotState:

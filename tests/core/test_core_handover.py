@@ -49,7 +49,7 @@ def bits(value: Any) -> Any:
 
 
 @pytest.mark.parametrize("rig", [wavebot.Params, BenchParams, PairParams])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(data=st.data())
 def test_any_parameters_come_back_to_the_bit(rig: Any, data: Any) -> None:
     value = data.draw(values(cycle.Params, rig))

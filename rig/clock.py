@@ -1,6 +1,8 @@
 """The two clocks of the loop. Only here, in driver links and where a run is named is time read."""
 
 import ctypes
+import errno
+import os
 import time
 from typing import NamedTuple, Protocol
 
@@ -73,9 +75,10 @@ class RealClock:
     def wait_next(self) -> Wake:
         due = self._zero + (self._tick + 1) * self._period
         self._until.seconds, self._until.nanoseconds = divmod(due, _NS)
-        # CLOCK_MONOTONIC = 1, TIMER_ABSTIME = 1; a signal may cut it short (EINTR)
-        while self._sleep(1, 1, self._until_reference, None) != 0:
-            pass
+        # CLOCK_MONOTONIC = 1, TIMER_ABSTIME = 1; a signal may cut it short
+        while error := self._sleep(1, 1, self._until_reference, None):
+            if error != errno.EINTR:
+                raise OSError(error, os.strerror(error))
         late = time.monotonic_ns() - due
         periods = 1 + max(0, late // self._period)
         self._tick += periods

@@ -26,7 +26,7 @@ class State(NamedTuple):
 
     sequence: sequence.State
     safety: safety.State
-    waves_since: int  # tick in which the wave maker was started, or -1
+    waves_since: int  # tick in which the wave maker was started; -1: it stands
     rig: Any  # the kind's own State
 
 
@@ -53,7 +53,7 @@ class PlanRecord(NamedTuple):
     row: Index  # row id, -1: none
     phase: Index  # `rig.sequence.Phase`
     attempt: Index  # times a hold made the row start over
-    wave_clock: Second  # since the wave maker was started; -1 before
+    wave_clock: Second  # since the wave maker was started; -1 while it stands
 
 
 class SafetyRecord(NamedTuple):
@@ -127,7 +127,8 @@ def make(kind: Kind) -> Step:
         if periods > params.lost_ticks_stop:  # allows no controlled stop, so it goes first
             trip = Reason.LOST_TICKS.value
         if trip == FINE and walk.late:
-            trip = Reason.STATOR_LATE.value
+            stator_there = (holds & sequence.WAIT_STATOR) != 0
+            trip = (Reason.DRIVE_NOT_ON if stator_there else Reason.STATOR_LATE).value
         guard = safety.step(
             params.safety,
             state.safety,
@@ -141,7 +142,9 @@ def make(kind: Kind) -> Step:
 
         waves = segments.waves[i] if guard.mode <= STOP_2 else 0
         since = state.waves_since
-        if waves == 1 and since < 0:
+        if waves == 0:
+            since = -1
+        elif since < 0:
             since = tick
         now = Now(guard.mode, segments.phase[i], segments.setpoint[i], waves)
         rig, command, words = control(params.rig, state.rig, sense, seen, now, dt)

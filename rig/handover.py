@@ -33,7 +33,9 @@ def _build(hint: Any, data: Any, where: str, any_fields: dict[str, type]) -> Any
     if hint in (int, str) and type(data) is hint:
         return data
     if get_origin(hint) is tuple and isinstance(data, list):
-        item = get_args(hint)[0]
+        item, *rest = get_args(hint)
+        if rest != [...]:
+            raise HandoverError(f"{where}: only tuples of one kind of item are handed over")
         return tuple(_build(item, d, f"{where}[{i}]", any_fields) for i, d in enumerate(data))
     fields = getattr(hint, "_fields", None)
     if fields is None or not isinstance(data, list) or len(data) != len(fields):
@@ -41,6 +43,8 @@ def _build(hint: Any, data: Any, where: str, any_fields: dict[str, type]) -> Any
     hints = get_type_hints(hint, include_extras=True)
     made = []
     for name, item in zip(fields, data, strict=True):
-        kind = any_fields[name] if hints[name] is Any else hints[name]
+        kind = any_fields.get(name) if hints[name] is Any else hints[name]
+        if kind is None:
+            raise HandoverError(f"{where}.{name}: its type was not given")
         made.append(_build(kind, item, f"{where}.{name}", any_fields))
     return hint(*made)

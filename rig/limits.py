@@ -26,7 +26,6 @@ class Warned(IntFlag):
     """What the operator should look at; nothing stops."""
 
     POSITION = 1
-    ANALYSER_AGE = 2
 
 
 class AxisLimits(NamedTuple):
@@ -72,9 +71,9 @@ def check_axis(
     total = current + encoder_age + drive_age + position + velocity + acceleration
     if state.absurd == 1 or not finite(total):
         return Reason.NOT_FINITE.value
-    if encoder_age > limits.encoder_age_stop:
+    if encoder_age > limits.encoder_age_stop or encoder_age < 0.0:
         return Reason.STALE_ENCODER.value
-    if drive_age > limits.drive_age_stop:
+    if drive_age > limits.drive_age_stop or drive_age < 0.0:
         return Reason.STALE_DRIVE.value
     if fault != 0:
         return Reason.DRIVE_FAULT.value

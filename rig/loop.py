@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 from rig import cycle
@@ -73,7 +74,10 @@ def run(
         reason = state.safety.reason
         return End(ticks, skipped, reason)
     finally:
-        for _ in range(STOPS):
-            devices.stop(reason)
-        ring.finish()
-        devices.close()
+        try:
+            for _ in range(STOPS):
+                with suppress(Exception):  # it must not raise; if it does, the others still count
+                    devices.stop(reason)
+        finally:
+            ring.finish()
+            devices.close()

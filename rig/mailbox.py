@@ -10,7 +10,7 @@ import os
 from typing import Any, NamedTuple
 
 from controllers.signals import Count, Index
-from rig.record import flattener, layout
+from rig.record import flattener, layout, leaves
 
 _SLOT = mmap.PAGESIZE
 
@@ -37,6 +37,8 @@ class Mailbox:
         self._layout = layout(word_type)
         self._flat = flattener(word_type)
         self._type = word_type
+        if any(len(leaf.path) > 1 for leaf in leaves(word_type)):
+            raise TypeError(f"{word_type.__name__} is nested; a mailbox holds one flat word")
         if 16 + self._layout.size > _SLOT:
             raise ValueError(f"{word_type.__name__} does not fit in a mailbox")
         self._words = memoryview(self._map).cast("q")

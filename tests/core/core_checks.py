@@ -228,7 +228,7 @@ def check_limits(module: Any) -> None:
     assert module.start() == (0.0, 0.0, 0)
     assert [module.magnitude(x) for x in (-2.5, 0.0, 0.5, 1.5)] == [2.5, 0.0, 0.5, 1.5]
     assert {flag.name: flag.value for flag in module.Limited} == LIMITED
-    assert {flag.name: flag.value for flag in module.Warned} == {"POSITION": 1, "ANALYSER_AGE": 2}
+    assert {flag.name: flag.value for flag in module.Warned} == {"POSITION": 1}
     _check_trips(module, limits)
     for position, warned in ((0.25, 0), (-0.25, 0), (0.2501, 1), (-0.2501, 1), (0.0, 0)):
         assert module.warn_axis(limits, Estimate(position, 0.0, 0.0)) == warned
@@ -268,6 +268,10 @@ def _check_trips(module: Any, limits: Any) -> None:
         ("velocity", -2.001, "VELOCITY"),
         ("velocity", 2.0, "NONE"),
         ("fault", 0x2310, "DRIVE_FAULT"),
+        ("encoder_age", 0.0, "NONE"),
+        ("encoder_age", -0.001, "STALE_ENCODER"),  # an age from the future is no age
+        ("drive_age", 0.0, "NONE"),
+        ("drive_age", -0.001, "STALE_DRIVE"),
         ("current", -900.0, "NONE"),  # measured current is the drive's own business
     ):
         sense, motion = axis_with(**{name: value})

@@ -1,7 +1,8 @@
 """One campaign, from its checked file to its products: what `rig run` does."""
 
+import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -46,31 +47,46 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
     measured so far is kept.
     """
-    started = datetime.now(UTC)
-    lock = create.hold_realtime(campaign.file.name) if real_clock else None
-    folder = create.make(runs, campaign.file.name, started)
-    _write_start(folder, campaign, plan, started)
-    run = Run(
-        Setup(
-            campaign.rig.kind,
-            KIND,
-            wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints),
-            "rig.rehearsal",
-            job.devices_of(campaign),
-            plan.dt,
-            real_clock,
-            campaign.rig.realtime == "required" and real_clock,
-            folder,
-            ATTACHED,
-            RUNG,
+    with _interrupts(view) as asked:
+        started = datetime.now(UTC)
+        lock = create.hold_realtime(campaign.file.name) if real_clock else None
+        folder = create.make(runs, campaign.file.name, started)
+        _write_start(folder, campaign, plan, started)
+        run = Run(
+            Setup(
+                campaign.rig.kind,
+                KIND,
+                wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints),
+                "rig.rehearsal",
+                job.devices_of(campaign),
+                plan.dt,
+                real_clock,
+                campaign.rig.realtime == "required" and real_clock,
+                folder,
+                ATTACHED,
+                RUNG,
+            )
         )
-    )
-    with _interrupts(run, view):
-        outcome = run.supervise(view)
+        outcome = run.supervise(_shown(view), asked)
         trouble = _close_folder(folder, campaign, plan, outcome, started)
     if lock is not None:
         lock.close()
     return Ended(folder, outcome, trouble)
+
+
+def _shown(view: View) -> Callable[[Snapshot], None]:
+    """The view, until drawing fails (a closed terminal): a run does not end for that."""
+    broken = False
+
+    def watch(snapshot: Snapshot) -> None:
+        nonlocal broken
+        if not broken:
+            try:
+                view(snapshot)
+            except OSError:
+                broken = True
+
+    return watch
 
 
 def _close_folder(
@@ -110,7 +126,14 @@ def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> 
         "campaign": campaign.file.name,
         "rows_planned": len(plan.rows),
         "started_utc": started.isoformat(),
+        "pid": os.getpid(),
+        "pid_started": _process_start(),
     }
+
+
+def _process_start() -> int:
+    """When this process started, in clock ticks since boot: with the pid it names one process."""
+    return int(Path("/proc/self/stat").read_text().rsplit(")", 1)[1].split()[19])
 
 
 def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> None:
@@ -173,23 +196,25 @@ def _join_parts(folder: Path) -> None:
 
 
 @contextmanager
-def _interrupts(run: Run, view: View) -> Iterator[None]:
-    """Ctrl-C and termination become requests while this is open."""
+def _interrupts(view: View) -> Iterator[Callable[[], int]]:
+    """Ctrl-C and termination become requests while this is open; gives what is asked so far."""
     count = 0
 
     def interrupt(number: int, frame: FrameType | None) -> None:
         nonlocal count
         count += 1
-        if count == 1:
-            run.ask(safety.REQUEST_STOP)
-            view.notice = "stopping: damping, then power off (Ctrl-C again: off at once)"
-        else:
-            run.ask(safety.REQUEST_ABORT)
-            view.notice = "power off; saving what was measured"
+        view.notice = (
+            "stopping: damping, then power off (Ctrl-C again: off at once)"
+            if count == 1
+            else "power off; saving what was measured"
+        )
+
+    def asked() -> int:
+        return (safety.REQUEST_NONE, safety.REQUEST_STOP, safety.REQUEST_ABORT)[min(count, 2)]
 
     before = {n: signal.signal(n, interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
     try:
-        yield
+        yield asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -6,9 +6,11 @@ the disk is said on standard output and retried; it never reaches the loop.
 """
 
 import json
+import os
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +20,7 @@ from rig import handover
 from rig.kinds import KINDS
 from rig.log import RowWriter
 from rig.ring import Producer, Reader
-from rig.runs import salvage
+from rig.runs import RunError, mcap_file
 from rig.runs.create import ending
 from rig.runs.folder import MCAP
 from rig.safety import Reason
@@ -26,6 +28,7 @@ from rig.timing import Certificate
 
 FLUSH = 0.5  # s between flushes
 RETRY = 0.5  # s between attempts on a full disk
+ORPHANED = 5.0  # s without a row, and without a supervisor, that end the log
 IDLE = 0.005  # s
 DISK = 74  # exit code: rows were lost to the disk
 
@@ -35,6 +38,7 @@ class Job(NamedTuple):
 
     kind: str
     ring: int  # file descriptor
+    supervisor: int  # process id
     folder: str  # the run's
     part: str  # file to write, new
     attachments: tuple[str, ...]  # files of the folder to put into it
@@ -69,6 +73,8 @@ class Log:
         )
         self._flushed = time.monotonic()
         self._failing_since: float | None = None
+        self._head = 0  # rows the ring had when it last moved
+        self._moved = self._flushed
 
     def run(self) -> int:
         """Log until the rows end; returns the exit code."""
@@ -93,14 +99,25 @@ class Log:
         return 0
 
     def _complete(self) -> bool:
-        finished = self._reader.state == Producer.FINISHED
+        finished = self._reader.state == Producer.FINISHED or self._orphaned()
         return finished and self._reader.pending == 0 and not self._failing_since
+
+    def _orphaned(self) -> bool:
+        """Supervisor and loop are both gone: nobody is left to say that no more rows will come."""
+        now = time.monotonic()
+        if self._reader.head != self._head or os.getppid() == self._job.supervisor:
+            self._head, self._moved = self._reader.head, now
+        if now - self._moved > ORPHANED:
+            self._reader.bury()
+            return True
+        return False
 
     def _count_earlier_parts(self, folder: Path) -> None:
         """The certificate is the whole run's, so what a killed logger wrote counts too."""
         for path in sorted(folder.glob(f"{MCAP}.part*")):
-            for block in salvage(path).blocks:
-                self._certificate.add(repack_fields(block).tobytes())
+            with suppress(RunError):  # a part whose logger died before it wrote anything
+                for block in mcap_file.blocks(mcap_file.scan(path), []):
+                    self._certificate.add(repack_fields(block).tobytes())
 
     def _status(self) -> dict[str, Any]:
         """How the run ended, as far as its rows say."""
@@ -114,6 +131,9 @@ class Log:
 
     def _timing(self) -> dict[str, Any]:
         privileges = Path(self._job.folder) / PRIVILEGES
+        until = time.monotonic() + 2.0  # a loop that ends at once is ahead of its supervisor
+        while not privileges.exists() and time.monotonic() < until:
+            time.sleep(IDLE)
         granted = json.loads(privileges.read_text()) if privileges.exists() else None
         return self._certificate.result(
             self._job.clock, self._job.rate_hz, self._reader.dropped, granted

@@ -9,7 +9,9 @@ import json
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from rig import cycle, handover, loop, realtime, safety
@@ -40,45 +42,55 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     job: Job = handover.loads(Job, sys.stdin.read(), rig=kind.params_type)
     mailbox = Mailbox(job.mailbox, Request)
-    devices = connect(json.loads(job.devices), job.dt)
-    ring = Writer(job.ring, kind.row_type, wait=job.real_clock == 0)
-    if job.real_clock == 1:
-        granted = realtime.acquire()
-        if granted.refused and job.realtime_required == 1:
-            _say(event="refused", privileges=granted._asdict())
-            ring.finish()
-            sys.exit(REFUSED)
-        _say(event="start", privileges=granted._asdict())
-    else:
-        realtime.quiet_memory()
-        _say(event="start", privileges=None)
-
     terminated = False
 
     def abort(*_: object) -> None:
         nonlocal terminated
         terminated = True
 
-    signal.signal(signal.SIGTERM, abort)
-
-    def supervised() -> int:
+    def overseer() -> int:
         if terminated:
             return safety.REQUEST_ABORT
         return 0 if os.getppid() == job.supervisor else safety.REQUEST_SUPERVISOR_LOST
 
-    clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
-    end = loop.run(
-        kind,
-        job.params,
-        devices,
-        clock,
-        ring,
-        mailbox,
-        supervised,
-        measure_work=job.real_clock == 1,
-    )
+    def hurried() -> bool:
+        mail = mailbox.read()
+        return overseer() != 0 or (mail is not None and mail.request != safety.REQUEST_NONE)
+
+    signal.signal(signal.SIGTERM, abort)
+    ring = Writer(job.ring, kind.row_type, wait=job.real_clock == 0, hurried=hurried)
+    try:
+        devices = connect(json.loads(job.devices), job.dt)
+        granted = _privileges(job)
+        if granted is not None and granted.refused and job.realtime_required == 1:
+            _say(event="refused", privileges=granted._asdict(), start_utc_ns=time.time_ns())
+            sys.exit(REFUSED)
+        clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
+        zero = time.time_ns() - round(clock.now() * 1e9)
+        _say(event="start", privileges=granted and granted._asdict(), start_utc_ns=zero)
+        end = loop.run(
+            kind,
+            job.params,
+            devices,
+            clock,
+            ring,
+            mailbox,
+            overseer,
+            measure_work=job.real_clock == 1,
+        )
+    finally:
+        ring.finish()  # or the logger would wait for rows that never come
     _say(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
 
 
+def _privileges(job: Job) -> realtime.Privileges | None:
+    """Ask for what the clock needs; None on the virtual clock, which must not be given it."""
+    if job.real_clock == 1:
+        return realtime.acquire()
+    realtime.quiet_memory()
+    return None
+
+
 def _say(**event: Any) -> None:
-    print(json.dumps(event), flush=True)
+    with suppress(BrokenPipeError):  # the supervisor is gone: the loop finds that out by itself
+        print(json.dumps(event), flush=True)

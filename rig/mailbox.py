@@ -9,7 +9,7 @@ import mmap
 import os
 from typing import Any, NamedTuple
 
-from controllers.signals import Count, Index
+from controllers.signals import Index
 from rig.record import flattener, layout, leaves
 
 _SLOT = mmap.PAGESIZE
@@ -19,7 +19,6 @@ class Request(NamedTuple):
     """What people or the supervisor ask of the loop."""
 
     request: Index  # rig.safety.REQUEST_*
-    beat: Count  # grows while the sender lives
 
 
 def create() -> int:

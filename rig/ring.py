@@ -16,6 +16,7 @@ from rig.record import flattener, layout
 
 CAPACITY = 65536  # rows: 65 s at 1 kHz
 _HEADER = mmap.PAGESIZE
+_PATIENCE = 2.0  # s a full ring is waited for once a stop is wanted
 _MAGIC = 0x57454352494E4731  # "WECRING1"
 
 
@@ -87,9 +88,20 @@ class _End:
 
 
 class Writer(_End):
-    """The loop's end. ``wait``: a full ring is waited for (virtual clock) or drops (real)."""
+    """The loop's end.
 
-    def __init__(self, fd: int, row_type: type, *, wait: bool) -> None:
+    ``wait``: a full ring is waited for (virtual clock) or drops (real). ``hurried`` tells whether
+    somebody wants the loop to stop: then a ring that stays full is not waited for any longer.
+    """
+
+    def __init__(
+        self,
+        fd: int,
+        row_type: type,
+        *,
+        wait: bool,
+        hurried: Callable[[], bool] = lambda: False,
+    ) -> None:
         super().__init__(fd)
         packed = layout(row_type)
         if packed.size != self.row_size:
@@ -97,6 +109,7 @@ class Writer(_End):
         self._pack = packed.pack_into
         self._flat: Callable[[Any], tuple[float | int, ...]] = flattener(row_type)
         self._wait = wait
+        self._hurried = hurried
         self._next = self.head
         self._words[_Word.STATE] = Producer.RUNNING
 
@@ -112,9 +125,12 @@ class Writer(_End):
         words[_HEAD] = head + 1
 
     def _make_room(self, head: int) -> bool:
+        until = time.monotonic() + _PATIENCE
         while self._wait and not self._words[_Word.ABANDONED]:
             if head - self.tail < self.capacity:
                 return True
+            if time.monotonic() > until and self._hurried():
+                self._wait = False
             time.sleep(0.001)
         return False
 

@@ -7,18 +7,15 @@ it dies, the loop stops by itself and the logger saves what is left.
 
 import json
 import os
-import queue
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from rig import cycle, handover, mailbox, ring, safety
 from rig import logger as log_process
-from rig.loop_process import REFUSED, Job
+from rig.child import Child
+from rig.loop_process import Job
 from rig.mailbox import Mailbox, Request
 from rig.record import layout, leaves
 from rig.runs.create import ending, write_json
@@ -28,7 +25,9 @@ from rig.safety import Reason
 POLL = 0.1  # s between looks
 RESTARTS = 5  # of a killed logger in one run
 DISK_PATIENCE = 20.0  # s a failing disk is retried before the rest of the log is given up
-DRAIN = 60.0  # s the logger may take after the loop has ended
+STALL = 60.0  # s without a row saved, or without an end, after which the logger is restarted
+HANG = 10.0  # s without a tick after which the loop is killed
+DEAF = 5.0  # s the loop may take to heed an abort
 
 
 class Setup(NamedTuple):
@@ -69,61 +68,6 @@ class Outcome(NamedTuple):
     last_row: dict[str, float | int]
 
 
-class _Child:
-    """A process that takes a job on standard input and answers in JSON lines."""
-
-    def __init__(self, module: str, job: str, fds: tuple[int, ...], errors: Path) -> None:
-        self.events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        self._errors = errors
-        with errors.open("ab") as sink:
-            self.process = subprocess.Popen(
-                [sys.executable, "-m", module],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=sink,
-                pass_fds=fds,
-                text=True,
-                process_group=0,  # a Ctrl-C on the terminal is the supervisor's alone
-            )
-        assert self.process.stdin is not None
-        try:
-            self.process.stdin.write(job)
-            self.process.stdin.close()
-        except BrokenPipeError:
-            pass  # it died at once: its exit code and its last words tell why
-        self._listener = threading.Thread(
-            target=self._listen, args=(self.process.stdout,), daemon=True
-        )
-        self._listener.start()
-
-    def _listen(self, lines: IO[str]) -> None:
-        with lines:
-            for line in lines:
-                self.events.put(json.loads(line))
-
-    def alive(self) -> bool:
-        return self.process.poll() is None
-
-    def heard(self) -> list[dict[str, Any]]:
-        """Events since the last call; after the end, all of them."""
-        if not self.alive():
-            self._listener.join(timeout=5.0)
-        found = []
-        while not self.events.empty():
-            found.append(self.events.get())
-        return found
-
-    def end(self) -> None:
-        """Wait until the process and what it said are all taken in."""
-        self.process.wait()
-        self._listener.join()
-
-    def last_words(self) -> str:
-        """The last line the process wrote to its error file."""
-        text = self._errors.read_text(errors="replace").strip() if self._errors.exists() else ""
-        return text.splitlines()[-1] if text else f"exit code {self.process.returncode}"
-
-
 class Run:
     """One run under supervision; call `supervise` once."""
 
@@ -136,125 +80,156 @@ class Run:
         self._layout = layout(setup.kind.row_type)
         self._names = [leaf.name for leaf in leaves(setup.kind.row_type)]
         self._request = safety.REQUEST_NONE
+        self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
+        self._started_ns = 0  # UTC of run time zero; 0 until the loop has said it
         self._trouble = ""
         self._end: dict[str, Any] | None = None
-        self._refused = False
-        self._gone = False  # the log is given up
+        self._refused = ""
+        self._lost = False  # the log is given up
+        self._loop_moves = _Progress()
+        self._log_moves = _Progress()
 
-    def ask(self, request: int) -> None:
-        """Post a request (`rig.safety.REQUEST_*`); a stop is never taken back by a lesser one."""
-        stops = {
-            safety.REQUEST_ABORT: 3,
-            safety.REQUEST_LOGGER_LOST: 2,
-            safety.REQUEST_STOP: 1,
-        }
-        if stops.get(request, 0) < stops.get(self._request, 0):
-            return
-        self._request = request
-        self._mail.post(Request(request, 0))
+    def supervise(self, watch: Callable[[Snapshot], None], asked: Callable[[], int]) -> Outcome:
+        """Run to the end.
 
-    def supervise(self, watch: Callable[[Snapshot], None]) -> Outcome:
-        """Run to the end; ``watch`` is called ten times a second and may call `ask`."""
-        setup = self._setup
-        started_ns = time.time_ns()
-        logger = self._start_logger(started_ns)
+        Ten times a second ``watch`` is shown the run and ``asked`` gives what people request
+        (`rig.safety.REQUEST_*`). Whatever goes wrong here, the loop is stopped, the logger saves
+        what there is, and no process is left behind.
+        """
         loop = self._start_loop()
-        buried = 0.0
+        logger: Child | None = None
         try:
-            while loop.alive() or logger.alive() or self._unfinished(logger):
+            while logger is None or loop.alive() or logger.alive() or self._unfinished(logger):
                 self._listen(loop)
-                if not loop.alive() and buried == 0.0:
+                if not loop.alive():
                     self._ring.bury()
-                    buried = time.monotonic()
-                for event in logger.heard():
-                    self._disk(event.get("error", ""))
-                if not logger.alive() and self._unfinished(logger):
-                    if self._parts > RESTARTS or logger.process.returncode == log_process.DISK:
-                        self._lose_log(logger)
-                        if not loop.alive():
-                            break
-                    else:
-                        logger = self._start_logger(started_ns)
-                if buried and time.monotonic() - buried > DRAIN and not self._trouble:
-                    self._trouble = "the logger does not come to an end"
-                    logger.process.kill()
+                if logger is None and (self._started_ns or not loop.alive()):
+                    logger = self._start_logger()
+                self._ask(asked())
+                self._look_after(loop)
+                if logger is not None:
+                    logger = self._look_after_log(logger, loop)
+                    if self._lost and not loop.alive():
+                        break
                 watch(self._snapshot())
                 time.sleep(POLL)
         finally:
-            if loop.alive():
-                loop.process.terminate()
-                loop.process.wait(timeout=10.0)
-            self._ring.bury()
-        self._listen(loop)
+            self._lay_to_rest(loop, logger)
         watch(self._snapshot())
-        loop.end()
-        logger.end()
-        outcome = self._outcome(loop)
-        if self._parts == 1 and logger.process.returncode == 0:
-            (setup.folder / f"{MCAP}.part0").rename(setup.folder / MCAP)
+        return self._outcome(loop)
+
+    def _ask(self, request: int) -> None:
+        """Post a request; a stop is never taken back by a lesser one."""
+        if _RANK.get(request, 0) < _RANK.get(self._request, 0) or request == self._request:
+            return
+        self._request = request
+        if request == safety.REQUEST_ABORT:
+            self._aborted = time.monotonic()
+        self._mail.post(Request(request))
+
+    def _look_after(self, loop: Child) -> None:
+        """A loop that ticks no more, or does not heed an abort, is killed.
+
+        Its devices then miss its commands and go to their own safe state.
+        """
+        if not loop.alive():
+            return
+        waits = self._ring.head - self._ring.tail >= self._ring.capacity
+        still = self._loop_moves.still(self._ring.head) if self._ring.head and not waits else 0.0
+        deaf = self._aborted and time.monotonic() - self._aborted > DEAF
+        if still > HANG or deaf:
+            self._trouble = "the loop hung" if still > HANG else "the loop did not heed an abort"
+            loop.process.kill()
+
+    def _look_after_log(self, logger: Child, loop: Child) -> Child:
+        """Hear the logger; restart it when it was killed or hangs, give it up when that is vain."""
+        for event in logger.heard():
+            self._trouble = event.get("error", "")
+            if self._trouble:
+                self._ask(safety.REQUEST_LOGGER_LOST)
+        behind = self._ring.head - self._ring.tail
+        ending_late = not loop.alive() and logger.alive()
+        if behind == 0 and not ending_late:
+            self._log_moves = _Progress()
+        elif self._log_moves.still(self._ring.tail) > STALL and logger.alive():
+            self._trouble = "the logger hangs"
+            logger.end(0.0)
+        if logger.alive() or not self._unfinished(logger):
+            return logger
+        self._log_moves = _Progress()
+        if self._parts > RESTARTS or logger.process.returncode == log_process.DISK:
+            self._lost = True
+            self._trouble = f"the log is lost: {self._trouble or logger.last_words()}"
+            self._ring.abandon()
+            self._ask(safety.REQUEST_LOGGER_LOST)
+            return logger
+        return self._start_logger()
+
+    def _lay_to_rest(self, loop: Child, logger: Child | None) -> None:
+        """No process, no file descriptor is left; in a run that went well all has ended already."""
+        if loop.alive():
+            loop.process.terminate()  # the loop takes it as an abort
+        loop.end(DEAF)
+        self._listen(loop)
+        self._ring.bury()
+        if logger is not None:
+            logger.end(STALL)
+            if self._parts == 1 and logger.process.returncode == 0:
+                (self._setup.folder / f"{MCAP}.part0").rename(self._setup.folder / MCAP)
         os.close(self._ring_fd)
         os.close(self._mail_fd)
-        return outcome
 
-    def _start_logger(self, started_ns: int) -> _Child:
+    def _start_logger(self) -> Child:
         setup = self._setup
         part = f"{MCAP}.part{self._parts}"
         self._parts += 1
         job = log_process.Job(
-            setup.kind_name,
-            self._ring_fd,
-            str(setup.folder),
-            part,
-            setup.attachments,
-            started_ns,
-            setup.folder.name,
-            setup.rung,
-            "real" if setup.real_clock else "virtual",
-            1.0 / setup.dt,
-            DISK_PATIENCE,
+            kind=setup.kind_name,
+            ring=self._ring_fd,
+            supervisor=os.getpid(),
+            folder=str(setup.folder),
+            part=part,
+            attachments=setup.attachments,
+            start_utc_ns=self._started_ns or time.time_ns(),
+            run=setup.folder.name,
+            rung=setup.rung,
+            clock="real" if setup.real_clock else "virtual",
+            rate_hz=1.0 / setup.dt,
+            patience=DISK_PATIENCE,
         )
         errors = setup.folder / "logger.stderr"
-        return _Child("rig.logger", handover.dumps(job), (self._ring_fd,), errors)
+        return Child("rig.logger", handover.dumps(job), (self._ring_fd,), errors)
 
-    def _start_loop(self) -> _Child:
+    def _start_loop(self) -> Child:
         setup = self._setup
         job = Job(
-            int(setup.real_clock),
-            int(setup.realtime_required),
-            setup.dt,
-            self._ring_fd,
-            self._mail_fd,
-            os.getpid(),
-            setup.params,
-            json.dumps(setup.devices),
+            real_clock=int(setup.real_clock),
+            realtime_required=int(setup.realtime_required),
+            dt=setup.dt,
+            ring=self._ring_fd,
+            mailbox=self._mail_fd,
+            supervisor=os.getpid(),
+            params=setup.params,
+            devices=json.dumps(setup.devices),
         )
         fds = (self._ring_fd, self._mail_fd)
-        return _Child(setup.loop_module, handover.dumps(job), fds, setup.folder / "loop.stderr")
+        return Child(setup.loop_module, handover.dumps(job), fds, setup.folder / "loop.stderr")
 
-    def _listen(self, loop: _Child) -> None:
+    def _listen(self, loop: Child) -> None:
         for event in loop.heard():
             if event["event"] in ("start", "refused"):
                 write_json(self._setup.folder, log_process.PRIVILEGES, event["privileges"])
-                self._refused = event["event"] == "refused"
-            elif event["event"] == "end":
+                self._started_ns = event["start_utc_ns"]
+            if event["event"] == "refused":
+                denied = [f"{name} ({why})" for name, why in event["privileges"].items() if why]
+                self._refused = f"the host did not grant {', '.join(denied)}"
+            if event["event"] == "end":
                 self._end = event
 
-    def _unfinished(self, logger: _Child) -> bool:
+    def _unfinished(self, logger: Child) -> bool:
         """The logger has ended without having brought its file to an end."""
-        return logger.process.returncode not in (None, 0) and not self._gone
-
-    def _lose_log(self, logger: _Child) -> None:
-        self._gone = True
-        self._trouble = f"the log is lost: {self._trouble or logger.last_words()}"
-        self._ring.abandon()
-        self.ask(safety.REQUEST_LOGGER_LOST)
-
-    def _disk(self, error: str) -> None:
-        """The logger's disk fails (a text) or works again (empty)."""
-        self._trouble = error
-        if error:
-            self.ask(safety.REQUEST_LOGGER_LOST)
+        return logger.process.returncode not in (None, 0) and not self._lost
 
     def _snapshot(self) -> Snapshot:
         return Snapshot(
@@ -267,16 +242,15 @@ class Run:
             return {}
         return dict(zip(self._names, self._layout.unpack(packed), strict=True))
 
-    def _outcome(self, loop: _Child) -> Outcome:
+    def _outcome(self, loop: Child) -> Outcome:
         end, row = self._end, self._latest()
         if end is not None:
             reason = Reason(end["reason"])
-            status = ending(reason)
-            why = reason.name
-        elif self._refused or loop.process.returncode == REFUSED:
-            status, why = "refused", "the host did not grant what the rig file requires"
+            status, why = ending(reason), reason.name
+        elif self._refused:
+            status, why = "refused", self._refused
         else:
-            status, why = "crashed", loop.last_words()
+            status, why = "crashed", self._trouble or loop.last_words()
         ended = end or {"ticks": self._ring.head, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(
             status,
@@ -288,3 +262,20 @@ class Run:
             self._parts - 1,
             row,
         )
+
+
+_RANK = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
+
+
+class _Progress:
+    """How long a counter has stood still."""
+
+    def __init__(self) -> None:
+        self._value = -1
+        self._since = time.monotonic()
+
+    def still(self, value: int) -> float:
+        """Seconds since the counter last changed."""
+        if value != self._value:
+            self._value, self._since = value, time.monotonic()
+        return time.monotonic() - self._since

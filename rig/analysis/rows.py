@@ -45,6 +45,7 @@ FIELDS = [
     *(logged for _, logged, _ in SETTINGS.values()),
     "heave.command.limited",
     "safety.warned",
+    "tare.samples",
 ]
 
 UNITS = {
@@ -102,6 +103,7 @@ def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
         "cut_short": window.cut_short,
         "samples": len(data),
         "lost_ticks": window.span - len(data),
+        "tare_samples": int(data["tare.samples"].min()),
         "start": float(data["time"][0]),
         "limits": flags(Limited, data["heave.command.limited"]),
         "warned": flags(Warned, data["safety.warned"]),
@@ -190,8 +192,8 @@ def _with_plan(
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "cut_short": "", "limits": "", "warned": ""}
-        counts = {"row": row, "attempt": 0, "samples": 0, "lost_ticks": 0, "periods": 0}
-        measured = {**counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
+        counts = dict.fromkeys(("attempt", "samples", "lost_ticks", "tare_samples", "periods"), 0)
+        measured = {"row": row, **counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
     out = {**measured, "point": int(planned.get("point", row))}
     out["repetition"] = int(planned.get("repetition", 0))
     for name, (key, _, _) in SETTINGS.items():

@@ -17,6 +17,7 @@ ENDINGS = {
     "stopped": "Stopped early",
     "fault": "Stopped by a fault",
     "crashed": "Crashed",
+    "refused": "Refused",
 }
 NO_END = "No end recorded"
 NO_REASON = "the record just stops: power cut, killed processes, or a run that still goes on"
@@ -124,6 +125,11 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
     lost = table["lost_ticks"].values
     if lost.any():
         found.append(f"{lost.sum()} ticks lost while measuring, in {row_list(rows[lost > 0])}")
+    bare = (table["samples"].values > 0) & (table["tare_samples"].values == 0)
+    if bare.any():
+        found.append(
+            f"no tare was taken before {row_list(rows[bare])}: zeros are the first tick's values"
+        )
     again = table["attempt"].values > 0
     if again.any():
         found.append(f"started over after a hold: {row_list(rows[again])}")

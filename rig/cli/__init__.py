@@ -20,8 +20,9 @@ RUNS = Path("runs")
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
-_CODES = """Exit codes: 0 complete; 1 failed; 2 bad input; 3 stopped by the operator; 4 the rig
-tripped; 5 a process died or rows were lost."""
+_CODES = """Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig
+requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows were
+lost."""
 
 
 @app.command(epilog=_CODES)

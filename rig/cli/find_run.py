@@ -2,20 +2,21 @@
 
 from pathlib import Path
 
-from rig.runs import RunError
+from rig.runs import RunError, list_runs
 
 
 def find_run(named: Path, runs: Path) -> Path:
     """A folder or file by its path, a run of ``runs`` by its id or its unique beginning, or 'last'.
 
-    Raises RunError saying what there is.
+    Raises RunError saying what there is, OSError for what cannot be looked at.
     """
     if named.exists():
         return named
-    known = sorted(path for path in runs.glob("*") if path.is_dir()) if runs.is_dir() else []
+    known = [run.path for run in list_runs(runs)]
     if str(named) == "last" and known:
-        return max(known, key=lambda path: path.stat().st_mtime)
-    matches = [path for path in known if path.name.startswith(str(named))]
+        return known[-1]
+    matches = [path for path in known if path.name == str(named)]
+    matches = matches or [path for path in known if path.name.startswith(str(named))]
     if len(matches) == 1:
         return matches[0]
     if matches:

@@ -1,12 +1,11 @@
 """`rig plot RUN`."""
 
 import json
-import sys
 from pathlib import Path
 
 from rig import cli
+from rig.cli.failure import fail
 from rig.cli.find_run import find_run
-from rig.runs import RunError
 
 
 def main(
@@ -20,18 +19,17 @@ def main(
 ) -> int:
     """Write surfaces and summary anew, or log fields over time; print what was written."""
     from rig.analysis.report import write_products
-    from rig.analysis.traces import write_traces
+    from rig.analysis.traces import DEFAULT_FIELDS, write_traces
 
     try:
         run = find_run(named, runs)
-        if fields:
-            folder = run if run.is_dir() else run.parent
-            written = [write_traces(run, output or folder / "traces.png", fields, rows or None)]
+        if fields or rows or output:
+            picture = output or (run if run.is_dir() else run.parent) / "traces.png"
+            written = [write_traces(run, picture, fields or DEFAULT_FIELDS, rows or None)]
         else:
             written = write_products(run)
-    except (RunError, KeyError, ValueError, OSError) as error:
-        print(f"rig plot: {error.args[0] if error.args else error}", file=sys.stderr)
-        return cli.BAD_INPUT
+    except (KeyError, ValueError, OSError) as error:
+        return fail("plot", error, as_json=as_json)
     if as_json:
         print(json.dumps([str(path) for path in written]))
     else:

@@ -27,6 +27,10 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"
 
 
+def _losses(snapshot: Snapshot) -> str:
+    return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
+
+
 class Progress:
     """Draws snapshots: a live panel on a terminal, a line now and then elsewhere."""
 
@@ -39,6 +43,7 @@ class Progress:
         self._began = time.monotonic()
         self._said = self._began
         self._last_row = NO_ROW
+        self._noticed = ""
         self.notice = ""  # what was asked of the run, e.g. after Ctrl-C
 
     def __enter__(self) -> "Progress":
@@ -57,7 +62,12 @@ class Progress:
 
     def __call__(self, snapshot: Snapshot) -> None:
         """Draw the run as it stands."""
-        if self._quiet or not snapshot.row:
+        if self._quiet:
+            return
+        if not self._drawn and self.notice != self._noticed:
+            self._noticed = self.notice
+            print(self.notice, file=sys.stderr, flush=True)
+        if not snapshot.row:
             return
         if self._drawn:
             self._live.update(self._panel(snapshot), refresh=True)
@@ -70,7 +80,6 @@ class Progress:
     def _panel(self, snapshot: Snapshot) -> Group:
         row = snapshot.row
         done, whole = float(row["time"]), self._plan.duration
-        speed = done / max(time.monotonic() - self._began, 1e-3)
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=8)
         table.add_column()
@@ -89,16 +98,9 @@ class Progress:
             f"i {row['heave.command.current']:+6.2f} A",
         )
         table.add_row("power", self._power_words(snapshot))
-        table.add_row(
-            "time",
-            f"{clock_text(done)} of {clock_text(whole)} rig time, "
-            f"{clock_text((whole - done) / max(speed, 1e-6))} left at {speed:.1f} x real time",
-        )
-        table.add_row(
-            "health",
-            f"{int(row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped, "
-            f"{snapshot.behind} rows not yet on disk",
-        )
+        table.add_row("time", self._time_words(done))
+        health = f"{_losses(snapshot)}, {snapshot.behind} rows not yet on disk"
+        table.add_row("health", health)
         stamp = Text(f"{self._title}   ", style="bold")
         stamp.append(_STAMP.get(self._rung, self._rung.upper()), style="black on yellow")
         bar = Table.grid()
@@ -130,10 +132,17 @@ class Progress:
             f"{row['power.mean_ac']:+8.2f} W AC   {row['power.mean_dc']:+8.2f} W DC"
         )
 
-    def _line(self, snapshot: Snapshot) -> str:
-        done = float(snapshot.row["time"])
+    def _time_words(self, done: float) -> str:
+        whole = self._plan.duration
+        speed = done / max(time.monotonic() - self._began, 1e-3)
         return (
-            f"{clock_text(done)} of {clock_text(self._plan.duration)}  "
-            f"row {self._row_words(snapshot)}  {self._power_words(snapshot)}"
+            f"{clock_text(done)} of {clock_text(whole)} rig time, "
+            f"{clock_text((whole - done) / max(speed, 1e-6))} left at {speed:.1f} x real time"
+        )
+
+    def _line(self, snapshot: Snapshot) -> str:
+        return (
+            f"{self._time_words(float(snapshot.row['time']))}  row {self._row_words(snapshot)}  "
+            f"{self._power_words(snapshot)}  {_losses(snapshot)}"
             + (f"  {snapshot.trouble}" if snapshot.trouble else "")
         )

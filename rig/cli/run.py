@@ -1,6 +1,7 @@
 """`rig run CAMPAIGN`."""
 
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 from rig import cli
 from rig.campaign_run import Ended, rehearse
 from rig.cli.check import complain, examine
+from rig.cli.failure import fail
 from rig.cli.progress import Progress
 from rig.runs import RunError, create
 from rig.runs.folder import STATUS
@@ -26,7 +28,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
         with Progress(title, "rehearsal", plan, quiet=as_json) as view:
             ended = rehearse(campaign, plan, runs, view, real_clock=realtime)
     except (create.BusyError, OSError, RunError) as error:
-        return _failed(str(error), as_json=as_json)
+        return fail("run", error, as_json=as_json, code=cli.FAILED)
     products, trouble = _analyse(ended, quiet=as_json)
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     outcome = ended.outcome
@@ -35,6 +37,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
             json.dumps(
                 {
                     **outcome._asdict(),
+                    "last_row": _finite(outcome.last_row),
                     "folder": str(ended.folder),
                     "products": [str(product) for product in products],
                     "trouble": trouble,
@@ -43,47 +46,50 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
         )
     else:
         _tell(ended, products, trouble)
-    if outcome.status in ("crashed", "refused") or outcome.dropped or outcome.unsaved:
+    if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
         return cli.LOST
-    if trouble:
+    if trouble or outcome.status == "refused":
         return cli.FAILED
     return _CODES[outcome.status]
 
 
-def _failed(message: str, *, as_json: bool) -> int:
-    if as_json:
-        print(json.dumps({"status": "failed", "message": message}))
-    else:
-        print(f"rig run: {message}", file=sys.stderr)
-    return cli.FAILED
+def _finite(row: dict[str, float | int]) -> dict[str, float | int | None]:
+    """A row that JSON can hold: it knows neither NaN nor infinity."""
+    return {name: value if math.isfinite(value) else None for name, value in row.items()}
 
 
 def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], str]:
-    """The run's products and, if they could not be made, why."""
+    """The run's products and, if they could not be made, why; none of a run without a tick."""
     from rig.analysis.report import write_products
 
+    if ended.outcome.ticks == 0:
+        return [], ""
     if not quiet:
         print("drawing surfaces and summary ...", file=sys.stderr, flush=True)
+    products: list[Path] = []
     try:
         products = write_products(ended.folder)
+        summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
+        status = json.loads((ended.folder / STATUS).read_text())
+        create.write_json(ended.folder, STATUS, status | {"rows_done": summary["rows_done"]})
     except (RunError, OSError, ValueError) as error:
-        return [], f"no products: {error}"
+        return products, str(error) if products else f"no products: {error}"
     except KeyboardInterrupt:
-        return [], f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
-    summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
-    status = json.loads((ended.folder / STATUS).read_text())
-    status["rows_done"] = summary["rows_done"]
-    create.write_json(ended.folder, STATUS, status)
+        return products, f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
     return products, ""
 
 
 def _tell(ended: Ended, products: list[Path], trouble: str) -> None:
+    from rig.analysis import words
+    from rig.analysis.summary import ENDINGS
+
     text = ended.folder / "summary.txt"
     if text.exists():
         print(text.read_text().rstrip())
     outcome = ended.outcome
-    if outcome.status in ("crashed", "refused"):
-        print(f"\n{outcome.status}: {outcome.reason}", file=sys.stderr)
+    if outcome.status in ("crashed", "refused") or not text.exists():
+        ending = ENDINGS.get(outcome.status, outcome.status)
+        print(f"\n{ending}: {words.reason_words(outcome.reason)}.", file=sys.stderr)
     if outcome.dropped or outcome.unsaved:
         lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
         print(f"\nlost: {lost}", file=sys.stderr)

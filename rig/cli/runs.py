@@ -5,8 +5,10 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from rig import cli
+from rig.cli.failure import fail
 from rig.runs import list_runs
 
 _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
@@ -14,7 +16,10 @@ _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
 
 def main(runs: Path, *, as_json: bool) -> int:
     """Print the runs, newest first."""
-    listed = list_runs(runs)[::-1]
+    try:
+        listed = list_runs(runs)[::-1]
+    except OSError as error:
+        return fail("runs", error, as_json=as_json)
     if as_json:
         print(json.dumps([run._asdict() | {"path": str(run.path)} for run in listed]))
         return cli.OK
@@ -22,18 +27,23 @@ def main(runs: Path, *, as_json: bool) -> int:
         print(f"no runs in {runs}/")
         return cli.OK
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for name in ("run", "rung", "rows", "status", "reason", "size"):
-        table.add_column(name, justify="right" if name in ("rows", "size") else "left")
+    longest = max(len(run.run) for run in listed)
+    table.add_column("run", no_wrap=True, min_width=longest)  # what a person copies and types
+    table.add_column("rung", no_wrap=True)
+    table.add_column("rows", no_wrap=True, justify="right")
+    table.add_column("status", no_wrap=True)
+    table.add_column("reason", overflow="fold")
+    table.add_column("size", no_wrap=True, justify="right")
     for run in listed:
         done = "-" if run.rows_done is None else str(run.rows_done)
         whole = "-" if run.rows_planned is None else str(run.rows_planned)
         table.add_row(
-            run.run,
+            Text(run.run),
             run.rung,
             f"{done}/{whole}",
-            f"[{_STYLES.get(run.status, 'red')}]{run.status}[/]",
-            run.problem or run.reason,
+            Text(run.status, style=_STYLES.get(run.status, "red")),
+            Text(run.problem or run.reason),
             f"{run.size / 1e6:.1f} MB",
         )
-    Console().print(table)
+    Console().print(table, crop=False)
     return cli.OK

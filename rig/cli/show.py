@@ -1,12 +1,11 @@
 """`rig show RUN`."""
 
 import json
-import sys
 from pathlib import Path
 
 from rig import cli
+from rig.cli.failure import fail
 from rig.cli.find_run import find_run
-from rig.runs import RunError
 
 
 def main(named: Path, runs: Path, *, as_json: bool) -> int:
@@ -17,8 +16,7 @@ def main(named: Path, runs: Path, *, as_json: bool) -> int:
 
     try:
         summary = summary_of(find_run(named, runs))
-    except (RunError, KeyError) as error:
-        print(f"rig show: {error}", file=sys.stderr)
-        return cli.BAD_INPUT
+    except (KeyError, ValueError, OSError) as error:
+        return fail("show", error, as_json=as_json)
     print(json.dumps(in_json(summary)) if as_json else as_text(summary).rstrip())
     return cli.OK

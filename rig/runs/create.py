@@ -52,14 +52,18 @@ def hold_realtime(campaign: str) -> TextIO:
     killed run never blocks the next.
     """
     path = Path(tempfile.gettempdir()) / "wec-rig-realtime.lock"
-    file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+")
+    try:
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o666), "r+")
+    except PermissionError:  # made by another user: it can be locked without being written
+        file = path.open()
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         holder = file.read().strip() or "another process"
         file.close()
         raise BusyError(f"the real-time loop of this host is taken by {holder}") from None
-    file.truncate(0)
-    file.write(f"campaign {campaign}, process {os.getpid()}")
-    file.flush()
+    if file.writable():
+        file.truncate(0)
+        file.write(f"campaign {campaign}, process {os.getpid()}")
+        file.flush()
     return file

@@ -4,6 +4,7 @@ Small JSON texts lie in the folder while a run goes on and inside its MCAP file 
 file alone (sent by mail, say) still tells everything.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -17,6 +18,8 @@ from rig.runs.mcap_file import Contents, RunError, scan
 
 MCAP = "run.mcap"
 STATUS = "run.json"
+CONFIG = "config.json"
+_GONE = "its supervisor is gone and left no ending"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 
 
@@ -120,7 +123,7 @@ def facts(run: str | os.PathLike[str], contents: Iterable[Contents] | None = Non
                 return found
         return {}
 
-    status, config = read(STATUS, "status.json"), read("config.json")
+    status, config = read(STATUS, "status.json"), read(CONFIG)
     told = metadata.get("run", {})
     folder = path if path.is_dir() else path.parent
     return Facts(
@@ -147,7 +150,7 @@ class Listed(NamedTuple):
     campaign: str
     rows_done: int | None
     rows_planned: int | None
-    status: str  # complete, stopped, fault, crashed; "unknown" if nothing says it
+    status: str  # running, complete, stopped, fault, crashed, refused, abandoned, unknown
     reason: str
     size: int  # bytes of its MCAP file(s)
     problem: str  # what is wrong with the folder; empty if nothing is
@@ -157,44 +160,85 @@ def _count(value: Any) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def _listed(path: Path) -> Listed:
-    problem, size, found = "", 0, Facts(path.name, "", "", {}, {}, {}, {}, {}, {}, {})
+def _alive(pid: int, started: int) -> bool:
+    """Whether the process that began at ``started`` (field 22 of /proc/PID/stat) still runs."""
     try:
+        told = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return False
+    return int(told[19]) == started and told[0] not in ("Z", "X")
+
+
+def _abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:
+    """Whether a run that is listed as running has nobody left to end it."""
+    pid, started = status.get("pid"), status.get("pid_started")
+    if isinstance(pid, int) and isinstance(started, int):
+        return not _alive(pid, started)
+    try:
+        return bool(mcaps) and all(scan(p).finished for p in mcaps)
+    except (RunError, OSError):
+        return False
+
+
+def _quick_facts(path: Path) -> Facts:
+    """What the texts beside a record say of it; no MCAP file is opened."""
+    status = _json((path / STATUS).read_bytes())
+    return Facts(
+        run=str(status.get("run") or path.name),
+        rung=str(status.get("rung", "")),
+        campaign=str(status.get("campaign") or _campaign(_json((path / CONFIG).read_bytes()))),
+        status=status,
+        **{name: {} for name in ("config", "plan", "code", "host", "timing", "metadata")},
+    )
+
+
+def _listed(path: Path) -> Listed:
+    found = Facts(path.name, "", "", {}, {}, {}, {}, {}, {}, {})
+    problem, size = "", 0
+    mcaps: list[Path] = []
+    try:
+        beside = path / STATUS
+        quick = beside.is_file() and (path / CONFIG).is_file()
+        if quick:
+            found = _quick_facts(path)
         mcaps = files(path)
         size = sum(p.stat().st_size for p in mcaps)
-        beside, config = path / STATUS, path / "config.json"
-        if beside.is_file() and config.is_file():  # the quick way: no MCAP file is opened
-            status, resolved = _json(beside.read_bytes()), _json(config.read_bytes())
-            found = found._replace(
-                status=status,
-                rung=str(status.get("rung", "")),
-                campaign=str(status.get("campaign") or _campaign(resolved)),
-                run=str(status.get("run") or path.name),
-            )
-        else:
+        if not quick:
             found = facts(path)
         if beside.is_file() and not found.status:
             problem = f"{STATUS} is not readable"
         elif not beside.is_file():
-            problem = f"no {STATUS}: the run is going on, or its supervisor was killed"
+            problem = f"no {STATUS}: the file was removed, or the run was killed before it began"
         elif size == 0:
             problem = "the MCAP file is empty"
     except (RunError, OSError) as error:
         problem = str(error)
-    status = found.status
+    state = str(found.status.get("status") or "unknown")
+    if state == "running" and _abandoned(found.status, mcaps):
+        state = "abandoned"
+        problem = "; ".join(filter(None, (_GONE, problem)))
     return Listed(
         run=found.run,
         path=path,
         started_utc=found.started_utc,
         rung=found.rung,
         campaign=found.campaign,
-        rows_done=_count(status.get("rows_done")),
-        rows_planned=_count(status.get("rows_planned")),
-        status=str(status.get("status") or "unknown"),
-        reason=str(status.get("reason", "")),
+        rows_done=_count(found.status.get("rows_done")),
+        rows_planned=_count(found.status.get("rows_planned")),
+        status=state,
+        reason=str(found.status.get("reason", "")),
         size=size,
         problem=problem,
     )
+
+
+def _moment(run: Listed) -> tuple[datetime, str]:
+    """When a run started, by its status or else by its folder's name; then the name."""
+    for text in (run.started_utc, run.path.name.partition("_")[0]):
+        with contextlib.suppress(ValueError):
+            moment = datetime.fromisoformat(text)
+            return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)), run.path.name
+    return datetime.min.replace(tzinfo=UTC), run.path.name
 
 
 def list_runs(folder: str | os.PathLike[str]) -> list[Listed]:
@@ -207,4 +251,4 @@ def list_runs(folder: str | os.PathLike[str]) -> list[Listed]:
         for path in sorted(folder.iterdir())
         if path.is_dir() and not path.name.startswith(".")
     ]
-    return sorted(found, key=lambda run: run.started_utc or run.run)
+    return sorted(found, key=_moment)

@@ -81,6 +81,7 @@ def phase_block(n: int, row: int, phase: Phase, planned: Row | None = None) -> A
     block["plan.row"] = row
     block["plan.phase"] = phase
     block["safety.mode"] = Mode.RUN
+    block["tare.samples"] = 500
     if planned is not None:
         block["heave.demand.kp"] = planned.kp
         block["heave.demand.ki"] = planned.ki

@@ -123,6 +123,23 @@ def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
     assert "no row was measured" in (tmp_path / "none" / "summary.txt").read_text()
 
 
+def test_a_refused_run_says_so(tmp_path: Path) -> None:
+    why = "the host did not grant what the rig file requires"
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    data = synthetic.run_rows(ROWS[:1], SHAPE)[:0]
+    synthetic.write_run(tmp_path, data, plan, status="refused", reason=why)
+    summary = summary_of(tmp_path)
+    assert (summary.ending, summary.reason) == ("Refused", why)
+
+
+def test_rows_without_a_tare_raise_an_alarm(tmp_path: Path) -> None:
+    data = synthetic.run_rows(ROWS[:3], SHAPE)
+    data["tare.samples"] = 0
+    synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE))
+    (alarm,) = (text for text in summary_of(tmp_path).alarms if "tare" in text)
+    assert alarm.startswith("no tare was taken before rows 0-2")
+
+
 def test_a_single_file_tells_all_but_its_end(whole: Path, tmp_path: Path) -> None:
     alone = tmp_path / "mailed.mcap"
     alone.write_bytes((whole / "run.mcap").read_bytes())

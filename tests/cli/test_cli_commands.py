@@ -118,5 +118,40 @@ def test_plot_draws_fields_over_time(runs: Path, tmp_path: Path) -> None:
     assert "heave.estimate.position" in unknown.stderr
 
 
+@pytest.mark.parametrize("fields", [[], ["-f", "time"]])
+def test_a_picture_that_cannot_be_written_is_said(runs: Path, fields: list[str]) -> None:
+    words = ["plot", "last", "--runs", runs, *fields, "-o", "/nonexistent/x.png"]
+    done = rig(*words)
+    assert done.returncode == 2
+    assert done.stderr.startswith("rig plot: ")
+    assert "/nonexistent/x.png" in done.stderr
+    as_json = rig(*words, "--json")
+    assert as_json.returncode == 2
+    said = json.loads(as_json.stdout)
+    assert said["status"] == "bad input"
+    assert "No such file or directory" in said["message"]
+
+
+@pytest.mark.parametrize("command", ["show", "plot", "runs"])
+def test_names_that_are_too_long_are_said(command: str, tmp_path: Path) -> None:
+    name = "x" * 300
+    words = [command, "--runs", name] if command == "runs" else [command, name, "--runs", tmp_path]
+    done = rig(*words)
+    assert done.returncode == 2
+    assert "File name too long" in done.stderr
+    assert "Traceback" not in done.stderr
+    said = json.loads(rig(*words, "--json").stdout)
+    assert said["status"] == "bad input"
+
+
+def test_a_folder_that_is_no_run_is_said(tmp_path: Path) -> None:
+    for command in ("show", "plot"):
+        done = rig(command, tmp_path, "--json")
+        assert done.returncode == 2
+        assert "no run.mcap" in json.loads(done.stdout)["message"]
+
+
 def test_help_names_the_exit_codes() -> None:
-    assert "tripped" in rig("run", "--help").stdout
+    said = rig("run", "--help").stdout
+    assert "tripped" in said
+    assert "refused" in said

@@ -236,7 +236,7 @@ class _Posting:
     def wait_next(self) -> Any:
         wake = self._clock.wait_next()
         if wake.tick in self._posts:
-            self._mail.post(Request(self._posts[wake.tick], 0))
+            self._mail.post(Request(self._posts[wake.tick]))
         return wake
 
 

@@ -1,6 +1,7 @@
 """Opening runs: fields, rows, units, and the same numbers as the stock reader gives."""
 
 import json
+import os
 import time
 from pathlib import Path
 
@@ -166,3 +167,50 @@ def test_lists_of_runs(tmp_path: Path) -> None:
     assert "run.json is not readable" in said["bad_json"]
     assert listed["no_end"].started_utc == "2025-10-09T08:53:20Z"
     assert list_runs(tmp_path / "nowhere") == []
+
+
+def process_start(pid: int) -> int:
+    return int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[19])
+
+
+def test_a_run_without_its_supervisor_is_abandoned(tmp_path: Path) -> None:
+    pid = os.getpid()
+    started = process_start(pid)
+    told: dict[str, tuple[dict[str, object], bool]] = {
+        "alive": ({"pid": pid, "pid_started": started}, False),
+        "pid_taken_by_another": ({"pid": pid, "pid_started": started - 1}, False),
+        "gone": ({"pid": 2**22 + 1, "pid_started": 1}, False),
+        "old_and_finished": ({}, True),
+        "old_and_unfinished": ({}, False),
+    }
+    for name, (fields, finish) in told.items():
+        folder = tmp_path / name
+        folder.mkdir()
+        files.write(folder / "run.mcap.part0", files.rows(10), finish=finish)
+        (folder / "config.json").write_text("{}")
+        (folder / "run.json").write_text(json.dumps({"status": "running"} | fields))
+    listed = {run.run: run for run in list_runs(tmp_path)}
+    assert {name for name, run in listed.items() if run.status == "running"} == {
+        "alive",
+        "old_and_unfinished",
+    }
+    assert {run.status for run in listed.values()} == {"running", "abandoned"}
+    assert not listed["alive"].problem
+    assert "supervisor is gone" in listed["gone"].problem
+
+
+def test_runs_are_in_the_order_of_their_starts(tmp_path: Path) -> None:
+    starts = {"b": "2026-05-04T09:30:00Z", "a": "2026-05-04T09:30:00.5+00:00", "rubbish": "soon"}
+    for name, start in starts.items():
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.json").write_text(json.dumps({"started_utc": start}))
+        (tmp_path / name / "config.json").write_text("{}")
+    for name in ("20260504T093001Z_x", "20260504T092959Z_x"):
+        (tmp_path / name).mkdir()
+    assert [run.path.name for run in list_runs(tmp_path)] == [
+        "rubbish",
+        "20260504T092959Z_x",
+        "b",
+        "a",
+        "20260504T093001Z_x",
+    ]

@@ -41,17 +41,18 @@ def campaign(tmp_path: Path) -> Path:
     )
 
 
-def processes(module: str) -> Iterator[int]:
-    """Children of this process that run a module."""
+def processes(module: str, parent: int | None = None) -> Iterator[int]:
+    """Children of a process (this one if not said) that run a module."""
+    wanted = parent if parent is not None else os.getpid()
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
             continue
         try:
-            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            found = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
             words = (entry / "cmdline").read_bytes().split(b"\0")
         except (OSError, IndexError):
             continue
-        if parent == os.getpid() and module.encode() in words:
+        if found == wanted and module.encode() in words:
             yield int(entry.name)
 
 
@@ -120,6 +121,42 @@ def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None
     assert found[-1] == ended.outcome.ticks - 1
 
 
+def stop(module: str) -> None:
+    """Let a process hang: it lives and does nothing."""
+    for process in processes(module):
+        os.kill(process, signal.SIGSTOP)
+
+
+def test_hung_logger_is_replaced(
+    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "STALL", 3.0)
+    once = Once(20.0, lambda: stop("rig.logger"))
+    ended = run(campaign, tmp_path / "runs", once)
+    assert once.done
+    assert (ended.outcome.status, ended.outcome.logger_restarts) == ("complete", 1)
+    assert np.array_equal(ticks(ended.folder)["tick"].values, np.arange(ended.outcome.ticks))
+
+
+def test_hung_loop_is_ended_and_its_rows_are_kept(
+    campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervisor, "HANG", 3.0)
+    ended = run(campaign, tmp_path / "runs", Once(20.0, lambda: stop("rig.rehearsal")))
+    assert (ended.outcome.status, ended.outcome.reason) == ("crashed", "the loop hung")
+    assert ended.outcome.unsaved == 0
+    found = ticks(ended.folder)["tick"].values
+    assert np.array_equal(found, np.arange(ended.outcome.ticks))
+
+
+def test_a_view_that_breaks_does_not_end_the_run(campaign: Path, tmp_path: Path) -> None:
+    def broken(snapshot: Snapshot) -> None:
+        raise BrokenPipeError
+
+    ended = run(campaign, tmp_path / "runs", broken)
+    assert ended.outcome.status == "complete"
+
+
 def supervised(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[str]:
     """`rig run` as a person starts it, in a process group of its own."""
     words = [sys.executable, "-m", "rig", "run", str(campaign), "--runs", str(runs), *options]
@@ -142,22 +179,45 @@ def wait_for_rows(runs: Path, size: int = 200_000) -> Path:
     raise AssertionError("no rows came")
 
 
+def finished(folder: Path) -> None:
+    """Wait until the logger, left to itself, has ended its file."""
+    part = folder / "run.mcap.part0"
+    for _ in range(400):
+        if part.read_bytes()[-8:] == b"\x89MCAP0\r\n":
+            return
+        time.sleep(0.05)
+    raise AssertionError("the logger does not end its file")
+
+
 def test_killed_supervisor_stops_the_rig_and_saves_the_rows(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     process = supervised(campaign, runs)
     folder = wait_for_rows(runs)
     process.kill()
     process.communicate()
-    part = folder / "run.mcap.part0"
-    for _ in range(400):  # the logger goes on until the loop has stopped, then ends its file
-        if part.read_bytes()[-8:] == b"\x89MCAP0\r\n":
-            break
-        time.sleep(0.05)
+    finished(folder)
     found = ticks(folder)
     assert found["safety.reason"].values[-1] == Reason.SUPERVISOR_LOST
     assert found["safety.mode"].values[-1] == STOP_0
     assert found["heave.command.enable"].values[-1] == 0
     assert STOP_1 in found["safety.mode"].values  # damping first: category 1
+
+
+def test_supervisor_and_loop_killed_together_leave_a_finished_record(
+    campaign: Path, tmp_path: Path
+) -> None:
+    runs = tmp_path / "runs"
+    process = supervised(campaign, runs)
+    folder = wait_for_rows(runs)
+    loops = list(processes("rig.rehearsal", parent=process.pid))
+    assert loops
+    process.kill()
+    for loop in loops:
+        os.kill(loop, signal.SIGKILL)
+    process.communicate()
+    finished(folder)
+    found = ticks(folder)["tick"].values
+    assert np.array_equal(found, np.arange(len(found)))
 
 
 @pytest.mark.parametrize("presses", [1, 2])

@@ -1,0 +1,22 @@
+"""How a command says that it could not do what was asked."""
+
+import json
+import sys
+
+from rig import cli
+
+
+def in_words(error: Exception) -> str:
+    """An error's own text; a KeyError's without the quotes that str() puts around it."""
+    return str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
+
+
+def fail(command: str, error: Exception, *, as_json: bool, code: int = cli.BAD_INPUT) -> int:
+    """Say it on standard error, or as JSON on standard output; gives the exit code."""
+    message = in_words(error) or type(error).__name__
+    if as_json:
+        status = "bad input" if code == cli.BAD_INPUT else "failed"
+        print(json.dumps({"status": status, "message": message}))
+    else:
+        print(f"rig {command}: {message}", file=sys.stderr)
+    return code

@@ -1,0 +1,129 @@
+"""Parts of the commands that need no run: finding one, words, progress lines, endings."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rig import cli
+from rig.campaign_run import Ended
+from rig.cli import run as run_command
+from rig.cli.find_run import find_run
+from rig.cli.progress import Progress
+from rig.cli.runs import main as list_command
+from rig.runs import RunError
+from rig.supervisor import Outcome, Snapshot
+
+REFUSED = "the host did not grant what the rig file requires"
+
+
+def folder_of(runs: Path, name: str, **status: object) -> Path:
+    """A run's folder with its texts and no record."""
+    folder = runs / name
+    folder.mkdir(parents=True)
+    (folder / "run.json").write_text(json.dumps(status))
+    (folder / "config.json").write_text("{}")
+    return folder
+
+
+def test_last_is_the_run_that_started_last(tmp_path: Path) -> None:
+    old = folder_of(tmp_path, "20260504T093000Z_a", started_utc="2026-05-04T09:30:00Z")
+    new = folder_of(tmp_path, "20260504T093001Z_a", started_utc="2026-05-04T09:30:01+00:00")
+    os.utime(old, (2e9, 2e9))  # touched later, e.g. by `rig plot`
+    assert find_run(Path("last"), tmp_path) == new
+
+
+def test_an_exact_id_wins_over_a_prefix(tmp_path: Path) -> None:
+    first = folder_of(tmp_path, "20260504T093000Z_a")
+    second = folder_of(tmp_path, "20260504T093000Z_a_2")
+    assert find_run(Path(first.name), tmp_path) == first
+    assert find_run(Path(second.name), tmp_path) == second
+    with pytest.raises(RunError, match="2 runs begin so"):
+        find_run(Path("20260504"), tmp_path)
+
+
+def test_a_narrow_list_keeps_the_run_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = "20260504T093000Z_a_campaign_with_a_rather_long_name"
+    reason = "a_reason_without_any_space_in_it_that_must_be_folded"
+    folder = folder_of(tmp_path, name, status="fault", reason=reason, rung="rehearsal")
+    (folder / "run.mcap").write_bytes(b"x")
+    for columns in ("100", "40"):
+        monkeypatch.setenv("COLUMNS", columns)
+        assert list_command(tmp_path, as_json=False) == cli.OK
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[1].startswith(name)
+    monkeypatch.setenv("COLUMNS", "100")
+    list_command(tmp_path, as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    at = lines[0].index("reason")
+    assert reason in "".join(line[at:].split()[0] for line in lines[1:] if line[at:].strip())
+
+
+def snapshot(**fields: float) -> Snapshot:
+    row: dict[str, float | int] = {"time": 30.0, "plan.row": -1, "plan.phase": 0}
+    return Snapshot(row | {"timing.skipped": 3, "power.samples": 0} | fields, 2, 0, "")
+
+
+def test_lines_tell_time_left_losses_and_each_notice_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("rig.cli.progress.time.monotonic", lambda: now[0])
+    plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4)
+    view = Progress("title", "rehearsal", plan, quiet=False)
+    view._drawn = False
+    now[0] += 15.0
+    view(snapshot())
+    said = capsys.readouterr().err
+    for part in ("0:30 of 2:00", "0:45 left", "3 ticks skipped", "2 rows dropped"):
+        assert part in said
+    view.notice = "stopping"
+    for _ in range(3):
+        view(snapshot())
+    assert capsys.readouterr().err == "stopping\n"
+    view.notice = "power off"
+    view(snapshot())
+    assert capsys.readouterr().err == "power off\n"
+
+
+def play(
+    monkeypatch: pytest.MonkeyPatch, folder: Path, outcome: Outcome, *, as_json: bool = False
+) -> int:
+    """`rig run` of a good campaign whose run ends like this."""
+    campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
+    monkeypatch.setattr(run_command, "rehearse", lambda *a, **k: Ended(folder, outcome, ""))
+    return run_command.main(campaign, folder.parent, realtime=False, as_json=as_json)
+
+
+def test_a_refused_run_has_its_own_words_and_no_products(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = folder_of(tmp_path, "refused")
+    before = sorted(folder.iterdir())
+    outcome = Outcome("refused", REFUSED, 0, 0, 0, 0, 0, {})
+    assert play(monkeypatch, folder, outcome) == cli.FAILED
+    said = capsys.readouterr()
+    assert f"Refused: {REFUSED}." in said.err
+    assert "no products" not in said.out + said.err
+    assert sorted(folder.iterdir()) == before
+    assert play(monkeypatch, folder, outcome, as_json=True) == cli.FAILED
+    assert json.loads(capsys.readouterr().out)["products"] == []
+
+
+def test_json_of_a_run_holds_no_nan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row: dict[str, float | int] = {"a": math.nan, "b": -math.inf, "c": 1.5, "tick": 7}
+    outcome = Outcome("fault", "NOT_FINITE", 0, 0, 0, 0, 0, row)
+    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == cli.FAULT
+    text = capsys.readouterr().out
+    assert "NaN" not in text
+    assert json.loads(text)["last_row"] == {"a": None, "b": None, "c": 1.5, "tick": 7}

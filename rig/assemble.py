@@ -2,10 +2,10 @@
 
 import math
 
-from controllers import impedance, magnetic_spring
+from controllers import estimator, impedance, magnetic_spring
 from rig import axis, cycle, limits, safety, wavebot
 from rig.config.limits_file import LimitsFile
-from rig.config.rig_file import RigFile
+from rig.config.rig_file import HeaveAxis, RigFile
 from rig.estimator_design import design
 from rig.sequence import Segments
 
@@ -17,8 +17,17 @@ def newtons_per_ampere(rig: RigFile) -> float:
 
 def metres_per_count(rig: RigFile) -> float:
     """Heave per encoder count (m)."""
-    turn = 2.0 * math.pi / rig.heave.gear_ratio_rad_per_m
-    return turn / rig.heave.counts_per_revolution
+    return _count(rig.heave)
+
+
+def estimator_params(heave: HeaveAxis, dt: float) -> estimator.Params:
+    """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
+    return design(_count(heave), heave.encoder_noise_counts, heave.jerk_density_m2_per_s5, dt)
+
+
+def _count(heave: HeaveAxis) -> float:
+    turn = 2.0 * math.pi / heave.gear_ratio_rad_per_m
+    return turn / heave.counts_per_revolution
 
 
 def wavebot_params(
@@ -37,12 +46,7 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=axis.Params(
-                estimator=design(
-                    metres_per_count(rig),
-                    rig.heave.encoder_noise_counts,
-                    rig.heave.jerk_density_m2_per_s5,
-                    dt,
-                ),
+                estimator=estimator_params(rig.heave, dt),
                 law=impedance.Params(ramp=rig.heave.gain_ramp_s),
                 limits=limits.AxisLimits(
                     position_warn=heave.position_warn_m,
@@ -57,6 +61,7 @@ def wavebot_params(
                     newtons_per_ampere=newtons_per_ampere(rig),
                 ),
                 stop_damping=rig.stop.damping_n_s_per_m,
+                stop_ramp=rig.stop.ramp_s,
             ),
             spring=magnetic_spring.Params(
                 rates=rates,

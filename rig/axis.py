@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from controllers import estimator, impedance
+from controllers.blocks import ramp_start
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Gains
 from rig import limits
 from rig.safety import RUN, STOP_1, STOP_2
@@ -15,6 +16,7 @@ class Params(NamedTuple):
     law: impedance.Params
     limits: limits.AxisLimits
     stop_damping: float  # N*s/m, > 0: what holds the body while it is brought to a stop
+    stop_ramp: float  # s, time from the gains of the run to that damping
 
 
 class State(NamedTuple):
@@ -23,6 +25,7 @@ class State(NamedTuple):
     estimator: estimator.State
     law: impedance.State
     limits: limits.AxisState
+    stopping: int  # 1: the law's gains were last set by a stop
 
 
 class Record(NamedTuple):
@@ -36,7 +39,7 @@ class Record(NamedTuple):
 
 def start() -> State:
     """State at switch-on."""
-    return State(estimator.start(), impedance.start(), limits.start())
+    return State(estimator.start(), impedance.start(), limits.start(), 0)
 
 
 class Seen(NamedTuple):
@@ -61,13 +64,18 @@ def control(
 
     With the power off the law starts afresh, so a later start ramps its gains up from zero.
     """
-    motion = seen.motion
+    motion, law = seen.motion, state.law
+    stopping = 1 if mode in (STOP_1, STOP_2) else 0
+    if stopping != state.stopping:
+        # A ramp keeps its pace while its target stays: a stop must not inherit that of the run.
+        law = impedance.State(ramp_start(law.kp.value), ramp_start(law.ki.value))
     if mode == RUN:
-        law, demand = impedance.step(params.law, state.law, gains, motion, dt)
-    elif mode in (STOP_1, STOP_2):
+        law, demand = impedance.step(params.law, law, gains, motion, dt)
+    elif stopping == 1:
         held = Gains(-params.stop_damping, 0.0)
-        law, demand = impedance.step(params.law, state.law, held, motion, dt)
+        quick = impedance.Params(params.stop_ramp)
+        law, demand = impedance.step(quick, law, held, motion, dt)
     else:
         law, demand = impedance.start(), Demand(0.0, 0.0, 0.0)
     granted, command = limits.grant(params.limits, state.limits, demand.force, mode, dt)
-    return State(seen.estimator, law, granted), demand, command
+    return State(seen.estimator, law, granted, stopping), demand, command

@@ -32,6 +32,11 @@ class Clock(Protocol):
         ...
 
 
+def utc_of_zero(clock: Clock) -> int:
+    """UTC of the clock's time zero, nanoseconds since 1970: the one mapping a run stores."""
+    return time.time_ns() - round(clock.now() * _NS)
+
+
 class VirtualClock:
     """As fast as the loop goes; time is the number of ticks, so a run is repeatable to the bit."""
 

@@ -9,13 +9,12 @@ import json
 import os
 import signal
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 from rig import cycle, handover, loop, realtime, safety
-from rig.clock import Clock, RealClock, VirtualClock
+from rig.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.devices import Devices
 from rig.mailbox import Mailbox, Request
 from rig.ring import Writer
@@ -63,11 +62,12 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         devices = connect(json.loads(job.devices), job.dt)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
-            _say(event="refused", privileges=granted._asdict(), start_utc_ns=time.time_ns())
+            _say(event="refused", privileges=granted._asdict())
             sys.exit(REFUSED)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
-        zero = time.time_ns() - round(clock.now() * 1e9)
-        _say(event="start", privileges=granted and granted._asdict(), start_utc_ns=zero)
+        _say(
+            event="start", privileges=granted and granted._asdict(), start_utc_ns=utc_of_zero(clock)
+        )
         end = loop.run(
             kind,
             job.params,

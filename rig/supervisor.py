@@ -220,7 +220,7 @@ class Run:
         for event in loop.heard():
             if event["event"] in ("start", "refused"):
                 write_json(self._setup.folder, log_process.PRIVILEGES, event["privileges"])
-                self._started_ns = event["start_utc_ns"]
+                self._started_ns = event.get("start_utc_ns", 0)
             if event["event"] == "refused":
                 denied = [f"{name} ({why})" for name, why in event["privileges"].items() if why]
                 self._refused = f"the host did not grant {', '.join(denied)}"

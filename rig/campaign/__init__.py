@@ -6,6 +6,7 @@ Runs in the supervisor only; the loop gets the finished `Plan`.
 from rig.campaign.check import Report, check
 from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.files import Campaign, ReadFile, open_campaign
+from rig.campaign.pieces import Pieces
 from rig.campaign.plan import CampaignRow, PhaseSeconds, Plan, plan
 from rig.campaign.points import Point
 from rig.campaign.resolved import resolved
@@ -16,6 +17,7 @@ __all__ = [
     "CampaignRow",
     "Elevation",
     "PhaseSeconds",
+    "Pieces",
     "Plan",
     "Point",
     "ReadFile",

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.campaign.files import Campaign, open_campaign
+from rig.campaign.files import Also, Campaign, nothing_more, open_campaign
 from rig.campaign.plan import Plan, plan
 from rig.config.problems import ConfigError, Problem, shown
 
@@ -80,11 +80,14 @@ class Report(NamedTuple):
         return json.dumps(whole, ensure_ascii=False)
 
 
-def check(path: Path) -> Report:
-    """Check a campaign file and all it stands on; needs no hardware and never raises for a file."""
+def check(path: Path, also: Also = nothing_more) -> Report:
+    """Check a campaign file and all it stands on; needs no hardware and never raises for a file.
+
+    ``also`` adds the problems of a further check, such as the simulated plant's.
+    """
     path = Path(path)
     try:
-        campaign = open_campaign(path)
+        campaign = open_campaign(path, also)
     except ConfigError as error:
         return Report(path, error.problems, None, None)
     return Report(path, (), campaign, plan(campaign.file, campaign.rig, campaign.points))

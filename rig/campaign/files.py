@@ -1,13 +1,14 @@
 """Opening a campaign: every file it stands on, every problem in them at once."""
 
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.order import turns
-from rig.campaign.points import MOST_ROWS, Point, outside_map, points, stator_positions
+from rig.campaign.pieces import Pieces, Source, pieces, sea_of
+from rig.campaign.points import MOST_ROWS, Point, count, outside_map, points, stator_positions
 from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, windows
 from rig.config.campaign_file import CampaignFile
@@ -43,14 +44,19 @@ class Campaign(NamedTuple):
     files: tuple[ReadFile, ...]  # with those they extend
 
 
-class _Opened(NamedTuple):
-    mapping: dict[str, Any]
-    locate: Locate
+Also = Callable[[Pieces], Iterable[Problem]]
+"""A further check of a campaign, made whatever else is wrong with it."""
 
 
-def open_campaign(path: Path) -> Campaign:
+def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
+    """No further check."""
+    return ()
+
+
+def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
     """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
 
+    ``also`` is where the simulated plant has its say, which is not known here.
     Raises `ConfigError` with every problem of all these files.
     """
     problems: list[Problem] = []
@@ -62,7 +68,7 @@ def open_campaign(path: Path) -> Campaign:
             problems.extend(error.problems)
             return None
 
-    top = attempt(lambda: _Opened(*load_mapping(Path(path))))
+    top = attempt(lambda: Source(*load_mapping(Path(path))))
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(lambda: _named(top, ("rig",)))
@@ -85,23 +91,26 @@ def open_campaign(path: Path) -> Campaign:
         *_files("limits", limits_source),
         *_files("plant", plant_source),
     ]
+    rows = 0
     if campaign is not None:
-        found = attempt(lambda: points(campaign.matrix, top.locate))
-        problems += _own_rules(campaign, found or (), top.locate)
+        found = attempt(lambda: _points(campaign, top.locate))
+        rows = campaign.repeat * (count(campaign.matrix) if found is None else len(found))
+        problems += _own_rules(campaign, rows, top.locate)
         if campaign.matrix.csv is not None and found:
             files.append(_file("matrix", found[0].place.path))
-        sea = campaign.sea
-        if isinstance(sea, RecordedSea):
-            record = top.locate.file(("sea", "file"), sea.file)
-            elevation = attempt(lambda: _elevation(record, sea, top.locate))
-            if elevation is not None:
-                files.append(_file("elevation", record))
+    sea = sea_of(top)
+    if isinstance(sea, RecordedSea):
+        record = top.locate.file(("sea", "file"), sea.file)
+        elevation = attempt(lambda: _elevation(record, sea, top.locate))
+        if elevation is not None:
+            files.append(_file("elevation", record))
     if rig is not None and found is not None:
         outside = outside_map(found, rig.spring)
         problems += (*outside, *unstable(found, rig.stability))
-        if campaign is not None and not outside:
+        if campaign is not None and not outside and rows <= MOST_ROWS:
             first = _first(campaign, found, rig)
             problems += unstable_set_point(campaign, first, rig.stability, top.locate)
+    problems += also(pieces(top, rig_source, plant_source, sea, elevation))
     if problems:
         raise ConfigError(_in_order(problems, (top, rig_source, limits_source, plant_source)))
     assert campaign is not None
@@ -122,31 +131,33 @@ def open_campaign(path: Path) -> Campaign:
     )
 
 
-def _in_order(problems: list[Problem], sources: tuple[_Opened | None, ...]) -> list[Problem]:
+def _in_order(problems: list[Problem], sources: tuple[Source | None, ...]) -> list[Problem]:
     """File by file, the campaign's first, and down each file."""
     files = [shown(path) for opened in sources if opened for path in opened.locate.files]
     rank = {file: i for i, file in reversed(list(enumerate(files)))}
     return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
 
 
-def _named(owner: _Opened, key: KeyPath) -> _Opened | None:
+def _named(owner: Source, key: KeyPath) -> Source | None:
     """The file another one names; None where the name itself is a problem told elsewhere."""
     name = owner.mapping.get(str(key[-1]))
     if not isinstance(name, str) or not name:
         return None
     path = owner.locate.file(key, name)
-    return _Opened(*load_mapping(path, owner.locate(key), key_text(key)))
+    return Source(*load_mapping(path, owner.locate(key), key_text(key)))
 
 
-def _own_rules(
-    campaign: CampaignFile, found: tuple[Point, ...], locate: Locate
-) -> tuple[Problem, ...]:
+def _points(campaign: CampaignFile, locate: Locate) -> tuple[Point, ...] | None:
+    """None where there are too many: to build millions takes its time, only to be refused."""
+    return points(campaign.matrix, locate) if count(campaign.matrix) <= MOST_ROWS else None
+
+
+def _own_rules(campaign: CampaignFile, rows: int, locate: Locate) -> tuple[Problem, ...]:
     problems = []
     try:
         windows(campaign.sea, campaign.timing)
     except WindowError as error:
         problems.append(locate.problem(error.key, error.value, error.message))
-    rows = len(found) * campaign.repeat
     if rows > MOST_ROWS:
         key = ("repeat",) if campaign.repeat > 1 else ("matrix",)
         problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MOST_ROWS}"))
@@ -166,7 +177,7 @@ def _elevation(record: Path, sea: RecordedSea, locate: Locate) -> Elevation:
     return read_elevation(record, sea)
 
 
-def _files(role: str, opened: _Opened | None) -> list[ReadFile]:
+def _files(role: str, opened: Source | None) -> list[ReadFile]:
     if opened is None:
         return []
     return [_file(role, path) for path in opened.locate.files]

@@ -31,6 +31,15 @@ class Point(NamedTuple):
         return Problem(shown(self.place.path), self.place.line, self.key, value, message)
 
 
+def count(matrix: Matrix) -> int:
+    """Points of a grid or list, told from its lengths; 0 for a CSV, which has to be read."""
+    grids = (
+        len(grid.spring_n_per_m) * len(grid.kp_n_s_per_m) * len(grid.ki_n_per_m)
+        for grid in matrix.grid or ()
+    )
+    return sum(grids) + len(matrix.combinations or ())
+
+
 def points(matrix: Matrix, locate: Locate) -> tuple[Point, ...]:
     """All points in the order of the file; Kp outer and Ki inner in a grid.
 
@@ -118,6 +127,9 @@ def _from_csv(path: Path, asked: Place) -> tuple[Point, ...]:
             problems += row
         else:
             found.append(row)
+        if len(found) + len(problems) > MOST_ROWS:
+            message = f"more than {MOST_ROWS} rows; allowed at most {MOST_ROWS}"
+            raise ConfigError([Problem(shown(path), number, "", line, message)])
     if problems:
         raise ConfigError(problems)
     if not found:

@@ -10,11 +10,7 @@ from rig.rehearsal.job import problems
 
 def examine(path: Path) -> Report:
     """Check a campaign with all it stands on, the simulated plant included."""
-    report = check(path)
-    if report.campaign is None:
-        return report
-    found = problems(report.campaign)
-    return Report(path, found, None, None) if found else report
+    return check(path, also=problems)
 
 
 def main(path: Path, *, as_json: bool) -> int:

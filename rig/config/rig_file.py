@@ -1,12 +1,31 @@
 """The file of a WaveBot rig: what is screwed together, and how its numbers are scaled."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from rig.config.model import Broken, FileModel, Several, Whole
+from rig.config.model import Broken, FileModel, Reason, Several, Whole, refuse
 from rig.config.problems import number_text
+
+_SECOND = 10**9  # ns
+_SLOWEST, _FASTEST = 200, 2000
+
+
+def _whole_nanoseconds(rate: int) -> int:
+    if _SECOND % rate:
+        whole = (str(r) for r in range(_SLOWEST, _FASTEST + 1) if _SECOND % r == 0)
+        raise refuse(f"{rate} gives a tick of no whole number of ns; allowed {', '.join(whole)} Hz")
+    return rate
+
+
+Rate = Annotated[
+    Whole,
+    Field(ge=_SLOWEST, le=_FASTEST),
+    Reason("a tick is at most 5 ms and a whole number of ns"),
+    AfterValidator(_whole_nanoseconds),
+]
+"""Ticks a second, Hz."""
 
 
 class HeaveAxis(FileModel):
@@ -16,7 +35,7 @@ class HeaveAxis(FileModel):
     gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
     counts_per_revolution: Whole = Field(ge=100, le=100_000_000)
     encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation besides quantisation
-    jerk_density_m2_per_s5: float = Field(gt=0, le=1e6)
+    jerk_density_m2_per_s5: float = Field(ge=1e-4, le=1e6)
     gain_ramp_s: float = Field(ge=0, le=10)
 
 
@@ -75,8 +94,19 @@ class Stability(FileModel):
 class Stop(FileModel):
     """A controlled stop: passive damping for a while, then power off."""
 
-    damping_n_s_per_m: float = Field(ge=0, le=20_000)  # of the body; the force is -damping * v
+    damping_n_s_per_m: float = Field(gt=0, le=20_000)  # of the body; the force is -damping * v
     duration_s: float = Field(ge=0.1, le=60)
+    ramp_s: float = Field(ge=0, le=2)  # from the gains of the run to pure damping
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """At least half of a stop is pure damping."""
+        if self.ramp_s > 0.5 * self.duration_s:
+            yield Broken(
+                ("ramp_s",),
+                f"{number_text(self.ramp_s)} leaves too little of the stop to pure damping; "
+                f"allowed up to half of duration_s = {number_text(self.duration_s)} s",
+                self.ramp_s,
+            )
 
 
 class RigFile(FileModel):
@@ -84,7 +114,7 @@ class RigFile(FileModel):
 
     name: str = Field(min_length=1, max_length=64)
     kind: Literal["wavebot"]
-    rate_hz: Whole = Field(ge=100, le=2000)
+    rate_hz: Rate
     realtime: Literal["best effort", "required"]
     limits: str = Field(min_length=1)  # file, relative to this one
     plant: str = Field(min_length=1)  # file, relative to this one; stands in for the hardware

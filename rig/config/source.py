@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -18,6 +19,15 @@ from rig.config.problems import ConfigError, Problem, key_text, shown, value_tex
 
 KeyPath = tuple[str | int, ...]
 _TAG = "tag:yaml.org,2002:"
+
+MOST_LEVELS = 50
+"""Deepest nesting of a file."""
+
+MOST_NODES = 100_000
+"""Most keys and values of a file, each alias counted with all it stands for."""
+
+_TOO_DEEP = f"nested too deeply; allowed at most {MOST_LEVELS} levels"
+_TOO_MANY = f"too many keys and values; allowed at most {MOST_NODES}, with aliases written out"
 
 
 class Place(NamedTuple):
@@ -146,7 +156,12 @@ def _compose(path: Path, asked: Place, key: str) -> Node | None:
         message = f"the file is not UTF-8 text (byte {error.start})"
         raise ConfigError([_problem(Place(path, 1), "", None, message)]) from None
     try:
-        node: Node | None = YAML(typ="safe", pure=True).compose(text)
+        yaml = YAML(typ="safe", pure=True)
+        yaml.Composer = _Composer
+        node: Node | None = yaml.compose(text)
+    except _TooMuchError as error:
+        place = Place(path, error.problem_mark.line + 1)
+        raise ConfigError([_problem(place, "", None, str(error.problem))]) from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
@@ -158,6 +173,26 @@ def _compose(path: Path, asked: Place, key: str) -> Node | None:
     return node
 
 
+class _TooMuchError(ComposerError):
+    """A file larger than any configuration."""
+
+
+class _Composer(Composer):
+    """Gives up on a file that would end in a RecursionError, or only after minutes."""
+
+    levels = nodes = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self.nodes += 1
+        self.levels += 1
+        if self.levels > MOST_LEVELS or self.nodes > MOST_NODES:
+            said = _TOO_DEEP if self.levels > MOST_LEVELS else _TOO_MANY
+            raise _TooMuchError(problem=said, problem_mark=self.parser.peek_event().start_mark)
+        node = super().compose_node(parent, index)
+        self.levels -= 1
+        return node
+
+
 class _Reader:
     """Turns composed nodes into plain values and notes the line of each."""
 
@@ -166,6 +201,7 @@ class _Reader:
         self.places: dict[KeyPath, Place] = {(): Place(path, 1)}
         self.problems: list[Problem] = []
         self.construct = YAML(typ="safe", pure=True).constructor
+        self.nodes = 0
 
     def value(self, node: Node | None, at: KeyPath, inside: tuple[int, ...] = ()) -> Any:
         if node is None:
@@ -173,6 +209,10 @@ class _Reader:
         if id(node) in inside:
             self.refuse(node, at, "an alias that contains itself")
             return None
+        self.nodes += 1  # aliases count with all they stand for: nine lines can mean a billion
+        if len(inside) >= MOST_LEVELS or self.nodes > MOST_NODES:
+            self.refuse(node, at, _TOO_DEEP if len(inside) >= MOST_LEVELS else _TOO_MANY)
+            raise ConfigError(self.problems)
         if isinstance(node, MappingNode):
             return self.mapping(node, at, (*inside, id(node)))
         if isinstance(node, SequenceNode):

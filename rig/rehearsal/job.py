@@ -1,17 +1,33 @@
 """The supervisor's side of a rehearsal: is the plant in order, what does the loop need of it."""
 
+import zipfile
+import zlib
+from collections.abc import Iterator
 from typing import Any
 
 from pydantic import ValidationError
 
+from rig.assemble import estimator_params
+from rig.campaign.elevation import Elevation
 from rig.campaign.files import Campaign
-from rig.config.problems import Problem
-from rig.config.sea import CalmSea, JonswapSea, RegularSea
+from rig.campaign.pieces import Pieces, Source
+from rig.config.problems import Problem, number_text, shown
+from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
+from rig.config.source import KeyPath
 from rig.config.translate import problems_from
 from rig.rehearsal.devices import build_sea
 from sim_plant import waves
-from sim_plant.bem import read_bem
+from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
+from sim_plant.world import World
+
+# What numpy, zipfile and zlib raise for files that are none of theirs, empty or cut off.
+_UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+_SAME = 1e-6  # relative
+_ANY_RATE = 1000  # Hz, where the rig's own is wrong
+_ANY_SEED = 0  # no check depends on phases or noise
 
 
 def devices_of(campaign: Campaign) -> dict[str, Any]:
@@ -19,32 +35,107 @@ def devices_of(campaign: Campaign) -> dict[str, Any]:
     return {
         "plant": campaign.plant,
         "bem": str(campaign.plant_locate.file(("bem",), campaign.plant["bem"])),
-        "sea": _sea_of(campaign),
+        "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
     }
 
 
-def problems(campaign: Campaign) -> tuple[Problem, ...]:
-    """What the simulated plant objects to in a campaign: its parameters, its BEM file, its sea."""
-    locate = campaign.plant_locate
+def problems(pieces: Pieces) -> tuple[Problem, ...]:
+    """What would keep the loop or the simulated plant from starting: everything is built once."""
+    found = list(_estimator(pieces))
+    bem = None
+    if pieces.plant is not None:
+        plant, bad = _plant(pieces.plant)
+        bem, unreadable = _bem(pieces.plant)
+        found += [*bad, *unreadable]
+        if plant is not None:
+            found += _mismatches(pieces, plant, pieces.plant)
+        if plant is not None and bem is not None:
+            impossible = _world(pieces, plant, bem, pieces.plant)
+            bem = None if impossible else bem  # the sea is not to blame for it
+            found += impossible
+    return (*found, *_sea(pieces, bem))
+
+
+def _estimator(pieces: Pieces) -> Iterator[Problem]:
+    if pieces.rig is None or pieces.heave is None:
+        return
     try:
-        plant = Plant.model_validate(campaign.plant)
-    except ValidationError as error:
-        return tuple(problems_from(error, locate, Plant))
-    bem_file = locate.file(("bem",), plant.bem)
-    try:
-        bem = read_bem(bem_file)
-    except (OSError, ValueError, KeyError) as error:
-        return (locate.problem(("bem",), plant.bem, f"cannot be read: {error}"),)
-    try:
-        waves.tables(build_sea(_sea_of(campaign)), bem, 1.0 / campaign.rig.rate_hz)
+        estimator_params(pieces.heave, 1.0 / (pieces.rate_hz or _ANY_RATE))
     except ValueError as error:
-        return (campaign.locate.problem(("sea",), campaign.file.sea.words(), str(error)),)
+        value = pieces.heave.jerk_density_m2_per_s5
+        message = f"{number_text(value)}: {error}"
+        yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
+
+
+def _plant(source: Source) -> tuple[Plant | None, tuple[Problem, ...]]:
+    try:
+        return Plant.model_validate(source.mapping), ()
+    except ValidationError as error:
+        return None, problems_from(error, source.locate, Plant)
+
+
+def _bem(source: Source) -> tuple[Bem | None, tuple[Problem, ...]]:
+    key, name = ("bem",), source.mapping.get("bem")
+    if not isinstance(name, str) or not name.strip():
+        return None, ()  # the plant's own problem
+    path = source.locate.file(key, name)
+    try:
+        if path.suffix == ".npz":
+            with zipfile.ZipFile(path):  # numpy leaves a file open that is no archive
+                pass
+        return read_bem(path), ()
+    except _UNREADABLE as error:
+        message = f"cannot be read: {error or type(error).__name__}"
+        return None, (source.locate.problem(key, name, message),)
+
+
+def _world(pieces: Pieces, plant: Plant, bem: Bem, source: Source) -> tuple[Problem, ...]:
+    dt = 1.0 / (pieces.rate_hz or _ANY_RATE)
+    try:
+        World(plant, waves.calm(), bem, dt=dt, seed=_ANY_SEED)
+    except (ValueError, ArithmeticError) as error:
+        return (source.locate.problem((), None, f"cannot be simulated: {error}"),)
     return ()
 
 
-def _sea_of(campaign: Campaign) -> dict[str, Any]:
-    sea = campaign.file.sea
+def _mismatches(pieces: Pieces, plant: Plant, source: Source) -> Iterator[Problem]:
+    """Scales that the rig and the plant must share, or commands and counts mean other things."""
+    if pieces.rig is None or pieces.heave is None:
+        return
+    heave, pto, counts = pieces.heave, plant.pto, plant.sensors.encoder_counts
+    pairs: tuple[tuple[str, float, KeyPath, float], ...] = (
+        ("counts_per_revolution", heave.counts_per_revolution,
+         ("sensors", "encoder_counts", "value"), counts.value),
+        ("gear_ratio_rad_per_m", heave.gear_ratio_rad_per_m,
+         ("pto", "gear_ratio", "value"), pto.gear_ratio.value),
+        ("torque_constant_n_m_per_a", heave.torque_constant_n_m_per_a,
+         ("pto", "torque_constant", "value"), pto.torque_constant.value),
+    )  # fmt: skip
+    for name, ours, key, theirs in pairs:
+        if abs(ours - theirs) > _SAME * abs(theirs):
+            place = source.locate(key)
+            yield pieces.rig.locate.problem(
+                ("heave", name),
+                ours,
+                f"{number_text(ours)} is not the simulated plant's {number_text(theirs)} "
+                f"({shown(place.path)}:{place.line}); the two must agree",
+            )
+
+
+def _sea(pieces: Pieces, bem: Bem | None) -> Iterator[Problem]:
+    sea = pieces.sea
+    if sea is None or (sea.kind == "recorded" and pieces.elevation is None):
+        return
+    try:
+        built = build_sea(_sea_of(sea, _ANY_SEED, pieces.elevation))
+        if bem is not None and pieces.rate_hz is not None:
+            waves.tables(built, bem, 1.0 / pieces.rate_hz)
+    except ValueError as error:
+        yield pieces.campaign.locate.problem(("sea",), sea.words(), str(error))
+
+
+def _sea_of(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
     if isinstance(sea, CalmSea):
         return {"kind": "calm"}
     if isinstance(sea, RegularSea):
@@ -60,11 +151,11 @@ def _sea_of(campaign: Campaign) -> dict[str, Any]:
             "tp_s": sea.tp_s,
             "gamma": sea.gamma,
             "repeat_s": sea.repeat_s,
-            "seed": campaign.file.sea_seed,
+            "seed": seed,
         }
-    assert campaign.elevation is not None
+    assert elevation is not None
     return {
         "kind": "recorded",
-        "elevation_m": campaign.elevation.elevation.tolist(),
-        "rate_hz": campaign.elevation.rate_hz,
+        "elevation_m": elevation.elevation.tolist(),
+        "rate_hz": elevation.rate_hz,
     }

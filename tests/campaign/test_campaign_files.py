@@ -1,6 +1,7 @@
 """Opening a campaign: the whole chain of files, all problems at once, CSV matrices, stability."""
 
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -222,6 +223,21 @@ def test_too_many_rows(write: Any) -> None:
     grid = "{spring_n_per_m: 0, kp_n_s_per_m: {from: 0, to: -199, step: -1}, ki_n_per_m: [0, 1]}"
     ((_, line, key, said),) = told(write(f"repeat: 100\nmatrix: {{grid: [{grid}]}}\n"))
     assert (line, key, said) == (4, "repeat", "40000 rows; allowed at most 10000")
+
+
+def test_a_grid_of_millions_is_refused_from_its_lengths(write: Any) -> None:
+    many = "{from: 0, to: -1998, step: -2}"
+    grid = f"{{spring_n_per_m: [0, 1, 2], kp_n_s_per_m: {many}, ki_n_per_m: {many}}}"
+    started = time.perf_counter()
+    ((_, line, key, said),) = told(write(f"matrix: {{grid: [{grid}]}}\n"))
+    assert (line, key, said) == (4, "matrix", "3000000 rows; allowed at most 10000")
+    assert time.perf_counter() - started < 2.0
+
+
+def test_a_csv_of_too_many_rows_is_refused_where_they_begin(write: Any, tmp_path: Path) -> None:
+    (tmp_path / "campaigns" / "m.csv").write_text(HEADER + "0,-1,0\n" * 10_001)
+    found = told(write("matrix: {csv: m.csv}\n"))
+    assert found == [("m.csv", 10_002, "", "more than 10000 rows; allowed at most 10000")]
 
 
 def test_windows_that_do_not_fit_are_told_with_the_interval_that_would(write: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import os
@@ -13,13 +14,13 @@ import pytest
 
 from rig import cli
 from rig.campaign_run import Ended
-from rig.cli import run as run_command
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
 from rig.runs import RunError
 from rig.supervisor import Outcome, Snapshot
 
+run_command: Any = importlib.import_module("rig.cli.run")  # rig.cli.run is the command itself
 REFUSED = "the host did not grant what the rig file requires"
 
 
@@ -100,7 +101,8 @@ def play(
     """`rig run` of a good campaign whose run ends like this."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
     monkeypatch.setattr(run_command, "rehearse", lambda *a, **k: Ended(folder, outcome, ""))
-    return run_command.main(campaign, folder.parent, realtime=False, as_json=as_json)
+    code: int = run_command.main(campaign, folder.parent, realtime=False, as_json=as_json)
+    return code
 
 
 def test_a_refused_run_has_its_own_words_and_no_products(

@@ -63,6 +63,13 @@ def test_every_value_knows_its_line(tmp_path: Path) -> None:
         (f"a: 1{'0' * 400}\n", "x.yaml:1: a: a whole number of more than 64 bits"),
         (f"a: 1{'0' * 9000}\n", "x.yaml:1: a: '1000"),
         ("a: &x [*x]\n", "x.yaml:1: a[0]: an alias that contains itself"),
+        ("a: " + "[" * 5000, "x.yaml:1: : nested too deeply; allowed at most 50 levels"),
+        ("a:\n" + "".join(f"{' ' * i}- \n" for i in range(60)), "x.yaml:51: : nested too deeply"),
+        (
+            "a0: &a0 [1, 2]\n"
+            + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 31)),
+            "x.yaml:1: a14",
+        ),
         ("a: \x01\n", "x.yaml:1: : YAML syntax: "),
     ],
 )
@@ -133,3 +140,11 @@ def test_a_file_extended_in_vain_is_told_where_it_is_named(tmp_path: Path) -> No
     assert problem.startswith("top.yaml:2: extends: cannot read ")
     top.write_text("x: 1\nextends: 3\n")
     assert refused(top) == ["top.yaml:2: extends: 3 is not a file name"]
+
+
+def test_a_file_of_too_many_values_is_told_with_the_line_that_is_too_much(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rig.config.source.MOST_NODES", 10)
+    (problem,) = refused(write(tmp_path, "x.yaml", "a:\n" + "- 1\n" * 20))
+    assert problem.startswith("x.yaml:9: : too many keys and values; allowed at most ")

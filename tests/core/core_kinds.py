@@ -34,6 +34,7 @@ AXIS = axis.Params(
     law=impedance.Params(ramp=0.1),
     limits=LIMITS,
     stop_damping=300.0,
+    stop_ramp=0.02,
 )
 
 

@@ -10,6 +10,7 @@ import pytest
 from core_kinds import AXIS, BENCH, PAIR, PairParams, PairRow, PairSense, Table
 from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, run
 
+from controllers.signals import Estimate, Gains
 from rig import axis, cycle
 from rig.limits import Limited, Warned
 from rig.record import leaves, leaves_of_schema, schema
@@ -222,9 +223,26 @@ def test_in_a_stop_the_gains_go_to_pure_damping() -> None:
     made = run(BENCH, params, bench(wave(20.0)))
     stop = [row.axis.demand for row in made.rows if row.safety.mode == STOP_1]
     assert len(stop) == 120
-    assert stop[0].ki == pytest.approx(GAINS.ki[1], rel=0.02)  # from where the run left it
+    first = 1.0 - 0.001 / AXIS.stop_ramp
+    assert stop[0].ki == pytest.approx(first * GAINS.ki[1])  # from where the run left it
     assert stop[-1][:2] == (-AXIS.stop_damping, 0.0)
     assert [demand.ki for demand in stop] == sorted((d.ki for d in stop), reverse=True)
+
+
+def test_a_stop_ramps_at_its_own_pace_even_to_the_gains_of_the_run() -> None:
+    slow = AXIS._replace(law=AXIS.law._replace(ramp=10.0), stop_ramp=0.02)
+    estimate, dt = Estimate(0.01, 0.1, 0.0), 0.001
+    memory = axis.start()
+    seen = axis.Seen(memory.estimator, estimate)
+    kps = []
+    for mode in [RUN] * 100 + [STOP_2] * 20 + [RUN] * 2:
+        # The run heads for just what a stop holds: its slow ramp must not be gone on with.
+        gains = Gains(-slow.stop_damping, 0.0)
+        memory, demand, _ = axis.control(slow, memory, gains, seen, mode, dt)
+        kps.append(demand.kp)
+    assert kps[99] == pytest.approx(-0.01 * slow.stop_damping)
+    assert kps[109] == pytest.approx((kps[99] - slow.stop_damping) / 2)
+    assert kps[119:] == [-slow.stop_damping] * 3
 
 
 def waves_seen(posts: dict[int, int]) -> dict[int, set[int]]:

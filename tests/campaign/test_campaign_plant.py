@@ -1,0 +1,125 @@
+"""What the simulated plant adds to the problems of a campaign, whatever else is wrong with it."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.campaign import check
+from rig.rehearsal.job import problems
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BROKEN_SEA = """\
+name: test
+rig: ../rigs/wavebot.yaml
+sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.28985507246}
+"""
+
+
+def change(path: Path, *pairs: tuple[str, str]) -> None:
+    text = path.read_text()
+    for old, new in pairs:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    path.write_text(text)
+
+
+def line_of(path: Path, text: str) -> int:
+    before, found, _ = path.read_text().partition(text)
+    assert found
+    return before.count("\n") + 1
+
+
+@pytest.fixture
+def rig(tmp_path: Path, write: Any) -> Path:
+    """The shipped rig, beside the shipped plant instead of the stub."""
+    shutil.copytree(CONFIGS / "plants", tmp_path / "plants", dirs_exist_ok=True)
+    return tmp_path / "rigs" / "wavebot.yaml"
+
+
+def told(path: Path) -> list[tuple[str, int, str, str]]:
+    report = check(path, problems)
+    return [(Path(p.file).name, p.line, p.key, p.message) for p in report.problems]
+
+
+def test_nothing_is_wrong_with_the_shipped_files(rig: Path, write: Any) -> None:
+    assert told(write()) == []
+
+
+def test_problems_of_the_plant_come_with_all_others(rig: Path, write: Any, tmp_path: Path) -> None:
+    change(
+        rig,
+        ("name: WaveBot\n", "name: ''\n"),
+        ("counts_per_revolution: 20000", "counts_per_revolution: 4096"),
+    )
+    change(tmp_path / "limits" / "wavebot.yaml", ("  current_rms_a: 20 ", "  current_rms_a: 41 "))
+    change(
+        tmp_path / "plants" / "wavebot.yaml",
+        ("bem: wavebot_bem.npz", "bem: none.npz"),
+        ("delay_ticks: {value: 1,", "delay_ticks: {value: 1.5,"),
+    )
+    found = [place[:3:2] for place in told(write("repeat: 0\n", head=BROKEN_SEA))]
+    assert found == [
+        ("test.yaml", "sea"),
+        ("test.yaml", "repeat"),
+        ("wavebot.yaml", "name"),
+        ("wavebot.yaml", "heave.current_rms_a"),
+        ("wavebot.yaml", "bem"),
+        ("wavebot.yaml", "sensors.delay_ticks.value"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("key", "old", "new"),
+    [
+        ("counts_per_revolution", "20000", "4096"),
+        ("gear_ratio_rad_per_m", "12.4666", "12.4667"),
+        ("torque_constant_n_m_per_a", "6.1745", "6.1746"),
+    ],
+)
+def test_scales_that_differ_from_the_plants(
+    rig: Path, write: Any, key: str, old: str, new: str
+) -> None:
+    change(rig, (f"{key}: {old} ", f"{key}: {new} "), ("name: WaveBot\n", "name: ''\n"))
+    *_, (file, line, at, said) = told(write())
+    assert (file, line, at) == ("wavebot.yaml", line_of(rig, f"{key}:"), f"heave.{key}")
+    assert said.startswith(f"{new} is not the simulated plant's {old} (")
+    assert said.endswith("; the two must agree")
+
+
+def test_an_estimator_that_cannot_be_designed(
+    rig: Path, write: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rig.estimator_design._MOST_STEPS", 2)
+    ((file, line, key, said),) = told(write())
+    at = line_of(rig, "jerk_density_m2_per_s5:")
+    assert (file, line, key) == ("wavebot.yaml", at, "heave.jerk_density_m2_per_s5")
+    assert said.startswith("0.5: the estimator's gain did not settle")
+
+
+def test_a_plant_that_cannot_be_built(rig: Path, write: Any, tmp_path: Path) -> None:
+    plant = tmp_path / "plants" / "wavebot.yaml"
+    change(plant, ("0.685398163", "1.0e-200"))
+    ((file, line, key, said),) = told(write())
+    assert (file, line, key) == ("wavebot.yaml", 1, "")
+    assert said.startswith("cannot be simulated: ")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04cut off", b"text"])
+def test_a_bem_file_that_is_none(rig: Path, write: Any, tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "plants" / "wavebot_bem.npz").write_bytes(content)
+    ((_, line, key, said),) = told(write())
+    assert (line, key) == (line_of(tmp_path / "plants" / "wavebot.yaml", "bem:"), "bem")
+    assert said.startswith("cannot be read: ")
+
+
+def test_a_bem_file_cut_anywhere(rig: Path, write: Any, tmp_path: Path) -> None:
+    path = tmp_path / "plants" / "wavebot_bem.npz"
+    whole = path.read_bytes()
+    for i in range(1, 12):
+        path.write_bytes(whole[: i * len(whole) // 12])
+        assert [p[2] for p in told(write())] == ["bem"]
+        start = i * len(whole) // 12
+        path.write_bytes(whole[:start] + bytes(40) + whole[start + 40 :])
+        assert {p[2] for p in told(write())} <= {"bem"}

@@ -91,7 +91,7 @@ def _outcome(figure: Figure, summary: Summary) -> None:
 
 def _table(figure: Figure, summary: Summary, top: float) -> float:
     """The optima; returns the page height below it."""
-    _heading(figure, _LEFT, top, "Most power absorbed, by station and spring rate")
+    _heading(figure, _LEFT, top, "Best points (negative is absorbed), by station and spring rate")
     heads = ("station", "mean power", "spring", "stator", "Kp", "Ki", "")
     units = ("", "negative is absorbed", "N/m", "%", "N·s/m", "N/m", "")
     sides = ("left", "right", "right", "right", "right", "right", "left")

@@ -202,7 +202,7 @@ def as_text(summary: Summary) -> str:
         f"ended    {summary.ended_utc}",
         f"code     {summary.code}",
         "",
-        "Most power absorbed (negative is absorbed; ± standard error)",
+        "Best points (negative is absorbed, positive consumed; ± standard error)",
     ]
     for o in summary.optima:
         lines.append(

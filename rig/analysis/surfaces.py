@@ -224,11 +224,12 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
     figure = Figure(figsize=(3.6 * columns + 1.4, 9.2), layout="constrained")
     title: Any = figure.subfigures(2, 1, height_ratios=[0.55, 9.0])
     attributes = table.attrs
+    title_text = f"Power surfaces: {attributes.get('campaign', 'campaign unknown')}"
     title[0].text(
         0.02,
         0.45,
-        f"Power surfaces: {attributes.get('campaign', 'campaign unknown')}",
-        fontsize=13,
+        title_text,
+        fontsize=min(13.0, 13.0 * 36 / len(title_text)),  # beside the stamp, however long
         fontweight="bold",
         color=INK,
         va="center",

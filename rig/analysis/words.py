@@ -77,7 +77,7 @@ def signed(value: float, digits: int = 0) -> str:
 def watts(value: float, error: float = float("nan")) -> str:
     """A power with its standard error where that is known, W."""
     digits = 1 if abs(value) < 100.0 else 0
-    text = f"{value:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+    text = signed(value, digits)  # a plus says that power is consumed
     if not math.isfinite(error):
         return f"{text} W"
     return f"{text} ± {error:.{1 if error >= 0.095 else 2}f} W"

@@ -119,8 +119,8 @@ class Progress:
             return f"- of {count}   {phase}"
         point = self._plan.rows[row]
         return (
-            f"{row + 1} of {count}   {phase}   Kp {point.kp:g} N s/m   Ki {point.ki:g} N/m   "
-            f"spring {point.spring_rate:g} N/m"
+            f"{row} ({row + 1} of {count})   {phase}   Kp {point.kp:g} N s/m   "
+            f"Ki {point.ki:g} N/m   spring {point.spring_rate:g} N/m"
         )
 
     def _power_words(self, snapshot: Snapshot) -> str:

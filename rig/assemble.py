@@ -46,6 +46,7 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=axis.Params(
+                metres_per_count=metres_per_count(rig),
                 estimator=estimator_params(rig.heave, dt),
                 law=impedance.Params(ramp=rig.heave.gain_ramp_s),
                 limits=limits.AxisLimits(

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from controllers import estimator, impedance
 from controllers.blocks import ramp_start
-from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Gains
+from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag, Gains
 from rig import limits
 from rig.safety import RUN, STOP_1, STOP_2
 
@@ -12,6 +12,7 @@ from rig.safety import RUN, STOP_1, STOP_2
 class Params(NamedTuple):
     """Constants of one axis."""
 
+    metres_per_count: float  # signed: counts that grow when the body rises give a positive scale
     estimator: estimator.Params
     law: impedance.Params
     limits: limits.AxisLimits
@@ -22,7 +23,8 @@ class Params(NamedTuple):
 class State(NamedTuple):
     """Memory of one axis."""
 
-    estimator: estimator.State
+    motion: Estimate
+    seeded: int  # 1 once a count was seen
     law: impedance.State
     limits: limits.AxisState
     stopping: int  # 1: the law's gains were last set by a stop
@@ -35,37 +37,45 @@ class Record(NamedTuple):
     estimate: Estimate
     demand: Demand
     command: AxisCommand
+    warned: Flag  # set of `rig.limits.Warned`
 
 
 def start() -> State:
     """State at switch-on."""
-    return State(estimator.start(), impedance.start(), limits.start(), 0)
-
-
-class Seen(NamedTuple):
-    """What this tick's counts say."""
-
-    estimator: estimator.State
-    motion: Estimate
+    return State(Estimate(0.0, 0.0, 0.0), 0, impedance.start(), limits.start(), 0)
 
 
 def observe(
     params: Params, state: State, sense: AxisSense, zero: float, periods: int, dt: float
-) -> Seen:
-    """Motion from this tick's counts, relative to the tared zero (m)."""
-    tracked = estimator.step(params.estimator, state.estimator, sense.counts, periods, dt)
-    return Seen(tracked, estimator.estimate(tracked, zero))
+) -> Estimate:
+    """Motion from this tick's counts, relative to the tared zero (m in the encoder's own frame)."""
+    measured = sense.counts * params.metres_per_count - zero
+    if state.seeded == 0:
+        return Estimate(measured, 0.0, 0.0)
+    return estimator.step(params.estimator, state.motion, measured, periods, dt)
+
+
+def rezero(state: State, by: float) -> State:
+    """The same motion seen from a zero that has moved up by ``by`` (m)."""
+    x, v, a = state.motion
+    return State(Estimate(x - by, v, a), state.seeded, state.law, state.limits, state.stopping)
 
 
 def control(
-    params: Params, state: State, gains: Gains, seen: Seen, mode: int, dt: float
-) -> tuple[State, Demand, AxisCommand]:
+    params: Params,
+    state: State,
+    sense: AxisSense,
+    motion: Estimate,
+    gains: Gains,
+    mode: int,
+    dt: float,
+) -> tuple[State, Record]:
     """Demand and granted command for this tick: the set gains in RUN, damping in a stop.
 
     With the power off the law starts afresh, so a later start ramps its gains up from zero.
     """
-    motion, law = seen.motion, state.law
-    stopping = 1 if mode in (STOP_1, STOP_2) else 0
+    law = state.law
+    stopping = 1 if STOP_2 <= mode <= STOP_1 else 0
     if stopping != state.stopping:
         # A ramp keeps its pace while its target stays: a stop must not inherit that of the run.
         law = impedance.State(ramp_start(law.kp.value), ramp_start(law.ki.value))
@@ -78,4 +88,8 @@ def control(
     else:
         law, demand = impedance.start(), Demand(0.0, 0.0, 0.0)
     granted, command = limits.grant(params.limits, state.limits, demand.force, mode, dt)
-    return State(seen.estimator, law, granted, stopping), demand, command
+    warned = limits.warn_axis(params.limits, motion)
+    return (
+        State(motion, 1, law, granted, stopping),
+        Record(sense, motion, demand, command, warned),
+    )

@@ -7,7 +7,7 @@ of the stages is said here and nowhere else. A tick either ends in a valid comma
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from controllers.signals import Count, Flag, Index, Second
+from controllers.signals import Count, Index, Second
 from rig import safety, sequence
 from rig.safety import FINE, RUN, STOP_2, Reason
 
@@ -30,15 +30,6 @@ class State(NamedTuple):
     rig: Any  # the kind's own State
 
 
-class Now(NamedTuple):
-    """What the plan and the safety machine say about this tick."""
-
-    mode: int
-    phase: int
-    setpoint: int  # index into the kind's table of set points
-    waves: int  # 1: the wave maker shall run
-
-
 class Timing(NamedTuple):
     """When a tick really ran; all zero on a virtual clock."""
 
@@ -56,21 +47,14 @@ class PlanRecord(NamedTuple):
     wave_clock: Second  # since the wave maker was started; -1 while it stands
 
 
-class SafetyRecord(NamedTuple):
-    """State of the safety machine."""
-
-    mode: Index  # `rig.safety.Mode`
-    reason: Index  # `rig.safety.Reason`: the first cause of a stop
-    warned: Flag  # set of `rig.limits.Warned`
-
-
 class Kind(NamedTuple):
     """The functions that make one kind of rig; each is pure.
 
-    ``observe(params, state, sense, periods, dt) -> seen`` (motion of every axis)
-    ``check(params, state, sense, seen, mode) -> reason``; ``warn(params, state, sense, seen)``
+    ``observe(params, state, sense, periods, dt) -> motion`` of every axis
     ``ready(params, state, sense) -> set of sequence.WAIT_ flags that hold``
-    ``control(params, state, sense, seen, now, dt) -> state, command, words``
+    ``check(params, state, sense, motion, mode) -> reason``
+    ``control(params, state, sense, motion, plan, safety, setpoint, dt) -> state, command, words``,
+    ``setpoint`` an index into the kind's table of set points
     ``row(tick, time, timing, plan, safety, sense, command, words) -> row``
     """
 
@@ -78,9 +62,8 @@ class Kind(NamedTuple):
     params_type: type
     start: Callable[[], Any]
     observe: Callable[..., Any]
-    check: Callable[..., int]
-    warn: Callable[..., int]
     ready: Callable[..., int]
+    check: Callable[..., int]
     control: Callable[..., Any]
     row: Callable[..., Any]
 
@@ -100,7 +83,7 @@ def make(kind: Kind) -> Step:
     ``request`` is what people or the supervisor asked through the mailbox, ``periods`` the ticks
     since the last call (1 unless some were lost), ``dt`` the period in seconds.
     """
-    observe, check, warn, ready = kind.observe, kind.check, kind.warn, kind.ready
+    observe, ready, check = kind.observe, kind.ready, kind.check
     control, make_row = kind.control, kind.row
 
     def step(
@@ -113,17 +96,18 @@ def make(kind: Kind) -> Step:
         periods: int,
         dt: float,
     ) -> tuple[State, Any, Any]:
-        seen = observe(params.rig, state.rig, sense, periods, dt)
+        rig_params, rig = params.rig, state.rig
+        motion = observe(rig_params, rig, sense, periods, dt)
 
         # The plan moves on what held until now; the safety machine then has the last word.
         segments = params.segments
         mode = state.safety.mode
-        holds = ready(params.rig, state.rig, sense)
+        holds = ready(rig_params, rig, sense)
         place, walk = sequence.step(
             segments, state.sequence, tick, holds, mode <= RUN, mode == STOP_2
         )
         i = place.segment
-        trip = check(params.rig, state.rig, sense, seen, mode)
+        trip = check(rig_params, rig, sense, motion, mode)
         if periods > params.lost_ticks_stop:  # allows no controlled stop, so it goes first
             trip = Reason.LOST_TICKS.value
         if trip == FINE and walk.late:
@@ -146,14 +130,12 @@ def make(kind: Kind) -> Step:
             since = -1
         elif since < 0:
             since = tick
-        now = Now(guard.mode, segments.phase[i], segments.setpoint[i], waves)
-        rig, command, words = control(params.rig, state.rig, sense, seen, now, dt)
-
         clock = -1.0 if since < 0 else (tick - since) * dt
-        plan = PlanRecord(segments.row[i], now.phase, place.attempt, clock)
-        warned = warn(params.rig, state.rig, sense, seen)
-        report = SafetyRecord(guard.mode, guard.reason, warned)
-        row = make_row(tick, tick * dt, timing, plan, report, sense, command, words)
+        plan = PlanRecord(segments.row[i], segments.phase[i], place.attempt, clock)
+        rig, command, words = control(
+            rig_params, rig, sense, motion, plan, guard, segments.setpoint[i], dt
+        )
+        row = make_row(tick, tick * dt, timing, plan, guard, sense, command, words)
         return State(place, guard, since, rig), command, row
 
     return step

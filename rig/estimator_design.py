@@ -40,7 +40,7 @@ def design(
     else:
         raise ValueError("the estimator's gain did not settle: check jerk density and noise")
     position, velocity, acceleration = (float(k) for k in filter_.K[:, 0])
-    return estimator.Params(metres_per_count, position, velocity, acceleration)
+    return estimator.Params(position, velocity, acceleration)
 
 
 def response(

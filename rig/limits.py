@@ -56,11 +56,6 @@ def start() -> AxisState:
     return AxisState(0.0, 0.0, 0)
 
 
-def magnitude(value: float) -> float:
-    """|value|."""
-    return -value if value < 0.0 else value
-
-
 def check_axis(
     limits: AxisLimits, state: AxisState, sense: AxisSense, motion: Estimate, mode: int
 ) -> int:

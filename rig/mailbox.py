@@ -10,7 +10,7 @@ import os
 from typing import Any, NamedTuple
 
 from controllers.signals import Index
-from rig.record import flattener, layout, leaves
+from rig.record import layout, leaves, packer
 
 _SLOT = mmap.PAGESIZE
 
@@ -34,7 +34,7 @@ class Mailbox:
     def __init__(self, fd: int, word_type: type) -> None:
         self._map = mmap.mmap(fd, _SLOT)
         self._layout = layout(word_type)
-        self._flat = flattener(word_type)
+        self._pack = packer(word_type)
         self._type = word_type
         if any(len(leaf.path) > 1 for leaf in leaves(word_type)):
             raise TypeError(f"{word_type.__name__} is nested; a mailbox holds one flat word")
@@ -48,7 +48,7 @@ class Mailbox:
         """Replace the value."""
         sequence = self._words[1] + 1
         self._words[0] = sequence
-        self._layout.pack_into(self._map, 16, *self._flat(value))
+        self._pack(self._map, 16, value)
         self._words[1] = sequence
 
     def read(self) -> Any:

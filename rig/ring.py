@@ -12,7 +12,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
-from rig.record import flattener, layout
+from rig.record import layout, packer
 
 CAPACITY = 65536  # rows: 65 s at 1 kHz
 _HEADER = mmap.PAGESIZE
@@ -106,8 +106,7 @@ class Writer(_End):
         packed = layout(row_type)
         if packed.size != self.row_size:
             raise ValueError(f"ring holds rows of {self.row_size} bytes, not {packed.size}")
-        self._pack = packed.pack_into
-        self._flat: Callable[[Any], tuple[float | int, ...]] = flattener(row_type)
+        self._pack = packer(row_type)
         self._wait = wait
         self._hurried = hurried
         self._next = self.head
@@ -115,12 +114,11 @@ class Writer(_End):
 
     def put(self, row: Any) -> None:
         """Store a row, then show it by moving the head."""
-        words, head = self._words, self._next
-        if head - words[_TAIL] >= self.capacity and not self._make_room(head):
+        words, head, capacity = self._words, self._next, self.capacity
+        if head - words[_TAIL] >= capacity and not self._make_room(head):
             words[_DROPPED] += 1
             return
-        at = _HEADER + (head % self.capacity) * self.row_size
-        self._pack(self._map, at, *self._flat(row))
+        self._pack(self._map, _HEADER + (head % capacity) * self.row_size, row)
         self._next = head + 1
         words[_HEAD] = head + 1
 

@@ -8,6 +8,8 @@ There is no way back up from a stop of category 0 or 1: a new run is a new, expl
 from enum import IntEnum
 from typing import NamedTuple
 
+from controllers.signals import Index, Tick
+
 
 class Mode(IntEnum):
     """State of the machine."""
@@ -135,11 +137,11 @@ class Params(NamedTuple):
 
 
 class State(NamedTuple):
-    """Mode, when it was entered, and the first reason for leaving normal running."""
+    """State of the machine; logged every tick."""
 
-    mode: int
-    entered: int
-    reason: int
+    mode: Index  # `Mode`
+    entered: Tick  # in which the mode began
+    reason: Index  # `Reason`: the first cause of a stop
 
 
 def start(tick: int) -> State:
@@ -180,10 +182,11 @@ def step(
     reason = trip
     if reason == FINE and mode == ENABLING and age >= params.enable_ticks and not powered:
         reason = Reason.DRIVE_NOT_ON.value
-    asked = requested(request)
-    # An abort goes before a fault that would still allow a controlled stop.
-    if asked != FINE and (reason == FINE or CATEGORY[asked] < CATEGORY[reason]):
-        reason = asked
+    if request != REQUEST_NONE:
+        asked = requested(request)
+        # An abort goes before a fault that would still allow a controlled stop.
+        if asked != FINE and (reason == FINE or CATEGORY[asked] < CATEGORY[reason]):
+            reason = asked
     if reason == FINE and finished:
         reason = Reason.PLAN_END.value
 

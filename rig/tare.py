@@ -48,11 +48,6 @@ def start() -> State:
     return State(Zeros(0.0, 0.0, 0.0, 0.0, 0), 0, 0, _NOTHING, 0.0, 0.0)
 
 
-def span(state: State) -> float:
-    """How far the body has moved in this tare (m)."""
-    return state.highest - state.lowest
-
-
 def step(state: State, raw: Raw, phase: int) -> State:
     """Sum during the tare; when it is over its means become the zeros."""
     if state.seeded == 0:

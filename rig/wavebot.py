@@ -7,6 +7,7 @@ from controllers.blocks import finite
 from controllers.signals import (
     AxisCommand,
     AxisSense,
+    Estimate,
     Flag,
     Gains,
     Metre,
@@ -19,8 +20,7 @@ from controllers.signals import (
     Volt,
     Watt,
 )
-from rig import axis, cycle, limits, power, tare
-from rig.limits import magnitude
+from rig import axis, cycle, limits, power, safety, tare
 from rig.safety import CATEGORY, FINE, RUN, Reason
 from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
@@ -75,7 +75,7 @@ class WaveBotRow(NamedTuple):
     time: Second  # planned, since run start
     timing: cycle.Timing
     plan: cycle.PlanRecord
-    safety: cycle.SafetyRecord
+    safety: safety.State
     heave: axis.Record
     load: LoadSense
     spring_sense: SpringSense
@@ -123,6 +123,8 @@ class State(NamedTuple):
     spring: magnetic_spring.State
     tare: tare.State
     power: power.Power
+    setpoint: int  # index of the set point in use, -1: none yet
+    gains: Gains  # of that set point
 
 
 Words = tuple[axis.Record, power.Power, tare.Zeros]  # the WaveBot's own part of a row
@@ -130,21 +132,21 @@ Words = tuple[axis.Record, power.Power, tare.Zeros]  # the WaveBot's own part of
 
 def start() -> State:
     """State before the first tick."""
-    return State(axis.start(), magnetic_spring.start(), tare.start(), power.start())
+    none = Gains(0.0, 0.0)
+    return State(axis.start(), magnetic_spring.start(), tare.start(), power.start(), -1, none)
 
 
-def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> axis.Seen:
-    """Heave motion relative to the zero in use."""
+def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Estimate:
+    """Heave motion relative to the zero in use, at first where the body is found."""
     zero = state.tare.zeros.position
     if state.tare.seeded == 0:
-        zero = sense.heave.counts * params.heave.estimator.metres_per_count
+        zero = sense.heave.counts * params.heave.metres_per_count
     return axis.observe(params.heave, state.heave, sense.heave, zero, periods, dt)
 
 
-def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int) -> int:
+def check(params: Params, state: State, sense: Sense, motion: Estimate, mode: int) -> int:
     """The first reason to trip, those that allow no controlled stop before others, or NONE."""
     heave, load, spring, meter, _ = sense
-    motion = seen.motion
     reason = limits.check_axis(params.heave.limits, state.heave.limits, heave, motion, mode)
     if reason != FINE and CATEGORY[reason] == 0:
         return reason
@@ -158,8 +160,8 @@ def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int
     bounds, tared = params.limits, state.tare
     stale = load_age > bounds.load_cell_age_stop
     zero = tared.zeros.string_pot if tared.seeded == 1 else string_pot
-    gap = magnitude(string_pot - zero - motion.position)
-    if gap > bounds.string_pot_difference_stop and not stale:
+    gap, most = string_pot - zero - motion.position, bounds.string_pot_difference_stop
+    if not (-most <= gap <= most or stale):
         return Reason.POSITION_DISAGREES.value
     if reason != FINE:  # damping trusts the encoder, so the string pot is asked first
         return reason
@@ -169,16 +171,12 @@ def check(params: Params, state: State, sense: Sense, seen: axis.Seen, mode: int
         return Reason.STALE_ANALYSER.value
     if stator_age > bounds.stator_age_stop:
         return Reason.STALE_STATOR.value
-    if magnitude(rotor_angle * bounds.metres_per_radian) > bounds.rotor_travel_stop:
+    travel, most = rotor_angle * bounds.metres_per_radian, bounds.rotor_travel_stop
+    if not -most <= travel <= most:
         return Reason.ROTOR_TRAVEL.value
     if tared.highest - tared.lowest > bounds.tare_span_stop:
         return Reason.NOT_CALM.value
     return FINE
-
-
-def warn(params: Params, state: State, sense: Sense, seen: axis.Seen) -> int:
-    """The set of `Warned` flags."""
-    return limits.warn_axis(params.heave.limits, seen.motion)
 
 
 def ready(params: Params, state: State, sense: Sense) -> int:
@@ -192,27 +190,37 @@ def ready(params: Params, state: State, sense: Sense) -> int:
 
 
 def control(
-    params: Params, state: State, sense: Sense, seen: axis.Seen, now: cycle.Now, dt: float
+    params: Params,
+    state: State,
+    sense: Sense,
+    motion: Estimate,
+    plan: cycle.PlanRecord,
+    guard: safety.State,
+    setpoint: int,
+    dt: float,
 ) -> tuple[State, Command, Words]:
     """Set point -> heave force within limits, stator target, wave trigger; and power."""
-    table, i, motion = params.setpoints, now.setpoint, seen.motion
-    heave, demand, command = axis.control(
-        params.heave, state.heave, Gains(table.kp[i], table.ki[i]), seen, now.mode, dt
-    )
+    table, phase, mode = params.setpoints, plan.phase, guard.mode
+    gains = state.gains
+    if setpoint != state.setpoint:
+        gains = Gains(table.kp[setpoint], table.ki[setpoint])
+    heave, record = axis.control(params.heave, state.heave, sense.heave, motion, gains, mode, dt)
     # The stator stays put in a stop, and is not moved before the tare is over.
-    move = 1 if now.phase != TARE and now.mode <= RUN else 0
-    spring = magnetic_spring.step(params.spring, state.spring, table.spring_rate[i], move)
-    load, meter = sense.load, sense.power
-    tared = state.tare
-    if now.phase == TARE or tared.samples > 0 or tared.seeded == 0:
-        raw = tare.Raw(seen.estimator.position, load.string_pot, load.lcb, load.trs)
-        tared = tare.step(tared, raw, now.phase)
+    move = 1 if phase != TARE and mode <= RUN else 0
+    spring = magnetic_spring.step(params.spring, state.spring, table.spring_rate[setpoint], move)
+    load, meter, tared = sense.load, sense.power, state.tare
+    if phase == TARE or tared.samples > 0 or tared.seeded == 0:
+        counted = sense.heave.counts * params.heave.metres_per_count
+        raw = tare.Raw(counted, load.string_pot, load.lcb, load.trs)
+        before, tared = tared, tare.step(tared, raw, phase)
+        if before.seeded == 1:
+            heave = axis.rezero(heave, tared.zeros.position - before.zeros.position)
     zeros = tared.zeros
     lcb, trs = load.lcb - zeros.lcb, load.trs - zeros.trs
-    spent = power.step(state.power, lcb, trs, motion.velocity, meter.ac, meter.dc, now.phase)
-    words = axis.Record(sense.heave, motion, demand, command), spent, zeros
-    sent = Command(command, spring.command, now.waves)
-    return State(heave, spring, tared, spent), sent, words
+    spent = power.step(state.power, lcb, trs, motion.velocity, meter.ac, meter.dc, phase)
+    waves = 1 if plan.wave_clock >= 0.0 else 0
+    after = State(heave, spring, tared, spent, setpoint, gains)
+    return after, Command(record.command, spring.command, waves), (record, spent, zeros)
 
 
 def row(
@@ -220,7 +228,7 @@ def row(
     time: float,
     timing: cycle.Timing,
     plan: cycle.PlanRecord,
-    safety: cycle.SafetyRecord,
+    guard: safety.State,
     sense: Sense,
     command: Command,
     words: Words,
@@ -232,7 +240,7 @@ def row(
         time,
         timing,
         plan,
-        safety,
+        guard,
         heave,
         sense.load,
         sense.spring,
@@ -245,4 +253,4 @@ def row(
     )
 
 
-KIND = cycle.Kind(WaveBotRow, Params, start, observe, check, warn, ready, control, row)
+KIND = cycle.Kind(WaveBotRow, Params, start, observe, ready, check, control, row)

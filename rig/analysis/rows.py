@@ -44,7 +44,7 @@ FIELDS = [
     *DEMEANED.values(),
     *(logged for _, logged, _ in SETTINGS.values()),
     "heave.command.limited",
-    "safety.warned",
+    "heave.warned",
     "tare.samples",
 ]
 
@@ -106,7 +106,7 @@ def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
         "tare_samples": int(data["tare.samples"].min()),
         "start": float(data["time"][0]),
         "limits": flags(Limited, data["heave.command.limited"]),
-        "warned": flags(Warned, data["safety.warned"]),
+        "warned": flags(Warned, data["heave.warned"]),
         "periods": 0,
     }
     for name in POWERS:

@@ -25,7 +25,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from rig import record
-from rig.log import MESSAGE, TOPIC
+from rig.log import MESSAGE_BYTES, TOPIC
 
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # times, size, CRC, length of the compression's name
@@ -69,7 +69,7 @@ class Contents(NamedTuple):
     @property
     def stride(self) -> int:
         """Bytes of a message of our own layout."""
-        return MESSAGE.size + 8 * len(self.leaves)
+        return MESSAGE_BYTES + 8 * len(self.leaves)
 
 
 def _resync(memory: mmap.mmap, start: int) -> int:
@@ -229,7 +229,7 @@ def _rows(contents: Contents, chunk: Chunk, data: bytes) -> Records:
     if not (heads == np.frombuffer(expected, np.uint8)).all():
         raise RunError(f"{where}: messages of another kind between the rows")
     # One copy that drops the heads makes every field aligned, and picking fields 4 times faster.
-    rows = np.ascontiguousarray(messages[:, MESSAGE.size :])
+    rows = np.ascontiguousarray(messages[:, MESSAGE_BYTES:])
     return rows.view(row_dtype(contents.leaves))[:, 0]
 
 

@@ -144,7 +144,7 @@ def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
     second = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))
     data["heave.command.limited"][second[5]] = Limited.CURRENT_PEAK
     data["heave.command.limited"][second[9]] = Limited.SLEW
-    data["safety.warned"][second[5]] = Warned.POSITION
+    data["heave.warned"][second[5]] = Warned.POSITION
     data["heave.estimate.position"][data["plan.row"] == 2] += 0.006
     table = table_of(tmp_path, data, rows, shape)
     assert table["limits"].values.tolist() == ["", "CURRENT_PEAK SLEW", ""]

@@ -162,12 +162,14 @@ def test_reading_counts_rows_and_memory(recorded: Recorded, tmp_path: Path) -> N
 
 
 def _packed(recorded: Recorded) -> Any:
-    from rig.record import flattener, layout, leaves
+    from rig.record import layout, leaves, packer
     from rig.runs.mcap_file import row_dtype
     from rig.wavebot import WaveBotRow
 
-    flat, packed = flattener(WaveBotRow), layout(WaveBotRow)
-    data = b"".join(packed.pack(*flat(row)) for row in recorded.rows)
+    pack, size = packer(WaveBotRow), layout(WaveBotRow).size
+    data = bytearray(size * len(recorded.rows))
+    for i, row in enumerate(recorded.rows):
+        pack(data, i * size, row)
     return np.frombuffer(data, row_dtype(leaves(WaveBotRow)))
 
 

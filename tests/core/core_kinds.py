@@ -8,7 +8,17 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controllers import estimator, impedance
-from controllers.signals import AxisCommand, AxisSense, Flag, Gains, Index, Metre, Second, Tick
+from controllers.signals import (
+    AxisCommand,
+    AxisSense,
+    Estimate,
+    Flag,
+    Gains,
+    Index,
+    Metre,
+    Second,
+    Tick,
+)
 from rig import axis, cycle, limits, safety
 from rig.safety import FINE
 from rig.sequence import WAIT_DRIVE
@@ -30,7 +40,8 @@ LIMITS = limits.AxisLimits(
 )
 
 AXIS = axis.Params(
-    estimator=estimator.Params(SCALE, 0.2, 20.0, 1000.0),
+    metres_per_count=SCALE,
+    estimator=estimator.Params(0.2, 20.0, 1000.0),
     law=impedance.Params(ramp=0.1),
     limits=LIMITS,
     stop_damping=300.0,
@@ -66,7 +77,7 @@ class BenchRow(NamedTuple):
     time: Second
     timing: cycle.Timing
     plan: cycle.PlanRecord
-    safety: cycle.SafetyRecord
+    safety: safety.State
     axis: axis.Record
     tick_end: Tick
 
@@ -77,37 +88,33 @@ def _bench_start() -> axis.State:
 
 def _bench_observe(
     params: BenchParams, state: axis.State, sense: BenchSense, periods: int, dt: float
-) -> axis.Seen:
+) -> Estimate:
     return axis.observe(params.axis, state, sense.axis, 0.0, periods, dt)
-
-
-def _bench_check(
-    params: BenchParams, state: axis.State, sense: BenchSense, seen: axis.Seen, mode: int
-) -> int:
-    return limits.check_axis(params.axis.limits, state.limits, sense.axis, seen.motion, mode)
-
-
-def _bench_warn(params: BenchParams, state: axis.State, sense: BenchSense, seen: axis.Seen) -> int:
-    return limits.warn_axis(params.axis.limits, seen.motion)
 
 
 def _bench_ready(params: BenchParams, state: axis.State, sense: BenchSense) -> int:
     return WAIT_DRIVE if sense.axis.enabled == 1 else 0
 
 
+def _bench_check(
+    params: BenchParams, state: axis.State, sense: BenchSense, motion: Estimate, mode: int
+) -> int:
+    return limits.check_axis(params.axis.limits, state.limits, sense.axis, motion, mode)
+
+
 def _bench_control(
     params: BenchParams,
     state: axis.State,
     sense: BenchSense,
-    seen: axis.Seen,
-    now: cycle.Now,
+    motion: Estimate,
+    plan: cycle.PlanRecord,
+    guard: safety.State,
+    setpoint: int,
     dt: float,
 ) -> tuple[axis.State, BenchCommand, axis.Record]:
-    table, i = params.gains, now.setpoint
-    gains = Gains(table.kp[i], table.ki[i])
-    after, demand, command = axis.control(params.axis, state, gains, seen, now.mode, dt)
-    record = axis.Record(sense.axis, seen.motion, demand, command)
-    return after, BenchCommand(command), record
+    gains = Gains(params.gains.kp[setpoint], params.gains.ki[setpoint])
+    after, record = axis.control(params.axis, state, sense.axis, motion, gains, guard.mode, dt)
+    return after, BenchCommand(record.command), record
 
 
 def _bench_row(
@@ -115,7 +122,7 @@ def _bench_row(
     time: float,
     timing: cycle.Timing,
     plan: cycle.PlanRecord,
-    guard: cycle.SafetyRecord,
+    guard: safety.State,
     sense: BenchSense,
     command: BenchCommand,
     words: axis.Record,
@@ -128,9 +135,8 @@ BENCH = cycle.Kind(
     BenchParams,
     _bench_start,
     _bench_observe,
-    _bench_check,
-    _bench_warn,
     _bench_ready,
+    _bench_check,
     _bench_control,
     _bench_row,
 )
@@ -161,9 +167,9 @@ class PairCommand(NamedTuple):
     surge: AxisCommand
 
 
-class PairSeen(NamedTuple):
-    heave: axis.Seen
-    surge: axis.Seen
+class PairMotion(NamedTuple):
+    heave: Estimate
+    surge: Estimate
 
 
 class Offset(NamedTuple):
@@ -179,7 +185,7 @@ class PairRow(NamedTuple):
     time: Second
     timing: cycle.Timing
     plan: cycle.PlanRecord
-    safety: cycle.SafetyRecord
+    safety: safety.State
     heave: axis.Record
     surge: axis.Record
     offset: Offset
@@ -192,27 +198,10 @@ def _pair_start() -> PairState:
 
 def _pair_observe(
     params: PairParams, state: PairState, sense: PairSense, periods: int, dt: float
-) -> PairSeen:
-    return PairSeen(
+) -> PairMotion:
+    return PairMotion(
         axis.observe(params.heave, state.heave, sense.heave, 0.0, periods, dt),
         axis.observe(params.surge, state.surge, sense.surge, 0.0, periods, dt),
-    )
-
-
-def _pair_check(
-    params: PairParams, state: PairState, sense: PairSense, seen: PairSeen, mode: int
-) -> int:
-    found = [
-        limits.check_axis(part.limits, memory.limits, word, eye.motion, mode)
-        for part, memory, word, eye in zip(params[:2], state, sense, seen, strict=True)
-    ]
-    faults = [reason for reason in found if reason != FINE]
-    return min(faults, key=lambda reason: safety.CATEGORY[reason], default=FINE)
-
-
-def _pair_warn(params: PairParams, state: PairState, sense: PairSense, seen: PairSeen) -> int:
-    return limits.warn_axis(params.heave.limits, seen.heave.motion) | limits.warn_axis(
-        params.surge.limits, seen.surge.motion
     )
 
 
@@ -220,28 +209,40 @@ def _pair_ready(params: PairParams, state: PairState, sense: PairSense) -> int:
     return WAIT_DRIVE if sense.heave.enabled == 1 and sense.surge.enabled == 1 else 0
 
 
+def _pair_check(
+    params: PairParams, state: PairState, sense: PairSense, motion: PairMotion, mode: int
+) -> int:
+    found = [
+        limits.check_axis(part.limits, memory.limits, word, moving, mode)
+        for part, memory, word, moving in zip(params[:2], state, sense, motion, strict=True)
+    ]
+    faults = [reason for reason in found if reason != FINE]
+    return min(faults, key=lambda reason: safety.CATEGORY[reason], default=FINE)
+
+
 def _pair_control(
     params: PairParams,
     state: PairState,
     sense: PairSense,
-    seen: PairSeen,
-    now: cycle.Now,
+    motion: PairMotion,
+    plan: cycle.PlanRecord,
+    guard: safety.State,
+    setpoint: int,
     dt: float,
 ) -> tuple[PairState, PairCommand, tuple[axis.Record, axis.Record, Offset]]:
-    i = now.setpoint
-    states, commands, records = [], [], []
-    for part, memory, word, eye, table in zip(
-        params[:2], state, sense, seen, params[2:], strict=True
+    states, records = [], []
+    for part, memory, word, moving, table in zip(
+        params[:2], state, sense, motion, params[2:], strict=True
     ):
-        gains = Gains(table.kp[i], table.ki[i])
-        after, demand, command = axis.control(part, memory, gains, eye, now.mode, dt)
+        gains = Gains(table.kp[setpoint], table.ki[setpoint])
+        after, record = axis.control(part, memory, word, moving, gains, guard.mode, dt)
         states.append(after)
-        commands.append(command)
-        records.append(axis.Record(word, eye.motion, demand, command))
-    between = seen.surge.motion.position - seen.heave.motion.position
-    both = commands[0].enable & commands[1].enable
-    words = (records[0], records[1], Offset(between, i, both))
-    return PairState(*states), PairCommand(*commands), words
+        records.append(record)
+    heave, surge = records
+    between = motion.surge.position - motion.heave.position
+    both = heave.command.enable & surge.command.enable
+    words = (heave, surge, Offset(between, setpoint, both))
+    return PairState(*states), PairCommand(heave.command, surge.command), words
 
 
 def _pair_row(
@@ -249,7 +250,7 @@ def _pair_row(
     time: float,
     timing: cycle.Timing,
     plan: cycle.PlanRecord,
-    guard: cycle.SafetyRecord,
+    guard: safety.State,
     sense: PairSense,
     command: PairCommand,
     words: tuple[axis.Record, axis.Record, Offset],
@@ -262,9 +263,8 @@ PAIR = cycle.Kind(
     PairParams,
     _pair_start,
     _pair_observe,
-    _pair_check,
-    _pair_warn,
     _pair_ready,
+    _pair_check,
     _pair_control,
     _pair_row,
 )

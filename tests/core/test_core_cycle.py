@@ -10,8 +10,8 @@ import pytest
 from core_kinds import AXIS, BENCH, PAIR, PairParams, PairRow, PairSense, Table
 from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, run
 
-from controllers.signals import Estimate, Gains
-from rig import axis, cycle
+from controllers.signals import AxisSense, Estimate, Gains
+from rig import axis, cycle, safety
 from rig.limits import Limited, Warned
 from rig.record import leaves, leaves_of_schema, schema
 from rig.ring import Producer
@@ -77,6 +77,10 @@ def test_a_bench_walks_its_plan() -> None:
     order = [mode for i, mode in enumerate(modes) if i == 0 or mode != modes[i - 1]]
     assert order == [OFF, ENABLING, RUN, STOP_1, STOP_0]
     assert modes.count(STOP_1) == SAFETY.stop_ticks
+    assert [row.safety.entered for row in made.rows] == [modes.index(mode) for mode in modes]
+    ended = [row.safety.reason for row in made.rows if row.safety.mode >= STOP_1]
+    assert {row.safety.reason for row in made.rows if row.safety.mode < STOP_1} == {Reason.NONE}
+    assert set(ended) == {Reason.PLAN_END}
     measured = {
         row.plan.row: row.axis.demand for row in made.rows if row.plan.phase == Phase.MEASURE
     }
@@ -188,9 +192,15 @@ def test_a_body_driven_beyond_its_stop_is_damped_then_released(which: int) -> No
     words = (tripped.heave, tripped.surge)
     assert abs(words[which].estimate.position) > 0.15
     assert abs(words[1 - which].estimate.position) < 0.15
-    assert tripped.safety.warned == Warned.POSITION
-    warned = next(row for row in made.rows if row.safety.warned)
-    assert warned.tick < tripped.tick
+    assert words[which].warned == Warned.POSITION
+    first = next(row for row in made.rows if row.heave.warned or row.surge.warned)
+    assert first.tick < tripped.tick
+    for row in made.rows:
+        for word in (row.heave, row.surge):
+            beyond = abs(word.estimate.position) > near.limits.position_warn
+            assert word.warned == (Warned.POSITION if beyond else 0)
+    both = [(row.heave, row.surge)[1 - which].warned for row in made.rows]
+    assert set(both) == {0}  # the other axis has nothing to warn of
     assert [row.safety.mode for row in made.rows].count(STOP_1) == SAFETY.stop_ticks
     for row in made.rows:
         if row.safety.mode == STOP_1:
@@ -231,27 +241,34 @@ def test_in_a_stop_the_gains_go_to_pure_damping() -> None:
 
 def test_a_stop_ramps_at_its_own_pace_even_to_the_gains_of_the_run() -> None:
     slow = AXIS._replace(law=AXIS.law._replace(ramp=10.0), stop_ramp=0.02)
-    estimate, dt = Estimate(0.01, 0.1, 0.0), 0.001
-    memory = axis.start()
-    seen = axis.Seen(memory.estimator, estimate)
-    kps = []
+    sense, motion = AxisSense(1000, 0.0, 0.0, 1, 0, 0.0), Estimate(0.01, 0.1, 0.0)
+    memory, kps = axis.start(), []
     for mode in [RUN] * 100 + [STOP_2] * 20 + [RUN] * 2:
         # The run heads for just what a stop holds: its slow ramp must not be gone on with.
         gains = Gains(-slow.stop_damping, 0.0)
-        memory, demand, _ = axis.control(slow, memory, gains, seen, mode, dt)
-        kps.append(demand.kp)
+        memory, record = axis.control(slow, memory, sense, motion, gains, mode, 0.001)
+        kps.append(record.demand.kp)
     assert kps[99] == pytest.approx(-0.01 * slow.stop_damping)
     assert kps[109] == pytest.approx((kps[99] - slow.stop_damping) / 2)
     assert kps[119:] == [-slow.stop_damping] * 3
 
 
 def waves_seen(posts: dict[int, int]) -> dict[int, set[int]]:
-    """For each mode what the wave maker was told in it, in a kind that hears of it."""
+    """For each mode whether the wave clock ran in it, in a kind that hears of it."""
     told: dict[int, set[int]] = {}
 
-    def control(params: Any, state: Any, sense: Any, seen: Any, now: cycle.Now, dt: float) -> Any:
-        told.setdefault(now.mode, set()).add(now.waves)
-        return BENCH.control(params, state, sense, seen, now, dt)
+    def control(
+        params: Any,
+        state: Any,
+        sense: Any,
+        motion: Any,
+        plan: cycle.PlanRecord,
+        guard: safety.State,
+        *rest: Any,
+    ) -> Any:
+        assert plan.wave_clock == -1.0 or plan.wave_clock >= 0.0
+        told.setdefault(guard.mode, set()).add(int(plan.wave_clock >= 0.0))
+        return BENCH.control(params, state, sense, motion, plan, guard, *rest)
 
     made = run(BENCH._replace(control=control), bench_params(), bench(), posts=posts)
     assert made.error is None

@@ -78,7 +78,7 @@ def test_a_stuck_encoder_disagrees_with_the_string_pot() -> None:
     bound = configured()[1].heave.string_pot_difference_stop_m
     gap = first.load.string_pot - first.tare.string_pot - first.heave.estimate.position
     assert abs(gap) > bound
-    scale = params().rig.heave.estimator.metres_per_count
+    scale = params().rig.heave.metres_per_count
     moved = abs(devices.true[first.tick].heave.counts - stuck[0]) * scale
     assert moved == pytest.approx(bound, abs=0.005)
 
@@ -166,7 +166,7 @@ def test_the_stator_stays_put_during_the_tare_and_in_a_stop() -> None:
 
 
 def test_a_tare_in_moving_water_is_refused() -> None:
-    scale = params().rig.heave.estimator.metres_per_count
+    scale = params().rig.heave.metres_per_count
 
     def sense(tick: int, word: Sense) -> Sense:
         drift = 3 * tick  # counts a tick: 75 mm/s

@@ -133,11 +133,11 @@ class Interleavings(RuleBasedStateMachine):
         )
         self.counts += 40
         sense = AxisSense(self.counts, 0.0, 0.0, int(powered), 0, 0.0)
-        seen = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
-        self.axis, _, command = axis.control(
-            AXIS, self.axis, Gains(-500.0, 900.0), seen, self.guard.mode, DT
+        motion = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
+        self.axis, record = axis.control(
+            AXIS, self.axis, sense, motion, Gains(-500.0, 900.0), self.guard.mode, DT
         )
-        self.force, self.enable = command.force, command.enable
+        self.force, self.enable = record.command.force, record.command.enable
         if self.guard.mode >= STOP_1 and self.stopped_at is None:
             self.stopped_at, self.first = self.tick, self.guard.reason
 

@@ -2,6 +2,7 @@
 
 import os
 import resource
+import struct
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,8 +18,11 @@ from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
 from rig import record, runs
-from rig.log import CHUNK_BYTES, MESSAGE, RowWriter
+from rig.log import CHUNK_BYTES, RowWriter
 from rig.runs.mcap_file import blocks, scan
+
+# MCAP specification, record head and Message; then the encapsulation header of CDR.
+MESSAGE = struct.Struct("<BQHIQQ4s")
 
 
 def read(path: Path) -> Any:
@@ -82,7 +86,7 @@ def test_a_large_block_is_cut_into_chunks(tmp_path: Path) -> None:
 
 def test_a_block_is_taken_whole_or_not_at_all(tmp_path: Path) -> None:
     out = files.writer(tmp_path / "run.mcap")
-    with pytest.raises(ValueError, match="are not whole rows of 464 bytes"):
+    with pytest.raises(ValueError, match="are not whole rows of 472 bytes"):
         out.append(files.rows(2).tobytes()[:-1])
     bad = files.rows(3)
     bad["time"][2] = np.nan
@@ -207,6 +211,6 @@ def test_giving_up_leaves_a_readable_file(tmp_path: Path) -> None:
     out.append(files.rows(100).tobytes())
     out.flush()
     out.append(files.rows(100, 100).tobytes())
-    assert out.pending >= 100 * 464
+    assert out.pending >= 100 * 472
     out.close()
     assert runs.salvage(out.path).last_tick == 99

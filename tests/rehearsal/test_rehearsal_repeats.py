@@ -15,7 +15,7 @@ from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, check
 from rig.clock import VirtualClock
 from rig.mailbox import Mailbox, Request, create
-from rig.record import flattener, layout
+from rig.record import layout, packer
 from rig.rehearsal import job
 from rig.rehearsal.devices import connect
 from rig.runs import attachments, open_run
@@ -54,11 +54,12 @@ class Rows:
 
     def __init__(self) -> None:
         self.packed = bytearray()
-        self._pack = layout(WaveBotRow).pack
-        self._flat = flattener(WaveBotRow)
+        self._pack = packer(WaveBotRow)
+        self._blank = bytes(layout(WaveBotRow).size)
 
     def put(self, row: WaveBotRow) -> None:
-        self.packed += self._pack(*self._flat(row))
+        self.packed += self._blank
+        self._pack(self.packed, len(self.packed) - len(self._blank), row)
 
     def finish(self) -> None:
         pass

@@ -165,8 +165,7 @@ class RowWriter:
             into, some = self._open[self._filled : self._filled + count], slice(done, done + count)
             into["sequence"], into["row"] = ticks[some], packed[some]
             into["log_time"] = into["publish_time"] = times[some]
-            self._filled += count
-            done += count
+            self._filled, done = self._filled + count, done + count
             if self._filled == capacity:
                 self._end_chunk()
 
@@ -221,11 +220,10 @@ class RowWriter:
         self._end += len(data)
 
     def _write(self, data: bytes) -> None:
-        left, place = memoryview(data), self.committed
+        done = 0
         try:
-            while left:
-                wrote = os.pwrite(self._file, left, place)
-                left, place = left[wrote:], place + wrote
+            while done < len(data):
+                done += os.pwrite(self._file, memoryview(data)[done:], self.committed + done)
         except OSError:
             # A part of the record may be in: cut it off, so that what is there is whole.
             os.ftruncate(self._file, self.committed)
@@ -270,13 +268,13 @@ class RowWriter:
         """Data end, summary, footer and closing magic, as they stand at the committed length."""
         data_end = _built(records.DataEnd(0))
         start = self.committed + len(data_end)
-        chunks = self._chunks
+        chunks, rows = self._chunks, self._rows
         statistics = records.Statistics(
             attachment_count=len(self._attachments),
             channel_count=1,
-            channel_message_counts={CHANNEL_ID: self._rows} if self._rows else {},
+            channel_message_counts={CHANNEL_ID: rows} if rows else {},
             chunk_count=len(chunks),
-            message_count=self._rows,
+            message_count=rows,
             message_end_time=max((c.message_end_time for c in chunks), default=0),
             message_start_time=min((c.message_start_time for c in chunks), default=0),
             metadata_count=len(self._metadata),

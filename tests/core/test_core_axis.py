@@ -32,14 +32,14 @@ def sensed(counts: int) -> AxisSense:
 
 
 def followed(
-    given_: axis.Params, counts: list[int], zero: float = 0.0, mode: int = RUN
+    own: axis.Params, counts: list[int], zero: float = 0.0, mode: int = RUN
 ) -> list[axis.Record]:
     """What an axis records of these counts, one a tick."""
     state, out = axis.start(), []
     for count in counts:
         sense = sensed(count)
-        motion = axis.observe(given_, state, sense, zero, 1, DT)
-        state, record = axis.control(given_, state, sense, motion, NONE, mode, DT)
+        motion = axis.observe(own, state, sense, zero, 1, DT)
+        state, record = axis.control(own, state, sense, motion, NONE, mode, DT)
         out.append(record)
     return out
 
@@ -191,10 +191,10 @@ QUICK = safety.Params(enable_ticks=50, stop_ticks=5)
 
 
 def crept(name: str, scale: float, gaps: dict[int, int]) -> Ran:
-    """A run of a rig whose body creeps, its string pot with it, and whose lead cells are biased."""
+    """A run of a rig whose body creeps, and its string pot with it."""
     base = params(PLANS[name])._replace(safety=QUICK)
     heave = base.rig.heave._replace(metres_per_count=scale)
-    given_ = base._replace(rig=base.rig._replace(heave=heave))
+    own = base._replace(rig=base.rig._replace(heave=heave))
 
     def creep(tick: int, word: Sense) -> Sense:
         by = CREEP * tick
@@ -203,7 +203,7 @@ def crept(name: str, scale: float, gaps: dict[int, int]) -> Ran:
             load=word.load._replace(string_pot=word.load.string_pot + by * scale),
         )
 
-    made = run(KIND, given_, Bent(Quiet(), creep), clock=LossyClock(gaps))
+    made = run(KIND, own, Bent(Quiet(), creep), clock=LossyClock(gaps))
     assert made.error is None
     assert made.end is not None
     assert made.end.reason == Reason.PLAN_END
@@ -280,14 +280,14 @@ def test_the_first_tick_of_a_wavebot_is_its_zero_wherever_it_is_found() -> None:
 def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() -> None:
     table = SETPOINTS._replace(kp=(-2000.0, -1000.0, 0.0), ki=(0.0, 1000.0, 500.0))
     table = table._replace(spring_rate=(490.9, -2763.0, 490.9))
-    given_ = params(setpoints=table).rig
-    given_ = given_._replace(heave=given_.heave._replace(law=given_.heave.law._replace(ramp=DT)))
+    own = params(setpoints=table).rig
+    own = own._replace(heave=own.heave._replace(law=own.heave.law._replace(ramp=DT)))
     state, sense = wavebot.start(), Quiet().read(0.0)
     place, guard = cycle.PlanRecord(0, Phase.SETTLE, 0, -1.0), safety.State(RUN, 0, 0)
     for setpoint in (0, 0, 1, 1, 2, 0, 2, 1, 0, 0):
-        motion = wavebot.observe(given_, state, sense, 1, DT)
+        motion = wavebot.observe(own, state, sense, 1, DT)
         state, command, words = wavebot.control(
-            given_, state, sense, motion, place, guard, setpoint, DT
+            own, state, sense, motion, place, guard, setpoint, DT
         )
         kp, ki, _ = words[0].demand
         assert (kp, ki) == pytest.approx((table.kp[setpoint], table.ki[setpoint]))

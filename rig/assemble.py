@@ -58,6 +58,7 @@ def wavebot_params(
                     current_rms_time=heave.current_rms_time_s,
                     force_slew=heave.force_slew_n_per_s,
                     encoder_age_stop=heave.encoder_age_stop_s,
+                    encoder_jump_stop=heave.encoder_jump_stop_m,
                     drive_age_stop=heave.drive_age_stop_s,
                     newtons_per_ampere=newtons_per_ampere(rig),
                 ),

@@ -6,7 +6,7 @@ from controllers import estimator, impedance
 from controllers.blocks import ramp_start
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag, Gains
 from rig import limits
-from rig.safety import RUN, STOP_1, STOP_2
+from rig.safety import CATEGORY, FINE, RUN, STOP_1, STOP_2, Reason
 
 
 class Params(NamedTuple):
@@ -53,6 +53,23 @@ def observe(
     if state.seeded == 0:
         return Estimate(measured, 0.0, 0.0)
     return estimator.step(params.estimator, state.motion, measured, periods, dt)
+
+
+def check(
+    params: Params, state: State, sense: AxisSense, motion: Estimate, zero: float, mode: int
+) -> int:
+    """The first reason to trip on this axis, or Reason.NONE; ``zero`` as in `observe`.
+
+    A jump of the counts looks like a velocity to the estimator, and damping would push against
+    it: so it is caught before anything else acts on the motion.
+    """
+    reason = limits.check_axis(params.limits, state.limits, sense, motion, mode)
+    if reason == FINE or CATEGORY[reason] != 0:
+        most = params.limits.encoder_jump_stop
+        jump = sense.counts * params.metres_per_count - zero - motion.position
+        if not -most <= jump <= most:
+            return Reason.ENCODER_JUMP.value
+    return reason
 
 
 def rezero(state: State, by: float) -> State:

@@ -39,6 +39,7 @@ class AxisLimits(NamedTuple):
     current_rms_time: float  # s, time constant of the mean square
     force_slew: float  # N/s
     encoder_age_stop: float  # s
+    encoder_jump_stop: float  # m, between what was measured and what the estimate says
     drive_age_stop: float  # s
     newtons_per_ampere: float  # Kt N, from force to drive current
 

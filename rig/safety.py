@@ -87,6 +87,7 @@ class Reason(IntEnum):
     STATOR_LATE = 20
     NOT_CALM = 21  # the body moved during the tare
     EXCEPTION = 22  # the loop's own code failed
+    ENCODER_JUMP = 23  # counts far from where the motion could have led: slip, lost counts
 
 
 FINE = int(Reason.NONE)
@@ -117,6 +118,7 @@ CATEGORY: tuple[int, ...] = (
     1,  # STATOR_LATE
     1,  # NOT_CALM
     0,  # EXCEPTION
+    0,  # ENCODER_JUMP
 )
 
 # Requests of people and of the supervisor, as they come through the mailbox.

@@ -20,7 +20,7 @@ from controllers.signals import (
     Volt,
     Watt,
 )
-from rig import axis, cycle, limits, power, safety, tare
+from rig import axis, cycle, power, safety, tare
 from rig.safety import CATEGORY, FINE, RUN, Reason
 from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
@@ -137,17 +137,22 @@ def start() -> State:
 
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Estimate:
-    """Heave motion relative to the zero in use, at first where the body is found."""
-    zero = state.tare.zeros.position
-    if state.tare.seeded == 0:
-        zero = sense.heave.counts * params.heave.metres_per_count
+    """Heave motion relative to the zero in use."""
+    zero = _zero(params, state, sense)
     return axis.observe(params.heave, state.heave, sense.heave, zero, periods, dt)
+
+
+def _zero(params: Params, state: State, sense: Sense) -> float:
+    """The zero of heave in use (m in the encoder's frame), at first where the body is found."""
+    if state.tare.seeded == 0:
+        return sense.heave.counts * params.heave.metres_per_count
+    return state.tare.zeros.position
 
 
 def check(params: Params, state: State, sense: Sense, motion: Estimate, mode: int) -> int:
     """The first reason to trip, those that allow no controlled stop before others, or NONE."""
     heave, load, spring, meter, _ = sense
-    reason = limits.check_axis(params.heave.limits, state.heave.limits, heave, motion, mode)
+    reason = axis.check(params.heave, state.heave, heave, motion, _zero(params, state, sense), mode)
     if reason != FINE and CATEGORY[reason] == 0:
         return reason
     lcb, trs, string_pot, rotor_angle, load_age = load

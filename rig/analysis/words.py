@@ -50,6 +50,7 @@ REASONS = {
     Reason.STATOR_LATE: "the stator (or the drive) was not ready in time",
     Reason.NOT_CALM: "the body moved during the tare",
     Reason.EXCEPTION: "the loop's own code failed",
+    Reason.ENCODER_JUMP: "the encoder jumped: it slipped or lost counts",
 }
 
 

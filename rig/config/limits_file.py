@@ -19,6 +19,7 @@ class HeaveLimits(FileModel):
     current_rms_time_s: float = Field(ge=0.1, le=600)
     force_slew_n_per_s: float = Field(gt=0, le=1e7)
     encoder_age_stop_s: float = Field(gt=0, le=1)
+    encoder_jump_stop_m: float = Field(gt=0, le=1)
     drive_age_stop_s: float = Field(gt=0, le=5)
     string_pot_difference_stop_m: float = Field(gt=0, le=1)
 

@@ -60,7 +60,7 @@ def _range(value: dict[str, Any]) -> tuple[float, ...]:
     if steps > MOST_VALUES - 1:
         raise refuse(f"{number_text(step)} gives over {MOST_VALUES} values", "step")
     whole = round(steps)
-    if abs(steps - whole) > 1e-6:
+    if whole == 0 or abs(steps - whole) > 1e-6:
         end = first + math.floor(steps) * step
         raise refuse(f"{number_text(last)} is not reached: the last step ends on {end:.10g}", "to")
     # Each value from the start, not from its neighbour: rounding does not add up.

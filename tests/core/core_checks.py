@@ -39,6 +39,7 @@ REASONS = {
     "STATOR_LATE": (20, 1),
     "NOT_CALM": (21, 1),
     "EXCEPTION": (22, 0),
+    "ENCODER_JUMP": (23, 0),
 }
 
 REQUESTS = {
@@ -194,6 +195,7 @@ BOUNDS = {
     "current_rms_time": 0.5,
     "force_slew": 8192.0,  # 8 N a tick
     "encoder_age_stop": 0.125,
+    "encoder_jump_stop": 0.0625,
     "drive_age_stop": 0.375,
     "newtons_per_ampere": 4.0,
 }

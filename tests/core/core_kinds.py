@@ -35,6 +35,7 @@ LIMITS = limits.AxisLimits(
     current_rms_time=1.0,
     force_slew=50_000.0,
     encoder_age_stop=0.02,
+    encoder_jump_stop=0.05,
     drive_age_stop=0.1,
     newtons_per_ampere=50.0,
 )

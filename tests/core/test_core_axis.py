@@ -334,3 +334,34 @@ def test_the_words_of_a_wavebot_are_in_its_row() -> None:
         assert (row.heave.command, row.spring_command) == command[:2]
         assert isinstance(row.tare, tare.Zeros)
         assert isinstance(row.safety, safety.State)
+
+
+# --- the jump
+
+
+@pytest.mark.parametrize("scale", [SCALE, -SCALE])
+def test_counts_may_move_up_to_the_bound_between_two_ticks(scale: float) -> None:
+    """The filter takes a part of the step at once; the bound is on what it leaves."""
+    own = AXIS._replace(metres_per_count=scale)
+    share = 1.0 - own.estimator.gain_position
+    bound = own.limits.encoder_jump_stop / share / SCALE  # counts
+    state = axis.start()
+    at_rest = axis.observe(own, state, sensed(AT), 0.0, 1, DT)
+    state, _ = axis.control(own, state, sensed(AT), at_rest, NONE, OFF, DT)
+    own = own._replace(limits=own.limits._replace(velocity_stop=1e3, position_stop=10.0))
+    for step, reason in (
+        (int(bound) - 1, Reason.NONE),
+        (1 - int(bound), Reason.NONE),
+        (int(bound) + 2, Reason.ENCODER_JUMP),
+        (-2 - int(bound), Reason.ENCODER_JUMP),
+    ):
+        sense = sensed(AT + step)
+        motion = axis.observe(own, state, sense, 0.0, 1, DT)
+        assert axis.check(own, state, sense, motion, 0.0, OFF) == reason
+    fault = sensed(AT + 100_000)._replace(fault=1)
+    motion = axis.observe(own, state, fault, 0.0, 1, DT)
+    assert axis.check(own, state, fault, motion, 0.0, OFF) == Reason.DRIVE_FAULT
+    tight = own._replace(limits=own.limits._replace(velocity_stop=1e-3))
+    slipped = sensed(AT + 100_000)
+    motion = axis.observe(tight, state, slipped, 0.0, 1, DT)
+    assert axis.check(tight, state, slipped, motion, 0.0, OFF) == Reason.ENCODER_JUMP

@@ -24,6 +24,7 @@ WAVEBOT = AxisLimits(
     current_rms_time=10.0,
     force_slew=200_000.0,
     encoder_age_stop=0.02,
+    encoder_jump_stop=0.05,
     drive_age_stop=0.1,
     newtons_per_ampere=76.975,
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from core_kinds import AXIS, BENCH, PAIR, PairParams, PairRow, PairSense, Table
-from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, run
+from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, plan, run
 
 from controllers.signals import AxisSense, Estimate, Gains
 from rig import axis, cycle, safety
@@ -108,6 +108,14 @@ def test_the_wave_clock_starts_with_the_lead_in() -> None:
         running = row.tick >= first and row.plan.phase != Phase.DONE  # then the maker stands
         expected = (row.tick - first) * 0.001 if running else -1.0
         assert row.plan.wave_clock == expected
+
+
+def test_waves_that_run_from_the_first_tick_have_their_zero_there() -> None:
+    segments = plan((0, Phase.SETTLE, 20, 0, 0), (0, Phase.MEASURE, 60, 0, 0))
+    made = run(BENCH, bench_params(segments), bench())
+    assert made.error is None
+    clocks = [row.plan.wave_clock for row in made.rows if row.plan.phase != Phase.DONE]
+    assert clocks[:80] == [k * 0.001 for k in range(80)]
 
 
 def test_two_runs_are_equal_to_the_bit() -> None:

@@ -97,7 +97,7 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
         rows = campaign.repeat * (count(campaign.matrix) if found is None else len(found))
         problems += _own_rules(campaign, rows, top.locate)
         if campaign.matrix.csv is not None and found:
-            files.append(_file("matrix", found[0].place.path))
+            files.append(_file("matrix", found[0].spring_at.place.path))
     sea = sea_of(top)
     if isinstance(sea, RecordedSea):
         record = top.locate.file(("sea", "file"), sea.file)

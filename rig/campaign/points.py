@@ -9,7 +9,7 @@ from rig.config.matrix import END_MARK, Combination, Matrix
 from rig.config.problems import ConfigError, Problem, key_text, number_text, shown
 from rig.config.ranges import allowed
 from rig.config.rig_file import MagneticSpring
-from rig.config.source import Locate, Place
+from rig.config.source import KeyPath, Locate, Place
 
 COLUMNS = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
 
@@ -17,18 +17,25 @@ MOST_ROWS = 10_000
 """Most rows of a campaign, repetitions included; two days of regular waves."""
 
 
+class Where(NamedTuple):
+    """Where a number of the matrix stands."""
+
+    place: Place
+    key: str  # key path, or the column of a CSV
+
+    def problem(self, value: object, message: str) -> Problem:
+        """A problem of this number."""
+        return Problem(shown(self.place.path), self.place.line, self.key, value, message)
+
+
 class Point(NamedTuple):
-    """One combination of the matrix, and where it stands."""
+    """One combination of the matrix, and where the numbers stand that a rig may refuse."""
 
     spring_rate: float  # N/m
     kp: float  # N*s/m
     ki: float  # N/m
-    place: Place
-    key: str  # key path, or the column of a CSV, of the entry
-
-    def problem(self, value: object, message: str) -> Problem:
-        """A problem of this point."""
-        return Problem(shown(self.place.path), self.place.line, self.key, value, message)
+    spring_at: Where
+    ki_at: Where
 
 
 def count(matrix: Matrix) -> int:
@@ -50,26 +57,32 @@ def points(matrix: Matrix, locate: Locate) -> tuple[Point, ...]:
         return _from_csv(locate.file(key, matrix.csv), locate(key))
     found = []
     for i, grid in enumerate(matrix.grid or ()):
-        key_ki = ("matrix", "grid", i, "ki_n_per_m")
-        place = locate(key_ki)
+        at = ("matrix", "grid", i)
+        rates = _each(grid.spring_n_per_m, (*at, "spring_n_per_m"), locate)
+        kis = _each(grid.ki_n_per_m, (*at, "ki_n_per_m"), locate)
         found += [
-            Point(rate, kp, ki, place, key_text(key_ki))
-            for rate in grid.spring_n_per_m
+            Point(rate, kp, ki, spring_at, ki_at)
+            for rate, spring_at in rates
             for kp in grid.kp_n_s_per_m
-            for ki in grid.ki_n_per_m
+            for ki, ki_at in kis
         ]
     for i, one in enumerate(matrix.combinations or ()):
-        key_entry = ("matrix", "list", i)
-        found.append(
-            Point(
-                one.spring_n_per_m,
-                one.kp_n_s_per_m,
-                one.ki_n_per_m,
-                locate(key_entry),
-                key_text(key_entry),
-            )
-        )
+        at = ("matrix", "list", i)
+        spring_at = _where((*at, "spring_n_per_m"), locate)
+        ki_at = _where((*at, "ki_n_per_m"), locate)
+        found.append(Point(one.spring_n_per_m, one.kp_n_s_per_m, one.ki_n_per_m, spring_at, ki_at))
     return tuple(found)
+
+
+def _each(values: tuple[float, ...], key: KeyPath, locate: Locate) -> list[tuple[float, Where]]:
+    """Each value with its place in a list, or with the key where a number or a range gives it."""
+    entries = ((*key, i) for i in range(len(values)))
+    at = [_where(entry if entry in locate.places else key, locate) for entry in entries]
+    return list(zip(values, at, strict=True))
+
+
+def _where(key: KeyPath, locate: Locate) -> Where:
+    return Where(locate(key), key_text(key))
 
 
 def stator_positions(found: tuple[Point, ...], spring: MagneticSpring) -> dict[float, float]:
@@ -82,19 +95,20 @@ def stator_positions(found: tuple[Point, ...], spring: MagneticSpring) -> dict[f
 
 
 def outside_map(found: tuple[Point, ...], spring: MagneticSpring) -> tuple[Problem, ...]:
-    """A problem for each spring rate the rig's spring cannot give, at the first such point."""
+    """A problem for each spring rate the rig's spring cannot give, told where it stands."""
     rates, _ = spring.by_rate()
-    first: dict[tuple[float, Place], Point] = {}
-    for point in found:
-        if not rates[0] <= point.spring_rate <= rates[-1]:
-            first.setdefault((point.spring_rate, point.place), point)
+    bad = dict.fromkeys(
+        (point.spring_rate, point.spring_at)
+        for point in found
+        if not rates[0] <= point.spring_rate <= rates[-1]
+    )
     return tuple(
-        point.problem(
-            point.spring_rate,
-            f"spring rate {number_text(point.spring_rate)} is outside the rig's spring map; "
+        at.problem(
+            rate,
+            f"spring rate {number_text(rate)} is outside the rig's spring map; "
             f"allowed {number_text(rates[0])} .. {number_text(rates[-1])} N/m",
         )
-        for point in first.values()
+        for rate, at in bad
     )
 
 
@@ -160,7 +174,9 @@ def _row(path: Path, number: int, line: str) -> Point | list[Problem] | None:
             values.append(float(cell))
     if problems:
         return problems
-    return Point(values[0], values[1], values[2], Place(path, number), "ki_n_per_m")
+    place = Place(path, number)
+    spring_at, _, ki_at = (Where(place, name) for name in COLUMNS)
+    return Point(values[0], values[1], values[2], spring_at, ki_at)
 
 
 def _wrong(name: str, cell: str) -> str:

@@ -10,11 +10,11 @@ are limited to the Ki that the softer end bears (`bearable_ki`).
 
 from collections.abc import Iterable
 
-from rig.campaign.points import Point
+from rig.campaign.points import Point, Where
 from rig.config.campaign_file import CampaignFile
 from rig.config.problems import Problem, number_text
 from rig.config.rig_file import Stability
-from rig.config.source import Locate, Place
+from rig.config.source import Locate
 
 
 def total_stiffness(stability: Stability, spring_rate: float, ki: float) -> float:
@@ -38,17 +38,17 @@ def unstable(found: tuple[Point, ...], stability: Stability) -> tuple[Problem, .
 
     Rows that differ only in Kp are one problem: Kp is no stiffness.
     """
-    groups: dict[tuple[float, float, Place], list[int]] = {}
+    groups: dict[tuple[float, float, Where], list[int]] = {}
     for i, point in enumerate(found):
         left = total_stiffness(stability, point.spring_rate, point.ki)
         if left < stability.least_stiffness_n_per_m:
-            groups.setdefault((point.spring_rate, point.ki, point.place), []).append(i)
+            groups.setdefault((point.spring_rate, point.ki, point.ki_at), []).append(i)
     problems = []
-    for (rate, ki, _), rows in groups.items():
+    for (rate, ki, at), rows in groups.items():
         more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""
         point = found[rows[0]]
         problems.append(
-            point.problem(
+            at.problem(
                 ki,
                 f"point {rows[0]}{more} (spring {number_text(rate)} N/m, "
                 f"Kp {number_text(point.kp)} N*s/m, Ki {number_text(ki)} N/m) leaves "

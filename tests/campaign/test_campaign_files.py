@@ -133,7 +133,7 @@ HEADER = "spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n"
         (HEADER + "0,1,0\n", "m.csv:2:3", "kp_n_s_per_m", "(F = Kp v on the body"),
         (HEADER + "0,-1,40000\n", "m.csv:2:6", "ki_n_per_m", "allowed -30000 .. 30000 N/m"),
         (HEADER + "60000,-1,0\n", "m.csv:2:1", "spring_n_per_m", "allowed -50000 .. 50000 N/m"),
-        (HEADER + "9000,-1,0\n", "m.csv:2", "ki_n_per_m", "outside the rig's spring map"),
+        (HEADER + "9000,-1,0\n", "m.csv:2", "spring_n_per_m", "outside the rig's spring map"),
         (HEADER + "0,-1,25000\n", "m.csv:2", "ki_n_per_m", "Ki is allowed up to 21337 N/m"),
     ],
 )  # fmt: skip
@@ -186,7 +186,7 @@ matrix:
       ki_n_per_m: [0, 14000, 15000]
 """
     ((_, line, key, said),) = told(write(body))
-    assert (line, key) == (8, "matrix.grid[0].ki_n_per_m")
+    assert (line, key) == (8, "matrix.grid[0].ki_n_per_m[2]")
     assert said.startswith(
         "point 2 and 1 more (spring -5715 N/m, Kp -1000 N*s/m, Ki 15000 N/m) leaves 2405 N/m of "
         "stiffness, less than 3000; at this spring rate Ki is allowed up to 14405 N/m"
@@ -209,12 +209,42 @@ matrix:
     assert said.endswith("allowed up to 11017 N/m")
 
 
-def test_spring_rates_outside_the_map(write: Any) -> None:
-    ((_, line, key, said),) = told(
-        write("matrix: {grid: [{spring_n_per_m: 8400, kp_n_s_per_m: [-1, -2], ki_n_per_m: 0}]}")
-    )
-    assert (line, key) == (4, "matrix.grid[0].ki_n_per_m")
+@pytest.mark.parametrize(
+    ("rate", "line", "key"),
+    [
+        ("8400", 6, "matrix.grid[0].spring_n_per_m"),
+        ("[0,\n        8400]", 7, "matrix.grid[0].spring_n_per_m[1]"),
+        ("{from: 8300, to: 8400, step: 100}", 6, "matrix.grid[0].spring_n_per_m"),
+    ],
+)
+def test_spring_rates_outside_the_map(write: Any, rate: str, line: int, key: str) -> None:
+    body = f"""\
+matrix:
+  grid:
+    - spring_n_per_m: {rate}
+      kp_n_s_per_m: [-1, -2]
+      ki_n_per_m: [0, 1]
+"""
+    ((_, *where, said),) = told(write(body))
+    assert where == [line, key]
     assert "spring rate 8400 is outside the rig's spring map; allowed -10013 .. 8340 N/m" in said
+
+
+def test_entries_of_a_list_are_told_at_their_own_keys(write: Any) -> None:
+    body = """\
+matrix:
+  list:
+    - spring_n_per_m: 8400
+      kp_n_s_per_m: -1
+      ki_n_per_m: 0
+    - spring_n_per_m: -5715
+      kp_n_s_per_m: -1
+      ki_n_per_m: 15000
+"""
+    assert [place[1:3] for place in told(write(body))] == [
+        (6, "matrix.list[0].spring_n_per_m"),
+        (11, "matrix.list[1].ki_n_per_m"),
+    ]
     campaign = open_campaign(write())
     assert outside_map(campaign.points, campaign.rig.spring) == ()
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from rig.campaign import Plan, Point, WindowError, check, open_campaign, plan, windows
 from rig.campaign.order import least_travel, turns
+from rig.campaign.points import Where
 from rig.config import CampaignFile, Place, RigFile, load
 from rig.config.campaign_file import Timing
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
@@ -17,7 +18,7 @@ from rig.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
-NOWHERE = Place(Path("x.yaml"), 1)
+NOWHERE = Where(Place(Path("x.yaml"), 1), "x")
 RATES = (490.9, -5715.0, 8340.0, -10013.0, 0.0)
 
 
@@ -187,7 +188,7 @@ POINTS = st.lists(
     ),
     min_size=1,
     max_size=12,
-).map(lambda found: tuple(Point(*point, NOWHERE, "x") for point in found))
+).map(lambda found: tuple(Point(*point, NOWHERE, NOWHERE) for point in found))
 
 
 @given(POINTS, st.sampled_from(["as given", "fewest spring moves", "random"]), st.integers(1, 3))
@@ -223,7 +224,7 @@ def test_no_order_of_the_spring_rates_moves_the_stator_less(rates: list[float]) 
 
 
 def test_another_seed_is_another_random_order() -> None:
-    points = tuple(Point(0.0, -float(i), 0.0, NOWHERE, "x") for i in range(20))
+    points = tuple(Point(0.0, -float(i), 0.0, NOWHERE, NOWHERE) for i in range(20))
     assert turns(points, "random", 1, 1, {}) != turns(points, "random", 1, 2, {})
 
 

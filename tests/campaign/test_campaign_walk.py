@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from rig import sequence
 from rig.campaign import Plan, Point, check, plan
+from rig.campaign.points import Where
 from rig.config import CampaignFile, Place, RigFile, load
 from rig.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 
@@ -37,8 +38,8 @@ def small(frequency: float = 0.3) -> Plan:
             "timing": {"settle_s": 1, "interval_s": 5},
         }
     )  # fmt: skip
-    here = Place(Path("x"), 1)
-    points = tuple(Point(rate, -1000.0, 0.0, here, "x") for rate in (0.0, 0.0, 8340.0))
+    here = Where(Place(Path("x"), 1), "x")
+    points = tuple(Point(rate, -1000.0, 0.0, here, here) for rate in (0.0, 0.0, 8340.0))
     return plan(campaign, SLOW, points)
 
 

@@ -4,7 +4,14 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from rig.config.model import Broken, FileModel, Reason, Several, refuse
 from rig.config.problems import number_text, value_text
@@ -101,6 +108,10 @@ class Combination(FileModel):
     ki_n_per_m: Ki
 
 
+FORMS = ("grid", "list", "csv")
+_ONE = "allowed exactly one of " + ", ".join(FORMS)
+
+
 class Matrix(FileModel):
     """The gain matrix, said in exactly one of three ways."""
 
@@ -110,13 +121,22 @@ class Matrix(FileModel):
     )
     csv: str | None = Field(default=None, min_length=1)  # file, relative to this one
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_form(cls, value: Any) -> Any:
+        # By the keys, before their values: one left empty would pass for one that is not there.
+        given = [key for key in FORMS if key in value] if isinstance(value, dict) else []
+        if len(given) > 1:
+            found = " and ".join(key if value[key] else f"{key} (empty)" for key in given)
+            raise refuse(f"{found} given; {_ONE}")
+        return value
+
     def broken_rules(self) -> Iterator[Broken]:
-        """Exactly one of grid, list, csv."""
-        given = [
-            key
-            for key, value in (("grid", self.grid), ("list", self.combinations), ("csv", self.csv))
-            if value is not None
-        ]
-        if len(given) != 1:
-            found = " and ".join(given) if given else "nothing"
-            yield Broken((), f"{found} given; allowed exactly one of grid, list, csv")
+        """One of grid, list, csv; that no two are given is known by then."""
+        if self.grid is None and self.combinations is None and self.csv is None:
+            yield Broken((), f"nothing given; {_ONE}")
+
+    @model_serializer(mode="wrap")
+    def _given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # Only the form that is given, so that what is written can be read again.
+        return {key: value for key, value in dump(self).items() if value is not None}

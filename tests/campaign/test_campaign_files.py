@@ -114,6 +114,18 @@ def test_grid_runs_kp_outer_ki_inner(write: Any) -> None:
     ]
 
 
+def test_an_extended_campaign_may_change_the_form_of_its_matrix(write: Any, tmp_path: Path) -> None:
+    write()
+    top = tmp_path / "campaigns" / "top.yaml"
+    grid = "grid: [{spring_n_per_m: 0, kp_n_s_per_m: -1, ki_n_per_m: 0}]"
+    top.write_text(f"extends: test.yaml\nmatrix:\n  list:\n  {grid}\n")
+    assert [p.kp for p in open_campaign(top).points] == [-1.0]
+    top.write_text(f"extends: test.yaml\nmatrix:\n  {grid}\n")
+    ((_, line, key, said),) = told(top)
+    assert (line, key) == (2, "matrix")
+    assert said == "grid and list given; allowed exactly one of grid, list, csv"
+
+
 HEADER = "spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n"
 
 

@@ -116,7 +116,7 @@ def _table(figure: Figure, summary: Summary, top: float) -> float:
             words.signed(o.point.stator),
             words.signed(o.point.kp),
             words.signed(o.point.ki),
-            "grid's edge" if o.at_edge else "",
+            o.doubt,
         )
         for i, (x, cell, side) in enumerate(zip(places, cells, sides, strict=True)):
             weight = "bold" if i == 1 else "normal"

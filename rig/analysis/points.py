@@ -25,8 +25,14 @@ class Optimum(NamedTuple):
 
     kind: str
     point: Point
-    at_edge: bool  # a gain at the end of its range: the true optimum may lie outside
+    at_edge: bool  # a gain at the end of its range in the campaign: the best may lie outside
+    at_gap: bool  # the next point along Kp or Ki was not measured: the best may lie there
     points: int  # measured at this spring rate
+
+    @property
+    def doubt(self) -> str:
+        """Where the true optimum may lie instead, in a word or two; empty if it lies here."""
+        return "grid's edge" if self.at_edge else "beside a gap" if self.at_gap else ""
 
     @property
     def power(self) -> float:
@@ -77,21 +83,52 @@ def by_spring(found: list[Point]) -> dict[float, list[Point]]:
 
 
 def optima(table: xarray.Dataset) -> list[Optimum]:
-    """For each kind of power and each spring rate the measured point with the least power."""
+    """For each kind of power and each spring rate the measured point with the least power.
+
+    Edges are those of all rows at that spring rate: one that is missing makes no new edge but a
+    gap.
+    """
     best = []
     groups = by_spring(points(table))
+    asked = _gains(table) if groups else {}
     for kind in POWERS:
-        for group in groups.values():
+        for rate, group in groups.items():
             finite = [point for point in group if np.isfinite(point.power[kind])]
             if not finite:
                 continue
             top = min(finite, key=lambda point: point.power[kind])
-            edge = any(
-                len(set(values)) > 1 and value in (min(values), max(values))
-                for value, values in (
-                    (top.kp, [point.kp for point in finite]),
-                    (top.ki, [point.ki for point in finite]),
-                )
-            )
-            best.append(Optimum(kind, top, edge, len(finite)))
+            here = (top.kp, top.ki)
+            gap = not _neighbours(here, asked[rate]) <= {(point.kp, point.ki) for point in finite}
+            best.append(Optimum(kind, top, _at_edge(here, asked[rate]), gap, len(finite)))
     return best
+
+
+_Gains = tuple[float, float]  # Kp (N*s/m), Ki (N/m)
+
+
+def _gains(table: xarray.Dataset) -> dict[float, set[_Gains]]:
+    """The gains of all rows of each spring rate, measured or not."""
+    found: dict[float, set[_Gains]] = {}
+    columns = (table[name].values.tolist() for name in ("spring_rate", "kp", "ki"))
+    for rate, *gains in zip(*columns, strict=True):
+        found.setdefault(rate, set()).add((gains[0], gains[1]))
+    return found
+
+
+def _at_edge(here: _Gains, asked: set[_Gains]) -> bool:
+    ranges = [(min(values), max(values)) for values in zip(*asked, strict=True)]
+    return any(
+        low < high and gain in (low, high) for gain, (low, high) in zip(here, ranges, strict=True)
+    )
+
+
+def _neighbours(here: _Gains, asked: set[_Gains]) -> set[_Gains]:
+    """The next points in the four directions along Kp and Ki, as many as there are."""
+    found = set()
+    for along, across in ((0, 1), (1, 0)):
+        line = [gains for gains in asked if gains[across] == here[across]]
+        below = [gains for gains in line if gains[along] < here[along]]
+        above = [gains for gains in line if gains[along] > here[along]]
+        found |= {max(below)} if below else set()
+        found |= {min(above)} if above else set()
+    return found

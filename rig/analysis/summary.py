@@ -180,6 +180,7 @@ def as_json(summary: Summary) -> dict[str, Any]:
             "mean_w": o.power,
             "standard_error_w": o.error if np.isfinite(o.error) else None,
             "at_edge_of_grid": o.at_edge,
+            "beside_unmeasured_point": o.at_gap,
             "points": o.points,
         }
         for o in summary.optima
@@ -209,7 +210,7 @@ def as_text(summary: Summary) -> str:
             f"  {words.POWER_NAMES[o.kind]:<32} {words.watts(o.power, o.error):>16}"
             f"   Kp {words.signed(o.point.kp):>6}  Ki {words.signed(o.point.ki):>6}"
             f"   {words.spring_words(o.point.spring_rate, o.point.stator)}"
-            + ("   at the grid's edge" if o.at_edge else "")
+            + (f"   {o.doubt}" if o.doubt else "")
         )
     if not summary.optima:
         lines.append("  no complete row")

@@ -134,7 +134,7 @@ def _caption(best: Optimum, compact: bool, note: str) -> str:
     where = f"{value} at Kp {words.signed(best.point.kp)}, Ki {words.signed(best.point.ki)}"
     if note:
         return f"{where}; {note}"
-    return f"{where} (edge)" if best.at_edge else where  # of the grid
+    return f"{where} ({best.doubt})" if best.doubt else where
 
 
 def _panel(

@@ -1,6 +1,7 @@
 """The row table against closed forms: means, errors, windows that are not whole."""
 
 import csv
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -241,3 +242,49 @@ def test_the_best_point_and_whether_it_lies_at_the_edge(tmp_path: Path) -> None:
     assert ac.power == pytest.approx(-55.0)
     table = run(tmp_path / "slope", planned(4), Shape())  # power grows with Ki
     assert [o.at_edge for o in optima(table)] == [True] * 4
+
+
+@pytest.mark.parametrize(
+    ("best", "missing", "edge", "gap"),
+    [
+        ((-2000, 2000), [], False, False),
+        ((-2000, 0), [], True, False),
+        ((-3000, 2000), [], True, False),
+        # rows that were asked for and not measured make no edge: they are a gap
+        ((-2000, 2000), [(-3000, ki) for ki in (0, 2000, 4000)], False, True),
+        ((-2000, 2000), [(kp, 4000) for kp in (-1000, -2000, -3000)], False, True),
+        ((-2000, 2000), [(-2000, 0)], False, True),
+        ((-2000, 2000), [(-1000, 0), (-3000, 4000)], False, False),  # no neighbours
+        ((-2000, 0), [(-2000, 2000)], True, True),
+        ((-2000, 0), [(kp, 2000) for kp in (-1000, -2000, -3000)], True, True),
+    ],
+)
+def test_missing_rows_move_no_edge(
+    tmp_path: Path,
+    best: tuple[float, float],
+    missing: list[tuple[float, float]],
+    edge: bool,
+    gap: bool,
+) -> None:
+    bowl = synthetic.bowl(*best, -80.0, 90.0)
+    rows = [
+        Row(i, 0, 490.9, float(kp), float(ki), dict.fromkeys(POWERS, bowl(kp, ki)))
+        for i, (kp, ki) in enumerate(product((-1000, -2000, -3000), (0, 2000, 4000)))
+    ]
+    rows.append(Row(9, 0, -5715.0, -9000.0, 9000.0, POWER))  # another panel has other edges
+    table = run(tmp_path, rows, Shape(periods=1))
+    for i, row in enumerate(rows):
+        if (row.kp, row.ki) in missing:
+            table["state"][i] = "cut short" if i % 2 else "not run"
+    found = [o for o in optima(table) if o.point.spring_rate == 490.9]
+    assert {(o.point.kp, o.point.ki) for o in found} == {best}
+    assert {(o.at_edge, o.at_gap) for o in found} == {(edge, gap)}
+    assert {o.doubt for o in found} == {"grid's edge" if edge else "beside a gap" if gap else ""}
+
+
+def test_a_power_without_a_number_is_a_gap_of_that_power_alone(tmp_path: Path) -> None:
+    table = run(tmp_path, synthetic.default_rows(), Shape(periods=1))
+    table["power_ac"][(table["kp"] == -3000.0) & (table["ki"] == 4000.0)] = np.nan
+    gaps = {(o.kind, o.point.spring_rate): (o.at_edge, o.at_gap) for o in optima(table)}
+    assert gaps["ac", 490.9] == (False, True)  # its best is at Kp -2500, Ki 4000
+    assert gaps["mechanical_1", -5715.0] == (False, False)

@@ -112,7 +112,7 @@ def test_the_optimum_is_marked_with_value_and_gains() -> None:
     assert "−90.0 ± 1.0 W at Kp −2000, Ki +8000" in said
     assert "spring +491 N/m, stator −13 %" in said
     edge = [p for p in grid() if p.ki <= 4000.0]
-    assert "(edge)" in texts(edge)
+    assert "(grid's edge)" in texts(edge)
 
 
 def test_a_row_without_a_number_is_left_out() -> None:

@@ -37,12 +37,12 @@ def step(
 
     A change of gains is bumpless: the force is continuous because gains and motion are.
     """
-    wanted_kp, wanted_ki = gains
+    wanted_kp, wanted_ki, _ = gains
     position, velocity, _ = estimate
     kp, ki = state
     if kp.value == wanted_kp and ki.value == wanted_ki:  # the usual tick
-        return state, Demand(wanted_kp, wanted_ki, wanted_kp * velocity + wanted_ki * position)
+        return state, Demand(wanted_kp, wanted_ki, 0.0, wanted_kp * velocity + wanted_ki * position)
     kp = ramp_step(kp, wanted_kp, params.ramp, dt)
     ki = ramp_step(ki, wanted_ki, params.ramp, dt)
     force = kp.value * velocity + ki.value * position
-    return State(kp, ki), Demand(kp.value, ki.value, force)
+    return State(kp, ki), Demand(kp.value, ki.value, 0.0, force)

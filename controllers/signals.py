@@ -4,12 +4,14 @@ A word is a NamedTuple whose leaves are float or int; the unit is the annotation
 built of these words, so a unit is said once, here.
 """
 
+from enum import IntEnum
 from typing import Annotated, NamedTuple
 
 Ampere = Annotated[float, "A"]
 Count = Annotated[int, "count"]
 Flag = Annotated[int, "flag"]  # 0 or 1; a set of flags where the field says so
 Index = Annotated[int, "index"]
+Kilogram = Annotated[float, "kg"]
 Metre = Annotated[float, "m"]
 MetrePerSecond = Annotated[float, "m/s"]
 MetrePerSecond2 = Annotated[float, "m/s^2"]
@@ -24,6 +26,15 @@ Volt = Annotated[float, "V"]
 Watt = Annotated[float, "W"]
 
 
+class DriveFault(IntEnum):
+    """What a drive says is wrong with it."""
+
+    NONE = 0
+    GENERAL = 1
+    UNDERVOLTAGE = 2  # its bus ran out of energy
+    OVERVOLTAGE = 3  # its bus took more than the dump resistors could burn
+
+
 class AxisSense(NamedTuple):
     """One powered axis as its drive and encoder report it."""
 
@@ -31,7 +42,7 @@ class AxisSense(NamedTuple):
     encoder_age: Second  # time since the counts were sampled
     current: Ampere  # measured drive current, i = F / (Kt N)
     enabled: Flag  # the drive says its power stage is on
-    fault: Flag  # the drive says it is in fault
+    fault: Index  # `DriveFault`: why the drive is in fault, 0 if it is not
     drive_age: Second  # time since the drive's values were sampled
 
 
@@ -44,10 +55,11 @@ class Estimate(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Gains of the PI (impedance) law in the recorded sign: Kp < 0 absorbs."""
+    """Gains of the impedance law in the recorded sign: Kp < 0 absorbs."""
 
     kp: NewtonSecondPerMetre
     ki: NewtonPerMetre
+    km: Kilogram
 
 
 class Demand(NamedTuple):
@@ -55,6 +67,7 @@ class Demand(NamedTuple):
 
     kp: NewtonSecondPerMetre
     ki: NewtonPerMetre
+    km: Kilogram
     force: Newton  # force on the body before limits
 
 
@@ -81,3 +94,54 @@ class SpringCommand(NamedTuple):
     rate: NewtonPerMetre  # spring rate asked for, small-displacement, Table 4-1
     target: Percent  # stator position that gives it
     enable: Flag  # 1: go to the target and hold there; 0: stay where you are
+
+
+class Modulation(IntEnum):
+    """How a custom drive switches its bridge (MASK4 report (Sandia), Table 3-2)."""
+
+    SVPWM = 0
+    SINE_TRIANGLE = 1
+    DPWM = 2
+    HYSTERESIS = 3
+
+
+class DriveSettings(NamedTuple):
+    """Settings of the custom motor drive, MASK4 report (Sandia), Table 3-3."""
+
+    scheme: Index  # `Modulation`
+    bus_voltage: Volt  # set point of the DC bus
+    switching_period: Second
+    hysteresis_tolerance: Ampere  # dead band of the current, hysteresis scheme only
+    velocity_threshold: MetrePerSecond  # below it the power stage rests; 0: never
+    discharge_level: Index  # set of dump resistors in use: 1 one, 15 all four
+
+
+class DriveCommand(NamedTuple):
+    """What a custom drive is told beside its current; a drive without such settings ignores it."""
+
+    conducting: Flag  # 0: the power stage rests, no current and no switching loss
+    settings: DriveSettings
+
+
+class DriveSense(NamedTuple):
+    """What a custom drive reports beside its current; as old as the axis's ``drive_age``."""
+
+    conducting: Flag  # its power stage switches
+    saturated: Flag  # the bus voltage does not suffice for the current asked
+    dump: Index  # set of dump resistors that burn now
+
+
+class ProbeSense(NamedTuple):
+    """Wave probes of the basin; they see what the body radiates, too."""
+
+    probe_1: Metre
+    probe_2: Metre
+    probe_3: Metre
+    age: Second
+
+
+class Reference(NamedTuple):
+    """Open-loop reference force, part of the demand."""
+
+    scale: Annotated[float, "1"]
+    force: Newton  # on the body, scale included

@@ -3,40 +3,51 @@
 import math
 
 from controllers import estimator, impedance, magnetic_spring
+from controllers.signals import Modulation
 from rig import axis, cycle, limits, safety, wavebot
-from rig.config.limits_file import LimitsFile
-from rig.config.rig_file import HeaveAxis, RigFile
+from rig.campaign.settings import drive_settings
+from rig.config.campaign_file import CampaignFile
+from rig.config.limits_file import AxisLimits, LimitsFile
+from rig.config.rig_file import Axis, RigFile, Stop
 from rig.estimator_design import design
 from rig.sequence import Segments
 
+_MODULATIONS = {
+    "svpwm": Modulation.SVPWM,
+    "sine-triangle": Modulation.SINE_TRIANGLE,
+    "dpwm": Modulation.DPWM,
+    "hysteresis": Modulation.HYSTERESIS,
+}
 
-def newtons_per_ampere(rig: RigFile) -> float:
+
+def newtons_per_ampere(motor: Axis) -> float:
     """Force on the body per ampere of drive current, Kt N (N/A)."""
-    return rig.heave.torque_constant_n_m_per_a * rig.heave.gear_ratio_rad_per_m
+    return motor.torque_constant_n_m_per_a * motor.gear_ratio_rad_per_m
 
 
-def metres_per_count(rig: RigFile) -> float:
-    """Heave per encoder count (m)."""
-    return _count(rig.heave)
+def metres_per_count(motor: Axis) -> float:
+    """Motion of the axis per encoder count (m)."""
+    turn = 2.0 * math.pi / motor.gear_ratio_rad_per_m
+    return turn / motor.counts_per_revolution
 
 
-def estimator_params(heave: HeaveAxis, dt: float) -> estimator.Params:
+def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
-    return design(_count(heave), heave.encoder_noise_counts, heave.jerk_density_m2_per_s5, dt)
-
-
-def _count(heave: HeaveAxis) -> float:
-    turn = 2.0 * math.pi / heave.gear_ratio_rad_per_m
-    return turn / heave.counts_per_revolution
+    scale = metres_per_count(motor)
+    return design(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
 
 
 def wavebot_params(
-    rig: RigFile, bounds: LimitsFile, segments: Segments, setpoints: wavebot.Setpoints
+    campaign: CampaignFile,
+    rig: RigFile,
+    bounds: LimitsFile,
+    segments: Segments,
+    setpoints: wavebot.Setpoints,
 ) -> cycle.Params:
-    """Everything the cycle of a WaveBot needs, designed estimator included."""
+    """Everything the cycle of a WaveBot needs, designed estimators included."""
     dt = 1.0 / rig.rate_hz
-    heave = bounds.heave
     rates, positions = rig.spring.by_rate()
+    drive = drive_settings(campaign, rig)
     return cycle.Params(
         segments=segments,
         safety=safety.Params(
@@ -45,35 +56,22 @@ def wavebot_params(
         ),
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
-            heave=axis.Params(
-                metres_per_count=metres_per_count(rig),
-                estimator=estimator_params(rig.heave, dt),
-                law=impedance.Params(ramp=rig.heave.gain_ramp_s),
-                limits=limits.AxisLimits(
-                    position_warn=heave.position_warn_m,
-                    position_stop=heave.position_stop_m,
-                    velocity_stop=heave.velocity_stop_m_per_s,
-                    current_peak=heave.current_peak_a,
-                    current_rms=heave.current_rms_a,
-                    current_rms_time=heave.current_rms_time_s,
-                    force_slew=heave.force_slew_n_per_s,
-                    encoder_age_stop=heave.encoder_age_stop_s,
-                    encoder_jump_stop=heave.encoder_jump_stop_m,
-                    drive_age_stop=heave.drive_age_stop_s,
-                    newtons_per_ampere=newtons_per_ampere(rig),
-                ),
-                stop_damping=rig.stop.damping_n_s_per_m,
-                stop_ramp=rig.stop.ramp_s,
-            ),
+            heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
+            heave_law=impedance.Params(ramp=rig.heave.gain_ramp_s),
+            surge=_axis(rig.surge, bounds.surge, rig.stop, dt),
+            surge_law=impedance.Params(ramp=rig.surge.gain_ramp_s),
+            surge_on=1 if campaign.surge.drive == "on" else 0,
             spring=magnetic_spring.Params(
                 rates=rates,
                 positions=positions,
                 tolerance=rig.spring.arrival_tolerance_percent,
             ),
+            modulation=int(_MODULATIONS[drive.modulation]) if drive is not None else 0,
             limits=wavebot.Limits(
-                string_pot_difference_stop=heave.string_pot_difference_stop_m,
+                string_pot_difference_stop=bounds.heave.string_pot_difference_stop_m,
                 rotor_travel_stop=bounds.spring.rotor_travel_stop_m,
                 metres_per_radian=rig.spring.metres_per_radian,
+                bus_voltage_stop=bounds.bus.voltage_stop_v,
                 stator_age_stop=bounds.spring.stator_age_stop_s,
                 load_cell_age_stop=bounds.loop.load_cell_age_stop_s,
                 analyser_age_stop=bounds.loop.analyser_age_stop_s,
@@ -81,4 +79,26 @@ def wavebot_params(
             ),
             setpoints=setpoints,
         ),
+    )
+
+
+def _axis(motor: Axis, bounds: AxisLimits, stop: Stop, dt: float) -> axis.Params:
+    return axis.Params(
+        metres_per_count=metres_per_count(motor),
+        estimator=estimator_params(motor, dt),
+        limits=limits.AxisLimits(
+            position_warn=bounds.position_warn_m,
+            position_stop=bounds.position_stop_m,
+            velocity_stop=bounds.velocity_stop_m_per_s,
+            current_peak=bounds.current_peak_a,
+            current_rms=bounds.current_rms_a,
+            current_rms_time=bounds.current_rms_time_s,
+            force_slew=bounds.force_slew_n_per_s,
+            encoder_age_stop=bounds.encoder_age_stop_s,
+            encoder_jump_stop=bounds.encoder_jump_stop_m,
+            drive_age_stop=bounds.drive_age_stop_s,
+            newtons_per_ampere=newtons_per_ampere(motor),
+        ),
+        stop_damping=stop.damping_n_s_per_m,
+        stop_ramp=stop.ramp_s,
     )

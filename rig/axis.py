@@ -1,12 +1,17 @@
-"""One powered axis: encoder -> motion, gains -> demand -> granted command."""
+"""One powered axis: encoder -> motion, a law's demand -> granted command.
+
+Which law asks is the rig kind's matter; what happens in a stop is the same for every axis.
+"""
 
 from typing import NamedTuple
 
-from controllers import estimator, impedance
-from controllers.blocks import ramp_start
-from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag, Gains
+from controllers import estimator
+from controllers.blocks import clamp
+from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag
 from rig import limits
-from rig.safety import CATEGORY, FINE, RUN, STOP_1, STOP_2, Reason
+from rig.safety import CATEGORY, FINE, OFF, RUN, STOP_1, STOP_2, Reason
+
+NOTHING = Demand(0.0, 0.0, 0.0, 0.0)
 
 
 class Params(NamedTuple):
@@ -14,10 +19,9 @@ class Params(NamedTuple):
 
     metres_per_count: float  # signed: counts that grow when the body rises give a positive scale
     estimator: estimator.Params
-    law: impedance.Params
     limits: limits.AxisLimits
     stop_damping: float  # N*s/m, > 0: what holds the body while it is brought to a stop
-    stop_ramp: float  # s, time from the gains of the run to that damping
+    stop_ramp: float  # s, time from the force of the run to that of the damping
 
 
 class State(NamedTuple):
@@ -25,9 +29,11 @@ class State(NamedTuple):
 
     motion: Estimate
     seeded: int  # 1 once a count was seen
-    law: impedance.State
     limits: limits.AxisState
-    stopping: int  # 1: the law's gains were last set by a stop
+    acting: int  # what made the last demand: RUN the law, STOP_1 a stop, OFF nothing
+    fade_from: float  # N, force at the last change of that
+    fade: float  # 1 .. 0, share of that force still in the demand
+    short: float  # N, what was granted in the last tick less what was asked
 
 
 class Record(NamedTuple):
@@ -42,7 +48,7 @@ class Record(NamedTuple):
 
 def start() -> State:
     """State at switch-on."""
-    return State(Estimate(0.0, 0.0, 0.0), 0, impedance.start(), limits.start(), 0)
+    return State(Estimate(0.0, 0.0, 0.0), 0, limits.start(), OFF, 0.0, 0.0, 0.0)
 
 
 def observe(
@@ -74,8 +80,8 @@ def check(
 
 def rezero(state: State, by: float) -> State:
     """The same motion seen from a zero that has moved up by ``by`` (m)."""
-    x, v, a = state.motion
-    return State(Estimate(x - by, v, a), state.seeded, state.law, state.limits, state.stopping)
+    (x, v, a), seeded, bounded, acting, fade_from, fade, short = state
+    return State(Estimate(x - by, v, a), seeded, bounded, acting, fade_from, fade, short)
 
 
 def control(
@@ -83,30 +89,36 @@ def control(
     state: State,
     sense: AxisSense,
     motion: Estimate,
-    gains: Gains,
+    wanted: Demand,
+    conducting: int,
     mode: int,
     dt: float,
 ) -> tuple[State, Record]:
-    """Demand and granted command for this tick: the set gains in RUN, damping in a stop.
+    """Demand and granted command for this tick: what the law wants in RUN, damping in a stop.
 
-    With the power off the law starts afresh, so a later start ramps its gains up from zero.
+    A change between the two is bumpless: the force fades over from the last one granted.
+    ``conducting`` 0: the drive's power stage rests, and no force is granted in RUN.
     """
-    law = state.law
-    stopping = 1 if STOP_2 <= mode <= STOP_1 else 0
-    if stopping != state.stopping:
-        # A ramp keeps its pace while its target stays: a stop must not inherit that of the run.
-        law = impedance.State(ramp_start(law.kp.value), ramp_start(law.ki.value))
-    if mode == RUN:
-        law, demand = impedance.step(params.law, law, gains, motion, dt)
-    elif stopping == 1:
-        held = Gains(-params.stop_damping, 0.0)
-        quick = impedance.Params(params.stop_ramp)
-        law, demand = impedance.step(quick, law, held, motion, dt)
+    _, _, bounded, before, fade_from, fade, _ = state
+    acting = RUN if mode == RUN else STOP_1 if STOP_2 <= mode <= STOP_1 else OFF
+    if acting != before:
+        fade_from, fade = bounded.force, 1.0
+    if acting == RUN:
+        demand = wanted
+    elif acting == STOP_1:
+        damping = params.stop_damping
+        demand, conducting = Demand(-damping, 0.0, 0.0, -damping * motion.velocity), 1
     else:
-        law, demand = impedance.start(), Demand(0.0, 0.0, 0.0)
-    granted, command = limits.grant(params.limits, state.limits, demand.force, mode, dt)
+        demand, fade = NOTHING, 0.0
+    if fade > 0.0:
+        fade = fade - dt / params.stop_ramp if params.stop_ramp > dt else 0.0
+        fade = clamp(fade, 0.0, 1.0)
+        kp, ki, km, force = demand
+        demand = Demand(kp, ki, km, force + fade * (fade_from - force))
+    granted, command = limits.grant(params.limits, bounded, demand.force, conducting, mode, dt)
     warned = limits.warn_axis(params.limits, motion)
+    short = command.force - demand.force
     return (
-        State(motion, 1, law, granted, stopping),
+        State(motion, 1, granted, acting, fade_from, fade, short),
         Record(sense, motion, demand, command, warned),
     )

@@ -56,7 +56,9 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
             Setup(
                 campaign.rig.kind,
                 KIND,
-                wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints),
+                wavebot_params(
+                    campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
+                ),
                 "rig.rehearsal",
                 job.devices_of(campaign),
                 plan.dt,
@@ -149,10 +151,8 @@ def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime
                     "row": r.row,
                     "point": r.point,
                     "repetition": r.repetition,
-                    "spring_rate": r.spring_rate,
                     "stator": r.stator_position,
-                    "kp": r.kp,
-                    "ki": r.ki,
+                    **r.setting._asdict(),
                     "periods": r.periods,
                     "measure_s": r.measure,
                 }

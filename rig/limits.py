@@ -20,6 +20,7 @@ class Limited(IntFlag):
     SLEW = 4
     MODE = 8  # the safety machine grants no force
     NOT_FINITE = 16  # the demand was NaN or infinite
+    GATED = 32  # the drive's power stage rests below its thresholds
 
 
 class Warned(IntFlag):
@@ -91,13 +92,13 @@ def warn_axis(limits: AxisLimits, motion: Estimate) -> int:
 
 
 def grant(
-    limits: AxisLimits, state: AxisState, demand: float, mode: int, dt: float
+    limits: AxisLimits, state: AxisState, demand: float, conducting: int, mode: int, dt: float
 ) -> tuple[AxisState, AxisCommand]:
     """The command for a demanded force (N): by mode, then peak or continuous current, then slew.
 
     Only RUN, STOP_2 and STOP_1 grant a force; ENABLING asks the drive on with zero force; OFF and
-    STOP_0 remove force and power in this very tick. A demand that is not finite is granted as
-    nothing, and trips in the next tick.
+    STOP_0 remove force and power in this very tick. With ``conducting`` 0 the drive stays on and
+    gives no force. A demand that is not finite is granted as nothing, and trips in the next tick.
     """
     granted, mean_square, _ = state
     decay = dt / limits.current_rms_time
@@ -109,6 +110,9 @@ def grant(
     if not finite(demand):
         cooled = mean_square - decay * mean_square
         return AxisState(0.0, cooled, 1), AxisCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
+    if conducting == 0:
+        cooled = mean_square - decay * mean_square
+        return AxisState(0.0, cooled, 0), AxisCommand(0.0, 0.0, 1, Limited.GATED.value)
     limited = 0
     force = demand
     scale = limits.newtons_per_ampere

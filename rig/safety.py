@@ -88,6 +88,16 @@ class Reason(IntEnum):
     NOT_CALM = 21  # the body moved during the tare
     EXCEPTION = 22  # the loop's own code failed
     ENCODER_JUMP = 23  # counts far from where the motion could have led: slip, lost counts
+    SPRING_STROKE = 24  # beyond the stroke at which the stator's force reverses
+    BUS_UNDERVOLTAGE = 25  # the custom drive's bus ran out of energy
+    BUS_OVERVOLTAGE = 26  # more energy than the dump resistors burn
+    SURGE_STALE_ENCODER = 27
+    SURGE_STALE_DRIVE = 28
+    SURGE_DRIVE_FAULT = 29
+    SURGE_DRIVE_DROPPED = 30
+    SURGE_POSITION = 31
+    SURGE_VELOCITY = 32
+    SURGE_ENCODER_JUMP = 33
 
 
 FINE = int(Reason.NONE)
@@ -119,6 +129,16 @@ CATEGORY: tuple[int, ...] = (
     1,  # NOT_CALM
     0,  # EXCEPTION
     0,  # ENCODER_JUMP
+    1,  # SPRING_STROKE
+    0,  # BUS_UNDERVOLTAGE
+    0,  # BUS_OVERVOLTAGE
+    0,  # SURGE_STALE_ENCODER
+    0,  # SURGE_STALE_DRIVE
+    0,  # SURGE_DRIVE_FAULT
+    0,  # SURGE_DRIVE_DROPPED
+    1,  # SURGE_POSITION
+    1,  # SURGE_VELOCITY
+    0,  # SURGE_ENCODER_JUMP
 )
 
 # Requests of people and of the supervisor, as they come through the mailbox.

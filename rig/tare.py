@@ -13,20 +13,28 @@ from rig.sequence import TARE
 class Zeros(NamedTuple):
     """The zeros in use."""
 
-    position: Metre  # in the encoder's own frame
+    position: Metre  # heave, in the encoder's own frame
+    surge: Metre  # in that encoder's own frame
     string_pot: Metre
     lcb: Newton
     trs: Newton
+    slew: Newton
+    stator_a: Newton  # where the stator stood: the stator's force there is in it
+    stator_b: Newton
     samples: Count  # ticks averaged; 0: provisional, from the first tick alone
 
 
 class Raw(NamedTuple):
     """What is tared, as sensed."""
 
-    position: float  # m, in the encoder's own frame
+    position: float  # m, heave, in the encoder's own frame
+    surge: float  # m, likewise
     string_pot: float  # m
     lcb: float  # N
     trs: float  # N
+    slew: float  # N
+    stator_a: float  # N
+    stator_b: float  # N
 
 
 class State(NamedTuple):
@@ -36,24 +44,23 @@ class State(NamedTuple):
     seeded: int  # 1 once there are zeros at all
     samples: int
     sum: Raw
-    lowest: float  # m, position
+    lowest: float  # m, heave
     highest: float  # m
 
 
-_NOTHING = Raw(0.0, 0.0, 0.0, 0.0)
+_NOTHING = Raw(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def start() -> State:
     """State before the first tick."""
-    return State(Zeros(0.0, 0.0, 0.0, 0.0, 0), 0, 0, _NOTHING, 0.0, 0.0)
+    return State(Zeros(*_NOTHING, 0), 0, 0, _NOTHING, 0.0, 0.0)
 
 
 def step(state: State, raw: Raw, phase: int) -> State:
     """Sum during the tare; when it is over its means become the zeros."""
     if state.seeded == 0:
         x = raw.position
-        first = Zeros(x, raw.string_pot, raw.lcb, raw.trs, 0)
-        state = State(first, 1, 0, _NOTHING, x, x)
+        state = State(Zeros(*raw, 0), 1, 0, _NOTHING, x, x)
     if phase == TARE:
         total, x, first_sample = state.sum, raw.position, state.samples == 0
         return State(
@@ -62,9 +69,13 @@ def step(state: State, raw: Raw, phase: int) -> State:
             state.samples + 1,
             Raw(
                 total.position + x,
+                total.surge + raw.surge,
                 total.string_pot + raw.string_pot,
                 total.lcb + raw.lcb,
                 total.trs + raw.trs,
+                total.slew + raw.slew,
+                total.stator_a + raw.stator_a,
+                total.stator_b + raw.stator_b,
             ),
             x if first_sample or x < state.lowest else state.lowest,
             x if first_sample or x > state.highest else state.highest,
@@ -72,5 +83,15 @@ def step(state: State, raw: Raw, phase: int) -> State:
     n, total = state.samples, state.sum
     if n == 0:
         return state
-    taken = Zeros(total.position / n, total.string_pot / n, total.lcb / n, total.trs / n, n)
+    taken = Zeros(
+        total.position / n,
+        total.surge / n,
+        total.string_pot / n,
+        total.lcb / n,
+        total.trs / n,
+        total.slew / n,
+        total.stator_a / n,
+        total.stator_b / n,
+        n,
+    )
     return State(taken, 1, 0, _NOTHING, 0.0, 0.0)

@@ -90,7 +90,9 @@ def parts(path: Path) -> Parts:
     if report.campaign is None or report.plan is None:
         raise ValueError(report.text())
     campaign, plan = report.campaign, report.plan
-    params = wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints)
+    params = wavebot_params(
+        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
+    )
     devices = json.loads(json.dumps(job.devices_of(campaign)))
     return Parts(campaign, plan, params, devices)
 

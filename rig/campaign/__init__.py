@@ -8,7 +8,7 @@ from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.files import Campaign, ReadFile, open_campaign
 from rig.campaign.pieces import Pieces
 from rig.campaign.plan import CampaignRow, PhaseSeconds, Plan, plan
-from rig.campaign.points import Point
+from rig.campaign.point import Point
 from rig.campaign.resolved import resolved
 from rig.campaign.windows import WindowError, Windows, windows
 

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple, TypeVar
 from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.order import turns
 from rig.campaign.pieces import Pieces, Source, pieces, sea_of
-from rig.campaign.points import MOST_ROWS, Point, count, outside_map, points, stator_positions
+from rig.campaign.point import MOST_ROWS, Point
+from rig.campaign.points import count, outside_map, points, stator_positions
+from rig.campaign.settings import foreign_columns
 from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, windows
 from rig.config.campaign_file import CampaignFile
@@ -97,7 +99,7 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
         rows = campaign.repeat * (count(campaign.matrix) if found is None else len(found))
         problems += _own_rules(campaign, rows, top.locate)
         if campaign.matrix.csv is not None and found:
-            files.append(_file("matrix", found[0].spring_at.place.path))
+            files.append(_file("matrix", found[0].at["kp"].place.path))
     sea = sea_of(top)
     if isinstance(sea, RecordedSea):
         record = top.locate.file(("sea", "file"), sea.file)
@@ -106,7 +108,7 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
             files.append(_file("elevation", record))
     if rig is not None and found is not None:
         outside = outside_map(found, rig.spring)
-        problems += (*outside, *unstable(found, rig.stability))
+        problems += (*outside, *unstable(found, rig.stability), *foreign_columns(found, rig))
         if campaign is not None and not outside and rows <= MOST_ROWS:
             first = _first(campaign, found, rig)
             problems += unstable_set_point(campaign, first, rig.stability, top.locate)

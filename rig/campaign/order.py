@@ -5,7 +5,7 @@ import random
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
-from rig.campaign.points import Point
+from rig.campaign.point import Point
 
 Order = Literal["as given", "fewest spring moves", "random"]
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic import TypeAdapter, ValidationError
 
 from rig.campaign.elevation import Elevation
-from rig.config.rig_file import HeaveAxis, Rate
+from rig.config.rig_file import Axis, Rate
 from rig.config.sea import AnySea, Sea
 from rig.config.source import Locate
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 _SEA: TypeAdapter[AnySea] = TypeAdapter(Sea)
 _RATE: TypeAdapter[int] = TypeAdapter(Rate)
-_HEAVE: TypeAdapter[HeaveAxis] = TypeAdapter(HeaveAxis)
+_HEAVE: TypeAdapter[Axis] = TypeAdapter(Axis)
 
 
 class Source(NamedTuple):
@@ -36,7 +36,7 @@ class Pieces(NamedTuple):
     sea: AnySea | None
     elevation: Elevation | None  # of a recorded sea
     rate_hz: int | None
-    heave: HeaveAxis | None
+    heave: Axis | None
 
 
 def sea_of(campaign: Source) -> AnySea | None:

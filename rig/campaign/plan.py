@@ -9,7 +9,9 @@ is held for an extra interval while the stator moves (MASK4 report (Sandia), sec
 from typing import NamedTuple
 
 from rig.campaign.order import turns
-from rig.campaign.points import Point, stator_positions
+from rig.campaign.point import Point
+from rig.campaign.points import stator_positions
+from rig.campaign.settings import Setting, setting
 from rig.campaign.stability import bearable_ki
 from rig.campaign.windows import Windows, windows
 from rig.config.campaign_file import CampaignFile
@@ -24,12 +26,15 @@ class CampaignRow(NamedTuple):
     row: int  # from 0, in the order of the plan
     point: int  # from 0, in the order of the file
     repetition: int  # from 0
-    spring_rate: float  # N/m
     stator_position: float  # %
-    kp: float  # N*s/m
-    ki: float  # N/m
+    setting: Setting
     periods: int  # whole wave or repeat periods measured; 0: not a whole number of them
     measure: float  # s
+
+    @property
+    def spring_rate(self) -> float:
+        """N/m."""
+        return self.setting.spring_rate
 
 
 class PhaseSeconds(NamedTuple):
@@ -56,17 +61,11 @@ class Plan(NamedTuple):
     phases: PhaseSeconds
 
 
-class _Setpoint(NamedTuple):
-    kp: float
-    ki: float
-    spring_rate: float
-
-
 class _Segment(NamedTuple):
     row: int
     phase: Phase
     seconds: float
-    setpoint: _Setpoint
+    setpoint: Setting
     wait: int = 0
     timeout: float = 0.0  # s
     waves: int = 1
@@ -85,10 +84,8 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
             row,
             turn.point,
             turn.repetition,
-            points[turn.point].spring_rate,
             positions[points[turn.point].spring_rate],
-            points[turn.point].kp,
-            points[turn.point].ki,
+            setting(campaign, rig, points[turn.point]),
             cut.periods,
             cut.measure,
         )
@@ -103,16 +100,16 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
 def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_Segment]:
     """Tare, readiness and lead-in: everything before the first row."""
     start = campaign.start
-    given = start.set_point
-    kp, ki = (given.kp_n_s_per_m, given.ki_n_per_m) if given is not None else (first.kp, 0.0)
-    set_point = _Setpoint(kp, ki, first.spring_rate)
+    given, gains = start.set_point, first.setting
+    kp, ki = (given.kp_n_s_per_m, given.ki_n_per_m) if given is not None else (gains.kp, 0.0)
+    set_point = gains._replace(kp=kp, ki=ki)
     # Where the stator stands before its first move is not known: bearable anywhere.
     anywhere = bearable_ki(rig.stability, rig.spring.by_rate()[0], ki)
     ready = _Segment(
         NO_ROW,
         Phase.MOVING,
         max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
-        _Setpoint(kp, anywhere, first.spring_rate),
+        set_point._replace(ki=anywhere),
         wait=WAIT_STATOR | WAIT_DRIVE,
         timeout=max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
         waves=0,
@@ -121,7 +118,7 @@ def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_
         _Segment(NO_ROW, Phase.TARE, campaign.tare_duration, set_point, waves=0, drive=0),
         ready,
         _Segment(NO_ROW, Phase.LEAD_IN, start.set_point_s, set_point),
-        _Segment(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, _gains(first)),
+        _Segment(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, gains),
     ]
 
 
@@ -129,17 +126,17 @@ def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Se
     pieces = []
     rate = rows[0].spring_rate
     for row in rows:
-        gains = _gains(row)
+        gains = row.setting
         if row.spring_rate != rate:
             # Gains change at once, the stator takes seconds: until then the old spring bears them.
-            ki = bearable_ki(rig.stability, (rate, row.spring_rate), row.ki)
+            ki = bearable_ki(rig.stability, (rate, row.spring_rate), gains.ki)
             rate = row.spring_rate
             pieces.append(
                 _Segment(
                     row.row,
                     Phase.MOVING,
                     max(cut.move, 1.0 / rig.rate_hz),
-                    _Setpoint(row.kp, ki, row.spring_rate),
+                    gains._replace(ki=ki),
                     wait=WAIT_STATOR,
                     timeout=rig.spring.move_timeout_s,
                 )
@@ -149,7 +146,7 @@ def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Se
             _Segment(row.row, Phase.MEASURE, cut.measure, gains),
             _Segment(row.row, Phase.TAIL, cut.tail, gains),
         ]
-    last = _Setpoint(rows[-1].kp, 0.0, rows[-1].spring_rate)
+    last = rows[-1].setting._replace(ki=0.0)
     return [*pieces, _Segment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
 
 
@@ -182,11 +179,6 @@ def _table(rows: tuple[CampaignRow, ...], pieces: list[_Segment], rig: RigFile) 
         waves=tuple(piece.waves for piece in kept),
         setpoint=tuple(index[piece.setpoint] for piece in kept),
     )
-    setpoints = Setpoints(
-        kp=tuple(setpoint.kp for setpoint in table),
-        ki=tuple(setpoint.ki for setpoint in table),
-        spring_rate=tuple(setpoint.spring_rate for setpoint in table),
-    )
 
     def seconds(phase: Phase) -> float:
         return sum(n for n, p in zip(ticks, kept, strict=True) if p.phase is phase) / rate
@@ -201,7 +193,9 @@ def _table(rows: tuple[CampaignRow, ...], pieces: list[_Segment], rig: RigFile) 
     )
     waves = sum(n for n, p in zip(ticks, kept, strict=True) if p.waves) / rate
     moves = sum(1 for i in range(1, len(rows)) if rows[i].spring_rate != rows[i - 1].spring_rate)
-    return Plan(rows, segments, setpoints, 1.0 / rate, tick / rate, waves, moves, phases)
+    return Plan(
+        rows, segments, _setpoints(table, rig), 1.0 / rate, tick / rate, waves, moves, phases
+    )
 
 
 def _restarts(kept: list[_Segment]) -> tuple[int, ...]:
@@ -214,5 +208,9 @@ def _restarts(kept: list[_Segment]) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _gains(row: CampaignRow) -> _Setpoint:
-    return _Setpoint(row.kp, row.ki, row.spring_rate)
+def _setpoints(table: tuple[Setting, ...], rig: RigFile) -> Setpoints:
+    """The set points by columns, as the loop takes them."""
+    columns = {name: tuple(getattr(one, name) for one in table) for name in Setting._fields}
+    masks = tuple(int(one.discharge_level) for one in table)
+    stroke = tuple(rig.spring.stroke(one.spring_rate) for one in table)
+    return Setpoints(**{**columns, "discharge_level": masks}, stroke=stroke)

@@ -4,6 +4,7 @@ import json
 from typing import Any
 
 from rig.campaign.files import Campaign
+from rig.config.columns import COLUMNS
 from rig.config.problems import shown
 
 
@@ -15,8 +16,7 @@ def resolved(campaign: Campaign) -> str:
     whole: dict[str, Any] = {
         "campaign": campaign.file.model_dump(mode="json", by_alias=True),
         "points": [
-            {"spring_n_per_m": p.spring_rate, "kp_n_s_per_m": p.kp, "ki_n_per_m": p.ki}
-            for p in campaign.points
+            {c.key: p.given[c.name] for c in COLUMNS if c.name in p.given} for p in campaign.points
         ],
         "rig": campaign.rig.model_dump(mode="json", by_alias=True),
         "limits": campaign.limits.model_dump(mode="json", by_alias=True),

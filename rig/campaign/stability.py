@@ -10,7 +10,7 @@ are limited to the Ki that the softer end bears (`bearable_ki`).
 
 from collections.abc import Iterable
 
-from rig.campaign.points import Point, Where
+from rig.campaign.point import Point, Where
 from rig.config.campaign_file import CampaignFile
 from rig.config.problems import Problem, number_text
 from rig.config.rig_file import Stability
@@ -42,7 +42,7 @@ def unstable(found: tuple[Point, ...], stability: Stability) -> tuple[Problem, .
     for i, point in enumerate(found):
         left = total_stiffness(stability, point.spring_rate, point.ki)
         if left < stability.least_stiffness_n_per_m:
-            groups.setdefault((point.spring_rate, point.ki, point.ki_at), []).append(i)
+            groups.setdefault((point.spring_rate, point.ki, point.at["ki"]), []).append(i)
     problems = []
     for (rate, ki, at), rows in groups.items():
         more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""

@@ -5,7 +5,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_serializer, field_validator
 
-from rig.config.matrix import Ki, Kp, Matrix
+from rig.config.columns import (
+    BusVoltage,
+    CurrentThreshold,
+    DischargeLevel,
+    HysteresisTolerance,
+    Ki,
+    Kp,
+    Scheme,
+    SurgeKi,
+    SurgeKp,
+    SwitchingPeriod,
+    VelocityThreshold,
+)
+from rig.config.matrix import Matrix
 from rig.config.model import Broken, FileModel, Whole, refuse
 from rig.config.problems import number_text, value_text
 from rig.config.sea import JonswapSea, Sea
@@ -56,6 +69,31 @@ class Start(FileModel):
             )
 
 
+class SurgeControl(FileModel):
+    """How surge is held; what is not given is the rig's."""
+
+    drive: Literal["on", "off"] = "on"
+    kp_n_s_per_m: SurgeKp | None = None
+    ki_n_per_m: SurgeKi | None = None
+
+
+class DriveSetup(FileModel):
+    """Settings of the custom drive where the matrix has no column for them.
+
+    What is not given is the rig's. ``supply`` is whether somebody has left the power supply on
+    the bus: without it the drive lives on what it captures.
+    """
+
+    modulation: Scheme | None = None
+    supply: Literal["connected", "disconnected"] = "connected"
+    bus_voltage_v: BusVoltage | None = None
+    switching_period_s: SwitchingPeriod | None = None
+    hysteresis_a: HysteresisTolerance | None = None
+    velocity_threshold_m_per_s: VelocityThreshold | None = None
+    current_threshold_a: CurrentThreshold | None = None
+    discharge_level: DischargeLevel | None = None
+
+
 class Tare(FileModel):
     """Sensor zeros, taken in calm water with the drive off."""
 
@@ -92,6 +130,8 @@ class CampaignFile(FileModel):
     matrix: Matrix
     timing: Annotated[Timing, BeforeValidator(_timing)] = Timing()
     start: Start = Start()
+    surge: SurgeControl = SurgeControl()
+    drive: DriveSetup = DriveSetup()
     tare: Annotated[Tare | None, BeforeValidator(_tare)] = Tare()  # None: `none`
     order: Literal["as given", "fewest spring moves", "random"] = "as given"
     repeat: Whole = Field(default=1, ge=1, le=1000)

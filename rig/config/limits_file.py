@@ -8,8 +8,8 @@ from rig.config.model import Broken, FileModel, Whole
 from rig.config.problems import number_text
 
 
-class HeaveLimits(FileModel):
-    """Limits of the heave axis; `warn` is told, `stop` stops."""
+class AxisLimits(FileModel):
+    """Limits of one powered axis; `warn` is told, `stop` stops."""
 
     position_warn_m: float = Field(gt=0, le=2)
     position_stop_m: float = Field(gt=0, le=2)
@@ -21,7 +21,6 @@ class HeaveLimits(FileModel):
     encoder_age_stop_s: float = Field(gt=0, le=1)
     encoder_jump_stop_m: float = Field(gt=0, le=1)
     drive_age_stop_s: float = Field(gt=0, le=5)
-    string_pot_difference_stop_m: float = Field(gt=0, le=1)
 
     def broken_rules(self) -> Iterator[Broken]:
         """A warning comes before the stop; a mean square cannot exceed the peak."""
@@ -41,6 +40,18 @@ class HeaveLimits(FileModel):
             )
 
 
+class HeaveLimits(AxisLimits):
+    """Limits of the heave axis, which has a second position sensor."""
+
+    string_pot_difference_stop_m: float = Field(gt=0, le=1)
+
+
+class BusLimits(FileModel):
+    """Limits of the heave drive's DC bus."""
+
+    voltage_stop_v: float = Field(gt=0, le=1000)
+
+
 class SpringLimits(FileModel):
     """Limits of the magnetic spring."""
 
@@ -55,7 +66,7 @@ class TareLimits(FileModel):
 
 
 class LoopLimits(FileModel):
-    """Limits of the loop and of the instruments it reads beside the axis."""
+    """Limits of the loop and of the instruments it reads beside the axes."""
 
     lost_ticks_stop: Whole = Field(ge=1, le=100_000)  # in one gap
     load_cell_age_stop_s: float = Field(gt=0, le=60)
@@ -66,6 +77,8 @@ class LimitsFile(FileModel):
     """Every limit of a WaveBot."""
 
     heave: HeaveLimits
+    surge: AxisLimits
+    bus: BusLimits
     spring: SpringLimits
     tare: TareLimits
     loop: LoopLimits

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
@@ -13,24 +12,31 @@ from pydantic import (
     model_validator,
 )
 
-from rig.config.model import Broken, FileModel, Reason, Several, refuse
+from rig.config.columns import (
+    BusVoltage,
+    DischargeLevel,
+    HysteresisTolerance,
+    Ki,
+    Km,
+    Kp,
+    ReferenceScale,
+    SpringRate,
+    SurgeKi,
+    SurgeKp,
+    SwitchingPeriod,
+    VelocityThreshold,
+)
+from rig.config.model import Broken, FileModel, Several, refuse
 from rig.config.problems import number_text, value_text
-
-END_MARK = -999.0
-"""Kp that ends an imported matrix. It is never a gain."""
 
 MOST_VALUES = 1000
 """Most values one range may give; more is a slip in `step`."""
 
 
-def _not_the_end_mark(kp: float) -> float:
-    if kp == END_MARK:
-        raise refuse("-999 ends an imported matrix and is never a gain; leave the row out")
-    return kp
-
-
 def _expanded(value: Any) -> Any:
     """A number, a list or {from, to, step} as a list; what is none of them stays for pydantic."""
+    if value is None:  # a column that is not there
+        return value
     if isinstance(value, dict):
         return _range(value)
     if isinstance(value, (list, tuple)):
@@ -75,37 +81,49 @@ def _range(value: dict[str, Any]) -> tuple[float, ...]:
     return tuple(float(f"{v:.12g}") for v in values)
 
 
-Kp = Annotated[
-    float,
-    Field(ge=-20_000, le=0),
-    Reason("F = Kp v on the body: Kp > 0 would drive it, Kp < 0 absorbs"),
-    AfterValidator(_not_the_end_mark),
-]
-"""Velocity gain, N*s/m."""
-
-Ki = Annotated[float, Field(ge=-30_000, le=30_000)]
-"""Position gain, N/m; Ki > 0 acts as a negative spring."""
-
-SpringRate = Annotated[float, Field(ge=-50_000, le=50_000)]
-"""Small-displacement spring rate, N/m; the rig's map says which it has."""
-
 Values = BeforeValidator(_expanded)
 
 
-class Grid(FileModel):
-    """All combinations at one spring rate, or at several; Kp outer, Ki inner."""
+class _Columns(FileModel):
+    """What may change from row to row; a column that is not given takes the campaign's value."""
+
+    @model_serializer(mode="wrap")
+    def _given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {key: value for key, value in dump(self).items() if value is not None}
+
+
+class Grid(_Columns):
+    """All combinations of the values given; spring rate outermost, then Kp, Ki and the others."""
 
     spring_n_per_m: Annotated[Several[SpringRate], Values]
     kp_n_s_per_m: Annotated[Several[Kp], Values]
     ki_n_per_m: Annotated[Several[Ki], Values]
+    km_kg: Annotated[Several[Km] | None, Values] = None
+    reference_scale: Annotated[Several[ReferenceScale] | None, Values] = None
+    surge_kp_n_s_per_m: Annotated[Several[SurgeKp] | None, Values] = None
+    surge_ki_n_per_m: Annotated[Several[SurgeKi] | None, Values] = None
+    bus_voltage_v: Annotated[Several[BusVoltage] | None, Values] = None
+    switching_period_s: Annotated[Several[SwitchingPeriod] | None, Values] = None
+    hysteresis_a: Annotated[Several[HysteresisTolerance] | None, Values] = None
+    velocity_threshold_m_per_s: Annotated[Several[VelocityThreshold] | None, Values] = None
+    discharge_level: Annotated[Several[DischargeLevel] | None, Values] = None
 
 
-class Combination(FileModel):
+class Combination(_Columns):
     """One combination of the gain matrix."""
 
     spring_n_per_m: SpringRate
     kp_n_s_per_m: Kp
     ki_n_per_m: Ki
+    km_kg: Km | None = None
+    reference_scale: ReferenceScale | None = None
+    surge_kp_n_s_per_m: SurgeKp | None = None
+    surge_ki_n_per_m: SurgeKi | None = None
+    bus_voltage_v: BusVoltage | None = None
+    switching_period_s: SwitchingPeriod | None = None
+    hysteresis_a: HysteresisTolerance | None = None
+    velocity_threshold_m_per_s: VelocityThreshold | None = None
+    discharge_level: DischargeLevel | None = None
 
 
 FORMS = ("grid", "list", "csv")

@@ -5,6 +5,17 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
+from rig.config.columns import (
+    BusVoltage,
+    CurrentThreshold,
+    DischargeLevel,
+    HysteresisTolerance,
+    Scheme,
+    SurgeKi,
+    SurgeKp,
+    SwitchingPeriod,
+    VelocityThreshold,
+)
 from rig.config.model import Broken, FileModel, Reason, Several, Whole, refuse
 from rig.config.problems import number_text
 
@@ -28,8 +39,8 @@ Rate = Annotated[
 """Ticks a second, Hz."""
 
 
-class HeaveAxis(FileModel):
-    """Drive, encoder and estimator of the heave axis."""
+class Axis(FileModel):
+    """Drive, encoder and estimator of one powered axis."""
 
     torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
     gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
@@ -40,10 +51,11 @@ class HeaveAxis(FileModel):
 
 
 class SpringPoint(FileModel):
-    """One measured pair of the spring map."""
+    """One measured station of the spring map."""
 
     stator_percent: float = Field(ge=-100, le=100)
     rate_n_per_m: float = Field(ge=-50_000, le=50_000)
+    stroke_m: float = Field(gt=0, le=2)  # either way: beyond it the stator's force reverses
 
 
 class MagneticSpring(FileModel):
@@ -82,6 +94,39 @@ class MagneticSpring(FileModel):
         pairs = sorted((point.rate_n_per_m, point.stator_percent) for point in self.map)
         return tuple(rate for rate, _ in pairs), tuple(position for _, position in pairs)
 
+    def stroke(self, rate: float) -> float:
+        """Stroke (m, either way) at a spring rate (N/m): the lesser of the stations beside it."""
+        ranked = sorted((point.rate_n_per_m, point.stroke_m) for point in self.map)
+        above = next((i for i, (r, _) in enumerate(ranked) if r >= rate), len(ranked) - 1)
+        below = above if ranked[above][0] == rate else max(above - 1, 0)
+        return min(ranked[below][1], ranked[above][1])
+
+
+class StationKeeping(FileModel):
+    """What holds surge where the campaign says nothing else."""
+
+    kp_n_s_per_m: SurgeKp
+    ki_n_per_m: SurgeKi
+
+
+class CotsDrive(FileModel):
+    """A commercial drive: nothing to set from row to row."""
+
+    kind: Literal["cots"]
+
+
+class CustomDrive(FileModel):
+    """A drive with own firmware: what it is set to where the campaign says nothing else."""
+
+    kind: Literal["custom"]
+    modulation: Scheme
+    bus_voltage_v: BusVoltage
+    switching_period_s: SwitchingPeriod
+    hysteresis_a: HysteresisTolerance
+    velocity_threshold_m_per_s: VelocityThreshold
+    current_threshold_a: CurrentThreshold
+    discharge_level: DischargeLevel
+
 
 class Stability(FileModel):
     """What a row of the gain matrix must leave of the heave stiffness."""
@@ -118,7 +163,10 @@ class RigFile(FileModel):
     realtime: Literal["best effort", "required"]
     limits: str = Field(min_length=1)  # file, relative to this one
     plant: str = Field(min_length=1)  # file, relative to this one; stands in for the hardware
-    heave: HeaveAxis
+    heave: Axis
+    surge: Axis
+    station_keeping: StationKeeping
+    drive: Annotated[CotsDrive | CustomDrive, Field(discriminator="kind")]  # of heave
     spring: MagneticSpring
     stability: Stability
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.signals import AxisSense, SpringSense
+from controllers.signals import AxisSense, DriveSense, ProbeSense, SpringSense
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -44,6 +44,7 @@ class PlantDevices:
         self._delay = delay  # s, age of what the fieldbus delivers
         self._dt = dt
         self._ticks = 0
+        self._surge = 0
 
     def read(self, now: float) -> Sense:
         tick = round(now / self._dt)
@@ -56,14 +57,18 @@ class PlantDevices:
             AxisSense(
                 r.heave_counts, delay, r.heave_current, r.heave_enabled, r.heave_fault, delay
             ),
-            LoadSense(r.force_lcb, r.force_trs, r.string_pot, r.rotor_angle, delay),
+            AxisSense(0, delay, 0.0, self._surge, 0, delay),
+            LoadSense(r.force_lcb, r.force_trs, 0.0, 0.0, 0.0, r.string_pot, r.rotor_angle, delay),
             SpringSense(r.stator_position, r.stator_arrived, delay),
             PowerSense(r.power_ac, r.power_dc, r.bus_voltage, r.analyser_age),
+            DriveSense(1, 0, 0),
+            ProbeSense(0.0, 0.0, 0.0, delay),
             WaveSense(r.elevation),
         )
 
     def write(self, command: Command) -> None:
         heave, spring = command.heave, command.spring
+        self._surge = command.surge.enable
         self._world.actuate(
             Actuation(
                 heave.current, heave.enable, spring.target, spring.enable, command.wave_trigger

@@ -40,6 +40,16 @@ REASONS = {
     "NOT_CALM": (21, 1),
     "EXCEPTION": (22, 0),
     "ENCODER_JUMP": (23, 0),
+    "SPRING_STROKE": (24, 1),
+    "BUS_UNDERVOLTAGE": (25, 0),
+    "BUS_OVERVOLTAGE": (26, 0),
+    "SURGE_STALE_ENCODER": (27, 0),
+    "SURGE_STALE_DRIVE": (28, 0),
+    "SURGE_DRIVE_FAULT": (29, 0),
+    "SURGE_DRIVE_DROPPED": (30, 0),
+    "SURGE_POSITION": (31, 1),
+    "SURGE_VELOCITY": (32, 1),
+    "SURGE_ENCODER_JUMP": (33, 0),
 }
 
 REQUESTS = {
@@ -200,7 +210,7 @@ BOUNDS = {
     "newtons_per_ampere": 4.0,
 }
 SLEW, PEAK, RMS = 8.0, 64.0, 32.0  # N
-LIMITED = {"CURRENT_PEAK": 1, "CURRENT_RMS": 2, "SLEW": 4, "MODE": 8, "NOT_FINITE": 16}
+LIMITED = {"CURRENT_PEAK": 1, "CURRENT_RMS": 2, "SLEW": 4, "MODE": 8, "NOT_FINITE": 16, "GATED": 32}
 NORMAL = AxisSense(123, 0.125, 3.0, 1, 0, 0.375)  # ages stand on their bounds
 STILL = Estimate(0.5, -2.0, 7.0)  # and so does the motion
 
@@ -323,10 +333,18 @@ def _check_grants(module: Any, limits: Any) -> None:
     for before, square, demand, mode, (state, command) in GRANTS:
         for absurd in (0, 1):
             memory = module.AxisState(before, square, absurd)
-            got_state, got_command = module.grant(limits, memory, demand, mode, DT)
+            got_state, got_command = module.grant(limits, memory, demand, 1, mode, DT)
             case = (before, square, demand, mode)
             assert got_state.force == state[0], case
             assert math.isclose(got_state.mean_square, state[1], rel_tol=1e-12), case
             assert got_state.absurd == state[2], case
             assert got_command == command, case
             assert type(got_command.limited) is int
+            gated_state, gated_command = module.grant(limits, memory, demand, 0, mode, DT)
+            if command[2] == 0 or mode == MODES["ENABLING"] or not math.isfinite(demand):
+                assert (gated_state, gated_command) == (got_state, got_command), case
+                continue
+            rest = square * (1.0 - DT / BOUNDS["current_rms_time"])
+            assert math.isclose(gated_state.mean_square, rest, rel_tol=1e-12), case
+            assert (gated_state.force, gated_state.absurd) == (0.0, 0), case
+            assert gated_command == (0.0, 0.0, 1, LIMITED["GATED"]), case

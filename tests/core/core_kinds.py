@@ -20,10 +20,11 @@ from controllers.signals import (
     Tick,
 )
 from rig import axis, cycle, limits, safety
-from rig.safety import FINE
+from rig.safety import FINE, RUN
 from rig.sequence import WAIT_DRIVE
 
 DT = 0.001
+LAW = impedance.Params(ramp=0.1)
 SCALE = 1e-5  # m per count
 
 LIMITS = limits.AxisLimits(
@@ -43,7 +44,6 @@ LIMITS = limits.AxisLimits(
 AXIS = axis.Params(
     metres_per_count=SCALE,
     estimator=estimator.Params(0.2, 20.0, 1000.0),
-    law=impedance.Params(ramp=0.1),
     limits=LIMITS,
     stop_damping=300.0,
     stop_ramp=0.02,
@@ -83,38 +83,64 @@ class BenchRow(NamedTuple):
     tick_end: Tick
 
 
-def _bench_start() -> axis.State:
-    return axis.start()
+class Driven(NamedTuple):
+    """An axis and the law that moves it."""
+
+    axis: axis.State
+    law: impedance.State
+
+
+def _driven_start() -> Driven:
+    return Driven(axis.start(), impedance.start())
+
+
+def _driven(
+    params: axis.Params,
+    state: Driven,
+    sense: AxisSense,
+    motion: Estimate,
+    table: Table,
+    setpoint: int,
+    mode: int,
+    dt: float,
+) -> tuple[Driven, axis.Record]:
+    law, wanted = impedance.start(), axis.NOTHING
+    if mode == RUN:
+        gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
+        law, wanted = impedance.step(LAW, state.law, gains, motion, dt)
+    after, record = axis.control(params, state.axis, sense, motion, wanted, 1, mode, dt)
+    return Driven(after, law), record
 
 
 def _bench_observe(
-    params: BenchParams, state: axis.State, sense: BenchSense, periods: int, dt: float
+    params: BenchParams, state: Driven, sense: BenchSense, periods: int, dt: float
 ) -> Estimate:
-    return axis.observe(params.axis, state, sense.axis, 0.0, periods, dt)
+    return axis.observe(params.axis, state.axis, sense.axis, 0.0, periods, dt)
 
 
-def _bench_ready(params: BenchParams, state: axis.State, sense: BenchSense) -> int:
+def _bench_ready(params: BenchParams, state: Driven, sense: BenchSense) -> int:
     return WAIT_DRIVE if sense.axis.enabled == 1 else 0
 
 
 def _bench_check(
-    params: BenchParams, state: axis.State, sense: BenchSense, motion: Estimate, mode: int
+    params: BenchParams, state: Driven, sense: BenchSense, motion: Estimate, mode: int
 ) -> int:
-    return limits.check_axis(params.axis.limits, state.limits, sense.axis, motion, mode)
+    return limits.check_axis(params.axis.limits, state.axis.limits, sense.axis, motion, mode)
 
 
 def _bench_control(
     params: BenchParams,
-    state: axis.State,
+    state: Driven,
     sense: BenchSense,
     motion: Estimate,
     plan: cycle.PlanRecord,
     guard: safety.State,
     setpoint: int,
     dt: float,
-) -> tuple[axis.State, BenchCommand, axis.Record]:
-    gains = Gains(params.gains.kp[setpoint], params.gains.ki[setpoint])
-    after, record = axis.control(params.axis, state, sense.axis, motion, gains, guard.mode, dt)
+) -> tuple[Driven, BenchCommand, axis.Record]:
+    after, record = _driven(
+        params.axis, state, sense.axis, motion, params.gains, setpoint, guard.mode, dt
+    )
     return after, BenchCommand(record.command), record
 
 
@@ -134,7 +160,7 @@ def _bench_row(
 BENCH = cycle.Kind(
     BenchRow,
     BenchParams,
-    _bench_start,
+    _driven_start,
     _bench_observe,
     _bench_ready,
     _bench_check,
@@ -154,8 +180,8 @@ class PairParams(NamedTuple):
 
 
 class PairState(NamedTuple):
-    heave: axis.State
-    surge: axis.State
+    heave: Driven
+    surge: Driven
 
 
 class PairSense(NamedTuple):
@@ -194,15 +220,15 @@ class PairRow(NamedTuple):
 
 
 def _pair_start() -> PairState:
-    return PairState(axis.start(), axis.start())
+    return PairState(_driven_start(), _driven_start())
 
 
 def _pair_observe(
     params: PairParams, state: PairState, sense: PairSense, periods: int, dt: float
 ) -> PairMotion:
     return PairMotion(
-        axis.observe(params.heave, state.heave, sense.heave, 0.0, periods, dt),
-        axis.observe(params.surge, state.surge, sense.surge, 0.0, periods, dt),
+        axis.observe(params.heave, state.heave.axis, sense.heave, 0.0, periods, dt),
+        axis.observe(params.surge, state.surge.axis, sense.surge, 0.0, periods, dt),
     )
 
 
@@ -214,7 +240,7 @@ def _pair_check(
     params: PairParams, state: PairState, sense: PairSense, motion: PairMotion, mode: int
 ) -> int:
     found = [
-        limits.check_axis(part.limits, memory.limits, word, moving, mode)
+        limits.check_axis(part.limits, memory.axis.limits, word, moving, mode)
         for part, memory, word, moving in zip(params[:2], state, sense, motion, strict=True)
     ]
     faults = [reason for reason in found if reason != FINE]
@@ -235,8 +261,7 @@ def _pair_control(
     for part, memory, word, moving, table in zip(
         params[:2], state, sense, motion, params[2:], strict=True
     ):
-        gains = Gains(table.kp[setpoint], table.ki[setpoint])
-        after, record = axis.control(part, memory, word, moving, gains, guard.mode, dt)
+        after, record = _driven(part, memory, word, moving, table, setpoint, guard.mode, dt)
         states.append(after)
         records.append(record)
     heave, surge = records

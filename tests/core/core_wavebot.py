@@ -9,10 +9,10 @@ from typing import Any
 
 from core_runs import plan
 
-from controllers.signals import AxisSense, SpringSense
+from controllers.signals import AxisSense, DriveSense, ProbeSense, SpringSense
 from rig import cycle, sequence
 from rig.assemble import wavebot_params
-from rig.config import LimitsFile, RigFile, load, load_mapping
+from rig.config import CampaignFile, LimitsFile, RigFile, load, load_mapping
 from rig.rehearsal.devices import PlantDevices, connect
 from rig.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
@@ -32,15 +32,29 @@ SHORT = plan(
     (1, Phase.MEASURE, 1000, 0, 1),
     timeout=400,
 )
-SETPOINTS = Setpoints((-2000.0, -1000.0), (0.0, 1000.0), (490.9, 490.9))
+
+
+def table(
+    kp: tuple[float, ...], ki: tuple[float, ...], spring_rate: tuple[float, ...]
+) -> Setpoints:
+    """Set points of heave gains (N*s/m, N/m) and spring rates (N/m); surge is damped."""
+    many = len(kp)
+    columns: dict[str, Any] = dict.fromkeys(Setpoints._fields, (0.0,) * many)
+    columns |= {"kp": kp, "ki": ki, "spring_rate": spring_rate}
+    columns |= {"stroke": (0.35,) * many, "surge_kp": (-2500.0,) * many}
+    return Setpoints(**columns | {"discharge_level": (0,) * many})
+
+
+SETPOINTS = table((-2000.0, -1000.0), (0.0, 1000.0), (490.9, 490.9))
 CALM = {"kind": "calm"}
 WAVES = {"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5}
 
 
 @cache
-def configured() -> tuple[RigFile, LimitsFile]:
-    """The shipped rig and its limits."""
+def configured() -> tuple[CampaignFile, RigFile, LimitsFile]:
+    """A shipped campaign, its rig and its limits."""
     return (
+        load(CONFIGS / "campaigns" / "quick.yaml", CampaignFile)[0],
         load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)[0],
         load(CONFIGS / "limits" / "wavebot.yaml", LimitsFile)[0],
     )
@@ -50,8 +64,8 @@ def params(
     segments: sequence.Segments = SHORT, setpoints: Setpoints = SETPOINTS, **bounds: float
 ) -> cycle.Params:
     """Parameters of a run; ``bounds`` replace limits of what is not an axis."""
-    rig, limits = configured()
-    made = wavebot_params(rig, limits, segments, setpoints)
+    campaign, rig, limits = configured()
+    made = wavebot_params(campaign, rig, limits, segments, setpoints)
     inner = made.rig._replace(limits=made.rig.limits._replace(**bounds))
     return made._replace(rig=inner)
 
@@ -66,12 +80,16 @@ class Quiet:
 
     def read(self, now: float) -> Sense:
         enabled = self.commands[-1].heave.enable if self.commands else 0
+        surge = self.commands[-1].surge.enable if self.commands else 0
         target = self.commands[-1].spring.target if self.commands else -13.0
         return Sense(
             AxisSense(183264, 0.001, 0.0, enabled, 0, 0.001),
-            LoadSense(15.0, -6.0, 0.004, 0.0, 0.001),
+            AxisSense(-4711, 0.001, 0.0, surge, 0, 0.001),
+            LoadSense(15.0, -6.0, 1.0, 40.0, 42.0, 0.004, 0.0, 0.001),
             SpringSense(target, 1, 0.001),
             PowerSense(0.0, 30.0, 150.0, 0.001),
+            DriveSense(1, 0, 0),
+            ProbeSense(0.0, 0.0, 0.0, 0.01),
             WaveSense(0.0),
         )
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import core_wavebot
 import pytest
 from core_kinds import AXIS, DT, SCALE
 from core_runs import LossyClock, Ran, plan, run
-from core_wavebot import READY, SETPOINTS, Bent, Quiet, params
+from core_wavebot import READY, Bent, Quiet, params
 from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers import estimator
-from controllers.signals import AxisSense, Estimate, Gains
+from controllers.signals import AxisSense, Demand, Estimate
 from rig import axis, cycle, safety, tare, wavebot
 from rig.clock import VirtualClock
 from rig.limits import Warned
@@ -20,7 +21,7 @@ from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
 from rig.sequence import Phase
 from rig.wavebot import KIND, Sense
 
-NONE = Gains(0.0, 0.0)
+NONE = axis.NOTHING
 AT = 183264  # counts
 COUNTS = st.integers(-(2**40), 2**40)
 ZERO = st.floats(-10.0, 10.0)
@@ -39,7 +40,7 @@ def followed(
     for count in counts:
         sense = sensed(count)
         motion = axis.observe(own, state, sense, zero, 1, DT)
-        state, record = axis.control(own, state, sense, motion, NONE, mode, DT)
+        state, record = axis.control(own, state, sense, motion, NONE, 1, mode, DT)
         out.append(record)
     return out
 
@@ -85,7 +86,7 @@ def test_a_count_of_zero_is_a_seed_too() -> None:
 
 def test_the_switch_on_state_has_seen_nothing() -> None:
     state = axis.start()
-    assert (state.motion, state.seeded, state.stopping) == ((0.0, 0.0, 0.0), 0, 0)
+    assert (state.motion, state.seeded, state.acting) == ((0.0, 0.0, 0.0), 0, 0)
 
 
 # --- the sign of the counts
@@ -132,20 +133,22 @@ def test_another_zero_shifts_the_position_and_nothing_else(
         assert shifted.position == pytest.approx(plain.position - (here - zero), abs=1e-11)
         assert shifted.velocity == pytest.approx(plain.velocity, abs=1e-9)
         assert shifted.acceleration == pytest.approx(plain.acceleration, abs=1e-7)
-        moved, _ = axis.control(AXIS, moved, sense, shifted, NONE, RUN, DT)
-        one, _ = axis.control(AXIS, one, sense, plain, NONE, RUN, DT)
+        moved, _ = axis.control(AXIS, moved, sense, shifted, NONE, 1, RUN, DT)
+        one, _ = axis.control(AXIS, one, sense, plain, NONE, 1, RUN, DT)
 
 
 def test_another_zero_leaves_all_other_memory() -> None:
     state, sense = axis.start(), sensed(AT)
     for mode in (RUN, RUN, STOP_2):
         motion = Estimate(0.02, 0.1, -0.3)
-        state, _ = axis.control(AXIS, state, sense, motion, Gains(-500.0, 900.0), mode, DT)
+        wanted = Demand(-500.0, 900.0, 0.0, -32.0)
+        state, _ = axis.control(AXIS, state, sense, motion, wanted, 1, mode, DT)
     assert state.limits.force != 0.0
-    assert state.stopping == state.seeded == 1
+    assert (state.acting, state.seeded) == (STOP_1, 1)
+    assert 0.0 < state.fade < 1.0
     after = axis.rezero(state, 0.005)
     assert after == state._replace(motion=Estimate(0.02 - 0.005, 0.1, -0.3))
-    assert after.law is state.law
+    assert after.limits is state.limits
     assert type(after) is axis.State
     assert axis.rezero(axis.start(), 4.6).seeded == 0  # the first count is still to come
 
@@ -155,12 +158,13 @@ def test_another_zero_leaves_all_other_memory() -> None:
 
 def test_the_record_holds_what_came_in_and_what_went_out() -> None:
     sense, motion = sensed(AT), Estimate(0.01, 0.1, 0.2)
-    state, record = axis.control(AXIS, axis.start(), sense, motion, Gains(-500.0, 0.0), RUN, DT)
+    running = axis.start()._replace(acting=RUN)
+    wanted = Demand(-500.0, 0.0, 3.0, -49.4)
+    state, record = axis.control(AXIS, running, sense, motion, wanted, 1, RUN, DT)
     assert record.sense is sense
     assert record.estimate is motion is state.motion
-    assert record.demand.kp == pytest.approx(-500.0 * DT / AXIS.law.ramp)
-    assert record.demand.force == record.demand.kp * 0.1
-    assert record.command.force == record.demand.force == state.limits.force
+    assert record.demand is wanted
+    assert record.command.force == wanted.force == state.limits.force
     assert record.command.enable == 1
     assert record.warned == 0
 
@@ -172,7 +176,7 @@ def test_the_record_holds_what_came_in_and_what_went_out() -> None:
 def test_a_far_position_is_warned_of_in_every_mode(mode: int, position: float, flag: int) -> None:
     assert AXIS.limits.position_warn == 0.2
     motion = Estimate(position, 0.0, 0.0)
-    _, record = axis.control(AXIS, axis.start(), sensed(0), motion, NONE, mode, DT)
+    _, record = axis.control(AXIS, axis.start(), sensed(0), motion, NONE, 1, mode, DT)
     assert record.warned == flag == (Warned.POSITION if flag else 0)
     assert type(record.warned) is int
 
@@ -271,17 +275,25 @@ def test_the_first_tick_of_a_wavebot_is_its_zero_wherever_it_is_found() -> None:
         quiet = Quiet().read(0.0)
         sense = quiet._replace(heave=quiet.heave._replace(counts=counts))
         motion = wavebot.observe(params().rig, wavebot.start(), sense, 1, DT)
-        assert motion == (0.0, 0.0, 0.0)
+        assert motion == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 # --- what the plan says reaches a WaveBot
 
 
 def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() -> None:
-    table = SETPOINTS._replace(kp=(-2000.0, -1000.0, 0.0), ki=(0.0, 1000.0, 500.0))
-    table = table._replace(spring_rate=(490.9, -2763.0, 490.9))
+    table = core_wavebot.table(
+        (-2000.0, -1000.0, 0.0), (0.0, 1000.0, 500.0), (490.9, -2763.0, 490.9)
+    )._replace(
+        surge_kp=(-2500.0, -100.0, 0.0),
+        surge_ki=(-1.0, 0.0, -2.0),
+        stroke=(0.35, 0.2, 0.3),
+        bus_voltage=(75.0, 40.0, 150.0),
+        discharge_level=(1, 15, 3),
+    )
     own = params(setpoints=table).rig
-    own = own._replace(heave=own.heave._replace(law=own.heave.law._replace(ramp=DT)))
+    own = own._replace(heave_law=own.heave_law._replace(ramp=DT))
+    own = own._replace(surge_law=own.surge_law._replace(ramp=DT))
     state, sense = wavebot.start(), Quiet().read(0.0)
     place, guard = cycle.PlanRecord(0, Phase.SETTLE, 0, -1.0), safety.State(RUN, 0, 0)
     for setpoint in (0, 0, 1, 1, 2, 0, 2, 1, 0, 0):
@@ -289,17 +301,21 @@ def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() ->
         state, command, words = wavebot.control(
             own, state, sense, motion, place, guard, setpoint, DT
         )
-        kp, ki, _ = words[0].demand
+        kp, ki, _, _ = words.heave.demand
         assert (kp, ki) == pytest.approx((table.kp[setpoint], table.ki[setpoint]))
+        kp, ki, _, _ = words.surge.demand
+        assert (kp, ki) == pytest.approx((table.surge_kp[setpoint], table.surge_ki[setpoint]))
         assert command.spring.rate == table.spring_rate[setpoint]
-        assert state.setpoint == setpoint
-        assert state.gains == (table.kp[setpoint], table.ki[setpoint])
+        assert command.drive.settings.bus_voltage == table.bus_voltage[setpoint]
+        assert command.drive.settings.discharge_level == table.discharge_level[setpoint]
+        assert state.held.setpoint == setpoint
+        assert state.held.stroke == table.stroke[setpoint]
 
 
 def test_a_start_with_the_first_set_point_uses_it_at_once() -> None:
     """No set point is in use before the first tick, not even that of index 0."""
-    assert wavebot.start().setpoint == -1
-    assert wavebot.start().gains == NONE
+    assert wavebot.start().held.setpoint == -1
+    assert set(wavebot.start().held.gains) == {0.0}
 
 
 def test_the_wave_maker_runs_while_the_wave_clock_does() -> None:
@@ -329,9 +345,10 @@ def test_the_words_of_a_wavebot_are_in_its_row() -> None:
     devices = Bent(Quiet())
     made = run(KIND, params(PLANS["tared"])._replace(safety=QUICK), devices)
     for row, sense, command in zip(made.rows, devices.true, devices.commands, strict=True):
-        assert (row.heave.sense, row.load, row.spring_sense) == sense[:3]
-        assert (row.power_sense, row.wave) == sense[3:]
-        assert (row.heave.command, row.spring_command) == command[:2]
+        assert (row.heave.sense, row.surge.sense, row.load, row.spring_sense) == sense[:4]
+        assert (row.power_sense, row.drive_sense, row.probes, row.wave) == sense[4:]
+        assert (row.heave.command, row.surge.command, row.spring_command) == command[:3]
+        assert row.drive_command == command.drive
         assert isinstance(row.tare, tare.Zeros)
         assert isinstance(row.safety, safety.State)
 
@@ -347,7 +364,7 @@ def test_counts_may_move_up_to_the_bound_between_two_ticks(scale: float) -> None
     bound = own.limits.encoder_jump_stop / share / SCALE  # counts
     state = axis.start()
     at_rest = axis.observe(own, state, sensed(AT), 0.0, 1, DT)
-    state, _ = axis.control(own, state, sensed(AT), at_rest, NONE, OFF, DT)
+    state, _ = axis.control(own, state, sensed(AT), at_rest, NONE, 1, OFF, DT)
     own = own._replace(limits=own.limits._replace(velocity_stop=1e3, position_stop=10.0))
     for step, reason in (
         (int(bound) - 1, Reason.NONE),

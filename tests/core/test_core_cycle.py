@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from typing import Any
 
 import pytest
-from core_kinds import AXIS, BENCH, PAIR, PairParams, PairRow, PairSense, Table
+from core_kinds import AXIS, BENCH, LAW, PAIR, PairParams, PairRow, PairSense, Table
 from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, plan, run
 
-from controllers.signals import AxisSense, Estimate, Gains
+from controllers.signals import AxisSense, Demand, Estimate
 from rig import axis, cycle, safety
 from rig.limits import Limited, Warned
 from rig.record import leaves, leaves_of_schema, schema
@@ -230,35 +231,57 @@ def test_outside_run_and_its_stops_the_law_asks_for_nothing() -> None:
     """It starts afresh there, so the gains of a later start grow from zero."""
     made = run(BENCH, bench_params(), bench(wave(20.0)))
     idle = [row for row in made.rows if row.safety.mode in (OFF, ENABLING, STOP_0)]
-    assert {tuple(row.axis.demand) for row in idle} == {(0.0, 0.0, 0.0)}
+    assert {tuple(row.axis.demand) for row in idle} == {(0.0, 0.0, 0.0, 0.0)}
     first = next(row for row in made.rows if row.safety.mode == RUN)
-    ramp = AXIS.law.ramp / 0.001
+    ramp = LAW.ramp / 0.001
     assert first.axis.demand.kp == pytest.approx(GAINS.kp[0] / ramp)
 
 
-def test_in_a_stop_the_gains_go_to_pure_damping() -> None:
+def test_in_a_stop_the_force_fades_to_pure_damping() -> None:
+    """By hand: F = -D v + s (F_last + D v), s falling from 1 to 0 within the stop's ramp."""
     params = bench_params(safety=SAFETY._replace(stop_ticks=120))
     made = run(BENCH, params, bench(wave(20.0)))
-    stop = [row.axis.demand for row in made.rows if row.safety.mode == STOP_1]
+    rows = made.rows
+    begin = next(i for i, row in enumerate(rows) if row.safety.mode == STOP_1)
+    last = rows[begin - 1].axis.command.force
+    assert abs(last) > 1.0
+    stop = [row.axis for row in rows if row.safety.mode == STOP_1]
     assert len(stop) == 120
-    first = 1.0 - 0.001 / AXIS.stop_ramp
-    assert stop[0].ki == pytest.approx(first * GAINS.ki[1])  # from where the run left it
-    assert stop[-1][:2] == (-AXIS.stop_damping, 0.0)
-    assert [demand.ki for demand in stop] == sorted((d.ki for d in stop), reverse=True)
+    for k, one in enumerate(stop, start=1):
+        share = max(0.0, 1.0 - k * 0.001 / AXIS.stop_ramp)
+        pure = -AXIS.stop_damping * one.estimate.velocity
+        assert one.demand[:3] == (-AXIS.stop_damping, 0.0, 0.0)
+        assert one.demand.force == pytest.approx(pure + share * (last - pure), abs=1e-9)
 
 
-def test_a_stop_ramps_at_its_own_pace_even_to_the_gains_of_the_run() -> None:
-    slow = AXIS._replace(law=AXIS.law._replace(ramp=10.0), stop_ramp=0.02)
+def test_a_change_between_law_and_stop_never_bumps_the_force() -> None:
+    """Whatever the law asks for, the force goes on from where it was."""
     sense, motion = AxisSense(1000, 0.0, 0.0, 1, 0, 0.0), Estimate(0.01, 0.1, 0.0)
-    memory, kps = axis.start(), []
-    for mode in [RUN] * 100 + [STOP_2] * 20 + [RUN] * 2:
-        # The run heads for just what a stop holds: its slow ramp must not be gone on with.
-        gains = Gains(-slow.stop_damping, 0.0)
-        memory, record = axis.control(slow, memory, sense, motion, gains, mode, 0.001)
-        kps.append(record.demand.kp)
-    assert kps[99] == pytest.approx(-0.01 * slow.stop_damping)
-    assert kps[109] == pytest.approx((kps[99] - slow.stop_damping) / 2)
-    assert kps[119:] == [-slow.stop_damping] * 3
+    memory, forces = axis.start(), []
+    wanted = Demand(0.0, 0.0, 0.0, 200.0)
+    free = AXIS._replace(limits=AXIS.limits._replace(force_slew=1e9))
+    for mode in [RUN] * 60 + [STOP_2] * 60 + [RUN] * 60 + [STOP_1] * 60:
+        memory, record = axis.control(free, memory, sense, motion, wanted, 1, mode, 0.001)
+        forces.append(record.command.force)
+    pure = -free.stop_damping * 0.1
+    most = (200.0 - pure) * 0.001 / free.stop_ramp
+    steps = [abs(b - a) for a, b in itertools.pairwise([0.0, *forces])]
+    assert max(steps) <= most * (1.0 + 1e-9)
+    assert forces[59] == forces[179] == pytest.approx(200.0)
+    assert forces[119] == forces[239] == pytest.approx(pure)
+
+
+def test_a_resting_power_stage_is_granted_nothing_and_says_so() -> None:
+    sense, motion = AxisSense(1000, 0.0, 0.0, 1, 0, 0.0), Estimate(0.01, 0.1, 0.0)
+    running = axis.start()._replace(acting=RUN)
+    wanted = Demand(0.0, 0.0, 0.0, 20.0)
+    memory, record = axis.control(AXIS, running, sense, motion, wanted, 0, RUN, 0.001)
+    assert record.command == (0.0, 0.0, 1, Limited.GATED)
+    assert record.demand is wanted
+    assert memory.short == -20.0
+    # A stop brakes, whatever the thresholds of the drive say.
+    _, record = axis.control(AXIS, memory, sense, motion, wanted, 0, STOP_1, 0.001)
+    assert record.command.force < 0.0
 
 
 def waves_seen(posts: dict[int, int]) -> dict[int, set[int]]:

@@ -75,7 +75,7 @@ def test_a_stuck_encoder_disagrees_with_the_string_pot() -> None:
     assert reason(made) == Reason.POSITION_DISAGREES
     first = stop_of(made)
     assert first.safety.mode == STOP_0
-    bound = configured()[1].heave.string_pot_difference_stop_m
+    bound = configured()[2].heave.string_pot_difference_stop_m
     gap = first.load.string_pot - first.tare.string_pot - first.heave.estimate.position
     assert abs(gap) > bound
     scale = params().rig.heave.metres_per_count

@@ -47,15 +47,16 @@ def stopped(made: Ran, devices: Bent, at: int) -> None:
         if row.tick >= at:
             assert row.safety.mode == STOP_0
             assert command.heave[:3] == (0.0, 0.0, 0)
+            assert command.surge[:3] == (0.0, 0.0, 0)
             assert command.wave_trigger == 0
             assert command.spring.enable == 0
     assert made.rows[-1].tick == at + 19  # the record goes on for 20 ticks, then the run ends
 
 
 def test_the_list_of_fields_is_that_of_the_type() -> None:
-    assert len(FLOATS) == 15
+    assert len(FLOATS) == 25
     hints = get_type_hints(Sense)
-    assert {path[0] for path in FLOATS} == set(hints)
+    assert {path[0] for path in FLOATS} == set(hints) - {"drive"}  # flags only
 
 
 @pytest.mark.parametrize("path", GUARDED, ids=".".join)

@@ -45,7 +45,7 @@ def test_limits_have_no_default() -> None:
 def test_whatever_is_demanded_the_force_keeps_its_bounds(demands: list[tuple[float, int]]) -> None:
     state, last = limits.start(), 0.0
     for demand, mode in demands:
-        state, command = limits.grant(WAVEBOT, state, demand, mode, DT)
+        state, command = limits.grant(WAVEBOT, state, demand, 1, mode, DT)
         assert abs(command.force - last) <= STEP * (1 + 1e-12)
         assert abs(command.current) <= WAVEBOT.current_peak * (1 + 1e-12)
         assert command.force == pytest.approx(command.current * WAVEBOT.newtons_per_ampere)
@@ -61,7 +61,7 @@ def test_whatever_is_demanded_the_force_keeps_its_bounds(demands: list[tuple[flo
 def test_no_demand_gives_anything_but_a_number(demands: list[float]) -> None:
     state = limits.start()
     for demand in demands:
-        state, command = limits.grant(WAVEBOT, state, demand, RUN, DT)
+        state, command = limits.grant(WAVEBOT, state, demand, 1, RUN, DT)
         assert math.isfinite(command.force)
         assert math.isfinite(command.current)
         assert math.isfinite(state.mean_square)
@@ -72,11 +72,11 @@ def test_no_demand_gives_anything_but_a_number(demands: list[float]) -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_a_demand_that_is_no_number_trips_in_the_next_tick(bad: float) -> None:
     state = AxisState(500.0, 3.0, 0)
-    state, command = limits.grant(WAVEBOT, state, bad, RUN, DT)
+    state, command = limits.grant(WAVEBOT, state, bad, 1, RUN, DT)
     assert command.force == 0.0
     sense, still = AxisSense(0, 0.0, 0.0, 1, 0, 0.0), Estimate(0.0, 0.0, 0.0)
     assert limits.check_axis(WAVEBOT, state, sense, still, RUN) == Reason.NOT_FINITE
-    state, _ = limits.grant(WAVEBOT, state, 0.0, RUN, DT)
+    state, _ = limits.grant(WAVEBOT, state, 0.0, 1, RUN, DT)
     assert limits.check_axis(WAVEBOT, state, sense, still, RUN) == Reason.NONE
 
 
@@ -84,7 +84,7 @@ def constant(demand: float, seconds: float) -> list[tuple[float, int]]:
     """Current and flags, tick by tick, of a demand that does not change."""
     state, out = limits.start(), []
     for _ in range(round(seconds / DT)):
-        state, command = limits.grant(WAVEBOT, state, demand, RUN, DT)
+        state, command = limits.grant(WAVEBOT, state, demand, 1, RUN, DT)
         out.append((command.current, command.limited))
     return out
 
@@ -113,7 +113,7 @@ def test_the_mean_square_over_any_long_time_stays_at_the_continuous_current() ->
     state, squares, n = limits.start(), 0.0, 60_000
     for k in range(2 * n):
         demand = 60.0 * WAVEBOT.newtons_per_ampere * math.sin(2.0 * math.pi * 0.5 * k * DT)
-        state, command = limits.grant(WAVEBOT, state, demand, RUN, DT)
+        state, command = limits.grant(WAVEBOT, state, demand, 1, RUN, DT)
         if k >= n:
             squares += command.current * command.current
     assert math.sqrt(squares / n) < 1.02 * WAVEBOT.current_rms
@@ -124,6 +124,6 @@ def test_the_mean_square_over_any_long_time_stays_at_the_continuous_current() ->
 def test_power_off_takes_the_force_away_at_once_and_lets_the_motor_cool(mode: int) -> None:
     state = AxisState(3000.0, 400.0, 0)
     for k in range(1000):
-        state, command = limits.grant(WAVEBOT, state, 3000.0, mode, DT)
+        state, command = limits.grant(WAVEBOT, state, 3000.0, 1, mode, DT)
         assert command == (0.0, 0.0, 0, LIMITED["MODE"]), k
     assert state.mean_square == pytest.approx(400.0 * math.exp(-0.1), rel=1e-3)

@@ -12,7 +12,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from controllers.signals import AxisSense, Gains
+from controllers.signals import AxisSense, Demand
 from rig import axis, safety
 from rig.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE, Mode, Reason
 
@@ -109,6 +109,9 @@ def test_a_drive_that_comes_up_on_its_last_tick_is_in_time() -> None:
             assert state == (RUN, PARAMS.enable_ticks, 0)
 
 
+WANTED = Demand(-500.0, 900.0, 0.0, 321.0)
+
+
 class Interleavings(RuleBasedStateMachine):
     """The machine and the limiter of one axis, told anything in any order."""
 
@@ -135,7 +138,7 @@ class Interleavings(RuleBasedStateMachine):
         sense = AxisSense(self.counts, 0.0, 0.0, int(powered), 0, 0.0)
         motion = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
         self.axis, record = axis.control(
-            AXIS, self.axis, sense, motion, Gains(-500.0, 900.0), self.guard.mode, DT
+            AXIS, self.axis, sense, motion, WANTED, 1, self.guard.mode, DT
         )
         self.force, self.enable = record.command.force, record.command.enable
         if self.guard.mode >= STOP_1 and self.stopped_at is None:

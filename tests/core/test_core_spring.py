@@ -91,10 +91,9 @@ def test_the_state_says_what_was_sent() -> None:
 
 # --- tare
 
-RAW = st.builds(
-    tare.Raw, st.floats(-9, 9), st.floats(-1, 1), st.floats(-2e3, 2e3), st.floats(-2e3, 2e3)
-)
-CALM = tare.Raw(4.6, 0.004, 15.0, -6.0)
+CHANNELS = len(tare.Raw._fields)
+RAW = st.builds(tare.Raw, *[st.floats(-9, 9)] * 2, *[st.floats(-2e3, 2e3)] * (CHANNELS - 2))
+CALM = tare.Raw(4.6, -0.1, 0.004, 15.0, -6.0, 1.0, 40.0, 42.0)
 
 
 @given(st.lists(RAW, min_size=1, max_size=40))
@@ -103,13 +102,13 @@ def test_the_zeros_are_the_means_of_the_tare(samples: list[tare.Raw]) -> None:
     for raw in samples:
         state = tare.step(state, raw, Phase.TARE)
         assert state.zeros == (*samples[0], 0)  # provisional until it is over
-    state = tare.step(state, tare.Raw(7.0, 7.0, 7.0, 7.0), Phase.MOVING)
+    state = tare.step(state, tare.Raw(*[7.0] * CHANNELS), Phase.MOVING)
     n = len(samples)
-    for column in range(4):
+    for column in range(CHANNELS):
         mean = math.fsum(raw[column] for raw in samples) / n
         assert state.zeros[column] == pytest.approx(mean, rel=1e-9, abs=1e-9)
     assert state.zeros.samples == n
-    assert tare.step(state, tare.Raw(1.0, 1.0, 1.0, 1.0), Phase.MEASURE) is state
+    assert tare.step(state, tare.Raw(*[1.0] * CHANNELS), Phase.MEASURE) is state
 
 
 @given(st.lists(st.floats(-9, 9), min_size=1, max_size=30))
@@ -171,6 +170,6 @@ def test_means_are_those_of_the_measured_ticks(
 
 def test_both_start_from_nothing() -> None:
     assert power.start() == (0.0,) * 7 + (0,)
-    assert tare.start() == (((0.0,) * 4 + (0,)), 0, 0, (0.0,) * 4, 0.0, 0.0)
+    assert tare.start() == (((0.0,) * CHANNELS + (0,)), 0, 0, (0.0,) * CHANNELS, 0.0, 0.0)
     seeded = tare.step(tare.start(), CALM, Phase.TARE)
     assert seeded.seeded == tare.step(seeded, CALM, Phase.MOVING).seeded == 1

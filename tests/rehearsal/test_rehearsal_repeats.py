@@ -68,7 +68,9 @@ class Rows:
 def rows_of(campaign: Campaign, plan: Plan, *, compiled: bool) -> bytes:
     """All rows of a rehearsal in this process, packed."""
     devices = connect(job.devices_of(campaign) | {"compiled": compiled}, plan.dt)
-    params = wavebot_params(campaign.rig, campaign.limits, plan.segments, plan.setpoints)
+    params = wavebot_params(
+        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
+    )
     rows: Any = Rows()
     loop.run(
         KIND,

@@ -20,6 +20,7 @@ NewtonPerMetre = Annotated[float, "N/m"]
 NewtonSecondPerMetre = Annotated[float, "N*s/m"]
 Percent = Annotated[float, "%"]
 Radian = Annotated[float, "rad"]
+Ratio = Annotated[float, "1"]
 Second = Annotated[float, "s"]
 Tick = Annotated[int, "tick"]
 Volt = Annotated[float, "V"]
@@ -143,5 +144,5 @@ class ProbeSense(NamedTuple):
 class Reference(NamedTuple):
     """Open-loop reference force, part of the demand."""
 
-    scale: Annotated[float, "1"]
+    scale: Ratio
     force: Newton  # on the body, scale included

@@ -45,9 +45,9 @@ LOOP = [
         for name in (
             "axis", "clock", "cycle", "devices", "kinds", "limits", "loop", "loop_process",
             "mailbox", "power", "realtime", "record", "ring", "safety", "sequence", "tare",
-            "wavebot",
         )
     ),
+    *(ROOT / "rig" / "wavebot").rglob("*.py"),
 ]  # fmt: skip
 
 
@@ -115,12 +115,13 @@ def test_every_word_in_signals_has_a_unit() -> None:
     }
     assert all(re.fullmatch(r"Annotated\[(float|int), '[^']+'\]", u) for u in units.values())
     words = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    named = {word.name for word in words}  # a word may be made of words
     assert len(words) >= 7
     for word in words:
         for field in word.body:
             if isinstance(field, ast.AnnAssign):
                 hint = ast.unparse(field.annotation)
-                assert hint in units, f"{word.name}.{ast.unparse(field.target)}: {hint}"
+                assert hint in units or hint in named, f"{word.name}.{ast.unparse(field.target)}: {hint}"
 
 
 def test_the_fields_of_a_laws_parameters_say_their_unit() -> None:

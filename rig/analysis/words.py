@@ -51,6 +51,16 @@ REASONS = {
     Reason.NOT_CALM: "the body moved during the tare",
     Reason.EXCEPTION: "the loop's own code failed",
     Reason.ENCODER_JUMP: "the encoder jumped: it slipped or lost counts",
+    Reason.SPRING_STROKE: "the stroke at which the magnetic spring's stator force reverses",
+    Reason.BUS_UNDERVOLTAGE: "the drive's DC bus ran out of energy",
+    Reason.BUS_OVERVOLTAGE: "the drive's DC bus took more than the dump resistors burn",
+    Reason.SURGE_STALE_ENCODER: "the surge encoder's value was too old",
+    Reason.SURGE_STALE_DRIVE: "the surge drive's values were too old",
+    Reason.SURGE_DRIVE_FAULT: "the surge drive reported a fault",
+    Reason.SURGE_DRIVE_DROPPED: "the surge drive switched its power off by itself",
+    Reason.SURGE_POSITION: "the position limit of surge was reached",
+    Reason.SURGE_VELOCITY: "the velocity limit of surge was reached",
+    Reason.SURGE_ENCODER_JUMP: "the surge encoder jumped: it slipped or lost counts",
 }
 
 

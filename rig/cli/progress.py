@@ -117,7 +117,7 @@ class Progress:
         count = len(self._plan.rows)
         if row == NO_ROW:
             return f"- of {count}   {phase}"
-        point = self._plan.rows[row]
+        point = self._plan.rows[row].setting
         return (
             f"{row} ({row + 1} of {count})   {phase}   Kp {point.kp:g} N s/m   "
             f"Ki {point.ki:g} N/m   spring {point.spring_rate:g} N/m"

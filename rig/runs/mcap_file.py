@@ -272,7 +272,7 @@ def _stock_rows(contents: Contents) -> Records:
                     if len(item.data) != size + 4 or item.data[:4] != record.CDR_HEADER:
                         raise RunError(f"{contents.path}: a row of another size or byte order")
                     rows.append(item.data[4:])
-        except McapError as error:
+        except (McapError, struct.error) as error:  # the latter inside a record that is cut off
             if contents.finished:
                 raise RunError(f"{contents.path}: {error}") from error
     return np.frombuffer(b"".join(rows), row_dtype(contents.leaves))

@@ -10,15 +10,22 @@ from hypothesis import strategies as st
 
 from rig.campaign import Plan, Point, WindowError, check, open_campaign, plan, windows
 from rig.campaign.order import least_travel, turns
-from rig.campaign.points import Where
+from rig.campaign.point import Where, point
 from rig.config import CampaignFile, Place, RigFile, load
 from rig.config.campaign_file import Timing
+from rig.config.columns import ALWAYS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
 from rig.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
 NOWHERE = Where(Place(Path("x.yaml"), 1), "x")
+
+
+def at_nowhere(rate: float, kp: float, ki: float) -> Point:
+    return point(ALWAYS, [(value, NOWHERE) for value in (rate, kp, ki)])
+
+
 RATES = (490.9, -5715.0, 8340.0, -10013.0, 0.0)
 
 
@@ -95,10 +102,15 @@ def test_the_default_campaign() -> None:
     assert made.dt == 0.001
     assert lengths(made, 0) == [(Phase.SETTLE, 5000), (Phase.MEASURE, 14000), (Phase.TAIL, 1000)]
     assert lengths(made, 36)[0] == (Phase.MOVING, 20_000)
-    assert made.rows[0][3:7] == (490.9, -13.0, -1000.0, 0.0)
-    assert made.rows[1][3:7] == (490.9, -13.0, -1000.0, 2000.0)
-    assert made.rows[36][3:7] == (-5715.0, 27.0, -1000.0, -4000.0)
-    assert made.rows[65][3:7] == (-5715.0, 27.0, -3500.0, 4000.0)
+    for row, stator, expected in (
+        (0, -13.0, (490.9, -1000.0, 0.0)),
+        (1, -13.0, (490.9, -1000.0, 2000.0)),
+        (36, 27.0, (-5715.0, -1000.0, -4000.0)),
+        (65, 27.0, (-5715.0, -3500.0, 4000.0)),
+    ):
+        assert made.rows[row].stator_position == stator
+        assert made.rows[row].setting[:3] == expected
+        assert made.rows[row].setting[3:] == (0.0, 1.0, -2500.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_windows_at_0p3_hz_end_on_the_nearest_sample(write: Any) -> None:
@@ -188,7 +200,7 @@ POINTS = st.lists(
     ),
     min_size=1,
     max_size=12,
-).map(lambda found: tuple(Point(*point, NOWHERE, NOWHERE) for point in found))
+).map(lambda found: tuple(at_nowhere(*point) for point in found))
 
 
 @given(POINTS, st.sampled_from(["as given", "fewest spring moves", "random"]), st.integers(1, 3))
@@ -224,7 +236,7 @@ def test_no_order_of_the_spring_rates_moves_the_stator_less(rates: list[float]) 
 
 
 def test_another_seed_is_another_random_order() -> None:
-    points = tuple(Point(0.0, -float(i), 0.0, NOWHERE, NOWHERE) for i in range(20))
+    points = tuple(at_nowhere(0.0, -float(i), 0.0) for i in range(20))
     assert turns(points, "random", 1, 1, {}) != turns(points, "random", 1, 2, {})
 
 
@@ -274,12 +286,12 @@ def test_any_plan_is_whole(
         assert again <= i
         assert s.row[again] == s.row[i]
         assert again == 0 or s.row[again - 1] != s.row[i] or s.row[i] == NO_ROW
-        point = made.rows[s.row[i]] if s.row[i] != NO_ROW else None
-        if point is not None:
+        if s.row[i] != NO_ROW:
+            given = made.rows[s.row[i]].setting
             j = s.setpoint[i]
             p = made.setpoints
-            assert (p.kp[j], p.spring_rate[j]) == (point.kp, point.spring_rate)
-            assert p.ki[j] == point.ki or (s.phase[i] == Phase.MOVING and p.ki[j] < point.ki)
+            assert (p.kp[j], p.spring_rate[j]) == (given.kp, given.spring_rate)
+            assert p.ki[j] == given.ki or (s.phase[i] == Phase.MOVING and p.ki[j] < given.ki)
             assert (s.drive[i], s.waves[i]) == (1, 1)
         assert (s.wait[i] != 0) == (s.phase[i] == Phase.MOVING)
         assert s.wait[i] == 0 or s.timeout[i] >= s.ticks[i]

@@ -51,7 +51,7 @@ def test_problems_of_the_plant_come_with_all_others(rig: Path, write: Any, tmp_p
     change(
         rig,
         ("name: WaveBot\n", "name: ''\n"),
-        ("counts_per_revolution: 20000", "counts_per_revolution: 4096"),
+        ("heave:\n  torque_constant_n_m_per_a: 6.1745", "heave:\n  torque_constant_n_m_per_a: 6.5"),
     )
     change(tmp_path / "limits" / "wavebot.yaml", ("  current_rms_a: 20 ", "  current_rms_a: 41 "))
     change(

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig import sequence
-from rig.campaign import Plan, Point, check, plan
-from rig.campaign.points import Where
+from rig.campaign import Plan, check, plan
+from rig.campaign.point import Where, point
 from rig.config import CampaignFile, Place, RigFile, load
+from rig.config.columns import ALWAYS
 from rig.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -39,7 +40,10 @@ def small(frequency: float = 0.3) -> Plan:
         }
     )  # fmt: skip
     here = Where(Place(Path("x"), 1), "x")
-    points = tuple(Point(rate, -1000.0, 0.0, here, here) for rate in (0.0, 0.0, 8340.0))
+    points = tuple(
+        point(ALWAYS, [(value, here) for value in (rate, -1000.0, 0.0)])
+        for rate in (0.0, 0.0, 8340.0)
+    )
     return plan(campaign, SLOW, points)
 
 

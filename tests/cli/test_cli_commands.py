@@ -32,6 +32,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert said["status"] == "complete"
     assert Path(said["folder"]).parent == folder
     assert all(Path(product).exists() for product in said["products"])
+    assert (said["last_row"]["safety.mode"], said["last_row"]["plan.phase"]) == ("STOP_0", "DONE")
+    shown = json.loads(rig("show", said["folder"], "--json").stdout)
+    assert said["optima"] == shown["optima"]
+    assert {o["spring_rate_n_per_m"] for o in said["optima"]} == {490.9, -2763.0}
+    for best in said["optima"]:
+        (row,) = best["rows"]
+        assert best["ki_n_per_m"] == (0.0, 4000.0, 4000.0, 0.0)[row]
     return folder
 
 

@@ -17,7 +17,10 @@ from rig.campaign_run import Ended
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
+from rig.limits import Limited
 from rig.runs import RunError
+from rig.safety import Mode
+from rig.sequence import Phase
 from rig.supervisor import Outcome, Snapshot
 
 run_command: Any = importlib.import_module("rig.cli.run")  # rig.cli.run is the command itself
@@ -129,3 +132,26 @@ def test_json_of_a_run_holds_no_nan(
     text = capsys.readouterr().out
     assert "NaN" not in text
     assert json.loads(text)["last_row"] == {"a": None, "b": None, "c": 1.5, "tick": 7}
+
+
+def test_json_of_a_run_has_names_for_its_codes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row: dict[str, float | int] = {
+        "plan.phase": int(Phase.LEAD_IN),
+        "safety.mode": int(Mode.STOP_1),
+        "safety.reason": 1000,  # not known here: as it is
+        "heave.command.limited": int(Limited.CURRENT_PEAK | Limited.MODE),
+        "heave.warned": 0,
+    }
+    outcome = Outcome("fault", "POSITION", 0, 0, 0, 0, 0, row)
+    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == cli.FAULT
+    said = json.loads(capsys.readouterr().out)
+    assert said["last_row"] == {
+        "plan.phase": "LEAD_IN",
+        "safety.mode": "STOP_1",
+        "safety.reason": 1000,
+        "heave.command.limited": ["CURRENT_PEAK", "MODE"],
+        "heave.warned": [],
+    }
+    assert said["optima"] == []

@@ -108,6 +108,7 @@ def test_show_gives_the_summary(runs: Path) -> None:
     assert "4 of 4 rows" in done.stdout
     said: dict[str, Any] = json.loads(rig("show", "last", "--runs", runs, "--json").stdout)
     assert said["rows_done"] == 4
+    assert json.loads(rig("show", "quick", "--runs", runs, "--json").stdout) == said
     missing = rig("show", "nothing", "--runs", runs)
     assert missing.returncode == 2
     assert "no such run" in missing.stderr

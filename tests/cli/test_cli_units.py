@@ -52,6 +52,17 @@ def test_an_exact_id_wins_over_a_prefix(tmp_path: Path) -> None:
         find_run(Path("20260504"), tmp_path)
 
 
+def test_a_campaign_is_its_newest_run(tmp_path: Path) -> None:
+    for second, name in enumerate(("sweep", "sweep", "sweep_2")):
+        folder_of(tmp_path, f"20260504T09300{second}Z_{name}", campaign=name)
+    folder_of(tmp_path, "sweep_long_ago", campaign="other")
+    assert find_run(Path("sweep"), tmp_path).name == "20260504T093001Z_sweep"
+    assert find_run(Path("sweep_2"), tmp_path).name == "20260504T093002Z_sweep_2"
+    assert find_run(Path("sweep_long"), tmp_path).name == "sweep_long_ago"
+    with pytest.raises(RunError, match=r"swoop: no such run or campaign in .*; the newest there"):
+        find_run(Path("swoop"), tmp_path)
+
+
 def test_a_narrow_list_keeps_the_run_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

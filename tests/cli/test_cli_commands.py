@@ -92,7 +92,8 @@ def test_a_wave_without_repeat_period_is_refused(tmp_path: Path) -> None:
     )
     done = rig("check", tmp_path / "campaign.yaml")
     assert done.returncode == 2
-    assert "campaign.yaml:3: sea: " in done.stdout
+    assert "campaign.yaml:3: sea.frequency_hz: " in done.stdout
+    assert "0.2898550724637681 Hz (repeats after 69 s)" in done.stdout
 
 
 def test_runs_lists_the_run(runs: Path) -> None:

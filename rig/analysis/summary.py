@@ -173,6 +173,7 @@ def as_json(summary: Summary) -> dict[str, Any]:
     best = [
         {
             "power": o.kind,
+            "rows": list(o.point.rows),
             "spring_rate_n_per_m": o.point.spring_rate,
             "stator_percent": o.point.stator,
             "kp_n_s_per_m": o.point.kp,

@@ -2,11 +2,12 @@
 
 Between measured points the surface is linear and passes through them; outside their hull nothing
 is drawn, and a missing point is not a zero. More absorbed is darker; each kind of power has one
-colour scale over all spring rates.
+colour scale over all spring rates. Points on one line are no surface: they are drawn as a line,
+power upward, and a row of lines alone has no colours to explain.
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import xarray
@@ -102,7 +103,7 @@ def _surface(axes: Axes, group: list[Point], kind: str, levels: Any, norm: Norma
 
 
 def _line(axes: Axes, group: list[Point], kind: str, best: Optimum) -> None:
-    """Points on one line: power against the gain that varies most."""
+    """Points on one line, be it a single one: power against the gain that varies most."""
     along = int(np.ptp([p.kp for p in group]) > np.ptp([p.ki for p in group]))
     in_order = sorted(group, key=lambda p: (p.ki, p.kp)[along])
     x = [(p.ki, p.kp)[along] for p in in_order]
@@ -110,17 +111,18 @@ def _line(axes: Axes, group: list[Point], kind: str, best: Optimum) -> None:
     errors = np.nan_to_num([p.error[kind] for p in in_order])
     axes.errorbar(x, y, yerr=errors, fmt="o-", color=INK, ms=3.5, lw=1.0, capsize=2)
     _mark(axes, (best.point.ki, best.point.kp)[along], best.power)
+    if len(group) == 1:
+        axes.set_xlim(x[0] - 1000.0, x[0] + 1000.0)
     axes.set_xlabel(("Ki, N/m", "Kp, N·s/m")[along], fontsize=8)
-    axes.set_ylabel("power, W", fontsize=8)
     axes.grid(alpha=0.3)
 
 
-def _few(axes: Axes, group: list[Point], kind: str, norm: Normalize) -> None:
-    """One or two points, coloured by their power."""
-    x, y = [p.ki for p in group], [p.kp for p in group]
-    axes.scatter(x, y, c=COLOURS(norm([p.power[kind] for p in group])), s=150, ec=INK, lw=0.6)
-    axes.set_xlim(min(x) - 1000.0, max(x) + 1000.0)
-    axes.set_ylim(min(y) - 500.0, max(y) + 500.0)
+def _one_scale(lines: list[Axes], label: str, beside_surfaces: bool) -> None:
+    """The line plots of one kind of power on the same scale, labelled at the first or at each."""
+    limits = np.array([axes.get_ylim() for axes in lines])
+    for axes in lines:
+        axes.set_ylim(limits.min(), limits.max())
+        axes.set_ylabel(label if beside_surfaces or axes is lines[0] else "", fontsize=8)
 
 
 def _mark(axes: Axes, x: float, y: float) -> None:
@@ -137,44 +139,48 @@ def _caption(best: Optimum, compact: bool, note: str) -> str:
     return f"{where} ({best.doubt})" if best.doubt else where
 
 
+def _line_note(group: list[Point]) -> str:
+    """What keeps the points from being a surface, where the axis does not show it."""
+    if len(group) < 3:
+        return "1 point only" if len(group) == 1 else "2 points only"
+    one_gain = len({p.kp for p in group}) == 1 or len({p.ki for p in group}) == 1
+    return "" if one_gain else "points on one line"
+
+
 def _panel(
     axes: Axes,
     group: list[Point],
     best: Optimum | None,
     levels: Any,
     compact: bool,
-) -> None:
+) -> Literal["surface", "line", "nothing"]:
     axes.tick_params(labelsize=7, color="#8a949d")
     for side in axes.spines.values():
         side.set_color("#b8c0c7")
     if best is None:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no value", transform=axes.transAxes, ha="center", color=INK)
-        return
+        return "nothing"
     kind = best.kind
-    norm = Normalize(levels[0], levels[-1])
     finite = [p for p in group if np.isfinite(p.power[kind])]
-    note = ""
-    place = axes.get_subplotspec()
-    if place is None or place.is_last_row():
-        axes.set_xlabel("Ki, N/m", fontsize=8)
-    if place is None or place.is_first_col():
-        axes.set_ylabel("Kp, N·s/m", fontsize=8)
-    if spans_surface(finite):
-        _surface(axes, finite, kind, levels, norm)
+    surface = spans_surface(finite)
+    if surface:
+        _surface(axes, finite, kind, levels, Normalize(levels[0], levels[-1]))
         _mark(axes, best.point.ki, best.point.kp)
         axes.use_sticky_edges = False
         axes.margins(0.05)
-    elif len(finite) >= 3:
-        _line(axes, finite, kind, best)
-        note = "points on one line"
+        place = axes.get_subplotspec()
+        if place is None or place.is_last_row():
+            axes.set_xlabel("Ki, N/m", fontsize=8)
+        if place is None or place.is_first_col():
+            axes.set_ylabel("Kp, N·s/m", fontsize=8)
     else:
-        _few(axes, finite, kind, norm)
-        _mark(axes, best.point.ki, best.point.kp)
-        note = "1 point only" if len(finite) == 1 else "2 points only"
+        _line(axes, finite, kind, best)
     axes.xaxis.set_major_locator(MaxNLocator(3 if compact else 5, steps=_STEPS))
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=_STEPS))
+    note = "" if surface else _line_note(finite)
     axes.set_title(_caption(best, compact, note), fontsize=7.5, color=MARK, pad=4)
+    return "surface" if surface else "line"
 
 
 def draw(figure: FigureBase, table: xarray.Dataset, compact: bool = False) -> None:
@@ -187,20 +193,24 @@ def draw(figure: FigureBase, table: xarray.Dataset, compact: bool = False) -> No
     best = {(o.kind, o.point.spring_rate): o for o in optima(table)}
     panels: Any = figure.subplots(len(KINDS), len(groups), squeeze=False)
     for i, kind in enumerate(KINDS):
-        levels = _scale(found, kind)
+        levels, label = _scale(found, kind), f"{words.SHORT_NAMES[kind]}, W"
+        drawn: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
         for axes, (rate, group) in zip(panels[i], groups.items(), strict=True):
-            _panel(axes, group, best.get((kind, rate)), levels, compact)
+            drawn[_panel(axes, group, best.get((kind, rate)), levels, compact)].append(axes)
             if i == 0:
                 _heading(axes, words.spring_words(rate, group[0].stator), compact)
-        if levels is None:
-            continue
-        norm = Normalize(levels[0], levels[-1])
-        bar = figure.colorbar(
-            ScalarMappable(norm, COLOURS), ax=panels[i].tolist(), fraction=0.04, pad=0.02
-        )
-        bar.set_label(f"{words.SHORT_NAMES[kind]}, W", fontsize=8)
-        bar.ax.tick_params(labelsize=7)
-        bar.outline.set_visible(False)
+        if drawn["line"]:
+            _one_scale(drawn["line"], label, beside_surfaces=bool(drawn["surface"]))
+        if drawn["surface"]:
+            _colour_bar(figure, panels[i].tolist(), levels, label)
+
+
+def _colour_bar(figure: FigureBase, beside: list[Axes], levels: Any, label: str) -> None:
+    colours = ScalarMappable(Normalize(levels[0], levels[-1]), COLOURS)
+    bar = figure.colorbar(colours, ax=beside, fraction=0.04, pad=0.02)
+    bar.set_label(label, fontsize=8)
+    bar.ax.tick_params(labelsize=7)
+    bar.outline.set_visible(False)
 
 
 def _heading(axes: Axes, text: str, compact: bool) -> None:

@@ -18,14 +18,14 @@ DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1",
 COLUMNS = 2000  # time bins of a picture; each keeps its least and greatest sample
 _INK = "#22303c"
 _LINES = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
-_SHADES = {
-    Phase.TARE: "#e8e4f3",
-    Phase.LEAD_IN: "#eef1f4",
-    Phase.MOVING: "#f8e3d4",
-    Phase.SETTLE: "#fdf3c8",
-    Phase.MEASURE: "#d8efe3",
-    Phase.TAIL: "#eef1f4",
-    Phase.DONE: "#e3e3e3",
+_SHADES = {  # pale enough for the lines, far enough apart to be told from one another
+    Phase.TARE: "#ddd2f2",
+    Phase.LEAD_IN: "#d3ecf8",
+    Phase.MOVING: "#fbdcc6",
+    Phase.SETTLE: "#fdf1bd",
+    Phase.MEASURE: "#cdebd9",
+    Phase.TAIL: "#f7dfea",
+    Phase.DONE: "#e0e0e0",
 }
 
 

@@ -15,6 +15,8 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+_RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it), or 'last'."
+Run = Annotated[Path, typer.Argument(help=_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS = Path("runs")
 
@@ -60,7 +62,7 @@ def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
 
 @app.command()
 def show(
-    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    run: Run,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -72,7 +74,7 @@ def show(
 
 @app.command()
 def plot(
-    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    run: Run,
     fields: Annotated[
         list[str] | None,
         typer.Option("--field", "-f", help="Log field or pattern to draw over time; repeatable."),

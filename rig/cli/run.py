@@ -3,6 +3,7 @@
 import json
 import math
 import sys
+from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,19 @@ from rig.campaign_run import Ended, rehearse
 from rig.cli.check import complain, examine
 from rig.cli.failure import fail
 from rig.cli.progress import Progress
+from rig.limits import Limited, Warned
 from rig.runs import RunError, create
 from rig.runs.folder import STATUS
+from rig.safety import Mode, Reason
+from rig.sequence import Phase
 
-_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
+_NAMES: dict[str, type[IntEnum]] = {
+    "safety.mode": Mode,
+    "safety.reason": Reason,
+    "plan.phase": Phase,
+}
+_FLAGS: dict[str, type[IntFlag]] = {"heave.command.limited": Limited, "heave.warned": Warned}
+_EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 
 def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
@@ -29,7 +39,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
             ended = rehearse(campaign, plan, runs, view, real_clock=realtime)
     except (create.BusyError, OSError, RunError) as error:
         return fail("run", error, as_json=as_json, code=cli.FAILED)
-    products, trouble = _analyse(ended, quiet=as_json)
+    products, optima, trouble = _analyse(ended, quiet=as_json)
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     outcome = ended.outcome
     if as_json:
@@ -37,7 +47,8 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
             json.dumps(
                 {
                     **outcome._asdict(),
-                    "last_row": _finite(outcome.last_row),
+                    "last_row": _in_words(outcome.last_row),
+                    "optima": optima,
                     "folder": str(ended.folder),
                     "products": [str(product) for product in products],
                     "trouble": trouble,
@@ -50,33 +61,47 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
         return cli.LOST
     if trouble or outcome.status == "refused":
         return cli.FAILED
-    return _CODES[outcome.status]
+    return _EXIT_CODES[outcome.status]
 
 
-def _finite(row: dict[str, float | int]) -> dict[str, float | int | None]:
-    """A row that JSON can hold: it knows neither NaN nor infinity."""
-    return {name: value if math.isfinite(value) else None for name, value in row.items()}
+def _in_words(row: dict[str, float | int]) -> dict[str, Any]:
+    """A row for JSON: names for coded numbers, a list of them for flags, null for NaN, infinity."""
+    told: dict[str, Any] = {}
+    for name, value in row.items():
+        if name in _NAMES:
+            told[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
+        elif name in _FLAGS:
+            told[name] = [flag.name for flag in _FLAGS[name] if int(value) & flag]
+        else:
+            told[name] = value if math.isfinite(value) else None
+    return told
 
 
-def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], str]:
-    """The run's products and, if they could not be made, why; none of a run without a tick."""
+def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, Any]], str]:
+    """The run's products, its optima as `rig show --json` has them and, if there are none, why.
+
+    A run without a tick has none and needs no reason.
+    """
     from rig.analysis.report import write_products
 
     if ended.outcome.ticks == 0:
-        return [], ""
+        return [], [], ""
     if not quiet:
         print("drawing surfaces and summary ...", file=sys.stderr, flush=True)
     products: list[Path] = []
+    optima: list[dict[str, Any]] = []
     try:
         products = write_products(ended.folder)
         summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
+        optima = summary["optima"]
         status = json.loads((ended.folder / STATUS).read_text())
         create.write_json(ended.folder, STATUS, status | {"rows_done": summary["rows_done"]})
     except (RunError, OSError, ValueError) as error:
-        return products, str(error) if products else f"no products: {error}"
+        return products, optima, str(error) if products else f"no products: {error}"
     except KeyboardInterrupt:
-        return products, f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
-    return products, ""
+        again = f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
+        return products, optima, again
+    return products, optima, ""
 
 
 def _tell(ended: Ended, products: list[Path], trouble: str) -> None:

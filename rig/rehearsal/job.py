@@ -1,8 +1,10 @@
 """The supervisor's side of a rehearsal: is the plant in order, what does the loop need of it."""
 
+import math
 import zipfile
 import zlib
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Any
 
 from pydantic import ValidationError
@@ -124,15 +126,42 @@ def _mismatches(pieces: Pieces, plant: Plant, source: Source) -> Iterator[Proble
 
 
 def _sea(pieces: Pieces, bem: Bem | None) -> Iterator[Problem]:
-    sea = pieces.sea
+    sea, locate = pieces.sea, pieces.campaign.locate
     if sea is None or (sea.kind == "recorded" and pieces.elevation is None):
+        return
+    if isinstance(sea, RegularSea) and (beside := _repeating_beside(sea.frequency)):
+        key, unit, value = "frequency_hz", "Hz", sea.frequency
+        nearest = [(float(f), f.denominator) for f in beside]
+        if sea.period_s is not None:
+            key, unit, value = "period_s", "s", sea.period_s
+            nearest = [(float(1 / f), f.denominator) for f in reversed(beside)]
+        words = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
+        message = (
+            f"{value!r} {unit} repeats on no whole second up to {waves.LONGEST_REPEAT} s; "
+            f"the nearest allowed are {' and '.join(words)}"
+        )
+        yield locate.problem(("sea", key), value, message)
         return
     try:
         built = build_sea(_sea_of(sea, _ANY_SEED, pieces.elevation))
         if bem is not None and pieces.rate_hz is not None:
             waves.tables(built, bem, 1.0 / pieces.rate_hz)
     except ValueError as error:
-        yield pieces.campaign.locate.problem(("sea",), sea.words(), str(error))
+        yield locate.problem(("sea",), sea.words(), str(error))
+
+
+def _repeating_beside(frequency: float) -> list[Fraction]:
+    """The nearest frequencies below and above that repeat in time, Hz; none if it does itself."""
+    try:
+        waves.regular(0.0, frequency)
+    except ValueError:
+        seconds = range(1, waves.LONGEST_REPEAT + 1)
+        exact = Fraction(frequency)
+        return [
+            max(Fraction(math.floor(exact * length), length) for length in seconds),
+            min(Fraction(math.ceil(exact * length), length) for length in seconds),
+        ]
+    return []
 
 
 def _sea_of(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:

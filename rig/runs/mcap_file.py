@@ -33,6 +33,7 @@ _HEAD = struct.Struct("<BQH")  # what all messages of a file have in common
 _CHUNK_NAME = b"\x04\x00\x00\x00zstd"
 _TO_NAME = _RECORD.size + _CHUNK.size - 4  # from a chunk's start to the length of that name
 _AHEAD = 4  # chunks decompressed while one is being copied
+_RENAMED = {"safety.warned": "heave.warned"}  # fields of runs that were recorded earlier
 
 Records = np.ndarray[tuple[int], np.dtype[Any]]
 
@@ -137,6 +138,10 @@ class _Found:
             return
 
 
+def _as_named_now(leaf: record.Leaf) -> record.Leaf:
+    return leaf._replace(path=tuple(_RENAMED.get(leaf.name, leaf.name).split(".")))
+
+
 def _row_channel(path: Path, found: _Found) -> tuple[Schema, Channel, tuple[record.Leaf, ...]]:
     """The channel of rows: the one named `TOPIC`, else the first whose schema can be laid out."""
     for channel in sorted(found.channels, key=lambda c: c.topic != TOPIC):
@@ -144,7 +149,8 @@ def _row_channel(path: Path, found: _Found) -> tuple[Schema, Channel, tuple[reco
         if schema is None or channel.message_encoding != "cdr" or schema.encoding != "ros2msg":
             continue
         try:
-            return schema, channel, record.leaves_of_schema(schema.data.decode())
+            leaves = record.leaves_of_schema(schema.data.decode())
+            return schema, channel, tuple(_as_named_now(leaf) for leaf in leaves)
         except (record.RowError, KeyError):
             continue
     raise RunError(f"{path}: no channel of log rows in this file")

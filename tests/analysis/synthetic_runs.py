@@ -189,7 +189,13 @@ STATUS = {
 
 
 def write_run(
-    folder: Path, data: Any, plan: dict[str, Any], *, finish: bool = True, **status: Any
+    folder: Path,
+    data: Any,
+    plan: dict[str, Any],
+    *,
+    finish: bool = True,
+    row_type: type = WaveBotRow,
+    **status: Any,
 ) -> Path:
     """A run folder like the supervisor's; without ``finish`` as a killed logger leaves it."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -198,7 +204,7 @@ def write_run(
     told = {**STATUS, **status}
     writer = RowWriter(
         folder / "run.mcap",
-        WaveBotRow,
+        row_type,
         {name: json.dumps(value).encode() for name, value in files.items()},
         {"run": {"run": folder.name}},
         start_utc_ns=START,

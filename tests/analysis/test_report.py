@@ -2,13 +2,16 @@
 
 import json
 import re
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 import synthetic_runs as synthetic
+from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
+from rig.analysis import traces
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import row_list
@@ -182,6 +185,13 @@ def test_traces(whole: Path, tmp_path: Path) -> None:
         write_traces(whole, tmp_path / "x.png", ["nothing"])
     with pytest.raises(KeyError, match="no row 400"):
         write_traces(whole, tmp_path / "x.png", rows=400)
+
+
+def test_phases_are_told_apart_by_their_shades() -> None:
+    assert set(traces._SHADES) == set(Phase)
+    colours = [np.array(to_rgb(shade)) for shade in (*traces._SHADES.values(), "white")]
+    for one, other in combinations(colours, 2):
+        assert np.linalg.norm(one - other) > 0.08
 
 
 def test_no_peak_is_lost_by_decimation() -> None:

@@ -3,7 +3,7 @@
 import csv
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 import pytest
@@ -12,11 +12,15 @@ import xarray
 from scipy import stats
 from synthetic_runs import Row, Shape
 
+from rig import record
 from rig.analysis.points import optima, points
 from rig.analysis.rows import POWERS, period_means, row_table, standard_error, write_rows
 from rig.limits import Limited, Warned
+from rig.runs import open_run
+from rig.runs.mcap_file import row_dtype
 from rig.safety import Mode, Reason
 from rig.sequence import Phase
+from rig.wavebot import WaveBotRow
 
 POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
 
@@ -152,6 +156,34 @@ def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
     assert table["warned"].values.tolist() == ["", "POSITION", ""]
     assert table["position_alarm"].values.tolist() == [0, 0, 1]
     assert row_table(tmp_path, 0.01)["position_alarm"].values.tolist() == [0, 0, 0]
+
+
+def test_a_run_of_before_a_field_was_renamed(tmp_path: Path) -> None:
+    rows, shape = planned(2), Shape()
+    data = synthetic.run_rows(rows, shape)
+    data["heave.warned"][data["plan.row"] == 1] = Warned.POSITION
+    now = get_type_hints(WaveBotRow, include_extras=True)
+    axis = get_type_hints(now["heave"], include_extras=True)
+    safety = get_type_hints(now["safety"], include_extras=True)
+    flag = axis.pop("warned")
+    then = now | {
+        "heave": NamedTuple("Heave", list(axis.items())),
+        "safety": NamedTuple("Safety", [*safety.items(), ("warned", flag)]),
+    }
+    row_type = NamedTuple("WaveBotRow", list(then.items()))
+    dtype = row_dtype(record.leaves(row_type))
+    assert "safety.warned" in dtype.names
+    old = np.zeros(len(data), dtype)
+    for name in dtype.names:
+        old[name] = data["heave.warned" if name == "safety.warned" else name]
+    plan = synthetic.plan_json(rows, shape)
+    synthetic.write_run(tmp_path / "old", old, plan, row_type=row_type)
+    synthetic.write_run(tmp_path / "new", data, plan)
+    before, after = row_table(tmp_path / "old"), row_table(tmp_path / "new")
+    assert before.drop_attrs().identical(after.drop_attrs())
+    assert before["warned"].values.tolist() == ["", "POSITION"]
+    warned = open_run(tmp_path / "old", ["heave.warned"])["heave.warned"]
+    assert np.array_equal(warned.values, data["heave.warned"])
 
 
 def stopped(data: Any, row: int, reason: Reason) -> Any:

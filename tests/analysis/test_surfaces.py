@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
@@ -105,6 +106,43 @@ def test_too_few_points_or_one_line_are_no_surface() -> None:
     assert "2 points only" in texts(line[:2])
     assert "1 point only" in texts(line[:1])
     assert "no complete row" in texts([])
+
+
+def drawn(found: list[Point]) -> tuple[list[Axes], list[Axes]]:
+    """Panels and colour bars, row by row."""
+    figure = Figure(layout="constrained")
+    draw(figure, table(found))
+    bars = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
+    return [axes for axes in figure.axes if axes not in bars], bars
+
+
+def test_one_line_of_points_is_a_line_without_colours() -> None:
+    one_kp = [point(-2000.0, 2000.0 * i) for i in range(5)]
+    one_ki = [point(-1000.0 - 500.0 * i, 8000.0) for i in range(5)]
+    for line, x in ((one_kp, "Ki, N/m"), (one_ki, "Kp, N·s/m"), (one_kp[:2], "Ki, N/m")):
+        panels, bars = drawn(line)
+        assert not bars
+        assert [axes.get_xlabel() for axes in panels] == [x] * 3
+        assert panels[1].get_ylabel() == "electrical AC, W"
+    assert "points on one line" not in texts(one_kp)  # the axis says so
+    assert "Kp −2000, Ki +8000 (grid's edge)" in texts(one_kp)
+    assert len(drawn(grid())[1]) == 3
+
+
+def test_lines_of_several_springs_share_a_scale() -> None:
+    first = [point(-2000.0, 2000.0 * i) for i in range(3)]
+    second = [p._replace(spring_rate=-5715.0) for p in (point(-3000.0, 2000.0 * i) for i in (0, 1))]
+    panels, bars = drawn([*first, *second])
+    assert not bars
+    assert panels[0].get_ylim() == panels[1].get_ylim()
+    assert [axes.get_ylabel() for axes in panels[:2]] == ["mechanical, W", ""]
+
+
+def test_beside_a_surface_a_line_names_its_axis() -> None:
+    line = [point(-2000.0, 2000.0 * i)._replace(spring_rate=-5715.0) for i in range(5)]
+    panels, bars = drawn([*grid(), *line])
+    assert len(bars) == 3
+    assert [axes.get_ylabel() for axes in panels[:2]] == ["Kp, N·s/m", "mechanical, W"]
 
 
 def test_the_optimum_is_marked_with_value_and_gains() -> None:

@@ -61,7 +61,7 @@ def test_problems_of_the_plant_come_with_all_others(rig: Path, write: Any, tmp_p
     )
     found = [place[:3:2] for place in told(write("repeat: 0\n", head=BROKEN_SEA))]
     assert found == [
-        ("test.yaml", "sea"),
+        ("test.yaml", "sea.frequency_hz"),
         ("test.yaml", "repeat"),
         ("wavebot.yaml", "name"),
         ("wavebot.yaml", "heave.current_rms_a"),
@@ -123,3 +123,25 @@ def test_a_bem_file_cut_anywhere(rig: Path, write: Any, tmp_path: Path) -> None:
         start = i * len(whole) // 12
         path.write_bytes(whole[:start] + bytes(40) + whole[start + 40 :])
         assert {p[2] for p in told(write())} <= {"bem"}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "nearest"),
+    [
+        ("frequency_hz", 0.28985507246, [0.2898509980320495, 0.2898550724637681]),
+        ("frequency_hz", 1.99999, [1.9997222222222222, 2.0]),
+        ("period_s", 3.45678, [3.456777996070727, 3.45679012345679]),
+    ],
+)
+def test_a_wave_that_does_not_repeat_is_told_its_neighbours(
+    rig: Path, write: Any, key: str, value: float, nearest: list[float]
+) -> None:
+    head = "name: test\nrig: ../rigs/wavebot.yaml\nsea:\n  kind: regular\n  amplitude_m: 0.1\n"
+    ((_, line, at, said),) = told(write(head=f"{head}  {key}: {value}\n"))
+    assert (line, at) == (6, f"sea.{key}")
+    unit = {"frequency_hz": "Hz", "period_s": "s"}[key]
+    assert said.startswith(f"{value} {unit} repeats on no whole second up to 3600 s; the nearest ")
+    assert nearest[0] < value < nearest[1]
+    for one in nearest:
+        assert f"{one!r} {unit} (repeats after " in said
+        assert told(write(head=f"{head}  {key}: {one!r}\n")) == []

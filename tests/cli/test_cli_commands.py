@@ -32,6 +32,13 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert said["status"] == "complete"
     assert Path(said["folder"]).parent == folder
     assert all(Path(product).exists() for product in said["products"])
+    assert (said["last_row"]["safety.mode"], said["last_row"]["plan.phase"]) == ("STOP_0", "DONE")
+    shown = json.loads(rig("show", said["folder"], "--json").stdout)
+    assert said["optima"] == shown["optima"]
+    assert {o["spring_rate_n_per_m"] for o in said["optima"]} == {490.9, -2763.0}
+    for best in said["optima"]:
+        (row,) = best["rows"]
+        assert best["ki_n_per_m"] == (0.0, 4000.0, 4000.0, 0.0)[row]
     return folder
 
 
@@ -85,7 +92,8 @@ def test_a_wave_without_repeat_period_is_refused(tmp_path: Path) -> None:
     )
     done = rig("check", tmp_path / "campaign.yaml")
     assert done.returncode == 2
-    assert "campaign.yaml:3: sea: " in done.stdout
+    assert "campaign.yaml:3: sea.frequency_hz: " in done.stdout
+    assert "0.2898550724637681 Hz (repeats after 69 s)" in done.stdout
 
 
 def test_runs_lists_the_run(runs: Path) -> None:
@@ -101,6 +109,7 @@ def test_show_gives_the_summary(runs: Path) -> None:
     assert "4 of 4 rows" in done.stdout
     said: dict[str, Any] = json.loads(rig("show", "last", "--runs", runs, "--json").stdout)
     assert said["rows_done"] == 4
+    assert json.loads(rig("show", "quick", "--runs", runs, "--json").stdout) == said
     missing = rig("show", "nothing", "--runs", runs)
     assert missing.returncode == 2
     assert "no such run" in missing.stderr

@@ -17,7 +17,10 @@ from rig.campaign_run import Ended
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
+from rig.limits import Limited
 from rig.runs import RunError
+from rig.safety import Mode
+from rig.sequence import Phase
 from rig.supervisor import Outcome, Snapshot
 
 run_command: Any = importlib.import_module("rig.cli.run")  # rig.cli.run is the command itself
@@ -47,6 +50,17 @@ def test_an_exact_id_wins_over_a_prefix(tmp_path: Path) -> None:
     assert find_run(Path(second.name), tmp_path) == second
     with pytest.raises(RunError, match="2 runs begin so"):
         find_run(Path("20260504"), tmp_path)
+
+
+def test_a_campaign_is_its_newest_run(tmp_path: Path) -> None:
+    for second, name in enumerate(("sweep", "sweep", "sweep_2")):
+        folder_of(tmp_path, f"20260504T09300{second}Z_{name}", campaign=name)
+    folder_of(tmp_path, "sweep_long_ago", campaign="other")
+    assert find_run(Path("sweep"), tmp_path).name == "20260504T093001Z_sweep"
+    assert find_run(Path("sweep_2"), tmp_path).name == "20260504T093002Z_sweep_2"
+    assert find_run(Path("sweep_long"), tmp_path).name == "sweep_long_ago"
+    with pytest.raises(RunError, match=r"swoop: no such run or campaign in .*; the newest there"):
+        find_run(Path("swoop"), tmp_path)
 
 
 def test_a_narrow_list_keeps_the_run_whole(
@@ -129,3 +143,26 @@ def test_json_of_a_run_holds_no_nan(
     text = capsys.readouterr().out
     assert "NaN" not in text
     assert json.loads(text)["last_row"] == {"a": None, "b": None, "c": 1.5, "tick": 7}
+
+
+def test_json_of_a_run_has_names_for_its_codes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row: dict[str, float | int] = {
+        "plan.phase": int(Phase.LEAD_IN),
+        "safety.mode": int(Mode.STOP_1),
+        "safety.reason": 1000,  # not known here: as it is
+        "heave.command.limited": int(Limited.CURRENT_PEAK | Limited.MODE),
+        "heave.warned": 0,
+    }
+    outcome = Outcome("fault", "POSITION", 0, 0, 0, 0, 0, row)
+    assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == cli.FAULT
+    said = json.loads(capsys.readouterr().out)
+    assert said["last_row"] == {
+        "plan.phase": "LEAD_IN",
+        "safety.mode": "STOP_1",
+        "safety.reason": 1000,
+        "heave.command.limited": ["CURRENT_PEAK", "MODE"],
+        "heave.warned": [],
+    }
+    assert said["optima"] == []

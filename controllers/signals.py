@@ -10,6 +10,7 @@ Ampere = Annotated[float, "A"]
 Count = Annotated[int, "count"]
 Flag = Annotated[int, "flag"]  # 0 or 1; a set of flags where the field says so
 Index = Annotated[int, "index"]
+Kilogram = Annotated[float, "kg"]
 Metre = Annotated[float, "m"]
 MetrePerSecond = Annotated[float, "m/s"]
 MetrePerSecond2 = Annotated[float, "m/s^2"]
@@ -44,10 +45,11 @@ class Estimate(NamedTuple):
 
 
 class Gains(NamedTuple):
-    """Gains of the PI (impedance) law in the recorded sign: Kp < 0 absorbs."""
+    """Gains of the impedance law in the recorded sign: Kp < 0 absorbs, Km > 0 takes mass off."""
 
     kp: NewtonSecondPerMetre
     ki: NewtonPerMetre
+    km: Kilogram
 
 
 class Demand(NamedTuple):
@@ -55,6 +57,7 @@ class Demand(NamedTuple):
 
     kp: NewtonSecondPerMetre
     ki: NewtonPerMetre
+    km: Kilogram
     force: Newton  # force on the body before limits
 
 

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 from controllers import estimator, impedance
-from controllers.blocks import ramp_start
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag, Gains
 from rig import limits
 from rig.safety import CATEGORY, FINE, RUN, STOP_1, STOP_2, Reason
@@ -95,15 +94,15 @@ def control(
     stopping = 1 if STOP_2 <= mode <= STOP_1 else 0
     if stopping != state.stopping:
         # A ramp keeps its pace while its target stays: a stop must not inherit that of the run.
-        law = impedance.State(ramp_start(law.kp.value), ramp_start(law.ki.value))
+        law = impedance.rest(law)
     if mode == RUN:
-        law, demand = impedance.step(params.law, law, gains, motion, dt)
+        law, demand = impedance.step(params.law, law, gains, motion, 0.0, 0.0, dt)
     elif stopping == 1:
-        held = Gains(-params.stop_damping, 0.0)
-        quick = impedance.Params(params.stop_ramp)
-        law, demand = impedance.step(quick, law, held, motion, dt)
+        held = Gains(-params.stop_damping, 0.0, 0.0)
+        quick = impedance.Params(params.stop_ramp, params.law.sections, 0.0)
+        law, demand = impedance.step(quick, law, held, motion, 0.0, 0.0, dt)
     else:
-        law, demand = impedance.start(), Demand(0.0, 0.0, 0.0)
+        law, demand = impedance.start(params.law.sections), Demand(0.0, 0.0, 0.0, 0.0)
     granted, command = limits.grant(params.limits, state.limits, demand.force, mode, dt)
     warned = limits.warn_axis(params.limits, motion)
     return (

@@ -132,7 +132,7 @@ Words = tuple[axis.Record, power.Power, tare.Zeros]  # the WaveBot's own part of
 
 def start() -> State:
     """State before the first tick."""
-    none = Gains(0.0, 0.0)
+    none = Gains(0.0, 0.0, 0.0)
     return State(axis.start(), magnetic_spring.start(), tare.start(), power.start(), -1, none)
 
 
@@ -208,7 +208,7 @@ def control(
     table, phase, mode = params.setpoints, plan.phase, guard.mode
     gains = state.gains
     if setpoint != state.setpoint:
-        gains = Gains(table.kp[setpoint], table.ki[setpoint])
+        gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
     heave, record = axis.control(params.heave, state.heave, sense.heave, motion, gains, mode, dt)
     # The stator stays put in a stop, and is not moved before the tare is over.
     move = 1 if phase != TARE and mode <= RUN else 0

@@ -113,7 +113,7 @@ def _bench_control(
     setpoint: int,
     dt: float,
 ) -> tuple[axis.State, BenchCommand, axis.Record]:
-    gains = Gains(params.gains.kp[setpoint], params.gains.ki[setpoint])
+    gains = Gains(params.gains.kp[setpoint], params.gains.ki[setpoint], 0.0)
     after, record = axis.control(params.axis, state, sense.axis, motion, gains, guard.mode, dt)
     return after, BenchCommand(record.command), record
 
@@ -235,7 +235,7 @@ def _pair_control(
     for part, memory, word, moving, table in zip(
         params[:2], state, sense, motion, params[2:], strict=True
     ):
-        gains = Gains(table.kp[setpoint], table.ki[setpoint])
+        gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
         after, record = axis.control(part, memory, word, moving, gains, guard.mode, dt)
         states.append(after)
         records.append(record)

@@ -20,7 +20,7 @@ from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
 from rig.sequence import Phase
 from rig.wavebot import KIND, Sense
 
-NONE = Gains(0.0, 0.0)
+NONE = Gains(0.0, 0.0, 0.0)
 AT = 183264  # counts
 COUNTS = st.integers(-(2**40), 2**40)
 ZERO = st.floats(-10.0, 10.0)
@@ -140,7 +140,7 @@ def test_another_zero_leaves_all_other_memory() -> None:
     state, sense = axis.start(), sensed(AT)
     for mode in (RUN, RUN, STOP_2):
         motion = Estimate(0.02, 0.1, -0.3)
-        state, _ = axis.control(AXIS, state, sense, motion, Gains(-500.0, 900.0), mode, DT)
+        state, _ = axis.control(AXIS, state, sense, motion, Gains(-500.0, 900.0, 0.0), mode, DT)
     assert state.limits.force != 0.0
     assert state.stopping == state.seeded == 1
     after = axis.rezero(state, 0.005)
@@ -155,7 +155,9 @@ def test_another_zero_leaves_all_other_memory() -> None:
 
 def test_the_record_holds_what_came_in_and_what_went_out() -> None:
     sense, motion = sensed(AT), Estimate(0.01, 0.1, 0.2)
-    state, record = axis.control(AXIS, axis.start(), sense, motion, Gains(-500.0, 0.0), RUN, DT)
+    state, record = axis.control(
+        AXIS, axis.start(), sense, motion, Gains(-500.0, 0.0, 0.0), RUN, DT
+    )
     assert record.sense is sense
     assert record.estimate is motion is state.motion
     assert record.demand.kp == pytest.approx(-500.0 * DT / AXIS.law.ramp)

@@ -253,7 +253,7 @@ def test_a_stop_ramps_at_its_own_pace_even_to_the_gains_of_the_run() -> None:
     memory, kps = axis.start(), []
     for mode in [RUN] * 100 + [STOP_2] * 20 + [RUN] * 2:
         # The run heads for just what a stop holds: its slow ramp must not be gone on with.
-        gains = Gains(-slow.stop_damping, 0.0)
+        gains = Gains(-slow.stop_damping, 0.0, 0.0)
         memory, record = axis.control(slow, memory, sense, motion, gains, mode, 0.001)
         kps.append(record.demand.kp)
     assert kps[99] == pytest.approx(-0.01 * slow.stop_damping)

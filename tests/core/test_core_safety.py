@@ -135,7 +135,7 @@ class Interleavings(RuleBasedStateMachine):
         sense = AxisSense(self.counts, 0.0, 0.0, int(powered), 0, 0.0)
         motion = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
         self.axis, record = axis.control(
-            AXIS, self.axis, sense, motion, Gains(-500.0, 900.0), self.guard.mode, DT
+            AXIS, self.axis, sense, motion, Gains(-500.0, 900.0, 0.0), self.guard.mode, DT
         )
         self.force, self.enable = record.command.force, record.command.enable
         if self.guard.mode >= STOP_1 and self.stopped_at is None:

@@ -2,21 +2,39 @@
 
 import math
 
-from controllers import estimator, impedance, magnetic_spring
+from controllers import (
+    drive_gating,
+    estimator,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    station_keeping,
+)
+from controllers.biquads import Biquad
 from controllers.signals import Modulation
 from rig import axis, cycle, limits, safety, wavebot
 from rig.campaign.settings import drive_settings
-from rig.config.campaign_file import CampaignFile
+from rig.config.campaign_file import CampaignFile, Law
 from rig.config.limits_file import AxisLimits, LimitsFile
 from rig.config.rig_file import Axis, RigFile, Stop
 from rig.estimator_design import design
+from rig.impedance_design import design as design_zc
 from rig.sequence import Segments
+from rig.wavebot.state import SurgeUse
 
 _MODULATIONS = {
     "svpwm": Modulation.SVPWM,
     "sine-triangle": Modulation.SINE_TRIANGLE,
     "dpwm": Modulation.DPWM,
     "hysteresis": Modulation.HYSTERESIS,
+}
+
+
+_SURGE_USES = {
+    "off": SurgeUse.OFF,
+    "station keeping": SurgeUse.STATION_KEEPING,
+    "hold": SurgeUse.HOLD,
 }
 
 
@@ -35,6 +53,12 @@ def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
     scale = metres_per_count(motor)
     return design(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
+
+
+def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:
+    """Z_c(s) of the heave law as sections for a period ``dt`` (s); ValueError if impossible."""
+    zc = law.zc
+    return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
 def wavebot_params(
@@ -57,16 +81,31 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
-            heave_law=impedance.Params(ramp=rig.heave.gain_ramp_s),
+            heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
+            reference=open_loop.Params((), rig.heave.gain_ramp_s),
+            gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
+            modulation=int(_MODULATIONS[drive.modulation]) if drive else 0,
             surge=_axis(rig.surge, bounds.surge, rig.stop, dt),
-            surge_law=impedance.Params(ramp=rig.surge.gain_ramp_s),
-            surge_on=1 if campaign.surge.drive == "on" else 0,
+            surge_use=int(_SURGE_USES[campaign.surge.use]),
+            station_keeping=station_keeping.Params(
+                ramp=rig.surge.gain_ramp_s,
+                station=0.0,
+                reach=rig.station_keeping.reach_m,
+                soft_stiffness=rig.station_keeping.soft_stop_n_per_m,
+                soft_damping=rig.station_keeping.soft_stop_n_s_per_m2,
+            ),
+            surge_hold=position_hold.Params(
+                ramp=rig.surge.gain_ramp_s,
+                stiffness=rig.surge_hold.stiffness_n_per_m,
+                damping=rig.surge_hold.damping_n_s_per_m,
+                speed=rig.surge_hold.speed_m_per_s,
+                acceleration=rig.surge_hold.acceleration_m_per_s2,
+            ),
             spring=magnetic_spring.Params(
                 rates=rates,
                 positions=positions,
                 tolerance=rig.spring.arrival_tolerance_percent,
             ),
-            modulation=int(_MODULATIONS[drive.modulation]) if drive is not None else 0,
             limits=wavebot.Limits(
                 string_pot_difference_stop=bounds.heave.string_pot_difference_stop_m,
                 rotor_travel_stop=bounds.spring.rotor_travel_stop_m,

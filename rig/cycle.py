@@ -50,6 +50,7 @@ class PlanRecord(NamedTuple):
 class Kind(NamedTuple):
     """The functions that make one kind of rig; each is pure.
 
+    ``start(params) -> state`` before the first tick
     ``observe(params, state, sense, periods, dt) -> motion`` of every axis
     ``ready(params, state, sense) -> set of sequence.WAIT_ flags that hold``
     ``check(params, state, sense, motion, mode) -> reason``
@@ -60,7 +61,7 @@ class Kind(NamedTuple):
 
     row_type: type
     params_type: type
-    start: Callable[[], Any]
+    start: Callable[[Any], Any]
     observe: Callable[..., Any]
     ready: Callable[..., int]
     check: Callable[..., int]
@@ -71,9 +72,9 @@ class Kind(NamedTuple):
 Step = Callable[..., tuple[State, Any, Any]]
 
 
-def start(kind: Kind, tick: int) -> State:
+def start(kind: Kind, params: Params, tick: int) -> State:
     """State before the first tick."""
-    return State(sequence.start(tick), safety.start(tick), -1, kind.start())
+    return State(sequence.start(tick), safety.start(tick), -1, kind.start(params.rig))
 
 
 def make(kind: Kind) -> Step:

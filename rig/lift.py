@@ -87,7 +87,9 @@ def _unpack(tree: Any, array: str, at: int) -> tuple[str, int]:
         parts.append(part)
     inside = ", ".join(parts)
     name = "" if type(tree) is tuple else type(tree).__name__
-    return (f"{name}({inside})" if name else f"({inside},)"), at
+    if name:
+        return f"{name}({inside})", at
+    return (f"({inside},)" if parts else "()"), at
 
 
 def packing(tree: Any, value: str, array: str) -> list[str]:

@@ -47,7 +47,7 @@ def run(
     step = cycle.make(kind)
     reason = Reason.EXCEPTION.value
     try:
-        state = cycle.start(kind, 0)
+        state = cycle.start(kind, params, 0)
         ticks = skipped = linger = imposed = 0
         work, dt = 0.0, clock.dt
         while linger < LINGER:

@@ -121,7 +121,9 @@ def test_every_word_in_signals_has_a_unit() -> None:
         for field in word.body:
             if isinstance(field, ast.AnnAssign):
                 hint = ast.unparse(field.annotation)
-                assert hint in units or hint in named, f"{word.name}.{ast.unparse(field.target)}: {hint}"
+                assert hint in units or hint in named, (
+                    f"{word.name}.{ast.unparse(field.target)}: {hint}"
+                )
 
 
 def test_the_fields_of_a_laws_parameters_say_their_unit() -> None:

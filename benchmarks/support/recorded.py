@@ -113,7 +113,7 @@ def record(path: Path, ticks: int, skip: int = 12_000) -> Recorded:
     made = parts(path)
     devices, dt = made.connect(), made.plan.dt
     step = cycle.make(KIND)
-    state = start = cycle.start(KIND, 0)
+    state = start = cycle.start(KIND, made.params, 0)
     senses, rows = [], []
     none = cycle.Timing(0.0, 0.0, 0)
     for tick in range(skip + ticks):

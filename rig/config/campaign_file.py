@@ -19,7 +19,7 @@ from rig.config.columns import (
     VelocityThreshold,
 )
 from rig.config.matrix import Matrix
-from rig.config.model import Broken, FileModel, Whole, refuse
+from rig.config.model import Broken, FileModel, Several, Whole, refuse
 from rig.config.problems import number_text, value_text
 from rig.config.sea import JonswapSea, Sea
 
@@ -69,10 +69,23 @@ class Start(FileModel):
             )
 
 
-class SurgeControl(FileModel):
-    """How surge is held; what is not given is the rig's."""
+class TransferFunction(FileModel):
+    """Coefficients by falling powers of s."""
 
-    drive: Literal["on", "off"] = "on"
+    numerator: Several[float] = Field(min_length=1, max_length=20)
+    denominator: Several[float] = Field(min_length=1, max_length=20)
+
+
+class Law(FileModel):
+    """What the heave law has beside the gains of the matrix."""
+
+    zc: TransferFunction | None = None  # Z_c(s), N*s/m: its force on the body is Z_c v
+
+
+class SurgeControl(FileModel):
+    """How surge is held; gains that are not given are the rig's."""
+
+    use: Literal["station keeping", "hold", "off"] = "station keeping"
     kp_n_s_per_m: SurgeKp | None = None
     ki_n_per_m: SurgeKi | None = None
 
@@ -130,6 +143,7 @@ class CampaignFile(FileModel):
     matrix: Matrix
     timing: Annotated[Timing, BeforeValidator(_timing)] = Timing()
     start: Start = Start()
+    law: Law = Law()
     surge: SurgeControl = SurgeControl()
     drive: DriveSetup = DriveSetup()
     tare: Annotated[Tare | None, BeforeValidator(_tare)] = Tare()  # None: `none`

@@ -107,6 +107,18 @@ class StationKeeping(FileModel):
 
     kp_n_s_per_m: SurgeKp
     ki_n_per_m: SurgeKi
+    reach_m: float = Field(gt=0, le=2)  # either way from the station: no soft stop within
+    soft_stop_n_per_m: float = Field(ge=0, le=1e6)
+    soft_stop_n_s_per_m2: float = Field(ge=0, le=1e6)  # its damping, per metre of depth
+
+
+class Hold(FileModel):
+    """What holds surge in place where a campaign asks for that."""
+
+    stiffness_n_per_m: float = Field(ge=0, le=1e6)
+    damping_n_s_per_m: float = Field(ge=0, le=1e5)
+    speed_m_per_s: float = Field(gt=0, le=1)  # on the way to the zero
+    acceleration_m_per_s2: float = Field(gt=0, le=10)
 
 
 class CotsDrive(FileModel):
@@ -166,6 +178,7 @@ class RigFile(FileModel):
     heave: Axis
     surge: Axis
     station_keeping: StationKeeping
+    surge_hold: Hold
     drive: Annotated[CotsDrive | CustomDrive, Field(discriminator="kind")]  # of heave
     spring: MagneticSpring
     stability: Stability

@@ -9,10 +9,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.assemble import estimator_params
+from rig.assemble import estimator_params, zc_sections
 from rig.campaign.elevation import Elevation
 from rig.campaign.files import Campaign
 from rig.campaign.pieces import Pieces, Source
+from rig.config.campaign_file import Law
 from rig.config.problems import Problem, number_text, shown
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.source import KeyPath
@@ -44,7 +45,7 @@ def devices_of(campaign: Campaign) -> dict[str, Any]:
 
 def problems(pieces: Pieces) -> tuple[Problem, ...]:
     """What would keep the loop or the simulated plant from starting: everything is built once."""
-    found = list(_estimator(pieces))
+    found = [*_estimator(pieces), *_law(pieces)]
     bem = None
     if pieces.plant is not None:
         plant, bad = _plant(pieces.plant)
@@ -68,6 +69,17 @@ def _estimator(pieces: Pieces) -> Iterator[Problem]:
         value = pieces.heave.jerk_density_m2_per_s5
         message = f"{number_text(value)}: {error}"
         yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
+
+
+def _law(pieces: Pieces) -> Iterator[Problem]:
+    try:
+        law = Law.model_validate(pieces.campaign.mapping.get("law", {}), strict=True)
+    except ValidationError:
+        return  # told with the campaign file's own problems
+    try:
+        zc_sections(law, 1.0 / (pieces.rate_hz or _ANY_RATE))
+    except ValueError as error:
+        yield pieces.campaign.locate.problem(("law", "zc"), None, str(error))
 
 
 def _plant(source: Source) -> tuple[Plant | None, tuple[Problem, ...]]:

@@ -4,7 +4,7 @@ from controllers.blocks import finite
 from controllers.signals import DriveFault
 from rig import axis
 from rig.safety import CATEGORY, FINE, OFF, Reason
-from rig.wavebot.state import Params, State
+from rig.wavebot.state import SURGE_OFF, Params, State
 from rig.wavebot.words import Motion, Sense
 
 # An axis says what is wrong with it; whose fault it is, is said here.
@@ -47,7 +47,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         if heave_fault == Reason.DRIVE_FAULT.value:
             return _HEAVE.get(heave.fault, heave_fault)
         return heave_fault
-    surge_mode = mode if params.surge_on == 1 else OFF
+    surge_mode = mode if params.surge_use != SURGE_OFF else OFF
     surge_fault = axis.check(
         params.surge, state.surge, surge, motion.surge, surge_zero(params, state, sense), surge_mode
     )

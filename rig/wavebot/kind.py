@@ -1,12 +1,33 @@
 """The WaveBot as a kind of rig: heave and surge axes, magnetic spring, load cells, power."""
 
-from controllers import impedance, magnetic_spring
-from controllers.signals import Reference
+from math import floor
+from typing import NamedTuple
+
+from controllers import (
+    drive_gating,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    station_keeping,
+)
+from controllers.signals import Demand, DriveCommand, Reference
 from rig import axis, cycle, power, safety, tare
 from rig.safety import OFF, RUN
 from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 from rig.wavebot.check import check, heave_zero, surge_zero
-from rig.wavebot.state import Params, State, hold, start
+from rig.wavebot.state import (
+    SURGE_HELD,
+    SURGE_KEPT,
+    SURGE_OFF,
+    Held,
+    Laws,
+    Params,
+    State,
+    hold,
+    laws_at_rest,
+    start,
+)
 from rig.wavebot.words import Command, Motion, Sense, WaveBotRow, Words
 
 
@@ -23,7 +44,7 @@ def ready(params: Params, state: State, sense: Sense) -> int:
     flags = 0
     if magnetic_spring.arrived(params.spring, state.spring, sense.spring):
         flags = flags | WAIT_STATOR
-    if sense.heave.enabled == 1 and (params.surge_on == 0 or sense.surge.enabled == 1):
+    if sense.heave.enabled == 1 and (params.surge_use == SURGE_OFF or sense.surge.enabled == 1):
         flags = flags | WAIT_DRIVE
     return flags
 
@@ -43,23 +64,26 @@ def control(
     held = state.held
     if setpoint != held.setpoint:
         held = hold(params, setpoint)
-    reference = Reference(held.reference_scale, 0.0)
     if mode == RUN:
-        law, wanted = impedance.step(
-            params.heave_law, state.heave_law, held.gains, motion.heave, dt
-        )
-        surge_law, surge_wanted = impedance.step(
-            params.surge_law, state.surge_law, held.surge, motion.surge, dt
-        )
-    else:  # with the law at rest it starts afresh, so a later start ramps its gains up from zero
-        law, surge_law = impedance.start(), impedance.start()
-        wanted = surge_wanted = axis.NOTHING
+        laws, wanted = _laws(params, state, motion, held, plan.wave_clock, dt)
+    else:  # at rest they start afresh, so a later start ramps its gains up from zero
+        laws, wanted = laws_at_rest(params), _NOTHING
+    drive = held.drive
+    if wanted.conducting == 0:
+        drive = DriveCommand(0, drive.settings)
     heave, record = axis.control(
-        params.heave, state.heave, sense.heave, motion.heave, wanted, 1, mode, dt
+        params.heave,
+        state.heave,
+        sense.heave,
+        motion.heave,
+        wanted.heave,
+        wanted.conducting,
+        mode,
+        dt,
     )
-    surge_mode = mode if params.surge_on == 1 else OFF
+    surge_mode = mode if params.surge_use != SURGE_OFF else OFF
     surge, surge_record = axis.control(
-        params.surge, state.surge, sense.surge, motion.surge, surge_wanted, 1, surge_mode, dt
+        params.surge, state.surge, sense.surge, motion.surge, wanted.surge, 1, surge_mode, dt
     )
     # The stator stays put in a stop, and is not moved before the tare is over.
     move = 1 if phase != TARE and mode <= RUN else 0
@@ -75,9 +99,54 @@ def control(
     spent = power.step(state.power, lcb, trs, motion.heave.velocity, meter.ac, meter.dc, phase)
     waves = 1 if plan.wave_clock >= 0.0 else 0
     return (
-        State(heave, law, surge, surge_law, spring, tared, spent, held),
-        Command(record.command, surge_record.command, spring.command, held.drive, waves),
-        Words(record, surge_record, reference, spent, zeros),
+        State(heave, laws, surge, spring, tared, spent, held),
+        Command(record.command, surge_record.command, spring.command, drive, waves),
+        Words(record, surge_record, wanted.reference, spent, zeros),
+    )
+
+
+class _Wanted(NamedTuple):
+    """What the laws ask for in a tick."""
+
+    heave: Demand
+    reference: Reference
+    conducting: int
+    surge: Demand
+
+
+_NO_REFERENCE = Reference(0.0, 0.0)
+_NOTHING = _Wanted(axis.NOTHING, _NO_REFERENCE, 1, axis.NOTHING)
+
+
+def _laws(
+    params: Params, state: State, motion: Motion, held: Held, wave_clock: float, dt: float
+) -> tuple[Laws, _Wanted]:
+    """Demands of heave and surge, and whether the heave drive's power stage may rest."""
+    law, table, gate, keeping, holding = state.laws
+    reference = _NO_REFERENCE
+    if len(params.reference.table) > 0:
+        at = floor(wave_clock / dt + 0.5) if wave_clock >= 0.0 else -1
+        table, force = open_loop.step(params.reference, table, held.reference_scale, at, dt)
+        reference = Reference(table.scale.value, force)
+    law, heave = impedance.step(
+        params.heave_law, law, held.gains, motion.heave, reference.force, state.heave.short, dt
+    )
+    conducting, threshold = 1, held.drive.settings.velocity_threshold
+    if threshold > 0.0:
+        current = heave.force / params.heave.limits.newtons_per_ampere
+        gate, conducting = drive_gating.step(
+            params.gate, gate, motion.heave.velocity, current, threshold
+        )
+    surge = axis.NOTHING
+    if params.surge_use == SURGE_KEPT:
+        keeping, surge = station_keeping.step(
+            params.station_keeping, keeping, held.surge, motion.surge, dt
+        )
+    elif params.surge_use == SURGE_HELD:
+        holding, surge = position_hold.step(params.surge_hold, holding, 0.0, motion.surge, dt)
+    return (
+        Laws(law, table, gate, keeping, holding),
+        _Wanted(heave, reference, conducting, surge),
     )
 
 

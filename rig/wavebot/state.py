@@ -1,11 +1,31 @@
 """What a WaveBot's cycle is given for a run, and what it remembers from tick to tick."""
 
+from enum import IntEnum
 from typing import NamedTuple
 
-from controllers import impedance, magnetic_spring
+from controllers import (
+    drive_gating,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    station_keeping,
+)
 from controllers.signals import DriveCommand, DriveSettings, Gains
 from rig import axis, power, tare
 from rig.wavebot.words import Setpoints
+
+
+class SurgeUse(IntEnum):
+    """What is done with the surge axis."""
+
+    OFF = 0  # its drive stays off, the mooring holds it
+    STATION_KEEPING = 1
+    HOLD = 2  # held where it is
+
+
+# Plain ints for the tick, as in `rig.safety`.
+SURGE_OFF, SURGE_KEPT, SURGE_HELD = (int(use) for use in SurgeUse)
 
 
 class Limits(NamedTuple):
@@ -26,11 +46,14 @@ class Params(NamedTuple):
 
     heave: axis.Params
     heave_law: impedance.Params
+    reference: open_loop.Params  # of heave
+    gate: drive_gating.Params  # of the heave drive
+    modulation: int  # `Modulation` of the heave drive
     surge: axis.Params
-    surge_law: impedance.Params
-    surge_on: int  # 1: the surge drive is used; 0: it stays off
+    surge_use: int  # `SurgeUse`
+    station_keeping: station_keeping.Params
+    surge_hold: position_hold.Params
     spring: magnetic_spring.Params
-    modulation: int  # `Modulation` of the custom drive
     limits: Limits
     setpoints: Setpoints
 
@@ -47,28 +70,47 @@ class Held(NamedTuple):
     drive: DriveCommand
 
 
+class Laws(NamedTuple):
+    """Memory of the laws; it starts afresh whenever they do not act."""
+
+    heave: impedance.State
+    reference: open_loop.State
+    gate: drive_gating.State
+    station_keeping: station_keeping.State
+    surge_hold: position_hold.State
+
+
 class State(NamedTuple):
     """Memory of a WaveBot run."""
 
     heave: axis.State
-    heave_law: impedance.State
+    laws: Laws
     surge: axis.State
-    surge_law: impedance.State
     spring: magnetic_spring.State
     tare: tare.State
     power: power.Power
     held: Held
 
 
-def start() -> State:
+def laws_at_rest(params: Params) -> Laws:
+    """The laws' memory before they act."""
+    return Laws(
+        impedance.start(params.heave_law.sections),
+        open_loop.start(),
+        drive_gating.start(),
+        station_keeping.start(),
+        position_hold.start(),
+    )
+
+
+def start(params: Params) -> State:
     """State before the first tick."""
     none = Gains(0.0, 0.0, 0.0)
     resting = DriveCommand(1, DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0))
     return State(
         axis.start(),
-        impedance.start(),
+        laws_at_rest(params),
         axis.start(),
-        impedance.start(),
         magnetic_spring.start(),
         tare.start(),
         power.start(),

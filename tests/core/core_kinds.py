@@ -5,7 +5,7 @@ Nothing here needs numpy, so the loop's import closure can be looked at with the
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controllers import estimator, impedance
 from controllers.signals import (
@@ -90,7 +90,7 @@ class Driven(NamedTuple):
     law: impedance.State
 
 
-def _driven_start() -> Driven:
+def _driven_start(params: Any) -> Driven:
     return Driven(axis.start(), impedance.start())
 
 
@@ -107,7 +107,7 @@ def _driven(
     law, wanted = impedance.start(), axis.NOTHING
     if mode == RUN:
         gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
-        law, wanted = impedance.step(LAW, state.law, gains, motion, dt)
+        law, wanted = impedance.step(LAW, state.law, gains, motion, 0.0, 0.0, dt)
     after, record = axis.control(params, state.axis, sense, motion, wanted, 1, mode, dt)
     return Driven(after, law), record
 
@@ -219,8 +219,8 @@ class PairRow(NamedTuple):
     tick_end: Tick
 
 
-def _pair_start() -> PairState:
-    return PairState(_driven_start(), _driven_start())
+def _pair_start(params: PairParams) -> PairState:
+    return PairState(_driven_start(params), _driven_start(params))
 
 
 def _pair_observe(

@@ -274,7 +274,7 @@ def test_the_first_tick_of_a_wavebot_is_its_zero_wherever_it_is_found() -> None:
     for counts in (-500_000, 0, AT):
         quiet = Quiet().read(0.0)
         sense = quiet._replace(heave=quiet.heave._replace(counts=counts))
-        motion = wavebot.observe(params().rig, wavebot.start(), sense, 1, DT)
+        motion = wavebot.observe(params().rig, wavebot.start(params().rig), sense, 1, DT)
         assert motion == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -293,8 +293,8 @@ def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() ->
     )
     own = params(setpoints=table).rig
     own = own._replace(heave_law=own.heave_law._replace(ramp=DT))
-    own = own._replace(surge_law=own.surge_law._replace(ramp=DT))
-    state, sense = wavebot.start(), Quiet().read(0.0)
+    own = own._replace(station_keeping=own.station_keeping._replace(ramp=DT))
+    state, sense = wavebot.start(own), Quiet().read(0.0)
     place, guard = cycle.PlanRecord(0, Phase.SETTLE, 0, -1.0), safety.State(RUN, 0, 0)
     for setpoint in (0, 0, 1, 1, 2, 0, 2, 1, 0, 0):
         motion = wavebot.observe(own, state, sense, 1, DT)
@@ -314,8 +314,9 @@ def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() ->
 
 def test_a_start_with_the_first_set_point_uses_it_at_once() -> None:
     """No set point is in use before the first tick, not even that of index 0."""
-    assert wavebot.start().held.setpoint == -1
-    assert set(wavebot.start().held.gains) == {0.0}
+    state = wavebot.start(params().rig)
+    assert state.held.setpoint == -1
+    assert set(state.held.gains) == {0.0}
 
 
 def test_the_wave_maker_runs_while_the_wave_clock_does() -> None:

@@ -1,0 +1,245 @@
+"""The impedance law: its equation, its signs, and changes of it that never jump."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from controllers import biquads, impedance
+from controllers.blocks import finite
+from controllers.signals import Demand, Estimate, Gains
+from rig.impedance_design import design
+
+DT = 0.001
+LAW = impedance.Params(ramp=0.02)
+REST = Estimate(0.0, 0.0, 0.0)
+NONE = Gains(0.0, 0.0, 0.0)
+# Damping of 800 N s/m and a lag of 3000 N s/m at 0.5 rad/s: direct gain and memory.
+LAGGED = design([-800.0, -1900.0], [1.0, 0.5], DT)
+WITH_ZC = impedance.Params(0.02, LAGGED)
+TARGET = st.sampled_from([0.0, 1.0, -1.0, 250.0, -2000.0, 3.7e4]) | st.floats(
+    -1e5, 1e5, allow_subnormal=False
+)
+WEIRD = [math.nan, math.inf, -math.inf]
+
+
+def settled(gains: Gains, params: impedance.Params = LAW) -> impedance.State:
+    state = impedance.start(params.sections)
+    for _ in range(30):
+        state, _ = impedance.step(params, state, gains, REST, 0.0, 0.0, DT)
+    return state
+
+
+@given(
+    *[st.tuples(TARGET, TARGET, TARGET)],
+    *[st.tuples(st.floats(-0.5, 0.5), st.floats(-2.0, 2.0), st.floats(-8.0, 8.0))],
+    st.floats(-5e3, 5e3),
+)
+def test_the_force_is_the_sum_of_its_parts(
+    gains: tuple[float, float, float], motion: tuple[float, float, float], reference: float
+) -> None:
+    kp, ki, km = gains
+    state, demand = impedance.step(
+        LAW, settled(Gains(*gains)), Gains(*gains), Estimate(*motion), reference, 0.0, DT
+    )
+    terms = np.array([ki, kp, km, 1.0]) * np.array([*motion, reference])
+    assert demand[:3] == (kp, ki, km)
+    assert type(demand) is Demand
+    assert demand.force == pytest.approx(math.fsum(terms), rel=1e-12, abs=1e-12 * abs(terms).max())
+    assert state.used == gains
+
+
+def test_without_reference_and_mass_it_is_the_pi_law_to_the_bit() -> None:
+    rng = np.random.default_rng(3)
+    for kp, ki, x, v, a in rng.normal(size=(500, 5)).tolist():
+        gains = Gains(1e3 * kp, 1e4 * ki, 0.0)
+        _, demand = impedance.step(LAW, settled(gains), gains, Estimate(x, v, a), 0.0, 0.0, DT)
+        assert demand.force == 1e3 * kp * v + 1e4 * ki * x
+
+
+def test_the_sign_of_the_recorded_data() -> None:
+    """Kp < 0 takes energy out of the body; Ki > 0 pushes it from rest, Km > 0 the way it speeds."""
+    for gains, motion, product in (
+        (Gains(-2000.0, 0.0, 0.0), Estimate(0.1, 0.4, 0.0), -320.0),
+        (Gains(0.0, 3000.0, 0.0), Estimate(0.1, 0.0, 0.0), 30.0),
+        (Gains(0.0, 0.0, 400.0), Estimate(0.1, 0.0, 2.0), 1600.0),
+    ):
+        for sign in (1.0, -1.0):
+            turned = Estimate(*(sign * number for number in motion))
+            _, demand = impedance.step(LAW, settled(gains), gains, turned, 0.0, 0.0, DT)
+            where = next(n for n, gain in zip((1, 0, 2), gains, strict=True) if gain)
+            assert demand.force * turned[where] == pytest.approx(product)
+
+
+def test_km_adds_mass_to_a_body_and_takes_it_off() -> None:
+    """(M - Km) a = F_0: a body pushed by a constant force speeds up as that equation says."""
+    mass, push = 1500.0, 900.0
+    for km in (-500.0, 500.0):
+        state, law, v, a = settled(Gains(0.0, 0.0, km)), Gains(0.0, 0.0, km), 0.0, 0.0
+        for _ in range(2000):
+            state, demand = impedance.step(LAW, state, law, Estimate(0.0, v, a), 0.0, 0.0, DT)
+            a = (push + demand.force) / mass
+            v += a * DT
+        assert a == pytest.approx(push / (mass - km), rel=1e-9)
+
+
+@pytest.mark.parametrize("v", [0.7, -0.7])
+@pytest.mark.parametrize("params", [LAW, WITH_ZC])
+def test_the_first_force_is_within_one_step_of_zero(params: impedance.Params, v: float) -> None:
+    gains = Gains(-2000.0, 5000.0, 300.0)
+    _, demand = impedance.step(
+        params, impedance.start(params.sections), gains, Estimate(0.2, v, 1.0), 0.0, 0.0, DT
+    )
+    share = DT / LAW.ramp
+    assert demand[:3] == pytest.approx([gain * share for gain in gains])
+    direct = math.prod(section.b0 for section in params.sections) if params.sections else 0.0
+    wanted = share * (-2000.0 * v + 5000.0 * 0.2 + 300.0 + direct * v)
+    assert demand.force == pytest.approx(wanted)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    st.lists(st.tuples(TARGET, TARGET, TARGET, st.integers(1, 30)), min_size=2, max_size=10),
+    st.floats(0.0, 1.0),
+    st.floats(0.0, 0.3),
+    st.floats(0.0, 2.0),
+)
+def test_no_sequence_of_gain_switches_bumps_the_force(
+    switches: list[tuple[float, float, float, int]], v: float, x: float, a: float
+) -> None:
+    """At constant motion the force moves by at most rate * dt a tick, whenever a switch comes."""
+    state, last = impedance.start(), 0.0
+    steps = LAW.ramp / DT
+    reach = [0.0, 0.0, 0.0]  # widest way any ramp so far could have to go
+    motion = Estimate(x, v, a)
+    for *wanted, ticks in switches:
+        for i, (old, new) in enumerate(zip(state.used, wanted, strict=True)):
+            reach[i] = max(reach[i], abs(new - old))
+        for _ in range(ticks):
+            state, demand = impedance.step(LAW, state, Gains(*wanted), motion, 0.0, 0.0, DT)
+            most = (reach[0] * v + reach[1] * x + reach[2] * a) / steps
+            size = abs(last) + abs(demand.force) + sum(map(abs, wanted)) * (v + x + a)
+            assert abs(demand.force - last) <= most + 1e-9 * size + 1e-9
+            last = demand.force
+    for _ in range(int(steps) + 1):
+        state, demand = impedance.step(LAW, state, Gains(*wanted), motion, 0.0, 0.0, DT)
+    assert demand[:3] == tuple(wanted)
+
+
+def test_a_rest_of_the_ramps_gives_the_next_change_its_own_time() -> None:
+    slow, quick = impedance.Params(1.0, LAGGED), impedance.Params(0.02, LAGGED, 0.0)
+    goal, motion = Gains(-2000.0, 100.0, 50.0), Estimate(0.1, 0.2, 0.3)
+    state = impedance.start(LAGGED)
+    for _ in range(500):
+        state, before = impedance.step(slow, state, goal, motion, 0.0, 0.0, DT)
+    assert before.kp == pytest.approx(-1000.0)
+    held, ramps = impedance.rest(state), []
+    assert held.used == state.used
+    assert held.sections == state.sections
+    for _ in range(21):  # one more where the steps round down
+        held, demand = impedance.step(quick, held, goal, motion, 0.0, 0.0, DT)
+        ramps.append((demand.kp, held.share.value))
+    assert ramps[9] == pytest.approx((-1500.0, 0.25))
+    assert held.used == goal
+    assert held.share.value == 0.0
+
+
+# --- Z_c
+
+
+def test_sections_do_what_scipys_do() -> None:
+    """Same difference equation, other code: 1e-9 for another order of the same sums."""
+    v = np.random.default_rng(5).normal(size=4000)
+    sections = design([-4e4, -3e3, -9e4, -1.0], [1.0, 3.0, 30.0, 20.0, 5.0], DT)
+    state, forces = impedance.start(sections), []
+    law = impedance.Params(0.0, sections)  # no ramp: the whole share from the first tick
+    for velocity in v.tolist():
+        estimate = Estimate(0.0, velocity, 0.0)
+        state, demand = impedance.step(law, state, NONE, estimate, 100.0, 0.0, DT)
+        forces.append(demand.force)
+    rows = [(*section[:3], 1.0, *section[3:]) for section in sections]
+    wanted = 100.0 + signal.sosfilt(rows, v)
+    assert np.abs(np.array(forces) - wanted).max() <= 1e-9 * np.abs(wanted).max()
+
+
+def test_what_the_memory_holds_is_the_output_for_no_input() -> None:
+    sections = design([-4e4, -3e3, -9e4, -1.0], [1.0, 3.0, 30.0, 20.0, 5.0], DT)
+    states = biquads.start(sections)
+    assert biquads.held(sections, states, 0.0) == 0.0
+    for _ in range(300):
+        states, _ = biquads.step(sections, states, 0.4)
+    for u in (0.0, 0.7):
+        assert biquads.held(sections, states, u) == biquads.step(sections, states, u)[1]
+    half = biquads.scaled(states, 0.5)
+    assert biquads.held(sections, half, 0.0) == 0.5 * biquads.held(sections, states, 0.0)
+    for _ in range(500):  # the free response scales too
+        states, whole = biquads.step(sections, states, 0.0)
+        half, part = biquads.step(sections, half, 0.0)
+        assert part == 0.5 * whole
+
+
+def test_the_share_of_zc_is_ramped_in_and_out() -> None:
+    """At a constant velocity the force never moves by more than a ramp's step and Z_c's own."""
+    v, ramp = 0.5, 0.1
+    law = impedance.Params(ramp, LAGGED)
+    out = law._replace(share=0.0)
+    state, alone, forces, replies = impedance.start(LAGGED), biquads.start(LAGGED), [0.0], [0.0]
+    for params in [law] * 2000 + [out] * 200:
+        state, demand = impedance.step(params, state, NONE, Estimate(0.0, v, 0.0), 0.0, 0.0, DT)
+        alone, reply = biquads.step(LAGGED, alone, v)
+        forces.append(demand.force)
+        replies.append(reply)
+    force, reply = np.array(forces), np.array(replies)
+    own = np.abs(np.diff(reply[1:])).max()
+    assert np.abs(np.diff(force)).max() <= np.abs(reply).max() * DT / ramp + own + 1e-9
+    assert np.array_equal(force[101:2001], reply[101:2001])
+    assert np.all(force[-90:] == 0.0)
+    assert force[2050] == pytest.approx(0.5 * reply[2050], rel=0.03)
+
+
+def test_a_start_is_a_start() -> None:
+    """Whatever was before: a law that starts afresh gives the same forces again."""
+    rng = np.random.default_rng(11)
+    motions = [Estimate(*row) for row in rng.normal(size=(400, 3)).tolist()]
+
+    def forces() -> list[float]:
+        state, out = impedance.start(LAGGED), []
+        for motion in motions:
+            gains = Gains(-900.0, 500.0, 20.0)
+            state, demand = impedance.step(WITH_ZC, state, gains, motion, 0.0, -3.0, DT)
+            out.append(demand.force)
+        return out
+
+    assert forces() == forces()
+    assert impedance.start() == impedance.State(*[(0.0, 0.0, 0.0)] * 4, (), (0.0, 0.0, 0.0))
+    assert impedance.start(LAGGED).sections == ((0.0, 0.0),)
+
+
+# --- no number in, no number out
+
+
+@pytest.mark.parametrize("bad", WEIRD)
+@pytest.mark.parametrize("params", [LAW, WITH_ZC])
+@pytest.mark.parametrize("field", range(3))
+def test_no_number_in_gives_no_number_out(bad: float, field: int, params: impedance.Params) -> None:
+    gains, motion = [-2000.0, 500.0, 30.0], [0.1, 0.2, 0.3]
+    state = settled(Gains(*gains), params)
+    odd = [*motion[:field], bad, *motion[field + 1 :]]
+    after, demand = impedance.step(params, state, Gains(*gains), Estimate(*odd), 0.0, 0.0, DT)
+    assert not finite(demand.force)
+    if params.sections and field == 1:  # and it stays so until the law starts afresh
+        for _ in range(100):
+            after, demand = impedance.step(
+                params, after, Gains(*gains), Estimate(*motion), 0.0, -1.0, DT
+            )
+            assert not finite(demand.force)
+    odd = [*gains[:field], bad, *gains[field + 1 :]]
+    _, demand = impedance.step(params, state, Gains(*odd), Estimate(*motion), 0.0, 0.0, DT)
+    assert not finite(demand.force)
+    _, demand = impedance.step(params, state, Gains(*gains), Estimate(*motion), bad, 0.0, DT)
+    assert not finite(demand.force)

@@ -1,0 +1,209 @@
+"""A force limit against the memory of Z_c: it recovers, and the protection can do no harm."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controllers import biquads, impedance
+from controllers.biquads import Biquad
+from controllers.blocks import clamp
+from controllers.signals import Estimate, Gains
+from rig.impedance_design import design
+
+DT = 0.001
+NONE = Gains(0.0, 0.0, 0.0)
+# k / s for k = -4000 N/m by the bilinear transform, which no design grants: a spring of velocity.
+INTEGRATOR = (Biquad(-2.0, -2.0, 0.0, -1.0, 0.0),)
+SLOW = design([-4000.0], [1.0, 0.01], DT)  # the same, forgetting in 100 s
+RESONANT = design([-3000.0, 0.0], [1.0, 0.2, 16.0], DT)
+# The radiation of the WaveBot, five states, as an absorbing Z_c: passive.
+RADIATION = design(
+    [-4594.69, -75223.29, -668098.5, -543002.2, 0.0],
+    [1.0, 18.185, 155.3015, 660.4136, 1316.647, 922.0699],
+    DT,
+)
+SHORTS = st.lists(
+    st.tuples(st.sampled_from([0.0, -1.0, 1.0]) | st.floats(-5e3, 5e3), st.integers(1, 400)),
+    min_size=1,
+    max_size=8,
+)
+
+
+class Loop:
+    """The law before a limiter that cuts at ``most`` (N), told or not of what was cut."""
+
+    def __init__(
+        self, sections: tuple[Biquad, ...], most: float, told: bool, gains: Gains = NONE
+    ) -> None:
+        self.law = impedance.Params(0.0, sections)
+        self.state, self.short = impedance.start(sections), 0.0
+        self.most, self.told, self.gains = most, told, gains
+
+    def granted(self, motion: Estimate) -> tuple[float, float]:
+        """What is granted (N) and what was demanded."""
+        short = self.short if self.told else 0.0
+        self.state, demand = impedance.step(
+            self.law, self.state, self.gains, motion, 0.0, short, DT
+        )
+        force = clamp(demand.force, -self.most, self.most)
+        self.short = force - demand.force
+        return force, demand.force
+
+
+def after_reversal(sections: tuple[Biquad, ...], told: bool) -> tuple[int, float]:
+    """Ticks to leave the limit once the velocity turns, and the greatest demand before."""
+    loop = Loop(sections, 1000.0, told)
+    beyond = max(abs(loop.granted(Estimate(0.0, 0.3, 0.0))[1]) for _ in range(10_000))
+    for tick in range(20_000):
+        if abs(loop.granted(Estimate(0.0, -0.3, 0.0))[0]) < 1000.0:
+            return tick, beyond
+    return 20_000, beyond
+
+
+@pytest.mark.parametrize("sections", [INTEGRATOR, SLOW])
+def test_a_limited_memory_follows_at_once_when_the_motion_turns(
+    sections: tuple[Biquad, ...],
+) -> None:
+    """After 10 s against the limit: one tracking time of excess, not 9 s of it.
+
+    The excess settles where the leak takes off what comes in, dF/dt TRACKING = 60 N.
+    """
+    late, beyond = after_reversal(sections, told=True)
+    assert beyond <= 1000.0 + 4000.0 * 0.3 * impedance.TRACKING + 2.5
+    assert late <= 1.05 * impedance.TRACKING / DT
+    wound, far = after_reversal(sections, told=False)
+    assert far > 10_000.0
+    assert wound > 7_000
+
+
+def pushed(sections: tuple[Biquad, ...], told: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Position and granted force of a body pushed at twice the limit for 2 s, then let alone."""
+    loop = Loop(sections, 1000.0, told, Gains(-3100.0, 0.0, 0.0))
+    x, v, mass = 0.0, 0.0, 600.0
+    xs, forces = [], []
+    for tick in range(16_000):
+        force, _ = loop.granted(Estimate(x, v, 0.0))
+        v += DT * (force + (2000.0 if tick < 2000 else 0.0)) / mass
+        x += DT * v
+        xs.append(x)
+        forces.append(force)
+    return np.array(xs), np.array(forces)
+
+
+@pytest.mark.parametrize("sections", [INTEGRATOR, SLOW])
+def test_recovery_from_the_limit_has_no_overshoot(sections: tuple[Biquad, ...]) -> None:
+    """An overdamped body (zeta = Kp / 2 sqrt(k m) = 1) comes to rest without swinging past.
+
+    Unprotected, the memory has stretched with the whole way and shoots the body back through the
+    limit, where its damping is cut off too.
+    """
+    x, force = pushed(sections, told=True)
+    back = x[x.argmax() :]
+    swing = back.max() - back[-1]
+    assert swing > 0.04  # it does give back what is within the limit
+    assert back.min() >= back[-1] - 0.02 * swing
+    wild, cut = pushed(sections, told=False)
+    back = wild[wild.argmax() :]
+    assert back.min() < -0.3  # far past where it came from
+    assert np.sum(np.abs(cut[2000:]) >= 1000.0) > 3 * np.sum(np.abs(force[2000:]) >= 1000.0)
+
+
+@pytest.mark.parametrize("sections", [SLOW, RESONANT, RADIATION])
+def test_in_range_the_protection_changes_no_bit(sections: tuple[Biquad, ...]) -> None:
+    rng = np.random.default_rng(1)
+    motions = [Estimate(x, v, a) for x, v, a in (0.3 * rng.normal(size=(5000, 3))).tolist()]
+    told, deaf = Loop(sections, 1e9, told=True), Loop(sections, 1e9, told=False)
+    assert [told.granted(m) for m in motions] == [deaf.granted(m) for m in motions]
+    assert told.state == deaf.state
+    most = 0.3 * max(abs(demand) for _, demand in map(deaf.granted, motions))
+    told, deaf = Loop(sections, most, told=True), Loop(sections, most, told=False)
+    assert [told.granted(m) for m in motions] != [deaf.granted(m) for m in motions]
+
+
+@pytest.mark.parametrize("sections", [SLOW, RESONANT, RADIATION])
+@given(SHORTS, st.integers(0, 2**32 - 1))
+@settings(max_examples=40, deadline=None)
+def test_no_limit_makes_more_of_zc_than_it_could_be(
+    sections: tuple[Biquad, ...], shorts: list[tuple[float, int]], seed: int
+) -> None:
+    """|Z_c v| <= sum |h| max |v| for any limits, the bound of the filter left alone."""
+    law, state = impedance.Params(0.0, sections), impedance.start(sections)
+    memory, impulse = biquads.start(sections), 0.0
+    for tick in range(3200):
+        memory, h = biquads.step(sections, memory, 1.0 if tick == 0 else 0.0)
+        impulse += abs(h)
+    rng = np.random.default_rng(seed)
+    for short, ticks in shorts:
+        for v in rng.choice([-0.4, 0.4], size=ticks).tolist():
+            estimate = Estimate(0.0, v, 0.0)
+            state, demand = impedance.step(law, state, NONE, estimate, 0.0, short, DT)
+            assert abs(demand.force) <= 0.4 * impulse * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("sections", [INTEGRATOR, SLOW, RESONANT, RADIATION])
+@given(SHORTS, st.integers(0, 2**32 - 1), st.floats(0.01, 3.0))
+@settings(max_examples=40, deadline=None)
+def test_a_passive_zc_stays_passive_under_any_limits(
+    sections: tuple[Biquad, ...], shorts: list[tuple[float, int]], seed: int, f_hz: float
+) -> None:
+    """The energy given to the body, sum of F v dt, is never above zero, from the first tick on.
+
+    The bilinear transform keeps positive real what was; the memory only ever shrinks.
+    """
+    law, state = impedance.Params(0.0, sections), impedance.start(sections)
+    rng = np.random.default_rng(seed)
+    given_, turnover, tick = 0.0, 0.0, 0
+    for short, ticks in shorts:
+        for noise in rng.normal(size=ticks).tolist():
+            v = 0.3 * math.sin(2.0 * math.pi * f_hz * tick * DT) + 0.05 * noise
+            estimate = Estimate(0.0, v, 0.0)
+            state, demand = impedance.step(law, state, NONE, estimate, 0.0, short, DT)
+            given_ += demand.force * v * DT
+            turnover += abs(demand.force * v) * DT
+            tick += 1
+            assert given_ <= 1e-9 * turnover
+
+
+def charged(sections: tuple[Biquad, ...]) -> impedance.State:
+    state = impedance.start(sections)
+    for _ in range(500):
+        state, _ = impedance.step(
+            impedance.Params(0.0, sections), state, NONE, Estimate(0.0, 0.3, 0.0), 0.0, 0.0, DT
+        )
+    return state
+
+
+def test_what_was_not_granted_is_taken_off_the_memory() -> None:
+    law, state, still = impedance.Params(0.0, SLOW), charged(SLOW), Estimate(0.0, 0.0, 0.0)
+    held = biquads.held(SLOW, state.sections, 0.0)
+    assert held == pytest.approx(-4000.0 * 0.3 * 0.5, rel=0.01)
+    for short in (20.0, 300.0):  # the demand was too low
+        after, demand = impedance.step(law, state, NONE, still, 0.0, short, DT)
+        assert demand.force == pytest.approx(held + DT / impedance.TRACKING * short, rel=1e-12)
+        assert after.sections[0].s1 == pytest.approx(demand.force, rel=1e-4)  # forgets a little
+    for short in (1e7, math.inf):  # never past zero
+        _, demand = impedance.step(law, state, NONE, still, 0.0, short, DT)
+        assert demand.force == 0.0
+
+
+@pytest.mark.parametrize("short", [-300.0, -math.inf, math.nan, 0.0, 5e-324])
+def test_a_memory_that_is_not_to_blame_is_left_alone(short: float) -> None:
+    """The demand was too high though the memory pulls down; or nothing is known."""
+    law, state, still = impedance.Params(0.0, SLOW), charged(SLOW), Estimate(0.0, 0.0, 0.0)
+    _, demand = impedance.step(law, state, NONE, still, 0.0, short, DT)
+    assert demand.force == biquads.held(SLOW, state.sections, 0.0)
+
+
+def test_a_slew_limit_hardly_touches_the_memory() -> None:
+    """20 ticks that fall short by up to 1000 N take the tracking's share of them, no more."""
+    law, state, still = impedance.Params(0.0, SLOW), charged(SLOW), Estimate(0.0, 0.0, 0.0)
+    before = biquads.held(SLOW, state.sections, 0.0)
+    for tick in range(20):
+        state, _ = impedance.step(law, state, NONE, still, 0.0, 1000.0 - 50.0 * tick, DT)
+    lost = biquads.held(SLOW, state.sections, 0.0) - before
+    assert lost == pytest.approx(DT / impedance.TRACKING * 10_500.0, rel=0.01)

@@ -18,6 +18,7 @@ from sim_plant.pto import PtoParams
 from sim_plant.sensors import Channel
 from sim_plant.units import (
     Ampere,
+    Code,
     Count,
     CountPerMetre,
     Flag,
@@ -39,6 +40,9 @@ class Actuation(NamedTuple):
     stator_target: Percent
     stator_enable: Flag  # 1: actuator follows its target, 0: holds where it is
     wave_trigger: Flag  # 1: wave maker runs; its rising edge is t = 0 of the wave clock
+    surge_current: Ampere  # commanded drive current, F/(Kt N)
+    surge_enable: Flag
+    conducting: Flag  # 0: the custom drive's power stage is gated off (no torque)
 
 
 class Readings(NamedTuple):
@@ -47,18 +51,32 @@ class Readings(NamedTuple):
     heave_counts: Count  # motor encoder, with an arbitrary starting offset
     heave_current: Ampere
     heave_enabled: Flag
-    heave_fault: Flag
-    string_pot: Metre  # second, independent heave position
+    heave_fault: Code  # 0 none, 1 general, 2 undervoltage, 3 overvoltage
+    surge_counts: Count
+    surge_current: Ampere
+    surge_enabled: Flag
+    surge_fault: Code
     force_lcb: Newton  # column load cell, force on the body
     force_trs: Newton  # shaft torque sensor as linear force on the body
+    force_slew: Newton  # spring torque over its 0.254 m lever, positive as it restores
+    force_stator_a: Newton  # axial force of the magnetic spring's stator: A + B
+    force_stator_b: Newton
+    string_pot: Metre  # second, independent heave position
+    rotor_angle: Radian
     stator_position: Percent
     stator_arrived: Flag  # 1: at target and at rest
-    rotor_angle: Radian
     power_ac: Watt  # mean over the analyser's own window, absorbed negative
     power_dc: Watt
     bus_voltage: Volt
-    elevation: Metre  # undisturbed at the device (truth)
     analyser_age: Second  # time since the analyser's last value
+    drive_saturated: Flag  # 1: the heave drive gives less current than asked for
+    drive_dump: Code  # mask of the dump resistors that conduct now
+    drive_conducting: Flag  # 1: the heave drive's power stage switches
+    elevation: Metre  # undisturbed at the device (truth)
+    probe_1: Metre  # basin probes: undisturbed plus radiated wave at their places
+    probe_2: Metre
+    probe_3: Metre
+    probe_age: Second  # time since the probes' last sample
 
 
 class SensorParams(NamedTuple):
@@ -129,7 +147,7 @@ def step(
     """
     start, drive_state, stator_state, analyser_state, passive = state
     body_params, pto_params, spring_params, drive_params, _ = params
-    current, enable, target, stator_enable, _ = actuation
+    current, enable, target, stator_enable, _, _, _, _ = actuation
     driven = drive.drive_step(drive_params, drive_state, current, enable, fresh, dt)
     mean_current = driven.mean_current
     motor = pto_params.force_per_current * mean_current
@@ -169,17 +187,31 @@ def sample(
         sensors.measure(ammeter, current, tick, normals),
         enabled,
         fault,
-        sensors.measure(pot, position, tick, normals),
+        0,
+        0.0,
+        0,
+        0,
         sensors.measure(lcb, motor + passive, tick, normals),
         sensors.measure(trs, motor, tick, normals),
+        0.0,
+        0.0,
+        0.0,
+        sensors.measure(pot, position, tick, normals),
+        sensors.measure(rotor, angle, tick, normals),
         stator_position,
         arrived,
-        sensors.measure(rotor, angle, tick, normals),
         power_ac,
         power_dc,
         drive.bus_voltage(params.drive, power_dc),
-        elevation,
         analyser_age,
+        0,
+        0,
+        enabled,
+        elevation,
+        elevation,
+        elevation,
+        elevation,
+        0.0,
     )
 
 

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant import body, magnetic_spring, pto, wavebot
+from sim_plant import body, custom_drive, magnetic_spring, pto, wavebot
 from sim_plant.bem import Bem
+from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
 from sim_plant.sensors import NORMALS
 from sim_plant.units import (
@@ -23,9 +24,9 @@ from sim_plant.units import (
 from sim_plant.wavebot import Actuation, Readings
 from sim_plant.waves import Sea, tables
 
-__all__ = ["Actuation", "Readings", "Stepper", "Truth", "World"]
+__all__ = ["Actuation", "DriveSettings", "Readings", "Stepper", "Truth", "World"]
 
-OFF = Actuation(0.0, 0, 0.0, 0, 0)
+OFF = Actuation(0.0, 0, 0.0, 0, 0, 0.0, 0, 1)
 
 
 class Truth(NamedTuple):
@@ -130,6 +131,13 @@ class World:
             self._switch_waves(actuation.wave_trigger)
         self._actuation = actuation
         self._fresh = 1
+
+    def configure(self, settings: DriveSettings) -> None:
+        """Set the custom drive; a plant with the commercial drive ignores it.
+
+        Raises ValueError naming every setting out of range.
+        """
+        custom_drive.check(settings)
 
     def advance(self, dt: float) -> None:
         """Move one tick on. Raises ValueError for another dt than that of construction."""

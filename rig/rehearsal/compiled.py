@@ -21,15 +21,15 @@ from numba import float64, int64, njit
 {imports}
 
 ARRAY = float64[::1]
-ACTUATION = (float64, int64, float64, int64, int64)
+ACTUATION = (float64, int64, float64, int64, int64, float64, int64, int64)
 MOMENT = (int64, float64, float64, int64, float64, float64)
 
 
 @njit((ARRAY, *ACTUATION, *MOMENT), cache=True, error_model="numpy")
-def advance(x, a0, a1, a2, a3, a4, fresh, now, after, tick, elevation, dt):
+def advance(x, a0, a1, a2, a3, a4, a5, a6, a7, fresh, now, after, tick, elevation, dt):
     params = {params}
     state = {state}
-    state = step(params, state, Actuation(a0, a1, a2, a3, a4), fresh, now, after, dt)
+    state = step(params, state, Actuation(a0, a1, a2, a3, a4, a5, a6, a7), fresh, now, after, dt)
     {store}
     return sample(params, state, tick, elevation, x[{normals}:])
 
@@ -74,7 +74,7 @@ class CompiledStepper(Stepper):
         dt: float,
     ) -> Readings:
         """Step to ``tick`` and give what the sensors read there."""
-        current, enable, target, move, trigger = actuation
+        current, enable, target, move, trigger, surge, hold, conducting = actuation
         read: Readings = self._step(
             self._x,
             current,
@@ -82,6 +82,9 @@ class CompiledStepper(Stepper):
             target,
             move,
             trigger,
+            surge,
+            hold,
+            conducting,
             fresh,
             excitation_now,
             excitation_next,

@@ -11,7 +11,7 @@ from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant
 from sim_plant.waves import Sea
-from sim_plant.world import Actuation, Stepper, World
+from sim_plant.world import OFF, Actuation, Stepper, World
 
 
 def build_sea(description: dict[str, Any]) -> Sea:
@@ -71,12 +71,19 @@ class PlantDevices:
         self._surge = command.surge.enable
         self._world.actuate(
             Actuation(
-                heave.current, heave.enable, spring.target, spring.enable, command.wave_trigger
+                heave.current,
+                heave.enable,
+                spring.target,
+                spring.enable,
+                command.wave_trigger,
+                0.0,
+                0,
+                1,
             )
         )
 
     def stop(self, reason: int) -> None:
-        self._world.actuate(Actuation(0.0, 0, 0.0, 0, 0))
+        self._world.actuate(OFF)
 
     def close(self) -> None:
         """Nothing to release."""

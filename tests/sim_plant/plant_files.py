@@ -93,5 +93,8 @@ def command(current: float = 0.0, **more: float) -> Actuation:
         "stator_target": 0.0,
         "stator_enable": 0,
         "wave_trigger": 0,
+        "surge_current": 0.0,
+        "surge_enable": 0,
+        "conducting": 1,
     }
     return Actuation(**{**fields, **more})

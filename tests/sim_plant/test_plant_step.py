@@ -47,7 +47,7 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
         if k % hold == 0:  # commands are held over the tick, whatever the step
             current = -2500.0 / 76.975 * state.body.velocity
             states.append(state)
-        wires = Actuation(current, 1, 27.0, 0, 1)
+        wires = Actuation(current, 1, 27.0, 0, 1, 0.0, 0, 1)
         state = step(params, state, wires, 1, float(force[k]), float(force[k + 1]), dt)
     return states
 

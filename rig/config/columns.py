@@ -59,7 +59,7 @@ BusVoltage = Annotated[float, Field(ge=20, le=150)]
 SwitchingPeriod = Annotated[float, Field(ge=2e-5, le=1e-3)]
 """Switching period, s: 1 .. 50 kHz."""
 
-HysteresisTolerance = Annotated[float, Field(ge=0.1, le=20)]
+HysteresisTolerance = Annotated[float, Field(ge=0.1, le=10)]
 """Dead band of the current in the hysteresis scheme, A."""
 
 VelocityThreshold = Annotated[float, Field(ge=0, le=1)]

@@ -9,6 +9,7 @@ from controllers.signals import AxisSense, DriveSense, ProbeSense, SpringSense
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
+from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
 from sim_plant.waves import Sea
 from sim_plant.world import OFF, Actuation, Stepper, World
@@ -44,41 +45,48 @@ class PlantDevices:
         self._delay = delay  # s, age of what the fieldbus delivers
         self._dt = dt
         self._ticks = 0
-        self._surge = 0
+        self._settings: Any = None  # of the drive, as last told
 
     def read(self, now: float) -> Sense:
         tick = round(now / self._dt)
         while self._ticks < tick:
             self._world.advance(self._dt)
             self._ticks += 1
-        r = self._world.readings()
+        (
+            counts, current, enabled, fault,
+            surge_counts, surge_current, surge_enabled, surge_fault,
+            lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle,
+            stator, arrived, ac, dc, bus_voltage, analyser_age,
+            saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
+        ) = self._world.readings()  # fmt: skip
         delay = self._delay
         return Sense(
-            AxisSense(
-                r.heave_counts, delay, r.heave_current, r.heave_enabled, r.heave_fault, delay
-            ),
-            AxisSense(0, delay, 0.0, self._surge, 0, delay),
-            LoadSense(r.force_lcb, r.force_trs, 0.0, 0.0, 0.0, r.string_pot, r.rotor_angle, delay),
-            SpringSense(r.stator_position, r.stator_arrived, delay),
-            PowerSense(r.power_ac, r.power_dc, r.bus_voltage, r.analyser_age),
-            DriveSense(1, 0, 0),
-            ProbeSense(0.0, 0.0, 0.0, delay),
-            WaveSense(r.elevation),
+            AxisSense(counts, delay, current, enabled, fault, delay),
+            AxisSense(surge_counts, delay, surge_current, surge_enabled, surge_fault, delay),
+            LoadSense(lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, delay),
+            SpringSense(stator, arrived, delay),
+            PowerSense(ac, dc, bus_voltage, analyser_age),
+            DriveSense(conducting, saturated, dump),
+            ProbeSense(probe_1, probe_2, probe_3, probe_age),
+            WaveSense(elevation),
         )
 
     def write(self, command: Command) -> None:
-        heave, spring = command.heave, command.spring
-        self._surge = command.surge.enable
+        heave, surge, spring, drive, waves = command
+        if drive.settings != self._settings and drive.settings.bus_voltage > 0.0:
+            self._settings = drive.settings  # all zero where the drive has none
+            scheme, voltage, period, tolerance, _, level = drive.settings
+            self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
         self._world.actuate(
             Actuation(
                 heave.current,
                 heave.enable,
                 spring.target,
                 spring.enable,
-                command.wave_trigger,
-                0.0,
-                0,
-                1,
+                waves,
+                surge.current,
+                surge.enable,
+                drive.conducting,
             )
         )
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import xarray
 
 ROW_FIELD = "plan.row"
+_LABELS = ("index", "flag")  # units of row ids, phases, modes, flags: small, and not to count with
 Column = np.ndarray[tuple[int], np.dtype[Any]]
 
 
@@ -75,19 +76,41 @@ def blocks(run: Source) -> Iterator[mcap_file.Records]:
                 yield fresh
 
 
+def _kind(leaf: Leaf) -> np.dtype[Any]:
+    """As the file has it, but labels in two bytes: eight would be memory for nothing."""
+    if leaf.code == "d":
+        return np.dtype("<f8")
+    return np.dtype("<i2" if leaf.unit in _LABELS else "<i8")
+
+
+def _roomy(column: Column, count: int, room: int, values: Column) -> Column:
+    """The column, or its first ``count`` numbers in one that is long and wide enough for more."""
+    kind = column.dtype
+    if kind.itemsize < values.itemsize and len(values):
+        limits = np.iinfo(kind)
+        if values.min() < limits.min or values.max() > limits.max:
+            kind = values.dtype
+    if len(column) >= room and kind == column.dtype:
+        return column
+    # Too much room costs nothing: pages that are never written are never resident.
+    grown = np.empty(room, kind)
+    grown[:count] = column[:count]
+    return grown
+
+
 def columns(run: Source, names: list[str], rows: Iterable[int] | None = None) -> dict[str, Column]:
     """The named fields as contiguous arrays; with ``rows``, only ticks of those campaign rows.
 
+    Whole numbers that are labels (units `index` and `flag`) are int16 where they fit, others int64.
     KeyError if a row id is not in the run.
     """
-    kinds = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
+    kinds = {leaf.name: _kind(leaf) for leaf in run.leaves}
     if rows is not None and ROW_FIELD not in kinds:
         raise KeyError(f"this kind of run has no campaign rows ({ROW_FIELD})")
     wanted = None if rows is None else np.array(sorted(set(rows)), np.int64)
     seen: set[int] = set()
-    # An upper bound costs nothing: pages that are never written are never resident.
-    room = run.most_rows
-    out: dict[str, Column] = {}
+    room = run.most_rows  # an upper bound for files of our own
+    out: dict[str, Column] = {name: np.empty(room, kinds[name]) for name in names}
     count = 0
     for whole in blocks(run):
         block = whole
@@ -97,19 +120,15 @@ def columns(run: Source, names: list[str], rows: Iterable[int] | None = None) ->
             block = whole[np.isin(ids, wanted)]
         room = max(room, count + len(block))
         for name in names:
-            column = out.get(name)
-            if column is None or len(column) < room:
-                grown = np.empty(room, kinds[name])
-                if column is not None:
-                    grown[:count] = column[:count]
-                out[name] = column = grown
-            column[count : count + len(block)] = block[name]
+            values = block[name]
+            out[name] = column = _roomy(out[name], count, room, values)
+            column[count : count + len(block)] = values
         count += len(block)
     if wanted is not None and (absent := [i for i in wanted.tolist() if i not in seen]):
         there = sorted(i for i in seen if i >= 0)
         span = f"{there[0]} to {there[-1]}" if there else "none"
         raise KeyError(f"no row {absent[0]} in this run (rows: {span})")
-    return {name: out[name][:count] if name in out else np.empty(0, kinds[name]) for name in names}
+    return {name: column[:count] for name, column in out.items()}
 
 
 def open_run(
@@ -121,18 +140,22 @@ def open_run(
 
     ``fields``: names, prefixes (``heave.estimate``) or shell patterns (``power.*``); all if not
     given. ``rows``: campaign row ids. Units come from the schema in the file, the dataset's
-    attributes from its attachments. Finished files and those of a killed writer are read alike.
+    attributes from its attachments. Row ids, phases, modes and flags are int16 where they fit.
+    Finished files and those of a killed writer are read alike.
     KeyError for an unknown field or row, RunError for a file that cannot be read.
     """
-    import xarray  # noqa: PLC0415  # half a second that listing runs need not pay
-
     opened = source(run)
     names = choose(opened.leaves, fields)
     if isinstance(rows, int):
         rows = [rows]
     data = columns(opened, list(dict.fromkeys(["time", *names])), rows)
     units = {leaf.name: leaf.unit for leaf in opened.leaves}
-    time = xarray.Variable("time", data["time"], {"units": units["time"]})
+    # Half a second that listing runs need not pay, in the memory that reading has given back.
+    import pandas  # noqa: PLC0415
+    import xarray  # noqa: PLC0415
+
+    index = pandas.Index(data["time"], copy=False)  # xarray itself would copy the array
+    time = xarray.Variable("time", index, {"units": units["time"]})
     variables = {
         name: xarray.Variable("time", data[name], {"units": units[name]})
         for name in names

@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from rig import record
-from rig.runs import RunError, list_runs, open_run
+from rig.runs import RunError, list_runs, open_run, reader
 from rig.runs.mcap_file import is_ours, scan
 from rig.wavebot import WaveBotRow
 
@@ -77,6 +77,34 @@ def test_rows_by_id(run: Path) -> None:
     assert open_run(run, "load", rows=7).sizes["time"] == 100
     with pytest.raises(KeyError, match=r"no row 99 in this run \(rows: 0 to 24\)"):
         open_run(run, rows=99)
+
+
+def test_labels_are_small_where_they_fit(tmp_path: Path) -> None:
+    data = files.rows(1000)
+    labels = [leaf.name for leaf in record.leaves(WaveBotRow) if leaf.unit in ("index", "flag")]
+    assert {"plan.row", "plan.phase", "safety.mode", "heave.warned"} <= set(labels)
+    for name in labels:
+        data[name] = np.arange(1000) % 7 - 1
+    data["plan.row"][:2] = 32767, -32768
+    data["plan.attempt"][600] = 32768
+    data["safety.mode"][700] = -32769
+    found = open_run(files.write(tmp_path / "run.mcap", data, flush_every=100))
+    wide = {name for name in labels if found[name].dtype == np.int64}
+    assert wide == {"plan.attempt", "safety.mode"}
+    assert {found[name].dtype for name in set(labels) - wide} == {np.dtype(np.int16)}
+    assert found["heave.sense.counts"].dtype == np.int64
+    for name in found.data_vars:
+        assert np.array_equal(found[name].values, data[name])
+
+
+def test_columns_are_held_once(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held: dict[str, reader.Column] = {}
+    columns = reader.columns
+    monkeypatch.setattr(reader, "columns", lambda *a: held.update(columns(*a)) or held)
+    data = open_run(run, ["load", "plan.row"])
+    for name, column in held.items():
+        assert np.shares_memory(data[name].values, column), name
+    assert list(held) == ["time", *data.data_vars]
 
 
 def test_the_fast_way_equals_the_stock_reader(run: Path) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 import xarray
 
 from rig.analysis.windows import Window, windows
+from rig.config.columns import COLUMNS
 from rig.limits import Limited, Warned
 from rig.runs import reader
 from rig.runs.folder import Facts, facts
@@ -32,17 +33,26 @@ MOTIONS = {
     "force": "heave.command.force",
 }
 DEMEANED = {"mechanical_1": "load.lcb", "mechanical_2": "load.trs"}
-SETTINGS = {
-    "spring_rate": ("spring_rate", "spring_command.rate", "N/m"),
-    "stator": ("stator", "spring_command.target", "%"),
-    "kp": ("kp", "heave.demand.kp", "N*s/m"),
-    "ki": ("ki", "heave.demand.ki", "N/m"),
+LOGGED = {  # what the log says of a set point, for a run without a plan
+    "spring_rate": "spring_command.rate",
+    "stator": "spring_command.target",
+    "kp": "heave.demand.kp",
+    "ki": "heave.demand.ki",
+    "km": "heave.demand.km",
+    "reference_scale": "reference.scale",
+    "surge_kp": "surge.demand.kp",
+    "surge_ki": "surge.demand.ki",
+    "bus_voltage": "drive_command.settings.bus_voltage",
+    "switching_period": "drive_command.settings.switching_period",
+    "hysteresis_tolerance": "drive_command.settings.hysteresis_tolerance",
+    "velocity_threshold": "drive_command.settings.velocity_threshold",
+    "discharge_level": "drive_command.settings.discharge_level",
 }
+SETTINGS = {"spring_rate": "N/m", "stator": "%"} | {c.name: c.unit for c in COLUMNS}
 FIELDS = [
     *(f"power.{name}" for name in POWERS),
     *MOTIONS.values(),
     *DEMEANED.values(),
-    *(logged for _, logged, _ in SETTINGS.values()),
     "heave.command.limited",
     "heave.warned",
     "tare.samples",
@@ -57,7 +67,7 @@ UNITS = {
         for name, unit in zip(MOTIONS, ("m", "m/s", "A", "N"), strict=True)
         for kind in ("mean", "rms", "peak")
     },
-    **{name: unit for name, (_, _, unit) in SETTINGS.items()},
+    **SETTINGS,
     "stroke": "m",
     "start": "s",
 }
@@ -128,8 +138,9 @@ def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
         out[f"{name}_rms"] = float(np.sqrt((values * values).mean()))
         out[f"{name}_peak"] = float(np.abs(values).max())
     out["stroke"] = float(np.ptp(data[MOTIONS["position"]]))
-    for name, (_, field, _) in SETTINGS.items():
-        out[name] = float(data[field].mean())  # the plan's value replaces it where there is one
+    for name, field in LOGGED.items():  # the plan's value replaces it where there is one
+        here = field in (data.dtype.names or ())
+        out[name] = float(data[field].mean()) if here else float("nan")
     return out
 
 
@@ -169,7 +180,8 @@ def row_table(
     period_ticks = period / float(dt) if period and dt else None
     planned = {int(row["row"]): row for row in known.plan.get("rows", [])}
     found: dict[int, dict[str, Any]] = {}
-    for window in windows(source, ["time", *FIELDS]):
+    logged = {leaf.name for leaf in source.leaves} & set(LOGGED.values())
+    for window in windows(source, ["time", *FIELDS, *sorted(logged)]):
         if window.row < 0:
             continue
         least = 0.99 * _length(planned.get(window.row, {}), dt) - 1.0
@@ -196,8 +208,8 @@ def _with_plan(
         measured = {"row": row, **counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
     out = {**measured, "point": int(planned.get("point", row))}
     out["repetition"] = int(planned.get("repetition", 0))
-    for name, (key, _, _) in SETTINGS.items():
-        value = planned.get(key, planned.get(f"{key}_position"))
+    for name in SETTINGS:
+        value = planned.get(name, planned.get(f"{name}_position"))
         if value is not None:
             out[name] = float(value)
     return out

@@ -14,6 +14,7 @@ INK = "#22303c"
 ASKED = "#9aa5ae"
 COLOURS = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97")
 MARKERS = ("o", "s", "^", "D")
+_ROUNDING = 1e-6  # %: a smaller error says that every period was the same
 
 
 def _plain(axes: Axes, ylabel: str) -> None:
@@ -41,6 +42,7 @@ def _lines(axes: Axes, table: xarray.Dataset) -> None:
             alpha=0.8,
             label=name.replace("_", " "),
         )
+    axes.set_ylim(bottom=0.0)
     _plain(axes, "amplitude, mm")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, frameon=False, fontsize=8)
 
@@ -52,7 +54,7 @@ def _errors(axes: Axes, table: xarray.Dataset) -> None:
         one = table.sel(probe=name)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = 100.0 * one["amplitude_se"].values / one["amplitude"].values
-        good = np.isfinite(share) & (share > 0.0)
+        good = np.isfinite(share) & (share > _ROUNDING)
         shown = shown or bool(good.any())
         axes.plot(frequency[good], share[good], MARKERS[i % 4], ms=2.2, color=COLOURS[i % 4])
         weak = (one["weak"].values == 1) & good

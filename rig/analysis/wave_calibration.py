@@ -34,6 +34,7 @@ TRUTH = "wave.elevation"  # undisturbed at the device: only a simulated basin kn
 STEP = 0.02  # s between samples of what is known in every tick: 50 Hz, as probes are read
 WEAK = 5.0  # standard errors: a line below is not to be divided by
 FAINT = 0.1  # of the asked amplitude: so is a line below this
+NOTHING = 1e-3  # of the largest line: and one below this
 
 _PLACE = ("tick", "plan.phase", "plan.wave_clock")
 
@@ -145,7 +146,9 @@ def _dataset(found: dict[str, tuple[Lines, list[Samples], float]], asked: Asked)
         ]
     )
     hm0 = stack(lambda made, period, total: significant_height(made.mean))
-    weak = (np.abs(mean) < FAINT * asked.amplitude) | (np.abs(mean) < WEAK * error)
+    size = np.abs(mean)
+    weak = (size < FAINT * asked.amplitude) | (size < WEAK * error)
+    weak |= size < NOTHING * size.max(axis=1, keepdims=True)
     by_line, by_probe = ("probe", "line"), ("probe",)
     metres, radians = {"units": "m"}, {"units": "rad"}
     return xarray.Dataset(
@@ -153,7 +156,7 @@ def _dataset(found: dict[str, tuple[Lines, list[Samples], float]], asked: Asked)
             "cycles": ("line", asked.cycles, {"long_name": "whole periods in a repeat period"}),
             "asked_amplitude": ("line", asked.amplitude, metres),
             "asked_phase": ("line", asked.phase, radians),
-            "amplitude": (by_line, np.abs(mean), metres),
+            "amplitude": (by_line, size, metres),
             "phase": (by_line, np.angle(mean), radians),
             "amplitude_se": (by_line, error, metres),
             "weak": (by_line, weak.astype(np.int64), {"long_name": "1: not to be divided by"}),

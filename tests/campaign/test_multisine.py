@@ -149,7 +149,7 @@ def test_refusals() -> None:
         with pytest.raises(ValueError, match="rms"):
             design(0.2, 1.0, 10.0, rms=bad, seed=0)
     for bad_draws in (0, 1001):
-        with pytest.raises(ValueError, match="draws must be 1 .. 1000"):
+        with pytest.raises(ValueError, match=r"draws must be 1 \.\. 1000"):
             design(0.2, 1.0, 10.0, rms=1.0, seed=0, draws=bad_draws)
     with pytest.raises(ValueError, match="cannot show 300 periods"):
         series(design(0.2, 1.0, 300.0, rms=1.0, seed=0), 600)

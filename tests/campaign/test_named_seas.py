@@ -1,4 +1,4 @@
-"""The shipped sea files: heights, spectra and energy periods against formulas of this file alone."""
+"""The shipped sea files: heights, spectra, energy periods, against formulas of this file alone."""
 
 from __future__ import annotations
 
@@ -193,9 +193,7 @@ def test_the_lines_asked_for_are_those_of_the_plant(path: Path, tmp_path: Path) 
     assert asked["repeat_s"] == 300.0
     time = np.arange(0.0, 300.0, 0.31)
     found = np.zeros(time.size)
-    for k, a, phase in zip(
-        asked["cycles"], asked["amplitude_m"], asked["phase_rad"], strict=True
-    ):
+    for k, a, phase in zip(asked["cycles"], asked["amplitude_m"], asked["phase_rad"], strict=True):
         found += a * np.cos(2.0 * np.pi * k * time / 300.0 + phase)
     table = waves.tables(built(report), BEM, 0.01).elevation
     np.testing.assert_allclose(found, table[np.round(time / 0.01).astype(int)], atol=1e-12)

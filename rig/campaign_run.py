@@ -158,11 +158,13 @@ def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime
                 }
                 for r in plan.rows
             ],
+            "device": campaign.file.device,
             "repeat_s": _wave_period(campaign),
             "sea": sea.model_dump(mode="json") | {"words": sea.words()},
             "spring_moves": plan.spring_moves,
             "duration_s": plan.duration,
-        },
+        }
+        | ({"asked_sea": job.asked_sea(campaign)} if campaign.file.device == "absent" else {}),
     )
     create.write_json(folder, "code.json", provenance.code())
     create.write_json(folder, "host.json", provenance.host())

@@ -125,6 +125,38 @@ def jonswap(hs_m: Metre, tp_s: Second, gamma: float, repeat_s: Second, seed: int
     )
 
 
+def components(
+    repeat_s: Second, cycles: ArrayLike, amplitude_m: ArrayLike, phase_rad: ArrayLike
+) -> Sea:
+    """Give the sea of sum amplitude cos(2 pi cycles t / repeat + phase), each line as listed.
+
+    ``cycles`` are whole numbers >= 1, rising; amplitudes in m >= 0, phases in rad. Raises
+    ValueError for lists of different lengths or other values, a line above 2 Hz (which would
+    excite nothing), or a repeat outside (0, 3600] s.
+    """
+    count = np.asarray(cycles, dtype=np.float64)
+    size = np.asarray(amplitude_m, dtype=np.float64)
+    phase = np.asarray(phase_rad, dtype=np.float64)
+    same = count.ndim == 1 and count.shape == size.shape == phase.shape
+    _require(same and count.size > 0, "components are three lists of one length, at least 1 long")
+    _require(0.0 < repeat_s <= LONGEST_REPEAT, f"repeat must be in (0, {LONGEST_REPEAT}] s")
+    whole = np.isfinite(count) & (count >= 1.0) & (count == np.floor(count))
+    rising = bool(np.all(np.diff(count) > 0.0))
+    _require(bool(whole.all()) and rising, "cycles must be whole numbers >= 1 that rise")
+    _require(
+        float(count[-1]) <= HIGHEST * repeat_s * (1.0 + 1.0e-12),
+        f"a component of {count[-1] / repeat_s:g} Hz; allowed up to {HIGHEST:g} Hz",
+    )
+    known = bool(np.all(np.isfinite(size)) and np.all(np.isfinite(phase)))
+    _require(known and bool(np.all(size >= 0.0)), "amplitudes must be >= 0 m, phases finite")
+    return _sea(
+        float(repeat_s),
+        count.astype(np.int64),
+        np.asarray(size * np.exp(-1j * phase), dtype=np.complex128),  # the sea is e^{-i}
+        kind="components",
+    )
+
+
 def recorded(elevation: ArrayLike, rate_hz: Hertz) -> Sea:
     """Give the sea that repeats a measured elevation window (m) sampled at a rate (Hz).
 

@@ -4,11 +4,13 @@ from pathlib import Path
 
 import xarray
 
+from rig.analysis import wave_calibration
+from rig.analysis.calibration_picture import write_picture
 from rig.analysis.page import write_page
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import write_surfaces
-from rig.runs import mcap_file
+from rig.runs import RunError, mcap_file
 from rig.runs.folder import facts, files
 
 
@@ -26,12 +28,27 @@ def _read(run: Path, mean_position_alarm: float) -> tuple[xarray.Dataset, Summar
     return table, summarise(table, facts(run, contents), _unfinished(contents))
 
 
+def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
+    """None in place of the calibration where no whole period was measured."""
+    contents = [mcap_file.scan(path) for path in files(run)]
+    known = facts(run, contents)
+    try:
+        found = wave_calibration.calibration(run)
+        told = wave_calibration.findings(found)
+    except RunError as error:
+        found, told = None, [str(error)]
+    none = xarray.Dataset()
+    return found, summarise(none, known, _unfinished(contents), tuple(told))
+
+
 def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> Summary:
     """The summary of a run, worked out from its record; nothing is written.
 
     ``mean_position_alarm`` in m. RunError if the record cannot be read, KeyError if the kind of
     rig has no rows and power.
     """
+    if wave_calibration.is_calibration(facts(run).plan):
+        return _read_calibration(Path(run))[1]
     return _read(Path(run), mean_position_alarm)[1]
 
 
@@ -40,12 +57,25 @@ def write_products(
 ) -> list[Path]:
     """Row table, surfaces and summary of a run, also of one that ended early or crashed.
 
+    A run without the device gives its wave calibration in place of rows and surfaces.
+
     They go into the run's folder, or beside the MCAP file if that is given alone.
     ``mean_position_alarm`` in m. Returns the files written. RunError if the record cannot be
     read, KeyError if the kind of rig has no rows and power.
     """
     run = Path(run_folder)
     folder = run if run.is_dir() else run.parent
+    if wave_calibration.is_calibration(facts(run).plan):
+        found, summary = _read_calibration(run)
+        made = (
+            []
+            if found is None
+            else [
+                *wave_calibration.write_calibration(found, folder),
+                write_picture(found, folder / "wave_calibration.png"),
+            ]
+        )
+        return [*made, *write_texts(summary, folder)]
     table, summary = _read(run, mean_position_alarm)
     return [
         *write_rows(table, folder),

@@ -43,6 +43,7 @@ class Summary(NamedTuple):
     optima: tuple[Optimum, ...]
     alarms: tuple[str, ...]
     timing: str
+    findings: tuple[str, ...] = ()  # of a run without rows, a sentence each
 
 
 def _sea(plan: dict[str, Any]) -> str:
@@ -109,6 +110,8 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
     if dropped:
         found.append(f"{dropped} log rows were dropped because the disk was too slow")
     if table.sizes.get("row", 0) == 0:
+        if known.plan.get("device") == "absent":
+            return found
         return [*found, "no row was measured"]
     rows = table["row"].values
     off = np.flatnonzero(table["position_alarm"].values)
@@ -138,10 +141,13 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
     return found
 
 
-def summarise(table: xarray.Dataset, known: Facts, unfinished: str = "") -> Summary:
+def summarise(
+    table: xarray.Dataset, known: Facts, unfinished: str = "", findings: tuple[str, ...] = ()
+) -> Summary:
     """The summary of a run from its row table and what its files say of it.
 
-    ``unfinished`` tells that the record lacks its end; it becomes the first alarm.
+    ``unfinished`` tells that the record lacks its end; it becomes the first alarm. ``findings`` are
+    what a run without rows gave.
     """
     status = known.status
     ended = status.get("status", "running") != "running"
@@ -165,6 +171,7 @@ def summarise(table: xarray.Dataset, known: Facts, unfinished: str = "") -> Summ
         optima=tuple(optima(table)),
         alarms=tuple(alarms(table, known, unfinished)),
         timing=str(timing or "No timing certificate: the run did not get to its end."),
+        findings=findings,
     )
 
 
@@ -195,7 +202,7 @@ def as_text(summary: Summary) -> str:
         f"Campaign {summary.campaign}   run {summary.run}   [{summary.stamp}]",
         "",
         f"{summary.ending}: {summary.reason}.",
-        f"{summary.rows_done} of {summary.rows_planned} rows complete.",
+        *_rows_words(summary),
         "",
         f"sea      {summary.sea}",
         f"rig      {summary.rig}",
@@ -204,8 +211,24 @@ def as_text(summary: Summary) -> str:
         f"ended    {summary.ended_utc}",
         f"code     {summary.code}",
         "",
-        "Best points (negative is absorbed, positive consumed; ± standard error)",
+        *_best(summary),
     ]
+    lines += ["", "Alarms"]
+    lines += [f"  {alarm}" for alarm in summary.alarms] or ["  none"]
+    return "\n".join([*lines, "", summary.timing, ""])
+
+
+def _rows_words(summary: Summary) -> list[str]:
+    if summary.findings:
+        return []
+    return [f"{summary.rows_done} of {summary.rows_planned} rows complete."]
+
+
+def _best(summary: Summary) -> list[str]:
+    """What the run gave: best points of the matrix, or the findings of a run without rows."""
+    if summary.findings:
+        return ["Waves without the device", *(f"  {text}" for text in summary.findings)]
+    lines = ["Best points (negative is absorbed, positive consumed; ± standard error)"]
     for o in summary.optima:
         lines.append(
             f"  {words.POWER_NAMES[o.kind]:<32} {words.watts(o.power, o.error):>16}"
@@ -215,9 +238,7 @@ def as_text(summary: Summary) -> str:
         )
     if not summary.optima:
         lines.append("  no complete row")
-    lines += ["", "Alarms"]
-    lines += [f"  {alarm}" for alarm in summary.alarms] or ["  none"]
-    return "\n".join([*lines, "", summary.timing, ""])
+    return lines
 
 
 def write_texts(summary: Summary, folder: Path) -> list[Path]:

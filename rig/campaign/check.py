@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 from rig.campaign.files import Also, Campaign, nothing_more, open_campaign
 from rig.campaign.plan import Plan, plan
+from rig.campaign.windows import calibration, windows
+from rig.config.campaign_file import CampaignFile
 from rig.config.problems import ConfigError, Problem, shown
 
 
@@ -27,10 +29,13 @@ class Report(NamedTuple):
         if self.campaign is None or self.plan is None:
             return {}
         file, planned = self.campaign.file, self.plan
+        periods, measured = _window(file)
         return {
             "name": file.name,
             "rig": self.campaign.rig.name,
+            "device": file.device,
             "sea": file.sea.words(),
+            "sea_keys": file.sea.model_dump(mode="json") | _phases_seed(file),
             "order": file.order,
             "rows": len(planned.rows),
             "points": len(self.campaign.points),
@@ -39,8 +44,8 @@ class Report(NamedTuple):
             "wave_clock_s": planned.wave_seconds,
             "measured_s": planned.phases.measure,
             "spring_moves": planned.spring_moves,
-            "periods_per_row": planned.rows[0].periods,
-            "measured_per_row_s": planned.rows[0].measure,
+            "periods_per_row": periods,
+            "measured_per_row_s": measured,
             "phases_s": planned.phases._asdict(),
             "rate_hz": self.campaign.rig.rate_hz,
             "files": [
@@ -56,16 +61,26 @@ class Report(NamedTuple):
             lines = [problem.text() for problem in self.problems]
             return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
         file, planned = self.campaign.file, self.plan
-        measured = f"{planned.rows[0].measure:.6g} s"
-        if planned.rows[0].periods:
-            measured += f" = {_many(planned.rows[0].periods, 'period')}"
+        periods, seconds = _window(file)
+        measured = f"{seconds:.6g} s"
+        if periods:
+            measured += f" = {_many(periods, 'period')}"
+        rows = (
+            f"{len(planned.rows)} ({_many(len(self.campaign.points), 'point')} x "
+            f"{file.repeat}), {file.order}, {_many(planned.spring_moves, 'spring move')}"
+        )
+        if file.device == "absent":
+            rows, waits = "none: wave calibration, device absent, drive off", ""
+        else:
+            measured += " a row"
+            waits = " and waiting for stator and drive"
+        seed = "".join(f", phases of seed {value}" for value in _phases_seed(file).values())
         lines = [
             f"campaign  {file.name} on {self.campaign.rig.name}, {self.campaign.rig.rate_hz} Hz",
-            f"sea       {file.sea.words()}",
-            f"rows      {len(planned.rows)} ({_many(len(self.campaign.points), 'point')} x "
-            f"{file.repeat}), {file.order}, {_many(planned.spring_moves, 'spring move')}",
-            f"measured  {measured} a row, {planned.phases.measure:.6g} s in all",
-            f"duration  {_duration(planned.duration)} and waiting for stator and drive; "
+            f"sea       {file.sea.words()}{seed}",
+            f"rows      {rows}",
+            f"measured  {measured}, {planned.phases.measure:.6g} s in all",
+            f"duration  {_duration(planned.duration)}{waits}; "
             f"wave clock {planned.wave_seconds:.6g} s",
             "phases    "
             + ", ".join(f"{_words(p)} {s:.6g} s" for p, s in planned.phases._asdict().items()),
@@ -91,6 +106,17 @@ def check(path: Path, also: Also = nothing_more) -> Report:
     except ConfigError as error:
         return Report(path, error.problems, None, None)
     return Report(path, (), campaign, plan(campaign.file, campaign.rig, campaign.points))
+
+
+def _window(file: CampaignFile) -> tuple[int, float]:
+    """Whole periods (0: not a whole number) and seconds of each measurement."""
+    cut = (windows if file.device == "present" else calibration)(file.sea, file.timing)
+    return cut.periods, cut.measure
+
+
+def _phases_seed(file: CampaignFile) -> dict[str, int]:
+    """The seed that the phases of a sea come from; empty where it has no random phases."""
+    return {"seed": file.sea_seed} if hasattr(file.sea, "seed") else {}
 
 
 def _many(count: int, thing: str) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from rig.campaign.designed_sea import too_large
 from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.order import turns
 from rig.campaign.pieces import Pieces, Source, pieces, sea_of
@@ -12,7 +13,7 @@ from rig.campaign.point import MOST_ROWS, Point
 from rig.campaign.points import count, outside_map, points, stator_positions
 from rig.campaign.settings import foreign_columns
 from rig.campaign.stability import unstable, unstable_set_point
-from rig.campaign.windows import WindowError, windows
+from rig.campaign.windows import WindowError, calibration, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem, key_text, shown
@@ -27,7 +28,7 @@ T = TypeVar("T")
 class ReadFile(NamedTuple):
     """A file a campaign stands on."""
 
-    role: str  # campaign, rig, limits, plant, matrix, elevation
+    role: str  # campaign, sea, rig, limits, plant, matrix, elevation
     path: Path
     sha256: str
 
@@ -41,7 +42,7 @@ class Campaign(NamedTuple):
     limits: LimitsFile
     plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
     plant_locate: Locate  # where each value of the plant file stands
-    points: tuple[Point, ...]
+    points: tuple[Point, ...]  # none without the device
     elevation: Elevation | None  # of a recorded sea
     files: tuple[ReadFile, ...]  # with those they extend
 
@@ -70,7 +71,7 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
             problems.extend(error.problems)
             return None
 
-    top = attempt(lambda: Source(*load_mapping(Path(path))))
+    top = attempt(lambda: Source(*load_mapping(Path(path), inline=CampaignFile.inline)))
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(lambda: _named(top, ("rig",)))
@@ -96,9 +97,9 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
     rows = 0
     if campaign is not None:
         found = attempt(lambda: _points(campaign, top.locate))
-        rows = campaign.repeat * (count(campaign.matrix) if found is None else len(found))
+        rows = _rows(campaign, found)
         problems += _own_rules(campaign, rows, top.locate)
-        if campaign.matrix.csv is not None and found:
+        if campaign.matrix is not None and campaign.matrix.csv is not None and found:
             files.append(_file("matrix", found[0].at["kp"].place.path))
     sea = sea_of(top)
     if isinstance(sea, RecordedSea):
@@ -109,7 +110,7 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
     if rig is not None and found is not None:
         outside = outside_map(found, rig.spring)
         problems += (*outside, *unstable(found, rig.stability), *foreign_columns(found, rig))
-        if campaign is not None and not outside and rows <= MOST_ROWS:
+        if campaign is not None and found and not outside and rows <= MOST_ROWS:
             first = _first(campaign, found, rig)
             problems += unstable_set_point(campaign, first, rig.stability, top.locate)
     problems += also(pieces(top, rig_source, plant_source, sea, elevation))
@@ -151,13 +152,23 @@ def _named(owner: Source, key: KeyPath) -> Source | None:
 
 def _points(campaign: CampaignFile, locate: Locate) -> tuple[Point, ...] | None:
     """None where there are too many: to build millions takes its time, only to be refused."""
+    if campaign.matrix is None:
+        return ()
     return points(campaign.matrix, locate) if count(campaign.matrix) <= MOST_ROWS else None
 
 
+def _rows(campaign: CampaignFile, found: tuple[Point, ...] | None) -> int:
+    """Rows asked for; from the matrix itself where its points were too many to build."""
+    if found is not None or campaign.matrix is None:
+        return campaign.repeat * len(found or ())
+    return campaign.repeat * count(campaign.matrix)
+
+
 def _own_rules(campaign: CampaignFile, rows: int, locate: Locate) -> tuple[Problem, ...]:
-    problems = []
+    problems = [*too_large(campaign.sea, campaign.sea_seed, locate)]
     try:
-        windows(campaign.sea, campaign.timing)
+        cut = windows if campaign.device == "present" else calibration
+        cut(campaign.sea, campaign.timing)
     except WindowError as error:
         problems.append(locate.problem(error.key, error.value, error.message))
     if rows > MOST_ROWS:
@@ -182,7 +193,8 @@ def _elevation(record: Path, sea: RecordedSea, locate: Locate) -> Elevation:
 def _files(role: str, opened: Source | None) -> list[ReadFile]:
     if opened is None:
         return []
-    return [_file(role, path) for path in opened.locate.files]
+    inlined = opened.locate.inlined
+    return [_file("sea" if path in inlined else role, path) for path in opened.locate.files]
 
 
 def _file(role: str, path: Path) -> ReadFile:

@@ -4,6 +4,9 @@ The plan: tare (calm water, drive off), stator and drive made ready, lead-in whi
 up, then row after row settle, measure, tail. The wave maker runs from the first segment of the
 lead-in on; its seconds are the wave clock. Before a row with another spring rate its combination
 is held for an extra interval while the stator moves (MASK4 report (Sandia), section 3.2.3).
+
+Without the device (a wave calibration) there is only a lead-in and one window of whole repeat
+periods; the drive is never asked for.
 """
 
 from typing import NamedTuple
@@ -11,9 +14,9 @@ from typing import NamedTuple
 from rig.campaign.order import turns
 from rig.campaign.point import Point
 from rig.campaign.points import stator_positions
-from rig.campaign.settings import Setting, setting
+from rig.campaign.settings import NOTHING, Setting, setting
 from rig.campaign.stability import bearable_ki
-from rig.campaign.windows import Windows, windows
+from rig.campaign.windows import Windows, calibration, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.rig_file import RigFile
 from rig.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments
@@ -75,8 +78,11 @@ class _Segment(NamedTuple):
 def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Plan:
     """The plan of a campaign that passed all checks (`rig.campaign.open_campaign`).
 
-    ``points`` are those of its matrix. Raises `WindowError` when no window can be cut.
+    ``points`` are those of its matrix, none without the device. Raises `WindowError` when no
+    window can be cut.
     """
+    if campaign.device == "absent":
+        return _table((), _waves_alone(campaign), rig)
     cut = windows(campaign.sea, campaign.timing)
     positions = stator_positions(points, rig.spring)
     rows = tuple(
@@ -95,6 +101,16 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
     )
     pieces = [*_opening(campaign, rig, rows[0]), *_rows(rows, cut, rig)]
     return _table(rows, pieces, rig)
+
+
+def _waves_alone(campaign: CampaignFile) -> list[_Segment]:
+    """Lead-in and one window: the wave maker runs, the probes are read, all power is off."""
+    cut = calibration(campaign.sea, campaign.timing)
+    return [
+        _Segment(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, NOTHING, drive=0),
+        _Segment(NO_ROW, Phase.MEASURE, cut.measure, NOTHING, drive=0),
+        _Segment(NO_ROW, Phase.DONE, 0.0, NOTHING, waves=0, drive=0),
+    ]
 
 
 def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_Segment]:

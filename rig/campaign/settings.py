@@ -27,6 +27,10 @@ class Setting(NamedTuple):
     discharge_level: float  # set of dump resistors
 
 
+NOTHING = Setting(*(0.0 for _ in COLUMNS))
+"""Nothing is asked of the rig."""
+
+
 def setting(campaign: CampaignFile, rig: RigFile, point: Point) -> Setting:
     """The set point of a point of the matrix."""
     return Setting(**{**_defaults(campaign, rig), **point.given})

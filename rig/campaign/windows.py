@@ -4,6 +4,8 @@ Regular sea: 20 s, of which 5 s settle; the window is the largest whole number o
 that fits. Irregular and recorded: 10 s settle and exactly one repeat period. `mask4` gives the
 windows of the MASK4 report (Sandia): the same for regular seas, and for irregular ones rows of
 300 s measured from 2 s on, which is 2 s short of the repeat period.
+
+A wave calibration has no rows: one window of whole periods after the lead-in.
 """
 
 import math
@@ -11,7 +13,7 @@ from typing import NamedTuple
 
 from rig.config.campaign_file import Timing
 from rig.config.problems import number_text
-from rig.config.sea import AnySea, CalmSea, RegularSea
+from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
 from rig.config.source import KeyPath
 
 _NEARLY = 1e-9  # a window that misses a whole period by rounding alone still holds it
@@ -70,6 +72,34 @@ def windows(sea: AnySea, timing: Timing) -> Windows:
     return _whole_periods(timing, settle, interval, sea.repeat, "repeat period", move)
 
 
+def calibration(sea: AnySea, timing: Timing) -> Windows:
+    """The one window of a wave calibration, whole repeat periods; raises `WindowError`.
+
+    Four periods of an irregular sea unless the file says otherwise (four are also in the basin's
+    own calibration record in the public fbWecCntrl repository), as many of a regular one as fit
+    into 60 s.
+    """
+    if isinstance(sea, CalmSea):
+        raise WindowError(("sea",), "calm", "calm water has no waves to calibrate")
+    regular = isinstance(sea, RegularSea)
+    period = sea.period if isinstance(sea, RegularSea) else sea.repeat
+    periods = timing.periods or (_fitting(60.0, period) if regular else 4)
+    if (
+        isinstance(sea, RecordedSea)
+        and _fitting(length := sea.end_s - sea.start_s, period) * period < length - 1e-6
+    ):
+        raise WindowError(
+            ("sea",),
+            length,
+            f"the record's window of {number_text(length)} s is no whole number of its repeat "
+            f"period of {number_text(period)} s, so it does not repeat",
+        )
+    interval = _given(timing.interval_s, periods * period)
+    what = "wave period" if regular else "repeat period"
+    cut = _whole_periods(timing, 0.0, interval, period, what, 0.0)
+    return Windows(0.0, cut.measure, 0.0, 0.0, cut.periods)
+
+
 def _calm(timing: Timing) -> Windows:
     if timing.periods is not None:
         message = f"{timing.periods} periods of a calm sea; leave the key out"
@@ -89,10 +119,11 @@ def _whole_periods(
         least = math.ceil((settle + wanted * period) * 1000.0 - _NEARLY) / 1000.0
         many = f"{wanted} {what}s" if wanted > 1 else f"one {what}"
         key = ("timing", "interval_s") if timing.interval_s is not None else ("timing",)
+        settling = f" after {number_text(settle)} s of settling" if settle else ""
         raise WindowError(
             key,
             interval,
-            f"{many} of {period:.4g} s after {number_text(settle)} s of settling does not fit into "
+            f"{many} of {period:.4g} s{settling} does not fit into "
             f"an interval of {number_text(interval)} s; allowed interval_s at least "
             f"{number_text(least)} s",
         )

@@ -1,9 +1,16 @@
 """The campaign file: which rig, which sea, which rows, in which order and timing."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field, field_serializer, field_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from rig.config.columns import (
     BusVoltage,
@@ -21,7 +28,7 @@ from rig.config.columns import (
 from rig.config.matrix import Matrix
 from rig.config.model import Broken, FileModel, Several, Whole, refuse
 from rig.config.problems import number_text, value_text
-from rig.config.sea import JonswapSea, Sea
+from rig.config.sea import CalmSea, Sea
 
 
 class Timing(FileModel):
@@ -133,14 +140,17 @@ def _timing(value: Any) -> Any:
 
 
 class CampaignFile(FileModel):
-    """A campaign."""
+    """A campaign: rows of a gain matrix, or without the device a wave calibration."""
+
+    inline: ClassVar[tuple[str, ...]] = ("sea",)
 
     name: str
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # in place of the rig's
     seed: Whole = Field(default=1, ge=0, le=4_294_967_295)
-    sea: Sea
-    matrix: Matrix
+    sea: Sea  # or a file that holds it
+    device: Literal["present", "absent"] = "present"  # absent: waves and probes alone
+    matrix: Matrix | None = None  # None without the device
     timing: Annotated[Timing, BeforeValidator(_timing)] = Timing()
     start: Start = Start()
     law: Law = Law()
@@ -161,6 +171,35 @@ class CampaignFile(FileModel):
             )
         return name
 
+    @field_validator("matrix")
+    @classmethod
+    def _rows_of_a_device(cls, matrix: Matrix | None, info: ValidationInfo) -> Matrix | None:
+        device = info.data.get("device")
+        if matrix is None and device == "present":
+            raise PydanticCustomError("missing", "missing")
+        if matrix is not None and device == "absent":
+            raise refuse("device: absent has no rows; leave the key out")
+        return matrix
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """Without the device there is nothing to tare or to order, and waves are the point."""
+        if self.device == "present":
+            return
+        if isinstance(self.sea, CalmSea):
+            message = "calm water has no waves to calibrate; allowed any other sea"
+            yield Broken(("sea", "kind"), message, "calm")
+        for key in ("tare", "order", "repeat"):
+            if key in self.model_fields_set:
+                yield Broken((key,), "device: absent has no use for it; leave the key out")
+        if self.start.set_point is not None:
+            message = "device: absent has no gains; leave the key out"
+            yield Broken(("start", "set_point"), message)
+        if self.timing.scheme == "mask4":
+            yield Broken(("timing",), "device: absent has no rows to time", "mask4")
+        if self.timing.settle_s is not None:
+            message = "device: absent has no row that settles; allowed is a longer start.lead_in_s"
+            yield Broken(("timing", "settle_s"), message, self.timing.settle_s)
+
     @field_serializer("tare")
     def _tare_as_written(self, tare: Tare | None) -> Any:
         return "none" if tare is None else tare.model_dump()
@@ -168,11 +207,10 @@ class CampaignFile(FileModel):
     @property
     def sea_seed(self) -> int:
         """Seed of the sea's phases: its own, or the campaign's."""
-        if isinstance(self.sea, JonswapSea) and self.sea.seed is not None:
-            return self.sea.seed
-        return self.seed
+        own: int | None = getattr(self.sea, "seed", None)
+        return self.seed if own is None else own
 
     @property
     def tare_duration(self) -> float:
         """Seconds of tare; 0 where the file says `none`."""
-        return self.tare.duration_s if self.tare is not None else 0.0
+        return self.tare.duration_s if self.tare is not None and self.device == "present" else 0.0

@@ -39,6 +39,9 @@ class FileModel(BaseModel):
     foreign_keys: ClassVar[dict[str, str]] = {}
     """Keys that belong elsewhere, and what to say to somebody who writes them here."""
 
+    inline: ClassVar[tuple[str, ...]] = ()
+    """Keys of a file that may name another file with their mapping."""
+
     def broken_rules(self) -> Iterator[Broken]:
         """Rules between keys that do not hold; called when every key by itself is right."""
         yield from ()

@@ -148,11 +148,12 @@ def _is_model(annotation: Any) -> bool:
 
 
 def _tags(model: Any) -> tuple[object, ...]:
+    """Words that tell this model from others of a union: those of a key that takes one word."""
     fields: dict[str, FieldInfo] = model.model_fields
     return tuple(
         tag
         for info in fields.values()
-        if get_origin(info.annotation) is Literal
+        if get_origin(info.annotation) is Literal and len(get_args(info.annotation)) == 1
         for tag in get_args(info.annotation)
     )
 

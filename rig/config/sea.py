@@ -1,5 +1,6 @@
-"""The sea of a campaign: calm, regular, JONSWAP or recorded."""
+"""The sea of a campaign: calm, regular, JONSWAP, pink, multisine or recorded."""
 
+import math
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
@@ -12,6 +13,17 @@ _NOT_HS = "a regular sea is given by its amplitude (amplitude_m), an irregular o
 _NOT_TP = "a regular sea has frequency_hz or period_s; tp_s belongs to an irregular one"
 _NOT_AMPLITUDE = "an irregular sea is given by hs_m, a regular one by its amplitude"
 _NOT_FREQUENCY = "an irregular sea has tp_s; frequency_hz and period_s belong to a regular one"
+_NOT_HS_OF_LINES = "a sea of a band has hm0_m or rms_m"
+_NOT_OF_A_BAND = "a sea of a band has low_hz and high_hz"
+
+Height = Annotated[float, Field(ge=0.001, le=1)]
+"""Significant wave height, m."""
+
+Repeat = Annotated[float, Field(ge=10, le=3600)]
+"""Repeat period of an irregular sea, s."""
+
+Seed = Annotated[Whole, Field(ge=0, le=4_294_967_295)]
+"""Seed of random phases."""
 
 
 class CalmSea(FileModel):
@@ -69,11 +81,11 @@ class JonswapSea(FileModel):
     """An irregular sea that repeats; amplitudes such that Hm0 is ``hs_m`` exactly."""
 
     kind: Literal["jonswap"]
-    hs_m: float = Field(ge=0.001, le=1)
+    hs_m: Height
     tp_s: float = Field(ge=0.5, le=20)
     gamma: float = Field(default=3.3, ge=1, le=7)
-    repeat_s: float = Field(default=300.0, ge=10, le=3600)
-    seed: Whole | None = Field(default=None, ge=0, le=4_294_967_295)  # the campaign's if missing
+    repeat_s: Repeat = 300.0
+    seed: Seed | None = None  # the campaign's if missing
 
     foreign_keys: ClassVar[dict[str, str]] = {
         "amplitude_m": _NOT_AMPLITUDE,
@@ -92,6 +104,100 @@ class JonswapSea(FileModel):
             f"JONSWAP, Hs {number_text(self.hs_m)} m, Tp {number_text(self.tp_s)} s, "
             f"gamma {number_text(self.gamma)}, repeats after {number_text(self.repeat_s)} s"
         )
+
+
+class BandSea(FileModel):
+    """A sea on all multiples of 1/repeat of a band, each with a random phase.
+
+    A seed and the number of a realisation name the phases; its height is Hm0 = 4 rms exactly.
+    """
+
+    hm0_m: Height | None = None
+    rms_m: float | None = Field(default=None, ge=0.00025, le=0.25)
+    low_hz: float = Field(default=0.2, ge=0.05, le=2)
+    high_hz: float = Field(default=1.0, ge=0.05, le=2)
+    repeat_s: Repeat = 300.0
+    seed: Seed | None = None  # the campaign's if missing
+    realisation: Whole = Field(default=1, ge=1, le=1000)
+    largest_m: float | None = Field(default=None, ge=0.001, le=1)  # refused where it goes beyond
+
+    foreign_keys: ClassVar[dict[str, str]] = {
+        "hs_m": _NOT_HS_OF_LINES,
+        "amplitude_m": _NOT_HS_OF_LINES,
+        "tp_s": _NOT_OF_A_BAND,
+        "frequency_hz": _NOT_OF_A_BAND,
+        "period_s": _NOT_OF_A_BAND,
+    }
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """One height, and a band that holds at least one multiple of 1/repeat."""
+        if self.hm0_m is None and self.rms_m is None:
+            yield Broken(
+                (), "height missing; allowed hm0_m 0.001 .. 1 m or rms_m 0.00025 .. 0.25 m"
+            )
+        if self.hm0_m is not None and self.rms_m is not None:
+            yield Broken(("rms_m",), "hm0_m is given already; allowed one of the two", self.rms_m)
+        first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
+        if math.floor(last + 1e-6) < math.ceil(first - 1e-6):
+            yield Broken(
+                ("high_hz",),
+                f"{number_text(self.high_hz)} leaves no multiple of 1/repeat_s in the band; "
+                f"allowed {number_text(math.ceil(first - 1e-6) / self.repeat_s)} .. 2 Hz",
+                self.high_hz,
+            )
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the elevation, m."""
+        if self.rms_m is not None:
+            return self.rms_m
+        assert self.hm0_m is not None
+        return self.hm0_m / 4.0
+
+    @property
+    def repeat(self) -> float:
+        """Repeat period, s."""
+        return self.repeat_s
+
+    def band_words(self) -> str:
+        """Height, band and phases."""
+        height = (
+            f"rms {number_text(self.rms_m)} m"
+            if self.rms_m is not None
+            else f"Hm0 {number_text(4.0 * self.rms)} m"
+        )
+        return (
+            f"{height}, {number_text(self.low_hz)} .. {number_text(self.high_hz)} Hz, "
+            f"realisation {self.realisation}, repeats after {number_text(self.repeat_s)} s"
+        )
+
+
+class PinkSea(BandSea):
+    """A sea for identification: line amplitudes proportional to f^exponent, phases as drawn."""
+
+    kind: Literal["pink"]
+    exponent: float = Field(default=-0.5, ge=-3, le=0)
+
+    def words(self) -> str:
+        """The sea in a line."""
+        return f"pink, amplitude ~ f^{number_text(self.exponent)}, {self.band_words()}"
+
+
+class MultisineSea(BandSea):
+    """A sea for identification whose phases are the best of many draws: least peak to peak."""
+
+    kind: Literal["multisine"]
+    colour: Literal["flat", "pink"] = "flat"
+    draws: Whole = Field(default=100, ge=1, le=1000)
+
+    @property
+    def exponent(self) -> float:
+        """Line amplitudes are proportional to f^exponent."""
+        return -0.5 if self.colour == "pink" else 0.0
+
+    def words(self) -> str:
+        """The sea in a line."""
+        return f"multisine, {self.colour}, best of {self.draws} draws, {self.band_words()}"
 
 
 class RecordedSea(FileModel):
@@ -145,5 +251,5 @@ class RecordedSea(FileModel):
         )
 
 
-AnySea = CalmSea | RegularSea | JonswapSea | RecordedSea
+AnySea = CalmSea | RegularSea | JonswapSea | PinkSea | MultisineSea | RecordedSea
 Sea = Annotated[AnySea, Field(discriminator="kind")]

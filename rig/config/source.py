@@ -3,21 +3,25 @@
 YAML 1.2 (`1e3` is a number, `on` is text), duplicate keys refused. A file may say
 `extends: other.yaml`, relative to itself: mappings are merged key by key, everything else is
 replaced; an empty value (`key:`) takes an inherited key out; a mapping whose `kind` changes is
-replaced whole, because the keys of one kind mean nothing to another.
+replaced whole, because the keys of one kind mean nothing to another. Where the reader allows it
+(``inline``), a key may name a file that holds its mapping: that mapping then stands in its place,
+and its values still know their own file and line.
 """
 
 import os
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.composer import Composer, ComposerError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from rig.config.places import KeyPath, Locate, Place
 from rig.config.problems import ConfigError, Problem, key_text, shown, value_text
 
-KeyPath = tuple[str | int, ...]
+__all__ = ["KeyPath", "Locate", "Place", "load_mapping"]
+
 _TAG = "tag:yaml.org,2002:"
 
 MOST_LEVELS = 50
@@ -30,57 +34,20 @@ _TOO_DEEP = f"nested too deeply; allowed at most {MOST_LEVELS} levels"
 _TOO_MANY = f"too many keys and values; allowed at most {MOST_NODES}, with aliases written out"
 
 
-class Place(NamedTuple):
-    """A line of a file."""
-
-    path: Path
-    line: int  # from 1
-
-
-class Locate:
-    """Where each value of a merged mapping came from.
-
-    Called with a key path it gives the `Place` of that key, or of the nearest mapping around it
-    that exists (a missing key is reported on the line of its mapping).
-    """
-
-    def __init__(self, path: Path, places: dict[KeyPath, Place], files: tuple[Path, ...]) -> None:
-        self.path = path
-        self.places = places
-        self.files = files  # every file read: the named one first, then those it extends
-
-    def __call__(self, key: KeyPath = ()) -> Place:
-        """Place of a key, or of the nearest existing one around it."""
-        for length in range(len(key), 0, -1):
-            place = self.places.get(key[:length])
-            if place is not None:
-                return place
-        return self.places.get((), Place(self.path, 1))
-
-    def file(self, key: KeyPath, named: str) -> Path:
-        """Path of a file named under ``key``: relative to the file in which the name stands."""
-        return Path(os.path.normpath(self(key).path.parent / named))
-
-    def problem(self, key: KeyPath, value: object, message: str) -> Problem:
-        """A problem at a key."""
-        place = self(key)
-        return Problem(shown(place.path), place.line, key_text(key), value, message)
-
-
 def load_mapping(
-    path: Path, asked: Place | None = None, key: str = ""
+    path: Path, asked: Place | None = None, key: str = "", inline: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], Locate]:
     """Merged plain mapping of a file and of all it extends, and where each value stands.
 
     ``asked`` and ``key`` are the place and the key that name the file; a file that cannot be read
-    is reported there.
+    is reported there. ``inline`` are the keys that may name a file with their mapping.
     Raises `ConfigError` with every problem of syntax.
     """
-    return _load(Path(path), asked, key, ())
+    return _load(Path(path), asked, key, (), inline)
 
 
 def _load(
-    path: Path, asked: Place | None, key: str, chain: tuple[Path, ...]
+    path: Path, asked: Place | None, key: str, chain: tuple[Path, ...], inline: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], Locate]:
     here = path.resolve()
     at = asked or Place(path, 1)
@@ -106,16 +73,44 @@ def _load(
     base = tree.pop("extends", None)
     at = locate(("extends",))
     locate.places.pop(("extends",), None)
+    named = _inline(tree, locate, inline, (*chain, here))
     if base is None:
         return tree, locate
     if not isinstance(base, str):
         raise ConfigError([_problem(at, "extends", base, f"{value_text(base)} is not a file name")])
-    named = Path(os.path.normpath(path.parent / base))
-    inherited, origin = _load(named, at, "extends", (*chain, here))
+    below = Path(os.path.normpath(path.parent / base))
+    inherited, origin = _load(below, at, "extends", (*chain, here), inline)
     places = dict(origin.places)
+    for name in named & inherited.keys():
+        del inherited[name]  # a file stands for itself, not for a change of another
+        _forget(places, (name,))
     _merge(inherited, tree, places, locate.places, ())
     places[()] = locate.places[()]
-    return inherited, Locate(path, places, (path, *origin.files))
+    used = {place.path for place in places.values()}
+    inlined = tuple(p for p in (*locate.inlined, *origin.inlined) if p in used)
+    passed = (*locate.files, *origin.files)
+    unused = {*locate.inlined, *origin.inlined} - used
+    files = tuple(dict.fromkeys(p for p in passed if p not in unused))
+    return inherited, Locate(path, places, files, inlined)
+
+
+def _inline(
+    tree: dict[str, Any], locate: Locate, inline: tuple[str, ...], chain: tuple[Path, ...]
+) -> set[str]:
+    """Put the mapping of a file where its name stands; gives the keys that name one."""
+    named = {name for name in inline if isinstance(tree.get(name), str)}
+    for name in sorted(named):
+        at = (name,)
+        path = locate.file(at, tree[name])
+        if not path.is_file():
+            message = f"cannot read {shown(path)}: no such file; allowed a mapping or a file of one"
+            raise ConfigError([locate.problem(at, tree[name], message)])
+        mapping, origin = _load(path, locate(at), name, chain)
+        tree[name] = mapping
+        locate.places.update({(name, *key): place for key, place in origin.places.items()})
+        locate.files += origin.files
+        locate.inlined += origin.files
+    return named
 
 
 def _merge(
@@ -132,13 +127,18 @@ def _merge(
             places[here] = over_places[here]
             _merge(old, value, places, over_places, here)
             continue
-        for gone in [k for k in places if k[: len(here)] == here]:
-            del places[gone]
+        _forget(places, here)
         if value is None and key in base:
             del base[key]
             continue
         base[key] = value
         places.update({k: p for k, p in over_places.items() if k[: len(here)] == here})
+
+
+def _forget(places: dict[KeyPath, Place], at: KeyPath) -> None:
+    """Take out the places of a key and of all below it."""
+    for gone in [k for k in places if k[: len(at)] == at]:
+        del places[gone]
 
 
 def _same_kind(old: dict[str, Any], new: dict[str, Any]) -> bool:

@@ -44,7 +44,7 @@ def load(path: Path, model: type[M], asked: Place | None = None) -> tuple[M, Loc
 
     ``asked`` is the place that names the file. Raises `ConfigError` with every problem found.
     """
-    mapping, locate = load_mapping(path, asked)
+    mapping, locate = load_mapping(path, asked, inline=getattr(model, "inline", ()))
     return validate(mapping, locate, model), locate
 
 

@@ -30,6 +30,13 @@ def build_sea(description: dict[str, Any]) -> Sea:
             description["repeat_s"],
             description["seed"],
         )
+    if kind == "components":
+        return waves.components(
+            description["repeat_s"],
+            description["cycles"],
+            description["amplitude_m"],
+            description["phase_rad"],
+        )
     return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
 
 

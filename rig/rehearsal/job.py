@@ -7,9 +7,11 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from rig.assemble import estimator_params, zc_sections
+from rig.campaign.designed_sea import DesignedSea, designed
 from rig.campaign.elevation import Elevation
 from rig.campaign.files import Campaign
 from rig.campaign.pieces import Pieces, Source
@@ -40,6 +42,27 @@ def devices_of(campaign: Campaign) -> dict[str, Any]:
         "bem": str(campaign.plant_locate.file(("bem",), campaign.plant["bem"])),
         "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
+        "device": campaign.file.device,
+    }
+
+
+def asked_sea(campaign: Campaign) -> dict[str, Any]:
+    """What the wave maker is asked for, line by line, as JSON values.
+
+    Elevation is sum amplitude_m cos(2 pi cycles t / repeat_s + phase_rad), t on the wave clock;
+    of a recorded sea only the lines of its repeat period that can excite.
+    """
+    told = campaign.file.sea
+    sea = build_sea(_sea_of(told, campaign.file.sea_seed, campaign.elevation))
+    repeat = told.period if isinstance(told, RegularSea) else getattr(told, "repeat", sea.repeat)
+    periods = round(sea.repeat / repeat)  # a recorded window may hold several
+    frequency = waves.frequencies(sea)
+    kept = (sea.cycles % periods == 0) & (frequency >= waves.LOWEST) & (frequency <= waves.HIGHEST)
+    return {
+        "repeat_s": sea.repeat / periods,
+        "cycles": (sea.cycles[kept] // periods).tolist(),
+        "amplitude_m": np.abs(sea.amplitude[kept]).tolist(),
+        "phase_rad": (-np.angle(sea.amplitude[kept])).tolist(),
     }
 
 
@@ -193,6 +216,15 @@ def _sea_of(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, An
             "gamma": sea.gamma,
             "repeat_s": sea.repeat_s,
             "seed": seed,
+        }
+    if isinstance(sea, DesignedSea):
+        lines = designed(sea, seed)
+        return {
+            "kind": "components",
+            "repeat_s": lines.repeat,
+            "cycles": lines.cycles.tolist(),
+            "amplitude_m": lines.amplitude.tolist(),
+            "phase_rad": lines.phase.tolist(),
         }
     assert elevation is not None
     return {

@@ -154,3 +154,51 @@ def test_basin_record_drives_the_plant() -> None:
     table = waves.tables(sea, bem(), DT)
     assert table.elevation.size == 1_200_000
     np.testing.assert_allclose(table.elevation[::50], centred, atol=1e-4)
+
+
+LINES = {
+    "repeat_s": 10.0,
+    "cycles": [2, 5, 20],
+    "amplitude_m": [0.1, 0.0, 0.02],
+    "phase_rad": [0.3, 1.0, -2.0],
+}
+
+
+def test_components_are_the_listed_cosines() -> None:
+    sea = waves.components(**LINES)
+    t = np.arange(10_000) * DT
+    expected = 0.1 * np.cos(2 * np.pi * 0.2 * t + 0.3) + 0.02 * np.cos(2 * np.pi * 2.0 * t - 2.0)
+    np.testing.assert_allclose(waves.tables(sea, bem(), DT).elevation, expected, atol=1e-14)
+    assert waves.hm0(sea) == pytest.approx(4.0 * np.sqrt(0.5 * (0.1**2 + 0.02**2)), rel=1e-12)
+    assert waves.frequencies(sea).tolist() == [0.2, 0.5, 2.0]
+
+
+def test_a_component_is_a_regular_sea_of_its_frequency() -> None:
+    one = waves.tables(waves.components(2.0, [1], [0.127], [0.0]), bem(), DT)
+    regular = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
+    assert one.elevation.tobytes() == regular.elevation.tobytes()
+    assert one.excitation.tobytes() == regular.excitation.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"cycles": [2, 5]}, "three lists of one length"),
+        ({"cycles": [], "amplitude_m": [], "phase_rad": []}, "three lists of one length"),
+        ({"cycles": 2, "amplitude_m": 0.1, "phase_rad": 0.0}, "three lists of one length"),
+        ({"cycles": [0, 5, 20]}, "whole numbers >= 1 that rise"),
+        ({"cycles": [2.5, 5, 20]}, "whole numbers >= 1 that rise"),
+        ({"cycles": [5, 2, 20]}, "whole numbers >= 1 that rise"),
+        ({"cycles": [2, 2, 20]}, "whole numbers >= 1 that rise"),
+        ({"cycles": [2, 5, float("nan")]}, "whole numbers >= 1 that rise"),
+        ({"cycles": [2, 5, 21]}, "2.1 Hz; allowed up to 2 Hz"),
+        ({"amplitude_m": [0.1, -0.1, 0.1]}, "amplitudes must be >= 0 m"),
+        ({"amplitude_m": [0.1, float("inf"), 0.1]}, "amplitudes must be >= 0 m"),
+        ({"phase_rad": [0.0, float("nan"), 0.0]}, "phases finite"),
+        ({"repeat_s": 0.0}, "repeat must be"),
+        ({"repeat_s": 4000.0}, "repeat must be"),
+    ],
+)
+def test_components_that_are_none(change: dict[str, object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        waves.components(**{**LINES, **change})

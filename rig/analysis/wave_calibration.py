@@ -1,0 +1,235 @@
+"""What a wave calibration gives: the elevation of a sea without the device, line by line.
+
+The mean over repeat periods with its standard error is what identification divides by; waves of a
+run with the device in the water hold what it reflects and radiates, so they are no substitute
+(MASK4 report (Sandia), section 3.2.2). A probe may stand in a node of some lines: those are named,
+because to divide by them is to divide by noise.
+"""
+
+import csv
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray
+
+from rig.analysis.wave_lines import (
+    Floats,
+    Lines,
+    Samples,
+    by_period,
+    lines,
+    mean_period,
+    significant_height,
+)
+from rig.runs import RunError, reader
+from rig.runs.folder import facts
+from rig.sequence import Phase
+
+PROBES = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
+AGES = ("probes.probe_age", "probes.age")  # s, of what the probes say
+TRUTH = "wave.elevation"  # undisturbed at the device: only a simulated basin knows it
+
+STEP = 0.02  # s between samples of what is known in every tick: 50 Hz, as probes are read
+WEAK = 5.0  # standard errors: a line below is not to be divided by
+FAINT = 0.1  # of the asked amplitude: so is a line below this
+NOTHING = 1e-3  # of the largest line: and one below this
+
+_PLACE = ("tick", "plan.phase", "plan.wave_clock")
+
+
+class Asked(NamedTuple):
+    """The lines that the wave maker was asked for."""
+
+    repeat: float  # s
+    cycles: Any
+    amplitude: Floats  # m
+    phase: Floats  # rad
+
+
+def is_calibration(plan: dict[str, Any]) -> bool:
+    """True for the plan of a run without the device."""
+    return plan.get("device") == "absent"
+
+
+def calibration(run: str | os.PathLike[str]) -> xarray.Dataset:
+    """The calibration of a run: by probe, line and period; units in the attributes.
+
+    Amplitudes and phases are those of A cos(2 pi f t + phase), t on the wave clock. RunError if
+    the run is none, or no whole period of it was measured.
+    """
+    source = reader.source(run)
+    known = facts(run, source.contents)
+    if not is_calibration(known.plan):
+        raise RunError(f"{run}: no wave calibration (its plan does not say device: absent)")
+    asked = _asked(known.plan)
+    found: dict[str, tuple[Lines, list[Samples], float]] = {}
+    for name, samples, start in _channels(source):
+        pieces = by_period(samples, asked.repeat, start)
+        if pieces:
+            made = lines(pieces, asked.repeat, asked.cycles)
+            found[name] = (
+                made,
+                pieces,
+                4.0 * float(np.std(np.concatenate([p.value for p in pieces]))),
+            )
+    if not found:
+        raise RunError(f"{run}: no whole repeat period was measured")
+    return _dataset(found, asked).assign_attrs(
+        known.attributes() | {"repeat_s": asked.repeat, "sea": str(_words(known.plan))}
+    )
+
+
+def _words(plan: dict[str, Any]) -> str:
+    return str((plan.get("sea") or {}).get("words", ""))
+
+
+def _asked(plan: dict[str, Any]) -> Asked:
+    told = plan["asked_sea"]
+    columns = (np.array(told[key], dtype=np.float64) for key in ("amplitude_m", "phase_rad"))
+    return Asked(float(told["repeat_s"]), np.array(told["cycles"], dtype=np.int64), *columns)
+
+
+def _channels(source: reader.Source) -> list[tuple[str, Samples, float]]:
+    """Every probe that the run holds: its name, its samples and where the first period begins."""
+    names = {leaf.name for leaf in source.leaves}
+    age = [name for name in AGES if name in names][:1]
+    probes = [name for name in PROBES if name in names and age]
+    truth = [TRUTH] if TRUTH in names else []
+    data = reader.columns(source, [*_PLACE, *age, *probes, *truth])
+    inside = data["plan.phase"] == Phase.MEASURE
+    data = {name: column[inside] for name, column in data.items()}
+    clock = data["plan.wave_clock"]
+    if len(clock) < 2:
+        return []
+    tick = float((clock[-1] - clock[0]) / (data["tick"][-1] - data["tick"][0]))
+    channels = []
+    if probes:
+        taken = clock - data[age[0]]
+        fresh = np.append(True, np.diff(taken) > 0.5 * tick)
+        begin = clock[0] - 0.25 * tick  # what was taken before the window is not in it
+        fresh &= taken >= begin
+        times = taken[fresh]
+        channels += [
+            (name.rpartition(".")[2], Samples(times, data[name][fresh]), float(times[0]))
+            for name in probes
+            if len(times)
+        ]
+    for name in truth:
+        thin = data["tick"] % max(1, round(STEP / tick)) == 0
+        times = clock[thin]
+        if len(times):
+            channels.append(("elevation", Samples(times, data[name][thin]), float(times[0])))
+    return channels
+
+
+def _dataset(found: dict[str, tuple[Lines, list[Samples], float]], asked: Asked) -> xarray.Dataset:
+    names = list(found)
+    count = round(asked.repeat / STEP)
+    each = {
+        name: (made, mean_period(pieces, asked.repeat, count), total)
+        for name, (made, pieces, total) in found.items()
+    }
+    most = max(len(made.periods) for made, _, _ in each.values())
+    frequency = asked.cycles / asked.repeat
+
+    def stack(of: Any) -> Any:
+        return np.array([of(*each[name]) for name in names])
+
+    mean = stack(lambda made, period, total: made.mean)
+    error = stack(lambda made, period, total: made.standard_error)
+    heights = stack(
+        lambda made, period, total: [
+            significant_height(made.periods[i]) if i < len(made.periods) else np.nan
+            for i in range(most)
+        ]
+    )
+    hm0 = stack(lambda made, period, total: significant_height(made.mean))
+    size = np.abs(mean)
+    weak = (size < FAINT * asked.amplitude) | (size < WEAK * error)
+    weak |= size < NOTHING * size.max(axis=1, keepdims=True)
+    by_line, by_probe = ("probe", "line"), ("probe",)
+    metres, radians = {"units": "m"}, {"units": "rad"}
+    return xarray.Dataset(
+        {
+            "cycles": ("line", asked.cycles, {"long_name": "whole periods in a repeat period"}),
+            "asked_amplitude": ("line", asked.amplitude, metres),
+            "asked_phase": ("line", asked.phase, radians),
+            "amplitude": (by_line, size, metres),
+            "phase": (by_line, np.angle(mean), radians),
+            "amplitude_se": (by_line, error, metres),
+            "weak": (by_line, weak.astype(np.int64), {"long_name": "1: not to be divided by"}),
+            "mean_period": (("probe", "time"), stack(lambda made, p, total: p[0]), metres),
+            "mean_period_se": (("probe", "time"), stack(lambda made, p, total: p[1]), metres),
+            "periods": (by_probe, stack(lambda made, p, total: len(made.periods))),
+            "hm0": (by_probe, hm0, {**metres, "long_name": "of the mean lines"}),
+            "hm0_by_period": (("probe", "period"), heights, metres),
+            "hm0_total": (
+                by_probe,
+                stack(lambda made, p, total: total),
+                {**metres, "long_name": "of all that was measured, 4 standard deviations"},
+            ),
+        },
+        {
+            "probe": ("probe", np.array(names)),
+            "frequency": ("line", frequency, {"units": "Hz"}),
+            "time": ("time", np.arange(count) * (asked.repeat / count), {"units": "s"}),
+        },
+        {
+            "hm0_asked_m": significant_height(asked.amplitude),
+            "convention": "A cos(2 pi f t + phase), t on the wave clock",
+        },
+    )
+
+
+def findings(table: xarray.Dataset) -> list[str]:
+    """What a reader wants to know first, a sentence for each probe."""
+    asked = table.attrs["hm0_asked_m"]
+    told = []
+    for name in table["probe"].values.tolist():
+        one = table.sel(probe=name)
+        hm0, total = float(one["hm0"]), float(one["hm0_total"])
+        heights = one["hm0_by_period"].values
+        heights = heights[np.isfinite(heights)]
+        error = np.std(heights, ddof=1) / np.sqrt(len(heights)) if len(heights) > 1 else np.nan
+        weak = one["frequency"].values[one["weak"].values == 1]
+        text = f"{name}: Hm0 {1e3 * hm0:.1f} mm"
+        text += f" ± {1e3 * error:.1f}" if np.isfinite(error) else ""
+        text += (
+            f" ({100.0 * (hm0 / asked - 1.0):+.1f} % of the asked {1e3 * asked:.1f} mm)"
+            if asked
+            else ""
+        )
+        text += (
+            f" over {int(one['periods'])} periods; {100.0 * (hm0 / total) ** 2:.1f} % of what was"
+        )
+        text += " measured repeats on the asked lines"
+        if len(weak):
+            shown = ", ".join(f"{f:.4g}" for f in weak[:5])
+            more = f" and {len(weak) - 5} more" if len(weak) > 5 else ""
+            text += f"; {len(weak)} lines too weak to divide by ({shown}{more} Hz)"
+        told.append(text)
+    return told
+
+
+def write_calibration(table: xarray.Dataset, folder: Path) -> list[Path]:
+    """``wave_calibration.nc`` with everything and ``.csv`` with a line for each wave line."""
+    text, binary = folder / "wave_calibration.csv", folder / "wave_calibration.nc"
+    names = table["probe"].values.tolist()
+    columns = {
+        "cycles": table["cycles"].values,
+        "frequency [Hz]": table["frequency"].values,
+        "asked_amplitude [m]": table["asked_amplitude"].values,
+        "asked_phase [rad]": table["asked_phase"].values,
+    }
+    for i, name in enumerate(names):
+        for key, unit in (("amplitude", "m"), ("amplitude_se", "m"), ("phase", "rad")):
+            columns[f"{name}_{key} [{unit}]"] = table[key].values[i]
+        columns[f"{name}_weak"] = table["weak"].values[i]
+    with text.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+    table.to_netcdf(binary, engine="h5netcdf")
+    return [text, binary]

@@ -1,0 +1,261 @@
+"""Wave calibrations of known seas: coefficients, errors, gaps, weak lines, files and pictures."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+from calibration_runs import DT, SEA, BareRow, elevation, plan_of, rows, write
+
+from rig.analysis.report import summary_of, write_products
+from rig.analysis.summary import as_text
+from rig.analysis.wave_calibration import calibration, findings
+from rig.analysis.wave_lines import Samples, by_period, coefficients, lines, mean_period
+from rig.campaign.multisine import design
+from rig.runs import RunError
+
+
+def wrapped(phase: Any) -> Any:
+    return (phase + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def samples(step: float, span: float, start: float = 7.31) -> Samples:
+    time = start + step * np.arange(round(span / step))
+    return Samples(time, elevation(SEA, time))
+
+
+def check_lines(found: Any, rtol: float = 1e-9) -> None:
+    np.testing.assert_allclose(np.abs(found), SEA.amplitude, rtol=rtol)
+    np.testing.assert_allclose(wrapped(np.angle(found) - SEA.phase), 0.0, atol=rtol)
+
+
+def test_even_samples_give_every_line_exactly() -> None:
+    pieces = by_period(samples(0.02, 60.0), 20.0, 7.31)
+    assert [len(piece.time) for piece in pieces] == [1000, 1000, 1000]
+    made = lines(pieces, 20.0, SEA.cycles)
+    check_lines(made.mean)
+    assert made.standard_error.max() < 1e-15
+
+
+def test_missing_and_uneven_samples_leak_nothing() -> None:
+    """A hole of a second, jitter of a third of a step: least squares is exact for these lines."""
+    whole = samples(0.02, 40.0)
+    random = np.random.default_rng(0)
+    time = whole.time + 0.007 * random.uniform(-1.0, 1.0, whole.time.size)
+    keep = (np.abs(time - 15.0) > 0.5) & (random.uniform(size=time.size) > 0.02)
+    pieces = by_period(Samples(time[keep], elevation(SEA, time[keep])), 20.0, 7.31)
+    assert len(pieces) == 2
+    check_lines(lines(pieces, 20.0, SEA.cycles).mean)
+    # the same through an FFT that took them for even would not do
+    naive = np.fft.rfft(pieces[0].value)[SEA.cycles] * 2.0 / len(pieces[0].value)
+    assert np.abs(np.abs(naive) / SEA.amplitude - 1.0).max() > 0.05
+
+
+def test_a_sine_whose_period_is_no_whole_number_of_samples() -> None:
+    time = 3.0 + 0.02 * np.arange(1000)
+    value = 0.1 * np.cos(2.0 * np.pi * 0.3 * time - 0.7) + 0.03
+    pieces = by_period(Samples(time, value), 1.0 / 0.3, 3.0)
+    assert len(pieces) == 6
+    found = lines(pieces, 1.0 / 0.3, np.array([1])).mean
+    assert np.abs(found[0]) == pytest.approx(0.1, rel=1e-12)
+    assert np.angle(found[0]) == pytest.approx(-0.7, rel=1e-12)
+
+
+def test_a_period_with_too_few_samples_is_left_out() -> None:
+    whole = samples(0.02, 60.0)
+    hole = (whole.time > 30.0) & (whole.time < 33.0)
+    value = np.where(hole, np.nan, whole.value)
+    pieces = by_period(Samples(whole.time, value), 20.0, 7.31)
+    assert [round(float(piece.time[0]), 2) for piece in pieces] == [7.31, 47.31]
+    most = Samples(whole.time[:905], whole.value[:905])
+    assert len(by_period(most, 20.0, 7.31)) == 1  # 90 % of a period are enough
+    assert by_period(Samples(whole.time[:890], whole.value[:890]), 20.0, 7.31) == []
+    assert by_period(Samples(whole.time, np.full(3000, np.nan)), 20.0, 7.31) == []
+    with pytest.raises(ValueError, match="no whole period"):
+        lines([], 20.0, SEA.cycles)
+    with pytest.raises(ValueError, match="cannot show"):
+        coefficients(samples(1.0, 20.0), 20.0, SEA.cycles)
+
+
+def test_the_standard_error_is_that_of_many_repetitions() -> None:
+    """White noise of deviation s in n samples gives each part of a line s sqrt(2/n); over 4
+    periods half of it. The mean of the squared errors over lines and 40 tries has 10 000 degrees
+    of freedom: 3 %. And the true error, which the errors claim to tell, agrees with them.
+    """
+    random = np.random.default_rng(1)
+    whole = samples(0.02, 80.0)
+    told, true = [], []
+    for _ in range(40):
+        noisy = Samples(whole.time, whole.value + 0.01 * random.standard_normal(4000))
+        made = lines(by_period(noisy, 20.0, 7.31), 20.0, SEA.cycles)
+        told.append(made.standard_error**2)
+        true.append(np.abs(made.mean - SEA.amplitude * np.exp(1j * SEA.phase)) ** 2 / 2.0)
+    expected = 0.01 * np.sqrt(2.0 / 1000.0) / 2.0
+    assert np.sqrt(np.mean(told)) == pytest.approx(expected, rel=0.05)
+    assert np.sqrt(np.mean(true)) == pytest.approx(expected, rel=0.08)
+
+
+def test_the_mean_period_and_its_error() -> None:
+    pieces = by_period(samples(0.02, 80.0, 5.0), 20.0, 5.0)
+    mean, error = mean_period(pieces, 20.0, 1000)
+    np.testing.assert_allclose(mean, elevation(SEA, 0.02 * np.arange(1000)), atol=1e-12)
+    assert error.max() < 1e-14
+    mean, error = mean_period(pieces[:1], 20.0, 2000)
+    assert np.isnan(mean[1::2]).all()
+    assert np.isfinite(mean[::2]).all()
+    assert np.isnan(error).all()
+
+
+@pytest.mark.parametrize("late", [0.0, 0.001, 0.0137])
+def test_probes_are_read_by_the_age_they_tell(tmp_path: Path, late: float) -> None:
+    """Held for 20 ms and read late, a probe still gives amplitude and phase of when it sampled."""
+    table = calibration(write(tmp_path / "run", rows(late=late)))
+    assert table["probe"].values.tolist() == ["probe_1", "probe_2", "probe_3", "elevation"]
+    assert table["periods"].values.tolist() == [3, 3, 3, 3]
+    for name in ("probe_1", "probe_3", "elevation"):
+        one = table.sel(probe=name)
+        np.testing.assert_allclose(one["amplitude"], SEA.amplitude, rtol=1e-9)
+        np.testing.assert_allclose(wrapped(one["phase"] - SEA.phase), 0.0, atol=1e-9)
+        assert float(one["hm0"]) == pytest.approx(0.2, rel=1e-9)
+        assert float(one["hm0_total"]) == pytest.approx(0.2, rel=1e-9)
+        assert not one["weak"].any()
+    half = table.sel(probe="probe_2")
+    np.testing.assert_allclose(half["amplitude"], 0.5 * SEA.amplitude, rtol=1e-9)
+    turn = 2.0 * np.pi * table["frequency"].values * 0.25
+    np.testing.assert_allclose(wrapped(half["phase"] - SEA.phase + turn), 0.0, atol=1e-9)
+    time = table["time"].values
+    expected = elevation(SEA, time)
+    np.testing.assert_allclose(table["mean_period"].sel(probe="probe_1"), expected, atol=1e-9)
+    np.testing.assert_allclose(
+        table["mean_period"].sel(probe="probe_3"), expected + 0.012, atol=1e-9
+    )
+    assert table.attrs["hm0_asked_m"] == pytest.approx(0.2, rel=1e-12)
+    assert table["amplitude"].attrs["units"] == "m"
+
+
+def test_a_probe_in_a_node_is_told_of_by_the_lines_it_does_not_see(tmp_path: Path) -> None:
+    """Line 3 vanishes, line 5 is a twentieth of what was asked."""
+    factor = np.ones(SEA.cycles.size)
+    factor[3], factor[5] = 0.0, 0.05
+    seen = SEA._replace(amplitude=SEA.amplitude * factor)
+    table = calibration(write(tmp_path / "run", rows(seen, noise=1e-4), plan_of()))
+    weak = table["weak"].sel(probe="probe_1").values
+    assert np.flatnonzero(weak).tolist() == [3, 5]
+    frequency = table["frequency"].values
+    text = next(text for text in findings(table) if text.startswith("probe_1"))
+    assert text.endswith(
+        f"2 lines too weak to divide by ({frequency[3]:.4g}, {frequency[5]:.4g} Hz)"
+    )
+
+
+def test_noise_shows_in_errors_and_in_what_does_not_repeat(tmp_path: Path) -> None:
+    """Noise of rms 12.5 mm on a sea of rms 50 mm: 1/17 of the variance does not repeat, less the
+    little that the mean of three periods takes up.
+    """
+    table = calibration(write(tmp_path / "run", rows(noise=0.0125, seed=3)))
+    one = table.sel(probe="probe_1")
+    share = (float(one["hm0"]) / float(one["hm0_total"])) ** 2
+    assert share == pytest.approx(16.0 / 17.0, abs=0.01)
+    expected = 0.0125 * np.sqrt(2.0 / 1000.0 / 3.0)
+    assert np.sqrt(np.mean(one["amplitude_se"] ** 2)) == pytest.approx(expected, rel=0.35)
+    # 95 % of normal errors are within 2; 17 lines of 4 degrees of freedom each: within 4
+    error = np.abs(one["amplitude"] - SEA.amplitude) / expected
+    assert float(error.max()) < 4.0
+    assert "± 0." in findings(table)[0]
+
+
+def test_a_run_that_was_stopped_keeps_its_whole_periods(tmp_path: Path) -> None:
+    data = rows()
+    cut = data[: round((5.0 + 47.0) / DT)]
+    table = calibration(write(tmp_path / "run", cut))
+    assert table["periods"].values.tolist() == [2, 2, 2, 2]
+    np.testing.assert_allclose(table["amplitude"][0], SEA.amplitude, rtol=1e-9)
+    short = write(tmp_path / "short", data[: round(15.0 / DT)])
+    with pytest.raises(RunError, match="no whole repeat period"):
+        calibration(short)
+    assert [path.name for path in write_products(short)] == ["summary.txt", "summary.json"]
+    assert "no whole repeat period" in as_text(summary_of(short))
+
+
+def test_lost_ticks_cost_no_accuracy(tmp_path: Path) -> None:
+    data = rows(late=0.003)
+    keep = np.random.default_rng(2).uniform(size=len(data)) > 0.01
+    keep[:2] = True
+    table = calibration(write(tmp_path / "run", data[keep]))
+    for name in ("probe_1", "elevation"):
+        np.testing.assert_allclose(table["amplitude"].sel(probe=name), SEA.amplitude, rtol=1e-8)
+
+
+def test_a_single_period_has_no_error(tmp_path: Path) -> None:
+    table = calibration(write(tmp_path / "run", rows(periods=1, noise=1e-3)))
+    assert np.isnan(table["amplitude_se"]).all()
+    assert np.isnan(table["mean_period_se"]).all()
+    assert not table["weak"].any()
+    assert "±" not in findings(table)[0]
+
+
+def test_a_basin_without_probes(tmp_path: Path) -> None:
+    data = rows(kind=BareRow)
+    table = calibration(write(tmp_path / "run", data, kind=BareRow))
+    assert table["probe"].values.tolist() == ["elevation"]
+    data["wave.elevation"] = np.nan  # as on a rig, where nobody knows it
+    with pytest.raises(RunError, match="no whole repeat period"):
+        calibration(write(tmp_path / "real", data, kind=BareRow))
+
+
+def test_another_run_is_no_calibration(tmp_path: Path) -> None:
+    run = write(tmp_path / "run", rows(periods=1), plan_of() | {"device": "present"})
+    with pytest.raises(RunError, match="no wave calibration"):
+        calibration(run)
+
+
+def test_the_products_of_a_run(tmp_path: Path) -> None:
+    run = write(tmp_path / "run", rows(noise=1e-3))
+    made = write_products(run)
+    assert [path.name for path in made] == [
+        "wave_calibration.csv",
+        "wave_calibration.nc",
+        "wave_calibration.png",
+        "summary.txt",
+        "summary.json",
+    ]
+    assert all(path.stat().st_size > 500 for path in made)
+    assert made[2].read_bytes().startswith(b"\x89PNG")
+    with made[0].open() as file:
+        header, *lines_read = csv.reader(file)
+    assert header[:5] == [
+        "cycles",
+        "frequency [Hz]",
+        "asked_amplitude [m]",
+        "asked_phase [rad]",
+        "probe_1_amplitude [m]",
+    ]
+    table = calibration(run)
+    column = header.index("probe_2_phase [rad]")
+    assert [float(line[column]) for line in lines_read] == table["phase"][1].values.tolist()
+    with xarray.open_dataset(made[1]) as read:
+        assert read.equals(table)
+        assert read["frequency"].attrs["units"] == "Hz"
+    text = made[3].read_text()
+    assert "Waves without the device" in text
+    assert re.search(
+        r"probe_1: Hm0 (199.9|200.\d) mm ± 0.\d \([+-]0.\d % of the asked 200.0 mm\)", text
+    )
+    assert "no row was measured" not in text
+    assert "rows complete" not in text
+    said = json.loads(made[4].read_text())
+    assert (said["rows_done"], said["alarms"], len(said["findings"])) == (0, [], 4)
+
+
+def test_a_long_sea_of_many_lines_is_read_in_seconds(tmp_path: Path) -> None:
+    """586 lines of a JONSWAP sea's band over 300 s, with holes: the slow way through."""
+    sea = design(0.05, 2.0, 300.0, rms=0.03, seed=3)
+    time = np.delete(0.02 * np.arange(15_000), [100, 7000, 7001])
+    found = coefficients(Samples(time, elevation(sea, time)), 300.0, sea.cycles)
+    np.testing.assert_allclose(np.abs(found), sea.amplitude, rtol=1e-8)

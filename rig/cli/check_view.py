@@ -20,10 +20,12 @@ MOST_SPRINGS = 12
 MOST_TOLD = 10
 _STATIONS = (("mech 1", "power_mechanical_1"), ("AC", "power_ac"), ("DC", "power_dc"))
 _HIGH = 0.75  # share of a limit from which it is coloured
-_ROW = (
-    ("row", ""), ("spring", "N/m"), ("Kp", "N s/m"), ("Ki", "N/m"), ("x", "m"), ("i", "A"),
-    ("rms", "A"), ("surge", "m"), ("mech 1", "W"), ("mech 2", "W"), ("AC", "W"), ("DC", "W"),
+_BEFORE = (("row", ""), ("spring", "N/m"), ("Kp", "N s/m"), ("Ki", "N/m"))
+_AFTER = (
+    ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"), ("mech 1", "W"), ("mech 2", "W"),
+    ("AC", "W"), ("DC", "W"),
 )  # fmt: skip
+_LEFT_OUT = ("rms", "surge", "mech 2")  # where the terminal is narrow
 _ALSO = {  # columns shown where they change from row to row
     "km": ("Km", "kg"),
     "surge_kp": ("surge Kp", "N s/m"),
@@ -82,7 +84,8 @@ class View:
         )
         for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
             table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        for name, _ in _STATIONS:
+        stations = _STATIONS if self._out.width >= WIDTH else _STATIONS[1:]
+        for name, _ in stations:
             table.add_column(f"best {name}\n", justify="right", no_wrap=True)
         groups = _springs(forecast.rows)
         for rate, rows in groups[:MOST_SPRINGS]:
@@ -92,7 +95,7 @@ class View:
                 str(len(rows)),
                 _range([one.foreseen.position_peak for one in rows], ".3f"),
                 _range([one.foreseen.current_peak for one in rows], ".1f"),
-                *(_best(allowed, field) for _, field in _STATIONS),
+                *(_best(allowed, field) for _, field in stations),
             )
         self._out.print()
         self._out.print(table)
@@ -108,13 +111,16 @@ class View:
             rows = sorted(rows, key=lambda one: -tightest(one.margins).used)[:FEW]
             title = f"The {FEW} of {len(forecast.rows)} rows nearest to a limit"
         table = _table(title, "--rows shows all" if len(rows) < len(forecast.rows) else "")
-        changing = _changing(forecast.rows)
-        for name, unit in (*_ROW[:4], *changing.values(), *_ROW[4:]):
+        columns = [*_BEFORE, *_changing(forecast.rows), *_AFTER]
+        if self._out.width < WIDTH:
+            columns = [(name, unit) for name, unit in columns if name not in _LEFT_OUT]
+        for name, unit in columns:
             table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
         table.add_column("most used\n", no_wrap=True)
         for one in [*(lead_in if self._every_row else []), *rows]:
+            cells = _cells(one)
             style = "red" if one.row.point in refused else ""
-            table.add_row(*_cells(one, tuple(changing)), style=style)
+            table.add_row(*(cells[name] for name, _ in columns), _most_used(one), style=style)
         self._out.print()
         self._out.print(table)
         self._out.print()
@@ -132,10 +138,8 @@ class View:
         self._out.print()
 
     def _verdict(self, forecast: Prediction) -> None:
-        count = len(forecast.refused)
-        if count:
-            points = f"{count} point{'s' if count != 1 else ''}"
-            self._out.print(f"{points} refused: the campaign cannot be run", style="bold red")
+        if forecast.refused:
+            self._out.print("the campaign cannot be run", style="bold red")
         else:
             self._out.print("the campaign can be run", style="bold green")
 
@@ -155,38 +159,40 @@ def _table(title: str, caption: str) -> Table:
     )
 
 
-def _changing(rows: Iterable[RowPrediction]) -> dict[str, tuple[str, str]]:
+def _changing(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
     """The columns beside spring, Kp and Ki that are not the same in all rows."""
     settings = [one.row.setting for one in rows]
-    return {
-        name: told
+    return [
+        told
         for name, told in _ALSO.items()
         if len({getattr(setting, name) for setting in settings}) > 1
+    ]
+
+
+def _cells(one: RowPrediction) -> dict[str, str]:
+    """What a row's line says, by column."""
+    found, setting = one.foreseen, one.row.setting
+    return {
+        "row": str(one.row.row) if one.row.row >= 0 else "lead-in",
+        "spring": f"{setting.spring_rate:g}",
+        "Kp": f"{setting.kp:g}",
+        "Ki": f"{setting.ki:g}",
+        **{told: f"{getattr(setting, name):g}" for name, (told, _) in _ALSO.items()},
+        "x": f"{found.position_peak:.3f}",
+        "i": f"{found.current_peak:.1f}",
+        "rms": f"{found.current_rms:.1f}",
+        "surge": f"{found.surge_position_peak:.3f}",
+        "mech 1": f"{found.power_mechanical_1:.1f}",
+        "mech 2": f"{found.power_mechanical_2:.1f}",
+        "AC": f"{found.power_ac:.1f}",
+        "DC": f"{found.power_dc:.1f}",
     }
 
 
-def _cells(one: RowPrediction, also: tuple[str, ...]) -> list[Text | str]:
-    found, setting = one.foreseen, one.row.setting
-    name = str(one.row.row) if one.row.row >= 0 else "lead-in"
+def _most_used(one: RowPrediction) -> Text:
     most = tightest(one.margins)
-    used = f"{most.limit.name} {100.0 * min(most.used, 99.0):.0f} %"
     style = "red" if most.broken else "yellow" if most.used >= _HIGH else ""
-    return [
-        name,
-        f"{setting.spring_rate:g}",
-        f"{setting.kp:g}",
-        f"{setting.ki:g}",
-        *(f"{getattr(setting, column):g}" for column in also),
-        f"{found.position_peak:.3f}",
-        f"{found.current_peak:.1f}",
-        f"{found.current_rms:.1f}",
-        f"{found.surge_position_peak:.3f}",
-        f"{found.power_mechanical_1:.1f}",
-        f"{found.power_mechanical_2:.1f}",
-        f"{found.power_ac:.1f}",
-        f"{found.power_dc:.1f}",
-        Text(used, style=style),
-    ]
+    return Text(f"{most.limit.name} {100.0 * min(most.used, 99.0):.0f} %", style=style)
 
 
 def _springs(rows: Iterable[RowPrediction]) -> list[tuple[float, list[RowPrediction]]]:

@@ -53,16 +53,22 @@ def conducts(drive: Drive, motor: Motor, force: Floats, velocity: Floats) -> Flo
     return np.where(little & (np.abs(velocity) < drive.rests_below), 0.0, 1.0)
 
 
-def granted(drive: Drive, motor: Motor, most: float, demand: Floats, velocity: Floats) -> Floats:
-    """Force that limits, gating and bus leave of a demand, N; ``most`` (A) is the peak allowed."""
-    force = np.clip(demand, -most * motor.newtons_per_ampere, most * motor.newtons_per_ampere)
-    if np.any(drive.ceiling < NO_CEILING):
-        left = np.maximum(drive.ceiling - motor.back_emf * np.abs(velocity), 0.0)
-        largest = motor.back_emf * left / motor.resistance
-        force = np.clip(force, -largest, largest)
+def commanded(drive: Drive, motor: Motor, most: float, demand: Floats, velocity: Floats) -> Floats:
+    """Force that current limit and gating leave of a demand, N; ``most`` (A) is the peak allowed."""
+    largest = most * motor.newtons_per_ampere
+    force = np.clip(demand, -largest, largest)
     if np.any(drive.rests_below > 0.0):
         force = force * conducts(drive, motor, demand, velocity)
     return force
+
+
+def granted(drive: Drive, motor: Motor, command: Floats, velocity: Floats) -> Floats:
+    """Force that the bus voltage leaves of a commanded one, N."""
+    if not np.any(drive.ceiling < NO_CEILING):
+        return command
+    left = np.maximum(drive.ceiling - motor.back_emf * np.abs(velocity), 0.0)
+    largest = motor.back_emf * left / motor.resistance
+    return np.clip(command, -largest, largest)
 
 
 def stations(

@@ -12,9 +12,9 @@ class Foreseen(NamedTuple):
     position_rms: float  # m
     stroke: float  # m, from lowest to highest
     velocity_peak: float  # m/s
-    force_peak: float  # N, demanded
+    force_peak: float  # N, commanded
     force_rms: float  # N
-    current_peak: float  # A, what the demand takes
+    current_peak: float  # A, what the demand takes before it is cut
     current_rms: float  # A
     current_held: float  # A, highest rms as the limiter averages it
     power_mechanical_1: float  # W, absorbed is negative
@@ -38,4 +38,4 @@ class Foreseen(NamedTuple):
     decay: float  # s, of its slowest mode
     surge_spectral_radius: float | None  # None: the surge drive is off
     surge_gain_margin: float | None
-    settled: bool  # the motion was found to within 1e-4 of its rms
+    settled: bool  # the motion was found to within 1 % of its rms

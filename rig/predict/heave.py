@@ -12,7 +12,7 @@ from rig.predict import electrics, loop, passive, plant, sampled
 from rig.predict.axis import body_lines, peak
 from rig.predict.grid import Floats, record
 from rig.predict.sampled import Poles
-from rig.predict.steady import CLOSE, System, steady
+from rig.predict.steady import SETTLED, System, steady
 from rig.predict.subject import Subject, law_of, switching
 
 
@@ -20,7 +20,7 @@ class Heave(NamedTuple):
     """Heave of every row, one entry a row; ``dc`` is rows by samples."""
 
     columns: dict[str, Floats]  # by the names of `rig.predict.foreseen.Foreseen`
-    settled: list[bool]  # the motion was found to within `CLOSE`
+    settled: list[bool]  # the motion was found to within `SETTLED`
     dc: Floats  # W, into the drive
 
 
@@ -48,7 +48,8 @@ def heave_of(
         return held + passive.drag_force(axis.hull.quadratic, v)
 
     def granted(demand: Floats, x: Floats, v: Floats) -> Floats:
-        return electrics.granted(drive, motor, axis.most, demand, v)
+        command = electrics.commanded(drive, motor, axis.most, demand, v)
+        return electrics.granted(drive, motor, command, v)
 
     system = System(
         body_lines(axis, on)[None, :],
@@ -64,16 +65,17 @@ def heave_of(
     between = between - axis.drivetrain * v
     seen = record(on, loop.estimated(axis.timing, on.omega).velocity * motion.lines)
     power = electrics.stations(drive, motor, motion.motor, motion.demand, v, between, seen)
-    current = motion.demand / axis.newtons_per_ampere
+    command = electrics.commanded(drive, motor, axis.most, motion.demand, v)
+    current = command / axis.newtons_per_ampere
     rms_time = subject.campaign.limits.heave.current_rms_time_s
     columns = {
         "position_peak": peak(x),
         "position_rms": _rms(x),
         "stroke": np.ptp(x, axis=1),
         "velocity_peak": peak(v),
-        "force_peak": peak(motion.demand),
-        "force_rms": _rms(motion.demand),
-        "current_peak": peak(current),
+        "force_peak": peak(command),
+        "force_rms": _rms(command),
+        "current_peak": peak(motion.demand) / axis.newtons_per_ampere,
         "current_rms": _rms(current),
         "current_held": electrics.held(on.step, current, rms_time),
         "power_mechanical_1": power.mechanical_1,
@@ -83,7 +85,7 @@ def heave_of(
         "voltage_need": electrics.need(motor, v, motion.demand).max(axis=1),
         "voltage_given": drive.ceiling[:, 0],
     }
-    return Heave(columns, (motion.change < CLOSE).tolist(), power.dc_record)
+    return Heave(columns, (motion.change < SETTLED).tolist(), power.dc_record)
 
 
 def heave_poles(subject: Subject, settings: Sequence[Setting], stator: Sequence[float]) -> Poles:

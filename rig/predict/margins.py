@@ -59,8 +59,9 @@ class Margin(NamedTuple):
 
     @property
     def near(self) -> bool:
-        """True close to a limit that stops the rig, short of breaking it."""
-        return not self.broken and self.limit.effect == "stop" and self.used >= NEAR
+        """True close to a limit that stops the rig or makes it unstable, short of breaking it."""
+        grave = self.limit.effect == "stop" or self.limit in (LOOP, SURGE_LOOP)
+        return not self.broken and grave and self.used >= NEAR
 
 
 def _limit(

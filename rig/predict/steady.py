@@ -33,6 +33,7 @@ Granted = Callable[[Floats, Floats, Floats], Floats]
 """Force granted (N) of demands (N), positions and velocities, rows by samples."""
 
 CLOSE = 1e-4  # of the motion's rms: what one more round changes at most
+SETTLED = 0.01  # of it: what the last round may still change of a motion that counts as found
 MOST_ROUNDS = 60
 TINY = 1e-30
 

@@ -113,6 +113,8 @@ def _said(margins: Iterable[Margin], places: Places, row: CampaignRow) -> list[s
 def _unstable(margin: Margin) -> str:
     axis = "surge" if margin.limit is SURGE_LOOP else "heave"
     stable = "not stable at lower gains either"
+    if not margin.broken:
+        return f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times its gains"
     if margin.predicted > 0.0:
         stable = f"stable up to {margin.predicted:.3g} times these gains"
     return f"the sampled {axis} loop is unstable, {stable}"

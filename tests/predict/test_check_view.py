@@ -39,6 +39,14 @@ def test_the_default_campaign_fits_into_100_columns() -> None:
     assert "8 of 66 rows" in text
 
 
+def test_a_narrow_terminal_gets_fewer_columns_not_cut_ones() -> None:
+    text = shown(CONFIGS / "campaigns" / "default.yaml", width=80)
+    table = text[text.index("Predicted, by") :]
+    assert max(len(line.rstrip()) for line in table.splitlines()) <= 80
+    assert "\N{HORIZONTAL ELLIPSIS}" not in table
+    assert "surge" not in table
+
+
 def test_every_row_is_shown_when_asked(tmp_path: Path) -> None:
     gains = [(STIFF, -1000.0 - 100.0 * i, 0.0) for i in range(12)]
     path = campaign_file(tmp_path, sea=SEA, matrix=rows(*gains))
@@ -54,7 +62,8 @@ def test_refused_rows_and_limits_are_shown_whole(tmp_path: Path) -> None:
     text = shown(path)
     (problem,) = predicted(path).refused
     assert problem.text() in text  # one line, to be copied
-    assert "1 point refused: the campaign cannot be run" in text
+    assert "refused: 1" in text
+    assert "the campaign cannot be run" in text
 
 
 def test_columns_that_change_are_shown(tmp_path: Path) -> None:

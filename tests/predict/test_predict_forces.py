@@ -66,7 +66,8 @@ def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> 
     force, v = F[None, :], 0.2 * V[None, :]
     on = electrics.conducts(drive, motor, force, v)
     assert 0.0 < on.mean() < 1.0
-    held = electrics.granted(drive, motor, 40.0, force, v)
+    command = electrics.commanded(drive, motor, 40.0, force, v)
+    held = electrics.granted(drive, motor, command, v)
     power = electrics.stations(drive, motor, held, force, v, 0.0 * v, v)
     for i in range(F.size):
         current = force[0, i] / motor.newtons_per_ampere

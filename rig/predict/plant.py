@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from sim_plant.bus import BusParams
 
 from rig.campaign.settings import Setting
 from rig.predict import electrics
@@ -17,6 +16,7 @@ from rig.predict.passive import Friction, Spring
 from rig.predict.sampled import Body
 from sim_plant import building, magnetic_spring
 from sim_plant.body import BodyParams
+from sim_plant.bus import BusParams
 from sim_plant.custom_drive import DriveSettings, InverterParams
 from sim_plant.parameters import Plant
 from sim_plant.wavebot import WaveBotParams

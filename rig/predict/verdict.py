@@ -114,7 +114,9 @@ def _unstable(margin: Margin) -> str:
     axis = "surge" if margin.limit is SURGE_LOOP else "heave"
     stable = "not stable at lower gains either"
     if not margin.broken:
-        return f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times its gains"
+        return (
+            f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times these gains"
+        )
     if margin.predicted > 0.0:
         stable = f"stable up to {margin.predicted:.3g} times these gains"
     return f"the sampled {axis} loop is unstable, {stable}"

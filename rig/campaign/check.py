@@ -78,6 +78,7 @@ class Report(NamedTuple):
         lines = [
             f"campaign  {file.name} on {self.campaign.rig.name}, {self.campaign.rig.rate_hz} Hz",
             f"sea       {file.sea.words()}{seed}",
+            *([] if file.reference is None else [f"reference {file.reference.words()}"]),
             f"rows      {rows}",
             f"measured  {measured}, {planned.phases.measure:.6g} s in all",
             f"duration  {_duration(planned.duration)}{waits}; "

@@ -90,7 +90,7 @@ LAWS = {
         impedance, impedance.Params(0.1, ONE), impedance.start(ONE), of_impedance
     ),
     "impedance, three sections": Law(
-        impedance, impedance.Params(0.1, THREE, 0.7), impedance.start(THREE), of_impedance
+        impedance, impedance.Params(0.1, THREE), impedance.start(THREE), of_impedance
     ),
     "reference": Law(open_loop, open_loop.Params(TABLE, 0.05), open_loop.start(), of_reference),
     "reference, none": Law(

@@ -291,11 +291,11 @@ def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() ->
         state, command, words = wavebot.control(
             own, state, sense, motion, place, guard, setpoint, DT
         )
-        kp, ki, _ = words[0].demand
+        kp, ki, _, _ = words[0].demand
         assert (kp, ki) == pytest.approx((table.kp[setpoint], table.ki[setpoint]))
         assert command.spring.rate == table.spring_rate[setpoint]
         assert state.setpoint == setpoint
-        assert state.gains == (table.kp[setpoint], table.ki[setpoint])
+        assert state.gains == (table.kp[setpoint], table.ki[setpoint], 0.0)
 
 
 def test_a_start_with_the_first_set_point_uses_it_at_once() -> None:

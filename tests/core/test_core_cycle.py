@@ -230,7 +230,7 @@ def test_outside_run_and_its_stops_the_law_asks_for_nothing() -> None:
     """It starts afresh there, so the gains of a later start grow from zero."""
     made = run(BENCH, bench_params(), bench(wave(20.0)))
     idle = [row for row in made.rows if row.safety.mode in (OFF, ENABLING, STOP_0)]
-    assert {tuple(row.axis.demand) for row in idle} == {(0.0, 0.0, 0.0)}
+    assert {tuple(row.axis.demand) for row in idle} == {(0.0, 0.0, 0.0, 0.0)}
     first = next(row for row in made.rows if row.safety.mode == RUN)
     ramp = AXIS.law.ramp / 0.001
     assert first.axis.demand.kp == pytest.approx(GAINS.kp[0] / ramp)

@@ -86,7 +86,7 @@ def test_a_large_block_is_cut_into_chunks(tmp_path: Path) -> None:
 
 def test_a_block_is_taken_whole_or_not_at_all(tmp_path: Path) -> None:
     out = files.writer(tmp_path / "run.mcap")
-    with pytest.raises(ValueError, match="are not whole rows of 472 bytes"):
+    with pytest.raises(ValueError, match="are not whole rows of 480 bytes"):
         out.append(files.rows(2).tobytes()[:-1])
     bad = files.rows(3)
     bad["time"][2] = np.nan
@@ -211,6 +211,6 @@ def test_giving_up_leaves_a_readable_file(tmp_path: Path) -> None:
     out.append(files.rows(100).tobytes())
     out.flush()
     out.append(files.rows(100, 100).tobytes())
-    assert out.pending >= 100 * 472
+    assert out.pending >= 100 * 480
     out.close()
     assert runs.salvage(out.path).last_tick == 99

@@ -135,7 +135,14 @@ def at_of_run(known: Known, run: str | None, day: str | None) -> At:
         if not digits.isdecimal():
             raise ValueError(f"{run!r} is no run; allowed as 24 or MASK4_024")
         number = int(digits)
-    return At(series, number, date.fromisoformat(day) if day is not None else None)
+    return At(series, number, _day(day) if day is not None else None)
+
+
+def _day(text: str) -> date:
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"{text!r} is no date; allowed as 2023-09-26") from None
 
 
 def apply_to_log(

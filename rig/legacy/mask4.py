@@ -118,8 +118,8 @@ def _remarks(
     if found.end is None:
         said.append("no end mark (Kp = -999): the old scripts took data to the end of the file")
     if found.after:
-        said.append(f"{len(found.after)} rows after the end mark: never reached, left out")
+        said.append(f"rows after the end mark: {len(found.after)}, never reached, left out")
     driving = [lines[i] for i in found.rows if values[i][kp] > 0.0]
     if driving:
-        said.append(f"Kp > 0 drives the body: lines {', '.join(map(str, driving))}")
+        said.append(f"Kp > 0 drives the body, line {', '.join(map(str, driving))}")
     return said

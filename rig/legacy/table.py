@@ -8,7 +8,6 @@ import csv
 import io
 import math
 import re
-import struct
 import warnings
 import zipfile
 import zlib
@@ -18,6 +17,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
 from rig.config.problems import ConfigError, Problem, shown, value_text
+from rig.legacy import matlab
 
 MOST_ROWS = 10_000
 MOST_COLUMNS = 100
@@ -226,45 +226,19 @@ def _value(cell: object) -> object:
 
 
 def _matrix(path: Path, data: bytes, name: str | None) -> tuple[Row | None, list[Row]]:
-    import numpy as np  # noqa: PLC0415
-    from scipy.io import loadmat  # noqa: PLC0415
-    from scipy.io.matlab import MatReadError  # noqa: PLC0415
-
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            found: dict[str, Any] = loadmat(io.BytesIO(data), mat_dtype=True)
-    except NotImplementedError:
-        message = "a MATLAB 7.3 file is not read; save it with -v7"
-        raise _refused(path, message) from None
-    except (
-        *(MatReadError, OSError, EOFError, MemoryError, OverflowError, struct.error, zlib.error),
-        *(KeyError, ValueError, TypeError, IndexError, AttributeError, UnboundLocalError),
-    ) as error:
-        raise _refused(path, f"not readable as a MATLAB file: {error}") from None
-    full = {
-        key: value
-        for key, value in found.items()
-        if not key.startswith("__")
-        and isinstance(value, np.ndarray)
-        and value.ndim == 2
-        and value.size
-        and value.dtype.kind in "fiu"
-    }
-    if name is not None:
-        full = {key: value for key, value in full.items() if key == name}
+        found = matlab.load(data)
+    except ValueError as error:
+        raise _refused(path, str(error)) from None
+    full = {key: rows for key, rows in found.matrices.items() if name in (None, key)}
     if len(full) != 1:
-        there = ", ".join(key for key in found if not key.startswith("__")) or "nothing"
+        there = ", ".join(found.names) or "nothing"
         said = f"{len(full)} numeric matrices" if name is None else f"no numeric matrix {name!r}"
         message = f"{said} among {there}; name one (a MATLAB table is none: save table2array)"
         raise _refused(path, message)
     array = next(iter(full.values()))
-    if array.shape[1] > MOST_COLUMNS:
-        raise _refused(path, f"{array.shape[1]} columns; allowed at most {MOST_COLUMNS}")
-    rows = (Row(i, tuple(map(float, values))) for i, values in enumerate(array.tolist(), start=1))
-    names = found.get("columns")
-    header = None
-    if isinstance(names, np.ndarray) and names.dtype.kind in "OU":
-        words = [str(np.asarray(cell).reshape(-1)[0]) for cell in names.reshape(-1) if len(cell)]
-        header = Row(1, tuple(words))
-    return header, _bounded(path, rows)
+    if len(array[0]) > MOST_COLUMNS:
+        raise _refused(path, f"{len(array[0])} columns; allowed at most {MOST_COLUMNS}")
+    names = found.texts.get("columns")
+    header = Row(1, tuple(names)) if names else None
+    return header, _bounded(path, (Row(i, tuple(row)) for i, row in enumerate(array, start=1)))

@@ -1,4 +1,4 @@
-"""MASK4 gain matrices, read with every helper row accounted for.
+"""MASK4 gain matrices, read with every auxiliary row accounted for.
 
 The load row, the hold row, the doubled rows at a change of the spring rate and the end mark are
 recognised and reported. None of them is ever among the rows that are commanded.

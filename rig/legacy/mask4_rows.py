@@ -1,4 +1,4 @@
-"""The helper rows of a MASK4 gain matrix: found, and put in. Pure functions over rows of floats.
+"""The auxiliary rows of a MASK4 gain matrix: found, and put in. Pure functions over rows of floats.
 
 MASK4 report (Sandia), 3.2.3: a first row held for about 5 s loads the set; a second, identical to
 the third, is held until 120 s; where the spring rate changes, the new combination stands twice,
@@ -64,7 +64,7 @@ def structure(rows: Sequence[Values], kp: int, spring: int, lead: int | None = N
 
 
 def wrapped(rows: Sequence[Values], kp: int, ki: int, spring: int) -> tuple[Values, ...]:
-    """The rows with all helper rows around them: `structure` finds exactly ``rows`` again.
+    """The rows with all auxiliary rows around them: `structure` finds exactly ``rows`` again.
 
     No row may have Kp = -999. The load row differs from the first row, because the change loads
     the set; it absorbs no less than nothing and is never the end mark. The end row keeps the

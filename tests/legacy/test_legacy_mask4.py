@@ -1,4 +1,4 @@
-"""MASK4 gain matrices: every helper row found and none of them commanded; read(write(x)) == x."""
+"""MASK4 gain matrices: every auxiliary row found and none of them commanded; read(write(x)) == x."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ def matrices(draw: st.DrawFn) -> Matrix:
 
 @settings(max_examples=300, deadline=None)
 @given(matrices())
-def test_helper_rows_are_found_again(matrix: Matrix) -> None:
+def test_auxiliary_rows_are_found_again(matrix: Matrix) -> None:
     played = wrapped(matrix.rows, kp=1, ki=2, spring=0)
     found = structure(played, kp=1, spring=0)
     assert tuple(played[i] for i in found.rows) == matrix.rows

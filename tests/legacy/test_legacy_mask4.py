@@ -1,4 +1,4 @@
-"""MASK4 gain matrices: every auxiliary row found and none of them commanded; read(write(x)) == x."""
+"""MASK4 gain matrices: auxiliary rows found and never commanded; read(write(x)) == x."""
 
 from __future__ import annotations
 

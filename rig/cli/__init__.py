@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from rig.cli import calibration, matrix, testlog
+
 app = typer.Typer(
     name="rig",
     no_args_is_help=True,
@@ -92,3 +94,8 @@ def plot(
     from rig.cli.plot import main
 
     sys.exit(main(run, runs, fields or [], rows or [], output, as_json=json))
+
+
+app.command("matrix")(matrix.command)
+app.command("testlog")(testlog.command)
+app.add_typer(calibration.app)

@@ -8,7 +8,7 @@ the first time for as long as the stator moves; Kp = -999 ends the matrix.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rig.config.matrix import END_MARK
+from rig.config.columns import END_MARK
 
 Values = tuple[float, ...]
 

@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.matrix import END_MARK, Combination
+from rig.config.columns import END_MARK
+from rig.config.matrix import Combination
 from rig.config.problems import ConfigError, Problem, number_text, shown
 from rig.config.ranges import allowed
 from rig.legacy.columns import KI, KP, MASK4, NEEDED, SPRING, by_header

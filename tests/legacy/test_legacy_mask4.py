@@ -191,6 +191,16 @@ def test_a_lead_that_is_long_is_never_commanded() -> None:
 
 number = st.floats(-1e4, 1e4).filter(lambda x: x != -999.0)
 gain = st.floats(-2e4, 0).filter(lambda x: x != -999.0) | st.sampled_from([0.0, -1998.0, -998.0])
+# Within what a campaign takes; every other column takes any number.
+bounded = {
+    "surge_kp_n_s_per_m": st.floats(-2e4, 0),
+    "surge_ki_n_per_m": st.floats(-3e4, 0),
+    "bus_voltage_v": st.floats(20, 150),
+    "switching_period_s": st.floats(2e-5, 1e-3),
+    "hysteresis_a": st.floats(0.1, 10),
+    "velocity_threshold_m_per_s": st.floats(0, 1),
+    "discharge_level": st.integers(0, 15).map(float),
+}
 extra = st.lists(st.sampled_from(ORDER[3:-1]), unique=True)
 
 
@@ -199,7 +209,9 @@ def matrices(draw: st.DrawFn) -> Matrix:
     names = draw(extra)
     columns = tuple(name for name in ORDER if name in (*ORDER[:3], *names))
     springs = draw(st.lists(number, min_size=1, max_size=3))
-    row = st.tuples(st.sampled_from(springs), gain, number, *(number for _ in names))
+    row = st.tuples(
+        st.sampled_from(springs), gain, number, *(bounded[name] for name in ORDER if name in names)
+    )
     rows = draw(st.lists(row, min_size=1, max_size=12))
     again = draw(st.lists(st.integers(1, 3), min_size=len(rows), max_size=len(rows)))
     repeated = [row for row, times in zip(rows, again, strict=True) for _ in range(times)]

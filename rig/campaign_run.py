@@ -3,13 +3,13 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
-from rig import provenance, safety
+from rig import process, provenance, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, resolved
 from rig.config.sea import RegularSea
@@ -47,10 +47,13 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
     measured so far is kept.
     """
-    with _interrupts(view) as asked:
+    with _interrupts(view) as asked, ExitStack() as locks:
         started = datetime.now(UTC)
-        lock = create.hold_realtime(campaign.file.name) if real_clock else None
+        realtime = -1
+        if real_clock:
+            realtime = locks.enter_context(create.hold_realtime(campaign.file.name)).fileno()
         folder = create.make(runs, campaign.file.name, started)
+        held = locks.enter_context(create.hold_run(folder))
         _write_start(folder, campaign, plan, started)
         run = Run(
             Setup(
@@ -65,12 +68,12 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
                 folder,
                 ATTACHED,
                 RUNG,
+                held.fd,
+                realtime,
             )
         )
         outcome = run.supervise(_shown(view), asked)
         trouble = _close_folder(folder, campaign, plan, outcome, started)
-    if lock is not None:
-        lock.close()
     return Ended(folder, outcome, trouble)
 
 
@@ -101,6 +104,7 @@ def _close_folder(
         "status": outcome.status,
         "reason": outcome.reason,
         "ticks": outcome.ticks,
+        "last_tick": outcome.last_row.get("tick"),
         "skipped": outcome.skipped,
         "dropped_rows": outcome.dropped,
         "unsaved_rows": outcome.unsaved,
@@ -127,13 +131,8 @@ def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> 
         "rows_planned": len(plan.rows),
         "started_utc": started.isoformat(),
         "pid": os.getpid(),
-        "pid_started": _process_start(),
+        "pid_started": process.started(os.getpid()),
     }
-
-
-def _process_start() -> int:
-    """When this process started, in clock ticks since boot: with the pid it names one process."""
-    return int(Path("/proc/self/stat").read_text().rsplit(")", 1)[1].split()[19])
 
 
 def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> None:

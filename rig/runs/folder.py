@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig import process
 from rig.log import CLOCK, START_KEY
 from rig.runs.mcap_file import Contents, RunError, scan
 
@@ -160,20 +161,19 @@ def _count(value: Any) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def _alive(pid: int, started: int) -> bool:
-    """Whether the process that began at ``started`` (field 22 of /proc/PID/stat) still runs."""
-    try:
-        told = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return False
-    return int(told[19]) == started and told[0] not in ("Z", "X")
+def supervised(status: dict[str, Any]) -> bool | None:
+    """Whether the supervisor named in a run's status still lives; None if none is named."""
+    pid, started = status.get("pid"), status.get("pid_started")
+    if not isinstance(pid, int) or not isinstance(started, int):
+        return None
+    return process.started(pid) == started
 
 
 def _abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:
     """Whether a run that is listed as running has nobody left to end it."""
-    pid, started = status.get("pid"), status.get("pid_started")
-    if isinstance(pid, int) and isinstance(started, int):
-        return not _alive(pid, started)
+    lives = supervised(status)
+    if lives is not None:
+        return not lives
     try:
         return bool(mcaps) and all(scan(p).finished for p in mcaps)
     except (RunError, OSError):

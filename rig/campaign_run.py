@@ -15,7 +15,7 @@ from rig.campaign import Campaign, Plan, resolved
 from rig.config.sea import RegularSea
 from rig.rehearsal import job
 from rig.runs import RunError, create, join
-from rig.runs.folder import MCAP, STATUS, files
+from rig.runs.folder import MCAP, PROGRESS, STATUS, files
 from rig.supervisor import Outcome, Run, Setup, Snapshot
 from rig.wavebot import KIND
 
@@ -117,6 +117,7 @@ def _close_folder(
         trouble.append(str(error))
     try:
         create.write_json(folder, STATUS, status)
+        (folder / PROGRESS).unlink(missing_ok=True)
     except OSError as error:
         trouble.append(str(error))
     return "; ".join(trouble)

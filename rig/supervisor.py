@@ -18,7 +18,7 @@ from rig.child import Child
 from rig.loop_process import Job
 from rig.mailbox import Mailbox, Request
 from rig.record import layout, leaves
-from rig.runs.create import ending, write_json
+from rig.runs.create import ending, note_progress, write_json
 from rig.runs.folder import MCAP
 from rig.safety import Reason
 
@@ -112,11 +112,11 @@ class Run:
                 logger = self._look_after_log(logger, loop)
                 if self._lost and not loop.alive():
                     break
-                watch(self._snapshot())
+                self._show(watch)
                 time.sleep(POLL)
         finally:
             self._lay_to_rest(loop, logger)
-        watch(self._snapshot())
+        self._show(watch)
         return self._outcome(loop)
 
     def _ask(self, request: int) -> None:
@@ -232,10 +232,12 @@ class Run:
         """The logger has ended without having brought its file to an end."""
         return logger.process.returncode not in (None, 0) and not self._lost
 
-    def _snapshot(self) -> Snapshot:
-        return Snapshot(
-            self._latest(), self._ring.dropped, self._ring.head - self._ring.tail, self._trouble
-        )
+    def _show(self, watch: Callable[[Snapshot], None]) -> None:
+        row = self._latest()
+        if row:
+            note_progress(self._setup.folder, int(row["tick"]), int(row["timing.skipped"]))
+        behind = self._ring.head - self._ring.tail
+        watch(Snapshot(row, self._ring.dropped, behind, self._trouble))
 
     def _latest(self) -> dict[str, float | int]:
         packed = self._ring.latest()

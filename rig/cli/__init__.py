@@ -50,6 +50,31 @@ def check(
     sys.exit(main(campaign, as_json=json))
 
 
+_RECOVER = """Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is
+finished, but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is
+still being written, the disk is full, or what was written could not be read back; 2 no such run, or
+nothing in it is readable."""
+
+
+@app.command(epilog=_RECOVER)
+def recover(
+    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to write (default: run.mcap in the run)."),
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Finish the record of a run that was killed, and say exactly what is missing.
+
+    What the crash left stays as it is; the new file is read back with the stock MCAP library.
+    """
+    from rig.cli.recover import main
+
+    sys.exit(main(run, runs, output, as_json=json))
+
+
 @app.command("runs")
 def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
     """List the runs there are, newest first."""

@@ -18,7 +18,9 @@ from rig.log import CLOCK, START_KEY
 from rig.runs.mcap_file import Contents, RunError, scan
 
 MCAP = "run.mcap"
+RECOVERED = "run.recovered.mcap"  # in the place of a run.mcap that is torn
 STATUS = "run.json"
+PROGRESS = "progress.json"  # newest tick while a run goes on
 CONFIG = "config.json"
 _GONE = "its supervisor is gone and left no ending"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
@@ -27,19 +29,27 @@ _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 def files(run: str | os.PathLike[str]) -> list[Path]:
     """The MCAP files of a run in the order of time; RunError if there are none.
 
-    A folder holds ``run.mcap``, or the parts that a killed logger and its successors left.
+    A folder holds ``run.mcap``, or the parts that a killed logger and its successors left; what
+    was recovered stands before what it was recovered from.
     """
     path = Path(run)
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise RunError(f"{path}: no such run")
-    if (path / MCAP).is_file():
-        return [path / MCAP]
-    parts = {int(m[1]): p for p in path.iterdir() if (m := _PART.fullmatch(p.name))}
-    if not parts:
+    for whole in (path / RECOVERED, path / MCAP):
+        if whole.is_file():
+            return [whole]
+    found = parts(path)
+    if not found:
         raise RunError(f"{path}: no {MCAP} and no part of one")
-    return [parts[number] for number in sorted(parts)]
+    return found
+
+
+def parts(folder: Path) -> list[Path]:
+    """The parts of a record that loggers left in a run's folder, in the order of time."""
+    found = {int(m[1]): p for p in folder.iterdir() if (m := _PART.fullmatch(p.name))}
+    return [found[number] for number in sorted(found)]
 
 
 def attachments(run: str | os.PathLike[str]) -> dict[str, bytes]:

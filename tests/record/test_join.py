@@ -1,5 +1,6 @@
 """Killed writers: what was flushed is there, parts join to one file, failure is said."""
 
+import json
 import random
 import signal
 import subprocess
@@ -97,7 +98,11 @@ def test_parts_join_without_doubles_and_gaps_are_told(tmp_path: Path) -> None:
     assert not joined.clean
     ticks = np.concatenate([block["tick"] for block in blocks(scan(joined.path))])
     assert ticks.tolist() == [*range(1700), *range(1750, 2050)]
-    assert runs.attachments(joined.path) == {"plan.json": b"{}", "status.json": b"new"}
+    inside = runs.attachments(joined.path)
+    told = json.loads(inside.pop("recovery.json"))
+    assert inside == {"plan.json": b"{}", "status.json": b"new"}
+    assert told["parts"] == [part.name for part in (first, second, third)]
+    assert (told["rows"], told["absent_ticks"]) == (2000, [[1700, 1749]])
     assert scan(joined.path).metadata["run"] == {"run": "test"}
     assert not list(tmp_path.glob("*.joining"))
 

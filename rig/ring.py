@@ -218,6 +218,17 @@ class Reader(_End):
                 return row
         return None
 
+    def kept(self) -> bytes:
+        """The newest rows that are still in memory, oldest first, for a bystander.
+
+        Of a ring that nobody writes any more; of a living one the oldest may be overwritten.
+        """
+        size, capacity, head = self.row_size, self.capacity, self.head
+        split = _HEADER + (head % capacity) * size
+        if head < capacity:
+            return self._map[_HEADER:split]
+        return self._map[split : _HEADER + capacity * size] + self._map[_HEADER:split]
+
     def _check(self, block: bytes) -> None:
         words, step = memoryview(block).cast("q"), self.row_size // 8
         if words[::step].tolist() != words[step - 1 :: step].tolist():

@@ -141,7 +141,7 @@ class LiveRun:
             env={**os.environ, **(env or {})},
         )
         self._ring: Reader | None = None
-        self._known: dict[int, str] = {}
+        self.known: dict[int, str] = {}  # children seen so far: process id and module
 
     def __enter__(self) -> "LiveRun":
         return self
@@ -152,11 +152,11 @@ class LiveRun:
         value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._know()
+        self.children()
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
-        for pid, module in self._known.items():
+        for pid, module in self.known.items():
             if _runs(pid, module):  # the number may have gone to another process
                 os.kill(pid, signal.SIGKILL)
         self._words.close()
@@ -169,11 +169,16 @@ class LiveRun:
         assert self._ring is not None
         return self._ring
 
+    def try_ring(self) -> Reader | None:
+        """The run's ring if there is one yet."""
+        if self._ring is None:
+            self._ring = ring_of(self.process.pid)
+        return self._ring
+
     def _look(self) -> bool:
         if self.process.poll() is not None:
             raise TimeOutError(f"the run ended at once: {self.last_words()}")
-        self._ring = ring_of(self.process.pid)
-        return self._ring is not None
+        return self.try_ring() is not None
 
     def wait_started(self) -> Peek:
         """Wait for the first tick."""
@@ -184,7 +189,7 @@ class LiveRun:
             return self.ring.head > 0
 
         wait_until(started, "the first tick", every=0.002)
-        self._know()
+        self.children()
         return self.peek()
 
     def peek(self) -> Peek:
@@ -205,14 +210,15 @@ class LiveRun:
 
         wait_until(look, f"a process of {module}", every=0.01)
         assert found is not None
-        self._known[found] = module
+        self.known[found] = module
         return found
 
-    def _know(self) -> None:
-        for module in (LOOP, LOGGER):
-            pid = child(self.process.pid, module)
-            if pid is not None:
-                self._known[pid] = module
+    def children(self) -> dict[str, int]:
+        """Process ids of loop and logger by module, of those that live."""
+        found = {module: child(self.process.pid, module) for module in (LOOP, LOGGER)}
+        ours = {module: pid for module, pid in found.items() if pid is not None}
+        self.known.update({pid: module for module, pid in ours.items()})
+        return ours
 
     def stop(self) -> None:
         """Ask for the power to be taken off at once: the second request overrides the first."""

@@ -2,33 +2,25 @@
 
 import random
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from benchmarks.support.kills import ALL, SUPERVISOR, Fate, killed, plans
+from benchmarks.support.kills import ALL, SUPERVISOR, Fate, plans, soak
 from benchmarks.support.live import wait_realtime_free
-from benchmarks.support.recorded import campaign_file
 from benchmarks.support.result import Figure, Result, figure
 
 SECONDS_LOST = 1.0
 DICE = 20_240_601  # who is killed when follows from it
-WORKERS = 2  # runs at a time; each pair of places is used one run after the other
+WORKERS = 2  # runs at a time, each worker with a real-time place of its own
 WHOM = ("logger", "loop", SUPERVISOR, ALL)
 
 
 def fates(folder: Path, each: int, latest: float) -> list[Fate]:
     """``each`` kills of every kind within ``latest`` s of a run's first tick, start or restart."""
-    campaign, dice = campaign_file(folder, 120.0), random.Random(DICE)
+    dice = random.Random(DICE)
     todo = [kill for who in WHOM for kill in plans(dice, each, (who,), latest)]
     dice.shuffle(todo)
     wait_realtime_free()
-
-    def one(number: int) -> Fate:
-        place = folder / f"place{number % WORKERS}"
-        return killed(campaign, place, todo[number], real_clock=True)
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(one, range(len(todo))))
+    return soak(folder, todo, real_clock=True, workers=WORKERS)
 
 
 def figures(who: str, found: list[Fate]) -> list[Figure]:

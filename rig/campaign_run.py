@@ -197,7 +197,7 @@ def _join_parts(folder: Path) -> None:
 
 @contextmanager
 def _interrupts(view: View) -> Iterator[Callable[[], int]]:
-    """Ctrl-C and termination become requests while this is open; gives what is asked so far."""
+    """Ctrl-C, termination and a closed terminal become requests; gives what is asked so far."""
     count = 0
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -212,7 +212,10 @@ def _interrupts(view: View) -> Iterator[Callable[[], int]]:
     def asked() -> int:
         return (safety.REQUEST_NONE, safety.REQUEST_STOP, safety.REQUEST_ABORT)[min(count, 2)]
 
-    before = {n: signal.signal(n, interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
+    asking = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it
+        asking.append(signal.SIGHUP)
+    before = {number: signal.signal(number, interrupt) for number in asking}
     try:
         yield asked
     finally:

@@ -192,8 +192,8 @@ class Log:
 
 def main() -> None:
     """Run the job on standard input."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends when the rows end
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # it ends when the rows end
+        signal.signal(number, signal.SIG_IGN)
     job: Job = handover.loads(Job, sys.stdin.read())
     sys.exit(Log(job).run())
 

@@ -39,7 +39,8 @@ REFUSED = 77  # exit code: the host did not grant what the rig file requires
 
 def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
     """Run the job on standard input with the devices that ``connect(config, dt)`` makes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
+        signal.signal(number, signal.SIG_IGN)
     job: Job = handover.loads(Job, sys.stdin.read(), rig=kind.params_type)
     mailbox = Mailbox(job.mailbox, Request)
     terminated = False

@@ -11,6 +11,7 @@ import random
 import signal
 import time
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +27,7 @@ from benchmarks.support.live import (
     running,
     wait_until,
 )
+from benchmarks.support.recorded import campaign_file
 from rig.record import leaves
 from rig.ring import Reader
 from rig.runs import RunError, create, mcap_file
@@ -75,6 +77,20 @@ def plans(dice: random.Random, kills: int, whom: tuple[str, ...], latest: float)
     return made
 
 
+def soak(folder: Path, todo: list[Kill], *, real_clock: bool, workers: int) -> list[Fate]:
+    """Do all this, shared among so many workers; each does its share one run after the other."""
+    campaign = campaign_file(folder, 120.0 if real_clock else 1200.0)
+
+    def share(number: int) -> list[Fate]:
+        place = folder / f"worker{number}"
+        return [
+            killed(campaign, place, kill, real_clock=real_clock) for kill in todo[number::workers]
+        ]
+
+    with ThreadPoolExecutor(workers) as pool:
+        return [fate for fates in pool.map(share, range(workers)) for fate in fates]
+
+
 class _Witness:
     """Looks on from outside."""
 
@@ -117,9 +133,12 @@ def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fat
     env = {MARK: token, "TMPDIR": str(place)}
     with live_run(campaign, runs, real_clock=real_clock, env=env) as run:
         witness = _Witness(run)
-        if not kill.starting:
-            run.wait_started()
-        due, stopping = _strike(run, witness, kill, token)
+        try:
+            if not kill.starting:
+                run.wait_started()
+            due, stopping = _strike(run, witness, kill, token)
+        except TimeOutError as error:
+            return Fate(kill, 0, 0, 0.0, 0.0, (str(error),))
         run.process.wait()
         wrong = [*_left_over(run, token), *_locked(runs, place)]
         return _held_against(witness, runs, kill, due, stopping, wrong, real_clock)

@@ -12,12 +12,11 @@ import secrets
 import tempfile
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from benchmarks.support.kills import SUPERVISOR, Fate, Kill, killed, plans
+from benchmarks.support.kills import SUPERVISOR, Fate, plans, soak
 from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
 from rig.runs.create import BusyError, hold_realtime
@@ -25,17 +24,6 @@ from rig.runs.create import BusyError, hold_realtime
 SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
 VIRTUAL, REAL = 16, 4  # kills; 200 of them: python -m benchmarks crash
 PATIENCE = 60.0  # s that somebody else's real-time run is waited for
-
-
-def soak(folder: Path, todo: list[Kill], *, real_clock: bool, workers: int) -> list[Fate]:
-    campaign = campaign_file(folder, 120.0 if real_clock else 1200.0)
-
-    def one(number: int) -> Fate:
-        place = folder / f"worker{number % workers}"
-        return killed(campaign, place, todo[number], real_clock=real_clock)
-
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(one, range(len(todo))))
 
 
 def judge(fates: list[Fate], kills: int) -> None:

@@ -54,6 +54,58 @@ def check(
     sys.exit(main(campaign, as_json=json))
 
 
+_DOCTOR = """Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not
+fit, the verdict says why; 2 bad input."""
+
+
+@app.command(epilog=_DOCTOR)
+def doctor(
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure, twice.")
+    ] = 5.0,
+    rehearsal: Annotated[
+        bool, typer.Option("--rehearsal", help="The exit code is about rehearsals only.")
+    ] = False,
+    rate: Annotated[
+        float, typer.Option("--rate", min=10, max=10_000, help="Rate of the loop, Hz.")
+    ] = 1000.0,
+    hours: Annotated[
+        float, typer.Option("--hours", min=0, max=1000, help="Hours of log to have room for.")
+    ] = 8.0,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Say whether this host is fit for real time on a rig, and what to do about it if not."""
+    from rig.cli.doctor import main
+
+    sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json))
+
+
+_RECOVER = """Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is
+finished, but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is
+still being written, the disk is full, or what was written could not be read back; 2 no such run, or
+nothing in it is readable."""
+
+
+@app.command(epilog=_RECOVER)
+def recover(
+    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to write (default: run.mcap in the run)."),
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Finish the record of a run that was killed, and say exactly what is missing.
+
+    What the crash left stays as it is; the new file is read back with the stock MCAP library.
+    """
+    from rig.cli.recover import main
+
+    sys.exit(main(run, runs, output, as_json=json))
+
+
 @app.command("runs")
 def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
     """List the runs there are, newest first."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from calibration_files import CALIBRATIONS, calibration
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from rig.calibration import At, OutsideError, apply, corrected, invert, open_history, recorded

@@ -209,9 +209,8 @@ def matrices(draw: st.DrawFn) -> Matrix:
     names = draw(extra)
     columns = tuple(name for name in ORDER if name in (*ORDER[:3], *names))
     springs = draw(st.lists(number, min_size=1, max_size=3))
-    row = st.tuples(
-        st.sampled_from(springs), gain, number, *(bounded[name] for name in ORDER if name in names)
-    )
+    extras = (bounded[name] for name in columns[3:])
+    row = st.tuples(st.sampled_from(springs), gain, number, *extras)
     rows = draw(st.lists(row, min_size=1, max_size=12))
     again = draw(st.lists(st.integers(1, 3), min_size=len(rows), max_size=len(rows)))
     repeated = [row for row, times in zip(rows, again, strict=True) for _ in range(times)]

@@ -17,16 +17,17 @@ the excess, the whole memory is scaled down, never past zero:
 
     s <- lambda s,    lambda = max(0, 1 + (dt / TRACKING) short / w)    if short w < 0, else 1
 
-This is back-calculation (Astrom and Hagglund, Advanced PID Control, section 3.5) acting on the
-memory alone. It can do no harm whatever the limits do: (1) the memories that velocities of at most
-V can reach are a convex set around zero, so a memory scaled down is still one of them: no force
-arises that the filter alone could not give for velocities of that size. (2) If Z_c is passive, it
-has a quadratic storage function, which falls with the square of lambda: it stays passive.
-(3) While all is granted, nothing is done: the same bits.
+This is back-calculation (Astrom and Hagglund, PID Controllers, 1995, section 3.5) acting on the
+memory alone. It can do no harm whatever the limits do: (1) the memories that velocities of at
+most V can reach are a convex set around zero, so a memory scaled down is still one of them: no
+force arises that the filter alone could not give for velocities of that size. (2) If Z_c is
+passive, it has a quadratic storage function, which falls with the square of lambda: it stays
+passive. (3) While all is granted, nothing is done: the same bits.
 
 Bad input: NaN or infinity in motion, gains or reference give a force that is not finite, which the
 limits turn into a stop; in Z_c's memory it stays until the law starts afresh. A ``short`` that is
-NaN does nothing, an infinite one at most empties the memory.
+NaN does nothing, an infinite one at most empties the memory. One call is one period of the
+sections: ticks that were lost are not made up for.
 """
 
 from typing import NamedTuple
@@ -46,7 +47,7 @@ class Params(NamedTuple):
 
     ramp: Second  # time a change of gains takes
     sections: tuple[Biquad, ...] = ()  # Z_c, N*s/m, for one tick period; none: Z_c = 0
-    share: float = 1.0  # 1, 0..1, of Z_c v in the force; a stop sets 0 to ramp it out
+    share: float = 1.0  # 1 (0 to 1), of Z_c v in the force; a stop sets 0 to ramp it out
 
 
 class State(NamedTuple):
@@ -61,7 +62,7 @@ class State(NamedTuple):
 
 
 def start(sections: tuple[Biquad, ...] = ()) -> State:
-    """State at switch-on for a Z_c: all gains zero, so the first force is zero but for a ramp."""
+    """State at switch-on for these sections: no gain, no share, so the force grows from zero."""
     none = ramp_start(0.0)
     return State(none, none, none, none, biquads.start(sections), Gains(0.0, 0.0, 0.0))
 

@@ -44,8 +44,8 @@ class Setup(NamedTuple):
     folder: Path
     attachments: tuple[str, ...]  # JSON files of the folder that go into the MCAP file
     rung: str
-    folder_lock: int  # file descriptor: held as long as anything of the run lives
-    realtime_lock: int  # file descriptor: held as long as the loop lives; -1 if there is none
+    folder_lock: int = -1  # file descriptor, held as long as anything of the run lives; -1: none
+    realtime_lock: int = -1  # file descriptor, held as long as the loop lives; -1: none
 
 
 class Snapshot(NamedTuple):
@@ -199,7 +199,7 @@ class Run:
             patience=DISK_PATIENCE,
         )
         errors = setup.folder / "logger.stderr"
-        fds = (self._ring_fd, setup.folder_lock)
+        fds = (self._ring_fd, *_held(setup.folder_lock))
         return Child("rig.logger", handover.dumps(job), fds, errors)
 
     def _start_loop(self) -> Child:
@@ -214,8 +214,7 @@ class Run:
             params=setup.params,
             devices=json.dumps(setup.devices),
         )
-        locks = (fd for fd in (setup.folder_lock, setup.realtime_lock) if fd >= 0)
-        fds = (self._ring_fd, self._mail_fd, *locks)
+        fds = (self._ring_fd, self._mail_fd, *_held(setup.folder_lock, setup.realtime_lock))
         return Child(setup.loop_module, handover.dumps(job), fds, setup.folder / "loop.stderr")
 
     def _listen(self, loop: Child) -> None:
@@ -269,6 +268,10 @@ class Run:
 
 
 _RANK = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
+
+
+def _held(*locks: int) -> tuple[int, ...]:
+    return tuple(fd for fd in locks if fd >= 0)
 
 
 class _Progress:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from rig.calibration.correction import At, OutsideError, corrected, holds
 from rig.calibration.files import CalibrationFile, Offset, Scale, Table
-from rig.calibration.run_folders import Stood
+from rig.calibration.sources import Stood
 
 
 class Changed(NamedTuple):

@@ -18,7 +18,7 @@ from rig.calibration import (
     recorded,
 )
 from rig.calibration.diff import Changed, Difference, difference
-from rig.calibration.run_folders import Stood, in_log, in_runs
+from rig.calibration.sources import Stood, in_log, in_runs
 from rig.cli.refusal import REFUSED, refuse
 from rig.config.problems import number_text
 from rig.legacy.testlog import read_log

@@ -79,7 +79,7 @@ def spring_calibration(folder: Path, series: str) -> "Known | None":
 def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
     """An entry's spring rate as a calibration reads it."""
     from rig.calibration import corrected
-    from rig.calibration.run_folders import at_of
+    from rig.calibration.sources import at_of
 
     if entry.spring is None or known is None:
         return None

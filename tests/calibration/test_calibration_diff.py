@@ -13,7 +13,7 @@ from calibration_files import CALIBRATIONS, calibration
 
 from rig.calibration import At, open_history
 from rig.calibration.diff import NoComparisonError, difference
-from rig.calibration.run_folders import PRODUCTS, Stood, in_log, in_runs
+from rig.calibration.sources import PRODUCTS, Stood, in_log, in_runs
 from rig.legacy.testlog import read_log
 
 LOG = Path(__file__).resolve().parents[3] / "shared" / "data" / "MASK4_testlog.xlsx"

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
+import pkgutil
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -137,3 +140,14 @@ def test_broken_chains_are_told_where_they_break(tmp_path: Path) -> None:
     ):
         assert said in problem[3]
     assert "no such folder" in told(lambda: open_history(tmp_path / "none"))[0][3]
+
+
+@pytest.mark.parametrize("name", ["rig.calibration", "rig.legacy.testlog"])
+def test_no_module_hides_what_its_package_offers(name: str) -> None:
+    """A module of the same name takes the place of a function as soon as somebody imports it."""
+    package = importlib.import_module(name)
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{name}.{module.name}")
+    offered = {word: getattr(package, word) for word in package.__all__}
+    assert [word for word, what in offered.items() if isinstance(what, ModuleType)] == []
+    assert not {module.name for module in pkgutil.iter_modules(package.__path__)} & set(offered)

@@ -4,8 +4,8 @@ What the sheet says plainly becomes a value. Everything else becomes a remark th
 and quotes it; nothing is filled in by guess.
 """
 
-from rig.legacy.testlog.links import Links, Repeat, links
 from rig.legacy.testlog.read import Log, read_log
+from rig.legacy.testlog.relations import Links, Repeat, links
 from rig.legacy.testlog.words import (
     Activity,
     Amplitude,

@@ -55,7 +55,7 @@ bench: setup
 	$(BIN)/python -m benchmarks
 
 constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
-	$(BIN)/uv pip compile --quiet --all-extras --upgrade --no-header --no-annotate \
+	$(BIN)/uv pip compile --quiet --extra dev --upgrade --no-header --no-annotate \
 	  pyproject.toml --output-file constraints.txt
 
 clean:

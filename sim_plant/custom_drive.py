@@ -1,10 +1,33 @@
-"""The custom motor drive: what may be set during a run."""
+"""The custom drive: an inverter with settable modulation and switching; losses, limit. Pure.
+
+P_loss = fixed + [on] (a f s u + h r u² + (c + b f s u)|i| + q i²), u = V/V0, f in kHz: switching
+loss, ripple loss, conduction and switching loss per ampere, resistance. s and h belong to the
+modulation scheme; the hysteresis scheme switches at V/(4 L tolerance).
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant.units import Ampere, Code, Second, Volt
+from sim_plant.units import (
+    Ampere,
+    Code,
+    Kilohertz,
+    KilohertzPerVolt,
+    MetrePerSecond,
+    Ohm,
+    Ratio,
+    Second,
+    Volt,
+    VoltSecondPerMetre,
+    Watt,
+    WattPerAmpere,
+    WattPerAmpereKilohertz,
+    WattPerAmpereSquared,
+    WattPerKilohertz,
+)
+
+SVPWM, SINE_TRIANGLE, DPWM, HYSTERESIS = 0, 1, 2, 3
 
 
 class DriveSettings(NamedTuple):
@@ -18,8 +41,27 @@ class DriveSettings(NamedTuple):
 
 
 # Allowed range of each setting, ends included.
-LOWEST = DriveSettings(0, 20.0, 2.0e-5, 0.05, 0)
-HIGHEST = DriveSettings(3, 180.0, 1.0e-3, 10.0, 15)
+LOWEST = DriveSettings(SVPWM, 30.0, 2.0e-5, 0.05, 0)
+HIGHEST = DriveSettings(HYSTERESIS, 180.0, 1.0e-3, 10.0, 15)
+
+
+class InverterParams(NamedTuple):
+    """Loss and modulation constants under the present settings."""
+
+    fixed_loss: Watt  # logic: drawn with the power stage on or off
+    switching_loss: WattPerKilohertz
+    ripple_loss: Watt  # times the scheme's h
+    conduction_loss: WattPerAmpere
+    switching_linear_loss: WattPerAmpereKilohertz
+    square_loss: WattPerAmpereSquared
+    rated_voltage: Volt  # V0
+    frequency: Kilohertz  # part that does not depend on the bus voltage
+    frequency_per_volt: KilohertzPerVolt
+    switching_share: Ratio  # s of the scheme
+    modulation: Ratio  # largest phase-to-phase rms over bus voltage, of the scheme
+    back_emf: VoltSecondPerMetre  # sqrt(3/2) Kt N
+    resistance: Ohm  # of a winding
+    drive_current: Ratio  # drive current over two-port current: sqrt(3/2)
 
 
 def check(settings: DriveSettings) -> None:
@@ -32,3 +74,34 @@ def check(settings: DriveSettings) -> None:
     ]
     if wrong:
         raise ValueError("; ".join(wrong))
+
+
+def loss(params: InverterParams, voltage: Volt, current: Ampere, on: int) -> Watt:
+    """Give the loss between the drive's DC and AC terminals at a bus voltage, W.
+
+    `on` is 1 while the power stage switches; off, only the fixed part is drawn.
+    """
+    if on == 0:
+        return params.fixed_loss
+    part = voltage / params.rated_voltage
+    frequency = params.frequency + params.frequency_per_volt * voltage
+    switched = frequency * params.switching_share * part
+    size = abs(current)
+    per_ampere = (
+        params.conduction_loss + params.switching_linear_loss * switched + params.square_loss * size
+    )
+    standing = params.switching_loss * switched + params.ripple_loss * part * part
+    return params.fixed_loss + standing + per_ampere * size
+
+
+def ceiling(params: InverterParams, voltage: Volt, velocity: MetrePerSecond) -> Ampere:
+    """Give the largest drive current that the bus voltage can push, A, not negative.
+
+    The motor needs |94.27 v| + R |i| (two-port quantities, magnitudes in both quadrants) and the
+    modulation gives a share of the bus voltage. Above the no-load speed there is no torque at all:
+    the freewheeling diodes' uncontrolled rectification is not modelled.
+    """
+    left = params.modulation * voltage - params.back_emf * abs(velocity)
+    if not left > 0.0:
+        return 0.0
+    return params.drive_current * left / params.resistance

@@ -13,6 +13,7 @@ from sim_plant.units import (
     Metre,
     Newton,
     NewtonPerMetre,
+    NewtonPerMetrePercent,
     Percent,
     PercentPerSecond,
     Radian,
@@ -37,10 +38,11 @@ class SpringParams(NamedTuple):
 
 
 class StatorState(NamedTuple):
-    """Where the stator is, what rate acts there, and whether it has arrived."""
+    """Where the stator is, what rate acts there, how it changes, and whether it has arrived."""
 
     position: Percent
     rate: NewtonPerMetre  # table rate times effect
+    slope: NewtonPerMetrePercent  # of the acting rate over stator position
     arrived: Flag
 
 
@@ -58,6 +60,31 @@ def table_rate(params: SpringParams, stator: Percent) -> NewtonPerMetre:
             rise = params.rates[i + 1] - params.rates[i]
             return params.effect * (params.rates[i] + share * rise)
     return params.effect * params.rates[last]
+
+
+def table_slope(params: SpringParams, stator: Percent) -> NewtonPerMetrePercent:
+    """Give how the acting rate changes with stator position, N/m/%: the derivative of table_rate.
+
+    At a station it is the mean of both sides (a central difference of the table); at the ends, and
+    beyond them, that of the outermost stretch.
+    """
+    last = len(params.stations) - 1
+    total = 0.0
+    sides = 0.0
+    for i in range(last):
+        low, high = params.stations[i], params.stations[i + 1]
+        inside = low <= stator <= high
+        if inside or (i == 0 and stator < low) or (i == last - 1 and stator > high):
+            total = total + (params.rates[i + 1] - params.rates[i]) / (high - low)
+            sides = sides + 1.0
+    if not sides > 0.0:
+        return 0.0
+    return params.effect * total / sides
+
+
+def stator_at(params: SpringParams, stator: Percent) -> StatorState:
+    """Give the state of a stator that stands at a position."""
+    return StatorState(stator, table_rate(params, stator), table_slope(params, stator), 1)
 
 
 def rotor_angle(params: SpringParams, position: Metre) -> Radian:
@@ -92,9 +119,9 @@ def stator_step(
         arrived = 1 if position == target else 0
         if arrived == state.arrived:
             return state  # at rest: the rate stands, no table look-up
-        return StatorState(position, state.rate, arrived)
+        return StatorState(position, state.rate, state.slope, arrived)
     if enable == 0:
-        return StatorState(position, state.rate, 0)
+        return StatorState(position, state.rate, state.slope, 0)
     reach = params.speed * dt
     goal = min(max(target, params.stations[0]), params.stations[len(params.stations) - 1])
     gap = goal - position
@@ -104,4 +131,4 @@ def stator_step(
         position = position + reach
     else:
         position = position - reach
-    return StatorState(position, table_rate(params, position), 0)
+    return StatorState(position, table_rate(params, position), table_slope(params, position), 0)

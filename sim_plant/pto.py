@@ -15,6 +15,7 @@ from sim_plant.units import (
     Newton,
     NewtonPerAmpere,
     NewtonSecondPerMetre,
+    Ratio,
     Watt,
     WattPerNewtonSquared,
 )
@@ -27,6 +28,7 @@ class PtoParams(NamedTuple):
     copper: WattPerNewtonSquared  # R / (3/2 Kt² N²)
     viscous: NewtonSecondPerMetre
     coulomb: Newton
+    guide: Ratio  # Coulomb friction per lateral force that the heave guide carries
     coulomb_velocity: MetrePerSecond  # width of the regularised sign
 
 
@@ -43,12 +45,13 @@ def copper_loss(params: PtoParams, force: Newton) -> Watt:
     return params.copper * force * force
 
 
-def friction(params: PtoParams, velocity: MetrePerSecond) -> Newton:
-    """Give the drivetrain friction on the body: -(B v + F_c tanh(v/v_c)). N.
+def friction(params: PtoParams, velocity: MetrePerSecond, lateral: Newton) -> Newton:
+    """Give the drivetrain friction on the body: -(B v + (F_c + mu |F_lateral|) tanh(v/v_c)). N.
 
-    tanh instead of sign keeps the force smooth, so the midpoint rule stays second order and a body
-    at rest creeps instead of chattering; v_c is far below the velocities of any measured row.
+    `lateral` is the force that the heave guide carries in surge (N, either sign): what couples
+    surge to heave. tanh instead of sign keeps the force smooth, so the midpoint rule stays second
+    order and a body at rest creeps instead of chattering; v_c is far below the velocities of any
+    measured row.
     """
-    return -(
-        params.viscous * velocity + params.coulomb * math.tanh(velocity / params.coulomb_velocity)
-    )
+    dry = params.coulomb + params.guide * abs(lateral)
+    return -(params.viscous * velocity + dry * math.tanh(velocity / params.coulomb_velocity))

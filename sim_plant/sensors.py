@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_plant.units import Count
+from sim_plant.units import Count, CountPerMetre
 
 NORMALS = 131072  # length of the noise table, a power of two: odd strides visit every entry
 MASK = NORMALS - 1
@@ -24,6 +24,23 @@ class Channel(NamedTuple):
     resolution: float
     stride: int  # odd, different per channel: how it walks through the noise table
     offset: int
+
+
+class SensorParams(NamedTuple):
+    """Scale of the encoders and errors of the analog channels."""
+
+    counts_per_metre: CountPerMetre
+    count_offset: Count
+    surge_offset: Count
+    current: Channel
+    surge_current: Channel
+    string_pot: Channel
+    force_lcb: Channel
+    force_trs: Channel
+    force_slew: Channel
+    force_stator_a: Channel
+    force_stator_b: Channel
+    rotor_angle: Channel
 
 
 def measure(channel: Channel, value: float, tick: int, normals: Sequence[float]) -> float:

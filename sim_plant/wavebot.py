@@ -1,4 +1,4 @@
-"""WaveBot in heave as one pure step: drive, motor, spring, stator, body and power analyser.
+"""WaveBot as one pure step: drives, motors, spring, stator, hull in heave and surge, bus, analyser.
 
 Explicit midpoint rule: at 1 ms the position error is below 3e-6 of the stroke, of second order.
 Force is on the body; absorbed power is negative.
@@ -10,85 +10,24 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from sim_plant import body, drive, magnetic_spring, pto, sensors
+from sim_plant import (
+    body,
+    electrics,
+    magnetic_spring,
+    pto,
+    sensors,
+    stator_force,
+    surge,
+)
 from sim_plant.body import BodyParams, BodyState
-from sim_plant.drive import AnalyserState, DriveParams, DriveState
+from sim_plant.electrics import ElectricsParams, ElectricsState
 from sim_plant.magnetic_spring import SpringParams, StatorState
 from sim_plant.pto import PtoParams
-from sim_plant.sensors import Channel
-from sim_plant.units import (
-    Ampere,
-    Code,
-    Count,
-    CountPerMetre,
-    Flag,
-    Metre,
-    Newton,
-    Percent,
-    Radian,
-    Second,
-    Volt,
-    Watt,
-)
-
-
-class Actuation(NamedTuple):
-    """What the wires bring to the rig."""
-
-    heave_current: Ampere  # commanded drive current, F/(Kt N)
-    heave_enable: Flag  # 1: drive asked to be on
-    stator_target: Percent
-    stator_enable: Flag  # 1: actuator follows its target, 0: holds where it is
-    wave_trigger: Flag  # 1: wave maker runs; its rising edge is t = 0 of the wave clock
-    surge_current: Ampere  # commanded drive current, F/(Kt N)
-    surge_enable: Flag
-    conducting: Flag  # 0: the custom drive's power stage is gated off (no torque)
-
-
-class Readings(NamedTuple):
-    """What the wires bring back: values sampled `delay_ticks` ticks ago."""
-
-    heave_counts: Count  # motor encoder, with an arbitrary starting offset
-    heave_current: Ampere
-    heave_enabled: Flag
-    heave_fault: Code  # 0 none, 1 general, 2 undervoltage, 3 overvoltage
-    surge_counts: Count
-    surge_current: Ampere
-    surge_enabled: Flag
-    surge_fault: Code
-    force_lcb: Newton  # column load cell, force on the body
-    force_trs: Newton  # shaft torque sensor as linear force on the body
-    force_slew: Newton  # spring torque over its 0.254 m lever, positive as it restores
-    force_stator_a: Newton  # axial force of the magnetic spring's stator: A + B
-    force_stator_b: Newton
-    string_pot: Metre  # second, independent heave position
-    rotor_angle: Radian
-    stator_position: Percent
-    stator_arrived: Flag  # 1: at target and at rest
-    power_ac: Watt  # mean over the analyser's own window, absorbed negative
-    power_dc: Watt
-    bus_voltage: Volt
-    analyser_age: Second  # time since the analyser's last value
-    drive_saturated: Flag  # 1: the heave drive gives less current than asked for
-    drive_dump: Code  # mask of the dump resistors that conduct now
-    drive_conducting: Flag  # 1: the heave drive's power stage switches
-    elevation: Metre  # undisturbed at the device (truth)
-    probe_1: Metre  # basin probes: undisturbed plus radiated wave at their places
-    probe_2: Metre
-    probe_3: Metre
-    probe_age: Second  # time since the probes' last sample
-
-
-class SensorParams(NamedTuple):
-    """Scale of the encoder and errors of the analog channels."""
-
-    counts_per_metre: CountPerMetre
-    count_offset: Count
-    current: Channel
-    string_pot: Channel
-    force_lcb: Channel
-    force_trs: Channel
-    rotor_angle: Channel
+from sim_plant.sensors import SensorParams
+from sim_plant.stator_force import StatorForceParams
+from sim_plant.surge import SurgeParams, SurgeState
+from sim_plant.units import Flag, Metre, MetrePerSecond, Newton, Percent, Second
+from sim_plant.words import Actuation, Readings
 
 
 class WaveBotParams(NamedTuple):
@@ -97,38 +36,76 @@ class WaveBotParams(NamedTuple):
     body: BodyParams
     pto: PtoParams
     spring: SpringParams
-    drive: DriveParams
+    stator: StatorForceParams
+    electrics: ElectricsParams
+    surge: SurgeParams
     sensors: SensorParams
+
+
+class Hoist(NamedTuple):
+    """Heave imposed by a hoist during the step to come, and the force it took in the last one."""
+
+    imposed: Flag
+    middle_position: Metre
+    middle_velocity: MetrePerSecond
+    position: Metre  # at the end of the step
+    velocity: MetrePerSecond
+    force: Newton  # on the hull, beside all others
+
+
+class Probes(NamedTuple):
+    """Last sample of the basin probes and its age."""
+
+    one: Metre
+    two: Metre
+    three: Metre
+    age: Second
+
+
+class Excitation(NamedTuple):
+    """Wave excitation on the hull at one tick."""
+
+    heave: Newton
+    surge: Newton
 
 
 class WaveBotState(NamedTuple):
     """Everything the step remembers; `passive` is spring + drivetrain friction at this state."""
 
     body: BodyState
-    drive: DriveState
+    electrics: ElectricsState
     stator: StatorState
-    analyser: AnalyserState
+    surge: SurgeState
     passive: Newton
+    hoist: Hoist
+    probes: Probes
+
+
+STILL = Excitation(0.0, 0.0)
+FREE = Hoist(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NOTHING_SEEN = Probes(0.0, 0.0, 0.0, 0.0)
 
 
 def initial(params: WaveBotParams, stator: Percent, position: Metre) -> WaveBotState:
-    """Give the state at rest at a heave position (m) and a stator position (%), drive off."""
-    rate = magnetic_spring.table_rate(params.spring, stator)
-    loss = params.drive.fixed_loss
+    """Give the state at rest at a heave position (m) and a stator position (%), drives off."""
+    standing = magnetic_spring.stator_at(params.spring, stator)
     return WaveBotState(
         BodyState(position, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
-        DriveState(0.0, 0.0, 0, 0, 0.0, 0.0),
-        StatorState(stator, rate, 1),
-        AnalyserState(0.0, 0.0, 0, 0.0, loss, 0.0),
-        magnetic_spring.force(params.spring, rate, position),
+        electrics.initial(params.electrics),
+        standing,
+        surge.initial(params.surge, 0.0),
+        magnetic_spring.force(params.spring, standing.rate, position),
+        FREE,
+        NOTHING_SEEN,
     )
 
 
 def passive_force(
-    spring: SpringParams, pto_params: PtoParams, rate: float, position: float, velocity: float
+    params: WaveBotParams, rate: float, position: Metre, velocity: MetrePerSecond, lateral: Newton
 ) -> Newton:
     """Give spring plus drivetrain friction, the two forces between TRS and LCB, N on the body."""
-    return magnetic_spring.force(spring, rate, position) + pto.friction(pto_params, velocity)
+    spring = magnetic_spring.force(params.spring, rate, position)
+    return spring + pto.friction(params.pto, velocity, lateral)
 
 
 def step(
@@ -136,34 +113,50 @@ def step(
     state: WaveBotState,
     actuation: Actuation,
     fresh: int,
-    excitation_now: Newton,
-    excitation_next: Newton,
+    now: Excitation,
+    after: Excitation,
     dt: Second,
 ) -> WaveBotState:
     """Advance the rig by dt under a latched actuation and the excitation at both ends.
 
-    `fresh` is 1 if the actuation came since the last step (the drive's watchdog counts its age).
-    Excitation is linear within the step; the motor force is the exact mean of the current loop.
+    `fresh` is 1 if the actuation came since the last step (the drives' watchdogs count its age).
+    Excitation is linear within the step; motor forces are the exact mean of the current loops.
     """
-    start, drive_state, stator_state, analyser_state, passive = state
-    body_params, pto_params, spring_params, drive_params, _ = params
-    current, enable, target, stator_enable, _, _, _, _ = actuation
-    driven = drive.drive_step(drive_params, drive_state, current, enable, fresh, dt)
-    mean_current = driven.mean_current
-    motor = pto_params.force_per_current * mean_current
+    start, electric, stator, lateral, passive, hoist, probes = state
+    current, enable, target, stator_enable, _, surge_current, surge_enable, conducting = actuation
+    driven = electrics.command(
+        params.electrics, electric, current, enable, conducting, fresh, start.velocity, dt
+    )
+    motor = params.pto.force_per_current * driven.mean_current
+    aside = surge.step(
+        params.surge, lateral, surge_current, surge_enable, fresh, now.surge, after.surge, dt
+    )
 
-    applied = excitation_now + motor + passive
-    x, v = body.predict(body_params, start, applied, 0.5 * dt)
-    passive = passive_force(spring_params, pto_params, stator_state.rate, x, v)
-    applied = 0.5 * (excitation_now + excitation_next) + motor + passive
-    end = body.correct(body_params, start, x, v, applied, dt)
+    x, v = body.predict(params.body, start, now.heave + motor + passive, 0.5 * dt)
+    if hoist.imposed == 1:
+        x, v = hoist.middle_position, hoist.middle_velocity
+    guide = 0.5 * (lateral.guide + aside.guide)
+    passive = passive_force(params, stator.rate, x, v, guide)
+    applied = 0.5 * (now.heave + after.heave) + motor + passive
+    end = body.correct(params.body, start, x, v, applied, dt)
+    if hoist.imposed == 1:
+        end, hoist = held(params.body, end, hoist, dt)
 
-    stator = magnetic_spring.stator_step(spring_params, stator_state, target, stator_enable, dt)
-    passive = passive_force(spring_params, pto_params, stator.rate, end.position, end.velocity)
-    power_ac = motor * v + pto_params.copper * motor * motor
-    power_dc = power_ac + drive.drive_loss(drive_params, mean_current)
-    analyser = drive.analyser_step(drive_params, analyser_state, power_ac, power_dc, dt)
-    return WaveBotState(end, driven, stator, analyser, passive)
+    moved = magnetic_spring.stator_step(params.spring, stator, target, stator_enable, dt)
+    passive = passive_force(params, moved.rate, end.position, end.velocity, aside.guide)
+    power_ac = motor * v + pto.copper_loss(params.pto, motor)
+    supplied = electrics.power(params.electrics, electric, driven, conducting, power_ac, dt)
+    one, two, three, age = probes
+    seen = Probes(one, two, three, age + dt)
+    return WaveBotState(end, supplied, moved, aside, passive, hoist, seen)
+
+
+def held(params: BodyParams, free: BodyState, hoist: Hoist, dt: Second) -> tuple[BodyState, Hoist]:
+    """Give the body where the hoist puts it, and the mean force which that took over the step."""
+    imposed, x, v, position, velocity, _ = hoist
+    force = params.inertia * (velocity - free.velocity) / dt
+    there = BodyState(position, velocity, free.z1, free.z2, free.z3, free.z4, free.z5)
+    return there, Hoist(imposed, x, v, position, velocity, force)
 
 
 def sample(
@@ -174,44 +167,45 @@ def sample(
     normals: Sequence[float],
 ) -> Readings:
     """Give what the sensors read at a state; `normals` is the noise table, `tick` its clock."""
-    body_state, drive_state, stator, analyser, passive = state
-    current, _, enabled, fault, _, _ = drive_state
-    stator_position, _, arrived = stator
-    _, _, _, power_ac, power_dc, analyser_age = analyser
-    scale, offset, ammeter, pot, lcb, trs, rotor = params.sensors
-    position = body_state.position
+    hull, electric, stator, lateral, passive, _, probes = state
+    errors, shares = params.sensors, params.stator
+    measure = sensors.measure
+    position, current, analyser = hull.position, electric.drive.current, electric.analyser
     motor = params.pto.force_per_current * current
     angle = params.spring.angle_per_metre * position
+    axial = stator_force.axial_force(shares, stator.rate, stator.slope, angle)
+    axial_a = shares.share_a * axial
+    slew = stator_force.slew_force(shares, stator.rate, angle)
     return Readings(
-        sensors.count(scale, offset, position),
-        sensors.measure(ammeter, current, tick, normals),
-        enabled,
-        fault,
-        0,
-        0.0,
-        0,
-        0,
-        sensors.measure(lcb, motor + passive, tick, normals),
-        sensors.measure(trs, motor, tick, normals),
-        0.0,
-        0.0,
-        0.0,
-        sensors.measure(pot, position, tick, normals),
-        sensors.measure(rotor, angle, tick, normals),
-        stator_position,
-        arrived,
-        power_ac,
-        power_dc,
-        drive.bus_voltage(params.drive, power_dc),
-        analyser_age,
-        0,
-        0,
-        enabled,
+        sensors.count(errors.counts_per_metre, errors.count_offset, position),
+        measure(errors.current, current, tick, normals),
+        electric.drive.enabled,
+        electric.drive.fault,
+        sensors.count(errors.counts_per_metre, errors.surge_offset, lateral.body.position),
+        measure(errors.surge_current, lateral.drive.current, tick, normals),
+        lateral.drive.enabled,
+        lateral.drive.fault,
+        measure(errors.force_lcb, motor + passive, tick, normals),
+        measure(errors.force_trs, motor, tick, normals),
+        measure(errors.force_slew, slew, tick, normals),
+        measure(errors.force_stator_a, axial_a, tick, normals),
+        measure(errors.force_stator_b, axial - axial_a, tick, normals),
+        measure(errors.string_pot, position, tick, normals),
+        measure(errors.rotor_angle, angle, tick, normals),
+        stator.position,
+        stator.arrived,
+        analyser.power_ac,
+        analyser.power_dc,
+        electrics.bus_voltage(params.electrics, electric),
+        analyser.age,
+        electric.drive.saturated,
+        electrics.dump_mask(params.electrics, electric),
+        electrics.conducts(electric),
         elevation,
-        elevation,
-        elevation,
-        elevation,
-        0.0,
+        probes.one,
+        probes.two,
+        probes.three,
+        probes.age,
     )
 
 

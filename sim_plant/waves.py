@@ -21,6 +21,7 @@ Integers = NDArray[np.int64]
 LOWEST = 0.05  # Hz, of a generated spectrum
 HIGHEST = 2.0  # Hz: no excitation above
 LONGEST_REPEAT = 3600  # s
+GRAVITY = 9.81  # m/s2, of the BEM files
 
 
 class Sea(NamedTuple):
@@ -181,17 +182,37 @@ def tables(sea: Sea, bem: Bem, dt: Second) -> WaveTables:
     Raises ValueError if the repeat period is no whole number of dt, or a component is at or above
     half the tick rate. Components above 2 Hz raise the elevation but excite nothing.
     """
+    return WaveTables(elevation_at(sea, 0.0, dt), excitation(sea, bem, dt))
+
+
+def elevation_at(sea: Sea, x: Metre, dt: Second) -> Floats:
+    """Give the undisturbed elevation over one repeat period at a place x along the waves (m).
+
+    Deep water: a component arrives there with the phase k x, k = omega²/g. Raises as `tables`.
+    """
+    omega = 2.0 * np.pi * frequencies(sea)
+    travelled = np.exp(1j * omega**2 / GRAVITY * x)
+    return _synthesis(sea.cycles, sea.amplitude * travelled, _length(sea, dt))
+
+
+def excitation(sea: Sea, bem: Bem, dt: Second) -> Floats:
+    """Give the excitation force over one repeat period in the bem's degree of freedom, N.
+
+    Raises as `tables`.
+    """
+    frequency = frequencies(sea)
+    excites = frequency <= HIGHEST * (1.0 + 1.0e-12)
+    force = np.where(excites, excitation_at(bem, frequency) * sea.amplitude, 0.0)
+    return _synthesis(sea.cycles, force, _length(sea, dt))
+
+
+def _length(sea: Sea, dt: Second) -> int:
     length = round(sea.repeat / dt)
     if length < 1 or abs(length * dt - sea.repeat) > 1.0e-9 * sea.repeat:
         raise ValueError(f"the sea repeats in {sea.repeat} s, no whole number of {dt} s")
     if sea.cycles.size and 2 * int(sea.cycles.max()) >= length:
         raise ValueError(f"the sea has components at or above half the tick rate of {dt} s")
-    frequency = frequencies(sea)
-    excites = frequency <= HIGHEST * (1.0 + 1.0e-12)
-    force = np.where(excites, excitation_at(bem, frequency) * sea.amplitude, 0.0)
-    return WaveTables(
-        _synthesis(sea.cycles, sea.amplitude, length), _synthesis(sea.cycles, force, length)
-    )
+    return length
 
 
 def _synthesis(cycles: Integers, amplitude: Complexes, length: int) -> Floats:

@@ -8,11 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant import body, custom_drive, magnetic_spring, pto, wavebot
+from sim_plant import body, custom_drive, magnetic_spring, pto, wavebot, waves
+from sim_plant.basin import RATE, Basin
 from sim_plant.bem import Bem
+from sim_plant.bus import BusState
 from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
+from sim_plant.prescribed import Profile, taken_up
 from sim_plant.sensors import NORMALS
+from sim_plant.stepper import Start, Stepper
+from sim_plant.surge import SurgeState
 from sim_plant.units import (
     Metre,
     MetrePerSecond,
@@ -21,16 +26,17 @@ from sim_plant.units import (
     NewtonPerMetre,
     Second,
 )
-from sim_plant.wavebot import Actuation, Readings
-from sim_plant.waves import Sea, tables
+from sim_plant.wavebot import FREE, Excitation, Hoist, Probes
+from sim_plant.waves import Sea
+from sim_plant.words import OFF, Actuation, Readings
 
-__all__ = ["Actuation", "DriveSettings", "Readings", "Stepper", "Truth", "World"]
+__all__ = ["OFF", "Actuation", "DriveSettings", "Readings", "Stepper", "Truth", "World"]
 
-OFF = Actuation(0.0, 0, 0.0, 0, 0, 0.0, 0, 1)
+TAKE_UP = 2.0  # s in which a hoist takes the body from where it is into the prescribed motion
 
 
 class Truth(NamedTuple):
-    """What no sensor sees, at the present tick; forces are on the body."""
+    """What no sensor sees, at the present tick; forces are on the body, in heave unless told."""
 
     position: Metre
     velocity: MetrePerSecond
@@ -41,45 +47,18 @@ class Truth(NamedTuple):
     motor: Newton
     spring: Newton
     friction: Newton  # drivetrain
+    hoist: Newton  # mean over the last step
     spring_rate: NewtonPerMetre  # acting table rate
+    surge: SurgeState
+    surge_excitation: Newton
+    bus: BusState  # of the custom drive
     elevation: Metre
     time: Second  # since construction
     wave_clock: Second  # since the trigger's last rising edge; 0 before the first
 
 
-class Stepper:
-    """Moves the plant's state by one tick and samples its sensors; interpreted."""
-
-    def __init__(
-        self, params: wavebot.WaveBotParams, state: wavebot.WaveBotState, normals: list[float]
-    ) -> None:
-        self.params = params
-        self.state = state
-        self._normals = normals
-
-    def advance(
-        self,
-        actuation: Actuation,
-        fresh: int,
-        excitation_now: Newton,
-        excitation_next: Newton,
-        tick: int,
-        elevation: Metre,
-        dt: Second,
-    ) -> Readings:
-        """Step to ``tick`` and give what the sensors read there."""
-        self.state = state = wavebot.step(
-            self.params, self.state, actuation, fresh, excitation_now, excitation_next, dt
-        )
-        return wavebot.sample(self.params, state, tick, elevation, self._normals)
-
-    def readings(self, tick: int, elevation: Metre) -> Readings:
-        """Give what the sensors read at the present state."""
-        return wavebot.sample(self.params, self.state, tick, elevation, self._normals)
-
-
 class World:
-    """A WaveBot in heave.
+    """A WaveBot in its basin, or the empty basin.
 
     Time order of tick k: readings() gives what was sampled at tick k - delay_ticks, actuate()
     latches a command, advance(dt) moves to tick k + 1 under it. From motion to force a loop thus
@@ -91,39 +70,52 @@ class World:
         plant: Plant,
         sea: Sea,
         bem: Bem,
+        surge_bem: Bem,
         *,
         dt: float,
         seed: int,
+        device: bool = True,
         stepper: type[Stepper] = Stepper,
     ) -> None:
         """Raises ValueError if the sea's repeat period is no whole number of dt, or dt > 5 ms.
 
-        ``stepper`` may be another execution of the same step, equal to the bit.
+        ``device=False`` is the empty basin of a wave calibration: waves and probes only, all other
+        readings stand at their resting values. ``stepper`` may be another execution of the same
+        step, equal to the bit.
         """
         if not 0.0 < dt <= 0.005:
             raise ValueError(f"dt must be in (0, 0.005] s, got {dt}")
-        table = tables(sea, bem, dt)
+        table = waves.tables(sea, bem, dt)
         self.params = plant.build()
         self.sea = sea
+        self._plant = plant
         self._dt = dt
         self._elevations: list[float] = table.elevation.tolist()
-        self._excitations: list[float] = table.excitation.tolist()
-        self._length = len(self._excitations)
+        self._heave: list[float] = table.excitation.tolist()
+        self._surge: list[float] = waves.excitation(sea, surge_bem, dt).tolist()
+        self._length = len(self._heave)
         self._ramp = float(plant.waves.onset.value)
         self._ramp_ticks = math.ceil(self._ramp / dt)
-        normals = np.random.default_rng(seed).standard_normal(NORMALS)
+        normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
+        self._basin = Basin(
+            sea, bem, plant.probes(), plant.probe_channel(), normals, dt=dt, device=device
+        )
         start = wavebot.initial(self.params, float(plant.stator.start.value), 0.0)
-        self._stepper = stepper(self.params, start, normals.tolist())
+        self._stepper = stepper(Start(self.params, start, normals, dt))
+        self._device = device
+        self._profile: Profile | None = None
+        self._held_at = 0
         self._actuation = OFF
         self._fresh = 0
         self._tick = 0
+        self._looks = 0  # samples of the probes so far
         self._wave_tick = -1  # -1: the wave maker stands
-        self._wave_clock = 0.0
-        self._excitation = 0.0
+        self._heave_now = self._surge_now = 0.0  # excitation, N
         self._elevation = 0.0
-        first = self._stepper.readings(0, 0.0)
+        self._look(1.0)
+        self._still = self._stepper.readings(0, 0.0)
         delay = plant.sensors.delay_ticks.value
-        self._line: deque[Readings] = deque([first] * (delay + 1), maxlen=delay + 1)
+        self._line: deque[Readings] = deque([self._still] * (delay + 1), maxlen=delay + 1)
 
     def actuate(self, actuation: Actuation) -> None:
         """Latch a command and reset its age; a rising wave_trigger starts the wave clock at 0."""
@@ -133,31 +125,64 @@ class World:
         self._fresh = 1
 
     def configure(self, settings: DriveSettings) -> None:
-        """Set the custom drive; a plant with the commercial drive ignores it.
+        """Set the custom drive, at once; a plant with the commercial drive ignores it.
 
         Raises ValueError naming every setting out of range.
         """
         custom_drive.check(settings)
+        self.params = self._plant.build(settings)
+        self._stepper.params = self.params
+
+    def prescribe(self, profile: Profile) -> None:
+        """Let a hoist impose heave: position and velocity over time since this call.
+
+        The body is taken into the motion within 2 s. All forces act and all sensors read on.
+        """
+        self._held_at = self._tick
+        self._profile = taken_up(profile, *self.motion(), TAKE_UP)
+
+    def motion(self) -> tuple[Metre, MetrePerSecond]:
+        """Give the true heave position and velocity now: the cheap part of `truth`."""
+        return self._stepper.motion()
+
+    def release(self, position: Metre | None = None) -> None:
+        """Let the body go: from where a hoist has it, or at rest from a heave position (m).
+
+        With a position, drives are off, surge stands at its balance and the water is still.
+        """
+        self._profile = None
+        self._stepper.hold(FREE)
+        if position is not None:
+            stator = self._stepper.state.stator.position
+            self._stepper.state = wavebot.initial(self.params, stator, position)
 
     def advance(self, dt: float) -> None:
         """Move one tick on. Raises ValueError for another dt than that of construction."""
         if dt != self._dt:
             raise ValueError(f"this world ticks in {self._dt} s, not {dt} s")
         self._tick = tick = self._tick + 1
-        now = after = self._excitation
-        elevation = self._elevation
+        heave, surge, elevation = self._heave_now, self._surge_now, self._elevation
+        onset = 1.0
         if self._wave_tick >= 0:
             self._wave_tick = wave_tick = self._wave_tick + 1
             index = wave_tick % self._length
-            elevation, after = self._elevations[index], self._excitations[index]
+            elevation = self._elevations[index]
+            heave, surge = self._heave[index], self._surge[index]
             if wave_tick < self._ramp_ticks:
                 onset = wavebot.wave_ramp(wave_tick * dt, self._ramp)
-                elevation, after = onset * elevation, onset * after
-            self._elevation, self._excitation = elevation, after
-        self._line.append(
-            self._stepper.advance(self._actuation, self._fresh, now, after, tick, elevation, dt)
-        )
+                elevation, heave, surge = onset * elevation, onset * heave, onset * surge
+            self._elevation, self._heave_now, self._surge_now = elevation, heave, surge
+        if self._profile is not None:
+            self._impose(self._profile)
+        stepper = self._stepper
+        if self._device:
+            read = stepper.advance(self._actuation, self._fresh, heave, surge, tick, elevation)
+        else:
+            read = self._empty(elevation)
+        self._line.append(read)
         self._fresh = 0
+        if tick >= self._next_look:
+            self._look(onset)
 
     def readings(self) -> Readings:
         """Give the values sampled delay_ticks ago."""
@@ -166,32 +191,55 @@ class World:
     def truth(self) -> Truth:
         """Give the true motion and forces now, for tests and comparison with estimates."""
         params, state = self.params, self._stepper.state
-        motor = pto.motor_force(params.pto, state.drive.current)
-        applied = self._excitation + motor + state.passive
+        hull, driven = state.body, state.electrics.drive
+        motor = pto.motor_force(params.pto, driven.current)
+        applied = self._heave_now + motor + state.passive + state.hoist.force
         return Truth(
-            state.body.position,
-            state.body.velocity,
-            body.acceleration(params.body, state.body, applied),
-            self._excitation,
-            body.radiation(params.body, state.body),
-            body.drag(params.body, state.body.velocity),
+            hull.position,
+            hull.velocity,
+            body.acceleration(params.body, hull, applied),
+            self._heave_now,
+            body.radiation(params.body, hull),
+            body.drag(params.body, hull.velocity),
             motor,
-            magnetic_spring.force(params.spring, state.stator.rate, state.body.position),
-            pto.friction(params.pto, state.body.velocity),
+            magnetic_spring.force(params.spring, state.stator.rate, hull.position),
+            pto.friction(params.pto, hull.velocity, state.surge.guide),
+            state.hoist.force,
             state.stator.rate,
+            state.surge,
+            self._surge_now,
+            state.electrics.bus,
             self._elevation,
             self._tick * self._dt,
             max(self._wave_tick, 0) * self._dt,
         )
 
-    def release(self, position: Metre) -> None:
-        """Hold the body at a heave position (m) and let it go: start of a free decay."""
-        stator = self._stepper.state.stator.position
-        self._stepper.state = wavebot.initial(self.params, stator, position)
+    def _impose(self, profile: Profile) -> None:
+        end = (self._tick - self._held_at) * self._dt
+        middle = profile(end - 0.5 * self._dt)
+        self._stepper.hold(Hoist(1, *middle, *profile(end), 0.0))
+
+    def _look(self, onset: float) -> None:
+        """Sample the probes; the rig sees the sample one tick later."""
+        _, velocity = self._stepper.motion()
+        one, two, three = self._basin.sample(self._wave_tick, onset, velocity)
+        self._seen = Probes(one, two, three, 0.0)
+        self._stepper.see(self._seen)
+        self._looks += 1
+        self._next_look = math.ceil(self._looks / (RATE * self._dt) - 1.0e-6)
+
+    def _empty(self, elevation: Metre) -> Readings:
+        """Give what is read with no device in the basin."""
+        one, two, three, age = self._seen
+        self._seen = Probes(one, two, three, age + self._dt)
+        return self._still._replace(
+            elevation=elevation, probe_1=one, probe_2=two, probe_3=three, probe_age=age + self._dt
+        )
 
     def _switch_waves(self, trigger: int) -> None:
         """Start the waves at t = 0 of their clock, or still the water at once."""
         self._wave_tick = 0 if trigger == 1 else -1
         onset = wavebot.wave_ramp(0.0, self._ramp) * trigger
         self._elevation = onset * self._elevations[0]
-        self._excitation = onset * self._excitations[0]
+        self._heave_now, self._surge_now = onset * self._heave[0], onset * self._surge[0]
+        self._stepper.excitation = Excitation(self._heave_now, self._surge_now)

@@ -1,6 +1,6 @@
 """The plant's step, compiled: the same functions, the same bits, less time.
 
-The interpreted plant costs as much as the loop it is there to exercise.
+The interpreted plant costs more than the loop it is there to exercise.
 """
 
 from typing import Any
@@ -8,30 +8,54 @@ from typing import Any
 import numpy as np
 
 from rig import lift
-from sim_plant import body, drive, magnetic_spring, pto, sensors, wavebot
-from sim_plant.wavebot import Actuation, Readings, WaveBotParams, WaveBotState
-from sim_plant.world import OFF, Stepper
+from sim_plant import (
+    analyser,
+    body,
+    bus,
+    cots_drive,
+    custom_drive,
+    drive,
+    electrics,
+    magnetic_spring,
+    pto,
+    sensors,
+    stator_force,
+    surge,
+    wavebot,
+)
+from sim_plant.stepper import Start, Stepper
+from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
+from sim_plant.words import OFF, Actuation, Readings
 
-_LIFTED = (body, drive, magnetic_spring, pto, sensors, wavebot)
+_LIFTED = (
+    analyser, body, bus, cots_drive, custom_drive, drive, electrics, magnetic_spring, pto, sensors,
+    stator_force, surge, wavebot,
+)  # fmt: skip
 
-_SOURCE = '''"""Generated: one tick of the plant on arrays of its numbers."""
+# One array holds all numbers (handing over each array costs 0.2 us a tick): the state, the
+# excitation at the present tick, the length of the step, the constants, the noise table. A plain
+# tuple comes back: making the NamedTuple out here costs a third of numba's own way.
+_SOURCE = '''"""Generated: one tick of the plant on an array of its numbers."""
 
 from numba import float64, int64, njit
 
 {imports}
 
-ARRAY = float64[::1]
-ACTUATION = (float64, int64, float64, int64, int64, float64, int64, int64)
-MOMENT = (int64, float64, float64, int64, float64, float64)
+ACTUATION = (float64, int64, float64, int64, float64, int64, int64)
+MOMENT = (int64, float64, float64, int64, float64)
 
 
-@njit((ARRAY, *ACTUATION, *MOMENT), cache=True, error_model="numpy")
-def advance(x, a0, a1, a2, a3, a4, a5, a6, a7, fresh, now, after, tick, elevation, dt):
+@njit((float64[::1], *ACTUATION, *MOMENT), cache=True, error_model="numpy")
+def advance(x, a0, a1, a2, a3, a5, a6, a7, fresh, heave, surge, tick, elevation):
     params = {params}
     state = {state}
-    state = step(params, state, Actuation(a0, a1, a2, a3, a4, a5, a6, a7), fresh, now, after, dt)
+    now = {now}
+    after = Excitation(heave, surge)
+    wires = Actuation(a0, a1, a2, a3, 0, a5, a6, a7)
+    state = step(params, state, wires, fresh, now, after, x[{dt}])
     {store}
-    return sample(params, state, tick, elevation, x[{normals}:])
+    read = sample(params, state, tick, elevation, x[{normals}:])
+    return {read}
 
 
 def unpack(x):
@@ -40,18 +64,36 @@ def unpack(x):
 
 
 class CompiledStepper(Stepper):
-    """A `Stepper` that runs compiled, on one array: handing over each array costs 0.2 us a tick."""
+    """A `Stepper` that runs compiled, on one array."""
 
-    def __init__(self, params: WaveBotParams, state: WaveBotState, normals: list[float]) -> None:
-        self._code = _code(params, state)
-        numbers = lift.numbers(state)
-        self._x = np.array([*numbers, *lift.numbers(params), *normals])
-        self._state = self._x[: len(numbers)]
+    def __init__(self, start: Start) -> None:
+        state = lift.numbers(start.state)
+        constants = lift.numbers(start.params)
+        moment = [*lift.numbers(STILL), start.dt]
+        self._code = _code(start)
+        self._x = np.array([*state, *moment, *constants, *start.normals])
+        self._state = self._x[: len(state)]
+        self._moment = self._x[len(state) : len(state) + len(STILL)]
+        first = len(state) + len(moment)
+        self._constants = self._x[first : first + len(constants)]
+        probes, hoist = len(Probes._fields), len(Hoist._fields)
+        self._probes = self._state[-probes:]  # the last words of the state, the hoist before them
+        self._hoist = self._state[-probes - hoist : -probes]
         self._step = self._code.advance
-        super().__init__(params, state, normals)
+        super().__init__(start)
         # The first call of compiled code takes milliseconds; not in a tick, please.
-        self.advance(OFF, 0, 0.0, 0.0, 0, 0.0, 0.001)
-        self.state = state
+        self.advance(OFF, 0, 0.0, 0.0, 0, 0.0)
+        self.state, self.excitation = start.state, STILL
+
+    @property
+    def params(self) -> WaveBotParams:
+        """The constants as they were last set."""
+        return self._params
+
+    @params.setter
+    def params(self, params: WaveBotParams) -> None:
+        self._params = params
+        self._constants[:] = lift.numbers(params)
 
     @property
     def state(self) -> WaveBotState:
@@ -63,47 +105,65 @@ class CompiledStepper(Stepper):
     def state(self, state: WaveBotState) -> None:
         self._state[:] = lift.numbers(state)
 
+    @property
+    def excitation(self) -> Excitation:
+        """Excitation at the present tick."""
+        return Excitation(*self._moment.tolist())
+
+    @excitation.setter
+    def excitation(self, excitation: Excitation) -> None:
+        self._moment[:] = excitation
+
     def advance(
         self,
         actuation: Actuation,
         fresh: int,
-        excitation_now: float,
-        excitation_next: float,
+        heave: float,
+        surge: float,
         tick: int,
         elevation: float,
-        dt: float,
     ) -> Readings:
-        """Step to ``tick`` and give what the sensors read there."""
-        current, enable, target, move, trigger, surge, hold, conducting = actuation
-        read: Readings = self._step(
-            self._x,
-            current,
-            enable,
-            target,
-            move,
-            trigger,
-            surge,
-            hold,
-            conducting,
-            fresh,
-            excitation_now,
-            excitation_next,
-            tick,
-            elevation,
-            dt,
-        )
-        return read
+        """Step to ``tick``, where the waves excite with heave and surge; give what sensors read."""
+        current, enable, target, move, _, aside, hold, conducting = actuation
+        return tuple.__new__(
+            Readings,
+            self._step(
+                self._x, current, enable, target, move, aside, hold, conducting,
+                fresh, heave, surge, tick, elevation,
+            ),
+        )  # fmt: skip
+
+    def motion(self) -> tuple[float, float]:
+        """Give heave position and velocity now."""
+        return float(self._state[0]), float(self._state[1])
+
+    def hold(self, hoist: Hoist) -> None:
+        """Impose heave in the steps to come, or leave it free."""
+        self._hoist[:] = hoist
+
+    def see(self, probes: Probes) -> None:
+        """Put a new sample of the basin probes on the wire."""
+        self._probes[:] = probes
 
 
-def _code(params: WaveBotParams, state: WaveBotState) -> Any:
-    names = lift.words(params) | lift.words(state) | {Actuation}
+def _code(start: Start) -> Any:
+    params, state = start.params, start.state
+    names = lift.words(params) | lift.words(state) | {Actuation, Excitation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
     after_state = len(lift.numbers(state))
+    after_moment = after_state + len(STILL) + 1
+    store = [
+        *lift.packing(state, "state", "x"),
+        *(f"x[{after_state + i}] = {name}" for i, name in enumerate(("heave", "surge"))),
+    ]
     source = _SOURCE.format(
         imports="\n".join([*sorted(imports), "from sim_plant.wavebot import sample, step"]),
-        params=lift.unpacking(params, "x", after_state),
-        normals=after_state + len(lift.numbers(params)),
+        params=lift.unpacking(params, "x", after_moment),
+        normals=after_moment + len(lift.numbers(params)),
         state=lift.unpacking(state, "x"),
-        store="\n    ".join(lift.packing(state, "state", "x")),
+        now=lift.unpacking(STILL, "x", after_state),
+        dt=after_moment - 1,
+        store="\n    ".join(store),
+        read="(" + ", ".join(f"read[{i}]" for i in range(len(Readings._fields))) + ")",
     )
     return lift.load("plant_step", source, _LIFTED)

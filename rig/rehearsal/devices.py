@@ -114,10 +114,20 @@ def stepper(compiled: bool) -> type[Stepper]:
 
 
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:
-    """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}."""
+    """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
+
+    "device": false is the empty basin of a wave calibration, "compiled": false interprets it.
+    """
     plant = Plant.model_validate(config["plant"])
-    sea, bem = build_sea(config["sea"]), read_bem(Path(config["bem"]))
+    path = Path(config["bem"])
     world = World(
-        plant, sea, bem, dt=dt, seed=config["seed"], stepper=stepper(config.get("compiled", True))
+        plant,
+        build_sea(config["sea"]),
+        read_bem(path),
+        read_bem(path.with_name(plant.surge.bem)),
+        dt=dt,
+        seed=config["seed"],
+        device=config.get("device", True),
+        stepper=stepper(config.get("compiled", True)),
     )
     return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)

@@ -76,12 +76,13 @@ def problems(pieces: Pieces) -> tuple[Problem, ...]:
     bem = None
     if pieces.plant is not None:
         plant, bad = _plant(pieces.plant)
-        bem, unreadable = _bem(pieces.plant)
-        found += [*bad, *unreadable]
+        bem, unreadable = _bem(pieces.plant, ("bem",))
+        surge, unreadable_too = _bem(pieces.plant, ("surge", "bem"))
+        found += [*bad, *unreadable, *unreadable_too]
         if plant is not None:
             found += _mismatches(pieces, plant, pieces.plant)
-        if plant is not None and bem is not None:
-            impossible = _world(pieces, plant, bem, pieces.plant)
+        if plant is not None and bem is not None and surge is not None:
+            impossible = _world(pieces, plant, (bem, surge), pieces.plant)
             bem = None if impossible else bem  # the sea is not to blame for it
             found += impossible
     return (*found, *_sea(pieces, bem))
@@ -122,11 +123,12 @@ def _plant(source: Source) -> tuple[Plant | None, tuple[Problem, ...]]:
         return None, problems_from(error, source.locate, Plant)
 
 
-def _bem(source: Source) -> tuple[Bem | None, tuple[Problem, ...]]:
-    key, name = ("bem",), source.mapping.get("bem")
-    if not isinstance(name, str) or not name.strip():
+def _bem(source: Source, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
+    """One of the plant's BEM files; that of surge lies beside that of heave."""
+    name, heave = _named(source, key), _named(source, ("bem",))
+    if name is None or heave is None:
         return None, ()  # the plant's own problem
-    path = source.locate.file(key, name)
+    path = source.locate.file(("bem",), heave).with_name(name)
     try:
         if path.suffix == ".npz":
             with zipfile.ZipFile(path):  # numpy leaves a file open that is no archive
@@ -137,10 +139,20 @@ def _bem(source: Source) -> tuple[Bem | None, tuple[Problem, ...]]:
         return None, (source.locate.problem(key, name, message),)
 
 
-def _world(pieces: Pieces, plant: Plant, bem: Bem, source: Source) -> tuple[Problem, ...]:
+def _named(source: Source, key: KeyPath) -> str | None:
+    """The file name at a key of the plant's file."""
+    value: Any = source.mapping
+    for part in key:
+        value = value.get(part) if isinstance(value, dict) else None
+    return value if isinstance(value, str) and value.strip() else None
+
+
+def _world(
+    pieces: Pieces, plant: Plant, bem: tuple[Bem, Bem], source: Source
+) -> tuple[Problem, ...]:
     dt = 1.0 / (pieces.rate_hz or _ANY_RATE)
     try:
-        World(plant, waves.calm(), bem, dt=dt, seed=_ANY_SEED)
+        World(plant, waves.calm(), *bem, dt=dt, seed=_ANY_SEED)
     except (ValueError, ArithmeticError) as error:
         return (source.locate.problem((), None, f"cannot be simulated: {error}"),)
     return ()

@@ -96,7 +96,7 @@ def heave_response(
     ac = trs + params.pto.copper * square_force
     sigma = np.sqrt(square_force) / params.pto.force_per_current
     mean_size = sigma * (np.sqrt(8.0) / np.pi if f.size == 1 else np.sqrt(2.0 / np.pi))
-    drive = params.drive
+    drive = params.electrics.cots
     loss = drive.fixed_loss + drive.linear_loss * mean_size + drive.square_loss * sigma * sigma
     stroke = float(np.sqrt(np.sum(np.abs(velocity / s) ** 2)))
     return Response(

@@ -12,12 +12,13 @@ from ruamel.yaml import YAML
 from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
 from sim_plant.waves import Sea, calm
-from sim_plant.world import Actuation, World
+from sim_plant.world import Actuation, Stepper, World
 
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[2]
 PLANTS = ROOT / "configs" / "plants"
 DATA = ROOT.parent / "shared" / "data"
+CAPYTAINE = Path(__file__).resolve().parent / "capytaine_heave.npz"  # by compute_bem.py
 
 
 def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -26,6 +27,7 @@ def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     for key, value in over.items():
         below = out.get(key)
         deep = isinstance(value, dict) and isinstance(below, dict) and "value" not in value
+        deep = deep and value.get("kind") in (None, below.get("kind"))
         out[key] = merged(below, value) if deep else value
     return out
 
@@ -42,18 +44,26 @@ def plant(name: str = "wavebot") -> Plant:
     return Plant.model_validate(mapping(f"{name}.yaml"))
 
 
-def changed(name: str = "wavebot", **values: float) -> Plant:
+def changed(name: str = "wavebot", **values: Any) -> Plant:
     """A plant with some values replaced: changed(spring__spring_effect=0.5)."""
     text = mapping(f"{name}.yaml")
     for path, value in values.items():
-        section, field = path.split("__")
-        text[section][field] = {**text[section][field], "value": value}
+        *sections, field = path.split("__")
+        inner = text
+        for section in sections:
+            inner = inner[section]
+        inner[field] = {**inner[field], "value": value}
     return Plant.model_validate(text)
 
 
 @functools.cache
 def bem() -> Bem:
     return read_bem(PLANTS / plant().bem)
+
+
+@functools.cache
+def surge_bem() -> Bem:
+    return read_bem(PLANTS / plant().surge.bem)
 
 
 def reference(name: str) -> Path:
@@ -76,13 +86,38 @@ QUIET = {
     "sensors__trs_noise": 0.0,
     "sensors__force_resolution": 0.0,
     "sensors__rotor_noise": 0.0,
+    "sensors__slew_bias": 0.0,
+    "sensors__slew_noise": 0.0,
+    "sensors__stator_a_bias": 0.0,
+    "sensors__stator_b_bias": 0.0,
+    "sensors__stator_noise": 0.0,
+    "sensors__probe_noise": 0.0,
+    "sensors__probe_resolution": 0.0,
 }
 
 
-def world(sea: Sea | None = None, name: str = "wavebot", seed: int = 1, **values: float) -> World:
+def world(
+    sea: Sea | None = None,
+    name: str = "wavebot",
+    seed: int = 1,
+    *,
+    dt: float = DT,
+    device: bool = True,
+    stepper: type[Stepper] = Stepper,
+    **values: Any,
+) -> World:
     """A world of a plant file with some values replaced, 1 ms, calm water unless told."""
     chosen = changed(name, **values) if values else plant(name)
-    return World(chosen, calm() if sea is None else sea, bem(), dt=DT, seed=seed)
+    return World(
+        chosen,
+        calm() if sea is None else sea,
+        bem(),
+        surge_bem(),
+        dt=dt,
+        seed=seed,
+        device=device,
+        stepper=stepper,
+    )
 
 
 def command(current: float = 0.0, **more: float) -> Actuation:

@@ -7,7 +7,7 @@ import math
 import pytest
 from plant_files import DT, QUIET, command, plant, world
 
-from sim_plant.drive import drive_loss
+from sim_plant.cots_drive import loss
 from sim_plant.pto import copper_loss
 
 
@@ -74,8 +74,8 @@ def test_current_saturates(asked: float, given: float) -> None:
 def test_losses() -> None:
     params = plant().build()
     assert copper_loss(params.pto, 1000.0) / 2 == pytest.approx(28.1, abs=0.05)
-    assert drive_loss(params.drive, -10.0) == pytest.approx(30.0 + 36.0 + 2.0)
-    assert drive_loss(params.drive, 0.0) == 30.0
+    assert loss(params.electrics.cots, -10.0) == pytest.approx(30.0 + 36.0 + 2.0)
+    assert loss(params.electrics.cots, 0.0) == 30.0
 
 
 def test_standby_power_and_the_analysers_own_clock() -> None:

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from plant_files import changed, plant
 
-from sim_plant.magnetic_spring import StatorState, force, rotor_angle, stator_step, table_rate
-from sim_plant.parameters import fit_slope
+from sim_plant.building import fit_slope
+from sim_plant.magnetic_spring import (
+    StatorState,
+    force,
+    rotor_angle,
+    stator_at,
+    stator_step,
+    table_rate,
+)
 
 DT = 0.001
 STATIONS = (-93.0, -73.0, -53.0, -33.0, -13.0, 7.0, 27.0, 47.0, 67.0)
@@ -63,7 +70,7 @@ def test_between_and_beyond_the_stations() -> None:
 
 def travel(target: float, enable: int = 1, ticks: int = 20000) -> tuple[int, StatorState]:
     spring = plant().build().spring
-    state = StatorState(-13.0, table_rate(spring, -13.0), 1)
+    state = stator_at(spring, -13.0)
     for k in range(ticks):
         state = stator_step(spring, state, target, enable, DT)
         if state.arrived == 1:
@@ -75,7 +82,8 @@ def test_stator_travel_time() -> None:
     """40 % of 0.15 m per 100 % at 10 mm/s: 6 s, and arrival one tick at rest later."""
     ticks, state = travel(27.0)
     assert ticks * DT == pytest.approx(6.0, abs=0.003)
-    assert state == StatorState(27.0, -5715.0, 1)
+    assert state == stator_at(plant().build().spring, 27.0)
+    assert state.rate == -5715.0
 
 
 @pytest.mark.parametrize("target", [90.0, -99.0, math.nan, math.inf])
@@ -84,7 +92,9 @@ def test_stator_never_arrives_beyond_its_ends(target: float) -> None:
 
 
 def test_stator_holds_when_disabled() -> None:
-    assert travel(27.0, enable=0, ticks=100)[1] == StatorState(-13.0, 490.9, 0)
+    assert travel(27.0, enable=0, ticks=100)[1] == stator_at(
+        plant().build().spring, -13.0
+    )._replace(arrived=0)
 
 
 def test_stator_starts_on_the_table() -> None:

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 from closed_form import intrinsic_impedance
-from plant_files import DT, QUIET, bem, command, plant, world
+from plant_files import DT, QUIET, bem, command, plant, surge_bem, world
 
 from sim_plant import waves
-from sim_plant.wavebot import Actuation, WaveBotParams, WaveBotState, initial, step
+from sim_plant.wavebot import Excitation, WaveBotParams, WaveBotState, initial, step
+from sim_plant.words import Actuation
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.4, 0.5, 0.8])
@@ -38,7 +39,9 @@ def test_driven_linear_plant_is_the_closed_form(frequency: float) -> None:
 def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
     """Integrate one row of damping from rest in a regular sea at any step, drive long on."""
     sea = waves.regular(0.127, 0.5)
-    force = np.tile(waves.tables(sea, bem(), dt).excitation, math.ceil(seconds / sea.repeat) + 1)
+    often = math.ceil(seconds / sea.repeat) + 1
+    force = np.tile(waves.excitation(sea, bem(), dt), often)
+    aside = np.tile(waves.excitation(sea, surge_bem(), dt), often)
     state = initial(params, 27.0, 0.0)
     states = []
     hold = round(DT / dt)
@@ -48,7 +51,8 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
             current = -2500.0 / 76.975 * state.body.velocity
             states.append(state)
         wires = Actuation(current, 1, 27.0, 0, 1, 0.0, 0, 1)
-        state = step(params, state, wires, 1, float(force[k]), float(force[k + 1]), dt)
+        now, after = (Excitation(float(force[i]), float(aside[i])) for i in (k, k + 1))
+        state = step(params, state, wires, 1, now, after, dt)
     return states
 
 
@@ -56,7 +60,8 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
 def test_integrator_error(name: str) -> None:
     """Position against 16 times finer steps: 3e-6 of the stroke, a quarter at half the step."""
     params = plant(name).build()
-    params = params._replace(drive=params.drive._replace(enable_delay=0.0))
+    loop = params.electrics.loop._replace(enable_delay=0.0)
+    params = params._replace(electrics=params.electrics._replace(loop=loop))
     steps = {part: [s.body.position for s in row(params, DT / part, 6.0)] for part in (1, 2, 16)}
     fine = np.array(steps[16])
     error = {part: np.max(np.abs(np.array(steps[part]) - fine)) for part in (1, 2)}

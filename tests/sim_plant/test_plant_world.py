@@ -8,7 +8,7 @@ import statistics
 from pathlib import Path
 
 import pytest
-from plant_files import DT, QUIET, ROOT, bem, command, plant, world
+from plant_files import DT, QUIET, ROOT, bem, command, plant, surge_bem, world
 
 from sim_plant import waves
 from sim_plant.world import Readings, World
@@ -53,7 +53,7 @@ def test_advance_takes_only_its_own_dt() -> None:
     with pytest.raises(ValueError, match="ticks in"):
         world().advance(0.002)
     with pytest.raises(ValueError, match="dt must be"):
-        World(plant(), waves.calm(), bem(), dt=0.1, seed=1)
+        World(plant(), waves.calm(), bem(), surge_bem(), dt=0.1, seed=1)
 
 
 def test_waves_start_at_the_rising_edge_and_repeat_to_the_bit() -> None:

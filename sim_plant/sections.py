@@ -1,0 +1,149 @@
+"""The sections of a plant file but for its drives: hull, PTO, spring, surge, sensors, basin."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from sim_plant.drive_sections import CommandSide
+from sim_plant.entries import (
+    Checked,
+    Count,
+    Damping,
+    Entry,
+    Inertia,
+    Positive,
+    Radiation,
+    Row,
+    Signed,
+    Size,
+    Stiffness,
+    Text,
+)
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Place = Annotated[float, Field(ge=-100.0, le=100.0)]
+
+
+class Body(Checked):
+    """The floating body in heave."""
+
+    mass: Entry[Inertia, Literal["kg"]]
+    added_mass_infinite: Entry[Inertia, Literal["kg"]]
+    hydrostatic: Entry[Stiffness, Literal["N/m"]]
+    viscous_linear: Entry[Damping, Literal["N s/m"]]
+    viscous_quadratic: Entry[Damping, Literal["N s2/m2"]]
+    radiation: Radiation
+
+
+class Surge(Checked):
+    """Hull and carriage in surge, with their own motor drive; `bem` lies beside the plant's bem."""
+
+    bem: Text
+    mass: Entry[Inertia, Literal["kg"]]
+    carriage_mass: Entry[Annotated[float, Field(ge=0.0, le=1.0e6)], Literal["kg"]]
+    added_mass_infinite: Entry[Inertia, Literal["kg"]]
+    stiffness: Entry[Stiffness, Literal["N/m"]]
+    viscous_linear: Entry[Damping, Literal["N s/m"]]
+    viscous_quadratic: Entry[Damping, Literal["N s2/m2"]]
+    radiation: Radiation
+    drive: CommandSide
+
+    @model_validator(mode="after")
+    def _carriage_is_a_part(self) -> Surge:
+        if not self.carriage_mass.value < self.mass.value:
+            raise ValueError("carriage_mass is a part of mass and must be smaller")
+        return self
+
+
+class Pto(Checked):
+    """Motor and drivetrain."""
+
+    torque_constant: Entry[Positive, Literal["N m/A"]]
+    winding_resistance: Entry[Positive, Literal["ohm"]]
+    gear_ratio: Entry[Positive, Literal["rad/m"]]
+    drivetrain_viscous: Entry[Damping, Literal["N s/m"]]
+    drivetrain_coulomb: Entry[Size, Literal["N"]]
+    guide_friction: Entry[Share, Literal["1"]]
+    coulomb_velocity: Entry[Annotated[float, Field(ge=0.001, le=0.1)], Literal["m/s"]]
+
+
+class Spring(Checked):
+    """Magnetic spring: rate over stator position, torque law, share that acts, axial force."""
+
+    law: Entry[Literal["sine", "linear"], Literal["1"]]
+    spring_effect: Entry[Annotated[float, Field(ge=0.0, le=1.5)], Literal["1"]]
+    lever: Entry[Annotated[float, Field(gt=0.0, le=10.0)], Literal["m/rad"]]
+    fit_half_angle: Entry[Annotated[float, Field(gt=0.0, lt=1.5)], Literal["rad"]]
+    stator_positions: Entry[Row, Literal["%"]]
+    spring_rates: Entry[Row, Literal["N/m"]]
+    slew_lever: Entry[Annotated[float, Field(gt=0.0, le=10.0)], Literal["m"]]
+    stator_pull: Entry[Annotated[float, Field(ge=0.0, le=1000.0)], Literal["1/m"]]
+    stator_share_a: Entry[Share, Literal["1"]]
+
+    @model_validator(mode="after")
+    def _is_a_table(self) -> Spring:
+        stations, rates = self.stator_positions.value, self.spring_rates.value
+        if len(stations) != len(rates):
+            raise ValueError(f"{len(stations)} stator positions but {len(rates)} spring rates")
+        if any(b <= a for a, b in pairwise(stations)):
+            raise ValueError("stator positions must ascend")
+        return self
+
+
+class Stator(Checked):
+    """Stator actuator."""
+
+    speed: Entry[Positive, Literal["m/s"]]
+    travel: Entry[Positive, Literal["m per 100 %"]]
+    start: Entry[Annotated[float, Field(ge=-100.0, le=100.0)], Literal["%"]]
+
+
+class Sensors(Checked):
+    """Sensor scales and errors; noise is the standard deviation of one sample."""
+
+    delay_ticks: Entry[Annotated[int, Field(ge=0, le=20)], Literal["tick"]]
+    encoder_counts: Entry[Annotated[int, Field(ge=100, le=100_000_000)], Literal["count/rev"]]
+    encoder_offset: Entry[Count, Literal["count"]]
+    surge_encoder_offset: Entry[Count, Literal["count"]]
+    current_noise: Entry[Size, Literal["A"]]
+    current_resolution: Entry[Size, Literal["A"]]
+    string_pot_bias: Entry[Signed, Literal["m"]]
+    string_pot_noise: Entry[Size, Literal["m"]]
+    string_pot_resolution: Entry[Size, Literal["m"]]
+    lcb_bias: Entry[Signed, Literal["N"]]
+    lcb_noise: Entry[Size, Literal["N"]]
+    trs_bias: Entry[Signed, Literal["N"]]
+    trs_noise: Entry[Size, Literal["N"]]
+    slew_bias: Entry[Signed, Literal["N"]]
+    slew_noise: Entry[Size, Literal["N"]]
+    stator_a_bias: Entry[Signed, Literal["N"]]
+    stator_b_bias: Entry[Signed, Literal["N"]]
+    stator_noise: Entry[Size, Literal["N"]]
+    force_resolution: Entry[Size, Literal["N"]]
+    rotor_noise: Entry[Size, Literal["rad"]]
+    probe_noise: Entry[Size, Literal["m"]]
+    probe_resolution: Entry[Size, Literal["m"]]
+
+
+class Waves(Checked):
+    """Wave maker."""
+
+    onset: Entry[Annotated[float, Field(ge=0.0, le=100.0)], Literal["s"]]
+
+
+class Standing(Checked):
+    """Where a probe stands, from the device: x along the waves (positive beyond it), y across."""
+
+    x: Entry[Place, Literal["m"]]
+    y: Entry[Place, Literal["m"]]
+
+
+class Basin(Checked):
+    """The three probes."""
+
+    probe_1: Standing
+    probe_2: Standing
+    probe_3: Standing

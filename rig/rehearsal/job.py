@@ -42,12 +42,21 @@ _ANY_SEED = 0  # no check depends on phases or noise
 def devices_of(campaign: Campaign) -> dict[str, Any]:
     """What `connect` needs to stand in for the hardware of a campaign, as JSON values."""
     return {
-        "plant": campaign.plant,
+        "plant": plant_of(campaign),
         "bem": str(campaign.plant_locate.file(("bem",), campaign.plant["bem"])),
         "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
     }
+
+
+def plant_of(campaign: Campaign) -> dict[str, Any]:
+    """The plant as the campaign wants it: its supply as somebody has left it."""
+    drive = campaign.plant.get("drive")
+    if campaign.file.drive.supply == "connected" or not isinstance(drive, dict):
+        return campaign.plant
+    said = {"value": "disconnected", "unit": "1", "source": "the campaign's drive.supply"}
+    return {**campaign.plant, "drive": {**drive, "supply": said}}
 
 
 def asked_sea(campaign: Campaign) -> dict[str, Any]:

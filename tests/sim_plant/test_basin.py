@@ -64,7 +64,7 @@ def test_a_probe_in_the_devices_place_reads_the_undisturbed_elevation() -> None:
         assert read.probe_2 == held  # the sample of tick k is on the wire at k + 1
         if tick % 20 == 0:
             held = read.elevation
-    with pytest.raises(ValueError, match=r"2\.0 m or more"):
+    with pytest.raises(ValueError, match=r"3\.0 m or more"):
         world(sea, **place)
 
 
@@ -137,7 +137,8 @@ def closed_form(frequency: float, radius: float) -> complex:
     group = G / (2 * omega)
     size = math.sqrt(damping / (2 * math.pi * radius * RHO * G * group))
     lead = float(np.angle(excitation_at(bem(), np.array([frequency]))[0]))
-    return size * np.exp(1j * (omega**2 / G * radius + lead + 0.75 * math.pi))
+    turns = omega**2 / G * radius
+    return size * np.exp(1j * (turns - 1 / (8 * turns + 4 / math.pi) + lead + 0.75 * math.pi))
 
 
 def heaving(frequency: float, seconds: float) -> tuple[list[complex], float]:
@@ -183,19 +184,23 @@ def test_the_radiated_wave_carries_the_damping_power(frequency: float) -> None:
 
 
 def test_the_far_field_is_that_of_the_bem() -> None:
-    """capytaine's free surface around the heaving hull, 3-8 m, 0.2-1 Hz: near field left out."""
+    """capytaine's free surface around the heaving hull, 2-8 m, complex.
+
+    5 % where the probe is some waves away (beyond k r of 8 capytaine's tabulated Green function
+    itself wavers by 10 %), 20 % where the hull's own flow is still felt.
+    """
     with np.load(CAPYTAINE) as file:
         frequency, radius = file["radiated_f_hz"], file["radius"]
         table = file["elevation_per_velocity"]
     for j, r in enumerate(radius):
-        ours = radiated(bem(), float(r), frequency)
-        wrong = np.abs(ours / table[:, j] - 1.0)
-        short = 2 * np.pi * frequency >= np.sqrt(1.5 * G / r)  # k r of 1.5 and more
-        assert wrong[short].max() <= (0.05 if r >= 3.0 else 0.08)
+        wrong = np.abs(radiated(bem(), float(r), frequency) / table[:, j] - 1.0)
+        waves_away = (2 * np.pi * frequency) ** 2 / G * r
+        assert wrong[(waves_away > 1.9) & (waves_away < 8.0)].max() <= 0.05
+        assert wrong[waves_away <= 1.9].max(initial=0.0) <= 0.20
 
 
 def test_the_filter_is_quiet_where_the_hull_is_not_moved() -> None:
-    for radius in (2.0, 4.0, 8.0):
+    for radius in (3.0, 4.0, 8.0):
         gains = taps(bem(), radius)
         f = np.linspace(0.0, 5.0, 501)
         response = np.abs(np.exp(-2j * np.pi * 0.1 * np.outer(f, np.arange(gains.size))) @ gains)

@@ -54,8 +54,10 @@ def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = Fa
     return Scale(MaxNLocator(10).tick_values(low, high), colours)
 
 
-def surface(axes: Axes, places: Sequence[Place], values: Sequence[float], on: Scale) -> None:
-    """Colours and contours within the hull, the zero line and the measured points."""
+def surface(
+    axes: Axes, places: Sequence[Place], values: Sequence[float], on: Scale, *, zero: bool = True
+) -> None:
+    """Colours and contours within the hull, the zero line if wanted, and the measured points."""
     mesh = triangulation(places)
     fine = np.linspace(on.levels[0], on.levels[-1], 8 * (len(on.levels) - 1) + 1)
     axes.tricontourf(mesh, list(values), levels=fine, cmap=on.colours, norm=on.norm)
@@ -63,11 +65,11 @@ def surface(axes: Axes, places: Sequence[Place], values: Sequence[float], on: Sc
     if lines:
         style: dict[str, Any] = {"linewidths": 0.5, "linestyles": "solid", "alpha": 0.7}
         axes.tricontour(mesh, list(values), levels=lines, colors="white", **style)
-    if min(values) < 0.0 < max(values):
-        zero = axes.tricontour(mesh, list(values), levels=[0.0], colors=ZERO, linewidths=1.6)
+    if zero and min(values) < 0.0 < max(values):
+        nought = axes.tricontour(mesh, list(values), levels=[0.0], colors=ZERO, linewidths=1.6)
         halo: list[AbstractPathEffect] = [withStroke(linewidth=2.6, foreground=INK)]
-        zero.set_path_effects(halo)
-        for label in axes.clabel(zero, fmt="0 W", fontsize=7):
+        nought.set_path_effects(halo)
+        for label in axes.clabel(nought, fmt="0 W", fontsize=7):
             label.set_path_effects(halo)
     x, y = zip(*places, strict=True)
     axes.plot(x, y, "o", mfc="white", mec=INK, mew=0.6, ms=3, clip_on=False)
@@ -161,10 +163,15 @@ def panel(axes: Axes, of: Slice, on: Scale | None, room: float, *, compact: bool
             axes.set_ylabel(labels.heading(of.y), fontsize=8)
     else:
         _line(axes, of, of.best)
-    axes.xaxis.set_major_locator(MaxNLocator(3 if compact else 5, steps=_STEPS))
-    axes.yaxis.set_major_locator(MaxNLocator(5, steps=_STEPS))
+    ticks(axes, few=compact)
     axes.set_title(caption(of, room, compact=compact), fontsize=7.5, color=MARK, pad=4)
     return drawn
+
+
+def ticks(axes: Axes, *, few: bool = False) -> None:
+    """Round numbers along both axes, few enough to stand beside each other."""
+    axes.xaxis.set_major_locator(MaxNLocator(3 if few else 5, steps=_STEPS))
+    axes.yaxis.set_major_locator(MaxNLocator(5, steps=_STEPS))
 
 
 def one_height(lines: list[Axes], label: str, *, each: bool) -> None:

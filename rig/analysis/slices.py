@@ -5,6 +5,7 @@ column that is left out stands at its value there (MASK4 report (Sandia), sectio
 station has a slice of its own.
 """
 
+from math import isclose
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from rig.analysis.rows import POWERS
 from rig.config.columns import Column
 
 KP, KI, SPRING_RATE = BY_NAME["kp"], BY_NAME["ki"], BY_NAME["spring_rate"]
+_SAME = 1e-6  # relative: values that differ by less are the same
 _EVEN = 0.01  # of a step: steps that differ by less are even
 
 
@@ -74,13 +76,7 @@ def cut(matrix: Matrix, kind: str, x: Column, y: Column, held: Setting | None = 
 
     Raises ValueError, saying which there are, for a value that is not in the campaign.
     """
-    held = {name: value for name, value in (held or {}).items() if np.isfinite(value)}
-    for name, value in held.items():
-        there = levels(matrix, name)
-        if there and value not in there:
-            known = ", ".join(quantity(BY_NAME[name], each) for each in there)
-            wanted = quantity(BY_NAME[name], value)
-            raise ValueError(f"{BY_NAME[name].label} is never {wanted}; there is {known}")
+    held = {n: _known(matrix, n, v) for n, v in (held or {}).items() if np.isfinite(v)}
     found = [
         p
         for p in matrix.points
@@ -154,6 +150,17 @@ def remarks(of: Slice) -> list[str]:
         many = len(of.missing)
         said.append(f"{many} point{'s' if many > 1 else ''} not measured (×)")
     return said
+
+
+def _known(matrix: Matrix, name: str, value: float) -> float:
+    """The value of the campaign that is meant; one that no row knows of is left as it is."""
+    there = levels(matrix, name)
+    near = [each for each in there if isclose(each, value, rel_tol=_SAME, abs_tol=1e-12)]
+    if there and not near:
+        known = ", ".join(quantity(BY_NAME[name], each) for each in there)
+        wanted = quantity(BY_NAME[name], value)
+        raise ValueError(f"{BY_NAME[name].label} is never {wanted}; there is {known}")
+    return near[0] if near else value
 
 
 def _within_error(of: Slice) -> bool:

@@ -21,6 +21,7 @@ from rig.analysis.slices import KI, KP, Slice, by_spring, cut
 from rig.config.columns import Column
 
 KINDS = ("mechanical_1", "ac", "dc")  # of the four stations, those shown where none is asked for
+_HEADING = 50  # letters of a line of a panel's heading
 _NARROWEST = 6.6  # in, so that title and stamp have room
 
 
@@ -151,7 +152,9 @@ def write_sliced(
 
 def heading(of: Slice) -> str:
     """A sliced panel's heading: the station and where its other columns stand."""
-    name = words.SHORT_NAMES[of.kind]
-    sliced = [f"sliced at {labels.settings(of.sliced)}"] if of.sliced else []
-    held = [f"{labels.settings(of.held)} held"] if of.held else []
-    return "\n".join([name, *textwrap.wrap("; ".join([*sliced, *held]), 50)])
+    lines = [words.SHORT_NAMES[of.kind]]
+    if of.sliced:
+        lines += textwrap.wrap(f"sliced at {labels.settings(of.sliced)}", _HEADING)
+    if of.held:
+        lines += textwrap.wrap(f"{labels.settings(of.held)} held", _HEADING)
+    return "\n".join(lines)

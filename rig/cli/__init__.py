@@ -136,16 +136,60 @@ def plot(
     rows: Annotated[
         list[int] | None, typer.Option("--row", "-r", help="Only this campaign row; repeatable.")
     ] = None,
+    surface: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--surface", metavar="X Y", help="Power over these two columns, sliced."),
+    ] = None,
+    left_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Column to slice at each station's optimum, as all that are not named; "
+            "COLUMN=VALUE (SI) holds it there; repeatable."
+        ),
+    ] = None,
+    station: Annotated[
+        list[str] | None,
+        typer.Option(help="Station of a surface: mechanical, shaft, ac, dc; repeatable."),
+    ] = None,
+    sort: Annotated[
+        str | None, typer.Option(help="Bars of all rows and settings: as 'run' or by 'power'.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
     ] = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Draw a run again: its surfaces and summary, or log fields over time."""
-    from rig.cli.plot import main
+    """Draw a run again: surfaces and summary, one surface, bars, or log fields over time."""
+    from rig.cli.plot import Asked, main
 
-    sys.exit(main(run, runs, fields or [], rows or [], output, as_json=json))
+    asked = Asked(fields or [], rows or [], surface, left_out or [], station or [], sort, output)
+    sys.exit(main(run, runs, asked, as_json=json))
+
+
+@app.command()
+def compare(
+    a: Annotated[Path, typer.Argument(help=_RUN)],
+    b: Annotated[Path, typer.Argument(help="The run to compare with it.")],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(help="COLUMN=VALUE (SI): how far matched set points may be apart."),
+    ] = None,
+    left_out: Annotated[
+        list[str] | None,
+        typer.Option(help="COLUMN=VALUE (SI): where the picture's left-out column stands."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="PNG to write, a CSV beside it (default: in run B)."),
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Compare two runs of one matrix: settings that differ, then power point by point, B less A."""
+    from rig.cli.compare import main
+
+    sys.exit(main(a, b, runs, tolerance or [], left_out or [], output, as_json=json))
 
 
 app.command("matrix")(matrix.command)

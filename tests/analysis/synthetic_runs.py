@@ -228,11 +228,14 @@ def write_run(
     *,
     finish: bool = True,
     row_type: type = WaveBotRow,
+    config: dict[str, Any] | None = None,
+    code: dict[str, Any] | None = None,
     **status: Any,
 ) -> Path:
     """A run folder like the supervisor's; without ``finish`` as a killed logger leaves it."""
     folder.mkdir(parents=True, exist_ok=True)
-    files: dict[str, Any] = {"config.json": CONFIG, "plan.json": plan, "code.json": CODE}
+    config = CONFIG if config is None else config
+    files: dict[str, Any] = {"config.json": config, "plan.json": plan, "code.json": code or CODE}
     files["host.json"] = {"hostname": "basin-1", "cpu": "2 cores"}
     told = {**STATUS, **status}
     writer = RowWriter(
@@ -251,7 +254,7 @@ def write_run(
         writer.attach("status.json", json.dumps(told).encode())
         writer.finish()
         (folder / "run.json").write_text(json.dumps(told))
-        (folder / "config.json").write_text(json.dumps(CONFIG))
+        (folder / "config.json").write_text(json.dumps(config))
     else:
         writer.close()
     return folder

@@ -1,14 +1,51 @@
 """What `rig check FILE` says: every problem, or what the campaign will do and how long it takes."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from rig.campaign.files import Also, Campaign, nothing_more, open_campaign
 from rig.campaign.plan import Plan, plan
 from rig.campaign.windows import calibration, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.problems import ConfigError, Problem, shown
+
+
+class Forecast(Protocol):
+    """What a prediction says of a checked campaign."""
+
+    @property
+    def campaign(self) -> Campaign:
+        """What was predicted, so that a refused campaign can be shown, too."""
+        ...
+
+    @property
+    def plan(self) -> Plan:
+        """Its plan."""
+        ...
+
+    @property
+    def refused(self) -> tuple[Problem, ...]:
+        """Rows that must not run."""
+        ...
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """What is told of rows that may."""
+        ...
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it for programs, without NaN and infinity."""
+        ...
+
+
+Foresee = Callable[[Campaign, Plan], Forecast | None]
+"""Predicts a checked campaign; None where there is nothing to predict."""
+
+
+def nothing_foreseen(campaign: Campaign, planned: Plan) -> None:
+    """No prediction."""
 
 
 class Report(NamedTuple):
@@ -18,6 +55,7 @@ class Report(NamedTuple):
     problems: tuple[Problem, ...]
     campaign: Campaign | None
     plan: Plan | None
+    forecast: Forecast | None = None
 
     @property
     def ok(self) -> bool:
@@ -25,20 +63,22 @@ class Report(NamedTuple):
         return not self.problems
 
     def summary(self) -> dict[str, Any]:
-        """What the campaign will do, by names; times in s. Empty if there are problems."""
-        if self.campaign is None or self.plan is None:
+        """What the campaign will do, by names; times in s. Empty if its files have problems."""
+        known = self._known()
+        if known is None:
             return {}
-        file, planned = self.campaign.file, self.plan
+        campaign, planned = known
+        file = campaign.file
         periods, measured = _window(file)
         return {
             "name": file.name,
-            "rig": self.campaign.rig.name,
+            "rig": campaign.rig.name,
             "device": file.device,
             "sea": file.sea.words(),
             "sea_keys": file.sea.model_dump(mode="json") | _phases_seed(file),
             "order": file.order,
             "rows": len(planned.rows),
-            "points": len(self.campaign.points),
+            "points": len(campaign.points),
             "repeat": file.repeat,
             "duration_s": planned.duration,
             "wave_clock_s": planned.wave_seconds,
@@ -47,26 +87,33 @@ class Report(NamedTuple):
             "periods_per_row": periods,
             "measured_per_row_s": measured,
             "phases_s": planned.phases._asdict(),
-            "rate_hz": self.campaign.rig.rate_hz,
+            "rate_hz": campaign.rig.rate_hz,
             "files": [
-                {"role": f.role, "path": shown(f.path), "sha256": f.sha256}
-                for f in self.campaign.files
+                {"role": f.role, "path": shown(f.path), "sha256": f.sha256} for f in campaign.files
             ],
         }
 
     def text(self) -> str:
         """For people: problems one a line, or the summary."""
-        if self.campaign is None or self.plan is None:
+        if self.problems:
             count = len(self.problems)
             lines = [problem.text() for problem in self.problems]
             return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
-        file, planned = self.campaign.file, self.plan
+        return "\n".join(f"{label:9} {text}" for label, text in self.facts() + self.sources())
+
+    def facts(self) -> list[tuple[str, str]]:
+        """The summary in words: a label and what it says. Empty if its files have problems."""
+        known = self._known()
+        if known is None:
+            return []
+        campaign, planned = known
+        file = campaign.file
         periods, seconds = _window(file)
         measured = f"{seconds:.6g} s"
         if periods:
             measured += f" = {_many(periods, 'period')}"
         rows = (
-            f"{len(planned.rows)} ({_many(len(self.campaign.points), 'point')} x "
+            f"{len(planned.rows)} ({_many(len(campaign.points), 'point')} x "
             f"{file.repeat}), {file.order}, {_many(planned.spring_moves, 'spring move')}"
         )
         if file.device == "absent":
@@ -75,38 +122,60 @@ class Report(NamedTuple):
             measured += " a row"
             waits = " and waiting for stator and drive"
         seed = "".join(f", phases of seed {value}" for value in _phases_seed(file).values())
-        lines = [
-            f"campaign  {file.name} on {self.campaign.rig.name}, {self.campaign.rig.rate_hz} Hz",
-            f"sea       {file.sea.words()}{seed}",
-            *([] if file.reference is None else [f"reference {file.reference.words()}"]),
-            f"rows      {rows}",
-            f"measured  {measured}, {planned.phases.measure:.6g} s in all",
-            f"duration  {_duration(planned.duration)}{waits}; "
-            f"wave clock {planned.wave_seconds:.6g} s",
-            "phases    "
-            + ", ".join(f"{_words(p)} {s:.6g} s" for p, s in planned.phases._asdict().items()),
+        phases = (f"{_words(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
+        return [
+            ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
+            ("sea", f"{file.sea.words()}{seed}"),
+            *([] if file.reference is None else [("reference", file.reference.words())]),
+            ("rows", rows),
+            ("measured", f"{measured}, {planned.phases.measure:.6g} s in all"),
+            (
+                "duration",
+                f"{duration_text(planned.duration)}{waits}; "
+                f"wave clock {planned.wave_seconds:.6g} s",
+            ),
+            ("phases", ", ".join(phases)),
         ]
-        lines += [f"{f.role:9} {shown(f.path)}" for f in self.campaign.files]
-        return "\n".join(lines)
+
+    def sources(self) -> list[tuple[str, str]]:
+        """Role and path of every file that the campaign stands on."""
+        known = self._known()
+        return [(f.role, shown(f.path)) for f in known[0].files] if known else []
+
+    def _known(self) -> tuple[Campaign, Plan] | None:
+        """Campaign and plan, of one that is refused for its prediction, too."""
+        if self.campaign is not None and self.plan is not None:
+            return self.campaign, self.plan
+        return (self.forecast.campaign, self.forecast.plan) if self.forecast is not None else None
 
     def to_json(self) -> str:
-        """For programs: `ok`, `problems`, and the summary's keys if there are none."""
-        problems = [problem.as_dict() for problem in self.problems]
-        whole = {"file": shown(self.path), "ok": self.ok, "problems": problems, **self.summary()}
-        return json.dumps(whole, ensure_ascii=False)
+        """For programs: `ok`, `problems`, and the keys of summary and prediction where known."""
+        whole = {
+            "file": shown(self.path),
+            "ok": self.ok,
+            "problems": [problem.as_dict() for problem in self.problems],
+            **self.summary(),
+            **(self.forecast.as_dict() if self.forecast is not None else {}),
+        }
+        return json.dumps(whole, ensure_ascii=False, allow_nan=False)
 
 
-def check(path: Path, also: Also = nothing_more) -> Report:
+def check(path: Path, also: Also = nothing_more, foresee: Foresee = nothing_foreseen) -> Report:
     """Check a campaign file and all it stands on; needs no hardware and never raises for a file.
 
-    ``also`` adds the problems of a further check, such as the simulated plant's.
+    ``also`` adds the problems of a further check, such as the simulated plant's; ``foresee`` what
+    is predicted of its rows: those it refuses are problems of the campaign.
     """
     path = Path(path)
     try:
         campaign = open_campaign(path, also)
     except ConfigError as error:
         return Report(path, error.problems, None, None)
-    return Report(path, (), campaign, plan(campaign.file, campaign.rig, campaign.points))
+    planned = plan(campaign.file, campaign.rig, campaign.points)
+    forecast = foresee(campaign, planned)
+    if forecast is not None and forecast.refused:
+        return Report(path, forecast.refused, None, None, forecast)
+    return Report(path, (), campaign, planned, forecast)
 
 
 def _window(file: CampaignFile) -> tuple[int, float]:
@@ -128,6 +197,10 @@ def _words(phase: str) -> str:
     return phase.replace("_", "-")
 
 
-def _duration(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
+    """Seconds as hours, minutes and seconds."""
     minutes, rest = divmod(seconds, 60.0)
-    return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.3g} s"
+    if minutes < 60.0:
+        return f"{minutes:.0f} min {rest:.3g} s" if minutes else f"{rest:.3g} s"
+    hours, minutes = divmod(minutes, 60.0)
+    return f"{hours:.0f} h {minutes:.0f} min {rest:.3g} s"

@@ -46,12 +46,16 @@ def run(
 
 @app.command()
 def check(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")], json: Json = False
+    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")],
+    rows: Annotated[
+        bool, typer.Option("--rows", help="Every row, not only those nearest to a limit.")
+    ] = False,
+    json: Json = False,
 ) -> None:
-    """Say everything that is wrong with a campaign, or what it will do and how long it takes."""
+    """Say everything that is wrong with a campaign, or what each of its rows is predicted to do."""
     from rig.cli.check import main
 
-    sys.exit(main(campaign, as_json=json))
+    sys.exit(main(campaign, every_row=rows, as_json=json))
 
 
 _DOCTOR = """Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not

@@ -5,18 +5,25 @@ from pathlib import Path
 
 from rig.campaign import Report, check
 from rig.cli import BAD_INPUT, OK
+from rig.cli.check_view import View
+from rig.predict import predict
 from rig.rehearsal.job import problems
 
 
 def examine(path: Path) -> Report:
-    """Check a campaign with all it stands on, the simulated plant included."""
-    return check(path, also=problems)
+    """Check a campaign with all it stands on, the simulated plant and its prediction included."""
+    return check(path, also=problems, foresee=predict)
 
 
-def main(path: Path, *, as_json: bool) -> int:
+def main(path: Path, *, every_row: bool, as_json: bool) -> int:
     """Print the report; 0 if the campaign can be run."""
     report = examine(path)
-    print(report.to_json() if as_json else report.text())
+    if as_json:
+        print(report.to_json())
+    elif report.forecast is None:
+        print(report.text())
+    else:
+        View(every_row=every_row).show(report)
     return OK if report.ok else BAD_INPUT
 
 

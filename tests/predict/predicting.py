@@ -1,0 +1,62 @@
+"""Predicting small campaigns of the shipped configuration, for the tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rehearsing import CONFIGS, campaign_file
+from ruamel.yaml import YAML
+
+from rig.campaign import Report, check
+from rig.predict import Prediction, predict
+from rig.rehearsal.job import problems
+
+__all__ = ["CONFIGS", "campaign_file", "custom_rig", "examined", "predicted", "rows", "written"]
+
+STIFF, SOFT = 490.9, -5715.0
+
+
+def rows(*gains: tuple[float, float, float], **more: float) -> dict[str, Any]:
+    """A matrix of (spring rate, Kp, Ki)."""
+    names = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
+    return {"list": [dict(zip(names, one, strict=True)) | more for one in gains]}
+
+
+def examined(path: Path) -> Report:
+    """The report of a campaign file, as `rig check` makes it."""
+    return check(path, also=problems, foresee=predict)
+
+
+def predicted(path: Path) -> Prediction:
+    """The prediction of a campaign file whose rows may be refused."""
+    report = examined(path)
+    assert isinstance(report.forecast, Prediction), report.text()
+    return report.forecast
+
+
+def written(folder: Path, name: str, mapping: dict[str, Any]) -> Path:
+    """A YAML file."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / name
+    with path.open("w") as file:
+        YAML(typ="safe").dump(mapping, file)
+    return path
+
+
+def custom_rig(folder: Path, plant: str = "wavebot_custom.yaml", **drive: Any) -> Path:
+    """A rig with the custom drive at 75 V and 10 kHz."""
+    told = {
+        "kind": "custom", "modulation": "svpwm", "bus_voltage_v": 75, "switching_period_s": 1e-4,
+        "hysteresis_a": 0.5, "velocity_threshold_m_per_s": 0, "current_threshold_a": 3,
+        "discharge_level": 15, **drive,
+    }  # fmt: skip
+    return written(
+        folder,
+        "rig.yaml",
+        {
+            "extends": str(CONFIGS / "rigs" / "wavebot.yaml"),
+            "plant": str(CONFIGS / "plants" / plant),
+            "drive": told,
+        },
+    )

@@ -1,0 +1,128 @@
+"""Predictions against rehearsals of the same campaigns, on the nonlinear plant.
+
+Tolerances: peaks 1.5 % (estimator noise of some mm/s comes on top in a rehearsal), rms 0.5 %,
+mechanical and AC power 0.5 % of the power at the load cell, DC power 0.5 W.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from predicting import CONFIGS, SOFT, STIFF, campaign_file, custom_rig, predicted, rows
+from rehearsing import run, table_of
+
+from rig.runs import open_run
+from rig.sequence import Phase
+
+PEAKS = ("position_peak", "stroke", "velocity_peak", "force_peak", "current_peak")
+RMS = ("position_rms", "force_rms", "current_rms")
+MECHANICAL = ("power_mechanical_1", "power_mechanical_2", "power_ac")
+
+REGULAR = rows(
+    (STIFF, -1000.0, 0.0),
+    (STIFF, -2000.0, 8000.0),
+    (STIFF, -3500.0, 10000.0),
+    (SOFT, -1000.0, 4000.0),
+    (SOFT, -2500.0, -2000.0),
+)
+IRREGULAR = rows((STIFF, -1500.0, 4000.0), (SOFT, -1000.0, 2000.0), (SOFT, -3000.0, 0.0))
+
+
+def compare(path: Path, runs: Path, record: Callable[[str, object], None]) -> Any:
+    """Rehearse and predict; the worst deviations go into the test report."""
+    forecast = predicted(path)
+    assert forecast.refused == ()
+    ended = run(path, runs)
+    assert ended.outcome.status == "complete"
+    table = table_of(ended)
+    found = [one.foreseen for one in forecast.rows]
+    assert len(found) == table.sizes["row"]
+
+    def apart(name: str) -> Any:
+        return np.array([getattr(one, name) for one in found]) - table[name].values
+
+    for names, share in ((PEAKS, 0.015), (RMS, 0.005)):
+        for name in names:
+            worst = float(np.max(np.abs(apart(name) / table[name].values)))
+            record(name, worst)
+            assert worst <= share, (name, worst)
+    flow = np.abs(table["power_mechanical_1"].values)
+    for name in MECHANICAL:
+        worst = float(np.max(np.abs(apart(name)) / flow))
+        record(name, worst)
+        assert worst <= 0.005, (name, worst)
+    worst = float(np.max(np.abs(apart("power_dc"))))
+    record("power_dc", worst)
+    assert worst <= 0.5
+    assert worst > 0.0  # equal to the last bit would mean compared with itself
+    return table
+
+
+def test_regular_rows(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
+    path = campaign_file(
+        tmp_path,
+        sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+        start={"lead_in_s": 30},
+        timing={"settle_s": 10, "interval_s": 16},
+        matrix=REGULAR,
+    )
+    compare(path, tmp_path / "runs", record_property)
+
+
+def test_irregular_rows(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
+    path = campaign_file(
+        tmp_path,
+        sea={"kind": "jonswap", "hs_m": 0.2, "tp_s": 2.5, "repeat_s": 60, "seed": 5},
+        start={"lead_in_s": 30},
+        matrix=IRREGULAR,
+    )
+    compare(path, tmp_path / "runs", record_property)
+
+
+def test_rows_of_the_custom_drive(
+    tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """Bus at 40 V and at 75 V, and one that rests at low velocity."""
+    both = (-8508.0, -2500.0, 3000.0)
+    matrix = rows(both, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.0)
+    matrix["list"] += rows(both, bus_voltage_v=40.0, velocity_threshold_m_per_s=0.0)["list"]
+    matrix["list"] += rows(both, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.05)["list"]
+    path = campaign_file(
+        tmp_path,
+        rig=str(custom_rig(tmp_path)),
+        sea={"kind": "regular", "amplitude_m": 0.0635, "frequency_hz": 0.4},
+        start={"lead_in_s": 30},
+        timing={"settle_s": 10, "interval_s": 22},
+        matrix=matrix,
+    )
+    compare(path, tmp_path / "runs", record_property)
+    one = predicted(path).rows[1].foreseen
+    assert one.voltage_given is not None
+    assert one.voltage_given < 0.707 * 46.0
+
+
+def test_surge(tmp_path: Path) -> None:
+    """Surge of a rehearsal: stroke and force within 2 %, read from the log."""
+    path = campaign_file(
+        tmp_path,
+        sea={"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
+        start={"lead_in_s": 40},
+        timing={"settle_s": 10, "interval_s": 20},
+        matrix=rows((STIFF, -2000.0, 0.0)),
+    )
+    one = predicted(path).rows[0].foreseen
+    ended = run(path, tmp_path / "runs")
+    fields = ["surge.estimate.position", "surge.demand.force", "surge.estimate.velocity"]
+    data = open_run(ended.folder, fields=[*fields, "plan.phase"], rows=[0])
+    measured = data.isel(time=np.flatnonzero(data["plan.phase"].values == int(Phase.MEASURE)))
+    for field, value in zip(
+        fields,
+        (one.surge_position_peak, one.surge_force_peak, one.surge_velocity_peak),
+        strict=True,
+    ):
+        assert float(np.abs(measured[field]).max()) == pytest.approx(value, rel=0.02), field
+    assert CONFIGS.is_dir()

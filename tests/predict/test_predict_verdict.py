@@ -1,0 +1,220 @@
+"""Rows that must not run are refused by name; what is only near a limit is told."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from predicting import (
+    CONFIGS,
+    SOFT,
+    STIFF,
+    campaign_file,
+    custom_rig,
+    examined,
+    predicted,
+    rows,
+    written,
+)
+
+from rig.predict import tightest
+from rig.predict.margins import BUS, LOOP, POSITION, Margin
+
+WAVES = {"kind": "regular", "amplitude_m": 0.3, "frequency_hz": 0.4}
+SMALL = {"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5}
+
+
+def limit_line(path: Path, key: str, nth: int = 0) -> int:
+    """Line of a key in a shipped file."""
+    found = [n for n, text in enumerate(path.read_text().splitlines(), 1) if f"{key}:" in text]
+    return found[nth]
+
+
+def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rig", *map(str, words)], capture_output=True, text=True, check=False
+    )
+
+
+def test_a_row_that_goes_too_far_is_named(tmp_path: Path) -> None:
+    path = campaign_file(
+        tmp_path, sea=WAVES, matrix=rows((STIFF, -2000.0, 0.0), (-8508.0, -200.0, 2000.0))
+    )
+    report = examined(path)
+    assert not report.ok
+    assert report.campaign is None
+    (problem,) = report.problems
+    lines = path.read_text().splitlines()
+    assert "-200" in lines[problem.line - 1]
+    assert problem.key == "matrix.list[1].kp_n_s_per_m"
+    assert problem.file.endswith("campaign.yaml")
+    assert "row 1 (spring -8508 N/m, Kp -200 N*s/m, Ki 2000 N/m)" in problem.message
+    told = re.search(r"predicted position peak (\d\.\d+) m, allowed up to 0\.35 m", problem.message)
+    assert told is not None
+    assert 0.35 < float(told.group(1)) < 0.45
+    line = limit_line(CONFIGS / "limits" / "wavebot.yaml", "position_stop_m")
+    assert f"limits/wavebot.yaml:{line}: heave.position_stop_m" in problem.message
+    assert "spring.map[7].stroke_m" in problem.message  # the station of -8508 N/m
+    allowed = [one for one in predicted(path).rows if not any(one.broken())]
+    assert [one.row.row for one in allowed] == [0]
+
+
+def test_an_unstable_row_is_named(tmp_path: Path) -> None:
+    """Z_c drives with 4500 N*s/m: only enough Kp holds it."""
+    path = campaign_file(
+        tmp_path,
+        sea=SMALL,
+        matrix=rows((STIFF, -6000.0, 0.0), (STIFF, -100.0, 0.0)),
+        law={"zc": {"numerator": [90000.0], "denominator": [1.0, 20.0]}},
+    )
+    report = examined(path)
+    (problem,) = report.problems
+    assert problem.key == "matrix.list[1].kp_n_s_per_m"
+    assert "row 1 (spring 490.9 N/m, Kp -100 N*s/m, Ki 0 N/m)" in problem.message
+    assert "the sampled heave loop is unstable" in problem.message
+    stable = re.search(r"stable up to ([0-9.]+) times these gains", problem.message)
+    assert stable is not None
+    assert 0.2 < float(stable.group(1)) < 1.0
+    assert predicted(path).rows[1].foreseen.spectral_radius > 1.0
+    assert predicted(path).rows[0].foreseen.spectral_radius < 1.0
+
+
+@pytest.mark.parametrize(
+    ("sea", "limit", "side"),
+    [
+        (
+            {"kind": "regular", "amplitude_m": 0.15, "frequency_hz": 0.4},
+            "overvoltage_trip",
+            "up to",
+        ),
+        ({**SMALL, "amplitude_m": 0.01}, "undervoltage_share", "at least"),
+    ],
+)
+def test_a_bus_that_trips_is_named(
+    sea: dict[str, Any], limit: str, side: str, tmp_path: Path
+) -> None:
+    """Without supply and dump the bus takes all that waves bring, or starves."""
+    island = "wavebot_custom_islanded.yaml"
+    path = campaign_file(
+        tmp_path,
+        rig=str(custom_rig(tmp_path, island, discharge_level=0)),
+        sea=sea,
+        matrix=rows((-8508.0, -2500.0, 0.0)),
+    )
+    report = examined(path)
+    (problem,) = report.problems
+    line = limit_line(CONFIGS / "plants" / "wavebot_custom.yaml", limit)
+    assert "row 0 (spring -8508 N/m" in problem.message
+    assert re.search(rf"predicted bus voltage [0-9.e+]+ V, allowed {side} \d+ V", problem.message)
+    assert f"plants/wavebot_custom.yaml:{line}: drive.{limit}" in problem.message
+
+
+def test_the_commercial_bus_has_a_limit_too(tmp_path: Path) -> None:
+    limits = written(
+        tmp_path,
+        "limits.yaml",
+        {"extends": str(CONFIGS / "limits" / "wavebot.yaml"), "bus": {"voltage_stop_v": 150.05}},
+    )
+    rig_file = written(
+        tmp_path,
+        "rig.yaml",
+        {"extends": str(CONFIGS / "rigs" / "wavebot.yaml"), "limits": str(limits)},
+    )
+    path = campaign_file(tmp_path, rig=str(rig_file), sea=WAVES, matrix=rows((STIFF, -2000.0, 0.0)))
+    (problem,) = examined(path).problems
+    assert "bus voltage" in problem.message
+    assert "limits.yaml:" in problem.message
+    assert "bus.voltage_stop_v" in problem.message
+
+
+def test_a_warning_refuses_nothing(tmp_path: Path) -> None:
+    """Beyond position_warn, near the stop, more current than the drive has: told, not refused."""
+    path = campaign_file(
+        tmp_path,
+        sea={**WAVES, "amplitude_m": 0.33},
+        surge={"use": "hold"},
+        matrix=rows((-8508.0, -1600.0, 0.0)),
+    )
+    report = examined(path)
+    assert report.ok, report.text()
+    assert report.forecast is not None
+    (warning,) = report.forecast.warnings
+    assert "heave.position_warn_m" in warning.message
+    assert "a stop is near" in warning.message
+
+
+def test_current_beyond_the_drives_is_cut_not_refused(tmp_path: Path) -> None:
+    sea = {"kind": "regular", "amplitude_m": 0.2, "frequency_hz": 0.5}
+    path = campaign_file(tmp_path, sea=sea, matrix=rows((8340.0, -100.0, 30000.0)))
+    forecast = predicted(path)
+    assert forecast.refused == ()
+    (warning,) = forecast.warnings
+    assert "heave.current_peak_a), force is cut there" in warning.message
+    assert "heave.current_rms_a), force is cut there" in warning.message
+    assert "of a change of gains is left after 5 s of settling" in warning.message
+
+
+def test_the_lead_in_is_a_row_of_its_own(tmp_path: Path) -> None:
+    """The set point has no Ki, so the body may go farther before the first row than in it."""
+    path = campaign_file(
+        tmp_path,
+        sea={**WAVES, "amplitude_m": 0.33},
+        surge={"use": "hold"},
+        matrix=rows((-8508.0, -2000.0, 0.0)),
+        start={"set_point": {"kp_n_s_per_m": -100.0, "ki_n_per_m": 0.0}},
+    )
+    (problem,) = examined(path).problems
+    assert problem.key == "start.set_point.kp_n_s_per_m"
+    assert problem.message.startswith("the lead-in (spring -8508 N/m, Kp -100 N*s/m")
+
+
+def test_repetitions_of_a_point_are_one_problem(tmp_path: Path) -> None:
+    path = campaign_file(tmp_path, sea=WAVES, matrix=rows((-8508.0, -200.0, 2000.0)), repeat=3)
+    forecast = predicted(path)
+    assert len(forecast.rows) == 3
+    told = [one.message for one in forecast.refused]
+    assert any("row 0 and 2 more of point 0" in message for message in told)
+
+
+def test_run_refuses_what_check_refuses(tmp_path: Path) -> None:
+    path = campaign_file(tmp_path, sea=WAVES, matrix=rows((-8508.0, -200.0, 2000.0)))
+    runs = tmp_path / "runs"
+    done = rig("run", path, "--runs", runs)
+    assert done.returncode == 2
+    assert "row 0 (spring -8508 N/m" in done.stdout
+    assert not runs.exists()
+    said = json.loads(rig("run", path, "--runs", runs, "--json").stdout)
+    assert said["status"] == "bad input"
+    assert said["problems"][0]["key"] == "matrix.list[0].kp_n_s_per_m"
+
+
+def test_most_used_leaves_warnings_aside(tmp_path: Path) -> None:
+    path = campaign_file(
+        tmp_path, sea=SMALL, matrix=rows((STIFF, -2000.0, 0.0), (SOFT, -2000.0, 4000.0))
+    )
+    for one in predicted(path).rows:
+        most = tightest(one.margins)
+        assert most.limit.effect != "warn"
+        assert all(most.used >= m.used for m in one.margins if m.limit.effect != "warn")
+        assert 0.0 < most.used < 1.0
+
+
+@pytest.mark.parametrize(
+    ("margin", "used"),
+    [
+        (Margin(POSITION, 0.28, 0.35), 0.8),
+        (Margin(POSITION, float("nan"), 0.35), float("inf")),
+        (Margin(LOOP, 2.0, 1.0), 0.5),
+        (Margin(LOOP, 0.0, 1.0), float("inf")),
+        (Margin(BUS, 160.0, 200.0, 150.0), 0.2),
+        (Margin(BUS, 160.0, 140.0, 150.0), float("inf")),
+    ],
+)
+def test_what_is_used_of_a_limit(margin: Margin, used: float) -> None:
+    assert margin.used == pytest.approx(used)
+    assert margin.broken is (not used <= 1.0)

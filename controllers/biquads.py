@@ -1,7 +1,7 @@
 """A rational filter as second-order sections in cascade: y(z) = H_n(z) ... H_1(z) u(z).
 
 One section is H(z) = (b0 + b1 z^-1 + b2 z^-2) / (1 + a1 z^-1 + a2 z^-2) in transposed direct
-form II (Oppenheim and Schafer, Discrete-Time Signal Processing, section 6.3.4):
+form II (Oppenheim and Schafer, Discrete-Time Signal Processing, section 6.4):
 
     y = b0 u + s1        s1' = b1 u - a1 y + s2        s2' = b2 u - a2 y
 

@@ -46,7 +46,6 @@ class Params(NamedTuple):
 
     ramp: Second  # time a change of gains takes
     sections: tuple[Biquad, ...] = ()  # Z_c, N*s/m, for one tick period; none: Z_c = 0
-    share: float = 1.0  # 1, 0..1, of Z_c v in the force; a stop sets 0 to ramp it out
 
 
 class State(NamedTuple):
@@ -55,7 +54,7 @@ class State(NamedTuple):
     kp: Ramp
     ki: Ramp
     km: Ramp
-    share: Ramp
+    share: Ramp  # of Z_c v in the force, 0 to 1
     sections: tuple[SectionState, ...]
     used: Gains  # what the first three ramps are at: one comparison in the usual tick
 
@@ -64,19 +63,6 @@ def start(sections: tuple[Biquad, ...] = ()) -> State:
     """State at switch-on for a Z_c: all gains zero, so the first force is zero but for a ramp."""
     none = ramp_start(0.0)
     return State(none, none, none, none, biquads.start(sections), Gains(0.0, 0.0, 0.0))
-
-
-def rest(state: State) -> State:
-    """The same force, with every ramp at rest: the next change takes its own time."""
-    kp, ki, km = state.used
-    return State(
-        ramp_start(kp),
-        ramp_start(ki),
-        ramp_start(km),
-        ramp_start(state.share.value),
-        state.sections,
-        state.used,
-    )
 
 
 def step(
@@ -105,8 +91,8 @@ def step(
     if short != 0.0:
         memory = _unwound(params.sections, memory, short, dt)
     memory, reply = biquads.step(params.sections, memory, velocity)
-    if share.value != params.share:
-        share = ramp_step(share, params.share, params.ramp, dt)
+    if share.value != 1.0:
+        share = ramp_step(share, 1.0, params.ramp, dt)
     force = force + share.value * reply
     after = State(ramp_kp, ramp_ki, ramp_km, share, memory, gains)
     return after, Demand(kp, ki, km, force)

@@ -107,6 +107,7 @@ def _moved(
     bound = clamp(sqrt(inside) - 0.5 * change, 0.0, params.speed)
     speed = clamp(bound if gap > 0.0 else -bound, speed - change, speed + change)
     way = speed * dt
-    if -change <= speed <= change and (left < NEAR or way >= gap >= 0.0 or way <= gap <= 0.0):
+    there = left < NEAR or way >= gap >= 0.0 or way <= gap <= 0.0
+    if there and -2.0 * change < speed < 2.0 * change:  # else it goes past, brakes and comes back
         return goal, 0.0
     return target + way, speed

@@ -9,7 +9,7 @@ Kp is the damping found by hand in the MASK4 test, 2500 N s/m, in this sign (MAS
 3.2.1.2). Kp, Ki and the soft stop are ramped from nothing at the start.
 
 The soft stop is a spring K whose damping C e grows with the depth e, so that nothing jumps at
-the edge of the reach (Hunt and Crossley 1975, J. Appl. Mech. 42, eq. 5, n = 1). It pushes inward
+the edge of the reach (Hunt and Crossley 1975, J. Appl. Mech. 42, p. 440). It pushes inward
 or not at all. It is passive: going in, P is at least K e, coming out, at most.
 
 This is said of the motion as it is measured. What sampling, delay and the estimator add is the
@@ -77,9 +77,9 @@ def step(
     return state, Demand(wanted_kp, wanted_ki, 0.0, force)
 
 
-def _push(params: Params, depth: float, inward: float) -> float:
-    """The soft stop's force (N, >= 0) at a depth (m, > 0) that grows by ``inward`` (m/s)."""
+def _push(params: Params, depth: float, deepening: float) -> float:
+    """The soft stop's force (N, >= 0) at a depth (m, > 0) that grows by so much (m/s)."""
     stiffness = 0.0 if params.soft_stiffness < 0.0 else params.soft_stiffness
     damping = 0.0 if params.soft_damping < 0.0 else params.soft_damping
-    force = depth * (stiffness + damping * inward)
+    force = depth * (stiffness + damping * deepening)
     return 0.0 if force < 0.0 else force

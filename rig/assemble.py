@@ -14,6 +14,7 @@ from controllers import (
 from controllers.biquads import Biquad
 from controllers.signals import Modulation
 from rig import axis, cycle, limits, safety, wavebot
+from rig.campaign.reference import table
 from rig.campaign.settings import drive_settings
 from rig.config.campaign_file import CampaignFile, Law
 from rig.config.limits_file import AxisLimits, LimitsFile
@@ -61,6 +62,12 @@ def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:
     return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
+def reference_table(campaign: CampaignFile, rig: RigFile) -> tuple[float, ...]:
+    """One repeat period of the open-loop force (N, a tick each); ValueError if it has none."""
+    scale = newtons_per_ampere(rig.heave)
+    return table(campaign.reference, scale, rig.rate_hz, campaign.seed)
+
+
 def wavebot_params(
     campaign: CampaignFile,
     rig: RigFile,
@@ -82,7 +89,7 @@ def wavebot_params(
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
             heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
-            reference=open_loop.Params((), rig.heave.gain_ramp_s),
+            reference=open_loop.Params(reference_table(campaign, rig), rig.heave.gain_ramp_s),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
             modulation=int(_MODULATIONS[drive.modulation]) if drive else 0,
             surge=_axis(rig.surge, bounds.surge, rig.stop, dt),

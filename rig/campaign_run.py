@@ -3,19 +3,19 @@
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
-from rig import provenance, safety
+from rig import process, provenance, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, resolved
 from rig.config.sea import RegularSea
 from rig.rehearsal import job
 from rig.runs import RunError, create, join
-from rig.runs.folder import MCAP, STATUS, files
+from rig.runs.folder import MCAP, PROGRESS, STATUS, files
 from rig.supervisor import Outcome, Run, Setup, Snapshot
 from rig.wavebot import KIND
 
@@ -47,10 +47,13 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
     measured so far is kept.
     """
-    with _interrupts(view) as asked:
+    with _interrupts(view) as asked, ExitStack() as locks:
         started = datetime.now(UTC)
-        lock = create.hold_realtime(campaign.file.name) if real_clock else None
+        realtime = -1
+        if real_clock:
+            realtime = locks.enter_context(create.hold_realtime(campaign.file.name)).fileno()
         folder = create.make(runs, campaign.file.name, started)
+        held = locks.enter_context(create.hold_run(folder))
         _write_start(folder, campaign, plan, started)
         run = Run(
             Setup(
@@ -67,12 +70,12 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
                 folder,
                 ATTACHED,
                 RUNG,
+                held.fd,
+                realtime,
             )
         )
         outcome = run.supervise(_shown(view), asked)
         trouble = _close_folder(folder, campaign, plan, outcome, started)
-    if lock is not None:
-        lock.close()
     return Ended(folder, outcome, trouble)
 
 
@@ -103,6 +106,7 @@ def _close_folder(
         "status": outcome.status,
         "reason": outcome.reason,
         "ticks": outcome.ticks,
+        "last_tick": outcome.last_row.get("tick"),
         "skipped": outcome.skipped,
         "dropped_rows": outcome.dropped,
         "unsaved_rows": outcome.unsaved,
@@ -115,6 +119,7 @@ def _close_folder(
         trouble.append(str(error))
     try:
         create.write_json(folder, STATUS, status)
+        (folder / PROGRESS).unlink(missing_ok=True)
     except OSError as error:
         trouble.append(str(error))
     return "; ".join(trouble)
@@ -129,13 +134,8 @@ def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> 
         "rows_planned": len(plan.rows),
         "started_utc": started.isoformat(),
         "pid": os.getpid(),
-        "pid_started": _process_start(),
+        "pid_started": process.started(os.getpid()),
     }
-
-
-def _process_start() -> int:
-    """When this process started, in clock ticks since boot: with the pid it names one process."""
-    return int(Path("/proc/self/stat").read_text().rsplit(")", 1)[1].split()[19])
 
 
 def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> None:
@@ -199,7 +199,7 @@ def _join_parts(folder: Path) -> None:
 
 @contextmanager
 def _interrupts(view: View) -> Iterator[Callable[[], int]]:
-    """Ctrl-C and termination become requests while this is open; gives what is asked so far."""
+    """Ctrl-C, termination and a closed terminal become requests; gives what is asked so far."""
     count = 0
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -214,7 +214,10 @@ def _interrupts(view: View) -> Iterator[Callable[[], int]]:
     def asked() -> int:
         return (safety.REQUEST_NONE, safety.REQUEST_STOP, safety.REQUEST_ABORT)[min(count, 2)]
 
-    before = {n: signal.signal(n, interrupt) for n in (signal.SIGINT, signal.SIGTERM)}
+    asking = [signal.SIGINT, signal.SIGTERM]
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it
+        asking.append(signal.SIGHUP)
+    before = {number: signal.signal(number, interrupt) for number in asking}
     try:
         yield asked
     finally:

@@ -22,8 +22,9 @@ Floats = npt.NDArray[np.float64]
 
 BAND = (0.05, 2.0)  # Hz, in which there are waves
 # Of |Z_c|, or of a hundredth of its largest in the band where it is smaller than that (a zero on
-# the frequency axis): a hundredth of what force sensors resolve, a hundred times the transform's.
+# the frequency axis): a hundredth of how well a measured impedance is known, 10 %.
 TOLERANCE = 1e-3
+_NOT_FINITE = "the response is not finite: coefficients or poles are too large or too small"
 _FREQUENCIES = 400  # in the band, by equal ratios: 1 % apart
 
 
@@ -37,7 +38,7 @@ def design(
     poles that are not stable, a response that is not finite, or one that differs from
     Z_c(j omega) by more than `TOLERANCE` in `BAND`.
     """
-    problems = []
+    problems: list[str] = []
     if not (np.isfinite(dt) and 0.0 < dt <= 0.25 / BAND[1]):
         problems.append(f"the period is {dt:g} s, allowed are more than 0 up to {0.25 / BAND[1]:g}")
     top = _polynomial("numerator", numerator, problems)
@@ -53,21 +54,23 @@ def design(
         raise ValueError("Z_c: " + "; ".join(problems))
     if top.size == 0:
         return ()
-    with np.errstate(all="ignore"):  # what is not finite is asked for below
+    with np.errstate(all="ignore"):  # what is not finite is asked for
         top, bottom = top / bottom[0], bottom / bottom[0]
+        monic = top / top[0]
+    if not np.all(np.isfinite([*top, *bottom, *monic])):
+        raise ValueError(f"Z_c: {_NOT_FINITE}")
     poles = _roots(bottom)
-    unstable = poles[~(poles.real < 0.0)]
+    unstable = poles[poles.real >= 0.0]
     if unstable.size:
         named = ", ".join(f"{pole.real:.3g}{pole.imag:+.3g}j" for pole in unstable)
-        problems.append(
-            f"not stable: poles at {named} rad/s, allowed are real parts below 0 (an integrator"
-            " of velocity is Ki)"
+        raise ValueError(
+            f"Z_c: not stable: poles at {named} rad/s, allowed are real parts below 0 (an"
+            " integrator of velocity is Ki)"
         )
-        raise ValueError("Z_c: " + "; ".join(problems))
-    sections = _sections(_roots(top), poles, float(top[0]), dt)
-    problems += _differences(top, bottom, sections, dt)
-    if problems:
-        raise ValueError("Z_c: " + "; ".join(problems))
+    sections = _sections(_roots(monic), poles, float(top[0]), dt)
+    wrong = _wrong(top, bottom, sections, dt)
+    if wrong:
+        raise ValueError(f"Z_c: {wrong}")
     return sections
 
 
@@ -106,9 +109,8 @@ def _polynomial(name: str, coefficients: Sequence[float], problems: list[str]) -
 
 
 def _roots(polynomial: Floats) -> Complexes:
-    if not np.all(np.isfinite(polynomial)):
-        return np.full(max(polynomial.size - 1, 1), np.nan + 0j)
-    return np.asarray(np.roots(polynomial), dtype=complex)
+    with np.errstate(all="ignore"):
+        return np.asarray(np.roots(polynomial), dtype=complex)
 
 
 def _sections(zeros: Complexes, poles: Complexes, gain: float, dt: float) -> tuple[Biquad, ...]:
@@ -123,26 +125,26 @@ def _sections(zeros: Complexes, poles: Complexes, gain: float, dt: float) -> tup
     )
 
 
-def _differences(top: Floats, bottom: Floats, sections: tuple[Biquad, ...], dt: float) -> list[str]:
-    """What is wrong with the sections as rounded: stability, finiteness, response."""
+def _wrong(top: Floats, bottom: Floats, sections: tuple[Biquad, ...], dt: float) -> str:
+    """What is wrong with the sections as rounded, if anything: stable, finite, the response."""
     if not all(np.isfinite(number) for section in sections for number in section):
-        return ["the response is not finite: coefficients or poles are too large or too small"]
+        return _NOT_FINITE
     # Both roots of z^2 + a1 z + a2 lie inside the unit circle just then (Jury's conditions).
     if not all(abs(one.a2) < 1.0 and abs(one.a1) < 1.0 + one.a2 for one in sections):
-        return ["not stable at this period: a pole has too little damping to be told from none"]
+        return "not stable at this period: a pole has too little damping to be told from none"
     f_hz = np.geomspace(*BAND, _FREQUENCIES)
     with np.errstate(all="ignore"):
         wanted, got = evaluate(top.tolist(), bottom.tolist(), f_hz), response(sections, f_hz, dt)
         largest = np.max(np.abs(wanted))
         error = np.abs(got - wanted) / np.maximum(np.abs(wanted), 0.01 * largest)
-    ends = response(sections, [0.0, 0.5 / dt], dt)
+        ends = response(sections, [0.0, 0.5 / dt], dt)
     if not (np.all(np.isfinite(error)) and np.all(np.isfinite(ends))):
-        return [f"the response is not finite between 0 and {0.5 / dt:g} Hz"]
+        return f"the response is not finite between 0 and {0.5 / dt:g} Hz"
     worst = int(np.argmax(error))
     if error[worst] > TOLERANCE:
-        return [
+        return (
             f"at a period of {dt:g} s the response differs from Z_c(j omega) by"
             f" {100.0 * error[worst]:.3g} % at {f_hz[worst]:.3g} Hz, allowed is"
             f" {100.0 * TOLERANCE:g} %"
-        ]
-    return []
+        )
+    return ""

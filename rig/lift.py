@@ -16,6 +16,7 @@ import inspect
 import os
 import platform
 import sys
+import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 from types import ModuleType
@@ -44,17 +45,17 @@ def load(name: str, source: str, modules: Iterable[ModuleType]) -> ModuleType:
     """Import generated source whose compiled functions are cached on disk.
 
     The source stands in a folder named by what it was made from, so an edit of any lifted module
-    is a new folder. Falls back to no cache where the folder cannot be written.
+    is a new folder. Where it cannot be written, a temporary one serves: compiled anew each time.
     """
     modules = tuple(modules)
     lift(modules)
-    folder = _cache_root() / _fingerprint(source, modules)
-    path = folder / f"{name}.py"
+    path = cache_root() / _fingerprint(source, modules) / f"{name}.py"
     if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        part = folder / f".{name}.{os.getpid()}"
-        part.write_text(source)
-        part.replace(path)
+        try:
+            _write(path, source)
+        except OSError:
+            path = Path(tempfile.mkdtemp(prefix="wec-rig-")) / path.name
+            _write(path, source)
     spec = importlib.util.spec_from_file_location(f"lifted_{name}", path)
     assert spec is not None
     assert spec.loader is not None
@@ -117,7 +118,15 @@ def words(tree: Any) -> set[type]:
     return found
 
 
-def _cache_root() -> Path:
+def _write(path: Path, source: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.stem}.{os.getpid()}")
+    part.write_text(source)
+    part.replace(path)
+
+
+def cache_root() -> Path:
+    """Folder that holds compiled code from run to run."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(home) / "wec-rig"
 

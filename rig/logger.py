@@ -42,7 +42,6 @@ class Job(NamedTuple):
     folder: str  # the run's
     part: str  # file to write, new
     attachments: tuple[str, ...]  # files of the folder to put into it
-    start_utc_ns: int  # UTC of run time zero
     run: str  # run id
     rung: str
     clock: str  # "virtual" or "real"
@@ -62,6 +61,9 @@ class Log:
         self._job = job
         self._reader = Reader(job.ring)
         self._certificate = Certificate(kind.row_type)
+        self._flushed = self._moved = time.monotonic()
+        self._failing_since: float | None = None
+        self._head = 0  # rows the ring had when it last moved
         self._count_earlier_parts(folder)
         files = {name: (folder / name).read_bytes() for name in job.attachments}
         self._writer = RowWriter(
@@ -69,12 +71,8 @@ class Log:
             kind.row_type,
             files,
             {"run": {"run": job.run, "rung": job.rung}},
-            start_utc_ns=job.start_utc_ns,
+            start_utc_ns=self._wait_start(),
         )
-        self._flushed = time.monotonic()
-        self._failing_since: float | None = None
-        self._head = 0  # rows the ring had when it last moved
-        self._moved = self._flushed
 
     def run(self) -> int:
         """Log until the rows end; returns the exit code."""
@@ -97,6 +95,17 @@ class Log:
                 return DISK
             time.sleep(RETRY)
         return 0
+
+    def _wait_start(self) -> int:
+        """UTC of run time zero, once there is a loop that knows it; of now if there never is one.
+
+        The logger is there before the first tick, so that no moment is left in which the death of
+        the supervisor would leave a loop without a logger.
+        """
+        ring = self._reader
+        while not ring.start_utc_ns and ring.state != Producer.FINISHED and not self._orphaned():
+            time.sleep(IDLE)
+        return ring.start_utc_ns or time.time_ns()
 
     def _complete(self) -> bool:
         finished = self._reader.state == Producer.FINISHED or self._orphaned()
@@ -127,6 +136,8 @@ class Log:
             "rung": self._job.rung,
             "status": ending(reason),
             "reason": reason.name,
+            "ticks": self._reader.head + self._reader.dropped,
+            "dropped_rows": self._reader.dropped,
         }
 
     def _timing(self) -> dict[str, Any]:
@@ -181,8 +192,8 @@ class Log:
 
 def main() -> None:
     """Run the job on standard input."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # it ends when the rows end
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # it ends when the rows end
+        signal.signal(number, signal.SIG_IGN)
     job: Job = handover.loads(Job, sys.stdin.read())
     sys.exit(Log(job).run())
 

@@ -33,12 +33,14 @@ class Job(NamedTuple):
     devices: str  # JSON for whoever makes the devices
 
 
+ALONE = 76  # exit code: the supervisor was gone before the first tick
 REFUSED = 77  # exit code: the host did not grant what the rig file requires
 
 
 def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
     """Run the job on standard input with the devices that ``connect(config, dt)`` makes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
+        signal.signal(number, signal.SIG_IGN)
     job: Job = handover.loads(Job, sys.stdin.read(), rig=kind.params_type)
     mailbox = Mailbox(job.mailbox, Request)
     terminated = False
@@ -64,10 +66,13 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         if granted is not None and granted.refused and job.realtime_required == 1:
             _say(event="refused", privileges=granted._asdict())
             sys.exit(REFUSED)
+        if overseer() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices came up
+            devices.stop(safety.Reason.SUPERVISOR_LOST.value)
+            devices.close()
+            sys.exit(ALONE)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
-        _say(
-            event="start", privileges=granted and granted._asdict(), start_utc_ns=utc_of_zero(clock)
-        )
+        ring.start(utc_of_zero(clock))
+        _say(event="start", privileges=granted and granted._asdict())
         end = loop.run(
             kind,
             job.params,

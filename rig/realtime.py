@@ -1,6 +1,6 @@
 """Asking the host for real-time privileges, in one place, once, with a report of what was granted.
 
-FIFO scheduling (not inherited by children), the last core, memory locked, garbage collection
+FIFO scheduling (not inherited by children), a core of its own, memory locked, garbage collection
 frozen and off, and the processor kept out of deep sleep. A rehearsal on the virtual clock never
 asks: a busy FIFO process would take the machine away from everything else.
 """
@@ -11,10 +11,12 @@ import os
 import struct
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 PRIORITY = 80  # above threaded interrupts (50), below the kernel's own watchdogs (99)
 _LATENCY_FILE = "/dev/cpu_dma_latency"
+_ISOLATED = "/sys/devices/system/cpu/isolated"
 _MCL_CURRENT_AND_FUTURE = 3
 
 _held: list[int] = []  # keeps the latency request open for the life of the process
@@ -67,7 +69,32 @@ def _fifo() -> None:
 
 
 def _pin() -> None:
-    os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    allowed = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {core()})
+    except OSError:  # an isolated core that a container or service may not use
+        os.sched_setaffinity(0, {max(allowed)})
+
+
+def core() -> int:
+    """The core that is the loop's: the last that is kept free of other work, else the last one.
+
+    A kernel started with ``isolcpus`` starts every process on the other cores.
+    """
+    isolated: set[int] = set()
+    with suppress(OSError, ValueError), open(_ISOLATED, encoding="ascii") as file:
+        isolated = cores(file.read())
+    return max(isolated or os.sched_getaffinity(0))
+
+
+def cores(text: str) -> set[int]:
+    """The cores of a kernel's list, such as ``1,3-5``; ValueError if it is none."""
+    found: set[int] = set()
+    for part in text.strip().split(","):
+        first, _, last = part.partition("-")
+        if part:
+            found.update(range(int(first), int(last or first) + 1))
+    return found
 
 
 def _lock() -> None:

@@ -31,6 +31,7 @@ class _Word(IntEnum):
     DROPPED = 5  # rows lost because the ring was full
     STATE = 6
     ABANDONED = 7  # set by the supervisor when the consumer is lost for good
+    START_UTC = 8  # ns since 1970 of run time zero, set by the producer before its first row
 
 
 class Producer(IntEnum):
@@ -86,6 +87,11 @@ class _End:
         """`Producer` state."""
         return self._words[_Word.STATE]
 
+    @property
+    def start_utc_ns(self) -> int:
+        """UTC of run time zero, nanoseconds since 1970; 0 until the producer has a clock."""
+        return self._words[_Word.START_UTC]
+
 
 class Writer(_End):
     """The loop's end.
@@ -111,6 +117,10 @@ class Writer(_End):
         self._hurried = hurried
         self._next = self.head
         self._words[_Word.STATE] = Producer.RUNNING
+
+    def start(self, utc_ns: int) -> None:
+        """Say when run time zero is; with the rows, so that whoever saves them has it too."""
+        self._words[_Word.START_UTC] = utc_ns
 
     def put(self, row: Any) -> None:
         """Store a row, then show it by moving the head."""
@@ -207,6 +217,17 @@ class Reader(_End):
             if row[:8] == row[-8:] and self.head - head < self.capacity // 2:
                 return row
         return None
+
+    def kept(self) -> bytes:
+        """The newest rows that are still in memory, oldest first, for a bystander.
+
+        Of a ring that nobody writes any more; of a living one the oldest may be overwritten.
+        """
+        size, capacity, head = self.row_size, self.capacity, self.head
+        split = _HEADER + (head % capacity) * size
+        if head < capacity:
+            return self._map[_HEADER:split]
+        return self._map[split : _HEADER + capacity * size] + self._map[_HEADER:split]
 
     def _check(self, block: bytes) -> None:
         words, step = memoryview(block).cast("q"), self.row_size // 8

@@ -1,8 +1,8 @@
 """The supervisor: starts logger and loop, watches both, and sees a run to its end.
 
 It never touches a device. What it asks of the loop goes through the mailbox; what it shows comes
-from the newest row in the ring. The logger outlives the loop, and both outlive the supervisor: if
-it dies, the loop stops by itself and the logger saves what is left.
+from the newest row in the ring. The logger is there before the loop and outlives it, and both
+outlive the supervisor: if it dies, the loop stops by itself and the logger saves what is left.
 """
 
 import json
@@ -18,7 +18,7 @@ from rig.child import Child
 from rig.loop_process import Job
 from rig.mailbox import Mailbox, Request
 from rig.record import layout, leaves
-from rig.runs.create import ending, write_json
+from rig.runs.create import ending, note_progress, write_json
 from rig.runs.folder import MCAP
 from rig.safety import Reason
 
@@ -44,6 +44,8 @@ class Setup(NamedTuple):
     folder: Path
     attachments: tuple[str, ...]  # JSON files of the folder that go into the MCAP file
     rung: str
+    folder_lock: int = -1  # file descriptor, held as long as anything of the run lives; -1: none
+    realtime_lock: int = -1  # file descriptor, held as long as the loop lives; -1: none
 
 
 class Snapshot(NamedTuple):
@@ -82,7 +84,6 @@ class Run:
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
-        self._started_ns = 0  # UTC of run time zero; 0 until the loop has said it
         self._trouble = ""
         self._end: dict[str, Any] | None = None
         self._refused = ""
@@ -97,26 +98,25 @@ class Run:
         (`rig.safety.REQUEST_*`). Whatever goes wrong here, the loop is stopped, the logger saves
         what there is, and no process is left behind.
         """
-        loop = self._start_loop()
+        loop: Child | None = None
         logger: Child | None = None
         try:
-            while logger is None or loop.alive() or logger.alive() or self._unfinished(logger):
+            logger = self._start_logger()  # first: from the first tick on, rows outlive us
+            loop = self._start_loop()
+            while loop.alive() or logger.alive() or self._unfinished(logger):
                 self._listen(loop)
                 if not loop.alive():
                     self._ring.bury()
-                if logger is None and (self._started_ns or not loop.alive()):
-                    logger = self._start_logger()
                 self._ask(asked())
                 self._look_after(loop)
-                if logger is not None:
-                    logger = self._look_after_log(logger, loop)
-                    if self._lost and not loop.alive():
-                        break
-                watch(self._snapshot())
+                logger = self._look_after_log(logger, loop)
+                if self._lost and not loop.alive():
+                    break
+                self._show(watch)
                 time.sleep(POLL)
         finally:
             self._lay_to_rest(loop, logger)
-        watch(self._snapshot())
+        self._show(watch)
         return self._outcome(loop)
 
     def _ask(self, request: int) -> None:
@@ -166,12 +166,13 @@ class Run:
             return logger
         return self._start_logger()
 
-    def _lay_to_rest(self, loop: Child, logger: Child | None) -> None:
+    def _lay_to_rest(self, loop: Child | None, logger: Child | None) -> None:
         """No process, no file descriptor is left; in a run that went well all has ended already."""
-        if loop.alive():
-            loop.process.terminate()  # the loop takes it as an abort
-        loop.end(DEAF)
-        self._listen(loop)
+        if loop is not None:
+            if loop.alive():
+                loop.process.terminate()  # the loop takes it as an abort
+            loop.end(DEAF)
+            self._listen(loop)
         self._ring.bury()
         if logger is not None:
             logger.end(STALL)
@@ -191,7 +192,6 @@ class Run:
             folder=str(setup.folder),
             part=part,
             attachments=setup.attachments,
-            start_utc_ns=self._started_ns or time.time_ns(),
             run=setup.folder.name,
             rung=setup.rung,
             clock="real" if setup.real_clock else "virtual",
@@ -199,7 +199,8 @@ class Run:
             patience=DISK_PATIENCE,
         )
         errors = setup.folder / "logger.stderr"
-        return Child("rig.logger", handover.dumps(job), (self._ring_fd,), errors)
+        fds = (self._ring_fd, *_held(setup.folder_lock))
+        return Child("rig.logger", handover.dumps(job), fds, errors)
 
     def _start_loop(self) -> Child:
         setup = self._setup
@@ -213,14 +214,13 @@ class Run:
             params=setup.params,
             devices=json.dumps(setup.devices),
         )
-        fds = (self._ring_fd, self._mail_fd)
+        fds = (self._ring_fd, self._mail_fd, *_held(setup.folder_lock, setup.realtime_lock))
         return Child(setup.loop_module, handover.dumps(job), fds, setup.folder / "loop.stderr")
 
     def _listen(self, loop: Child) -> None:
         for event in loop.heard():
             if event["event"] in ("start", "refused"):
                 write_json(self._setup.folder, log_process.PRIVILEGES, event["privileges"])
-                self._started_ns = event.get("start_utc_ns", 0)
             if event["event"] == "refused":
                 denied = [f"{name} ({why})" for name, why in event["privileges"].items() if why]
                 self._refused = f"the host did not grant {', '.join(denied)}"
@@ -231,10 +231,12 @@ class Run:
         """The logger has ended without having brought its file to an end."""
         return logger.process.returncode not in (None, 0) and not self._lost
 
-    def _snapshot(self) -> Snapshot:
-        return Snapshot(
-            self._latest(), self._ring.dropped, self._ring.head - self._ring.tail, self._trouble
-        )
+    def _show(self, watch: Callable[[Snapshot], None]) -> None:
+        row = self._latest()
+        if row:
+            note_progress(self._setup.folder, int(row["tick"]), int(row["timing.skipped"]))
+        behind = self._ring.head - self._ring.tail
+        watch(Snapshot(row, self._ring.dropped, behind, self._trouble))
 
     def _latest(self) -> dict[str, float | int]:
         packed = self._ring.latest()
@@ -251,7 +253,8 @@ class Run:
             status, why = "refused", self._refused
         else:
             status, why = "crashed", self._trouble or loop.last_words()
-        ended = end or {"ticks": self._ring.head, "skipped": int(row.get("timing.skipped", 0))}
+        put = self._ring.head + self._ring.dropped
+        ended = end or {"ticks": put, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(
             status,
             why,
@@ -265,6 +268,10 @@ class Run:
 
 
 _RANK = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_STOP: 1}
+
+
+def _held(*locks: int) -> tuple[int, ...]:
+    return tuple(fd for fd in locks if fd >= 0)
 
 
 class _Progress:

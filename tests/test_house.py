@@ -25,6 +25,7 @@ TIME = {
     "rig/supervisor.py": "looks at its children now and then; ties a run to UTC",
     "rig/campaign_run.py": "dates the run and names its folder",
     "rig/cli/": "progress for people",
+    "rig/doctor/": "measures clocks and disk; no loop lives there",
     "drivers/": "the deadline of a conversation; links and their processes only",
 }
 ENUMS = {"IntEnum", "IntFlag"}

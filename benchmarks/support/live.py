@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -45,11 +46,19 @@ def wait_until(true: Callable[[], bool], what: str, every: float = 0.005) -> Non
 
 
 def running(pid: int) -> bool:
-    """Whether a process is there and has not ended."""
+    """Whether a process is there and has not ended, with all its threads.
+
+    A first thread may be gone while others still hold the files.
+    """
     try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
+        threads = list(Path(f"/proc/{pid}/task").iterdir())
+    except OSError:
         return False
+    for thread in threads:
+        with suppress(OSError):
+            if (thread / "stat").read_text().rsplit(")", 1)[1].split()[0] not in ("Z", "X"):
+                return True
+    return False
 
 
 def child(parent: int, module: str) -> int | None:
@@ -141,7 +150,7 @@ class LiveRun:
             env={**os.environ, **(env or {})},
         )
         self._ring: Reader | None = None
-        self._known: dict[int, str] = {}
+        self.known: dict[int, str] = {}  # children seen so far: process id and module
 
     def __enter__(self) -> "LiveRun":
         return self
@@ -152,11 +161,11 @@ class LiveRun:
         value: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._know()
+        self.children()
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
-        for pid, module in self._known.items():
+        for pid, module in self.known.items():
             if _runs(pid, module):  # the number may have gone to another process
                 os.kill(pid, signal.SIGKILL)
         self._words.close()
@@ -169,11 +178,16 @@ class LiveRun:
         assert self._ring is not None
         return self._ring
 
+    def try_ring(self) -> Reader | None:
+        """The run's ring if there is one yet."""
+        if self._ring is None:
+            self._ring = ring_of(self.process.pid)
+        return self._ring
+
     def _look(self) -> bool:
         if self.process.poll() is not None:
             raise TimeOutError(f"the run ended at once: {self.last_words()}")
-        self._ring = ring_of(self.process.pid)
-        return self._ring is not None
+        return self.try_ring() is not None
 
     def wait_started(self) -> Peek:
         """Wait for the first tick."""
@@ -184,7 +198,7 @@ class LiveRun:
             return self.ring.head > 0
 
         wait_until(started, "the first tick", every=0.002)
-        self._know()
+        self.children()
         return self.peek()
 
     def peek(self) -> Peek:
@@ -205,14 +219,15 @@ class LiveRun:
 
         wait_until(look, f"a process of {module}", every=0.01)
         assert found is not None
-        self._known[found] = module
+        self.known[found] = module
         return found
 
-    def _know(self) -> None:
-        for module in (LOOP, LOGGER):
-            pid = child(self.process.pid, module)
-            if pid is not None:
-                self._known[pid] = module
+    def children(self) -> dict[str, int]:
+        """Process ids of loop and logger by module, of those that live."""
+        found = {module: child(self.process.pid, module) for module in (LOOP, LOGGER)}
+        ours = {module: pid for module, pid in found.items() if pid is not None}
+        self.known.update({pid: module for module, pid in ours.items()})
+        return ours
 
     def stop(self) -> None:
         """Ask for the power to be taken off at once: the second request overrides the first."""

@@ -9,13 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import surfaces, words
-from rig.analysis.points import by_spring, points
+from rig.analysis import effects_table, labels, picture, surfaces, words
 from rig.analysis.summary import ENDINGS, Summary
 
 A4 = (8.27, 11.69)  # inches, portrait
-_INK = surfaces.INK
-_SOFT = "#66727d"
+_INK = picture.INK
+_SOFT = picture.SOFT
 _PALE = "#eef2f5"
 _GOOD, _BAD = "#2a7f4f", "#b23a48"
 _LEFT, _RIGHT = 0.06, 0.94
@@ -45,7 +44,7 @@ def _header(figure: Figure, summary: Summary) -> None:
         fontweight="bold",
         ha="right",
         va="center",
-        bbox={"boxstyle": "round,pad=0.45", "fc": surfaces.ZERO, "ec": "none"},
+        bbox={"boxstyle": "round,pad=0.45", "fc": picture.ZERO, "ec": "none"},
     )
 
 
@@ -126,7 +125,42 @@ def _table(figure: Figure, summary: Summary, top: float) -> float:
             )
         y -= 0.0152
         last = o.kind
+        if further := summary.further_of(o):
+            told = f"at {labels.settings(further)}"
+            figure.text(_LEFT, y, told, fontsize=7.5, color=_SOFT, va="top")
+            y -= 0.0135
     return y - 0.008
+
+
+def _effects(figure: Figure, summary: Summary, top: float) -> float:
+    """Main effects of a designed matrix; returns the page height below them."""
+    told = summary.effects
+    if not told:
+        return top
+    _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
+    stations = [f"{words.SHORT_NAMES[each.kind]}, W" for each in told]
+    heads = ["rank, column", "from .. to", *stations]
+    places = [_LEFT, 0.30, 0.60, 0.77, 0.94][: len(heads)]
+    sides = ["left", "left", *["right"] * len(stations)]
+    y = top - 0.019
+    for x, head, side in zip(places, heads, sides, strict=True):
+        figure.text(x, y, head, fontsize=7.5, color=_SOFT, ha=side, va="top")
+    y -= 0.0132
+    figure.add_artist(Line2D((_LEFT, _RIGHT), (y, y), color="#cfd6dc", lw=0.7))
+    y -= 0.0028
+    by_name = [{e.column.name: e for e in each.effects} for each in told]
+    for i, first in enumerate(told[0].effects):
+        here = [known[first.column.name] for known in by_name]
+        cells = [f"{i + 1}  {first.column.label}", effects_table.span(first)]
+        cells += [effects_table.watts(each.watts, each.half_width) for each in here]
+        for j, (x, cell, side) in enumerate(zip(places, cells, sides, strict=True)):
+            weight = "bold" if i == 0 and j < 3 else "normal"
+            figure.text(x, y, cell, fontsize=8.5, color=_INK, ha=side, va="top", fontweight=weight)
+        y -= 0.0152
+    text = "; ".join(effects_table.notes(told[0]))
+    lines = textwrap.wrap(text[:1].upper() + text[1:] + ".", 128)
+    figure.text(_LEFT, y, "\n".join(lines), fontsize=7.5, color=_SOFT, va="top", linespacing=1.2)
+    return y - _LINE * len(lines) - 0.012
 
 
 def _bottom(figure: Figure, summary: Summary) -> float:
@@ -152,7 +186,7 @@ def _bottom(figure: Figure, summary: Summary) -> float:
 
 def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) -> None:
     """Surfaces between two heights of the page, in a figure of their own size."""
-    springs = len(by_spring(points(table)))
+    springs = surfaces.panels_across(table)
     if springs > _MOST_SPRINGS:
         note = f"{springs} spring rates: see surfaces.png"
         figure.text(0.5, (bottom + top) / 2.0, note, ha="center", color=_SOFT, fontsize=9)
@@ -162,7 +196,7 @@ def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) 
     bands: Any = figure.subfigures(
         3, 3, height_ratios=[1.0 - top, top - bottom, bottom], width_ratios=[0.04, 0.92, 0.04]
     )
-    surfaces.draw(bands[1, 1], table, compact=springs > 2)
+    surfaces.draw(bands[1, 1], table, 0.92 * A4[0], compact=springs > 2)
 
 
 def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Path]:
@@ -172,6 +206,7 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     below = _what(figure, summary)
     _outcome(figure, summary)
     top = _table(figure, summary, min(0.805, below))
+    top = _effects(figure, summary, top)
     bottom = _bottom(figure, summary)
     _surfaces(figure, table, bottom, top)
     paper, screen = folder / "summary.pdf", folder / "summary.png"

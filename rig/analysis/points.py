@@ -1,4 +1,4 @@
-"""Points of the gain matrix: repetitions averaged, and the best point of each spring rate."""
+"""Points of the gain matrix: what was asked for, what was measured, and what varies."""
 
 from typing import Any, NamedTuple
 
@@ -6,129 +6,116 @@ import numpy as np
 import xarray
 
 from rig.analysis.rows import COMPLETE, POWERS, standard_error
+from rig.config.columns import COLUMNS, Column
+
+Setting = dict[str, float]
+"""A set point by the names of `rig.config.columns`; what a run does not know is left out."""
 
 
 class Point(NamedTuple):
     """One combination of the gain matrix with the mean of its complete rows."""
 
-    spring_rate: float  # N/m
+    setting: Setting
     stator: float  # %
-    kp: float  # N*s/m
-    ki: float  # N/m
     power: dict[str, float]  # W by kind, negative is absorbed
     error: dict[str, float]  # W, standard error of `power`; NaN where unknown
     rows: tuple[int, ...]
 
-
-class Optimum(NamedTuple):
-    """The measured point of one spring rate that absorbs most."""
-
-    kind: str
-    point: Point
-    at_edge: bool  # a gain at the end of its range in the campaign: the best may lie outside
-    at_gap: bool  # the next point along Kp or Ki was not measured: the best may lie there
-    points: int  # measured at this spring rate
+    @property
+    def spring_rate(self) -> float:
+        """N/m."""
+        return self.setting.get("spring_rate", float("nan"))
 
     @property
-    def doubt(self) -> str:
-        """Where the true optimum may lie instead, in a word or two; empty if it lies here."""
-        return "grid's edge" if self.at_edge else "beside a gap" if self.at_gap else ""
+    def kp(self) -> float:
+        """N*s/m."""
+        return self.setting.get("kp", float("nan"))
 
     @property
-    def power(self) -> float:
-        """W, negative is absorbed."""
-        return self.point.power[self.kind]
-
-    @property
-    def error(self) -> float:
-        """Standard error, W; NaN where unknown."""
-        return self.point.error[self.kind]
+    def ki(self) -> float:
+        """N/m."""
+        return self.setting.get("ki", float("nan"))
 
 
-def points(table: xarray.Dataset) -> list[Point]:
-    """Points with at least one complete row, in the order of the campaign.
+class Matrix(NamedTuple):
+    """A gain matrix as it was run."""
+
+    points: tuple[Point, ...]  # measured, in the order of the campaign
+    asked: tuple[Setting, ...]  # every combination of the campaign, measured or not
+
+
+def agrees(setting: Setting, fixed: Setting) -> bool:
+    """Whether a set point has these values; a column it does not know cannot contradict."""
+    return all(setting.get(name, value) == value for name, value in fixed.items())
+
+
+def varied(matrix: Matrix) -> list[Column]:
+    """Columns that take more than one value in the campaign."""
+    found = []
+    for column in COLUMNS:
+        values = {each[column.name] for each in matrix.asked if column.name in each}
+        if len(values) > 1:
+            found.append(column)
+    return found
+
+
+def levels(matrix: Matrix, name: str) -> list[float]:
+    """The values that a column takes in the campaign, increasing."""
+    return sorted({each[name] for each in matrix.asked if name in each})
+
+
+def row_settings(table: xarray.Dataset) -> list[Setting]:
+    """The set point of each row of the table.
+
+    A run without a plan tells a set point by a mean over its log: nine digits of it are kept, so
+    that rounding makes no two points of one.
+    """
+    columns = {c.name: table[c.name].values.tolist() for c in COLUMNS if c.name in table}
+    return [
+        {
+            name: float(f"{values[i]:.9g}") + 0.0  # there is no -0
+            for name, values in columns.items()
+            if np.isfinite(values[i])
+        }
+        for i in range(table.sizes.get("row", 0))
+    ]
+
+
+def matrix(table: xarray.Dataset) -> Matrix:
+    """The gain matrix of a row table: equal set points are one point, however often it was asked.
 
     The error of a point that was run more than once comes from the scatter of its rows.
     """
     if "state" not in table or table.sizes["row"] == 0:
-        return []
+        return Matrix((), ())
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
-    members: dict[int, list[int]] = {}
-    for i in np.flatnonzero(columns["state"] == COMPLETE).tolist():
-        members.setdefault(int(columns["point"][i]), []).append(i)
+    settings = row_settings(table)
+    asked: dict[tuple[tuple[str, float], ...], Setting] = {}
+    members: dict[tuple[tuple[str, float], ...], list[int]] = {}
+    for i, setting in enumerate(settings):
+        key = tuple(setting.items())
+        asked.setdefault(key, setting)
+        if columns["state"][i] == COMPLETE:
+            members.setdefault(key, []).append(i)
 
     def error(kind: str, rows: list[int]) -> float:
         if len(rows) > 1:
             return standard_error(columns[f"power_{kind}"][rows])
         return float(columns[f"power_{kind}_se"][rows[0]])
 
-    return [
+    found = tuple(
         Point(
-            float(columns["spring_rate"][rows[0]]),
+            settings[rows[0]],
             float(columns["stator"][rows[0]]),
-            float(columns["kp"][rows[0]]),
-            float(columns["ki"][rows[0]]),
             {kind: float(columns[f"power_{kind}"][rows].mean()) for kind in POWERS},
             {kind: error(kind, rows) for kind in POWERS},
             tuple(columns["row"][rows].tolist()),
         )
         for rows in members.values()
-    ]
-
-
-def by_spring(found: list[Point]) -> dict[float, list[Point]]:
-    """Points by spring rate, stiffest first."""
-    rates = sorted({point.spring_rate for point in found}, reverse=True)
-    return {rate: [point for point in found if point.spring_rate == rate] for rate in rates}
-
-
-def optima(table: xarray.Dataset) -> list[Optimum]:
-    """For each kind of power and each spring rate the measured point with the least power.
-
-    Edges are those of all rows at that spring rate: one that is missing makes no new edge but a
-    gap.
-    """
-    best = []
-    groups = by_spring(points(table))
-    asked = _gains(table) if groups else {}
-    for kind in POWERS:
-        for rate, group in groups.items():
-            finite = [point for point in group if np.isfinite(point.power[kind])]
-            if not finite:
-                continue
-            top = min(finite, key=lambda point: point.power[kind])
-            here = (top.kp, top.ki)
-            gap = not _neighbours(here, asked[rate]) <= {(point.kp, point.ki) for point in finite}
-            best.append(Optimum(kind, top, _at_edge(here, asked[rate]), gap, len(finite)))
-    return best
-
-
-_Gains = tuple[float, float]  # Kp (N*s/m), Ki (N/m)
-
-
-def _gains(table: xarray.Dataset) -> dict[float, set[_Gains]]:
-    """The gains of all rows of each spring rate, measured or not."""
-    found: dict[float, set[_Gains]] = {}
-    columns = (table[name].values.tolist() for name in ("spring_rate", "kp", "ki"))
-    for rate, *gains in zip(*columns, strict=True):
-        found.setdefault(rate, set()).add((gains[0], gains[1]))
-    return found
-
-
-def _at_edge(here: _Gains, asked: set[_Gains]) -> bool:
-    ranges = [(min(values), max(values)) for values in zip(*asked, strict=True)]
-    return any(
-        low < high and gain in (low, high) for gain, (low, high) in zip(here, ranges, strict=True)
     )
+    return Matrix(found, tuple(asked.values()))
 
 
-def _neighbours(here: _Gains, asked: set[_Gains]) -> set[_Gains]:
-    """The next points in the four directions along Kp and Ki, as many as there are."""
-    found = set()
-    for along, across in ((0, 1), (1, 0)):
-        line = [gains for gains in asked if gains[across] == here[across]]
-        below = [gains for gains in line if gains[along] < here[along]]
-        above = [gains for gains in line if gains[along] > here[along]]
-        found |= {max(below)} if below else set()
-        found |= {min(above)} if above else set()
-    return found
+def points(table: xarray.Dataset) -> list[Point]:
+    """Points with at least one complete row, in the order of the campaign."""
+    return list(matrix(table).points)

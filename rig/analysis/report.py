@@ -5,11 +5,14 @@ from pathlib import Path
 import xarray
 
 from rig.analysis import wave_calibration
+from rig.analysis.bars import varies_drive, write_bars
 from rig.analysis.calibration_picture import write_picture
+from rig.analysis.effects_table import all_effects, write_effects
 from rig.analysis.page import write_page
+from rig.analysis.points import matrix
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
 from rig.analysis.summary import Summary, summarise, write_texts
-from rig.analysis.surfaces import write_surfaces
+from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.runs import RunError, mcap_file
 from rig.runs.folder import facts, files
 
@@ -55,7 +58,7 @@ def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> S
 def write_products(
     run_folder: Path, mean_position_alarm: float = MEAN_POSITION_ALARM
 ) -> list[Path]:
-    """Row table, surfaces and summary of a run, also of one that ended early or crashed.
+    """Row table, pictures, effects and summary of a run, also of one that ended early or crashed.
 
     A run without the device gives its wave calibration in place of rows and surfaces.
 
@@ -79,7 +82,20 @@ def write_products(
     table, summary = _read(run, mean_position_alarm)
     return [
         *write_rows(table, folder),
-        write_surfaces(table, folder / "surfaces.png"),
+        *_pictures(table, folder),
         *write_texts(summary, folder),
         *write_page(summary, table, folder),
     ]
+
+
+def _pictures(table: xarray.Dataset, folder: Path) -> list[Path]:
+    """Surfaces always; slices, bars and effects where the matrix has something for them."""
+    found = matrix(table)
+    made = [write_surfaces(table, folder / "surfaces.png")]
+    if found.points and can_be_sliced(found):
+        made.append(write_sliced(table, folder / "surfaces_sliced.png"))
+    if found.points and varies_drive(found):
+        made.append(write_bars(table, folder / "bars.png"))
+    if effects := all_effects(table):
+        made.append(write_effects(effects, folder / "effects.csv"))
+    return made

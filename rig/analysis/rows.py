@@ -3,7 +3,7 @@
 Power is negative when absorbed. Rows whose window was cut short are listed with their state and
 enter no surface. A mean's standard error comes from the means over whole wave periods; where a
 window holds only one repeat period of an irregular sea it is unknown (NaN) unless the point was
-run again.
+run again. Beside power and motion stand the checks of `rig.analysis.quality`.
 """
 
 import csv
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import xarray
 
+from rig.analysis import quality
 from rig.analysis.windows import Window, windows
 from rig.config.columns import COLUMNS
 from rig.limits import Limited, Warned
@@ -70,6 +71,7 @@ UNITS = {
     **SETTINGS,
     "stroke": "m",
     "start": "s",
+    **quality.UNITS,
 }
 
 
@@ -141,7 +143,7 @@ def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
     for name, field in LOGGED.items():  # the plan's value replaces it where there is one
         here = field in (data.dtype.names or ())
         out[name] = float(data[field].mean()) if here else float("nan")
-    return out
+    return {**out, **quality.columns(data)}
 
 
 def _length(planned: dict[str, Any], dt: float | None) -> int:
@@ -169,7 +171,8 @@ def row_table(
 ) -> xarray.Dataset:
     """The row table of a run, finished or not: one entry a planned or measured row, by row id.
 
-    ``mean_position_alarm`` (m): a row whose mean position is farther from zero is flagged.
+    ``mean_position_alarm`` (m): a row whose mean position, of heave or surge, is farther from zero
+    is flagged. What the run did not log is NaN.
     Variables carry their unit in ``attrs``; ``stroke`` is peak to peak; ``power_*_demeaned`` is
     mean(F v) - mean(F) mean(v); ``power_*_se`` is the standard error of that row's mean.
     """
@@ -180,7 +183,8 @@ def row_table(
     period_ticks = period / float(dt) if period and dt else None
     planned = {int(row["row"]): row for row in known.plan.get("rows", [])}
     found: dict[int, dict[str, Any]] = {}
-    logged = {leaf.name for leaf in source.leaves} & set(LOGGED.values())
+    there = [leaf.name for leaf in source.leaves]
+    logged = set(there) & set(LOGGED.values()) | set(quality.fields(there))
     for window in windows(source, ["time", *FIELDS, *sorted(logged)]):
         if window.row < 0:
             continue
@@ -192,8 +196,9 @@ def row_table(
         _with_plan(found.get(row), planned.get(row, {}), row) for row in sorted({*planned, *found})
     ]
     for entry in table:
-        far = abs(entry["position_mean"]) > mean_position_alarm
-        entry["position_alarm"] = int(far and entry["state"] == COMPLETE)
+        for axis in ("", "surge_"):
+            far = abs(entry[f"{axis}position_mean"]) > mean_position_alarm
+            entry[f"{axis}position_alarm"] = int(far and entry["state"] == COMPLETE)
     _repeat_errors(table)
     out = _dataset(table, known, period)
     return out.assign_attrs(mean_position_alarm_m=mean_position_alarm)
@@ -215,6 +220,14 @@ def _with_plan(
     return out
 
 
+def _modulation(config: dict[str, Any]) -> dict[str, str]:
+    """How a custom drive switches: the campaign's choice or else the rig's; empty for others."""
+    asked = [(config.get(file) or {}).get("drive") or {} for file in ("campaign", "rig")]
+    if asked[1].get("kind") != "custom":
+        return {}
+    return {"modulation": str(asked[0].get("modulation") or asked[1].get("modulation"))}
+
+
 _ORDER = ["row", "point", "repetition", "state", *SETTINGS]
 
 
@@ -229,7 +242,7 @@ def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) ->
         )
         for name in names
     }
-    attributes = known.attributes()
+    attributes = known.attributes() | _modulation(known.config)
     if period:
         attributes["wave_period_s"] = period
     return xarray.Dataset(columns, attrs=attributes)

@@ -7,9 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis import words
-from rig.analysis.points import Optimum, optima
+from rig.analysis import effects_table, labels, words
+from rig.analysis.effects import Effects, is_designed
+from rig.analysis.points import Setting, matrix, varied
 from rig.analysis.rows import COMPLETE, CUT_SHORT
+from rig.analysis.slices import Optimum, optima
+from rig.config.columns import ALWAYS
 from rig.runs.folder import Facts
 
 ENDINGS = {
@@ -19,6 +22,7 @@ ENDINGS = {
     "crashed": "Crashed",
     "refused": "Refused",
 }
+_ALWAYS = {column.name for column in ALWAYS}
 NO_END = "No end recorded"
 NO_REASON = "the record just stops: power cut, killed processes, or a run that still goes on"
 
@@ -41,9 +45,16 @@ class Summary(NamedTuple):
     rows_done: int
     rows_planned: int
     optima: tuple[Optimum, ...]
+    further: tuple[str, ...]  # columns that vary beside spring rate, Kp and Ki
     alarms: tuple[str, ...]
     timing: str
     findings: tuple[str, ...] = ()  # of a run without rows, a sentence each
+    effects: tuple[Effects, ...] = ()  # of a designed matrix
+
+    def further_of(self, optimum: Optimum) -> Setting:
+        """Where the further columns stand at a best point, SI, by name."""
+        here = optimum.point.setting
+        return {name: here[name] for name in self.further if name in here}
 
 
 def _sea(plan: dict[str, Any]) -> str:
@@ -114,13 +125,15 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
             return found
         return [*found, "no row was measured"]
     rows = table["row"].values
-    off = np.flatnonzero(table["position_alarm"].values)
-    if len(off):
-        means = table["position_mean"].values
+    for axis, called in (("", "mean position"), ("surge_", "mean surge position")):
+        off = np.flatnonzero(table[f"{axis}position_alarm"].values)
+        if len(off) == 0:
+            continue
+        means = table[f"{axis}position_mean"].values
         worst = off[np.argmax(np.abs(means[off]))]
         bound = 1e3 * table.attrs["mean_position_alarm_m"]
         found.append(
-            f"mean position beyond {bound:g} mm in {row_list(rows[off])}: "
+            f"{called} beyond {bound:g} mm in {row_list(rows[off])}: "
             f"{words.signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; check the encoder zero"
         )
     found += _flagged(table, "limits", "force limited ({})")
@@ -169,9 +182,11 @@ def summarise(
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(optima(table)),
+        further=tuple(c.name for c in varied(matrix(table)) if c.name not in _ALWAYS),
         alarms=tuple(alarms(table, known, unfinished)),
         timing=str(timing or "No timing certificate: the run did not get to its end."),
         findings=findings,
+        effects=effects_table.all_effects(table) if is_designed(matrix(table)) else (),
     )
 
 
@@ -185,6 +200,7 @@ def as_json(summary: Summary) -> dict[str, Any]:
             "stator_percent": o.point.stator,
             "kp_n_s_per_m": o.point.kp,
             "ki_n_per_m": o.point.ki,
+            "further": summary.further_of(o),
             "mean_w": o.power,
             "standard_error_w": o.error if np.isfinite(o.error) else None,
             "at_edge_of_grid": o.at_edge,
@@ -193,7 +209,9 @@ def as_json(summary: Summary) -> dict[str, Any]:
         }
         for o in summary.optima
     ]
-    return {**summary._asdict(), "optima": best, "alarms": list(summary.alarms)}
+    effects = effects_table.as_json(summary.effects)
+    told = {"optima": best, "alarms": list(summary.alarms), "effects": effects}
+    return {**summary._asdict(), **told}
 
 
 def as_text(summary: Summary) -> str:
@@ -213,6 +231,7 @@ def as_text(summary: Summary) -> str:
         "",
         *_best(summary),
     ]
+    lines += ["", *effects_table.as_text(summary.effects)] if summary.effects else []
     lines += ["", "Alarms"]
     lines += [f"  {alarm}" for alarm in summary.alarms] or ["  none"]
     return "\n".join([*lines, "", summary.timing, ""])
@@ -236,6 +255,8 @@ def _best(summary: Summary) -> list[str]:
             f"   {words.spring_words(o.point.spring_rate, o.point.stator)}"
             + (f"   {o.doubt}" if o.doubt else "")
         )
+        if further := summary.further_of(o):
+            lines.append(f"  {'':<32} at {labels.settings(further)}")
     if not summary.optima:
         lines.append("  no complete row")
     return lines

@@ -126,6 +126,7 @@ class Report(NamedTuple):
         return [
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
             ("sea", f"{file.sea.words()}{seed}"),
+            *([] if file.reference is None else [("reference", file.reference.words())]),
             ("rows", rows),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in all"),
             (

@@ -11,7 +11,7 @@ from rig.campaign.order import turns
 from rig.campaign.pieces import Pieces, Source, pieces, sea_of
 from rig.campaign.point import MOST_ROWS, Point
 from rig.campaign.points import count, outside_map, points, stator_positions
-from rig.campaign.settings import foreign_columns
+from rig.campaign.settings import foreign_to_drive
 from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, calibration, windows
 from rig.config.campaign_file import CampaignFile
@@ -109,7 +109,11 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
             files.append(_file("elevation", record))
     if rig is not None and found is not None:
         outside = outside_map(found, rig.spring)
-        problems += (*outside, *unstable(found, rig.stability), *foreign_columns(found, rig))
+        problems += (
+            *outside,
+            *unstable(found, rig.stability),
+            *foreign_to_drive(campaign, found, rig, top.locate),
+        )
         if campaign is not None and found and not outside and rows <= MOST_ROWS:
             first = _first(campaign, found, rig)
             problems += unstable_set_point(campaign, first, rig.stability, top.locate)

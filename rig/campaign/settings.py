@@ -8,6 +8,7 @@ from rig.config.campaign_file import CampaignFile
 from rig.config.columns import COLUMNS, DRIVE_COLUMNS
 from rig.config.problems import Problem
 from rig.config.rig_file import CustomDrive, RigFile
+from rig.config.source import Locate
 
 
 class Setting(NamedTuple):
@@ -44,14 +45,18 @@ def drive_settings(campaign: CampaignFile, rig: RigFile) -> CustomDrive | None:
     return rig.drive.model_copy(update=ours)
 
 
-def foreign_columns(points: tuple[Point, ...], rig: RigFile) -> Iterator[Problem]:
-    """A problem for each column that this rig's drive cannot take, told where it first stands."""
+def foreign_to_drive(
+    campaign: CampaignFile | None, points: tuple[Point, ...], rig: RigFile, locate: Locate
+) -> Iterator[Problem]:
+    """A problem for each key and column that this rig's drive cannot take, told where it stands."""
     if isinstance(rig.drive, CustomDrive):
         return
+    message = "the rig's drive has no such setting; only one of kind custom has"
+    for key in sorted(campaign.drive.model_fields_set) if campaign is not None else ():
+        yield locate.problem(("drive", key), None, message)
     for column in DRIVE_COLUMNS:
         where = next((p.at[column.name] for p in points if column.name in p.at), None)
         if where is not None:
-            message = "the rig's drive has no such setting; only one of kind custom has"
             yield where.problem(None, message)
 
 

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from rig.cli import calibration, matrix, testlog
+
 app = typer.Typer(
     name="rig",
     no_args_is_help=True,
@@ -56,6 +58,58 @@ def check(
     sys.exit(main(campaign, every_row=rows, as_json=json))
 
 
+_DOCTOR = """Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not
+fit, the verdict says why; 2 bad input."""
+
+
+@app.command(epilog=_DOCTOR)
+def doctor(
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure, twice.")
+    ] = 5.0,
+    rehearsal: Annotated[
+        bool, typer.Option("--rehearsal", help="The exit code is about rehearsals only.")
+    ] = False,
+    rate: Annotated[
+        float, typer.Option("--rate", min=10, max=10_000, help="Rate of the loop, Hz.")
+    ] = 1000.0,
+    hours: Annotated[
+        float, typer.Option("--hours", min=0, max=1000, help="Hours of log to have room for.")
+    ] = 8.0,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Say whether this host is fit for real time on a rig, and what to do about it if not."""
+    from rig.cli.doctor import main
+
+    sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json))
+
+
+_RECOVER = """Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is
+finished, but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is
+still being written, the disk is full, or what was written could not be read back; 2 no such run, or
+nothing in it is readable."""
+
+
+@app.command(epilog=_RECOVER)
+def recover(
+    run: Annotated[Path, typer.Argument(help="A run's folder or MCAP file, its id, or 'last'.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="File to write (default: run.mcap in the run)."),
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Finish the record of a run that was killed, and say exactly what is missing.
+
+    What the crash left stays as it is; the new file is read back with the stock MCAP library.
+    """
+    from rig.cli.recover import main
+
+    sys.exit(main(run, runs, output, as_json=json))
+
+
 @app.command("runs")
 def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
     """List the runs there are, newest first."""
@@ -86,13 +140,62 @@ def plot(
     rows: Annotated[
         list[int] | None, typer.Option("--row", "-r", help="Only this campaign row; repeatable.")
     ] = None,
+    surface: Annotated[
+        tuple[str, str] | None,
+        typer.Option("--surface", metavar="X Y", help="Power over these two columns, sliced."),
+    ] = None,
+    left_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Column to slice at each station's optimum, as all that are not named; "
+            "COLUMN=VALUE (SI) holds it there; repeatable."
+        ),
+    ] = None,
+    station: Annotated[
+        list[str] | None,
+        typer.Option(help="Station of a surface: mechanical, shaft, ac, dc; repeatable."),
+    ] = None,
+    sort: Annotated[
+        str | None, typer.Option(help="Bars of all rows and settings: as 'run' or by 'power'.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
     ] = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Draw a run again: its surfaces and summary, or log fields over time."""
-    from rig.cli.plot import main
+    """Draw a run again: surfaces and summary, one surface, bars, or log fields over time."""
+    from rig.cli.plot import Asked, main
 
-    sys.exit(main(run, runs, fields or [], rows or [], output, as_json=json))
+    asked = Asked(fields or [], rows or [], surface, left_out or [], station or [], sort, output)
+    sys.exit(main(run, runs, asked, as_json=json))
+
+
+@app.command()
+def compare(
+    a: Annotated[Path, typer.Argument(help=_RUN)],
+    b: Annotated[Path, typer.Argument(help="The run to compare with it.")],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(help="COLUMN=VALUE (SI): how far matched set points may be apart."),
+    ] = None,
+    left_out: Annotated[
+        list[str] | None,
+        typer.Option(help="COLUMN=VALUE (SI): where the picture's left-out column stands."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="PNG to write, a CSV beside it (default: in run B)."),
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Compare two runs of one matrix: settings that differ, then power point by point, B less A."""
+    from rig.cli.compare import main
+
+    sys.exit(main(a, b, runs, tolerance or [], left_out or [], output, as_json=json))
+
+
+app.command("matrix")(matrix.command)
+app.command("testlog")(testlog.command)
+app.add_typer(calibration.app)

@@ -1,33 +1,39 @@
 """`rig plot RUN`."""
 
 import json
+import math
 from pathlib import Path
+from typing import NamedTuple
 
 from rig import cli
 from rig.cli.failure import fail
 from rig.cli.find_run import find_run
 
+STATIONS = {
+    "mechanical": "mechanical_1",
+    "shaft": "mechanical_2",
+    "ac": "ac",
+    "dc": "dc",
+}
+"""What people call the power stations."""
 
-def main(
-    named: Path,
-    runs: Path,
-    fields: list[str],
-    rows: list[int],
-    output: Path | None,
-    *,
-    as_json: bool,
-) -> int:
-    """Write surfaces and summary anew, or log fields over time; print what was written."""
-    from rig.analysis.report import write_products
-    from rig.analysis.traces import DEFAULT_FIELDS, write_traces
 
+class Asked(NamedTuple):
+    """What is to be drawn; nothing of it: everything anew."""
+
+    fields: list[str]
+    rows: list[int]
+    surface: tuple[str, str] | None  # columns along x and y
+    left_out: list[str]  # columns, or column=value
+    stations: list[str]
+    sort: str | None
+    output: Path | None
+
+
+def main(named: Path, runs: Path, asked: Asked, *, as_json: bool) -> int:
+    """Write surfaces and summary anew, or what is asked for; print what was written."""
     try:
-        run = find_run(named, runs)
-        if fields or rows or output:
-            picture = output or (run if run.is_dir() else run.parent) / "traces.png"
-            written = [write_traces(run, picture, fields or DEFAULT_FIELDS, rows or None)]
-        else:
-            written = write_products(run)
+        written = _draw(find_run(named, runs), asked)
     except (KeyError, ValueError, OSError) as error:
         return fail("plot", error, as_json=as_json)
     if as_json:
@@ -35,3 +41,74 @@ def main(
     else:
         print("\n".join(str(path) for path in written))
     return cli.OK
+
+
+def _draw(run: Path, asked: Asked) -> list[Path]:
+    from rig.analysis.report import write_products
+    from rig.analysis.traces import DEFAULT_FIELDS, write_traces
+
+    traces = bool(asked.fields or asked.rows)
+    surface = bool(asked.surface or asked.left_out or asked.stations)
+    if traces + surface + bool(asked.sort) > 1:
+        raise ValueError("fields over time, a surface or bars: one picture at a time")
+    folder = run if run.is_dir() else run.parent
+    if surface:
+        return [_surface(run, folder, asked)]
+    if asked.sort:
+        return [_bars(run, folder, asked.sort, asked.output)]
+    if traces or asked.output:
+        picture = asked.output or folder / "traces.png"
+        return [write_traces(run, picture, asked.fields or DEFAULT_FIELDS, asked.rows or None)]
+    return write_products(run)
+
+
+def _bars(run: Path, folder: Path, sort: str, output: Path | None) -> Path:
+    from rig.analysis.bars import write_bars
+    from rig.analysis.rows import row_table
+
+    if sort not in ("run", "power"):
+        raise ValueError(f"--sort {sort}: allowed run, power")
+    table = row_table(run)
+    if sort == "run":
+        return write_bars(table, output or folder / "bars.png")
+    return write_bars(table, output or folder / "bars_by_power.png", "power")
+
+
+def _surface(run: Path, folder: Path, asked: Asked) -> Path:
+    from rig.analysis.labels import column
+    from rig.analysis.points import matrix, varied
+    from rig.analysis.rows import row_table
+    from rig.analysis.surfaces import KINDS, write_sliced
+
+    table = row_table(run)
+    names = asked.surface or ("ki", "kp")
+    x, y = column(names[0]), column(names[1])
+    free = [c for c in varied(matrix(table)) if c not in (x, y)]
+    held = {}
+    for words in asked.left_out:
+        name, _, value = words.partition("=")
+        left = column(name)
+        if left not in free:
+            there = ", ".join(c.name for c in free) or "none"
+            raise ValueError(f"{name} cannot be left out; what varies beside the axes: {there}")
+        if value:
+            held[left.name] = _number(words, value)
+    kinds = tuple(dict.fromkeys(_station(name) for name in asked.stations)) or KINDS
+    picture = asked.output or folder / f"surface_{x.name}_{y.name}.png"
+    return write_sliced(table, picture, x, y, held, kinds)
+
+
+def _number(words: str, value: str) -> float:
+    try:
+        number = float(value)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{words}: {value!r} is no number; write column=value in SI units")
+    return number
+
+
+def _station(name: str) -> str:
+    if name not in STATIONS:
+        raise ValueError(f"no station {name!r}; there are {', '.join(STATIONS)}")
+    return STATIONS[name]

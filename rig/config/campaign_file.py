@@ -28,6 +28,7 @@ from rig.config.columns import (
 from rig.config.matrix import Matrix
 from rig.config.model import Broken, FileModel, Several, Whole, refuse
 from rig.config.problems import number_text, value_text
+from rig.config.reference import Reference
 from rig.config.sea import CalmSea, Sea
 
 
@@ -154,6 +155,7 @@ class CampaignFile(FileModel):
     timing: Annotated[Timing, BeforeValidator(_timing)] = Timing()
     start: Start = Start()
     law: Law = Law()
+    reference: Reference | None = None  # open-loop force, with the feedback of the matrix
     surge: SurgeControl = SurgeControl()
     drive: DriveSetup = DriveSetup()
     tare: Annotated[Tare | None, BeforeValidator(_tare)] = Tare()  # None: `none`

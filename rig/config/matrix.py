@@ -142,8 +142,10 @@ class Matrix(FileModel):
     @model_validator(mode="before")
     @classmethod
     def _one_form(cls, value: Any) -> Any:
-        # By the keys, before their values: one left empty would pass for one that is not there.
-        given = [key for key in FORMS if key in value] if isinstance(value, dict) else []
+        # Before their values: an empty list would pass for one that is not there. A key without
+        # a value takes out what another file gives, so it is none.
+        there = value if isinstance(value, dict) else {}
+        given = [key for key in FORMS if there.get(key) is not None]
         if len(given) > 1:
             found = " and ".join(key if value[key] else f"{key} (empty)" for key in given)
             raise refuse(f"{found} given; {_ONE}")

@@ -115,7 +115,7 @@ def _unstable(margin: Margin) -> str:
     stable = "not stable at lower gains either"
     if not margin.broken:
         return (
-            f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times these gains"
+            f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times its gains"
         )
     if margin.predicted > 0.0:
         stable = f"stable up to {margin.predicted:.3g} times these gains"

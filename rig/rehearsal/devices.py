@@ -116,7 +116,7 @@ def stepper(compiled: bool) -> type[Stepper]:
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:
     """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
-    "device": false is the empty basin of a wave calibration, "compiled": false interprets it.
+    "device": "absent" is the empty basin of a wave calibration, "compiled": false interprets it.
     """
     plant = Plant.model_validate(config["plant"])
     path = Path(config["bem"])
@@ -127,7 +127,7 @@ def connect(config: dict[str, Any], dt: float) -> PlantDevices:
         read_bem(path.with_name(plant.surge.bem)),
         dt=dt,
         seed=config["seed"],
-        device=config.get("device", True),
+        device=config.get("device", "present") == "present",
         stepper=stepper(config.get("compiled", True)),
     )
     return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)

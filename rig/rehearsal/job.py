@@ -4,19 +4,22 @@ import math
 import zipfile
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from rig.assemble import estimator_params, zc_sections
 from rig.campaign.designed_sea import DesignedSea, designed
 from rig.campaign.elevation import Elevation
 from rig.campaign.files import Campaign
 from rig.campaign.pieces import Pieces, Source
+from rig.campaign.reference import table
 from rig.config.campaign_file import Law
 from rig.config.problems import Problem, number_text, shown
+from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.source import KeyPath
 from rig.config.translate import problems_from
@@ -30,6 +33,7 @@ from sim_plant.world import World
 _UNREADABLE = (
     OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
+_REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
 _SAME = 1e-6  # relative
 _ANY_RATE = 1000  # Hz, where the rig's own is wrong
 _ANY_SEED = 0  # no check depends on phases or noise
@@ -38,12 +42,21 @@ _ANY_SEED = 0  # no check depends on phases or noise
 def devices_of(campaign: Campaign) -> dict[str, Any]:
     """What `connect` needs to stand in for the hardware of a campaign, as JSON values."""
     return {
-        "plant": campaign.plant,
+        "plant": plant_of(campaign),
         "bem": str(campaign.plant_locate.file(("bem",), campaign.plant["bem"])),
         "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
     }
+
+
+def plant_of(campaign: Campaign) -> dict[str, Any]:
+    """The plant as the campaign wants it: its supply as somebody has left it."""
+    drive = campaign.plant.get("drive")
+    if campaign.file.drive.supply == "connected" or not isinstance(drive, dict):
+        return campaign.plant
+    said = {"value": "disconnected", "unit": "1", "source": "the campaign's drive.supply"}
+    return {**campaign.plant, "drive": {**drive, "supply": said}}
 
 
 def asked_sea(campaign: Campaign) -> dict[str, Any]:
@@ -68,7 +81,7 @@ def asked_sea(campaign: Campaign) -> dict[str, Any]:
 
 def problems(pieces: Pieces) -> tuple[Problem, ...]:
     """What would keep the loop or the simulated plant from starting: everything is built once."""
-    found = [*_estimator(pieces), *_law(pieces)]
+    found = [*_estimator(pieces), *_laws(pieces)]
     bem = None
     if pieces.plant is not None:
         plant, bad = _plant(pieces.plant)
@@ -95,15 +108,21 @@ def _estimator(pieces: Pieces) -> Iterator[Problem]:
         yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
 
 
-def _law(pieces: Pieces) -> Iterator[Problem]:
-    try:
-        law = Law.model_validate(pieces.campaign.mapping.get("law", {}), strict=True)
-    except ValidationError:
-        return  # told with the campaign file's own problems
-    try:
-        zc_sections(law, 1.0 / (pieces.rate_hz or _ANY_RATE))
-    except ValueError as error:
-        yield pieces.campaign.locate.problem(("law", "zc"), None, str(error))
+def _laws(pieces: Pieces) -> Iterator[Problem]:
+    """What the law and the reference of the campaign lack; their keys' own rules are told there."""
+    campaign, rate = pieces.campaign, pieces.rate_hz or _ANY_RATE
+    with suppress(ValidationError):
+        law = Law.model_validate(campaign.mapping.get("law", {}), strict=True)
+        try:
+            zc_sections(law, 1.0 / rate)
+        except ValueError as error:
+            yield campaign.locate.problem(("law", "zc"), None, str(error))
+    with suppress(ValidationError):
+        reference = _REFERENCE.validate_python(campaign.mapping.get("reference"), strict=True)
+        try:
+            table(reference, 1.0, rate, _ANY_SEED)
+        except ValueError as error:
+            yield campaign.locate.problem(("reference",), None, str(error))
 
 
 def _plant(source: Source) -> tuple[Plant | None, tuple[Problem, ...]]:

@@ -13,11 +13,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig import process
 from rig.log import CLOCK, START_KEY
 from rig.runs.mcap_file import Contents, RunError, scan
 
 MCAP = "run.mcap"
+RECOVERED = "run.recovered.mcap"  # in the place of a run.mcap that is torn
 STATUS = "run.json"
+PROGRESS = "progress.json"  # newest tick while a run goes on
 CONFIG = "config.json"
 _GONE = "its supervisor is gone and left no ending"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
@@ -26,19 +29,27 @@ _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 def files(run: str | os.PathLike[str]) -> list[Path]:
     """The MCAP files of a run in the order of time; RunError if there are none.
 
-    A folder holds ``run.mcap``, or the parts that a killed logger and its successors left.
+    A folder holds ``run.mcap``, or the parts that a killed logger and its successors left; what
+    was recovered stands before what it was recovered from.
     """
     path = Path(run)
     if path.is_file():
         return [path]
     if not path.is_dir():
         raise RunError(f"{path}: no such run")
-    if (path / MCAP).is_file():
-        return [path / MCAP]
-    parts = {int(m[1]): p for p in path.iterdir() if (m := _PART.fullmatch(p.name))}
-    if not parts:
+    for whole in (path / RECOVERED, path / MCAP):
+        if whole.is_file():
+            return [whole]
+    found = parts(path)
+    if not found:
         raise RunError(f"{path}: no {MCAP} and no part of one")
-    return [parts[number] for number in sorted(parts)]
+    return found
+
+
+def parts(folder: Path) -> list[Path]:
+    """The parts of a record that loggers left in a run's folder, in the order of time."""
+    found = {int(m[1]): p for p in folder.iterdir() if (m := _PART.fullmatch(p.name))}
+    return [found[number] for number in sorted(found)]
 
 
 def attachments(run: str | os.PathLike[str]) -> dict[str, bytes]:
@@ -160,20 +171,19 @@ def _count(value: Any) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def _alive(pid: int, started: int) -> bool:
-    """Whether the process that began at ``started`` (field 22 of /proc/PID/stat) still runs."""
-    try:
-        told = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return False
-    return int(told[19]) == started and told[0] not in ("Z", "X")
+def supervised(status: dict[str, Any]) -> bool | None:
+    """Whether the supervisor named in a run's status still lives; None if none is named."""
+    pid, started = status.get("pid"), status.get("pid_started")
+    if not isinstance(pid, int) or not isinstance(started, int):
+        return None
+    return process.started(pid) == started
 
 
 def _abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:
     """Whether a run that is listed as running has nobody left to end it."""
-    pid, started = status.get("pid"), status.get("pid_started")
-    if isinstance(pid, int) and isinstance(started, int):
-        return not _alive(pid, started)
+    lives = supervised(status)
+    if lives is not None:
+        return not lives
     try:
         return bool(mcaps) and all(scan(p).finished for p in mcaps)
     except (RunError, OSError):

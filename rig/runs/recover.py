@@ -1,164 +1,194 @@
-"""Getting a run back from the files of killed loggers, and saying exactly what is missing."""
+"""`rig recover`: one finished record out of what a crash left, and an exact account of it.
 
-import contextlib
-import os
-from collections.abc import Sequence
+What the crash left is never changed. The recovered file has its name only once it is whole, on the
+disk and read back by the stock MCAP library. Doing it again finds it done.
+"""
+
+import json
+from contextlib import suppress
+from datetime import datetime
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import numpy as np
+from rig.runs import create, folder, mcap_file
+from rig.runs.account import Account, Ending, account
+from rig.runs.join import join
+from rig.runs.mcap_file import Contents, RunError
+from rig.runs.read_back import Seen, read_back
 
-from rig.log import CLOCK, START_KEY, Form, RowWriter
-from rig.runs import mcap_file
-from rig.runs.mcap_file import Contents, Records, RunError
-
-_FLUSH_ROWS = 50_000  # rows held in memory while joining
-
-
-class Salvaged(NamedTuple):
-    """What could be read of one file."""
-
-    path: Path
-    contents: Contents
-    blocks: tuple[Records, ...]  # the rows
-    rows: int
-    first_tick: int | None
-    last_tick: int | None
-    finished: bool  # the writer ended the file itself
-    unread: int  # bytes at a torn end or in damaged places
-    damage: tuple[str, ...]  # whole places that had to be skipped
+KILLED = "its processes were killed"
+LOOP_KILLED = "its loop was killed"
 
 
-class Joined(NamedTuple):
-    """Outcome of joining the parts of a run."""
+class Recovery(NamedTuple):
+    """What became of a run."""
 
-    path: Path
-    rows: int
-    duplicates: int  # rows dropped because an earlier part has their tick
-    missing: int  # ticks between first and last that no part holds
-    gaps: tuple[tuple[int, int], ...]  # first and last missing tick of each gap
-    unread: int  # bytes
+    sources: tuple[Path, ...]  # what the crash left; empty if the record was whole
+    output: Path  # the finished record
+    written: bool  # False: it was there already
+    account: Account
+    duplicates: int  # rows that came twice, kept once; counted when it is written
+    unread: int  # bytes of the sources that are no whole record
     damage: tuple[str, ...]
+    seen: Seen  # by the stock MCAP library
+    ending: str  # how the run ended, as far as is known
 
     @property
-    def clean(self) -> bool:
-        """Nothing is missing or damaged between the first and the last row."""
-        return self.missing == 0 and not self.damage
+    def whole(self) -> bool:
+        """Nothing is lost, and that is known."""
+        return self.account.whole and not self.damage
 
 
-def salvage(path: str | os.PathLike[str]) -> Salvaged:
-    """Every whole row of a file, whether its writer ended it or was killed.
+def recover(run: Path, output: Path | None, now: datetime) -> Recovery:
+    """Recover a run folder, or one MCAP file, and account for every tick of it.
 
-    Damaged places are skipped and told. Raises RunError if nothing says what its rows are, or if
-    it has data and none of it can be read: an unreadable file is never an empty success.
+    Writes ``output``; if not given, ``run.mcap`` in the folder from its parts, or
+    ``NAME.recovered.mcap`` beside a torn file. The folder's status says afterwards how the run
+    ended. Raises BusyError while the run is being written, RunError if nothing in it is readable or
+    another file has the output's name, OSError if the output cannot be written.
     """
-    contents = mcap_file.scan(path)
-    damage = list(contents.damage)
-    blocks = tuple(mcap_file.blocks(contents, damage))
-    rows = sum(len(block) for block in blocks)
-    if rows == 0 and contents.chunks:
-        raise RunError(f"{path}: none of its {len(contents.chunks)} chunks is readable")
-    ends = [int(block["tick"][i]) for block in blocks if len(block) for i in (0, -1)]
-    return Salvaged(
-        contents.path,
-        contents,
-        blocks,
-        rows,
-        ends[0] if ends else None,
-        ends[-1] if ends else None,
-        contents.finished,
-        contents.unread,
-        tuple(damage),
-    )
+    place = run if run.is_dir() else run.parent
+    with create.hold_run(place):
+        status = _text(place / folder.STATUS) if run.is_dir() else {}
+        progress = _text(place / folder.PROGRESS) if run.is_dir() else {}
+        if status.get("status") == "running" and folder.supervised(status):
+            raise create.BusyError(f"{run}: its supervisor, process {status['pid']}, still runs")
+        sources, target = _plan(run)
+        if output is not None and output.resolve() != target.resolve():
+            sources, target = sources or (target,), output
+        made = _recovered(sources, target, status, progress)
+        if output is None and run.is_dir() and status:
+            _close(run, status, made, now)
+        return made
 
 
-def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> Joined:
-    """One finished MCAP file from the parts of a run, given in the order they were written.
-
-    Rows come out in order, each tick once; attachments and metadata of all parts are kept, the
-    latest of a name counts. The parts are left as they are. A part that was created but never got
-    its head (the logger died in its first moments) is told as damage. Raises RunError if no part
-    can be read or the parts do not belong together, FileExistsError if ``out`` is there.
-    """
-    out = Path(out)
-    if out.exists():
-        raise FileExistsError(f"{out} is there already")
-    parts, damage = _open(segments)
-    first = parts[0]
-    if any(part.schema != first.schema for part in parts):
-        raise RunError(f"{first.path.parent}: the parts hold rows of different kinds")
-    attachments: dict[str, bytes] = {}
-    metadata: dict[str, dict[str, str]] = {}
-    for part in parts:
-        attachments |= part.attachments
-        metadata |= part.metadata
-    starts = {part.metadata.get(CLOCK, {}).get(START_KEY) for part in parts}
-    start = starts.pop()
-    if starts or start is None:
-        raise RunError(f"{first.path.parent}: the parts do not agree on the run's start")
-    temporary = out.with_name(out.name + ".joining")
-    temporary.unlink(missing_ok=True)
-    form = Form(first.schema_name, first.schema)
-    writer = RowWriter(temporary, form, attachments, metadata, start_utc_ns=int(start))
-    try:
-        joined = _copy(parts, writer, out, damage)
-        writer.finish()
-        if _count(temporary) != joined.rows:  # read back before it is called done
-            raise RunError(f"{out}: the joined file does not hold what was written")
-        temporary.rename(out)
-    except BaseException:
-        writer.close()
-        with contextlib.suppress(OSError):
-            temporary.unlink()
-        raise
-    return joined
+def _text(path: Path) -> dict[str, Any]:
+    with suppress(OSError, ValueError):
+        value = json.loads(path.read_text())
+        return value if isinstance(value, dict) else {}
+    return {}
 
 
-def _open(segments: Sequence[str | os.PathLike[str]]) -> tuple[list[Contents], list[str]]:
-    parts: list[Contents] = []
+def _plan(run: Path) -> tuple[tuple[Path, ...], Path]:
+    """What to recover from, and into which file; from nothing if that file is whole as it is."""
+    if not run.is_dir():
+        finished = mcap_file.scan(run)
+        if finished.finished and not finished.damage:
+            return (), run
+        return (run,), run.with_name(f"{run.name.removesuffix('.mcap')}.recovered.mcap")
+    whole = run / folder.MCAP
+    if whole.is_file():
+        # A file of that name has been finished; if it is not, the disk or a copy lost its end.
+        with suppress(RunError):
+            found = mcap_file.scan(whole)
+            if found.finished and not found.damage:
+                return tuple(folder.parts(run)), whole
+        return (whole, *folder.parts(run)), run / folder.RECOVERED
+    parts = tuple(folder.parts(run))
+    if not parts:
+        raise RunError(f"{run}: no {folder.MCAP} and no part of one: nothing was written")
+    return parts, whole
+
+
+def _recovered(
+    sources: tuple[Path, ...], target: Path, status: dict[str, Any], progress: dict[str, Any]
+) -> Recovery:
+    duplicates = unread = 0
     damage: list[str] = []
-    for path in segments:
+    written = not target.exists()
+    if written:
+        joined = join(sources, target)
+        duplicates, unread, damage = joined.duplicates, joined.unread, list(joined.damage)
+        contents = mcap_file.scan(target)
+    else:
+        contents = mcap_file.scan(target)
+        if not contents.finished:
+            raise RunError(f"{target} is in the way, and it is no finished record")
+        unread, damage = _same(sources, contents)
+        damage += contents.damage
+    told = _ending(status, progress, contents)
+    counted = account(mcap_file.blocks(contents, damage), told)
+    seen = read_back(target, 8 * len(contents.leaves))
+    if seen.rows != counted.rows:
+        raise RunError(f"{target}: read back {seen.rows} rows where {counted.rows} are counted")
+    how = _how(status, contents, told)
+    return Recovery(sources, target, written, counted, duplicates, unread, tuple(damage), seen, how)
+
+
+def _same(sources: tuple[Path, ...], done: Contents) -> tuple[int, list[str]]:
+    """Unread bytes and damage of the sources of a file recovered before; RunError if of others."""
+    unread, damage = 0, list[str]()
+    ticks = set[int]()
+    for path in sources:
         try:
-            parts.append(mcap_file.scan(path))
+            part = mcap_file.scan(path)
         except RunError as error:
             damage.append(str(error))
-        else:
-            damage += parts[-1].damage
-    if not parts:
-        raise RunError("; ".join(damage) or "no parts to join")
-    return parts, damage
-
-
-def _copy(parts: list[Contents], writer: RowWriter, out: Path, damage: list[str]) -> Joined:
-    last: int | None = None
-    rows = duplicates = missing = 0
-    gaps: list[tuple[int, int]] = []
-    for part in parts:
+            continue
+        unread += part.unread
+        damage += part.damage
         for block in mcap_file.blocks(part, damage):
-            if len(block) == 0:
-                continue
-            # Within a part, too, a tick may come twice if its logger read the ring again.
-            ticks = block["tick"].astype(np.int64)
-            so_far = [ticks[0] - 1 if last is None else last]
-            before = np.maximum.accumulate(np.concatenate((so_far, ticks)))[:-1]
-            kept = ticks > before
-            duplicates += int(len(ticks) - kept.sum())
-            if not kept.any():
-                continue
-            ahead, behind = ticks[kept], before[kept]
-            for i in np.flatnonzero(ahead - behind > 1).tolist():
-                gaps.append((int(behind[i]) + 1, int(ahead[i]) - 1))
-                missing += int(ahead[i] - behind[i]) - 1
-            last = int(ahead[-1])
-            rows += len(ahead)
-            writer.append(np.ascontiguousarray(block[kept]).tobytes())
-            if writer.pending > _FLUSH_ROWS * part.stride:
-                writer.flush()
-    if rows == 0 and any(part.chunks for part in parts):
-        raise RunError(f"{out}: none of the parts' rows is readable: {'; '.join(damage)}")
-    unread = sum(part.unread for part in parts)
-    return Joined(out, rows, duplicates, missing, tuple(gaps), unread, tuple(damage))
+            ticks.update(block["tick"][[0, -1]].tolist() if len(block) else ())
+        if part.metadata.get("run") != done.metadata.get("run"):
+            raise RunError(f"{done.path} is in the way: it is of another run")
+    there = set[int]()
+    for block in mcap_file.blocks(done):
+        there.update(ticks.intersection(block["tick"].tolist()))
+    if there != ticks:
+        raise RunError(f"{done.path} is in the way: it lacks rows that {sources[0].parent} holds")
+    return unread, damage
 
 
-def _count(path: Path) -> int:
-    return sum(len(block) for block in mcap_file.blocks(mcap_file.scan(path)))
+def _ending(status: dict[str, Any], progress: dict[str, Any], contents: Contents) -> Ending | None:
+    """Who saw the loop end: the supervisor, or a logger that was left to itself.
+
+    If neither lived so long, what the supervisor noted a tenth of a second before or less.
+    """
+    if status.get("status") != "running" and isinstance(status.get("ticks"), int):
+        return Ending(
+            status["ticks"],
+            _whole(status.get("last_tick")),
+            _whole(status.get("skipped")),
+            str(status.get("witness") or "the supervisor"),
+            True,
+        )
+    told = _logged(contents)
+    if isinstance(told.get("ticks"), int):
+        return Ending(told["ticks"], None, None, "the logger", True)
+    last, skipped = _whole(progress.get("last_tick")), _whole(progress.get("skipped"))
+    if last is None or skipped is None:
+        return None
+    return Ending(last + 1 - skipped, last, skipped, "the supervisor", False)
+
+
+def _whole(value: Any) -> int | None:
+    return value if isinstance(value, int) else None
+
+
+def _logged(contents: Contents) -> dict[str, Any]:
+    """What the last logger wrote of the run's end; empty if it did not live to see it."""
+    with suppress(ValueError):
+        told = json.loads(contents.attachments.get("status.json", b""))
+        return told if isinstance(told, dict) else {}
+    return {}
+
+
+def _how(status: dict[str, Any], contents: Contents, told: Ending | None) -> str:
+    known = status if status.get("status") not in (None, "running") else _logged(contents)
+    word, reason = str(known.get("status") or "crashed"), str(known.get("reason") or KILLED)
+    if (told is None or not told.final) and known is not status:
+        return f"crashed: {KILLED}"
+    return f"{word}: {LOOP_KILLED if reason == 'NONE' else reason}"
+
+
+def _close(run: Path, status: dict[str, Any], made: Recovery, now: datetime) -> None:
+    """Say in the run's status how it ended, where nobody was left to say it."""
+    if status.get("status") != "running" and (not made.sources or "recovered_utc" in status):
+        return
+    changed = dict(status)
+    if status.get("status") == "running":
+        word, _, reason = made.ending.partition(": ")
+        changed |= {"status": word, "reason": reason}
+        if (ending := made.account.ending) is not None and ending.final:
+            changed |= {"ticks": ending.ticks, "witness": ending.witness}
+    create.write_json(run, folder.STATUS, changed | {"recovered_utc": now.isoformat()})

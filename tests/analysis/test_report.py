@@ -43,6 +43,8 @@ def test_all_products_are_there(products: dict[str, Path]) -> None:
         "rows.csv",
         "rows.nc",
         "surfaces.png",
+        "surfaces_sliced.png",
+        "effects.csv",
         "summary.txt",
         "summary.json",
         "summary.pdf",

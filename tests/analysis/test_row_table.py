@@ -13,8 +13,9 @@ from scipy import stats
 from synthetic_runs import Row, Shape
 
 from rig import record
-from rig.analysis.points import optima, points
+from rig.analysis.points import points
 from rig.analysis.rows import POWERS, period_means, row_table, standard_error, write_rows
+from rig.analysis.slices import optima
 from rig.limits import Limited, Warned
 from rig.runs import open_run
 from rig.runs.mcap_file import row_dtype

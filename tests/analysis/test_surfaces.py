@@ -10,9 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from rig.analysis.mesh import interpolator, spans_surface, triangulation
 from rig.analysis.points import Point
 from rig.analysis.rows import POWERS
-from rig.analysis.surfaces import draw, interpolator, spans_surface, triangulation, write_surfaces
+from rig.analysis.surfaces import draw, write_surfaces
 
 
 def bowl(kp: float, ki: float) -> float:
@@ -21,7 +22,20 @@ def bowl(kp: float, ki: float) -> float:
 
 def point(kp: float, ki: float, power: float | None = None) -> Point:
     value = bowl(kp, ki) if power is None else power
-    return Point(490.9, -13.0, kp, ki, dict.fromkeys(POWERS, value), dict.fromkeys(POWERS, 1.0), ())
+    setting = {"spring_rate": 490.9, "kp": kp, "ki": ki}
+    return Point(setting, -13.0, dict.fromkeys(POWERS, value), dict.fromkeys(POWERS, 1.0), ())
+
+
+def softer(of: Point) -> Point:
+    return of._replace(setting={**of.setting, "spring_rate": -5715.0})
+
+
+def places(found: list[Point]) -> list[tuple[float, float]]:
+    return [(p.ki, p.kp) for p in found]
+
+
+def surface_of(found: list[Point]) -> Any:
+    return interpolator(places(found), [p.power["ac"] for p in found])
 
 
 def grid(skip: set[tuple[float, float]] = frozenset()) -> list[Point]:  # type: ignore[assignment]
@@ -47,20 +61,20 @@ def table(found: list[Point]) -> xarray.Dataset:
 
 def texts(found: list[Point]) -> str:
     figure = Figure(layout="constrained")
-    draw(figure, table(found))
+    draw(figure, table(found), 8.0)
     figure.draw_without_rendering()
     parts = [t.get_text() for axes in figure.axes for t in [axes.title, *axes.texts]]
     return "\n".join([*parts, *(t.get_text() for t in figure.texts)])
 
 
 def test_the_surface_hits_its_points() -> None:
-    surface = interpolator(grid(), "ac")
+    surface = surface_of(grid())
     for each in grid():
         assert float(surface(each.ki, each.kp)) == pytest.approx(each.power["ac"], abs=1e-9)
 
 
 def test_between_points_it_lies_between_them() -> None:
-    surface = interpolator(grid(), "ac")
+    surface = surface_of(grid())
     random = np.random.default_rng(5)
     for ki, kp in zip(random.uniform(0, 1e4, 200), random.uniform(-3500, -1000, 200), strict=True):
         corners = [
@@ -72,20 +86,20 @@ def test_between_points_it_lies_between_them() -> None:
 
 
 def test_a_hole_is_not_zero() -> None:
-    surface = interpolator(grid({(-2000, 4000)}), "ac")
+    surface = surface_of(grid({(-2000, 4000)}))
     neighbours = [bowl(-2000.0, 2000.0), bowl(-2000.0, 6000.0), bowl(-1500.0, 4000.0)]
     assert float(surface(4000.0, -2000.0)) <= max(neighbours)
 
 
 def test_nothing_outside_the_points() -> None:
-    surface = interpolator(grid(), "ac")
+    surface = surface_of(grid())
     assert surface(10_100.0, -2000.0).mask
     assert surface(5000.0, -900.0).mask
 
 
 def test_a_half_done_grid_is_not_bridged() -> None:
     done = [p for p in grid() if p.kp > -3500.0 or p.ki == 0.0]
-    surface = interpolator(done, "ac")
+    surface = surface_of(done)
     assert surface(6000.0, -3100.0).mask  # inside the hull, but between points far apart
     assert not surface(500.0, -3100.0).mask
 
@@ -93,15 +107,15 @@ def test_a_half_done_grid_is_not_bridged() -> None:
 @pytest.mark.parametrize("columns", [2, 3, 11])
 def test_narrow_grids_are_surfaces(columns: int) -> None:
     found = [point(kp, 1000.0 * i) for kp in (-2000.0, -1000.0) for i in range(columns)]
-    assert spans_surface(found)
-    mesh = triangulation(found)
+    assert spans_surface(places(found))
+    mesh = triangulation(places(found))
     assert mesh.mask is None or not mesh.mask.any()
 
 
 def test_too_few_points_or_one_line_are_no_surface() -> None:
-    assert not spans_surface([point(-1000.0, 0.0), point(-2000.0, 100.0)])
+    assert not spans_surface([(0.0, -1000.0), (100.0, -2000.0)])
     line = [point(-1000.0 - 500.0 * i, 2000.0 * i) for i in range(5)]
-    assert not spans_surface(line)
+    assert not spans_surface(places(line))
     assert "points on one line" in texts(line)
     assert "2 points only" in texts(line[:2])
     assert "1 point only" in texts(line[:1])
@@ -111,7 +125,7 @@ def test_too_few_points_or_one_line_are_no_surface() -> None:
 def drawn(found: list[Point]) -> tuple[list[Axes], list[Axes]]:
     """Panels and colour bars, row by row."""
     figure = Figure(layout="constrained")
-    draw(figure, table(found))
+    draw(figure, table(found), 8.0)
     bars = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
     return [axes for axes in figure.axes if axes not in bars], bars
 
@@ -131,7 +145,7 @@ def test_one_line_of_points_is_a_line_without_colours() -> None:
 
 def test_lines_of_several_springs_share_a_scale() -> None:
     first = [point(-2000.0, 2000.0 * i) for i in range(3)]
-    second = [p._replace(spring_rate=-5715.0) for p in (point(-3000.0, 2000.0 * i) for i in (0, 1))]
+    second = [softer(point(-3000.0, 2000.0 * i)) for i in (0, 1)]
     panels, bars = drawn([*first, *second])
     assert not bars
     assert panels[0].get_ylim() == panels[1].get_ylim()
@@ -139,7 +153,7 @@ def test_lines_of_several_springs_share_a_scale() -> None:
 
 
 def test_beside_a_surface_a_line_names_its_axis() -> None:
-    line = [point(-2000.0, 2000.0 * i)._replace(spring_rate=-5715.0) for i in range(5)]
+    line = [softer(point(-2000.0, 2000.0 * i)) for i in range(5)]
     panels, bars = drawn([*grid(), *line])
     assert len(bars) == 3
     assert [axes.get_ylabel() for axes in panels[:2]] == ["Kp, N·s/m", "mechanical, W"]

@@ -16,7 +16,8 @@ import pytest
 
 from benchmarks import __main__ as runner
 from benchmarks import crash, cycle, lateness, reading, rehearsal, ring, start
-from benchmarks.support import host, report
+from benchmarks.support import host, kills, report
+from benchmarks.support.kills import Fate, Kill
 from benchmarks.support.live import Peek
 from benchmarks.support.recorded import Recorded, campaign_file, parts, record
 from benchmarks.support.result import Figure, Result, figure, number, quantile, text
@@ -57,7 +58,7 @@ class Live(NamedTuple):
 
     speed: rehearsal.Speed
     stalled: ring.Stalled
-    killed: crash.Loss
+    killed: Fate
     folder: Path  # of the stalled run
 
 
@@ -73,7 +74,8 @@ def live(scratch: Path, campaign: Path) -> Live:
 
     with ThreadPoolExecutor() as pool:
         speed = pool.submit(rehearsal.speed, campaign, scratch / "speed", 0.001, None)
-        killed = pool.submit(crash.kill_loop, campaign, own["killed"] / "runs", 0.2, env("killed"))
+        kill = Kill("loop", False, (0.2,))
+        killed = pool.submit(kills.killed, campaign, own["killed"], kill, real_clock=True)
         stood = pool.submit(ring.stalled_run, own["stalled"], 0.6, 0.2, env("stalled"))
         found = speed.result(), stood.result(), killed.result()
     return Live(*found, next((own["stalled"] / "stalled").glob("*_benchmark")))
@@ -123,9 +125,13 @@ def test_every_period_of_a_real_loop_is_accounted_for(live: Live) -> None:
 
 
 def test_what_a_killed_loop_leaves_is_counted(live: Live) -> None:
-    assert live.killed.whole
-    assert live.killed.rows == 0
+    assert live.killed.wrong == ()
+    assert live.killed.put > 0
+    assert live.killed.lost == 0
     assert 0.0 <= live.killed.seconds < 1.0
+    told = {one.name: one for one in crash.figures("loop", [live.killed])}
+    assert told["loop killed: time lost"].held
+    assert told["loop killed: claims that failed"].held
 
 
 def test_a_histogram_gives_percentiles() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 
 import pytest
 from core_process import output
@@ -66,3 +67,27 @@ def test_every_refusal_of_the_host_is_caught(monkeypatch: pytest.MonkeyPatch) ->
     assert got[:3] == ("Operation not permitted",) * 3
     assert got.latency == "No such file or directory"
     assert len(got.refused) == 4
+
+
+def test_an_isolated_core_is_the_loops(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    last = max(os.sched_getaffinity(0))
+    for text, core in (("", last), ("\n", last), ("9\n", 9), ("2,5-7\n", 7), ("no list", last)):
+        (tmp_path / "isolated").write_text(text)
+        monkeypatch.setattr(realtime, "_ISOLATED", str(tmp_path / "isolated"))
+        assert realtime.core() == core
+    monkeypatch.setattr(realtime, "_ISOLATED", str(tmp_path / "none"))
+    assert realtime.core() == last
+
+
+def test_a_core_that_may_not_be_used_is_none_of_the_loops(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[set[int]] = []
+
+    def some(pid: int, cores: set[int]) -> None:
+        asked.append(cores)
+        if cores == {999}:
+            raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(realtime, "core", lambda: 999)
+    monkeypatch.setattr(os, "sched_setaffinity", some)
+    realtime._pin()
+    assert asked == [{999}, {max(os.sched_getaffinity(0))}]

@@ -294,3 +294,22 @@ def test_another_process_reads_the_same_bytes() -> None:
         assert decode(bytes.fromhex(output(code, made))) == [row(n) for n in range(10)]
     finally:
         os.close(made)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 16, 29])
+def test_what_is_still_in_memory_is_the_newest_in_order(fd: int, count: int) -> None:
+    writer, bystander = Writer(fd, Row, wait=False), Reader(fd)
+    logger = Reader(fd)
+    for number in range(count):
+        writer.put(row(number))
+        logger.take()
+        logger.take()
+        logger.commit()
+    assert decode(bystander.kept()) == [row(n) for n in range(count)][-8:]
+
+
+def test_run_time_zero_is_with_the_rows(fd: int) -> None:
+    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+    assert reader.start_utc_ns == 0
+    writer.start(1_760_000_000_123_456_789)
+    assert Reader(fd).start_utc_ns == reader.start_utc_ns == 1_760_000_000_123_456_789

@@ -131,24 +131,6 @@ def test_no_sequence_of_gain_switches_bumps_the_force(
     assert demand[:3] == tuple(wanted)
 
 
-def test_a_rest_of_the_ramps_gives_the_next_change_its_own_time() -> None:
-    slow, quick = impedance.Params(1.0, LAGGED), impedance.Params(0.02, LAGGED, 0.0)
-    goal, motion = Gains(-2000.0, 100.0, 50.0), Estimate(0.1, 0.2, 0.3)
-    state = impedance.start(LAGGED)
-    for _ in range(500):
-        state, before = impedance.step(slow, state, goal, motion, 0.0, 0.0, DT)
-    assert before.kp == pytest.approx(-1000.0)
-    held, ramps = impedance.rest(state), []
-    assert held.used == state.used
-    assert held.sections == state.sections
-    for _ in range(21):  # one more where the steps round down
-        held, demand = impedance.step(quick, held, goal, motion, 0.0, 0.0, DT)
-        ramps.append((demand.kp, held.share.value))
-    assert ramps[9] == pytest.approx((-1500.0, 0.25))
-    assert held.used == goal
-    assert held.share.value == 0.0
-
-
 # --- Z_c
 
 
@@ -183,14 +165,13 @@ def test_what_the_memory_holds_is_the_output_for_no_input() -> None:
         assert part == 0.5 * whole
 
 
-def test_the_share_of_zc_is_ramped_in_and_out() -> None:
+def test_the_share_of_zc_is_ramped_in() -> None:
     """At a constant velocity the force never moves by more than a ramp's step and Z_c's own."""
     v, ramp = 0.5, 0.1
     law = impedance.Params(ramp, LAGGED)
-    out = law._replace(share=0.0)
     state, alone, forces, replies = impedance.start(LAGGED), biquads.start(LAGGED), [0.0], [0.0]
-    for params in [law] * 2000 + [out] * 200:
-        state, demand = impedance.step(params, state, NONE, Estimate(0.0, v, 0.0), 0.0, 0.0, DT)
+    for _ in range(2000):
+        state, demand = impedance.step(law, state, NONE, Estimate(0.0, v, 0.0), 0.0, 0.0, DT)
         alone, reply = biquads.step(LAGGED, alone, v)
         forces.append(demand.force)
         replies.append(reply)
@@ -198,8 +179,6 @@ def test_the_share_of_zc_is_ramped_in_and_out() -> None:
     own = np.abs(np.diff(reply[1:])).max()
     assert np.abs(np.diff(force)).max() <= np.abs(reply).max() * DT / ramp + own + 1e-9
     assert np.array_equal(force[101:2001], reply[101:2001])
-    assert np.all(force[-90:] == 0.0)
-    assert force[2050] == pytest.approx(0.5 * reply[2050], rel=0.03)
 
 
 def test_a_start_is_a_start() -> None:

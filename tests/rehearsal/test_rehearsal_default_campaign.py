@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, run, table_of
 
-from rig.analysis.points import optima
 from rig.analysis.report import write_products
+from rig.analysis.slices import optima
 
 STIFF, SOFT = 490.9, -5715.0
 

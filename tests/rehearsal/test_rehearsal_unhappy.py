@@ -245,6 +245,18 @@ def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
     assert json.loads((folder / "run.json").read_text())["status"] == "stopped"
 
 
+def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    process = supervised(campaign, runs)
+    folder = wait_for_rows(runs)
+    process.send_signal(signal.SIGHUP)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 3, err
+    told = json.loads((folder / "run.json").read_text())
+    assert (told["status"], told["reason"]) == ("stopped", "OPERATOR_STOP")
+    assert (folder / "run.mcap").exists()
+
+
 def test_two_rehearsals_at_once_get_their_own_folders(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     both = [supervised(campaign, runs) for _ in range(2)]

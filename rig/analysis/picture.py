@@ -1,0 +1,79 @@
+"""The frame of every picture of results: what it shows, of which run, and who played the plant."""
+
+import textwrap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.patches import Rectangle
+
+from rig.analysis import words
+
+INK, SOFT, MARK, ZERO = "#22303c", "#66727d", "#d1495b", "#ffb703"
+FRAME, TICK = "#b8c0c7", "#8a949d"
+_HEADING = 0.55  # in
+_SHOUTED = 11.5  # letters an inch, of a warning
+_LETTERS = 15  # an inch, of the line beneath
+_DPI = 150
+
+
+def framed(
+    width: float,
+    height: float,
+    title: str,
+    attributes: Mapping[Any, Any],
+    said: str = "negative is absorbed",
+    beneath: str = "",
+    warning: str = "",
+) -> tuple[Figure, SubFigure]:
+    """A figure of that size (in) for the picture's body, with title and the run's stamp above it.
+
+    ``beneath`` stands under the title, or on a line of its own where it is too long for the room
+    beside the stamp; a title that is too long is set smaller. ``warning`` is shouted below them.
+    """
+    room = width - 3.5  # in, beside the stamp
+    own_line = len(beneath) > room * _LETTERS
+    calls = textwrap.wrap(warning, round(width * _SHOUTED))
+    head = _HEADING + 0.2 * own_line + (0.12 + 0.2 * len(calls) if calls else 0.0)
+    figure = Figure(figsize=(width, height + head), layout="constrained")
+    parts: Any = figure.subfigures(2, 1, height_ratios=[head, height])
+    top, body = parts
+
+    def write(x: float, below: float, text: str, **style: Any) -> None:
+        top.text(x, 1.0 - below / head, text, va="center", **style)
+
+    size = min(13.0, 118.0 * room / max(1, len(title)))
+    write(0.02, 0.21, title, fontsize=size, fontweight="bold", color=INK)
+    write(0.02, 0.66 if own_line else 0.46, beneath, fontsize=8.5, color=SOFT)
+    stamp = words.rung_stamp(str(attributes.get("rung", "")))
+    write(0.98, 0.19, stamp, fontsize=9, fontweight="bold", color=MARK, ha="right")
+    told = "; ".join(filter(None, (f"run {attributes.get('run', '')}", said)))
+    write(0.98, 0.46, told, fontsize=8, color=INK, ha="right")
+    if calls:
+        high = 0.06 + 0.2 * len(calls)
+        box = Rectangle((0.0, 0.04 / head), 1.0, high / head, color=MARK, lw=0)
+        box.set_transform(top.transSubfigure)
+        top.add_artist(box)
+        style = {"fontsize": 10, "fontweight": "bold", "color": "white", "ha": "center"}
+        write(0.5, head - 0.04 - 0.5 * high, "\n".join(calls), **style)
+    return figure, body
+
+
+def campaign(attributes: Mapping[Any, Any]) -> str:
+    """The campaign's name for a title."""
+    return str(attributes.get("campaign") or "campaign unknown")
+
+
+def quiet(axes: Axes) -> None:
+    """Ticks and frame that stand back behind what is shown."""
+    axes.tick_params(labelsize=7, color=TICK)
+    for side in axes.spines.values():
+        side.set_color(FRAME)
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write the picture as PNG."""
+    figure.savefig(path, dpi=_DPI)
+    return path

@@ -1,0 +1,67 @@
+"""`rig compare A B`."""
+
+import json
+import math
+import sys
+from pathlib import Path
+
+from rig import cli
+from rig.cli.failure import fail, in_words
+from rig.cli.find_run import find_run
+
+
+def main(
+    a: Path,
+    b: Path,
+    runs: Path,
+    tolerances: list[str],
+    left_out: list[str],
+    output: Path | None,
+    *,
+    as_json: bool,
+) -> int:
+    """Print what differs between two runs; a picture and a table go beside the second."""
+    from rig.analysis.comparison import compare
+    from rig.analysis.comparison_picture import write_comparison
+    from rig.analysis.comparison_table import as_json as in_json
+    from rig.analysis.comparison_table import as_text, write_csv
+
+    try:
+        one, other = find_run(a, runs), find_run(b, runs)
+        told = compare(one, other, _values(tolerances))
+        folder = other if other.is_dir() else other.parent
+        picture = output or folder / f"compared_with_{told.a.run}.png"
+        written = [write_csv(told, picture.with_suffix(".csv"))]
+        if told.matched.pairs:
+            written.append(write_comparison(told, picture, _values(left_out)))
+    except (KeyError, ValueError, OSError) as error:
+        return fail("compare", error, as_json=as_json)
+    files = [str(path) for path in written]
+    if as_json:
+        print(json.dumps({**in_json(told), "written": files}))
+    else:
+        print(as_text(told))
+        print("\n".join(files))
+        for warning in told.warnings:
+            print(f"\n!! {warning}", file=sys.stderr)
+    return cli.OK
+
+
+def _values(given: list[str]) -> dict[str, float]:
+    """COLUMN=VALUE words by the column's name."""
+    from rig.analysis.labels import column
+
+    found = {}
+    for words in given:
+        name, _, text = words.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError(f"{words}: write COLUMN=VALUE, the value in SI units")
+        try:
+            found[column(name).name] = value
+        except KeyError as error:
+            raise ValueError(f"{words}: {in_words(error)}") from None
+    return found

@@ -1,0 +1,215 @@
+"""`rig testlog FILE`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig import cli
+
+if TYPE_CHECKING:
+    from rig.calibration import Applied, Known
+    from rig.legacy.testlog import Entry, Log
+
+CALIBRATIONS = Path("configs/calibrations")
+
+
+def command(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="Test log (xlsx), such as MASK4_testlog.xlsx of the public fbWecCntrl repository."
+        ),
+    ],
+    run: Annotated[int | None, typer.Option("--run", help="Only this run, in full.")] = None,
+    calibrations: Annotated[
+        Path, typer.Option("--calibrations", help="Folder of calibration files.")
+    ] = CALIBRATIONS,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> None:
+    """Read the log of a test: its runs, what belongs together, and every irregularity."""
+    sys.exit(main(file, run, calibrations, as_json=as_json))
+
+
+def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> int:
+    """Print a log or one run of it; spring rates also as the newest calibration reads them."""
+    from rig.cli.refusal import REFUSED, refuse
+    from rig.legacy.testlog import read_log
+
+    try:
+        log = read_log(path)
+        entries = log.entries if run is None else (log.find(run),)
+        known = spring_calibration(calibrations, log.entries[0].series_name)
+    except REFUSED as error:
+        return refuse("testlog", error, as_json=as_json)
+    if as_json:
+        print(json.dumps(_in_json(log, entries, known, whole=run is None), ensure_ascii=False))
+    elif run is None:
+        _table(log, known)
+    else:
+        _detail(entries[0], known)
+    return cli.OK
+
+
+def spring_calibration(folder: Path, series: str) -> "Known | None":
+    """The newest calibration of spring rates for runs of ``series``; None if there is none.
+
+    Raises ValueError if there are several; a folder that is not there holds none.
+    """
+    from rig.calibration import open_history
+
+    if not folder.is_dir():
+        return None
+    history = open_history(folder)
+    newest = [history.find(name) for name in history.names()]
+    found = [
+        known
+        for known in newest
+        if known.file.quantity == "spring_rate"
+        if known.file.valid.runs is not None and known.file.valid.runs.series == series
+    ]
+    if len(found) > 1:
+        names = ", ".join(known.file.name for known in found)
+        raise ValueError(f"{folder}: several calibrations of spring rates for {series}: {names}")
+    return found[0] if found else None
+
+
+def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
+    """An entry's spring rate as a calibration reads it."""
+    from rig.calibration import corrected
+    from rig.calibration.sources import at_of
+
+    if entry.spring is None or known is None:
+        return None
+    return corrected(known.file, entry.spring.written_n_per_m, at_of(entry))
+
+
+def _in_json(
+    log: "Log", entries: "tuple[Entry, ...]", known: "Known | None", *, whole: bool
+) -> dict[str, Any]:
+    from rig.legacy.testlog import links
+
+    out: dict[str, Any] = {"file": str(log.path), "sha256": log.sha256}
+    out["spring_calibration"] = None
+    if known is not None:
+        out["spring_calibration"] = {"title": known.file.title, "sha256": known.sha256}
+    out["runs"] = [_plain(entry) | _spring_json(entry, known) for entry in entries]
+    if whole:
+        out["separators"] = _plain(log.separators)
+        out["links"] = _plain(links(log))
+    return out
+
+
+def _spring_json(entry: "Entry", known: "Known | None") -> dict[str, Any]:
+    applied = corrected_spring(entry, known)
+    if entry.spring is None:
+        return {}
+    spring = _plain(entry.spring)
+    if applied is not None:
+        spring |= {"corrected_n_per_m": applied.value, "by": applied.by, "valid": applied.inside}
+    return {"spring": spring}
+
+
+def _plain(value: Any) -> Any:
+    """NamedTuples as mappings, all the way down."""
+    if hasattr(value, "_asdict"):
+        return {name: _plain(inner) for name, inner in value._asdict().items()}
+    if isinstance(value, dict):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(inner) for inner in value]
+    return value
+
+
+def _table(log: "Log", known: "Known | None") -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for name, justify in (("run", "right"), ("waves", "left"), ("rig", "left")):
+        table.add_column(
+            name, no_wrap=name == "run", justify="right" if justify == "right" else "left"
+        )
+    table.add_column("spring, N/m", justify="right", no_wrap=True)
+    table.add_column("drive", no_wrap=True)
+    table.add_column("remarks", overflow="fold")
+    before = {separator.before_run: separator.text for separator in log.separators}
+    for entry in log.entries:
+        if entry.run in before:
+            table.add_row("", Text(before[entry.run], style="bold yellow"))
+        drive = " ".join(filter(None, (entry.drive, entry.scheme)))
+        remarks = "; ".join(dict.fromkeys(remark.kind.value for remark in entry.remarks))
+        table.add_row(
+            str(entry.run),
+            Text(_waves(entry)),
+            Text(entry.matrix or ", ".join(activity.value for activity in entry.activities)),
+            _spring_words(entry, known),
+            drive,
+            Text(remarks, style="dim"),
+        )
+    Console().print(table, crop=False)
+    count = sum(len(entry.remarks) for entry in log.entries)
+    print(f"\n{len(log.entries)} runs, {count} remarks")
+    if known is not None:
+        print(f"spring rates written -> corrected by {known.words()}, {known.file.valid.words()}")
+
+
+def _waves(entry: "Entry") -> str:
+    words = "; ".join(_wave(wave) for wave in entry.waves) or f"? {entry.waves_text.strip()}"
+    series = ",".join(map(str, entry.wave_series))
+    return f"{series}: {words}" if series else words
+
+
+def _wave(wave: Any) -> str:
+    from rig.config.problems import number_text
+
+    when = f"{wave.frequency_hz:.3g} Hz" if wave.frequency_hz else ""
+    height = ""
+    if wave.amplitude_m is not None:
+        height = f"amplitude {number_text(wave.amplitude_m)} m"
+    if wave.hs_m is not None:
+        height = f"Hs {number_text(wave.hs_m)} m"
+    return " ".join(filter(None, (wave.kind.value, when, height, wave.code)))
+
+
+def _spring_words(entry: "Entry", known: "Known | None") -> str:
+    if entry.spring is None:
+        return ""
+    written = f"{entry.spring.written_n_per_m:+.0f}"
+    applied = corrected_spring(entry, known)
+    if applied is None or applied.value == applied.given:
+        return written
+    return f"{written} -> {applied.value:+.0f}"
+
+
+def _detail(entry: "Entry", known: "Known | None") -> None:
+    from rig.config.problems import number_text
+
+    applied = corrected_spring(entry, known)
+    orders = entry.order or entry.amplitudes
+    pairs = (
+        ("run", f"{entry.name}, row {entry.row} of the sheet, {entry.condition.value}"),
+        ("file", entry.file or f"none ({entry.file_text.strip() or 'blank'})"),
+        ("waves", _waves(entry)),
+        ("did", ", ".join(activity.value for activity in entry.activities)),
+        ("matrix", entry.matrix),
+        ("gains", "; ".join(f"{g.axis} {g.name} {list(g.values)} ({g.cell})" for g in entry.gains)),
+        ("spring", "" if entry.spring is None else _spring_words(entry, known)),
+        ("", applied.words() if applied else ""),
+        ("stator", ", ".join(f"{number_text(p)} %" for p in entry.stator_percent)),
+        ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_said})"),
+        ("surge", entry.surge),
+        ("bus", f"{number_text(entry.bus_voltage_v)} V" if entry.bus_voltage_v else ""),
+        ("current", ", ".join(f"{number_text(a.amperes)} A {a.waveform}".strip() for a in orders)),
+        ("zero", "; ".join(f"{b.done} {b.when} ({b.cell})" for b in entry.biases)),
+        ("as written", f"{entry.waves_text.strip()} | {entry.wavebot_text.strip()}"),
+        ("notes", entry.notes.strip()),
+    )
+    for name, words in pairs:
+        if words:
+            print(f"{name:10}  {words}")
+    for remark in entry.remarks:
+        print(f"! {remark.cell:6}  {remark.kind.value}: {remark.text}".rstrip(": "))

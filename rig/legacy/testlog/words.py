@@ -1,0 +1,180 @@
+"""What an entry of a test log can say, and what a person should know of it."""
+
+from enum import StrEnum
+from typing import NamedTuple
+
+
+class WaveKind(StrEnum):
+    """Kinds of waves."""
+
+    CALM = "calm"
+    REGULAR = "regular"
+    JONSWAP = "jonswap"
+    PINK = "pink"
+
+
+class Activity(StrEnum):
+    """What the rig did."""
+
+    GAIN_MATRIX = "gain matrix"
+    GAINS = "gains"  # said in the entry itself
+    MULTISINE = "multisine"
+    SINE = "sine"
+    CHIRP = "chirp"
+    RAMPS = "ramps"
+    SPRING_SWEEP = "spring sweep"
+    BY_HAND = "by hand"
+
+
+class Condition(StrEnum):
+    """The colour of a row, after the legend of the log."""
+
+    PLAIN = "plain"
+    UNUSUAL = "slightly unusual"
+    NOT_UPLOADED = "not uploaded"
+    WAVES_END_EARLY = "wave data end early"
+    VERY_UNUSUAL = "very unusual"
+    COMPROMISED = "minor error"
+    SERIOUS = "serious error"
+    UNKNOWN = "colour not in the legend"
+
+
+class RemarkKind(StrEnum):
+    """Kinds of irregularity."""
+
+    RUN_ID_SPACES = "run ID with spaces"
+    FILE_MISSING = "no file name"
+    FILE_PARTIAL = "file name without its time"
+    FILE_NO_NAME = "file name is no file name"
+    FILE_SHARED = "file shared with another run"
+    FILE_ORDER = "file older than that of the run before"
+    SERIES_MISSING = "waves without a wave series"
+    SERIES_SEVERAL = "several wave series"
+    SERIES_UNREAD = "wave series not readable"
+    NO_WATER = "not in the water"
+    HEIGHT_UNSAID = "height not said to be amplitude or Hs"
+    HEIGHT_DISAGREES = "height in inches and metres disagree"
+    WAVES_UNREAD = "waves not readable"
+    WAVES_MIXED = "several kinds of waves"
+    SEA_NOT_IN_TABLE = "sea not in the report's table"
+    WAVE_UNCALIBRATED = "uncalibrated wave"
+    RANGE_EMPTY = "range that MATLAB takes as empty"
+    AMPLITUDE_UNKNOWN = "amplitude not known"
+    SPRING_UNSAID = "spring mentioned without a rate"
+    SPRING_SEVERAL = "several spring rates"
+    SPRING_IN_NOTES = "spring rate in the notes"
+    SPRING_CLOSE = "spring rate close to another"
+    DRIVE_CARRIED = "drive known from another run only"
+    SCHEME_IN_NOTES = "switching scheme in the notes"
+    SCHEME_MISSPELT = "switching scheme misspelt"
+    SCHEME_SEVERAL = "several switching schemes"
+    SCHEME_UNSAID = "switching scheme not said"
+    SURGE_MISSPELT = "surge drive misspelt"
+    BY_HAND = "done by hand"
+    BIAS = "sensor bias"
+    SENSOR = "sensor missing or doubtful"
+    TIME_SYNC = "time synchronisation"
+    WAVE_MAKER = "wave maker"
+    SUPPLY = "power supply switched"
+    TRIPPED = "trip or failure"
+    ROWS_DOUBTFUL = "rows doubtful"
+    INCOMPLETE = "incomplete"
+    COLOUR_UNKNOWN = "colour not in the legend"
+
+
+class Remark(NamedTuple):
+    """An irregularity: what kind, in which cell, in the log's own words."""
+
+    kind: RemarkKind
+    cell: str  # as A54
+    text: str
+
+
+class Wave(NamedTuple):
+    """One sea. A regular one has an amplitude, an irregular one Hs: never both."""
+
+    kind: WaveKind
+    amplitude_m: float | None = None
+    hs_m: float | None = None
+    frequency_hz: float | None = None  # of the peak, if irregular
+    period_s: float | None = None  # 1 / frequency_hz
+    written: str = ""  # which of the two the log gives: Hz or s
+    gamma: float | None = None
+    repeat_s: float | None = None
+    code: str = ""  # name of the wave file: 4A, PINKA; no amperes
+
+
+class Gain(NamedTuple):
+    """Gains said in the entry itself, in house signs."""
+
+    axis: str  # heave, surge
+    name: str  # kp (N*s/m), ki (N/m)
+    values: tuple[float, ...]  # empty where MATLAB takes the written range as empty
+    cell: str
+
+
+class Amplitude(NamedTuple):
+    """Amplitude of the drive current of an open-loop test."""
+
+    amperes: float
+    waveform: str = ""  # phase realisation A, B, C; empty where not said
+
+
+class Spring(NamedTuple):
+    """Spring rate as it was written; calibrations say what it really was."""
+
+    written_n_per_m: float
+    cell: str
+
+
+class Bias(NamedTuple):
+    """What was done to the zero of a position sensor, and when."""
+
+    done: str  # corrected, attempted, zeroed, seen, lost
+    when: str  # before, after (the run); empty where not said
+    cell: str
+
+
+class Entry(NamedTuple):
+    """One run of the log."""
+
+    run: int
+    series_name: str  # of the runs: MASK4
+    row: int  # of the sheet
+    wave_series: tuple[int, ...]
+    file: str  # name of the record; empty where the cell has none
+    recorded: str  # ISO date and time in the file's name, by the recorder's own clock
+    file_text: str
+    waves: tuple[Wave, ...]
+    waves_text: str
+    wavebot_text: str
+    notes: str
+    activities: tuple[Activity, ...]
+    matrix: str  # name of the gain matrix
+    gains: tuple[Gain, ...]
+    spring: Spring | None
+    stator_percent: tuple[float, ...]
+    drive: str  # COTS, custom
+    drive_said: str  # where: a cell, or `from the start`
+    scheme: str  # SVPWM, SineTri, DPWM, Hyst
+    surge: str  # enabled, disabled, by hand; empty where not said
+    bus_voltage_v: float | None
+    amplitudes: tuple[Amplitude, ...]
+    order: tuple[Amplitude, ...]  # of the tests within the run, where the notes give it
+    biases: tuple[Bias, ...]
+    condition: Condition
+    remarks: tuple[Remark, ...]
+
+    @property
+    def name(self) -> str:
+        """As the log spells it: MASK4_024."""
+        return f"{self.series_name}_{self.run:03d}"
+
+
+class Separator(NamedTuple):
+    """A row between runs: something changed."""
+
+    row: int
+    cell: str
+    text: str
+    before_run: int  # the next run; 0 after the last

@@ -1,0 +1,147 @@
+"""`rig doctor`: what it says of made-up hosts, of broken ones, and of this one."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from doctor_hosts import FINE, host, named, quick
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+from rig import cli
+from rig.cli.doctor import drawn, main
+from rig.doctor import (
+    Asked,
+    Examination,
+    Finding,
+    Host,
+    Use,
+    Verdict,
+    examination,
+    examine,
+    software,
+)
+
+
+def test_a_host_that_shows_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    quick(monkeypatch, plain=None, privileged=None, trouble="nothing to measure with")
+    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0), Host(tmp_path / "nothing"))
+    assert "the check" not in [finding.what for finding in found.findings]
+    unknown = [f.what for f in found.findings if f.verdict is Verdict.UNKNOWN]
+    assert len(unknown) > 10
+    assert not found.fit(Use.REALTIME)  # what cannot be measured is not fit
+    assert "nothing to measure with" in found.verdict
+
+
+@settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(st.binary(max_size=60), st.sampled_from(["file", "folder"]))
+def test_a_host_that_shows_rubbish(
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    rubbish: bytes,
+    kind: str,
+) -> None:
+    root = tmp_path_factory.mktemp("root")
+    for name in FINE:
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if kind == "file":
+            path.write_bytes(rubbish)
+        else:
+            path.mkdir()
+    quick(monkeypatch)
+    monkeypatch.setattr(software, "findings", lambda: [])  # looks at no file of the host
+    found = examine(Asked(root, 1.0, 1000.0, 1.0), Host(root))
+    assert "the check" not in [finding.what for finding in found.findings]
+    json.dumps(found.as_dict())
+    Console(file=sys.stderr, width=80).print(drawn(found, 80))
+
+
+def test_a_check_that_fails_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(shown: Host) -> list[Finding]:
+        raise ZeroDivisionError("in the check")
+
+    quick(monkeypatch)
+    monkeypatch.setattr(examination.memory, "findings", broken)
+    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
+    failed = named(found.findings, "the check")
+    assert failed.value == "ZeroDivisionError: in the check"
+    assert found.findings[-1].area == software.AREA  # the others were looked at all the same
+
+
+def finding(verdict: Verdict, *uses: Use) -> Finding:
+    return Finding("area", "a thing", "a value", "a limit", verdict, "do this", uses)
+
+
+def test_the_verdict_is_a_sentence() -> None:
+    good, warned = finding(Verdict.GOOD), finding(Verdict.WARNING)
+    assert Examination((good,)).verdict == "Fit for rehearsal and for real time on a rig."
+    assert Examination((good, warned)).verdict.endswith("on a rig; with one warning.")
+    slow = finding(Verdict.BAD, Use.REALTIME)
+    assert Examination((good, slow)).verdict == (
+        "Fit for rehearsal; not fit for real time on a rig because of a thing: a value."
+    )
+    assert Examination((finding(Verdict.BAD, *Use),)).verdict.startswith("Not fit for rehearsal")
+
+
+@pytest.mark.parametrize(
+    ("found", "rig", "rehearsal"),
+    [
+        (finding(Verdict.WARNING), cli.OK, cli.OK),
+        (finding(Verdict.BAD, Use.REALTIME), cli.FAILED, cli.OK),
+        (finding(Verdict.BAD, *Use), cli.FAILED, cli.FAILED),
+    ],
+)
+def test_exit_codes(
+    found: Finding, rig: int, rehearsal: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    command = sys.modules["rig.cli.doctor"]  # the package has a function of that name
+    monkeypatch.setattr(command, "examine", lambda asked: Examination((found,)))
+    for asked, code in ((False, rig), (True, rehearsal)):
+        for as_json in (False, True):
+            done = main(tmp_path, 1.0, 1000.0, 1.0, rehearsal=asked, as_json=as_json)
+            assert done == code
+
+
+@pytest.mark.parametrize("width", [50, 80, 140])
+def test_it_is_drawn_in_any_width(
+    width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quick(monkeypatch)
+    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
+    console = Console(width=width, record=True, file=sys.stderr)
+    console.print(drawn(found, width))
+    lines = console.export_text().splitlines()
+    assert max(map(len, lines)) <= width
+    text = " ".join(" ".join(lines).split())
+    assert found.verdict in text
+    for one in found.findings:
+        assert one.what.split()[0] in text
+        assert one.verdict is not Verdict.BAD or one.advice.split()[0] in text
+
+
+def test_this_host_is_examined(tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "rig", "doctor", "--seconds", "0.3", "--runs", str(tmp_path)]
+    done = subprocess.run([*words, "--json"], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    told = json.loads(done.stdout)
+    assert done.returncode == (0 if told["fit"]["real time on a rig"] else 1)
+    assert {one["area"] for one in told["findings"]} == {
+        "timing", "privileges", "processor", "clocks", "disk", "memory", "software",
+    }  # fmt: skip
+    assert "the check" not in [one["what"] for one in told["findings"]]
+    for one in told["findings"]:
+        assert one["verdict"] in list(Verdict)
+        assert one["value"]
+        assert one["limit"]
+        assert one["advice"] or one["verdict"] in ("good", "not measurable")
+    assert list(tmp_path.iterdir()) == []
+    bad = subprocess.run([*words, "--rate", "0"], capture_output=True, text=True, check=False)
+    assert bad.returncode == 2

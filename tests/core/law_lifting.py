@@ -1,0 +1,105 @@
+"""One law compiled by rig/lift, to be run beside the interpreted one."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from controllers import biquads, blocks
+from rig import lift
+
+DT = 0.001
+Inputs = tuple[Any, ...]
+
+_SOURCE = '''"""Generated: one tick of a law on arrays of its numbers."""
+
+import numpy
+from numba import njit
+
+{imports}
+
+
+@njit(cache=True, error_model="numpy")
+def tick({arguments}):
+    params = {params}
+    state = {state}
+    {result} = step({call})
+    out = numpy.empty({size})
+    {store}
+    return out
+'''
+
+
+class Law(NamedTuple):
+    """A law with what its step takes and gives."""
+
+    module: ModuleType
+    params: Any
+    start: Any
+    inputs: Callable[[np.random.Generator, int], Inputs]  # of one tick
+    gives: str = "state, given"  # what `step` returns: one of them or both
+    timed: bool = True  # `step` takes dt
+    table: str = ""  # the field of params that is an array in compiled code
+    varied: int = 1000  # different outcomes to be seen in a test, at least
+
+
+def interpreted(law: Law, state: Any, inputs: Inputs) -> Any:
+    """What the law returns for a state and inputs."""
+    return law.module.step(law.params, state, *inputs, *((DT,) if law.timed else ()))
+
+
+def state_of(law: Law, returned: Any) -> Any:
+    """The new state of what `step` returned."""
+    return returned[0] if law.gives == "state, given" else returned
+
+
+def same(one: list[float], other: list[float]) -> bool:
+    """Bit by bit, but all NaNs alike."""
+    return len(one) == len(other) and all(
+        (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
+    """The same tick in compiled code: state and inputs -> the numbers of what `step` returns."""
+    example = law.inputs(np.random.default_rng(0), 0)
+    returned = interpreted(law, law.start, example)
+    parts, fixed = [], []
+    for name, part in zip(law.params._fields, law.params, strict=True):
+        parts.append("table" if name == law.table else lift.unpacking(part, "x", len(fixed)))
+        fixed += [] if name == law.table else lift.numbers(part)
+    at = len(fixed) + len(lift.numbers(law.start))
+    call = ["params", "state"]
+    for one in example:
+        call.append(lift.unpacking(one, "x", at))
+        at += len(lift.numbers(one))
+    if law.timed:
+        call.append(repr(DT))
+    names = lift.words(law.params) | lift.words(law.start) | lift.words(example)
+    imports = sorted(f"from {kind.__module__} import {kind.__name__}" for kind in names)
+    store = lift.packing(returned, f"({law.gives})", "out")
+    source = _SOURCE.format(
+        imports="\n".join([*imports, f"from {law.module.__name__} import step"]),
+        arguments="x, table" if law.table else "x",
+        params=f"{type(law.params).__name__}({', '.join(parts)})",
+        state=lift.unpacking(law.start, "x", len(fixed)),
+        result=law.gives,
+        call=", ".join(call),
+        size=len(store),
+        store="\n    ".join(store),
+    )
+    name = law.module.__name__.replace(".", "_")
+    code = lift.load(name, source, (blocks, biquads, law.module))
+    table = (np.array(getattr(law.params, law.table)),) if law.table else ()
+
+    def tick(state: Any, inputs: Inputs) -> list[float]:
+        x = np.array([*fixed, *lift.numbers(state), *lift.numbers(inputs)])
+        return [float(number) for number in code.tick(x, *table)]
+
+    return tick

@@ -1,0 +1,90 @@
+"""kill -9 of loop, logger and supervisor at random moments of whole runs.
+
+Each time: no row is lost (at most a second if all die at once), `rig recover` states exactly the
+ticks that are missing, no process is left, the locks are free and the next run starts.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import secrets
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from benchmarks.support.kills import SUPERVISOR, Fate, plans, soak
+from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
+from benchmarks.support.recorded import campaign_file
+from rig.runs.create import BusyError, hold_realtime
+
+SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
+VIRTUAL, REAL = 16, 4  # kills; 200 of them: python -m benchmarks crash
+PATIENCE = 60.0  # s that somebody else's real-time run is waited for
+
+
+def judge(fates: list[Fate], kills: int) -> None:
+    told = "\n".join(map(str, fates))
+    print(f"KILL_SEED={SEED}\n{told}")  # shown if it fails
+    assert sum(len(fate.kill.moments) for fate in fates) == kills
+    assert not [fate for fate in fates if fate.wrong]
+    assert max(fate.seconds for fate in fates) <= 1.0
+    for fate in fates:
+        if fate.kill.who != "all":
+            assert fate.lost == 0
+
+
+def test_kills_on_the_virtual_clock(tmp_path: Path) -> None:
+    todo = plans(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR), 1.5)
+    judge(soak(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
+
+
+@pytest.fixture
+def alone_in_real_time() -> Iterator[None]:
+    """The host's one real-time place, so that no other real-time test is disturbed by ours."""
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            lock = hold_realtime("kill soak")
+            break
+        except BusyError as error:
+            if time.monotonic() > until:
+                pytest.skip(f"not within {PATIENCE:g} s: {error}")
+            time.sleep(0.2)
+    with lock:
+        yield
+
+
+@pytest.mark.usefixtures("alone_in_real_time")
+def test_kills_on_the_real_clock(tmp_path: Path) -> None:
+    dice = random.Random(SEED + 1)
+    whom = ["loop", "logger", SUPERVISOR, "all"]
+    todo = [plans(dice, 1, (who,), 1.5)[0]._replace(starting=False) for who in whom]
+    dice.shuffle(todo)
+    judge(soak(tmp_path, todo, real_clock=True, workers=1), REAL)
+
+
+@pytest.mark.usefixtures("alone_in_real_time")
+def test_a_stopping_loop_keeps_the_real_time_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next run must not get a rig whose last loop still has the drive on."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    campaign = campaign_file(tmp_path, 60.0)
+    env = {"TMPDIR": str(tmp_path)}
+    with live_run(campaign, tmp_path / "runs", real_clock=True, env=env) as run:
+        run.wait_started()
+        loop, logger = run.pid(LOOP), run.pid(LOGGER)
+        time.sleep(1.3)  # past the tare: the drive is on, damping for 2 s comes first
+        run.process.kill()
+        run.process.wait()
+        with pytest.raises(BusyError, match="was killed; its loop is coming to a stop"):
+            hold_realtime("next")
+        assert running(loop)
+        wait_until(lambda: not running(loop), "the end of the loop")
+        with hold_realtime("next"):
+            pass
+        wait_until(lambda: not running(logger), "the end of the logger")

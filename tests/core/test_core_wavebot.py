@@ -1,0 +1,237 @@
+"""A WaveBot's second axis, its custom drive and its references, in quiet water."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from core_runs import Ran, plan, run
+from core_wavebot import READY, Bent, Quiet, params, table
+
+from controllers.signals import DriveFault
+from rig import cycle, safety
+from rig.limits import Limited
+from rig.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
+from rig.sequence import Phase
+from rig.wavebot import KIND, Sense
+from rig.wavebot.state import SurgeUse
+
+AT = 120
+PLAN = plan(
+    (-1, Phase.TARE, 20, 0, 0),
+    (-1, Phase.MOVING, 20, READY, 0),
+    (0, Phase.SETTLE, 40, 0, 0),
+    (0, Phase.MEASURE, 200, 0, 0),
+)
+QUICK = safety.Params(enable_ticks=50, stop_ticks=30)
+SURGE_COUNT = 2.52e-5  # m, about one count
+
+
+def ran(sense: Any = None, made: cycle.Params | None = None) -> tuple[Ran, Bent]:
+    devices = Bent(Quiet(), sense)
+    own = (made or params(PLAN))._replace(safety=QUICK)
+    done = run(KIND, own, devices)
+    assert done.error is None
+    return done, devices
+
+
+def bent(part: str, **values: Any) -> Any:
+    """One word of the sense replaced from tick AT on."""
+
+    def spoil(tick: int, word: Sense) -> Sense:
+        if tick < AT:
+            return word
+        return word._replace(**{part: getattr(word, part)._replace(**values)})
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("values", "reason"),
+    [
+        ({"encoder_age": 0.5}, Reason.SURGE_STALE_ENCODER),
+        ({"drive_age": 0.5}, Reason.SURGE_STALE_DRIVE),
+        ({"fault": 1}, Reason.SURGE_DRIVE_FAULT),
+        ({"fault": DriveFault.UNDERVOLTAGE.value}, Reason.SURGE_DRIVE_FAULT),
+        ({"enabled": 0}, Reason.SURGE_DRIVE_DROPPED),
+        ({"counts": 40_000}, Reason.SURGE_ENCODER_JUMP),
+    ],
+)
+def test_a_fault_of_surge_says_that_it_is_surge(values: dict[str, Any], reason: Reason) -> None:
+    made, devices = ran(bent("surge", **values))
+    first = made.rows[AT]
+    assert (first.safety.mode, first.safety.reason) == (STOP_0, reason)
+    assert CATEGORY[reason] == 0
+    assert devices.commands[AT].surge[:3] == devices.commands[AT].heave[:3] == (0.0, 0.0, 0)
+
+
+def drifting(counts: int) -> Any:
+    """Surge goes away by so many counts a tick."""
+
+    def spoil(tick: int, word: Sense) -> Sense:
+        more = counts * max(0, tick - 60)
+        return word._replace(surge=word.surge._replace(counts=word.surge.counts + more))
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("bounds", "counts", "reason"),
+    [
+        ({"position_stop": 0.05}, 20, Reason.SURGE_POSITION),
+        ({"velocity_stop": 0.3}, 20, Reason.SURGE_VELOCITY),
+    ],
+)
+def test_a_limit_of_surge_is_a_controlled_stop(
+    bounds: dict[str, float], counts: int, reason: Reason
+) -> None:
+    base = params(PLAN)
+    surge = base.rig.surge._replace(limits=base.rig.surge.limits._replace(**bounds))
+    made, _ = ran(drifting(counts), base._replace(rig=base.rig._replace(surge=surge)))
+    first = next(row for row in made.rows if row.safety.reason)
+    assert (first.safety.mode, first.safety.reason) == (STOP_1, reason)
+
+
+def test_station_keeping_pushes_against_the_velocity_of_surge() -> None:
+    made, _ = ran(drifting(4))  # 0.1 m/s
+    row = next(row for row in made.rows if row.plan.phase == Phase.MEASURE and row.tick > 230)
+    assert row.surge.estimate.velocity == pytest.approx(4 * SURGE_COUNT / 0.001, rel=0.01)
+    share = row.surge.demand.kp / -2500.0
+    assert 0.0 < share < 1.0  # the gain is still on its ramp
+    assert row.surge.demand.force == pytest.approx(
+        row.surge.demand.kp * row.surge.estimate.velocity
+    )
+    assert row.surge.command.force < 0.0
+    assert row.heave.command.force == 0.0
+
+
+def test_a_surge_drive_that_is_not_used_stays_off_and_is_not_waited_for() -> None:
+    base = params(PLAN)
+    off = base._replace(rig=base.rig._replace(surge_use=int(SurgeUse.OFF)))
+    made, devices = ran(drifting(4), off)
+    assert made.end is not None
+    assert made.end.reason == Reason.PLAN_END
+    assert {row.surge.sense.enabled for row in made.rows} == {0}
+    assert {command.surge[:3] for command in devices.commands} == {(0.0, 0.0, 0)}
+    # Its encoder is still watched.
+    made, _ = ran(bent("surge", encoder_age=0.5), off)
+    assert made.end is not None
+    assert made.end.reason == Reason.SURGE_STALE_ENCODER
+
+
+def test_surge_can_be_held_in_place() -> None:
+    base = params(PLAN)
+    rig = base.rig._replace(
+        surge_use=int(SurgeUse.HOLD), surge_hold=base.rig.surge_hold._replace(ramp=0.01)
+    )
+    made, _ = ran(drifting(4), base._replace(rig=rig))
+    row = made.rows[230]
+    hold = base.rig.surge_hold
+    pulled = -hold.stiffness * row.surge.estimate.position
+    assert row.surge.demand.force == pytest.approx(
+        pulled - hold.damping * row.surge.estimate.velocity, rel=0.05
+    )
+
+
+@pytest.mark.parametrize(
+    ("fault", "reason"),
+    [
+        (DriveFault.GENERAL, Reason.DRIVE_FAULT),
+        (DriveFault.UNDERVOLTAGE, Reason.BUS_UNDERVOLTAGE),
+        (DriveFault.OVERVOLTAGE, Reason.BUS_OVERVOLTAGE),
+    ],
+)
+def test_a_fault_of_the_bus_is_told_from_others(fault: DriveFault, reason: Reason) -> None:
+    made, _ = ran(bent("heave", fault=fault.value))
+    assert (made.rows[AT].safety.mode, made.rows[AT].safety.reason) == (STOP_0, reason)
+
+
+def test_too_much_on_the_bus_removes_power() -> None:
+    bound = params().rig.limits.bus_voltage_stop
+    made, _ = ran(bent("power", bus_voltage=bound))
+    assert made.end is not None
+    assert made.end.reason == Reason.PLAN_END
+    made, _ = ran(bent("power", bus_voltage=bound + 0.1))
+    assert (made.rows[AT].safety.mode, made.rows[AT].safety.reason) == (
+        STOP_0,
+        Reason.BUS_OVERVOLTAGE,
+    )
+
+
+def rising(counts: int) -> Any:
+    """Heave goes up by so many counts a tick, and the string pot with it."""
+    scale = params().rig.heave.metres_per_count
+
+    def spoil(tick: int, word: Sense) -> Sense:
+        more = counts * max(0, tick - 60)
+        return word._replace(
+            heave=word.heave._replace(counts=word.heave.counts + more),
+            load=word.load._replace(string_pot=word.load.string_pot + more * scale),
+        )
+
+    return spoil
+
+
+def test_the_stroke_of_the_set_point_is_a_controlled_stop() -> None:
+    made, _ = ran(rising(8), params(PLAN))
+    assert made.end is not None
+    assert made.end.reason == Reason.PLAN_END
+    short = table((-2000.0,), (0.0,), (490.9,))._replace(stroke=(0.02,))
+    made, _ = ran(rising(8), params(PLAN, short))
+    first = next(row for row in made.rows if row.safety.reason)
+    assert (first.safety.mode, first.safety.reason) == (STOP_1, Reason.SPRING_STROKE)
+    assert first.heave.estimate.position > 0.02
+    assert made.rows[first.tick - 1].heave.estimate.position <= 0.02
+
+
+def test_below_its_thresholds_the_power_stage_rests() -> None:
+    slow = table((-2000.0,), (0.0,), (490.9,))._replace(velocity_threshold=(0.05,))
+    base = params(PLAN, slow)
+    gated = base._replace(
+        rig=base.rig._replace(
+            gate=base.rig.gate._replace(current=3.0),
+            heave_law=base.rig.heave_law._replace(ramp=0.001),
+        )
+    )
+
+    made, devices = ran(rising(1), gated)  # 25 mm/s
+    resting = [row for row in made.rows if row.safety.mode == RUN]
+    assert {row.drive_command.conducting for row in resting} == {0}
+    assert {row.heave.command for row in resting} == {(0.0, 0.0, 1, Limited.GATED)}
+    assert any(row.heave.demand.force != 0.0 for row in resting)
+    made, devices = ran(rising(4), gated)  # 100 mm/s: above the threshold once it is under way
+    late = [row for row in made.rows if row.safety.mode == RUN and row.tick > 200]
+    assert {row.drive_command.conducting for row in late} == {1}
+    assert all(row.heave.command.force < 0.0 for row in late)
+    # In a stop it brakes, whatever the thresholds say.
+    stopping = [row for row in made.rows if row.safety.mode == STOP_1]
+    assert {row.drive_command.conducting for row in stopping} == {1}
+    assert {command.drive.settings.velocity_threshold for command in devices.commands} == {0.05}
+
+
+def test_the_reference_is_added_from_its_own_clock_and_at_the_scale_of_the_row() -> None:
+    wave = tuple(float(100 + i) for i in range(7))
+    points = table((0.0, 0.0), (0.0, 0.0), (490.9, 490.9))._replace(reference_scale=(1.0, 0.5))
+    segments = plan(
+        (-1, Phase.TARE, 20, 0, 0),
+        (-1, Phase.MOVING, 20, READY, 0),
+        (0, Phase.MEASURE, 40, 0, 0),
+        (1, Phase.MEASURE, 40, 0, 1),
+    )
+    base = params(segments, points)
+    rig = base.rig._replace(reference=base.rig.reference._replace(table=wave, ramp=0.0))
+    limits = rig.heave.limits._replace(force_slew=1e9)
+    rig = rig._replace(heave=rig.heave._replace(limits=limits, stop_ramp=0.0))
+    made, _ = ran(None, base._replace(rig=rig))
+    seen = 0
+    for row in made.rows:
+        at = round(row.plan.wave_clock / 0.001)
+        if row.safety.mode != RUN or row.plan.wave_clock < 0.0:
+            assert row.reference.force == 0.0
+            continue
+        scale = (1.0, 0.5)[row.plan.row]
+        assert row.reference == (scale, scale * wave[at % 7])
+        assert row.heave.demand.force == pytest.approx(row.reference.force)
+        assert row.heave.command.force == pytest.approx(row.reference.force)
+        seen += 1
+    assert seen == 80

@@ -1,0 +1,263 @@
+"""Every law compiled does what the interpreted one does, bit by bit, and so with NaN and infinity.
+
+Numbers without end also show that no law makes a finite force of them that is larger than what the
+law gives for the motions and gains of the test.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from law_lifting import DT, Inputs, Law, compiled, interpreted, same, state_of
+
+from controllers import (
+    biquads,
+    blocks,
+    drive_gating,
+    estimator,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    station_keeping,
+)
+from controllers.biquads import Biquad
+from controllers.signals import Estimate, Gains, SpringCommand
+from rig import lift
+from rig.impedance_design import design
+
+TICKS = 3000
+FORCE = 3e5  # N, above what any law gives here for finite input
+
+
+def motion(rng: np.random.Generator) -> Estimate:
+    return Estimate(*(rng.normal(size=3) * [0.2, 0.5, 2.0]).tolist())
+
+
+def gains(tick: int) -> Gains:
+    """Set points that change every 150 ticks, so that half the ticks are within a ramp."""
+    rng = np.random.default_rng(tick // 150)
+    return Gains(*(rng.normal(size=3) * [2e3, 5e3, 100.0]).tolist())
+
+
+def of_impedance(rng: np.random.Generator, tick: int) -> Inputs:
+    reference = float(rng.normal() * 300.0)
+    short = float(rng.choice([0.0, rng.normal() * 500.0]))
+    return gains(tick), motion(rng), reference, short
+
+
+def of_station(rng: np.random.Generator, tick: int) -> Inputs:
+    return gains(tick), motion(rng)
+
+
+def of_hold(rng: np.random.Generator, tick: int) -> Inputs:
+    return float(np.random.default_rng(tick // 700).normal() * 0.1), motion(rng)
+
+
+def of_gate(rng: np.random.Generator, tick: int) -> Inputs:
+    v, i, threshold = (rng.normal(size=3) * [0.1, 2.0, 0.1]).tolist()
+    return v, i, float(rng.choice([0.0, threshold]))
+
+
+def of_reference(rng: np.random.Generator, tick: int) -> Inputs:
+    scale = float(np.random.default_rng(tick // 80).normal())
+    return scale, int(rng.choice([tick - 20, 3 * 10**9 + tick]))
+
+
+def of_estimator(rng: np.random.Generator, tick: int) -> Inputs:
+    return float(rng.normal() * 0.1), int(rng.integers(1, 4))
+
+
+def of_spring(rng: np.random.Generator, tick: int) -> Inputs:
+    rate = float(np.random.default_rng(tick // 50).uniform(-12e3, 10e3))
+    return rate, int(rng.integers(0, 2))
+
+
+ONE = design([-800.0, -1900.0], [1.0, 0.5], DT)
+THREE = design(
+    [-4594.69, -75223.29, -668098.5, -543002.2, 0.0],
+    [1.0, 18.185, 155.3015, 660.4136, 1316.647, 922.0699],
+    DT,
+)
+TABLE = tuple(np.random.default_rng(9).normal(scale=400.0, size=37).tolist())
+SPRING = magnetic_spring.Params((-1e4, -3e3, 500.0, 8e3), (67.0, 7.0, -13.0, -93.0), 0.5)
+AT_REST = magnetic_spring.State(SpringCommand(0.0, 0.0, 0), 0)
+
+LAWS = {
+    "impedance": Law(impedance, impedance.Params(0.1), impedance.start(), of_impedance),
+    "impedance, one section": Law(
+        impedance, impedance.Params(0.1, ONE), impedance.start(ONE), of_impedance
+    ),
+    "impedance, three sections": Law(
+        impedance, impedance.Params(0.1, THREE), impedance.start(THREE), of_impedance
+    ),
+    "reference": Law(open_loop, open_loop.Params(TABLE, 0.05), open_loop.start(), of_reference),
+    "reference, none": Law(
+        open_loop, open_loop.Params((), 0.05), open_loop.start(), of_reference, varied=1
+    ),
+    "reference, array": Law(
+        open_loop, open_loop.Params(TABLE, 0.05), open_loop.start(), of_reference, table="table"
+    ),
+    "station keeping": Law(
+        station_keeping,
+        station_keeping.Params(0.1, 0.02, 0.2, 3e4, 4e4),
+        station_keeping.start(),
+        of_station,
+    ),
+    "gate": Law(
+        drive_gating,
+        drive_gating.Params(3.0, 0.0),
+        drive_gating.start(),
+        of_gate,
+        timed=False,
+        varied=2,
+    ),
+    "gate, hysteresis": Law(
+        drive_gating,
+        drive_gating.Params(0.0, 0.3),
+        drive_gating.start(),
+        of_gate,
+        timed=False,
+        varied=2,
+    ),
+    "hold": Law(
+        position_hold,
+        position_hold.Params(0.05, 2e4, 3e3, 0.1, 0.2),
+        position_hold.start(),
+        of_hold,
+    ),
+    "estimator": Law(
+        estimator,
+        estimator.Params(0.2, 20.0, 1000.0),
+        Estimate(0.0, 0.0, 0.0),
+        of_estimator,
+        gives="state",
+    ),
+    "magnetic spring": Law(
+        magnetic_spring, SPRING, AT_REST, of_spring, gives="state", timed=False, varied=50
+    ),
+}
+
+
+def test_no_law_is_left_out() -> None:
+    """Words and blocks are no laws; the blocks are lifted with every law that uses them."""
+    folder = Path(impedance.__file__).parent
+    files = {path.stem for path in folder.glob("*.py")} - {"__init__", "signals"}
+    assert files - {"blocks", "biquads"} == {
+        law.module.__name__.split(".")[-1] for law in LAWS.values()
+    }
+
+
+@pytest.fixture(scope="module", params=LAWS)
+def pair(request: pytest.FixtureRequest) -> Any:
+    law = LAWS[request.param]
+    return law, compiled(law)
+
+
+def test_compiled_and_interpreted_give_the_same_bits(pair: Any) -> None:
+    law, tick = pair
+    for seed in (1, 2):
+        rng, state = np.random.default_rng(seed), law.start
+        seen = set()
+        for n in range(TICKS):
+            inputs = law.inputs(rng, n)
+            returned = interpreted(law, state, inputs)
+            numbers = lift.numbers(returned)
+            assert same(numbers, tick(state, inputs)), (n, inputs)
+            assert all(map(math.isfinite, numbers))
+            state = state_of(law, returned)
+            seen.add(tuple(numbers))
+        assert len(seen) >= law.varied
+
+
+def spoiled(inputs: Inputs, rng: np.random.Generator) -> Inputs:
+    """The inputs with one of their floats gone to NaN or infinity."""
+    floats = [i for i, leaf in enumerate(leaves(inputs)) if isinstance(leaf, float)]
+    at, bad = int(rng.choice(floats)), float(rng.choice([math.nan, math.inf, -math.inf]))
+
+    def rebuilt(tree: Any, start: int) -> tuple[Any, int]:
+        if not isinstance(tree, tuple):
+            return (bad if start == at else tree), start + 1
+        parts = []
+        for item in tree:
+            part, start = rebuilt(item, start)
+            parts.append(part)
+        return (tuple(parts) if type(tree) is tuple else type(tree)(*parts)), start
+
+    made: Inputs = rebuilt(inputs, 0)[0]
+    return made
+
+
+def leaves(tree: Any) -> list[Any]:
+    if isinstance(tree, tuple):
+        return [leaf for item in tree for leaf in leaves(item)]
+    return [tree]
+
+
+def test_so_they_do_when_numbers_are_none(pair: Any) -> None:
+    """One float in twenty ticks is NaN or infinite: the same bits or NaN on both sides.
+
+    A law whose memory caught one starts afresh after ten ticks.
+    """
+    law, tick = pair
+    rng, state, caught, bad_forces = np.random.default_rng(3), law.start, 0, 0
+    for n in range(TICKS):
+        inputs = law.inputs(rng, n)
+        if n % 20 == 0:
+            inputs = spoiled(inputs, rng)
+        returned = interpreted(law, state, inputs)
+        numbers = lift.numbers(returned)
+        assert same(numbers, tick(state, inputs)), (n, inputs)
+        force = numbers[-1]
+        if law.gives == "state, given":
+            assert not math.isfinite(force) or abs(force) <= FORCE
+            bad_forces += not math.isfinite(force)
+        state = state_of(law, returned)
+        caught = 0 if all(map(math.isfinite, lift.numbers(state))) else caught + 1
+        if caught == 10:
+            state, caught = law.start, 0
+    if law.gives == "state, given" and law.varied > 2:  # a force, and not always none
+        assert bad_forces > 50
+
+
+ROOM = """'''Generated: what an axis does with its laws besides stepping them.'''
+
+from numba import njit
+from controllers import impedance, open_loop, position_hold, station_keeping
+from controllers.signals import Estimate, Gains
+
+
+@njit(cache=True, error_model="numpy")
+def stop(sections, ticks):
+    law = impedance.Params(0.1, sections, 1.0)
+    quick = impedance.Params(0.02, law.sections, 0.0)
+    state = impedance.start(law.sections)
+    motion, total = Estimate(0.1, 0.2, 0.3), 0.0
+    for tick in range(ticks):
+        if tick == ticks // 2:
+            state = impedance.rest(state)
+        use = law if tick < ticks // 2 else quick
+        state, demand = impedance.step(use, state, Gains(-1.0, 2.0, 3.0), motion, 4.0, -5.0, 0.001)
+        total += demand.force
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def others():
+    hold = position_hold.rezero(position_hold.start(), 0.25)
+    there = position_hold.arrived(hold, 0.25)
+    return hold.target, there, open_loop.start(), station_keeping.start()
+"""
+
+
+@pytest.mark.parametrize("sections", [(), ONE, THREE], ids=["none", "one", "three"])
+def test_what_an_axis_does_besides_stepping_compiles_too(sections: tuple[Biquad, ...]) -> None:
+    modules = (blocks, biquads, impedance, open_loop, position_hold, station_keeping)
+    room = lift.load("law_room", ROOM, modules)
+    for ticks in (1, 200):
+        assert room.stop(sections, ticks) == room.stop.py_func(sections, ticks)
+    assert room.others() == room.others.py_func()

@@ -1,0 +1,94 @@
+"""The open-loop reference: a table that repeats, scaled without a jump."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controllers import open_loop
+from controllers.blocks import finite
+
+DT = 0.001
+TABLE = tuple(np.random.default_rng(2).normal(scale=500.0, size=750).tolist())
+LAW = open_loop.Params(TABLE, 0.05)
+FLAT = open_loop.Params((800.0,), 0.05)
+WEIRD = [math.nan, math.inf, -math.inf]
+
+
+def settled(scale: float, law: open_loop.Params = LAW) -> open_loop.State:
+    state = open_loop.start()
+    for tick in range(60):
+        state, _ = open_loop.step(law, state, scale, tick, DT)
+    return state
+
+
+@given(st.floats(-3.0, 3.0, allow_subnormal=False), st.integers(0, 10**12))
+def test_the_force_is_the_scaled_table_again_and_again(scale: float, tick: int) -> None:
+    state, force = open_loop.step(LAW, settled(scale), scale, tick, DT)
+    whole = math.floor(tick / 750)  # exact: below 2^53
+    assert force == scale * TABLE[tick - 750 * whole]
+    assert state.scale.value == scale
+
+
+def test_one_period_comes_out_as_it_went_in() -> None:
+    """A multisine of three whole cycles a period: its spectrum has its lines and no other."""
+    t = np.arange(1000) * DT
+    wave = 300.0 * np.sin(2 * np.pi * 3 * t) + 80.0 * np.cos(2 * np.pi * 7 * t)
+    law, state, out = open_loop.Params(tuple(wave.tolist()), 0.0), open_loop.start(), []
+    for tick in range(4000):
+        state, force = open_loop.step(law, state, 2.0, tick, DT)
+        out.append(force)
+    lines = np.abs(np.fft.rfft(out)) / 2000.0
+    assert lines[[12, 28]] == pytest.approx([600.0, 160.0])
+    lines[[12, 28]] = 0.0
+    assert lines.max() < 1e-9
+
+
+def test_before_the_wave_clock_there_is_no_force_and_then_it_ramps() -> None:
+    state, forces = settled(1.0, FLAT), []
+    for tick in [*range(-20, 0), *range(60)]:
+        state, force = open_loop.step(FLAT, state, 1.0, tick, DT)
+        forces.append(force)
+    assert forces[:20] == [0.0] * 20
+    assert forces[20] == pytest.approx(800.0 / 50)
+    assert forces[44] == pytest.approx(400.0)
+    assert forces[-9:] == [800.0] * 9
+
+
+@given(st.lists(st.tuples(st.floats(-4.0, 4.0), st.integers(1, 80)), min_size=1, max_size=8))
+def test_no_change_of_scale_bumps_the_force(switches: list[tuple[float, int]]) -> None:
+    state, last, widest, tick = open_loop.start(), 0.0, 0.0, 0
+    for scale, ticks in switches:
+        widest = max(widest, abs(scale - state.scale.value))
+        for _ in range(ticks):
+            state, force = open_loop.step(FLAT, state, scale, tick, DT)
+            assert abs(force - last) <= 800.0 * widest * DT / FLAT.ramp + 1e-9
+            last, tick = force, tick + 1
+
+
+@pytest.mark.parametrize("tick", [-5, 0, 5])
+def test_an_empty_table_is_no_force(tick: int) -> None:
+    state = open_loop.start()
+    for scale in (0.0, 1.0, *WEIRD):
+        assert open_loop.step(open_loop.Params((), 0.1), state, scale, tick, DT) == (state, 0.0)
+
+
+@pytest.mark.parametrize("bad", WEIRD)
+def test_no_number_in_gives_no_number_out(bad: float) -> None:
+    state = settled(1.0)
+    for tick in range(10):
+        state, force = open_loop.step(LAW, state, bad, tick, DT)
+        assert not finite(force)
+    law = open_loop.Params((100.0, bad), 0.0)
+    _, force = open_loop.step(law, settled(1.0, law), 1.0, 1, DT)
+    assert not finite(force)
+
+
+def test_a_start_is_a_start() -> None:
+    assert open_loop.start() == ((0.0, 0.0, 0.0),)
+    _, force = open_loop.step(FLAT, open_loop.start(), 1.0, 123456, DT)
+    assert force == pytest.approx(16.0)

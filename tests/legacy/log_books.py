@@ -1,0 +1,44 @@
+"""Workbooks in the form of the MASK4 test log, to write logs of any content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import openpyxl
+from openpyxl.styles import PatternFill
+from openpyxl.styles.colors import Color
+
+COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
+MASK4_LOG = Path(__file__).resolve().parents[3] / "shared" / "data" / "MASK4_testlog.xlsx"
+NO_LOG = "the measured test log is absent: reference data stay outside the repository"
+
+LEGEND = {
+    "slightly unusual run": Color(theme=4, tint=0.6),
+    "Serious error during test": Color(rgb="FF8064A2"),  # accent 4 of the theme openpyxl writes
+}
+
+Cells = tuple[object, ...]
+
+
+def fill(colour: Color) -> PatternFill:
+    return PatternFill(fill_type="solid", fgColor=colour)
+
+
+def book(
+    path: Path, *rows: Cells, columns: Cells = COLUMNS, colours: dict[int, Color] | None = None
+) -> Path:
+    """A log with these rows below its header; ``colours`` by row of the sheet."""
+    made = openpyxl.Workbook()
+    sheet = made.active
+    sheet.title = "Log"
+    sheet.append(columns)
+    for row in rows:
+        sheet.append(row)
+    for number, colour in (colours or {}).items():
+        sheet.cell(number, 1).fill = fill(colour)
+    legend = made.create_sheet("Description")
+    for words, colour in LEGEND.items():
+        legend.append([f"A {words} in some words."])
+        legend.cell(legend.max_row, 1).fill = fill(colour)
+    made.save(path)
+    return path

@@ -41,6 +41,7 @@ def heave_of(
     spring = plant.spring(given, stator)
     friction = plant.friction(given, lateral)
     scheme, within = switching(subject)
+    scales = np.array([one.reference_scale for one in settings])
     drive = plant.drive(given, settings, scheme, within, voltage)
 
     def force(x: Floats, v: Floats) -> Floats:
@@ -55,6 +56,7 @@ def heave_of(
         body_lines(axis, on)[None, :],
         axis.excitation,
         loop.demand(axis.timing, law, on.omega),
+        scales[:, None] * subject.reference,
         loop.drive(axis.timing, on.omega),
         force,
         granted,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from controllers import estimator
 from controllers.biquads import Biquad
 from rig import impedance_design
-from rig.predict.grid import Complexes, Floats
+from rig.predict.grid import Complexes, Floats, Grid
 
 
 class Timing(NamedTuple):
@@ -73,6 +74,20 @@ def demand(timing: Timing, law: Law, omega: Floats) -> Complexes:
     late = np.exp(-1j * omega * timing.dt * timing.delay_ticks)
     out: Complexes = force * late
     return out
+
+
+def reference(on: Grid, periods: int, table: Sequence[float]) -> Complexes:
+    """The lines of an open-loop force that repeats ``periods`` times, one value a tick; N.
+
+    Lines beyond the grid's are left out: half its rate of 32 Hz or more.
+    """
+    found = np.zeros(on.samples // 2 + 1, dtype=np.complex128)
+    if not table:
+        return found
+    values = np.fft.rfft(np.asarray(table, dtype=np.float64)) * (on.samples / len(table))
+    count = min(values.size, on.samples // 2 // periods + 1)
+    found[: count * periods : periods] = values[:count]
+    return found
 
 
 def drive(timing: Timing, omega: Floats) -> Complexes:

@@ -1,9 +1,10 @@
 """The periodic motion of one axis: equivalent linearisation, then its remainder as a force.
 
-    D(jw) X = F_exc + F_passive(x, v) + A(jw) granted(L(jw) X)
+    D(jw) X = F_exc + F_passive(x, v) + A(jw) granted(L(jw) X + R)
 
-D is the linear body, L the loop from true position to the force it demands, A the drive from
-granted to motor force. What is not linear is written over the record of one period as
+D is the linear body, L the loop from true position to the force it demands, R an open-loop force
+beside it, A the drive from granted to motor force. What is not linear is written over the record
+of one period as
 
     F_passive = -B v - K x + r,     granted(d) = g d + q
 
@@ -44,9 +45,10 @@ class System(NamedTuple):
     body: Complexes  # D, N/m: rows by lines
     excitation: Complexes  # N: lines
     loop: Complexes  # L, N per metre of true position: rows by lines
+    reference: Complexes  # R, N: rows by lines
     drive: Complexes  # A: lines
     passive: Passive
-    granted: Granted | None  # None: everything is
+    granted: Granted | None = None  # None: everything is
 
 
 class Motion(NamedTuple):
@@ -66,12 +68,13 @@ def steady(on: Grid, system: System) -> Motion:
     rows = system.loop.shape[0]
     turn = 1j * on.omega
     still = np.zeros((rows, on.samples))
-    if not np.any(system.excitation):
+    if not (np.any(system.excitation) or np.any(system.reference)):
         none = np.zeros((rows, on.omega.size), dtype=np.complex128)
         return Motion(none, still, still, still, still, np.zeros(rows), 0)
     straight = system.drive * system.loop
     slope = _slope(system.passive, still)
-    motion = system.excitation / (system.body + 500.0 * turn + slope - straight)
+    pushed = system.excitation + system.drive * system.reference
+    motion = pushed / (system.body + 500.0 * turn + slope - straight)
     relaxed = np.ones((rows, 1))
     change = np.full((rows, 1), np.inf)
     rounds = 0
@@ -86,7 +89,7 @@ def steady(on: Grid, system: System) -> Motion:
         change = moved
         if np.all(moved < CLOSE):
             break
-    demand = system.loop * motion
+    demand = system.loop * motion + system.reference
     x, v, d = record(on, motion), record(on, turn * motion), record(on, demand)
     granted = d if system.granted is None else system.granted(d, x, v)
     lines = demand if system.granted is None else spectrum(granted)
@@ -103,12 +106,14 @@ def _round(on: Grid, system: System, straight: Complexes, motion: Complexes) -> 
     rest = spectrum(force + damping * v + stiffness * x)
     whole = system.body + turn * damping + stiffness
     if system.granted is None:
-        return (system.excitation + rest) / (whole - straight)
-    demand = record(on, system.loop * motion)
+        pushed = system.excitation + system.drive * system.reference
+        return (pushed + rest) / (whole - straight)
+    demand = record(on, system.loop * motion + system.reference)
     granted = system.granted(demand, x, v)
     gain = _share(granted, demand)
     left = spectrum(granted - gain * demand)
-    return (system.excitation + rest + system.drive * left) / (whole - gain * straight)
+    pushed = system.excitation + system.drive * (gain * system.reference + left)
+    return (pushed + rest) / (whole - gain * straight)
 
 
 def _share(of: Floats, along: Floats) -> Floats:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from controllers.signals import Gains
-from rig.assemble import estimator_params, newtons_per_ampere, zc_sections
+from rig.assemble import estimator_params, newtons_per_ampere, reference_table, zc_sections
 from rig.campaign import Campaign
 from rig.campaign.settings import Setting, drive_settings
 from rig.config.limits_file import AxisLimits
 from rig.config.rig_file import Axis as Motor
-from rig.predict import electrics, plant
+from rig.predict import electrics, loop, plant
 from rig.predict.axis import Axis
 from rig.predict.grid import Complexes, Grid, grid, lines
 from rig.predict.loop import Law, Timing
@@ -24,6 +26,7 @@ from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.waves import Sea
 
+LONGEST = 3600.0  # s, of the period in which sea and reference repeat together
 _SCHEMES = ("svpwm", "sine-triangle", "dpwm", "hysteresis")
 
 
@@ -36,6 +39,7 @@ class Subject(NamedTuple):
     heave: Axis
     surge: Axis
     motor: electrics.Motor  # of heave
+    reference: Complexes  # N, open-loop force at a scale of 1, by line
 
 
 def subject_of(campaign: Campaign) -> Subject:
@@ -43,8 +47,9 @@ def subject_of(campaign: Campaign) -> Subject:
     devices = devices_of(campaign)
     given = plant.given(devices["plant"])
     sea = build_sea(devices["sea"])
-    common = int(np.gcd.reduce(sea.cycles)) if sea.cycles.size else 1
-    on = grid(sea.repeat / common)
+    table = reference_table(campaign.file, campaign.rig)
+    shared = _shared(sea, table, 1.0 / campaign.rig.rate_hz)
+    on = grid(shared.period)
     path = Path(devices["bem"])
     rig, bounds = campaign.rig, campaign.limits
 
@@ -54,7 +59,7 @@ def subject_of(campaign: Campaign) -> Subject:
         timing = Timing(dt, plant.delay_ticks(given), side.lag, estimator_params(motor, dt))
         return Axis(
             *plant.hull(given, name),
-            _excitation(on, common, sea, bem),
+            _excitation(on, shared.sea, sea, bem),
             timing,
             newtons_per_ampere(motor),
             min(limits.current_peak_a, side.most),
@@ -67,6 +72,7 @@ def subject_of(campaign: Campaign) -> Subject:
         axis("heave", read_bem(path), rig.heave, bounds.heave),
         axis("surge", read_bem(plant.surge_bem(given, path)), rig.surge, bounds.surge),
         plant.motor(given),
+        loop.reference(on, shared.reference, table),
     )
 
 
@@ -82,9 +88,45 @@ def switching(subject: Subject) -> tuple[int, float]:
     return (_SCHEMES.index(told.modulation), told.current_threshold_a) if told else (0, 0.0)
 
 
-def _excitation(on: Grid, common: int, sea: Sea, bem: Bem) -> Complexes:
-    """Excitation force of a sea on one axis; nothing above 2 Hz excites."""
+class _Shared(NamedTuple):
+    """The period in which sea and reference repeat together."""
+
+    period: float  # s
+    sea: Fraction  # repeats of the sea's own period in it
+    reference: int  # and of the reference's
+
+
+def _shared(sea: Sea, table: Sequence[float], dt: float) -> _Shared:
+    """The shortest common period.
+
+    Where that is longer than `LONGEST`, the reference is taken at the nearest rate that repeats
+    with as many of the sea's periods as fit: 1.4e-4 Hz off at most.
+    """
+    common = int(np.gcd.reduce(sea.cycles)) if sea.cycles.size else 1
+    still = not sea.cycles.size
+    if not table:
+        return _Shared(sea.repeat / common, Fraction(1, common), 1)
+    if still:
+        return _Shared(len(table) * dt, Fraction(1), 1)
+    once = Fraction(round(sea.repeat / dt), common)  # ticks
+    both = once * len(table) / gcd_of(once, Fraction(len(table)))
+    if both * dt <= LONGEST:
+        return _Shared(float(both) * dt, both / once / common, round(both / len(table)))
+    many = max(1, int(LONGEST / (float(once) * dt)))
+    repeats = max(1, round(many * float(once) / len(table)))
+    return _Shared(many * float(once) * dt, Fraction(many, common), repeats)
+
+
+def gcd_of(one: Fraction, other: Fraction) -> Fraction:
+    """Greatest common divisor of two fractions."""
+    below = math.lcm(one.denominator, other.denominator)
+    return Fraction(math.gcd(int(one * below), int(other * below)), below)
+
+
+def _excitation(on: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> Complexes:
+    """Excitation force on one axis of a sea that repeats so often; nothing above 2 Hz excites."""
     frequency = waves.frequencies(sea)
     excites = frequency <= waves.HIGHEST * (1.0 + 1.0e-12)
     force = excitation_at(bem, frequency[excites]) * sea.amplitude[excites]
-    return lines(on, sea.cycles[excites] // common, force)
+    cycles = sea.cycles[excites] * repeats.numerator // repeats.denominator
+    return lines(on, cycles, force)

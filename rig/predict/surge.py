@@ -62,6 +62,7 @@ def surge_of(
         body_lines(axis, on)[None, :],
         axis.excitation,
         loop.demand(axis.timing, once, on.omega),
+        np.zeros((len(unique), on.omega.size), dtype=np.complex128),
         loop.drive(axis.timing, on.omega),
         lambda x, v: passive.drag_force(axis.hull.quadratic, v),
         granted,

@@ -15,7 +15,7 @@ from rig.predict.margins import LOOP, MODULATION, STROKE, SURGE_LOOP, Limit, Mar
 from rig.predict.words import RowPrediction
 from rig.sequence import NO_ROW
 
-LEFT_OVER = 0.05  # of a change of gains, after settling
+LEFT_OVER = 0.01  # of a change of gains, in the mean over the measurement
 _EFFECTS = {"cut": ", force is cut there", "warn": " before it is told", "stop": ", a stop is near"}
 
 
@@ -137,9 +137,10 @@ def _doubts(one: RowPrediction, settle: float) -> Iterator[str]:
     found = one.foreseen
     if not found.settled:
         yield "no steady motion was found, so the prediction is rough"
-    left = math.exp(-settle / found.decay) if found.decay > 0.0 else 0.0
+    left = math.exp(-settle / found.decay) * min(1.0, found.decay / max(one.row.measure, 1e-9))
     if one.row.row != NO_ROW and left > LEFT_OVER:
         yield (
-            f"the slowest mode decays in {found.decay:.3g} s, so {100.0 * left:.0f} % of a change "
-            f"of gains is left after {number_text(settle)} s of settling"
+            f"the slowest mode decays in {found.decay:.3g} s, so with {number_text(settle)} s of "
+            f"settling {100.0 * left:.0f} % of a change of gains is left in the mean over "
+            f"{one.row.measure:.4g} s"
         )

@@ -105,6 +105,26 @@ def test_rows_of_the_custom_drive(
     assert one.voltage_given < 0.707 * 46.0
 
 
+@pytest.mark.parametrize("waves", [True, False], ids=["in waves", "in calm water"])
+def test_rows_with_a_reference(
+    waves: bool, tmp_path: Path, record_property: Callable[[str, object], None]
+) -> None:
+    """An open-loop multisine of 12 s beside the feedback, with waves of 20 s: 60 s in common."""
+    matrix = rows((STIFF, -1500.0, 2000.0), reference_scale=1.0)
+    matrix["list"] += rows((STIFF, -1500.0, 2000.0), reference_scale=-0.5)["list"]
+    sea = {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.5, "repeat_s": 20, "seed": 2}
+    timing = {"settle_s": 10, "interval_s": 70}
+    path = campaign_file(
+        tmp_path,
+        sea=sea if waves else {"kind": "calm"},
+        start={"lead_in_s": 30},
+        timing=timing if waves else {"settle_s": 10, "interval_s": 34},
+        reference={"kind": "multisine", "amplitude_a": 10, "repeat_s": 12, "draws": 3},
+        matrix=matrix,
+    )
+    compare(path, tmp_path / "runs", record_property)
+
+
 def test_surge(tmp_path: Path) -> None:
     """Surge of a rehearsal: stroke and force within 2 %, read from the log."""
     path = campaign_file(

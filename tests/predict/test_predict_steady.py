@@ -24,7 +24,9 @@ def solved(
     )
     body = (MASS * s * s + DAMPING * s + STIFFNESS)[None, :]
     one = np.ones(on.omega.size, dtype=complex)
-    return steady(on, System(body, excitation, loop * one[None, :], one, passive, None))  # type: ignore[arg-type]
+    return steady(
+        on, System(body, excitation, loop * one[None, :], 0.0 * one[None, :], one, passive)
+    )  # type: ignore[arg-type]
 
 
 def integrated(
@@ -89,7 +91,7 @@ def test_a_cut_demand_cannot_hold_the_body() -> None:
     one = np.ones(on.omega.size, dtype=complex)
     excitation = lines(on, np.array([1]), np.array([50.0 + 0j]))
     loop = np.full((1, on.omega.size), -400.0 + 0j)
-    held = System(body, excitation, loop, one, lambda x, v: 0.0 * x, None)
+    held = System(body, excitation, loop, 0.0 * loop, one, lambda x, v: 0.0 * x)
     cut = held._replace(granted=lambda d, x, v: np.clip(d, -2.0, 2.0))
     free = held._replace(loop=0.0 * loop)
     strokes = [float(np.std(steady(on, each).position)) for each in (held, cut, free)]

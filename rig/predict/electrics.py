@@ -54,7 +54,7 @@ def conducts(drive: Drive, motor: Motor, force: Floats, velocity: Floats) -> Flo
 
 
 def commanded(drive: Drive, motor: Motor, most: float, demand: Floats, velocity: Floats) -> Floats:
-    """Force that peak current ``most`` (A) and gating leave of a demand, N."""
+    """Force that current limit and gating leave of a demand, N; ``most`` (A) is the peak."""
     largest = most * motor.newtons_per_ampere
     force = np.clip(demand, -largest, largest)
     if np.any(drive.rests_below > 0.0):

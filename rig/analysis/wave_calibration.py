@@ -195,7 +195,7 @@ def findings(table: xarray.Dataset) -> list[str]:
         error = np.std(heights, ddof=1) / np.sqrt(len(heights)) if len(heights) > 1 else np.nan
         weak = one["frequency"].values[one["weak"].values == 1]
         text = f"{name}: Hm0 {1e3 * hm0:.1f} mm"
-        text += f" ± {1e3 * error:.1f}" if np.isfinite(error) else ""
+        text += f" ± {1e3 * error:.2f}" if np.isfinite(error) else ""
         text += (
             f" ({100.0 * (hm0 / asked - 1.0):+.1f} % of the asked {1e3 * asked:.1f} mm)"
             if asked
@@ -208,7 +208,8 @@ def findings(table: xarray.Dataset) -> list[str]:
         if len(weak):
             shown = ", ".join(f"{f:.4g}" for f in weak[:5])
             more = f" and {len(weak) - 5} more" if len(weak) > 5 else ""
-            text += f"; {len(weak)} lines too weak to divide by ({shown}{more} Hz)"
+            count = f"{len(weak)} line{'s' if len(weak) > 1 else ''}"
+            text += f"; {count} too weak to divide by ({shown}{more} Hz)"
         told.append(text)
     return told
 

@@ -27,7 +27,8 @@ _GAPS = colormaps["PuOr_r"]  # purple: B absorbs more
 _A, _B = "#0b6e99", "#d17a22"
 _LABELS = 50  # that stand beside each other, turned
 _SURE = 2.0  # standard errors
-_ROOM = 2.9  # in, width of a panel without its bar
+_WIDTH = 11.7  # in
+_ROOM = 3.3  # in, of a panel's caption
 
 
 class _Sides(NamedTuple):
@@ -67,7 +68,7 @@ def write_comparison(told: Comparison, path: Path, held: Setting | None = None) 
     rung = told.a.rung if told.a.rung == told.b.rung else f"A {told.a.rung}, B {told.b.rung}"
     runs = f"A {told.a.run}, B {told.b.run}"
     figure, body = picture.framed(
-        3 * (_ROOM + 1.0),
+        _WIDTH,
         9.6,
         f"A {told.a.campaign} against B {told.b.campaign}",
         {"rung": rung, "run": runs},

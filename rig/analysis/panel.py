@@ -20,7 +20,7 @@ from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import labels, words
 from rig.analysis.mesh import Place, spans_surface, triangulation
-from rig.analysis.picture import INK, MARK, SOFT, ZERO, quiet
+from rig.analysis.picture import INK, MARK, ZERO, quiet
 from rig.analysis.slices import Optimum, Slice, remarks
 
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
@@ -108,6 +108,28 @@ def _line(axes: Axes, of: Slice, best: Optimum) -> None:
     axes.grid(alpha=0.3)
 
 
+def scattered(axes: Axes, of: Slice, on: Scale) -> None:
+    """Every point as a dot in its colour, whatever its other columns are; nothing between them."""
+    quiet(axes)
+    x, y = zip(*shown_places(of, of.places), strict=True)
+    dots: dict[str, Any] = {"s": 30.0, "edgecolors": INK, "linewidths": 0.6, "clip_on": False}
+    axes.scatter(x, y, c=of.values, cmap=on.colours, norm=on.norm, **dots)
+    if of.best is not None:
+        here = of.best.point.setting
+        mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
+        at = labels.settings({c.name: here[c.name] for c in (of.y, of.x)})
+        axes.set_title(
+            f"{words.watts(of.best.power, of.best.error)} at {at}\n"
+            f"all {len(of.points)} points, their other columns differ: nothing is interpolated",
+            fontsize=7.5,
+            color=MARK,
+            pad=4,
+        )
+    axes.set_ylabel(labels.heading(of.y), fontsize=8)
+    axes.margins(0.05)
+    ticks(axes)
+
+
 def shown_places(of: Slice, places: Sequence[Place]) -> list[Place]:
     """Places in the units of the axes."""
     times_x, times_y = labels.factor(of.x), labels.factor(of.y)
@@ -153,7 +175,8 @@ def panel(axes: Axes, of: Slice, on: Scale | None, room: float, *, compact: bool
         surface(axes, shown_places(of, of.places), of.values, on)
         if of.missing:
             x, y = zip(*shown_places(of, of.missing), strict=True)
-            axes.plot(x, y, "x", color=SOFT, ms=4.5, mew=1.0, clip_on=False)
+            (crosses,) = axes.plot(x, y, "x", color=INK, ms=4.5, mew=1.2, clip_on=False)
+            crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
         here = of.best.point.setting
         mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
         place = axes.get_subplotspec()

@@ -2,7 +2,8 @@
 
 By spring rate, each kind of power has one colour scale over all panels. A slice has every other
 column at the value where that station absorbs most, so each station has its own; the title says
-which. Where Kp and Ki are not what varies, the two columns with most values take their place.
+which. Where Kp and Ki are not what varies, the two columns with most values take their place. Of
+a matrix so scattered that slices are next to empty, all points are shown and nothing between them.
 """
 
 import textwrap
@@ -17,11 +18,11 @@ from rig.analysis import labels, panel, picture, words
 from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import INK
 from rig.analysis.points import Matrix, Setting, levels, matrix, varied
-from rig.analysis.slices import KI, KP, Slice, by_spring, cut
+from rig.analysis.slices import KI, KP, Slice, by_spring, cut, projected
 from rig.config.columns import Column
 
 KINDS = ("mechanical_1", "ac", "dc")  # of the four stations, those shown where none is asked for
-_HEADING = 50  # letters of a line of a panel's heading
+_HEADING = 40  # letters of a line of a panel's heading
 _NARROWEST = 6.6  # in, so that title and stamp have room
 
 
@@ -51,7 +52,17 @@ def panels_across(table: xarray.Dataset) -> int:
     found = matrix(table)
     if not found.points:
         return 0
+    if scattered(found):
+        return 1
     return len(by_spring(found)) if default_view(found).by_spring else 1
+
+
+def scattered(found: Matrix) -> bool:
+    """Whether slices hold too few points of a matrix of many columns to show anything."""
+    view = default_view(found)
+    held: list[Setting] = [{"spring_rate": r} for r in by_spring(found)] if view.by_spring else [{}]
+    most = max((len(cut(found, "dc", view.x, view.y, each).points) for each in held), default=0)
+    return most < 3 <= len(found.points) and len(varied(found)) > 3
 
 
 def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bool = False) -> None:
@@ -64,6 +75,9 @@ def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bo
         figure.text(0.5, 0.5, "no complete row: no surface", ha="center", color=INK)
         return
     view, rates = default_view(found), by_spring(found)
+    if scattered(found):
+        _dots(figure, found, view)
+        return
     held: list[Setting] = [{"spring_rate": rate} for rate in rates] if view.by_spring else [{}]
     headings = [words.spring_words(rate, stator) for rate, stator in rates.items()]
     cuts = {kind: [cut(found, kind, view.x, view.y, each) for each in held] for kind in KINDS}
@@ -76,6 +90,18 @@ def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bo
             lines = max(text.count("\n") for text in captions) + 1
             for axes, text in zip(panels[i], headings, strict=True):
                 panel.above(axes, text, lines, compact=compact)
+
+
+def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
+    """All points of a scattered matrix, one panel a kind of power."""
+    panels: Any = figure.subplots(len(KINDS), 1, squeeze=False)
+    for axes, kind in zip(panels[:, 0], KINDS, strict=True):
+        of = projected(found, kind, view.x, view.y)
+        if of.points:
+            on = panel.scale(of.values)
+            panel.scattered(axes, of, on)
+            panel.colour_bar(figure, [axes], on, f"{words.SHORT_NAMES[kind]}, W")
+    panels[-1, 0].set_xlabel(labels.heading(view.x), fontsize=8)
 
 
 def _station(
@@ -100,7 +126,8 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
     view = default_view(found)
     shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring else ())}
     others = [column.label for column in varied(found) if column.name not in shown]
-    beneath = f"each panel sliced at its optimum in {', '.join(others)}" if others else ""
+    sliced = others and not scattered(found)
+    beneath = f"each panel sliced at its optimum in {', '.join(others)}" if sliced else ""
     width = max(3.6 * max(1, panels_across(table)) + 1.4, _NARROWEST)
     title = f"Power surfaces: {picture.campaign(table.attrs)}"
     figure, body = picture.framed(width, 9.0, title, table.attrs, beneath=beneath)
@@ -109,9 +136,9 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
 
 
 def can_be_sliced(found: Matrix) -> bool:
-    """Whether Kp and Ki vary and something else does."""
+    """Whether Kp and Ki vary and something else does, and slices hold enough points."""
     names = {column.name for column in varied(found)}
-    return {"kp", "ki"} < names
+    return {"kp", "ki"} < names and not scattered(found)
 
 
 def write_sliced(

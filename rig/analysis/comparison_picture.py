@@ -91,7 +91,7 @@ def _cuts(both: _Sides, kind: str, view: View, held: Setting) -> tuple[Slice, Sl
     if not tops:
         return found[0], found[1]
     here = min(tops, key=lambda top: top.power).point.setting
-    fixed = {name: here[name] for name in free if name in here}
+    fixed = found[0].held | {name: here[name] for name in free if name in here}
     return cut(both.a, kind, view.x, view.y, fixed), cut(both.b, kind, view.x, view.y, fixed)
 
 
@@ -100,11 +100,12 @@ def _surfaces(body: FigureBase, cuts: dict[str, tuple[Slice, Slice]], both: _Sid
     for i, kind in enumerate(KINDS):
         one, other = cuts[kind]
         row: list[Axes] = panels[i].tolist()
-        lines = max(panel.caption(each, _ROOM).count("\n") for each in cuts[kind]) + 1
+        captions = [panel.caption(each, _ROOM) for each in cuts[kind]]
+        lines = panel.lines_of(captions)
         on = panel.scale([*one.values, *other.values])
         name = words.SHORT_NAMES[kind]
-        for axes, each, letter in zip(row, (one, other), "AB", strict=False):
-            panel.panel(axes, each, on, _ROOM)
+        for axes, each, letter, text in zip(row, cuts[kind], "AB", captions, strict=False):
+            panel.panel(axes, each, on, text)
             said = f"{letter}: {name}"
             if each.held:
                 said += f"\nat {labels.settings(each.held)}"

@@ -20,7 +20,7 @@ _GOOD, _BAD = "#2a7f4f", "#b23a48"
 _LEFT, _RIGHT = 0.06, 0.94
 _MOST_SPRINGS = 4  # columns of surfaces that are readable on the page
 _MOST_ALARMS = 6
-_LEAST_SURFACES = 0.3  # of the page: less is too little to read them
+_LEAST_SURFACES = 0.36  # of the page: less is too little to read them
 _MOST_FURTHER = 4  # best points that each have room for a second line; of more, only DC has
 _LINE = 0.0135  # height of a line of text, of the page
 

@@ -84,12 +84,11 @@ def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bo
     panels: Any = figure.subplots(len(KINDS), len(held), squeeze=False)
     room = (width - 1.0) / len(held) - 0.4
     for i, kind in enumerate(KINDS):
-        _station(figure, panels[i].tolist(), cuts[kind], room, compact)
+        said = [panel.caption(each, room, compact=compact, sliced=True) for each in cuts[kind]]
+        _station(figure, panels[i].tolist(), cuts[kind], said, few=compact)
         if i == 0 and view.by_spring:
-            captions = [panel.caption(each, room, compact=compact) for each in cuts[kind]]
-            lines = max(text.count("\n") for text in captions) + 1
             for axes, text in zip(panels[i], headings, strict=True):
-                panel.above(axes, text, lines, compact=compact)
+                panel.above(axes, text, panel.lines_of(said), compact=compact)
 
 
 def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
@@ -105,15 +104,15 @@ def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
 
 
 def _station(
-    figure: FigureBase, row: list[Axes], cuts: list[Slice], room: float, compact: bool
+    figure: FigureBase, row: list[Axes], cuts: list[Slice], said: list[str], *, few: bool
 ) -> None:
-    """The panels of one kind of power, with one scale."""
+    """The panels of one kind of power, with one scale and a caption each."""
     values = [value for each in cuts for value in each.values]
     on = panel.scale(values) if values else None
     label = f"{words.SHORT_NAMES[cuts[0].kind]}, W"
     drawn: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
-    for axes, each in zip(row, cuts, strict=True):
-        drawn[panel.panel(axes, each, on, room, compact=compact)].append(axes)
+    for axes, each, text in zip(row, cuts, said, strict=True):
+        drawn[panel.panel(axes, each, on, text, few=few)].append(axes)
     if drawn["line"]:
         panel.one_height(drawn["line"], label, each=bool(drawn["surface"]))
     if drawn["surface"] and on is not None:
@@ -125,9 +124,8 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
     found = matrix(table)
     view = default_view(found)
     shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring else ())}
-    others = [column.label for column in varied(found) if column.name not in shown]
-    sliced = others and not scattered(found)
-    beneath = f"each panel sliced at its optimum in {', '.join(others)}" if sliced else ""
+    sliced = {column.name for column in varied(found)} - shown and not scattered(found)
+    beneath = "left-out columns at each panel's own optimum" if sliced else ""
     width = max(3.6 * max(1, panels_across(table)) + 1.4, _NARROWEST)
     title = f"Power surfaces: {picture.campaign(table.attrs)}"
     figure, body = picture.framed(width, 9.0, title, table.attrs, beneath=beneath)
@@ -136,9 +134,12 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
 
 
 def can_be_sliced(found: Matrix) -> bool:
-    """Whether Kp and Ki vary and something else does, and slices hold enough points."""
+    """Whether Kp, Ki and spring rate vary, and slices hold enough points.
+
+    At a single spring rate the surfaces by spring rate are the slices.
+    """
     names = {column.name for column in varied(found)}
-    return {"kp", "ki"} < names and not scattered(found)
+    return names >= {"kp", "ki", "spring_rate"} and not scattered(found)
 
 
 def write_sliced(
@@ -167,13 +168,14 @@ def write_sliced(
     for axes, each in zip(panels[0], cuts, strict=True):
         on = panel.scale(each.values) if each.values else None
         name = words.SHORT_NAMES[each.kind]
-        drawn = panel.panel(axes, each, on, room)
+        said = panel.caption(each, room)
+        drawn = panel.panel(axes, each, on, said)
         if drawn == "surface" and on is not None:
             panel.colour_bar(body, [axes], on, f"{name}, W", fraction=0.05)
         elif drawn == "line":
             panel.one_height([axes], f"{name}, W", each=True)
         axes.set_ylabel(labels.heading(y) if drawn == "surface" else axes.get_ylabel(), fontsize=8)
-        panel.above(axes, heading(each), panel.caption(each, room).count("\n") + 1)
+        panel.above(axes, heading(each), panel.lines_of([said]))
     return picture.save(figure, path)
 
 

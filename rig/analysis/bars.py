@@ -25,6 +25,7 @@ _ABSORBED, _CONSUMED, _SET = "#1d6fa5", "#d9a441", "#8fa3b0"
 _POWER, _SETTING = 1.75, 0.85  # in, height of a panel
 _LEAST, _MOST = 8.0, 24.0  # in, width of the picture
 _FEW = 5  # values of a column that each get a tick
+_APART = 0.16  # of the panel, between two ticks
 _LABELS = 55  # row numbers that are readable beside each other, not turned
 
 
@@ -109,8 +110,9 @@ def _set(axes: Axes, column: Column, values: Any) -> None:
     axes.bar(np.arange(len(values)), values, width=0.8, color=_SET)
     levels = np.unique(values[np.isfinite(values)])
     reach = max(abs(levels).max(), 1e-12)
-    if len(levels) <= _FEW and (np.diff(levels) > 0.16 * reach).all():
-        axes.set_yticks(np.union1d(levels, [0.0]))
+    if len(levels) <= _FEW and (np.diff(levels) > _APART * reach).all():
+        clear = (abs(levels) > _APART * reach).all()
+        axes.set_yticks(np.append(levels, 0.0) if clear else levels)
     else:
         axes.locator_params(axis="y", nbins=4)
     if levels.min() >= 0.0:
@@ -148,5 +150,6 @@ def _mark_best(stack: list[Axes], table: xarray.Dataset, places: list[int]) -> N
     if waiting:
         left: dict[str, Any] = {"ha": "right" if best < middle else "left", "va": "bottom"}
         x = 1.0 if best < middle else 0.0
-        text = f"{waiting} rows without a whole window are left out"
+        rows, are = ("row", "is") if waiting == 1 else ("rows", "are")
+        text = f"{waiting} {rows} without a whole window {are} left out"
         stack[0].text(x, 1.02, text, transform=stack[0].transAxes, fontsize=8, color=SOFT, **left)

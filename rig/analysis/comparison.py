@@ -19,6 +19,9 @@ from rig.analysis.rows import POWERS, row_table
 from rig.config.columns import COLUMNS
 from rig.runs.folder import Facts, facts
 
+KINDS = POWERS
+"""The stations that are compared."""
+
 
 class Side(NamedTuple):
     """One of the two runs."""
@@ -57,10 +60,10 @@ def compare(run_a: Path, run_b: Path, tolerances: Mapping[str, float] | None = N
     """
     one, other = facts(run_a), facts(run_b)
     tables = row_table(run_a), row_table(run_b)
-    return weigh(one, other, *tables, tolerances)
+    return compare_tables(one, other, *tables, tolerances)
 
 
-def weigh(
+def compare_tables(
     one: Facts,
     other: Facts,
     table_a: xarray.Dataset,
@@ -174,7 +177,3 @@ def held_words(held: Held) -> tuple[str, str, str]:
 def gap_words(told: Gap) -> str:
     """A difference with its standard error."""
     return words.watts(told.watts, told.error).removesuffix(" W")
-
-
-KINDS = POWERS
-"""The stations that are compared."""

@@ -27,7 +27,8 @@ _GAPS = colormaps["PuOr_r"]  # purple: B absorbs more
 _A, _B = "#0b6e99", "#d17a22"
 _LABELS = 50  # that stand beside each other, turned
 _SURE = 2.0  # standard errors
-_ROOM = 2.9  # in, width of a panel without its bar
+_WIDTH = 11.7  # in
+_ROOM = 3.3  # in, of a panel's caption
 
 
 class _Sides(NamedTuple):
@@ -67,7 +68,7 @@ def write_comparison(told: Comparison, path: Path, held: Setting | None = None) 
     rung = told.a.rung if told.a.rung == told.b.rung else f"A {told.a.rung}, B {told.b.rung}"
     runs = f"A {told.a.run}, B {told.b.run}"
     figure, body = picture.framed(
-        3 * (_ROOM + 1.0),
+        _WIDTH,
         9.6,
         f"A {told.a.campaign} against B {told.b.campaign}",
         {"rung": rung, "run": runs},
@@ -90,7 +91,7 @@ def _cuts(both: _Sides, kind: str, view: View, held: Setting) -> tuple[Slice, Sl
     if not tops:
         return found[0], found[1]
     here = min(tops, key=lambda top: top.power).point.setting
-    fixed = {name: here[name] for name in free if name in here}
+    fixed = found[0].held | {name: here[name] for name in free if name in here}
     return cut(both.a, kind, view.x, view.y, fixed), cut(both.b, kind, view.x, view.y, fixed)
 
 
@@ -99,11 +100,12 @@ def _surfaces(body: FigureBase, cuts: dict[str, tuple[Slice, Slice]], both: _Sid
     for i, kind in enumerate(KINDS):
         one, other = cuts[kind]
         row: list[Axes] = panels[i].tolist()
-        lines = max(panel.caption(each, _ROOM).count("\n") for each in cuts[kind]) + 1
+        captions = [panel.caption(each, _ROOM) for each in cuts[kind]]
+        lines = panel.lines_of(captions)
         on = panel.scale([*one.values, *other.values])
         name = words.SHORT_NAMES[kind]
-        for axes, each, letter in zip(row, (one, other), "AB", strict=False):
-            panel.panel(axes, each, on, _ROOM)
+        for axes, each, letter, text in zip(row, cuts[kind], "AB", captions, strict=False):
+            panel.panel(axes, each, on, text)
             said = f"{letter}: {name}"
             if each.held:
                 said += f"\nat {labels.settings(each.held)}"

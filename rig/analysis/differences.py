@@ -49,16 +49,13 @@ def _all(known: Facts) -> Iterator[tuple[str, str]]:
     yield "rung", known.rung or ABSENT
     yield from _flat("sea", sea(known))
     config = known.config
-    campaign = config.get("campaign")
     for name in ("campaign", "rig", "limits", "plant"):
         for key, value in _flat(name, config.get(name)):
             if not key.startswith(_LEFT_OUT):
                 yield key, value
-    if isinstance(campaign, dict) and campaign.get("plant"):
-        yield "plant file", str(campaign["plant"])
     for file in config.get("files") or ():
         if isinstance(file, dict) and file.get("role") == _ELEVATION:
-            yield "elevation file", f"sha256 {str(file.get('sha256', ''))[:12]}"
+            yield f"{_ELEVATION} file", f"sha256 {str(file.get('sha256', ''))[:12]}"
     for key in ("version", "git", "dirty", "python"):
         if known.code.get(key) is not None:
             yield f"code.{key}", _text(known.code[key])
@@ -86,7 +83,8 @@ def sea(known: Facts) -> dict[str, Any]:
 def _flat(key: str, value: Any) -> Iterator[tuple[str, str]]:
     """Settings by dotted path; a quantity with unit and source is one, and so is a list."""
     if isinstance(value, dict) and "value" in value:
-        yield key, f"{_text(value['value'])} {value.get('unit', '')}".rstrip()
+        unit = str(value.get("unit") or "").removeprefix("1")  # 1 is no unit
+        yield key, f"{_text(value['value'])} {unit}".rstrip()
     elif isinstance(value, dict):
         for name, inner in value.items():
             yield from _flat(f"{key}.{name}", inner)
@@ -109,8 +107,8 @@ def shortened(text: str) -> str:
 
 def _group(key: str) -> str:
     first, _, rest = key.partition(".")
-    if key.endswith(" file"):
-        return "sea" if key.startswith(_ELEVATION) else "plant"
+    if first == f"{_ELEVATION} file":
+        return "sea"
     if rest == "drive" or rest.startswith("drive."):
         return "drive"
     if first == "rig" and any(word in rest for word in _CALIBRATION):

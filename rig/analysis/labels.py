@@ -33,17 +33,17 @@ def heading(of: Column) -> str:
     return f"{of.label}, {unit(of)}" if unit(of) else of.label
 
 
-def number(of: Column, value: float) -> str:
-    """A value (SI) without its unit, to the digits that people set."""
+def number(of: Column, value: float, digits: int = 4) -> str:
+    """A value (SI) without its unit; gains and rates to the unit, others to so many digits."""
     shown = value * factor(of)
     if of.unit in _SIGNED:
         return signed(shown) if abs(shown) >= 10.0 or shown == round(shown) else signed(shown, 1)
-    return f"{shown:.6g}".replace("-", "\N{MINUS SIGN}")
+    return f"{shown:.{digits}g}".replace("-", "\N{MINUS SIGN}")
 
 
-def quantity(of: Column, value: float) -> str:
+def quantity(of: Column, value: float, digits: int = 4) -> str:
     """A value (SI) with its unit."""
-    return f"{number(of, value)} {unit(of)}".rstrip()
+    return f"{number(of, value, digits)} {unit(of)}".rstrip()
 
 
 def setting(of: Column, value: float) -> str:

@@ -20,6 +20,8 @@ _GOOD, _BAD = "#2a7f4f", "#b23a48"
 _LEFT, _RIGHT = 0.06, 0.94
 _MOST_SPRINGS = 4  # columns of surfaces that are readable on the page
 _MOST_ALARMS = 6
+_LEAST_SURFACES = 0.36  # of the page: less is too little to read them
+_MOST_FURTHER = 4  # best points that each have room for a second line; of more, only DC has
 _LINE = 0.0135  # height of a line of text, of the page
 
 
@@ -125,18 +127,26 @@ def _table(figure: Figure, summary: Summary, top: float) -> float:
             )
         y -= 0.0152
         last = o.kind
-        if further := summary.further_of(o):
+        further = summary.further_of(o)
+        if further and (len(summary.optima) <= _MOST_FURTHER or o.kind == "dc"):
             told = f"at {labels.settings(further)}"
-            figure.text(_LEFT, y, told, fontsize=7.5, color=_SOFT, va="top")
+            figure.text(places[5], y, told, fontsize=7.5, color=_SOFT, ha="right", va="top")
             y -= 0.0135
+    if summary.further and len(summary.optima) > _MOST_FURTHER:
+        text = "Where the other columns stand at the other stations: see summary.txt"
+        figure.text(_LEFT, y, text, fontsize=7.5, color=_SOFT, va="top")
+        y -= 0.0135
     return y - 0.008
 
 
-def _effects(figure: Figure, summary: Summary, top: float) -> float:
+def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> float:
     """Main effects of a designed matrix; returns the page height below them."""
     told = summary.effects
     if not told:
         return top
+    if top - 0.085 - 0.0152 * len(told[0].effects) < bottom:
+        figure.text(_LEFT, top, "Main effects: see summary.txt", fontsize=8.5, va="top")
+        return top - 0.02
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
     stations = [f"{words.SHORT_NAMES[each.kind]}, W" for each in told]
     heads = ["rank, column", "from .. to", *stations]
@@ -186,17 +196,20 @@ def _bottom(figure: Figure, summary: Summary) -> float:
 
 def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) -> None:
     """Surfaces between two heights of the page, in a figure of their own size."""
-    springs = surfaces.panels_across(table)
-    if springs > _MOST_SPRINGS:
-        note = f"{springs} spring rates: see surfaces.png"
+    across = surfaces.panels_across(table)
+    note = ""
+    if across > _MOST_SPRINGS:
+        note = f"{across} spring rates: see surfaces.png"
+    elif top - bottom < _LEAST_SURFACES:
+        note = "Power surfaces: see surfaces.png"
+    if note and across and top - bottom > 0.03:
         figure.text(0.5, (bottom + top) / 2.0, note, ha="center", color=_SOFT, fontsize=9)
-        return
-    if springs == 0 or top - bottom < 0.2:
+    if note or across == 0:
         return
     bands: Any = figure.subfigures(
         3, 3, height_ratios=[1.0 - top, top - bottom, bottom], width_ratios=[0.04, 0.92, 0.04]
     )
-    surfaces.draw(bands[1, 1], table, 0.92 * A4[0], compact=springs > 2)
+    surfaces.draw(bands[1, 1], table, 0.92 * A4[0], compact=across > 2)
 
 
 def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Path]:
@@ -206,8 +219,8 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     below = _what(figure, summary)
     _outcome(figure, summary)
     top = _table(figure, summary, min(0.805, below))
-    top = _effects(figure, summary, top)
     bottom = _bottom(figure, summary)
+    top = _effects(figure, summary, top, bottom)
     _surfaces(figure, table, bottom, top)
     paper, screen = folder / "summary.pdf", folder / "summary.png"
     figure.savefig(paper, metadata={"Title": f"{summary.campaign}, run {summary.run}"})

@@ -20,12 +20,12 @@ from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import labels, words
 from rig.analysis.mesh import Place, spans_surface, triangulation
-from rig.analysis.picture import INK, MARK, SOFT, ZERO, quiet
+from rig.analysis.picture import INK, MARK, ZERO, quiet
 from rig.analysis.slices import Optimum, Slice, remarks
 
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
 _STEPS = [1, 2, 2.5, 5, 10]
-LETTERS = 16  # of a caption, an inch
+LETTERS = 17  # of a caption, an inch
 
 Drawn = Literal["surface", "line", "nothing"]
 
@@ -108,16 +108,39 @@ def _line(axes: Axes, of: Slice, best: Optimum) -> None:
     axes.grid(alpha=0.3)
 
 
+def scattered(axes: Axes, of: Slice, on: Scale) -> None:
+    """Every point as a dot in its colour, whatever its other columns are; nothing between them."""
+    quiet(axes)
+    x, y = zip(*shown_places(of, of.places), strict=True)
+    dots: dict[str, Any] = {"s": 30.0, "edgecolors": INK, "linewidths": 0.6, "clip_on": False}
+    axes.scatter(x, y, c=of.values, cmap=on.colours, norm=on.norm, **dots)
+    if of.best is not None:
+        here = of.best.point.setting
+        mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
+        at = labels.settings({c.name: here[c.name] for c in (of.y, of.x)})
+        axes.set_title(
+            f"{words.watts(of.best.power, of.best.error)} at {at}\n"
+            f"all {len(of.points)} points, their other columns differ: nothing is interpolated",
+            fontsize=7.5,
+            color=MARK,
+            pad=4,
+        )
+    axes.set_ylabel(labels.heading(of.y), fontsize=8)
+    axes.margins(0.05)
+    ticks(axes)
+
+
 def shown_places(of: Slice, places: Sequence[Place]) -> list[Place]:
     """Places in the units of the axes."""
     times_x, times_y = labels.factor(of.x), labels.factor(of.y)
     return [(x * times_x, y * times_y) for x, y in places]
 
 
-def caption(of: Slice, room: float, *, compact: bool = False) -> str:
+def caption(of: Slice, room: float, *, compact: bool = False, sliced: bool = False) -> str:
     """What the best point gives and where it is, and on further lines what to know of the slice.
 
-    ``room`` is the width of the panel (in); ``compact`` leaves out where, which a table says.
+    ``room`` is the width of the panel (in); ``compact`` leaves out where, which a table says;
+    ``sliced`` adds where the left-out columns stand, if no heading does.
     """
     best = of.best
     if best is None:
@@ -127,9 +150,11 @@ def caption(of: Slice, room: float, *, compact: bool = False) -> str:
         axes = (of.y, of.x)
         where = (f"{c.label} {_brief(c, best.point.setting[c.name])}" for c in axes)
         text += f" at {', '.join(where)}" + (f" ({best.doubt})" if best.doubt else "")
-    said = "; ".join(remarks(of))
+    lines = [text, "; ".join(remarks(of))]
+    if sliced and of.sliced:
+        lines.insert(1, f"sliced at {labels.settings(of.sliced)}")
     width = round(room * LETTERS)
-    return "\n".join([*textwrap.wrap(text, width), *textwrap.wrap(said, width)])
+    return "\n".join(part for line in lines for part in textwrap.wrap(line, width))
 
 
 def _brief(column: Any, value: float) -> str:
@@ -138,10 +163,10 @@ def _brief(column: Any, value: float) -> str:
     return number if column.name in ("kp", "ki") else f"{number} {labels.unit(column)}".rstrip()
 
 
-def panel(axes: Axes, of: Slice, on: Scale | None, room: float, *, compact: bool = False) -> Drawn:
-    """Draw a slice, its best point marked, its caption above; what it became is returned.
+def panel(axes: Axes, of: Slice, on: Scale | None, said: str, *, few: bool = False) -> Drawn:
+    """Draw a slice, its best point marked, ``said`` above it; what it became is returned.
 
-    ``room`` and ``compact`` as in `caption`.
+    ``few`` ticks where the panel is narrow.
     """
     quiet(axes)
     if of.best is None or on is None:
@@ -153,7 +178,8 @@ def panel(axes: Axes, of: Slice, on: Scale | None, room: float, *, compact: bool
         surface(axes, shown_places(of, of.places), of.values, on)
         if of.missing:
             x, y = zip(*shown_places(of, of.missing), strict=True)
-            axes.plot(x, y, "x", color=SOFT, ms=4.5, mew=1.0, clip_on=False)
+            (crosses,) = axes.plot(x, y, "x", color=INK, ms=4.5, mew=1.2, clip_on=False)
+            crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
         here = of.best.point.setting
         mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
         place = axes.get_subplotspec()
@@ -163,8 +189,8 @@ def panel(axes: Axes, of: Slice, on: Scale | None, room: float, *, compact: bool
             axes.set_ylabel(labels.heading(of.y), fontsize=8)
     else:
         _line(axes, of, of.best)
-    ticks(axes, few=compact)
-    axes.set_title(caption(of, room, compact=compact), fontsize=7.5, color=MARK, pad=4)
+    ticks(axes, few=few)
+    axes.set_title(said, fontsize=7.5, color=MARK, pad=4)
     return drawn
 
 
@@ -189,6 +215,11 @@ def colour_bar(figure: FigureBase, beside: list[Axes], on: Scale, label: str, **
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7)
     bar.outline.set_visible(False)
+
+
+def lines_of(captions: Sequence[str]) -> int:
+    """Lines of the longest caption."""
+    return max(text.count("\n") for text in captions) + 1
 
 
 def above(axes: Axes, text: str, lines: int, *, compact: bool = False) -> None:

@@ -104,6 +104,18 @@ def cut(matrix: Matrix, kind: str, x: Column, y: Column, held: Setting | None = 
     return Slice(kind, x, y, held, sliced, inside, tuple(sorted(asked - measured)), best)
 
 
+def projected(matrix: Matrix, kind: str, x: Column, y: Column) -> Slice:
+    """Every measured point over two columns, the others left as they are; no best but overall."""
+    through = cut(matrix, kind, x, y)
+    names = (x.name, y.name)
+    inside = tuple(
+        p
+        for p in matrix.points
+        if np.isfinite(p.power[kind]) and all(name in p.setting for name in names)
+    )
+    return through._replace(sliced={}, points=inside, missing=())
+
+
 def by_spring(found: Matrix) -> dict[float, float]:
     """Stator position (%) of each measured spring rate (N/m), stiffest first."""
     stators = {p.spring_rate: p.stator for p in reversed(found.points)}
@@ -139,11 +151,8 @@ def remarks(of: Slice) -> list[str]:
     elif len(of.points) + len(of.missing) < len(xs) * len(ys):
         said.append("no full grid")
     if len(of.points) > 2:
-        said += [
-            f"{column.label} unevenly spaced"
-            for column, along in ((of.x, xs), (of.y, ys))
-            if not _even(along)
-        ]
+        uneven = [c.label for c, along in ((of.x, xs), (of.y, ys)) if not _even(along)]
+        said += [f"{' and '.join(uneven)} unevenly spaced"] if uneven else []
     if _within_error(of):
         said.append("no more spread than its errors explain")
     if of.missing:
@@ -157,9 +166,9 @@ def _known(matrix: Matrix, name: str, value: float) -> float:
     there = levels(matrix, name)
     near = [each for each in there if isclose(each, value, rel_tol=_SAME, abs_tol=1e-12)]
     if there and not near:
-        known = ", ".join(quantity(BY_NAME[name], each) for each in there)
-        wanted = quantity(BY_NAME[name], value)
-        raise ValueError(f"{BY_NAME[name].label} is never {wanted}; there is {known}")
+        of, digits = BY_NAME[name], 9
+        known = ", ".join(quantity(of, each, digits) for each in there)
+        raise ValueError(f"{of.label} is never {quantity(of, value, digits)}; there is {known}")
     return near[0] if near else value
 
 

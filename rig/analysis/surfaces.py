@@ -2,7 +2,8 @@
 
 By spring rate, each kind of power has one colour scale over all panels. A slice has every other
 column at the value where that station absorbs most, so each station has its own; the title says
-which. Where Kp and Ki are not what varies, the two columns with most values take their place.
+which. Where Kp and Ki are not what varies, the two columns with most values take their place. Of
+a matrix so scattered that slices are next to empty, all points are shown and nothing between them.
 """
 
 import textwrap
@@ -17,11 +18,11 @@ from rig.analysis import labels, panel, picture, words
 from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import INK
 from rig.analysis.points import Matrix, Setting, levels, matrix, varied
-from rig.analysis.slices import KI, KP, Slice, by_spring, cut
+from rig.analysis.slices import KI, KP, Slice, by_spring, cut, projected
 from rig.config.columns import Column
 
 KINDS = ("mechanical_1", "ac", "dc")  # of the four stations, those shown where none is asked for
-_HEADING = 50  # letters of a line of a panel's heading
+_HEADING = 40  # letters of a line of a panel's heading
 _NARROWEST = 6.6  # in, so that title and stamp have room
 
 
@@ -51,7 +52,17 @@ def panels_across(table: xarray.Dataset) -> int:
     found = matrix(table)
     if not found.points:
         return 0
+    if scattered(found):
+        return 1
     return len(by_spring(found)) if default_view(found).by_spring else 1
+
+
+def scattered(found: Matrix) -> bool:
+    """Whether slices hold too few points of a matrix of many columns to show anything."""
+    view = default_view(found)
+    held: list[Setting] = [{"spring_rate": r} for r in by_spring(found)] if view.by_spring else [{}]
+    most = max((len(cut(found, "dc", view.x, view.y, each).points) for each in held), default=0)
+    return most < 3 <= len(found.points) and len(varied(found)) > 3
 
 
 def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bool = False) -> None:
@@ -64,30 +75,44 @@ def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bo
         figure.text(0.5, 0.5, "no complete row: no surface", ha="center", color=INK)
         return
     view, rates = default_view(found), by_spring(found)
+    if scattered(found):
+        _dots(figure, found, view)
+        return
     held: list[Setting] = [{"spring_rate": rate} for rate in rates] if view.by_spring else [{}]
     headings = [words.spring_words(rate, stator) for rate, stator in rates.items()]
     cuts = {kind: [cut(found, kind, view.x, view.y, each) for each in held] for kind in KINDS}
     panels: Any = figure.subplots(len(KINDS), len(held), squeeze=False)
     room = (width - 1.0) / len(held) - 0.4
     for i, kind in enumerate(KINDS):
-        _station(figure, panels[i].tolist(), cuts[kind], room, compact)
+        said = [panel.caption(each, room, compact=compact, sliced=True) for each in cuts[kind]]
+        _station(figure, panels[i].tolist(), cuts[kind], said, few=compact)
         if i == 0 and view.by_spring:
-            captions = [panel.caption(each, room, compact=compact) for each in cuts[kind]]
-            lines = max(text.count("\n") for text in captions) + 1
             for axes, text in zip(panels[i], headings, strict=True):
-                panel.above(axes, text, lines, compact=compact)
+                panel.above(axes, text, panel.lines_of(said), compact=compact)
+
+
+def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
+    """All points of a scattered matrix, one panel a kind of power."""
+    panels: Any = figure.subplots(len(KINDS), 1, squeeze=False)
+    for axes, kind in zip(panels[:, 0], KINDS, strict=True):
+        of = projected(found, kind, view.x, view.y)
+        if of.points:
+            on = panel.scale(of.values)
+            panel.scattered(axes, of, on)
+            panel.colour_bar(figure, [axes], on, f"{words.SHORT_NAMES[kind]}, W")
+    panels[-1, 0].set_xlabel(labels.heading(view.x), fontsize=8)
 
 
 def _station(
-    figure: FigureBase, row: list[Axes], cuts: list[Slice], room: float, compact: bool
+    figure: FigureBase, row: list[Axes], cuts: list[Slice], said: list[str], *, few: bool
 ) -> None:
-    """The panels of one kind of power, with one scale."""
+    """The panels of one kind of power, with one scale and a caption each."""
     values = [value for each in cuts for value in each.values]
     on = panel.scale(values) if values else None
     label = f"{words.SHORT_NAMES[cuts[0].kind]}, W"
     drawn: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
-    for axes, each in zip(row, cuts, strict=True):
-        drawn[panel.panel(axes, each, on, room, compact=compact)].append(axes)
+    for axes, each, text in zip(row, cuts, said, strict=True):
+        drawn[panel.panel(axes, each, on, text, few=few)].append(axes)
     if drawn["line"]:
         panel.one_height(drawn["line"], label, each=bool(drawn["surface"]))
     if drawn["surface"] and on is not None:
@@ -99,8 +124,8 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
     found = matrix(table)
     view = default_view(found)
     shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring else ())}
-    others = [column.label for column in varied(found) if column.name not in shown]
-    beneath = f"each panel sliced at its optimum in {', '.join(others)}" if others else ""
+    sliced = {column.name for column in varied(found)} - shown and not scattered(found)
+    beneath = "left-out columns at each panel's own optimum" if sliced else ""
     width = max(3.6 * max(1, panels_across(table)) + 1.4, _NARROWEST)
     title = f"Power surfaces: {picture.campaign(table.attrs)}"
     figure, body = picture.framed(width, 9.0, title, table.attrs, beneath=beneath)
@@ -109,9 +134,12 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
 
 
 def can_be_sliced(found: Matrix) -> bool:
-    """Whether Kp and Ki vary and something else does."""
+    """Whether Kp, Ki and spring rate vary, and slices hold enough points.
+
+    At a single spring rate the surfaces by spring rate are the slices.
+    """
     names = {column.name for column in varied(found)}
-    return {"kp", "ki"} < names
+    return names >= {"kp", "ki", "spring_rate"} and not scattered(found)
 
 
 def write_sliced(
@@ -140,13 +168,14 @@ def write_sliced(
     for axes, each in zip(panels[0], cuts, strict=True):
         on = panel.scale(each.values) if each.values else None
         name = words.SHORT_NAMES[each.kind]
-        drawn = panel.panel(axes, each, on, room)
+        said = panel.caption(each, room)
+        drawn = panel.panel(axes, each, on, said)
         if drawn == "surface" and on is not None:
             panel.colour_bar(body, [axes], on, f"{name}, W", fraction=0.05)
         elif drawn == "line":
             panel.one_height([axes], f"{name}, W", each=True)
         axes.set_ylabel(labels.heading(y) if drawn == "surface" else axes.get_ylabel(), fontsize=8)
-        panel.above(axes, heading(each), panel.caption(each, room).count("\n") + 1)
+        panel.above(axes, heading(each), panel.lines_of([said]))
     return picture.save(figure, path)
 
 

@@ -179,6 +179,24 @@ def test_many_spring_rates_fit(tmp_path: Path) -> None:
     assert len(row_table(tmp_path)["row"]) == 20
 
 
+def test_many_spring_rates_and_drive_settings_fit(tmp_path: Path) -> None:
+    rows = []
+    power = dict.fromkeys(("mechanical_1", "mechanical_2", "ac", "dc"), -9.0)
+    for rate in (8000.0, 4000.0, 490.9, -3000.0, -5715.0):
+        for bus in (60.0, 90.0):
+            for period in (50e-6, 200e-6):
+                more = {"bus_voltage": bus, "switching_period": period}
+                rows.append(synthetic.Row(len(rows), 0, rate, -2000.0, 0.0, power, more))
+    shape = synthetic.Shape(periods=2, settle=5, tail=2, lead_in=10, wander=1.0)
+    plan = synthetic.plan_json(rows, shape)
+    synthetic.write_run(tmp_path, synthetic.run_rows(rows, shape), plan)
+    made = {path.name for path in write_products(tmp_path)}
+    assert {"bars.png", "effects.csv"} <= made
+    told = json.loads((tmp_path / "summary.json").read_text())
+    assert {tuple(o["further"]) for o in told["optima"]} == {("bus_voltage", "switching_period")}
+    assert [each["power"] for each in told["effects"]] == ["dc", "ac", "mechanical_1"]
+
+
 def test_traces(whole: Path, tmp_path: Path) -> None:
     picture = imread(write_traces(whole, tmp_path / "all.png"))
     assert picture.std() > 0.05

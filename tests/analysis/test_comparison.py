@@ -1,0 +1,319 @@
+"""Two runs against each other: what matches, what differs, by how much and how surely."""
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_runs as synthetic
+from matplotlib.image import imread
+from synthetic_runs import Row, Shape
+from typer.testing import CliRunner
+
+from rig.analysis.comparison import Comparison, compare, gap, mean_gap, where
+from rig.analysis.comparison_picture import write_comparison
+from rig.analysis.comparison_table import as_json, as_text, write_csv
+from rig.analysis.differences import differences
+from rig.analysis.matching import TOLERANCES, Pair, match
+from rig.analysis.points import Matrix, Point
+from rig.analysis.rows import POWERS
+from rig.cli import app
+from rig.config.columns import COLUMNS
+from rig.runs.folder import Facts
+
+SHAPE = Shape(noise=1.0, wander=1.0, settle=5, tail=2, lead_in=10)
+CUSTOM = {
+    "bus_voltage": 75.0,
+    "switching_period": 50e-6,
+    "hysteresis_tolerance": 0.5,
+    "velocity_threshold": 0.0,
+    "discharge_level": 15.0,
+}
+GAIN = -12.0  # W of DC power that the custom drive saves
+
+
+def drive(kind: str, loss: float) -> dict[str, Any]:
+    settings = {"kind": kind} | ({"modulation": "svpwm"} if kind == "custom" else {})
+    return {
+        "name": kind,
+        "campaign": {"name": kind, "seed": 1, "timing": {"settle_s": 4.0}},
+        "rig": {"drive": settings, "heave": {"torque_constant_n_m_per_a": 6.1745}},
+        "plant": {"drive": {"fixed_loss": {"value": loss, "unit": "W", "source": "a guess"}}},
+    }
+
+
+def write(folder: Path, rows: list[Row], shape: Shape = SHAPE, **more: Any) -> Path:
+    plan = synthetic.plan_json(rows, shape)
+    return synthetic.write_run(folder, synthetic.run_rows(rows, shape), plan, **more)
+
+
+def custom(rows: list[Row]) -> list[Row]:
+    return [
+        row._replace(power={**row.power, "dc": row.power["dc"] + GAIN}, more=CUSTOM) for row in rows
+    ]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs")
+    rows = synthetic.default_rows()
+    write(folder / "cots", rows, config=drive("cots", 30.0))
+    later = [row._replace(ki=row.ki + 9.0) if row.ki == 0.0 else row for row in custom(rows)]
+    less = [row for i, row in enumerate(later) if i not in (7, 50)]
+    other = SHAPE._replace(seed=5)
+    write(folder / "custom", less, other, config=drive("custom", 4.0))
+    slower = SHAPE._replace(frequency=0.4, periods=4)
+    write(folder / "slower", less[:6], slower, config=drive("custom", 4.0))
+    line = [row for row in rows if row.kp == -2000.0 and row.spring_rate > 0.0]
+    write(folder / "line", line, config=drive("cots", 30.0))
+    write(folder / "settings", synthetic.drive_rows(), config=drive("custom", 4.0))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def told(runs: Path) -> Comparison:
+    return compare(runs / "cots", runs / "custom")
+
+
+def test_points_match_by_set_point_and_not_by_row(told: Comparison) -> None:
+    assert len(told.matched.pairs) == 64
+    assert [p.rows for p in told.matched.only_a] == [(7,), (50,)]
+    assert told.matched.only_b == ()
+    assert [c.name for c in told.matched.columns] == ["spring_rate", "kp", "ki"]
+    for pair in told.matched.pairs:
+        assert (pair.a.spring_rate, pair.a.kp) == (pair.b.spring_rate, pair.b.kp)
+        assert pair.b.ki - pair.a.ki == (9.0 if pair.a.ki == 0.0 else 0.0)
+    assert "Ki 0 N/m (B off Ki by +9 N/m)" in where(told.matched, told.matched.pairs[0])
+
+
+def test_tolerances_are_by_column(runs: Path) -> None:
+    strict = compare(runs / "cots", runs / "custom", {"ki": 5.0})
+    assert len(strict.matched.pairs) == 64 - 12  # the two springs' points without Ki
+    assert strict.tolerances["ki"] == 5.0
+    assert strict.tolerances["kp"] == TOLERANCES["kp"]
+
+
+def test_differences_are_b_less_a_with_both_errors(told: Comparison) -> None:
+    for pair in told.matched.pairs[:5]:
+        for kind in POWERS:
+            here = gap(pair, kind)
+            assert here.watts == pair.b.power[kind] - pair.a.power[kind]
+            both = np.hypot(pair.a.error[kind], pair.b.error[kind])
+            assert here.error == pytest.approx(both)
+    dc, ac = (mean_gap(told.matched.pairs, kind) for kind in ("dc", "ac"))
+    assert abs(dc.watts - GAIN) < 3.0 * dc.error
+    assert abs(ac.watts) < 3.0 * ac.error
+    assert dc.error < 0.2
+
+
+def test_a_point_that_serves_several_counts_its_error_once() -> None:
+    def point(row: int, error: float) -> Point:
+        return Point({}, 0.0, dict.fromkeys(POWERS, 1.0), dict.fromkeys(POWERS, error), (row,))
+
+    shared = point(0, 3.0)
+    pairs = tuple(Pair(shared, point(i, 4.0)) for i in (1, 2))
+    assert mean_gap(pairs, "dc").error == pytest.approx(np.sqrt(3.0**2 + 4.0**2 / 2.0))
+    apart = (Pair(point(0, 3.0), point(1, 4.0)), Pair(point(5, 3.0), point(2, 4.0)))
+    assert mean_gap(apart, "dc").error == pytest.approx(5.0 / np.sqrt(2.0))
+
+
+def test_the_settings_that_differ_come_first(told: Comparison) -> None:
+    text = as_text(told)
+    assert text.index("Settings that differ") < text.index("Mean difference")
+    keys = {(each.group, each.key): (each.a, each.b) for each in told.differences}
+    assert keys["drive", "rig.drive.kind"] == ("cots", "custom")
+    assert keys["drive", "plant.drive.fixed_loss"] == ("30 W", "4 W")
+    assert keys["drive", "rig.drive.modulation"] == ("not there", "svpwm")
+    assert not any(group in ("sea", "calibration", "code") for group, _ in keys)
+    held = {each.column.name: (each.a, each.b) for each in told.matched.held}
+    assert held == {name: (None, value) for name, value in CUSTOM.items()}
+    assert re.search(r"set point +switching period +A not there +B 50 µs", text)
+    assert "!!" not in text
+    assert told.same_sea
+
+
+def known(**more: Any) -> Facts:
+    blank: dict[str, Any] = {name: {} for name in Facts._fields[3:]}
+    return Facts("r", "hardware", "c", **{**blank, **more})
+
+
+def test_groups_of_settings() -> None:
+    one = known(
+        config={
+            "campaign": {"seed": 1, "drive": {"supply": "connected"}, "tare": {"duration_s": 5.0}},
+            "rig": {"heave": {"gear_ratio_rad_per_m": 12.4666}, "spring": {"map": [{"a": 1.0}]}},
+            "limits": {"heave": {"current_peak_a": 40}},
+            "plant": {"effect": {"value": 1.0, "unit": "1"}, "mass": {"value": 9.0, "unit": "kg"}},
+            "files": [{"role": "plant", "path": "x", "sha256": "1" * 64}],
+        },
+        code={"git": "aaa", "packages": {"numpy": "2.0"}},
+        host={"name": "basin"},
+        plan={"sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5, "words": "x"}},
+    )
+    changed = json.loads(json.dumps(one.config))
+    changed["campaign"].update(seed=2, drive={"supply": "disconnected"}, tare={"duration_s": 6.0})
+    changed["rig"]["heave"]["gear_ratio_rad_per_m"] = 12.5
+    changed["rig"]["spring"]["map"][0]["a"] = 2.0
+    changed["limits"]["heave"]["current_peak_a"] = 30
+    changed["plant"]["mass"]["value"] = 8.0
+    changed["plant"]["effect"]["value"] = 0.65
+    changed["files"][0]["sha256"] = "2" * 64  # a comment: what it says is compared itself
+    sea = {"kind": "regular", "amplitude_m": 0.1, "period_s": 2.0, "words": "y"}  # the same sea
+    other = one._replace(
+        config=changed,
+        code={"git": "bbb", "packages": {"numpy": "2.1"}},
+        host={"name": "office"},
+        plan={"sea": sea},
+    )
+    found = [(each.group, each.key) for each in differences(one, other)]
+    assert found == [
+        ("drive", "campaign.drive.supply"),
+        ("plant", "plant.effect"),
+        ("plant", "plant.mass"),
+        ("calibration", "rig.heave.gear_ratio_rad_per_m"),
+        ("calibration", "rig.spring.map"),
+        ("code", "code.git"),
+        ("code", "code.packages.numpy"),
+        ("timing", "campaign.tare.duration_s"),
+        ("limits", "limits.heave.current_peak_a"),
+        ("campaign", "campaign.seed"),
+        ("host", "host"),
+    ]
+    assert differences(one, one) == []
+    assert differences(one, other)[1][2:] == ("1", "0.65")
+    assert differences(one, other)[2][2:] == ("9 kg", "8 kg")
+
+
+def test_the_seed_of_random_waves_is_part_of_the_sea() -> None:
+    plan = {"sea": {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.5, "seed": None}}
+    one = known(plan=plan, config={"campaign": {"seed": 1}})
+    other = known(plan=plan, config={"campaign": {"seed": 2}})
+    assert ("sea", "sea.seed") in {(d.group, d.key) for d in differences(one, other)}
+
+
+def test_different_seas_are_said_loudly(runs: Path, tmp_path: Path) -> None:
+    told = compare(runs / "cots", runs / "slower")
+    assert not told.same_sea
+    (warning,) = told.warnings
+    assert warning.startswith("DIFFERENT SEAS: A regular, amplitude 0.127 m, 0.5 Hz; B regular")
+    assert f"!! {warning}" in as_text(told)
+    assert imread(write_comparison(told, tmp_path / "x.png")).std() > 0.02
+    rungs = known()._replace(rung="hil")
+    assert [d.key for d in differences(known(), rungs)] == ["rung"]
+
+
+def test_a_commercial_drive_is_compared_with_every_setting_of_the_other(runs: Path) -> None:
+    told = compare(runs / "cots", runs / "settings")
+    names = ["bus_voltage", "switching_period", "velocity_threshold"]
+    assert [c.name for c in told.matched.alone] == names
+    assert len(told.matched.pairs) == 36
+    assert {pair.a.rows for pair in told.matched.pairs} == {(48,), (43,)}
+    assert len({pair.b.rows for pair in told.matched.pairs}) == 36
+    turned = compare(runs / "settings", runs / "cots")
+    assert len(turned.matched.pairs) == 36
+    setting = as_json(turned)["pairs"][0]["setting"]
+    assert setting["switching_period"] == 50e-6
+    assert as_json(told)["varied_in_one_run"] == names
+
+
+def point(**setting: float) -> Point:
+    power = dict.fromkeys(POWERS, -1.0)
+    return Point(setting, 0.0, power, power, (int(setting.get("row", 0)),))
+
+
+def test_the_nearest_pairs_are_taken_once_each() -> None:
+    def of(kis: list[float]) -> Matrix:
+        points = tuple(point(kp=-1.0, ki=ki) for ki in kis)
+        return Matrix(points, tuple(p.setting for p in points))
+
+    found = match(of([0.0, 20.0, 500.0]), of([18.0, 1.0, 900.0]))
+    assert [(p.a.ki, p.b.ki) for p in found.pairs] == [(0.0, 1.0), (20.0, 18.0)]
+    assert [p.ki for p in found.only_a] == [500.0]
+    assert [p.ki for p in found.only_b] == [900.0]
+    assert match(of([1.0, 2.0]), Matrix((), ())).pairs == ()
+    single = match(of([3.0]), of([3000.0]))  # varies in neither: a setting of the run
+    assert len(single.pairs) == 1
+    assert [(h.column.name, h.a, h.b) for h in single.held] == [("ki", 3.0, 3000.0)]
+    assert set(TOLERANCES) == {column.name for column in COLUMNS}
+
+
+def test_the_csv_has_pairs_and_what_is_alone(told: Comparison, tmp_path: Path) -> None:
+    with write_csv(told, tmp_path / "x.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert [line["in"] for line in lines] == ["both"] * 64 + ["A"] * 2
+    first, alone = lines[0], lines[-1]
+    pair = told.matched.pairs[0]
+    assert float(first["dc B - A [W]"]) == pytest.approx(gap(pair, "dc").watts)
+    assert float(first["ki [N/m]"]) == 0.0
+    assert alone["rows A"] == "50"
+    assert (alone["dc B [W]"], alone["dc B - A [W]"]) == ("", "")
+    assert float(alone["dc A [W]"]) < 100.0
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "held"),
+    [
+        ("cots", "custom", {}),
+        ("cots", "custom", {"spring_rate": 490.9}),
+        ("line", "custom", {}),
+        ("cots", "settings", {}),
+        ("settings", "settings", {}),
+    ],
+)
+def test_the_picture_is_drawn(
+    runs: Path, tmp_path: Path, a: str, b: str, held: dict[str, float]
+) -> None:
+    told = compare(runs / a, runs / b)
+    assert imread(write_comparison(told, tmp_path / "x.png", held)).std() > 0.03
+
+
+def test_compare_as_a_command(runs: Path, tmp_path: Path) -> None:
+    call = CliRunner().invoke
+    words = ["compare", "cots", "custom", "--runs", str(runs)]
+    picture = tmp_path / "c.png"
+    done = call(app, [*words, "--json", "-o", str(picture), "--tolerance", "ki=5"])
+    assert done.exit_code == 0, done.output
+    said = json.loads(done.stdout)
+    assert said["written"] == [str(tmp_path / "c.csv"), str(picture)]
+    assert picture.exists()
+    assert len(said["pairs"]) == 52
+    assert said["mean_difference_w"]["dc"]["b_less_a"] == pytest.approx(GAIN, abs=0.5)
+    slower = ["compare", "cots", "slower", "--runs", str(runs), "-o", str(picture)]
+    done = call(app, slower)
+    assert "DIFFERENT SEAS" in done.stderr
+    assert "6 pairs of points matched by spring rate within 25 N/m" in done.stdout
+    for wrong, said_ in (
+        (["--tolerance", "ki"], "write COLUMN=VALUE"),
+        (["--tolerance", "speed=1"], "no column 'speed'"),
+        (["--left-out", "spring_rate=1"], "spring rate is never +1 N/m"),
+    ):
+        done = call(app, [*words, "-o", str(picture), *wrong])
+        assert done.exit_code == 2
+        assert said_ in done.stderr
+    assert call(app, ["compare", "cots", "none", "--runs", str(runs)]).exit_code == 2
+
+
+def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
+    call = CliRunner().invoke
+    picture = tmp_path / "p.png"
+    words = ["plot", "settings", "--runs", str(runs), "-o", str(picture)]
+    asked = ["--surface", "switching_period", "kp", "--station", "dc"]
+    for more in (asked, [*asked, "--left-out", "bus_voltage=75"], ["--sort", "power"]):
+        done = call(app, [*words, *more, "--json"])
+        assert done.exit_code == 0, done.output
+        assert json.loads(done.stdout) == [str(picture)]
+        assert imread(picture).std() > 0.02
+    for more, said in (
+        (["--surface", "kp", "speed"], "no column 'speed'"),
+        ([*asked, "--left-out", "ki"], "ki cannot be left out; what varies beside the axes: bus_"),
+        ([*asked, "--left-out", "bus_voltage=7"], "bus voltage is never 7 V; there is 60 V"),
+        (["--station", "shore"], "no station 'shore'; there are mechanical, shaft, ac, dc"),
+        (["--sort", "size"], "allowed run, power"),
+        (["--sort", "run", "-f", "power.*"], "one picture at a time"),
+    ):
+        done = call(app, [*words, *more])
+        assert done.exit_code == 2
+        assert said in done.stderr

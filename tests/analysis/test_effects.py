@@ -1,0 +1,261 @@
+"""Main effects against certified regressions, contrasts of factorials, and simulated coverage."""
+
+import csv
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_runs as synthetic
+import xarray
+from scipy import stats
+
+from rig.analysis.effects import (
+    MISFIT,
+    PERIODS,
+    REPETITIONS,
+    Effects,
+    effects,
+    half_width,
+    is_designed,
+    main_effects,
+)
+from rig.analysis.effects_table import all_effects, as_json, as_text, notes, write_effects
+from rig.analysis.points import matrix
+from rig.analysis.rows import row_table
+from rig.config.columns import COLUMNS
+
+# Longley's data, NIST Statistical Reference Datasets (linear regression, higher difficulty), and
+# the certified estimates of B1 .. B6 with their standard deviations and residual deviation.
+LONGLEY = np.array(
+    [
+        [60323, 83.0, 234289, 2356, 1590, 107608, 1947],
+        [61122, 88.5, 259426, 2325, 1456, 108632, 1948],
+        [60171, 88.2, 258054, 3682, 1616, 109773, 1949],
+        [61187, 89.5, 284599, 3351, 1650, 110929, 1950],
+        [63221, 96.2, 328975, 2099, 3099, 112075, 1951],
+        [63639, 98.1, 346999, 1932, 3594, 113270, 1952],
+        [64989, 99.0, 365385, 1870, 3547, 115094, 1953],
+        [63761, 100.0, 363112, 3578, 3350, 116219, 1954],
+        [66019, 101.2, 397469, 2904, 3048, 117388, 1955],
+        [67857, 104.6, 419180, 2822, 2857, 118734, 1956],
+        [68169, 108.4, 442769, 2936, 2798, 120445, 1957],
+        [66513, 110.8, 444546, 4681, 2637, 121950, 1958],
+        [68655, 112.6, 482704, 3813, 2552, 123366, 1959],
+        [69564, 114.2, 502601, 3931, 2514, 125368, 1960],
+        [69331, 115.7, 518173, 4806, 2572, 127852, 1961],
+        [70551, 116.9, 554894, 4007, 2827, 130081, 1962],
+    ]
+)
+CERTIFIED = [
+    (15.0618722713733, 84.9149257747669),
+    (-0.0358191792925910, 0.0334910077722432),
+    (-2.02022980381683, 0.488399681651699),
+    (-1.03322686717359, 0.214274163161675),
+    (-0.0511041056535807, 0.226073200069370),
+    (1829.15146461355, 455.478499142212),
+]
+RESIDUAL = 304.854073561965
+
+
+def of(levels: Any, response: Any, points: list[int] | None = None, **known: Any) -> Effects:
+    count = len(response)
+    return main_effects(
+        "dc",
+        list(COLUMNS[: levels.shape[1]]),
+        levels,
+        response,
+        list(range(count)) if points is None else points,
+        known.get("errors", np.full(count, np.nan)),
+        known.get("periods", np.zeros(count)),
+    )
+
+
+def by_name(found: Effects) -> dict[str, Any]:
+    return {each.column.name: each for each in found.effects}
+
+
+def test_longley_is_met_to_its_certified_digits() -> None:
+    levels, response = LONGLEY[:, 1:], LONGLEY[:, 0]
+    found = of(levels, response)
+    assert (found.source, found.misfit_dof) == (MISFIT, 9)
+    assert found.misfit == pytest.approx(RESIDUAL, rel=1e-8)
+    named = by_name(found)
+    for i, (slope, deviation) in enumerate(CERTIFIED):
+        effect = named[COLUMNS[i].name]
+        reach = np.ptp(levels[:, i])
+        assert effect.watts / reach == pytest.approx(slope, rel=1e-7)
+        assert effect.standard_error / reach == pytest.approx(deviation, rel=1e-7)
+        assert effect.half_width == pytest.approx(2.262157 * effect.standard_error, rel=1e-6)
+
+
+def test_one_column_is_a_line_through_points() -> None:
+    random = np.random.default_rng(3)
+    x = random.uniform(50.0, 200.0, 12)
+    y = 3.0 - 0.05 * x + random.normal(size=12)
+    (effect,) = of(x[:, None], y).effects
+    line = stats.linregress(x, y)
+    assert effect.watts == pytest.approx(line.slope * np.ptp(x))
+    assert effect.standard_error == pytest.approx(line.stderr * np.ptp(x))
+
+
+def factorial(repetitions: int = 1) -> Any:
+    return np.array(list(product((0.0, 1.0), (10.0, 30.0), (-2.0, 2.0))) * repetitions)
+
+
+def test_effects_of_a_factorial_are_its_contrasts() -> None:
+    levels = factorial(3)
+    random = np.random.default_rng(5)
+    response = random.normal(-20.0, 4.0, 24)
+    points = list(range(8)) * 3
+    found = of(levels, response, points)
+    within = response.reshape(3, 8).std(axis=0, ddof=1)
+    pooled = np.sqrt((within**2).mean())
+    assert found.source == REPETITIONS
+    assert found.scatter == pytest.approx(pooled)
+    for i, effect in enumerate(by_name(found).values()):
+        high = (
+            levels[:, COLUMNS.index(effect.column)] == levels[:, COLUMNS.index(effect.column)].max()
+        )
+        contrast = response[high].mean() - response[~high].mean()
+        assert effect.watts == pytest.approx(contrast), i
+        assert effect.standard_error == pytest.approx(pooled * np.sqrt(4.0 / 24.0))
+        assert effect.dof == 16
+    lead = abs(found.effects[0].watts) - abs(found.effects[1].watts)
+    assert found.lead == pytest.approx(lead)
+    # Contrasts of a factorial are independent, so their difference has the sum of variances.
+    single = found.effects[0].half_width
+    assert found.lead_half_width == pytest.approx(np.sqrt(2.0) * single)
+
+
+def test_rows_of_unlike_error_have_satterthwaites_degrees_of_freedom() -> None:
+    levels = np.array([[0.0], [0.0], [1.0], [1.0]])
+    errors = np.array([0.5, 0.5, 2.0, 2.0])
+    periods = np.array([5.0, 5.0, 8.0, 8.0])
+    found = of(levels, np.array([1.0, 2.0, 5.0, 6.0]), errors=errors, periods=periods)
+    (effect,) = found.effects
+    parts = errors**2 / 4.0
+    assert found.source == PERIODS
+    assert effect.watts == pytest.approx(4.0)
+    assert effect.standard_error == pytest.approx(np.sqrt(parts.sum()))
+    welch = parts.sum() ** 2 / np.sum(parts**2 / (periods - 1.0))
+    assert effect.dof == pytest.approx(welch)
+    assert effect.half_width == pytest.approx(stats.t.ppf(0.975, welch) * effect.standard_error)
+
+
+def test_which_error_is_taken() -> None:
+    levels, response = factorial(), np.arange(8.0)
+    known = {"errors": np.ones(8), "periods": np.full(8, 5.0)}
+    assert of(levels, response).source == MISFIT
+    assert of(levels, response, **known).source == PERIODS
+    twice = [0, 0, 2, 3, 4, 5, 6, 7]  # one degree of freedom says less than the periods
+    assert of(levels, response, twice, **known).source == PERIODS
+    assert of(levels, response, twice).source == REPETITIONS
+    assert of(levels, response, [0, 0, 1, 1, 2, 2, 6, 7], **known).source == REPETITIONS
+
+
+def test_periods_that_are_all_alike_leave_the_misfit_to_be_told() -> None:
+    known = {"errors": np.zeros(8), "periods": np.full(8, 7.0)}
+    levels = factorial()
+    response = levels[:, 0] * 3.0 + levels[:, 0] * levels[:, 2]  # with an interaction
+    found = of(levels, response, **known)
+    assert found.effects[0].half_width == 0.0
+    assert found.effects[0].misfit_half_width > 0.0
+    assert "by that, spring rate is ±" in "; ".join(notes(found))
+
+
+def test_columns_that_move_together_are_not_told_apart() -> None:
+    levels = np.array([[0.0, 5.0, 1.0], [1.0, 7.0, 0.0], [0.0, 5.0, 0.0], [1.0, 7.0, 1.0]] * 2)
+    found = of(levels, levels[:, 2] * -4.0 + levels[:, 0])
+    named = by_name(found)
+    assert named["ki"].watts == pytest.approx(-4.0)
+    assert np.isnan([named["spring_rate"].watts, named["kp"].watts]).all()
+    assert found.effects[0].column.name == "ki"
+    assert "cannot tell spring rate, Kp apart" in "; ".join(notes(found))
+    assert np.isnan(found.lead)
+
+
+@pytest.mark.parametrize("source", [REPETITIONS, PERIODS, MISFIT])
+def test_the_intervals_cover(source: str) -> None:
+    """95 % within three deviations of the count; Satterthwaite's is an approximation, so 1 % more.
+
+    The rows of a point differ in error for the periods, as they do when waves break.
+    """
+    random = np.random.default_rng(17)
+    trials, truth = 1200, np.array([3.0, -2.0, 0.0])
+    levels = factorial(2 if source == REPETITIONS else 1)
+    count = len(levels)
+    unit = (levels - levels.min(axis=0)) / np.ptp(levels, axis=0)
+    deviation = np.where(unit[:, 0] > 0.5, 1.0, 0.4) if source == PERIODS else np.ones(count)
+    inside = 0
+    for _ in range(trials):
+        periods = random.normal(0.0, 1.0, (count, 5)) * deviation[:, None] * np.sqrt(5.0)
+        response = unit @ truth + periods.mean(axis=1)
+        errors = periods.std(axis=1, ddof=1) / np.sqrt(5.0)
+        known = {"errors": errors, "periods": np.full(count, 5.0)} if source == PERIODS else {}
+        found = of(levels, response, list(range(8)) * (count // 8), **known)
+        assert found.source == source
+        named = by_name(found)
+        for column, true in zip(COLUMNS[:3], truth, strict=True):
+            inside += abs(named[column.name].watts - true) <= named[column.name].half_width
+    room = 3.0 * np.sqrt(0.05 * 0.95 / (3 * trials)) + (0.01 if source == PERIODS else 0.0)
+    assert inside / (3 * trials) == pytest.approx(0.95, abs=room)
+
+
+@pytest.fixture(scope="module")
+def designed(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
+    folder = tmp_path_factory.mktemp("designed")
+    shape = synthetic.Shape(noise=1.0, wander=1.0, settle=5, tail=2, lead_in=10, seed=2)
+    rows = synthetic.drive_rows(repetitions=2)
+    synthetic.write_run(folder, synthetic.run_rows(rows, shape), synthetic.plan_json(rows, shape))
+    return row_table(folder)
+
+
+def test_switching_comes_first_with_an_interval(designed: xarray.Dataset) -> None:
+    found = effects(designed, "dc")
+    assert found is not None
+    assert [e.column.name for e in found.effects] == [
+        "switching_period",
+        "kp",
+        "bus_voltage",
+        "velocity_threshold",
+    ]
+    truth = {"switching_period": -8.0, "kp": 3.0, "bus_voltage": 2.0, "velocity_threshold": -1.0}
+    for effect in found.effects:  # seeded: all of four intervals hold
+        assert abs(effect.watts - truth[effect.column.name]) < 1.5 * effect.half_width
+        assert 0.1 < effect.half_width < 0.5
+        assert effect.dof == 36
+    assert found.lead == pytest.approx(5.0, abs=1.0)
+    assert found.lead > found.lead_half_width
+    assert is_designed(matrix(designed))
+
+
+def test_effects_as_text_json_and_csv(designed: xarray.Dataset, tmp_path: Path) -> None:
+    told = all_effects(designed)
+    text = "\n".join(as_text(told))
+    assert "1. switching period  50 .. 200 µs" in text
+    assert "95 % interval by scatter of repetitions (at least 36 dof)" in text
+    dc, ac, mechanical = as_json(told)
+    assert [each["power"] for each in (dc, ac, mechanical)] == ["dc", "ac", "mechanical_1"]
+    assert dc["effects"][0]["column"] == "switching_period"
+    assert dc["effects"][0]["to"] == 200e-6
+    with write_effects(told, tmp_path / "effects.csv").open() as file:
+        lines = list(csv.DictReader(file))
+    assert len(lines) == 12
+    first = lines[0]
+    assert (first["column"], first["rank"], first["error by"]) == (
+        "switching_period",
+        "1",
+        "repetitions",
+    )
+    low, high = float(first["interval from [W]"]), float(first["interval to [W]"])
+    assert low < -8.0 < high
+
+
+def test_nothing_varies_or_too_few_rows_have_no_effects(designed: xarray.Dataset) -> None:
+    assert effects(designed.isel(row=[0, 36]), "dc") is None
+    assert effects(designed.isel(row=[0, 11]), "dc") is None  # four columns, two rows
+    assert effects(designed.isel(row=[]), "dc") is None
+    assert all_effects(xarray.Dataset()) == ()
+    assert np.isnan(half_width(1.0, 0.0))

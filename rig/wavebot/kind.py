@@ -85,8 +85,8 @@ def control(
     surge, surge_record = axis.control(
         params.surge, state.surge, sense.surge, motion.surge, wanted.surge, 1, surge_mode, dt
     )
-    # The stator stays put in a stop, and is not moved before the tare is over.
-    move = 1 if phase != TARE and mode <= RUN else 0
+    # The stator stays put in a stop, and is not moved before the tare is over or while all is off.
+    move = 1 if phase != TARE and OFF < mode <= RUN else 0
     spring = magnetic_spring.step(params.spring, state.spring, held.spring_rate, move)
     load, meter, tared = sense.load, sense.power, state.tare
     if phase == TARE or tared.samples > 0 or tared.seeded == 0:

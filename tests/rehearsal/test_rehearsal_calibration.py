@@ -45,9 +45,6 @@ def test_it_ends_as_planned_with_all_power_off(ended: Ended) -> None:
     assert data["plan.wave_clock"].values[0] == 0.0
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the set point moves the stator in every phase but the tare, drive or not"
-)
 def test_the_stator_is_left_where_it_is(ended: Ended) -> None:
     data = open_run(ended.folder, ["spring_command", "spring_sense"])
     assert not data["spring_command.enable"].values.any()

@@ -49,7 +49,7 @@ def as_sampled(rig: RigFile, plant: Plant, kp: float, ki: float) -> Callable[[An
     """The controller the plant sees: estimator, fieldbus delay, hold and current loop in it."""
     heave = rig.heave
     filter_ = design(
-        metres_per_count(rig), heave.encoder_noise_counts, heave.jerk_density_m2_per_s5, DT
+        metres_per_count(rig.heave), heave.encoder_noise_counts, heave.jerk_density_m2_per_s5, DT
     )
     delay = (plant.sensors.delay_ticks.value + 0.5) * DT
     lag = plant.drive.current_time_constant.value

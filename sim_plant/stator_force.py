@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from sim_plant.magnetic_spring import ANGLE_LIMIT
+from sim_plant.magnetic_spring import ANGLE_LIMIT, SpringParams, table_rate, table_slope
 from sim_plant.units import (
     Flag,
     Metre,
@@ -76,19 +76,17 @@ class Reversal(NamedTuple):
     stroke: Metre  # heave from balance
 
 
-def reversal(
-    params: StatorForceParams,
-    stator: Percent,
-    rate: NewtonPerMetre,
-    slope: NewtonPerMetrePercent,
-    metre_per_radian: float,
-) -> Reversal:
-    """Give the smallest rotor angle and heave at which F_stator is zero."""
-    constant = params.pull * abs(params.metre_squared * rate)
-    swing = 0.5 * params.metre_squared * slope * params.percent_per_metre
+def reversal(params: StatorForceParams, spring: SpringParams, stator: Percent) -> Reversal:
+    """Give the smallest rotor angle and heave at which F_stator is zero at a stator position (%).
+
+    The stroke limit of small spring rates; MASK4 report (Sandia), Fig. 4-3.
+    """
+    constant = params.pull * abs(params.metre_squared * table_rate(spring, stator))
+    growth = params.metre_squared * table_slope(spring, stator) * params.percent_per_metre
+    swing = 0.5 * growth
     if not abs(swing) > constant:
         return Reversal(stator, math.inf, math.inf)
     level = constant / swing  # cos 2 theta where the force is zero
     linear = math.sqrt(0.5 * (1.0 - level))
     angle = 0.5 * math.acos(level) if params.sine == 1 else linear
-    return Reversal(stator, angle, angle * metre_per_radian)
+    return Reversal(stator, angle, angle / spring.angle_per_metre)

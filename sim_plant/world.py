@@ -129,6 +129,8 @@ class World:
 
         Raises ValueError naming every setting out of range.
         """
+        if self.params.electrics.custom == 0:
+            return
         custom_drive.check(settings)
         self.params = self._plant.build(settings)
         self._stepper.params = self.params

@@ -114,6 +114,34 @@ def test_a_bem_file_that_is_none(rig: Path, write: Any, tmp_path: Path, content:
     assert said.startswith("cannot be read: ")
 
 
+def test_the_bem_file_of_surge_is_read_too(rig: Path, write: Any, tmp_path: Path) -> None:
+    (tmp_path / "plants" / "wavebot_surge_bem.npz").write_bytes(b"text")
+    ((_, line, key, said),) = told(write())
+    place = line_of(tmp_path / "plants" / "wavebot.yaml", "bem: wavebot_surge_bem")
+    assert (line, key) == (place, "surge.bem")
+    assert said.startswith("cannot be read: ")
+
+
+@pytest.mark.parametrize("name", sorted(p.name for p in (CONFIGS / "plants").glob("*.yaml")))
+def test_every_shipped_plant_can_be_rehearsed(rig: Path, write: Any, name: str) -> None:
+    assert told(write(f"plant: ../plants/{name}\n")) == []
+
+
+def test_what_is_wrong_with_a_drive_is_told_at_its_key(
+    rig: Path, write: Any, tmp_path: Path
+) -> None:
+    plant = tmp_path / "plants" / "wavebot.yaml"
+    change(plant, ("analyser_window: {value: 0.005,", "analyser_window: {value: 5.0,"))
+    ((_, line, key, said),) = told(write())
+    at = "drive.analyser_window.value"
+    assert (line, key) == (line_of(plant, "analyser_window:"), at)
+    assert said.startswith("5 is out of range; allowed ")
+    change(plant, ("kind: cots", "kind: amc"))
+    ((_, line, key, said),) = told(write())
+    assert (line, key) == (line_of(plant, "kind: amc"), "drive.kind")
+    assert said.startswith("'amc' is not known; allowed cots, custom")
+
+
 def test_a_bem_file_cut_anywhere(rig: Path, write: Any, tmp_path: Path) -> None:
     path = tmp_path / "plants" / "wavebot_bem.npz"
     whole = path.read_bytes()

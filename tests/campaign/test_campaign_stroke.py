@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from rig.config import RigFile, load, load_mapping
-from sim_plant.magnetic_spring import stator_at
 from sim_plant.parameters import Plant
 from sim_plant.stator_force import reversal
 
@@ -20,9 +19,7 @@ def reverses_at(stator: float) -> float:
     """Heave (m) at which the simulated stator force changes its sign; inf: nowhere."""
     mapping, _ = load_mapping(CONFIGS / "plants" / "wavebot.yaml")
     params = Plant.model_validate(mapping).build()
-    state = stator_at(params.spring, stator)
-    lever = RIG.spring.metres_per_radian
-    return reversal(params.stator, stator, state.rate, state.slope, lever).stroke
+    return reversal(params.stator, params.spring, stator).stroke
 
 
 def test_no_spring_rate_lets_the_body_go_where_the_stator_force_reverses() -> None:

@@ -204,13 +204,14 @@ def test_settings_out_of_range_are_refused_by_name() -> None:
         with pytest.raises(ValueError, match=next(iter(bad))):
             rig.configure(SET._replace(**bad))
     with pytest.raises(ValueError, match="discharge_level 16"):
-        world().configure(SET._replace(discharge_level=16))
+        rig.configure(SET._replace(discharge_level=16))
 
 
 def test_the_commercial_drive_has_no_settings() -> None:
     rig = world(**QUIET)
     before = rig.params
-    rig.configure(DriveSettings(HYSTERESIS, 40.0, 1.0e-3, 1.0, 0))
+    for settings in (DriveSettings(HYSTERESIS, 40.0, 1.0e-3, 1.0, 0), DriveSettings(*[0] * 5)):
+        rig.configure(settings)
     assert rig.params == before
     for _ in range(300):
         rig.actuate(command(5.0, conducting=0))

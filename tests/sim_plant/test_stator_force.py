@@ -33,8 +33,7 @@ class Spring(NamedTuple):
 
 def reversal_at(station: float, name: str = "wavebot") -> Reversal:
     params = plant(name).build()
-    state = stator_at(params.spring, station)
-    return reversal(params.stator, station, state.rate, state.slope, LEVER)
+    return reversal(params.stator, params.spring, station)
 
 
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_linear", "wavebot_as_measured"])

@@ -43,12 +43,14 @@ class State(NamedTuple):
     kp: Ramp
     ki: Ramp
     share: Ramp  # of the soft stop, 0 to 1
+    used: Gains  # what the first two ramps are at: one comparison in the usual tick
+    soft: float  # what the third is at
 
 
 def start() -> State:
     """State at switch-on: no force, whatever is measured."""
     none = ramp_start(0.0)
-    return State(none, none, none)
+    return State(none, none, none, Gains(0.0, 0.0, 0.0), 0.0)
 
 
 def step(
@@ -58,23 +60,28 @@ def step(
 
     The demand names the gains that were used: never above zero.
     """
+    if state.used != gains or state.soft != 1.0:
+        state = _ramped(params, state, gains, dt)
+    _, _, _, (kp, ki, _), soft = state
+    position, velocity, _ = estimate
+    off, reach = position - params.station, params.reach
+    force = kp * velocity + ki * off
+    if not -reach <= off <= reach:
+        if off > 0.0:
+            force = force - soft * _push(params, off - reach, velocity)
+        else:
+            force = force + soft * _push(params, -reach - off, -velocity)
+    return state, Demand(kp, ki, 0.0, force)
+
+
+def _ramped(params: Params, state: State, gains: Gains, dt: float) -> State:
+    """The state moved one tick towards ``gains``, as far as they are passive."""
     wanted_kp = 0.0 if gains.kp > 0.0 else gains.kp  # NaN stays NaN
     wanted_ki = 0.0 if gains.ki > 0.0 else gains.ki
-    kp, ki, share = state
-    if kp.value != wanted_kp or ki.value != wanted_ki or share.value != 1.0:
-        kp = ramp_step(kp, wanted_kp, params.ramp, dt)
-        ki = ramp_step(ki, wanted_ki, params.ramp, dt)
-        share = ramp_step(share, 1.0, params.ramp, dt)
-        wanted_kp, wanted_ki = kp.value, ki.value
-        state = State(kp, ki, share)
-    position, velocity, _ = estimate
-    off = position - params.station
-    force = wanted_kp * velocity + wanted_ki * off
-    if off > params.reach:
-        force = force - share.value * _push(params, off - params.reach, velocity)
-    elif off < -params.reach:
-        force = force + share.value * _push(params, -params.reach - off, -velocity)
-    return state, Demand(wanted_kp, wanted_ki, 0.0, force)
+    kp = ramp_step(state.kp, wanted_kp, params.ramp, dt)
+    ki = ramp_step(state.ki, wanted_ki, params.ramp, dt)
+    share = ramp_step(state.share, 1.0, params.ramp, dt)
+    return State(kp, ki, share, Gains(kp.value, ki.value, 0.0), share.value)
 
 
 def _push(params: Params, depth: float, deepening: float) -> float:

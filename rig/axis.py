@@ -9,9 +9,10 @@ from controllers import estimator
 from controllers.blocks import clamp
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag
 from rig import limits
-from rig.safety import CATEGORY, FINE, OFF, RUN, STOP_1, STOP_2, Reason
+from rig.safety import OFF, RUN, STOP_1, STOP_2
 
 NOTHING = Demand(0.0, 0.0, 0.0, 0.0)
+UNSEEN = -1  # no count was seen yet
 
 
 class Params(NamedTuple):
@@ -28,9 +29,8 @@ class State(NamedTuple):
     """Memory of one axis."""
 
     motion: Estimate
-    seeded: int  # 1 once a count was seen
     limits: limits.AxisState
-    acting: int  # what made the last demand: RUN the law, STOP_1 a stop, OFF nothing
+    acting: int  # what made the last demand: RUN the law, STOP_1 a stop, OFF nothing; or UNSEEN
     fade_from: float  # N, force at the last change of that
     fade: float  # 1 .. 0, share of that force still in the demand
     short: float  # N, what was granted in the last tick less what was asked
@@ -48,7 +48,7 @@ class Record(NamedTuple):
 
 def start() -> State:
     """State at switch-on."""
-    return State(Estimate(0.0, 0.0, 0.0), 0, limits.start(), OFF, 0.0, 0.0, 0.0)
+    return State(Estimate(0.0, 0.0, 0.0), limits.start(), UNSEEN, 0.0, 0.0, 0.0)
 
 
 def observe(
@@ -56,7 +56,7 @@ def observe(
 ) -> Estimate:
     """Motion from this tick's counts, relative to the tared zero (m in the encoder's own frame)."""
     measured = sense.counts * params.metres_per_count - zero
-    if state.seeded == 0:
+    if state.acting == UNSEEN:
         return Estimate(measured, 0.0, 0.0)
     return estimator.step(params.estimator, state.motion, measured, periods, dt)
 
@@ -64,24 +64,15 @@ def observe(
 def check(
     params: Params, state: State, sense: AxisSense, motion: Estimate, zero: float, mode: int
 ) -> int:
-    """The first reason to trip on this axis, or Reason.NONE; ``zero`` as in `observe`.
-
-    A jump of the counts looks like a velocity to the estimator, and damping would push against
-    it: so it is caught before anything else acts on the motion.
-    """
-    reason = limits.check_axis(params.limits, state.limits, sense, motion, mode)
-    if reason == FINE or CATEGORY[reason] != 0:
-        most = params.limits.encoder_jump_stop
-        jump = sense.counts * params.metres_per_count - zero - motion.position
-        if not -most <= jump <= most:
-            return Reason.ENCODER_JUMP.value
-    return reason
+    """The first reason to trip on this axis, or Reason.NONE; ``zero`` as in `observe`."""
+    measured = sense.counts * params.metres_per_count - zero
+    return limits.check_axis(params.limits, state.limits, sense, measured, motion, mode)
 
 
 def rezero(state: State, by: float) -> State:
     """The same motion seen from a zero that has moved up by ``by`` (m)."""
-    (x, v, a), seeded, bounded, acting, fade_from, fade, short = state
-    return State(Estimate(x - by, v, a), seeded, bounded, acting, fade_from, fade, short)
+    (x, v, a), bounded, acting, fade_from, fade, short = state
+    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short)
 
 
 def control(
@@ -99,7 +90,7 @@ def control(
     A change between the two is bumpless: the force fades over from the last one granted.
     ``conducting`` 0: the drive's power stage rests, and no force is granted in RUN.
     """
-    _, _, bounded, before, fade_from, fade, _ = state
+    _, bounded, before, fade_from, fade, _ = state
     acting = RUN if mode == RUN else STOP_1 if STOP_2 <= mode <= STOP_1 else OFF
     if acting != before:
         fade_from, fade = bounded.force, 1.0
@@ -116,9 +107,9 @@ def control(
         kp, ki, km, force = demand
         demand = Demand(kp, ki, km, force + fade * (fade_from - force))
     granted, command = limits.grant(params.limits, bounded, demand.force, conducting, mode, dt)
-    warned = limits.warn_axis(params.limits, motion)
-    short = command.force - demand.force
+    # Granted in full, nothing is short.
+    short = command.force - demand.force if command.limited != 0 else 0.0
     return (
-        State(motion, 1, granted, acting, fade_from, fade, short),
-        Record(sense, motion, demand, command, warned),
+        State(motion, granted, acting, fade_from, fade, short),
+        Record(sense, motion, demand, command, limits.warn_axis(params.limits, motion)),
     )

@@ -97,41 +97,35 @@ def make(kind: Kind) -> Step:
         periods: int,
         dt: float,
     ) -> tuple[State, Any, Any]:
-        rig_params, rig = params.rig, state.rig
+        segments, guard_params, most_lost, rig_params = params
+        place, guard, since, rig = state
         motion = observe(rig_params, rig, sense, periods, dt)
 
         # The plan moves on what held until now; the safety machine then has the last word.
-        segments = params.segments
-        mode = state.safety.mode
-        holds = ready(rig_params, rig, sense)
-        place, walk = sequence.step(
-            segments, state.sequence, tick, holds, mode <= RUN, mode == STOP_2
+        # What holds is asked only where something waits for it: a drive to come on, or the plan.
+        mode = guard.mode
+        waits = mode < RUN or segments.wait[place.segment] != 0
+        holds = ready(rig_params, rig, sense) if waits else 0
+        place, (finished, late) = sequence.step(
+            segments, place, tick, holds, mode <= RUN, mode == STOP_2
         )
-        i = place.segment
         trip = check(rig_params, rig, sense, motion, mode)
-        if periods > params.lost_ticks_stop:  # allows no controlled stop, so it goes first
+        if periods > most_lost:  # allows no controlled stop, so it goes first
             trip = Reason.LOST_TICKS.value
-        if trip == FINE and walk.late:
+        if late and trip == FINE:
             stator_there = (holds & sequence.WAIT_STATOR) != 0
             trip = (Reason.DRIVE_NOT_ON if stator_there else Reason.STATOR_LATE).value
+        i = place.segment
+        on = (holds & sequence.WAIT_DRIVE) != 0
         guard = safety.step(
-            params.safety,
-            state.safety,
-            tick,
-            trip,
-            request,
-            walk.finished,
-            segments.drive[i] == 1,
-            (holds & sequence.WAIT_DRIVE) != 0,
+            guard_params, guard, tick, trip, request, finished, segments.drive[i] == 1, on
         )
 
-        waves = segments.waves[i] if guard.mode <= STOP_2 else 0
-        since = state.waves_since
-        if waves == 0:
-            since = -1
-        elif since < 0:
-            since = tick
-        clock = -1.0 if since < 0 else (tick - since) * dt
+        if segments.waves[i] == 0 or guard.mode > STOP_2:
+            since, clock = -1, -1.0
+        else:
+            since = tick if since < 0 else since
+            clock = (tick - since) * dt
         plan = PlanRecord(segments.row[i], segments.phase[i], place.attempt, clock)
         rig, command, words = control(
             rig_params, rig, sense, motion, plan, guard, segments.setpoint[i], dt

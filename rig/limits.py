@@ -59,36 +59,51 @@ def start() -> AxisState:
 
 
 def check_axis(
-    limits: AxisLimits, state: AxisState, sense: AxisSense, motion: Estimate, mode: int
+    limits: AxisLimits,
+    state: AxisState,
+    sense: AxisSense,
+    measured: float,
+    motion: Estimate,
+    mode: int,
 ) -> int:
-    """The first reason to trip on this axis, worst first, or Reason.NONE."""
+    """The first reason to trip on this axis, worst first, or Reason.NONE.
+
+    ``measured`` is the position (m) that the counts say, ``motion`` what was made of it. A jump of
+    the counts looks like a velocity to the estimator, and damping would push against it: so it
+    comes before what allows a controlled stop.
+    """
     _, encoder_age, current, enabled, fault, drive_age = sense
     position, velocity, acceleration = motion
     # One sum instead of many tests: it is finite only if every term is.
     total = current + encoder_age + drive_age + position + velocity + acceleration
     if state.absurd == 1 or not finite(total):
         return Reason.NOT_FINITE.value
-    if encoder_age > limits.encoder_age_stop or encoder_age < 0.0:
+    if not 0.0 <= encoder_age <= limits.encoder_age_stop:
         return Reason.STALE_ENCODER.value
-    if drive_age > limits.drive_age_stop or drive_age < 0.0:
+    if not 0.0 <= drive_age <= limits.drive_age_stop:
         return Reason.STALE_DRIVE.value
     if fault != 0:
         return Reason.DRIVE_FAULT.value
     if enabled == 0 and RUN <= mode <= STOP_1:
         return Reason.DRIVE_DROPPED.value
-    if position > limits.position_stop or position < -limits.position_stop:
+    most = limits.encoder_jump_stop
+    if not -most <= measured - position <= most:
+        return Reason.ENCODER_JUMP.value
+    most = limits.position_stop
+    if not -most <= position <= most:
         return Reason.POSITION.value
-    if velocity > limits.velocity_stop or velocity < -limits.velocity_stop:
+    most = limits.velocity_stop
+    if not -most <= velocity <= most:
         return Reason.VELOCITY.value
     return FINE
 
 
 def warn_axis(limits: AxisLimits, motion: Estimate) -> int:
     """The set of `Warned` flags of this axis."""
-    position, bound = motion.position, limits.position_warn
-    if position > bound or position < -bound:
-        return Warned.POSITION.value
-    return 0
+    bound = limits.position_warn
+    if -bound <= motion.position <= bound:
+        return 0
+    return Warned.POSITION.value
 
 
 def grant(
@@ -101,36 +116,36 @@ def grant(
     gives no force. A demand that is not finite is granted as nothing, and trips in the next tick.
     """
     granted, mean_square, _ = state
-    decay = dt / limits.current_rms_time
-    if not RUN <= mode <= STOP_1:
-        enable = 1 if mode == ENABLING else 0
-        limited = 0 if demand == 0.0 else Limited.MODE.value
+    _, _, _, peak, continuous, rms_time, slew, _, _, _, scale = limits
+    decay = dt / rms_time
+    if conducting == 0 or not RUN <= mode <= STOP_1 or not finite(demand):
         cooled = mean_square - decay * mean_square
-        return AxisState(0.0, cooled, 0), AxisCommand(0.0, 0.0, enable, limited)
-    if not finite(demand):
-        cooled = mean_square - decay * mean_square
-        return AxisState(0.0, cooled, 1), AxisCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
-    if conducting == 0:
-        cooled = mean_square - decay * mean_square
-        return AxisState(0.0, cooled, 0), AxisCommand(0.0, 0.0, 1, Limited.GATED.value)
-    limited = 0
-    force = demand
-    scale = limits.newtons_per_ampere
-    ceiling = limits.current_peak * scale
-    spent = mean_square >= limits.current_rms * limits.current_rms
-    if spent:
-        ceiling = limits.current_rms * scale
-    if force > ceiling or force < -ceiling:
+        return _nothing(cooled, demand, mode)
+    force, limited = demand, 0
+    spent = mean_square >= continuous * continuous
+    ceiling = scale * (continuous if spent else peak)
+    if not -ceiling <= force <= ceiling:
         force = ceiling if force > 0.0 else -ceiling
         limited = (Limited.CURRENT_RMS if spent else Limited.CURRENT_PEAK).value
     # Last, so that the force does not jump when the current folds back from peak to continuous.
-    step = limits.force_slew * dt
-    if force > granted + step:
-        force = granted + step
+    change = slew * dt
+    if force > granted + change:
+        force = granted + change
         limited = limited | Limited.SLEW.value
-    elif force < granted - step:
-        force = granted - step
+    elif force < granted - change:
+        force = granted - change
         limited = limited | Limited.SLEW.value
     current = force / scale
     mean_square = mean_square + decay * (current * current - mean_square)
     return AxisState(force, mean_square, 0), AxisCommand(force, current, 1, limited)
+
+
+def _nothing(mean_square: float, demand: float, mode: int) -> tuple[AxisState, AxisCommand]:
+    """No force, and why: by the mode, or the demand is no number, or the power stage rests."""
+    if not RUN <= mode <= STOP_1:
+        limited = 0 if demand == 0.0 else Limited.MODE.value
+        enable = 1 if mode == ENABLING else 0
+        return AxisState(0.0, mean_square, 0), AxisCommand(0.0, 0.0, enable, limited)
+    if not finite(demand):
+        return AxisState(0.0, mean_square, 1), AxisCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
+    return AxisState(0.0, mean_square, 0), AxisCommand(0.0, 0.0, 1, Limited.GATED.value)

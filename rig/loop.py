@@ -50,21 +50,21 @@ def run(
         state = cycle.start(kind, params, 0)
         ticks = skipped = linger = imposed = 0
         work, dt = 0.0, clock.dt
+        timing = cycle.Timing(0.0, 0.0, 0)
         while linger < LINGER:
-            wake = clock.wait_next()
+            tick, now, periods, lateness = clock.wait_next()
             began = time.perf_counter() if measure_work else 0.0
             ticks += 1
-            skipped += wake.periods - 1
+            skipped += periods - 1
             if ticks % WATCH == 0:
                 imposed = overseer()
             mail = mailbox.read()
             request = imposed or (0 if mail is None else mail.request)
 
-            sense = devices.read(wake.now)
-            timing = cycle.Timing(wake.lateness, work, skipped)
-            state, command, row = step(
-                params, state, sense, request, wake.tick, timing, wake.periods, dt
-            )
+            sense = devices.read(now)
+            if measure_work or periods != 1:  # else it is what it was
+                timing = cycle.Timing(lateness, work, skipped)
+            state, command, row = step(params, state, sense, request, tick, timing, periods, dt)
             devices.write(command)
             ring.put(row)
 

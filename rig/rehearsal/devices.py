@@ -40,6 +40,10 @@ def build_sea(description: dict[str, Any]) -> Sea:
     return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
 
 
+# What a NamedTuple's own constructor ends in: nine of them a tick are a tenth of a rehearsal.
+_word = tuple.__new__
+
+
 class PlantDevices:
     """The devices of a simulated WaveBot.
 
@@ -66,16 +70,17 @@ class PlantDevices:
             stator, arrived, ac, dc, bus_voltage, analyser_age,
             saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
         ) = self._world.readings()  # fmt: skip
-        delay = self._delay
+        late = self._delay
+        load = (lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, late)
         return Sense(
-            AxisSense(counts, delay, current, enabled, fault, delay),
-            AxisSense(surge_counts, delay, surge_current, surge_enabled, surge_fault, delay),
-            LoadSense(lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, delay),
-            SpringSense(stator, arrived, delay),
-            PowerSense(ac, dc, bus_voltage, analyser_age),
-            DriveSense(conducting, saturated, dump),
-            ProbeSense(probe_1, probe_2, probe_3, probe_age),
-            WaveSense(elevation),
+            _word(AxisSense, (counts, late, current, enabled, fault, late)),
+            _word(AxisSense, (surge_counts, late, surge_current, surge_enabled, surge_fault, late)),
+            _word(LoadSense, load),
+            _word(SpringSense, (stator, arrived, late)),
+            _word(PowerSense, (ac, dc, bus_voltage, analyser_age)),
+            _word(DriveSense, (conducting, saturated, dump)),
+            _word(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
+            _word(WaveSense, (elevation,)),
         )
 
     def write(self, command: Command) -> None:

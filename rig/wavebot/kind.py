@@ -1,7 +1,6 @@
 """The WaveBot as a kind of rig: heave and surge axes, magnetic spring, load cells, power."""
 
 from math import floor
-from typing import NamedTuple
 
 from controllers import (
     drive_gating,
@@ -15,7 +14,7 @@ from controllers.signals import Demand, DriveCommand, Reference
 from rig import axis, cycle, power, safety, tare
 from rig.safety import OFF, RUN
 from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
-from rig.wavebot.check import check, heave_zero, surge_zero
+from rig.wavebot.check import check
 from rig.wavebot.state import (
     SURGE_HELD,
     SURGE_KEPT,
@@ -27,16 +26,19 @@ from rig.wavebot.state import (
     hold,
     laws_at_rest,
     start,
+    zeros,
 )
 from rig.wavebot.words import Command, Motion, Sense, WaveBotRow, Words
 
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
     """Motion of both axes relative to the zeros in use."""
-    zero = heave_zero(params, state, sense)
-    heave = axis.observe(params.heave, state.heave, sense.heave, zero, periods, dt)
-    zero = surge_zero(params, state, sense)
-    return Motion(heave, axis.observe(params.surge, state.surge, sense.surge, zero, periods, dt))
+    heave, surge, _, _, _, _, _, _ = sense
+    heave_zero, surge_zero = zeros(params, state, heave, surge)
+    return (
+        axis.observe(params.heave, state.heave, heave, heave_zero, periods, dt),
+        axis.observe(params.surge, state.surge, surge, surge_zero, periods, dt),
+    )
 
 
 def ready(params: Params, state: State, sense: Sense) -> int:
@@ -60,94 +62,86 @@ def control(
     dt: float,
 ) -> tuple[State, Command, Words]:
     """Set point -> forces within limits, stator target, drive settings, wave trigger; and power."""
-    phase, mode = plan.phase, guard.mode
-    held = state.held
+    heave, laws, surge, spring, tared, spent, held = state
+    heave_sense, surge_sense, load, _, meter, _, _, _ = sense
+    in_heave, in_surge = motion
+    _, phase, _, wave_clock = plan
+    mode = guard.mode
     if setpoint != held.setpoint:
         held = hold(params, setpoint)
     if mode == RUN:
-        laws, wanted = _laws(params, state, motion, held, plan.wave_clock, dt)
+        laws, wanted, reference, conducting, aside = _laws(
+            params, laws, motion, held, heave.short, wave_clock, dt
+        )
     else:  # at rest they start afresh, so a later start ramps its gains up from zero
-        laws, wanted = laws_at_rest(params), _NOTHING
-    drive = held.drive
-    if wanted.conducting == 0:
-        drive = DriveCommand(0, drive.settings)
+        laws = laws_at_rest(params)
+        wanted, reference, conducting, aside = axis.NOTHING, _NO_REFERENCE, 1, axis.NOTHING
+    drive = held.drive if conducting == 1 else DriveCommand(0, held.drive.settings)
     heave, record = axis.control(
-        params.heave,
-        state.heave,
-        sense.heave,
-        motion.heave,
-        wanted.heave,
-        wanted.conducting,
-        mode,
-        dt,
+        params.heave, heave, heave_sense, in_heave, wanted, conducting, mode, dt
     )
-    surge_mode = mode if params.surge_use != SURGE_OFF else OFF
+    surge_mode = OFF if params.surge_use == SURGE_OFF else mode
     surge, surge_record = axis.control(
-        params.surge, state.surge, sense.surge, motion.surge, wanted.surge, 1, surge_mode, dt
+        params.surge, surge, surge_sense, in_surge, aside, 1, surge_mode, dt
     )
     # The stator stays put in a stop, and is not moved before the tare is over or while all is off.
     move = 1 if phase != TARE and OFF < mode <= RUN else 0
-    spring = magnetic_spring.step(params.spring, state.spring, held.spring_rate, move)
-    load, meter, tared = sense.load, sense.power, state.tare
+    spring = magnetic_spring.step(params.spring, spring, held.spring_rate, move)
     if phase == TARE or tared.samples > 0 or tared.seeded == 0:
         before, tared = tared, tare.step(tared, _raw(params, sense), phase)
         if before.seeded == 1:
             heave = axis.rezero(heave, tared.zeros.position - before.zeros.position)
             surge = axis.rezero(surge, tared.zeros.surge - before.zeros.surge)
-    zeros = tared.zeros
-    lcb, trs = load.lcb - zeros.lcb, load.trs - zeros.trs
-    spent = power.step(state.power, lcb, trs, motion.heave.velocity, meter.ac, meter.dc, phase)
-    waves = 1 if plan.wave_clock >= 0.0 else 0
+    zero = tared.zeros
+    ac, dc, _, _ = meter
+    spent = power.step(
+        spent, load.lcb - zero.lcb, load.trs - zero.trs, in_heave.velocity, ac, dc, phase
+    )
+    waves = 1 if wave_clock >= 0.0 else 0
     return (
         State(heave, laws, surge, spring, tared, spent, held),
         Command(record.command, surge_record.command, spring.command, drive, waves),
-        Words(record, surge_record, wanted.reference, spent, zeros),
+        (record, surge_record, reference, spent, zero),
     )
 
 
-class _Wanted(NamedTuple):
-    """What the laws ask for in a tick."""
-
-    heave: Demand
-    reference: Reference
-    conducting: int
-    surge: Demand
-
-
 _NO_REFERENCE = Reference(0.0, 0.0)
-_NOTHING = _Wanted(axis.NOTHING, _NO_REFERENCE, 1, axis.NOTHING)
 
 
 def _laws(
-    params: Params, state: State, motion: Motion, held: Held, wave_clock: float, dt: float
-) -> tuple[Laws, _Wanted]:
-    """Demands of heave and surge, and whether the heave drive's power stage may rest."""
-    law, table, gate, keeping, holding = state.laws
+    params: Params,
+    laws: Laws,
+    motion: Motion,
+    held: Held,
+    short: float,
+    wave_clock: float,
+    dt: float,
+) -> tuple[Laws, Demand, Reference, int, Demand]:
+    """Demand and reference of heave, whether its power stage is in use, demand of surge."""
+    law, table, gate, keeping, holding = laws
+    in_heave, in_surge = motion
     reference = _NO_REFERENCE
     if len(params.reference.table) > 0:
         at = floor(wave_clock / dt + 0.5) if wave_clock >= 0.0 else -1
         table, force = open_loop.step(params.reference, table, held.reference_scale, at, dt)
         reference = Reference(table.scale.value, force)
-    law, heave = impedance.step(
-        params.heave_law, law, held.gains, motion.heave, reference.force, state.heave.short, dt
+    law, wanted = impedance.step(
+        params.heave_law, law, held.gains, in_heave, reference.force, short, dt
     )
     conducting, threshold = 1, held.drive.settings.velocity_threshold
     if threshold > 0.0:
-        current = heave.force / params.heave.limits.newtons_per_ampere
+        current = wanted.force / params.heave.limits.newtons_per_ampere
         gate, conducting = drive_gating.step(
-            params.gate, gate, motion.heave.velocity, current, threshold
+            params.gate, gate, in_heave.velocity, current, threshold
         )
-    surge = axis.NOTHING
-    if params.surge_use == SURGE_KEPT:
-        keeping, surge = station_keeping.step(
-            params.station_keeping, keeping, held.surge, motion.surge, dt
+    aside, use = axis.NOTHING, params.surge_use
+    if use == SURGE_KEPT:
+        keeping, aside = station_keeping.step(
+            params.station_keeping, keeping, held.surge, in_surge, dt
         )
-    elif params.surge_use == SURGE_HELD:
-        holding, surge = position_hold.step(params.surge_hold, holding, 0.0, motion.surge, dt)
-    return (
-        Laws(law, table, gate, keeping, holding),
-        _Wanted(heave, reference, conducting, surge),
-    )
+    elif use == SURGE_HELD:
+        holding, aside = position_hold.step(params.surge_hold, holding, 0.0, in_surge, dt)
+    return (law, table, gate, keeping, holding), wanted, reference, conducting, aside
 
 
 def _raw(params: Params, sense: Sense) -> tare.Raw:
@@ -176,7 +170,9 @@ def row(
     words: Words,
 ) -> WaveBotRow:
     """The tick's log row."""
-    heave, surge, reference, spent, zeros = words
+    heave, surge, reference, spent, zero = words
+    _, _, load, spring_sense, meter, drive_sense, probes, wave = sense
+    _, _, spring, drive, _ = command
     return WaveBotRow(
         tick,
         time,
@@ -186,16 +182,16 @@ def row(
         heave,
         surge,
         reference,
-        sense.load,
-        sense.spring,
-        command.spring,
-        sense.drive,
-        command.drive,
-        sense.power,
+        load,
+        spring_sense,
+        spring,
+        drive_sense,
+        drive,
+        meter,
         spent,
-        zeros,
-        sense.probes,
-        sense.wave,
+        zero,
+        probes,
+        wave,
         tick,
     )
 

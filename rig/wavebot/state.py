@@ -1,5 +1,6 @@
 """What a WaveBot's cycle is given for a run, and what it remembers from tick to tick."""
 
+import math
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -11,7 +12,7 @@ from controllers import (
     position_hold,
     station_keeping,
 )
-from controllers.signals import DriveCommand, DriveSettings, Gains
+from controllers.signals import AxisSense, DriveCommand, DriveSettings, Gains
 from rig import axis, power, tare
 from rig.wavebot.words import Setpoints
 
@@ -70,14 +71,14 @@ class Held(NamedTuple):
     drive: DriveCommand
 
 
-class Laws(NamedTuple):
-    """Memory of the laws; it starts afresh whenever they do not act."""
-
-    heave: impedance.State
-    reference: open_loop.State
-    gate: drive_gating.State
-    station_keeping: station_keeping.State
-    surge_hold: position_hold.State
+# Memory of the laws; it starts afresh whenever they do not act.
+Laws = tuple[
+    impedance.State,
+    open_loop.State,
+    drive_gating.State,
+    station_keeping.State,
+    position_hold.State,
+]
 
 
 class State(NamedTuple):
@@ -94,7 +95,7 @@ class State(NamedTuple):
 
 def laws_at_rest(params: Params) -> Laws:
     """The laws' memory before they act."""
-    return Laws(
+    return (
         impedance.start(params.heave_law.sections),
         open_loop.start(),
         drive_gating.start(),
@@ -114,7 +115,19 @@ def start(params: Params) -> State:
         magnetic_spring.start(),
         tare.start(),
         power.start(),
-        Held(-1, none, none, 0.0, 0.0, 0.0, resting),
+        Held(-1, none, none, 0.0, 0.0, math.inf, resting),
+    )
+
+
+def zeros(params: Params, state: State, heave: AxisSense, surge: AxisSense) -> tuple[float, float]:
+    """The zeros of heave and surge in use (m in the encoder's frame), at first where they stand."""
+    tared = state.tare
+    if tared.seeded == 1:
+        zeros = tared.zeros
+        return zeros.position, zeros.surge
+    return (
+        heave.counts * params.heave.metres_per_count,
+        surge.counts * params.surge.metres_per_count,
     )
 
 

@@ -65,11 +65,7 @@ class Sense(NamedTuple):
     wave: WaveSense
 
 
-class Motion(NamedTuple):
-    """Motion of both axes, from their zeros."""
-
-    heave: Estimate
-    surge: Estimate
+Motion = tuple[Estimate, Estimate]  # heave and surge, from their zeros
 
 
 class Command(NamedTuple):
@@ -124,11 +120,5 @@ class Setpoints(NamedTuple):
     discharge_level: tuple[int, ...]  # set of dump resistors
 
 
-class Words(NamedTuple):
-    """The WaveBot's own part of a row, made in the tick."""
-
-    heave: axis.Record
-    surge: axis.Record
-    reference: Reference
-    power: power.Power
-    zeros: tare.Zeros
+# The WaveBot's own part of a row, made in the tick: heave, surge, their reference, power, zeros.
+Words = tuple[axis.Record, axis.Record, Reference, power.Power, tare.Zeros]

@@ -221,17 +221,19 @@ FAULTS: tuple[tuple[str, dict[str, float]], ...] = (
     ("STALE_DRIVE", {"drive_age": 0.376}),
     ("DRIVE_FAULT", {"fault": 1}),
     ("DRIVE_DROPPED", {"enabled": 0}),
+    ("ENCODER_JUMP", {"jump": -0.063}),
     ("POSITION", {"position": -0.501}),
     ("VELOCITY", {"velocity": 2.001}),
 )
 
 
-def axis_with(**changes: Any) -> tuple[AxisSense, Estimate]:
-    """A faultless axis with some values replaced."""
+def axis_with(jump: float = 0.0625, **changes: Any) -> tuple[AxisSense, float, Estimate]:
+    """A faultless axis with some values replaced: sense, what the counts say, motion."""
     sense = {name: value for name, value in changes.items() if name in AxisSense._fields}
     motion = {name: value for name, value in changes.items() if name in Estimate._fields}
     assert len(sense) + len(motion) == len(changes)
-    return NORMAL._replace(**sense), STILL._replace(**motion)
+    moved = STILL._replace(**motion)
+    return NORMAL._replace(**sense), moved.position + jump, moved
 
 
 def check_limits(module: Any) -> None:
@@ -258,20 +260,20 @@ def _check_trips(module: Any, limits: Any) -> None:
                     changes |= change
                     if reason != "DRIVE_DROPPED" or powered:
                         found.append(reason)
-            sense, motion = axis_with(**changes)
-            got = module.check_axis(limits, fine, sense, motion, mode)
+            sense, measured, motion = axis_with(**changes)
+            got = module.check_axis(limits, fine, sense, measured, motion, mode)
             assert got == REASONS[found[0] if found else "NONE"][0], (mode, changes)
             assert type(got) is int
     run = MODES["RUN"]
     for name in ("current", "encoder_age", "drive_age", *Estimate._fields):
         for bad in (math.nan, math.inf, -math.inf):
-            sense, motion = axis_with(**{name: bad})
-            got = module.check_axis(limits, fine, sense, motion, run)
+            sense, measured, motion = axis_with(**{name: bad})
+            got = module.check_axis(limits, fine, sense, measured, motion, run)
             assert got == REASONS["NOT_FINITE"][0], (name, bad)
-    sense, motion = axis_with(current=math.inf, velocity=-math.inf)  # must not cancel out
-    assert module.check_axis(limits, fine, sense, motion, run) == REASONS["NOT_FINITE"][0]
+    sense, measured, motion = axis_with(current=math.inf, velocity=-math.inf)  # must not cancel out
+    assert module.check_axis(limits, fine, sense, measured, motion, run) == REASONS["NOT_FINITE"][0]
     absurd = module.AxisState(0.0, 0.0, 1)
-    got = module.check_axis(limits, absurd, NORMAL, STILL, run)
+    got = module.check_axis(limits, absurd, NORMAL, STILL.position, STILL, run)
     assert got == REASONS["NOT_FINITE"][0]
     for name, value, reason in (
         ("position", 0.501, "POSITION"),
@@ -283,10 +285,12 @@ def _check_trips(module: Any, limits: Any) -> None:
         ("encoder_age", -0.001, "STALE_ENCODER"),  # an age from the future is no age
         ("drive_age", 0.0, "NONE"),
         ("drive_age", -0.001, "STALE_DRIVE"),
+        ("jump", -0.0625, "NONE"),
+        ("jump", 0.063, "ENCODER_JUMP"),
         ("current", -900.0, "NONE"),  # measured current is the drive's own business
     ):
-        sense, motion = axis_with(**{name: value})
-        assert module.check_axis(limits, fine, sense, motion, run) == REASONS[reason][0]
+        sense, measured, motion = axis_with(**{name: value})
+        assert module.check_axis(limits, fine, sense, measured, motion, run) == REASONS[reason][0]
 
 
 def granted(

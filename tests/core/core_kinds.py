@@ -125,7 +125,7 @@ def _bench_ready(params: BenchParams, state: Driven, sense: BenchSense) -> int:
 def _bench_check(
     params: BenchParams, state: Driven, sense: BenchSense, motion: Estimate, mode: int
 ) -> int:
-    return limits.check_axis(params.axis.limits, state.axis.limits, sense.axis, motion, mode)
+    return axis.check(params.axis, state.axis, sense.axis, motion, 0.0, mode)
 
 
 def _bench_control(
@@ -240,7 +240,7 @@ def _pair_check(
     params: PairParams, state: PairState, sense: PairSense, motion: PairMotion, mode: int
 ) -> int:
     found = [
-        limits.check_axis(part.limits, memory.axis.limits, word, moving, mode)
+        axis.check(part, memory.axis, word, moving, 0.0, mode)
         for part, memory, word, moving in zip(params[:2], state, sense, motion, strict=True)
     ]
     faults = [reason for reason in found if reason != FINE]

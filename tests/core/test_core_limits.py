@@ -75,9 +75,9 @@ def test_a_demand_that_is_no_number_trips_in_the_next_tick(bad: float) -> None:
     state, command = limits.grant(WAVEBOT, state, bad, 1, RUN, DT)
     assert command.force == 0.0
     sense, still = AxisSense(0, 0.0, 0.0, 1, 0, 0.0), Estimate(0.0, 0.0, 0.0)
-    assert limits.check_axis(WAVEBOT, state, sense, still, RUN) == Reason.NOT_FINITE
+    assert limits.check_axis(WAVEBOT, state, sense, still.position, still, RUN) == Reason.NOT_FINITE
     state, _ = limits.grant(WAVEBOT, state, 0.0, 1, RUN, DT)
-    assert limits.check_axis(WAVEBOT, state, sense, still, RUN) == Reason.NONE
+    assert limits.check_axis(WAVEBOT, state, sense, still.position, still, RUN) == Reason.NONE
 
 
 def constant(demand: float, seconds: float) -> list[tuple[float, int]]:

@@ -220,7 +220,8 @@ def test_no_number_in_gives_no_number_out(bad: float, x: float) -> None:
 
 
 def test_a_start_is_a_start() -> None:
-    assert station_keeping.start() == ((0.0, 0.0, 0.0),) * 3
+    none = (0.0, 0.0, 0.0)
+    assert station_keeping.start() == (none, none, none, none, 0.0)
     motion = Estimate(0.9, -3.0, 0.0)
     _, demand = station_keeping.step(LAW, station_keeping.start(), DEFAULT, motion, DT)
     assert demand[:3] == pytest.approx((-50.0, 0.0, 0.0))

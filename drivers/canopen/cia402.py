@@ -97,7 +97,7 @@ _FINE, _NOT_ASKED, _STALE, _FAULTY, _STRANGE, _DROPPED, _LATE, _STOPPED = (int(w
 class Params(NamedTuple):
     """What differs between drives."""
 
-    stale: float  # s, >= 0: age from which a statusword says nothing
+    stale: float  # s, > 0: a statusword that is older says nothing
     mode_first: int  # 1: not enabled before 0x6061 shows the mode; 0: it is shown only then
     follows: int  # 1: bit 12 is implemented in cyclic modes; differs between makers
     resume: int  # 1: 0x605A was read back as 5..8, the drive stays in QUICK STOP ACTIVE
@@ -145,6 +145,21 @@ class Output(NamedTuple):
 def start(arm: int, reset: int) -> State:
     """No permission; requests that were counted before (``arm``, ``reset``) mean nothing."""
     return State(0, _NOT_ASKED, 0, arm, reset, 0, -1, 0, 0)
+
+
+def problems(params: Params) -> tuple[str, ...]:
+    """What is wrong with the parameters, by name; empty if the machine can work with them."""
+    found = []
+    if not 0.0 < params.stale < 1.0:  # s; nothing that moves may go unheard for a second
+        found.append(f"stale: {params.stale} s is not between 0 and 1")
+    if params.reset_ticks < 1:
+        found.append(f"reset_ticks: {params.reset_ticks} is below 1")
+    if params.deadlines.fault_reset <= 2 * params.reset_ticks:
+        found.append(f"fault_reset: {params.deadlines.fault_reset} ticks end before the edge does")
+    for name, ticks in zip(Deadlines._fields[1:], params.deadlines[1:], strict=True):
+        if ticks < 1:
+            found.append(f"{name}: a deadline of {ticks} ticks is below 1")
+    return tuple(found)
 
 
 def explain(state: State) -> str:

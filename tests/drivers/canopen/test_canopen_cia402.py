@@ -7,10 +7,11 @@ import math
 from typing import Any
 
 import pytest
+from canopen.profiles import p402
 from drive_402 import DEADLINES, PARAMS, QUIET, WORD, Drive, Rig
 
 from drivers.canopen import cia402
-from drivers.canopen.cia402 import Params, State, Why, explain
+from drivers.canopen.cia402 import Deadlines, Params, State, Why, explain
 from drivers.canopen.cia402_table import AWAITED, RUNG, WORDS, Awaited, Goal
 from drivers.canopen.statusword import DriveState, decode
 
@@ -47,6 +48,33 @@ def test_every_awaited_transition_is_what_the_word_asks_of_a_drive() -> None:
                 break
             drive.tick(WORDS[state][goal])
         assert drive.state == ends[goal]
+
+
+def test_an_independent_table_knows_every_step_of_every_way() -> None:
+    """Step by step from each state to each goal, with the words of the peer's transitions."""
+    peer = {
+        tuple(name.replace(" ", "_") for name in pair): word
+        for pair, word in p402.State402.TRANSITIONTABLE.items()
+    }
+    ways = {
+        Goal.SAFE: {}, Goal.QUICK_STOP: {"OPERATION_ENABLED": "QUICK_STOP_ACTIVE"},
+        Goal.READY: {
+            "SWITCH_ON_DISABLED": "READY_TO_SWITCH_ON", "SWITCHED_ON": "READY_TO_SWITCH_ON",
+            "OPERATION_ENABLED": "READY_TO_SWITCH_ON",
+        },
+        Goal.ENABLED: {
+            "SWITCH_ON_DISABLED": "READY_TO_SWITCH_ON", "READY_TO_SWITCH_ON": "SWITCHED_ON",
+            "SWITCHED_ON": "OPERATION_ENABLED",
+        },
+    }  # fmt: skip
+    for goal, way in ways.items():
+        for state in DriveState:
+            down = (state.name, "SWITCH_ON_DISABLED")
+            after = way.get(state.name, "SWITCH_ON_DISABLED" if goal == Goal.SAFE else "")
+            if after and (state.name, after) in peer and state != DriveState.FAULT:
+                assert peer[state.name, after] == WORDS[state][goal], (state, goal)
+            if AWAITED[state][goal] == Awaited.DISABLE_VOLTAGE:
+                assert peer[down] == WORDS[state][goal] == 0x00
 
 
 def contexts() -> list[tuple[str, State, Params]]:
@@ -264,7 +292,9 @@ def test_a_drive_that_holds_its_quick_stop_goes_on_only_when_asked() -> None:
     assert (rig.drive.state, rig.state.missed) == ("QSA", 0)
     rig.run(6, goal=Goal.QUICK_STOP, arm=9)
     assert rig.out.controlword == 0x02
+    rig.words.clear()
     rig.up()
+    assert set(rig.words) == {0x0F}  # transition 16, not by way of no power
     rig.run(9, goal=Goal.QUICK_STOP).run(3, goal=Goal.ENABLED)
     assert rig.drive.state == "SOD"
 
@@ -309,6 +339,23 @@ def test_the_set_point_waits_for_bit_12_in_cyclic_modes() -> None:
     rig = Rig(Drive(), params)
     rig.drive.shown = 1
     assert rig.run(12, arm=1, mode=1).out.acting == 1  # bit 12 means another thing here
+
+
+def test_a_statusword_is_fresh_up_to_its_limit() -> None:
+    for age in (0.0, PARAMS.stale):
+        assert Rig(Drive()).up().run(3, age=age).out.acting == 1
+
+
+def test_parameters_that_cannot_work_are_named() -> None:
+    assert cia402.problems(PARAMS) == ()
+    bad = PARAMS._replace(
+        stale=math.nan, reset_ticks=0, deadlines=DEADLINES._replace(mode=0, fault_reset=0)
+    )
+    named = [text.split(":")[0] for text in cia402.problems(bad)]
+    assert named == ["stale", "reset_ticks", "fault_reset", "mode", "fault_reset"]
+    assert cia402.problems(PARAMS._replace(reset_ticks=6))
+    assert cia402.problems(PARAMS._replace(stale=0.0))
+    assert list(Deadlines._fields) == [awaited.name.lower() for awaited in Awaited]
 
 
 @pytest.mark.parametrize("goal", [-1, 4, 99])

@@ -94,6 +94,14 @@ def test_losing_the_drive_on_the_way_fails() -> None:
     assert walk([MOVING], state, request=1, acting=0)[0].phase == Phase.HOMED
 
 
+def test_the_motion_may_last_to_its_last_tick_and_a_halt_shows_in_idle() -> None:
+    state = State(Phase.MOVING, 0, 1, Outcome.INTERRUPTED, 1)
+    for tick in range(2, PARAMS.end_ticks + 2):
+        (state, _) = walk([MOVING], state, request=1)
+        assert (state.phase == Phase.FAILED) == (tick > PARAMS.end_ticks)
+    assert walk([NOT_STARTED], halt=1)[1] == [HALT]
+
+
 words = st.integers(0, 0xFFFF)
 
 

@@ -152,6 +152,47 @@ def test_what_fails_is_named_and_halts(breaks: dict[str, Any], failure: Failure)
     assert bench.run(40, request=2).phase == Phase.ARRIVED
 
 
+@pytest.mark.parametrize(
+    ("phase", "word", "failure"),
+    [
+        (Phase.OFFERED, 0x1237, Failure.LATE_READY),
+        (Phase.RAISED, 0x0237, Failure.LATE_TAKEN),
+        (Phase.LOWERED, 0x1237, Failure.LATE_RELEASED),
+        (Phase.MOVING, 0x0237, Failure.LATE_ARRIVAL),
+    ],
+)
+def test_a_deadline_is_met_on_its_last_tick(phase: Phase, word: int, failure: Failure) -> None:
+    limit = PARAMS.move_ticks if phase == Phase.MOVING else PARAMS.handshake_ticks
+    state = pp.State(phase, 0, 1, 500, 0, 0, 1)
+    for tick in range(2, limit + 2):
+        state, _ = pp.step(PARAMS, state, Inputs(word, 0, 1, 1, 0, 0))
+        assert state.failure == (failure if tick > limit else 0)
+
+
+def test_the_target_is_offered_for_one_tick_and_no_longer() -> None:
+    bench = Bench().run(1, request=1, target=500)
+    assert (bench.phase, bench.out) == (Phase.OFFERED, (0, 500))
+    assert bench.run(1).out == (0x30, 500)
+
+
+def test_there_is_there_within_the_window_for_as_long_as_asked() -> None:
+    for gap, there in ((-11, False), (-10, True), (10, True), (11, False)):
+        state = pp.State(Phase.MOVING, 0, 1, 500, 0, 0, 1)
+        for tick in range(1, 6):
+            state, _ = pp.step(PARAMS, state, Inputs(0x0637, 500 + gap, 1, 1, 0, 0))
+            assert (state.phase == Phase.ARRIVED) == (there and tick >= PARAMS.stand_ticks)
+    state = pp.State(Phase.MOVING, 0, 1, 500, 0, 0, 1)
+    for word in [0x0637, 0x0637, 0x0237] * 5:  # near, but the drive does not keep saying so
+        state, _ = pp.step(PARAMS, state, Inputs(word, 500, 1, 1, 0, 0))
+        assert state.phase == Phase.MOVING
+
+
+def test_a_following_error_counts_after_arrival_too() -> None:
+    bench = Bench().run(40, request=1, target=300)
+    bench.drive.following = True
+    assert bench.run(2).state.failure == Failure.FOLLOWING_ERROR
+
+
 def test_a_set_point_that_is_never_released() -> None:
     bench = Bench().run(4, request=1, target=1500)
     bench.drive.deaf = True

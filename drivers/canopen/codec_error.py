@@ -1,0 +1,16 @@
+"""The one error that codecs of this folder raise."""
+
+
+class CodecError(ValueError):
+    """A frame that cannot be read or built; names its COB-ID, what was expected and what came."""
+
+    def __init__(self, cob_id: int, expected: str, got: str) -> None:
+        super().__init__(f"frame {cob_id:#05x}: expected {expected}, got {got}")
+        self.cob_id = cob_id
+        self.expected = expected
+        self.got = got
+
+
+def wrong_length(cob_id: int, expected: int, got: int) -> CodecError:
+    """The error for a frame with another number of data bytes than agreed."""
+    return CodecError(cob_id, f"{expected} bytes", f"{got} bytes")

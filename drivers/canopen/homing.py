@@ -1,0 +1,145 @@
+"""Homing (CiA 402 mode 6) as a handshake: raise the start bit, watch the outcome, name what failed.
+
+The drive homes while bit 4 of the controlword stands; its outcome is in statusword bits 10, 12 and
+13. An outcome left from an earlier homing is not believed: it has to change first.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from drivers.canopen.cia402_table import HALT
+
+MODE = 6
+START = 1 << 4
+MASK = 0x3400
+
+
+class Outcome(IntEnum):
+    """What the statusword says in mode 6."""
+
+    IN_PROGRESS = 0
+    INTERRUPTED = 1  # or not started
+    ATTAINED = 2  # still moving
+    HOMED = 3
+    ERROR_MOVING = 4
+    ERROR = 5
+    NONSENSE = 6  # homed and failed at once
+
+
+OUTCOMES = {  # statusword & MASK
+    0x0000: Outcome.IN_PROGRESS,
+    0x0400: Outcome.INTERRUPTED,
+    0x1000: Outcome.ATTAINED,
+    0x1400: Outcome.HOMED,
+    0x2000: Outcome.ERROR_MOVING,
+    0x2400: Outcome.ERROR,
+    0x3000: Outcome.NONSENSE,
+    0x3400: Outcome.NONSENSE,
+}
+
+_OUTCOMES = {bits: int(outcome) for bits, outcome in OUTCOMES.items()}
+_IN_PROGRESS, _INTERRUPTED, _ATTAINED, _DRIVE_HOMED, *_ = (int(o) for o in Outcome)
+
+
+class Phase(IntEnum):
+    """Where the homing stands."""
+
+    IDLE = 0  # nothing asked for
+    LOWERED = 1  # start bit low for a tick, so that there will be an edge
+    RAISED = 2  # start bit high, the drive has not answered yet
+    MOVING = 3
+    HOMED = 4
+    FAILED = 5  # halted; `State.failure` says why
+
+
+class Failure(IntEnum):
+    """Why a homing failed."""
+
+    NONE = 0
+    NOT_ACTING = 1  # the drive was not, or ceased to be, enabled in mode 6
+    HALTED = 2  # we stopped it
+    DRIVE_ERROR = 3  # the drive says so
+    INTERRUPTED = 4  # the drive stopped on the way without an error
+    LATE_START = 5  # no answer to the start bit
+    LATE_END = 6
+
+
+_IDLE, _LOWERED, _RAISED, _MOVING, _HOMED, _FAILED = (int(phase) for phase in Phase)
+_NONE, _NOT_ACTING, _HALTED, _ERROR, _STOPPED, _LATE_START, _LATE_END = (int(f) for f in Failure)
+
+
+class Params(NamedTuple):
+    """Deadlines, in ticks."""
+
+    start_ticks: int  # from the edge to the drive's answer
+    end_ticks: int  # of the motion
+
+
+class Inputs(NamedTuple):
+    """What came from the wire and what is wanted, this tick."""
+
+    statusword: int
+    acting: int  # `cia402.Output.acting`: enabled, fresh, 0x6061 shows mode 6
+    request: int  # changes with every homing asked for
+    halt: int  # 1: stop where it is
+
+
+class State(NamedTuple):
+    """Memory of the handshake."""
+
+    phase: int  # `Phase`
+    failure: int  # `Failure`
+    request: int  # the last one seen
+    before: int  # `Outcome` that was there before the edge
+    ticks: int  # in this phase
+
+
+def start(request: int) -> State:
+    """Nothing asked for; requests that were counted before mean nothing."""
+    return State(_IDLE, _NONE, request, _INTERRUPTED, 0)
+
+
+def outcome(statusword: int) -> int:
+    """The `Outcome` of a statusword in mode 6; every word has one."""
+    return _OUTCOMES[statusword & MASK]
+
+
+def _result(params: Params, state: State, now: int, ticks: int) -> tuple[int, int]:
+    """Phase and failure after what the drive says now, while the start bit stands."""
+    raised = state.phase == _RAISED
+    moves = now in (_IN_PROGRESS, _ATTAINED)
+    if raised and not moves and now in (state.before, _INTERRUPTED):
+        late = ticks > params.start_ticks
+        return (_FAILED, _LATE_START) if late else (_RAISED, _NONE)
+    if now == _DRIVE_HOMED:
+        return _HOMED, _NONE
+    if now == _INTERRUPTED:
+        return _FAILED, _STOPPED
+    if not moves:
+        return _FAILED, _ERROR
+    if not raised and ticks > params.end_ticks:
+        return _FAILED, _LATE_END
+    return _MOVING, _NONE
+
+
+def step(params: Params, state: State, inputs: Inputs) -> tuple[State, int]:
+    """One tick; returns the mode bits for the controlword."""
+    phase, failure, _, before, ticks = state
+    now = outcome(inputs.statusword)
+    ticks += 1
+    if inputs.request != state.request:
+        phase, failure, before, ticks = _LOWERED, _NONE, now, 1
+    if _LOWERED <= phase <= _MOVING and (inputs.halt == 1 or inputs.acting == 0):
+        phase, failure = _FAILED, _HALTED if inputs.halt == 1 else _NOT_ACTING
+    elif phase == _LOWERED:
+        if ticks > 1:
+            phase, before, ticks = _RAISED, now, 1
+    elif phase in (_RAISED, _MOVING):
+        was = State(phase, failure, inputs.request, before, ticks)
+        after, failure = _result(params, was, now, ticks)
+        before = now if phase == _RAISED else before
+        phase, ticks = after, ticks if after == phase else 1
+    bits = START if phase in (_RAISED, _MOVING) else 0
+    if phase == _FAILED or inputs.halt == 1:
+        bits = HALT
+    return State(phase, failure, inputs.request, before, ticks), bits

@@ -1,0 +1,138 @@
+"""Process data: which objects lie in which frame, said once, and packed by one compiled layout.
+
+COB-IDs by the predefined connection set of CiA 301; little-endian, no padding, 8 bytes at most.
+"""
+
+import struct
+from typing import NamedTuple
+
+from drivers.canopen.codec_error import CodecError, wrong_length
+
+MAX_BYTES = 8
+MAX_NODE = 127
+
+# CiA 301 basic types by struct code.
+TYPES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i"}
+BYTES = {name: struct.calcsize("<" + code) for name, code in TYPES.items()}
+
+
+class Entry(NamedTuple):
+    """One object in a PDO."""
+
+    object: int  # index in the object dictionary
+    sub: int
+    type: str  # a key of TYPES
+    name: str
+
+
+class Layout(NamedTuple):
+    """A PDO of one node, ready to pack and unpack."""
+
+    cob_id: int
+    entries: tuple[Entry, ...]
+    packing: struct.Struct
+
+
+class PdoError(ValueError):
+    """A PDO that cannot exist; names it and what is wrong."""
+
+
+CONTROLWORD = Entry(0x6040, 0, "u16", "controlword")
+STATUSWORD = Entry(0x6041, 0, "u16", "statusword")
+MODE = Entry(0x6060, 0, "i8", "mode of operation")
+MODE_SHOWN = Entry(0x6061, 0, "i8", "mode of operation display")
+POSITION = Entry(0x6064, 0, "i32", "position actual value")
+TARGET_TORQUE = Entry(0x6071, 0, "i16", "target torque")
+TORQUE = Entry(0x6077, 0, "i16", "torque actual value")
+TARGET_POSITION = Entry(0x607A, 0, "i32", "target position")
+PROFILE_VELOCITY = Entry(0x6081, 0, "u32", "profile velocity")
+ERROR_CODE = Entry(0x603F, 0, "u16", "error code")
+
+# A torque axis: 4 bytes out and 8 bytes back on every SYNC, the rest on a divider of it.
+AXIS_COMMAND = (CONTROLWORD, TARGET_TORQUE)
+AXIS_STATUS = (STATUSWORD, TORQUE, POSITION)
+AXIS_SLOW_STATUS = (MODE_SHOWN, ERROR_CODE)
+
+# A positioning actuator: together 11 bytes out, so two frames; the target is sent first, because
+# the controlword makes the drive take it.
+ACTUATOR_TARGET = (TARGET_POSITION, PROFILE_VELOCITY)
+ACTUATOR_COMMAND = (CONTROLWORD, MODE)
+ACTUATOR_STATUS = (STATUSWORD, MODE_SHOWN, POSITION)
+
+
+def rpdo_cob_id(number: int, node: int) -> int:
+    """COB-ID of a frame to the node: 0x200, 0x300, 0x400, 0x500 + node for RPDO 1 to 4."""
+    return _predefined("RPDO", 0x100, number, node)
+
+
+def tpdo_cob_id(number: int, node: int) -> int:
+    """COB-ID of a frame from the node: 0x180, 0x280, 0x380, 0x480 + node for TPDO 1 to 4."""
+    return _predefined("TPDO", 0x080, number, node)
+
+
+def _predefined(kind: str, base: int, number: int, node: int) -> int:
+    if not 1 <= node <= MAX_NODE:
+        raise PdoError(f"node {node}: CANopen nodes are 1 to {MAX_NODE}")
+    if not 1 <= number <= 4:
+        raise PdoError(f"{kind}{number}: only 1 to 4 have a predefined COB-ID")
+    return base + 0x100 * number + node
+
+
+def size(entries: tuple[Entry, ...]) -> int:
+    """Bytes of a PDO with these entries; PdoError if there are none, too many, or of no type."""
+    for entry in entries:
+        if entry.type not in TYPES:
+            raise PdoError(f"{entry.object:#06x}:{entry.sub} {entry.name}: no type {entry.type!r}")
+    total = sum(BYTES[entry.type] for entry in entries)
+    if not 0 < total <= MAX_BYTES:
+        names = ", ".join(entry.name for entry in entries)
+        raise PdoError(f"PDO of {names or 'nothing'}: {total} bytes, 1 to {MAX_BYTES} fit a frame")
+    return total
+
+
+def layout(cob_id: int, entries: tuple[Entry, ...]) -> Layout:
+    """The compiled layout of a PDO; raises PdoError for one that cannot be."""
+    size(entries)
+    if not 0x181 <= cob_id <= 0x57F:
+        raise PdoError(f"COB-ID {cob_id:#05x} is not one of a PDO, 0x181 to 0x57f")
+    return Layout(
+        cob_id, entries, struct.Struct("<" + "".join(TYPES[entry.type] for entry in entries))
+    )
+
+
+def mapping_words(entries: tuple[Entry, ...]) -> tuple[int, ...]:
+    """The u32 that each sub-index of a mapping object (0x1600, 0x1A00) holds: index, sub, bits."""
+    size(entries)
+    return tuple(e.object << 16 | e.sub << 8 | 8 * BYTES[e.type] for e in entries)
+
+
+def pack(pdo: Layout, *values: int) -> bytes:
+    """The frame's bytes; CodecError names the value that is not in its type's range."""
+    try:
+        return pdo.packing.pack(*values)
+    except struct.error:
+        pass
+    if len(values) != len(pdo.entries):
+        raise CodecError(pdo.cob_id, f"{len(pdo.entries)} values", f"{len(values)}")
+    wrong = [
+        (entry, value)
+        for entry, value in zip(pdo.entries, values, strict=True)
+        if not _fits(entry.type, value)
+    ]
+    entry, value = wrong[0]
+    raise CodecError(pdo.cob_id, f"{entry.type} for {entry.name}", repr(value))
+
+
+def _fits(kind: str, value: int) -> bool:
+    try:
+        struct.pack("<" + TYPES[kind], value)
+    except struct.error:
+        return False
+    return True
+
+
+def unpack(pdo: Layout, data: bytes) -> tuple[int, ...]:
+    """The values in the order of the entries; CodecError for another length than agreed."""
+    if len(data) != pdo.packing.size:
+        raise wrong_length(pdo.cob_id, pdo.packing.size, len(data))
+    return pdo.packing.unpack(data)

@@ -24,6 +24,7 @@ _STATUS = MOTOR_SILENT | SHAFT_SILENT | LATE | RESTARTED
 _LAYOUT = struct.Struct(">2sBBHQBBIIH")
 _SEQUENCES = 1 << 16
 _WHAT = "encoder bridge frame"
+_PROTOCOLS = {int(protocol): (protocol, 1 << BITS[protocol]) for protocol in Protocol}
 
 
 class Frame(NamedTuple):
@@ -52,7 +53,13 @@ class State(NamedTuple):
 
 def encode(frame: Frame) -> bytes:
     """The 26 bytes of a frame; CodecError for a field that does not fit."""
-    _check(frame)
+    for where, value, bits in (("sequence", frame.sequence, 16), ("time", frame.time_us, 64)):
+        if not 0 <= value < 1 << bits:
+            raise CodecError(_WHAT, where, f"{bits} bits", hex(value))
+    if not 0 <= frame.status <= _STATUS:
+        raise CodecError(_WHAT, "status", "bits 0 to 3", hex(frame.status))
+    _protocol("motor", frame.motor_protocol, frame.motor_word)
+    _protocol("shaft", frame.shaft_protocol, frame.shaft_word)
     body = _LAYOUT.pack(
         SYNC, VERSION, frame.status, frame.sequence, frame.time_us,
         frame.motor_protocol, frame.shaft_protocol, frame.motor_word, frame.shaft_word, 0,
@@ -74,12 +81,11 @@ def decode(data: bytes) -> Frame:
         raise CodecError(_WHAT, "check sum", f"{wanted:04x}", f"{found:04x}")
     if version != VERSION:
         raise CodecError(_WHAT, "version", str(VERSION), version)
-    frame = Frame(
-        sequence, status, time_us, _protocol("motor", motor), motor_word,
-        _protocol("shaft", shaft), shaft_word,
-    )  # fmt: skip
-    _check(frame)
-    return frame
+    if status & ~_STATUS:
+        raise CodecError(_WHAT, "status", "bits 0 to 3", f"{status:02x}")
+    motor_protocol = _protocol("motor", motor, motor_word)
+    shaft_protocol = _protocol("shaft", shaft, shaft_word)
+    return Frame(sequence, status, time_us, motor_protocol, motor_word, shaft_protocol, shaft_word)
 
 
 def start() -> State:
@@ -129,22 +135,10 @@ def feed(state: State, data: bytes) -> tuple[State, list[Frame]]:
     return State(buffer[at:], last, dropped, bad_frames, missing, repeated, backward), frames
 
 
-def _protocol(which: str, number: int) -> Protocol:
-    try:
-        return Protocol(number)
-    except ValueError:
-        raise CodecError(_WHAT, f"{which} protocol", "1, 2, 4, 6 or 9", number) from None
-
-
-def _check(frame: Frame) -> None:
-    limits = (
-        ("sequence", frame.sequence, 16),
-        ("time stamp", frame.time_us, 64),
-        ("motor word", frame.motor_word, BITS[frame.motor_protocol]),
-        ("shaft word", frame.shaft_word, BITS[frame.shaft_protocol]),
-    )
-    for where, value, bits in limits:
-        if not 0 <= value < 1 << bits:
-            raise CodecError(_WHAT, where, f"{bits} bits", hex(value))
-    if not 0 <= frame.status <= _STATUS:
-        raise CodecError(_WHAT, "status", "bits 0 to 3", hex(frame.status))
+def _protocol(which: str, number: int, word: int) -> Protocol:
+    protocol, limit = _PROTOCOLS.get(number, (None, 0))
+    if protocol is None:
+        raise CodecError(_WHAT, f"{which} protocol", "1, 2, 4, 6 or 9", number)
+    if not 0 <= word < limit:
+        raise CodecError(_WHAT, f"{which} word", f"{BITS[protocol]} bits", hex(word))
+    return protocol

@@ -48,24 +48,27 @@ def start() -> State:
 
 def step(params: Params, state: State, position: int, time_us: int) -> tuple[State, Outcome]:
     """Take in one count (single turn) and when it was taken (us, any origin)."""
-    if state.lost:
+    known, lost, last, last_us, jumped, out_of_turn, back_in_time = state
+    turn = params.counts_per_turn
+    if lost:
         return state, Outcome.LOST
-    if not 0 <= position < params.counts_per_turn:
-        return state._replace(out_of_turn=state.out_of_turn + 1), Outcome.OUT_OF_TURN
-    if not state.known:
+    if not 0 <= position < turn:
+        return state._replace(out_of_turn=out_of_turn + 1), Outcome.OUT_OF_TURN
+    if not known:
         return state._replace(known=1, position=position, time_us=time_us), Outcome.ACCEPTED
-    gap_us = time_us - state.time_us
+    gap_us = time_us - last_us
     if gap_us < 0:
-        return state._replace(back_in_time=state.back_in_time + 1), Outcome.BACK_IN_TIME
-    reach = params.slack + params.max_speed * gap_us * 1e-6 * params.counts_per_turn / math.tau
-    if 2.0 * reach >= params.counts_per_turn:
+        return state._replace(back_in_time=back_in_time + 1), Outcome.BACK_IN_TIME
+    reach = params.slack + params.max_speed * gap_us * 1e-6 * turn / math.tau
+    if 2.0 * reach >= turn:
         return state._replace(lost=1), Outcome.LOST
-    move = (position - state.position) % params.counts_per_turn
-    if 2 * move > params.counts_per_turn:
-        move -= params.counts_per_turn
-    if abs(move) > reach:
-        return state._replace(jumped=state.jumped + 1), Outcome.JUMPED
-    return state._replace(position=state.position + move, time_us=time_us), Outcome.ACCEPTED
+    move = (position - last) % turn
+    if 2 * move > turn:
+        move -= turn
+    if not -reach <= move <= reach:
+        return state._replace(jumped=jumped + 1), Outcome.JUMPED
+    now = State(known, lost, last + move, time_us, jumped, out_of_turn, back_in_time)
+    return now, Outcome.ACCEPTED
 
 
 def angle(params: Params, state: State) -> float:

@@ -73,8 +73,7 @@ def decode_sample(data: bytes) -> Sample:
         raise CodecError(
             "Digital F/T sample", "sum", f"{sum(data[:-1]) & 0x7F:02x}", f"{data[-1] & 0x7F:02x}"
         )
-    g0, g2, g4, g1, g3, g5, last = _SAMPLE.unpack(data)
-    return Sample((g0, g1, g2, g3, g4, g5), last >> 7)
+    return _sample(data)
 
 
 def encode_sample(sample: Sample) -> bytes:
@@ -129,7 +128,7 @@ def feed(state: State, data: bytes) -> tuple[State, list[Sample]]:
                 break
             window = buffer[at : at + SAMPLE_SIZE]
             if sum_holds(window):
-                samples.append(decode_sample(window))
+                samples.append(_sample(window))
                 at += SAMPLE_SIZE
             else:
                 locked, prior, searches = 0, 1, searches + 1
@@ -141,6 +140,11 @@ def feed(state: State, data: bytes) -> tuple[State, list[Sample]]:
         skip = skip if locked else SAMPLE_SIZE
         at, dropped, prior = at + skip, dropped + skip, 0
     return State(buffer[at:], locked, prior, dropped, searches), samples
+
+
+def _sample(data: bytes) -> Sample:
+    g0, g2, g4, g1, g3, g5, last = _SAMPLE.unpack(data)
+    return Sample((g0, g1, g2, g3, g4, g5), last >> 7)
 
 
 def _next_sample(buffer: bytes, at: int, prior: int) -> int:

@@ -51,7 +51,7 @@ class Record(NamedTuple):
 
 def kind_of(start: int) -> Kind | None:
     """The kind of record a start code announces, None where it announces none."""
-    if start in (Kind.RESPONSE, Kind.ACK, Kind.NAK):
+    if start in REPLIES:
         return Kind(start)
     request = start & ~(_ADDRESSED | _PLC)
     return Kind(request) if request in (Kind.READ, Kind.WRITE) else None

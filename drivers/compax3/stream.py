@@ -45,7 +45,7 @@ def feed(state: State, data: bytes) -> tuple[State, list[Message]]:
     while at < len(buffer):
         byte = buffer[at]
         kind = kind_of(byte)
-        if kind in REPLIES and kind is not None:
+        if kind is not None and kind in REPLIES:
             if len(buffer) < at + 2:
                 break
             size = buffer[at + 1] + 1

@@ -35,7 +35,7 @@ class State(NamedTuple):
 
     pending: bytes
     locked: int  # 1: where samples begin is known
-    prior: int  # 1: searching, but with a place in mind: where the last good sample ended
+    prior: int  # 1: samples were found before, a multiple of 13 bytes before what is pending
     dropped: int  # bytes that belong to no sample
     searches: int  # times a wrong sum made the place doubtful
 
@@ -105,7 +105,7 @@ def start() -> State:
 
 def start_at_sample() -> State:
     """State right after the box's yes to START_STREAM: the next byte begins a sample."""
-    return State(b"", 1, 0, 0, 0)
+    return State(b"", 1, 1, 0, 0)
 
 
 def feed(state: State, data: bytes) -> tuple[State, list[Sample]]:
@@ -131,14 +131,15 @@ def feed(state: State, data: bytes) -> tuple[State, list[Sample]]:
                 samples.append(_sample(window))
                 at += SAMPLE_SIZE
             else:
-                locked, prior, searches = 0, 1, searches + 1
+                locked, searches = 0, searches + 1
             continue
         if len(buffer) - at < _SEARCH_SIZE:
             break
         skip = _next_sample(buffer, at, prior)
         locked = 1 if skip >= 0 else 0
         skip = skip if locked else SAMPLE_SIZE
-        at, dropped, prior = at + skip, dropped + skip, 0
+        # Thrown away in whole samples, so the old place stays at a multiple of 13.
+        at, dropped, prior = at + skip, dropped + skip, prior or locked
     return State(buffer[at:], locked, prior, dropped, searches), samples
 
 
@@ -149,8 +150,10 @@ def _sample(data: bytes) -> Sample:
 
 def _next_sample(buffer: bytes, at: int, prior: int) -> int:
     """How many bytes after ``at`` samples begin, -1 where that cannot be told."""
-    if prior and _agree(buffer, at + SAMPLE_SIZE):
-        return SAMPLE_SIZE
+    if prior:
+        for skip in (0, SAMPLE_SIZE):
+            if _agree(buffer, at + skip):
+                return skip
     places = [skip for skip in range(SAMPLE_SIZE) if _agree(buffer, at + skip)]
     return places[0] if len(places) == 1 else -1
 

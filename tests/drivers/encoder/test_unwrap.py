@@ -61,6 +61,14 @@ def test_the_gate_is_speed_times_time_plus_slack() -> None:
         assert run(PARAMS, [(begin, 0), (begin + sign * beyond, 1000)])[1][1] is Outcome.JUMPED
 
 
+def test_the_ends_of_the_gate_belong_to_it_and_half_a_turn_does_not() -> None:
+    still = Params(16, 1.0, 4.0)  # no time passes, so the slack is the gate
+    for position, wanted in ((12, Outcome.ACCEPTED), (4, Outcome.ACCEPTED), (3, Outcome.JUMPED)):
+        assert run(still, [(8, 0), (position, 0)])[1][1] is wanted
+    half = Params(16, 1.0, 8.0)
+    assert run(half, [(8, 0), (8, 0)])[1][1] is Outcome.LOST
+
+
 def test_a_jump_is_counted_and_leaves_the_angle() -> None:
     state, outcomes = run(PARAMS, [(100, 0), (200_000, 1000), (150, 2000)])
     assert outcomes == [Outcome.ACCEPTED, Outcome.JUMPED, Outcome.ACCEPTED]

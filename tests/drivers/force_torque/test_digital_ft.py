@@ -123,7 +123,7 @@ def test_after_the_answer_every_sample_comes_however_split(
 ) -> None:
     state, got = drain(feed, start_at_sample(), pieces(wire(sent), cuts))
     assert got == sent
-    assert state == State(b"", 1, 0, 0, 0)
+    assert state == State(b"", 1, 1, 0, 0)
 
 
 @given(st.integers(0, 2**32), st.integers(0, 12), st.lists(st.integers(0, 900), max_size=8))
@@ -166,6 +166,16 @@ def test_a_force_that_never_changes_is_found_by_its_old_place() -> None:
     data[13 * 5] ^= 1
     _, got = feed(start_at_sample(), bytes(data))
     assert got == [still] * 39
+
+
+def test_two_corrupt_samples_near_each_other_cost_what_lies_between() -> None:
+    still = Sample((10, 20, 30, 40, 50, 60), 0)
+    data = bytearray(wire([still] * 40))
+    data[13 * 5] ^= 1
+    data[13 * 7] ^= 1
+    state, got = feed(start_at_sample(), bytes(data))
+    assert got == [still] * 37
+    assert state.dropped == 3 * SAMPLE_SIZE
 
 
 def test_where_several_places_fit_none_is_believed() -> None:

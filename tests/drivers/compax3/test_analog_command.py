@@ -28,6 +28,7 @@ def test_the_clamp_is_flagged_on_its_side() -> None:
     turned = calibrated(0.0, -0.5, -5.0, 5.0)
     assert to_volts(turned, 11.0) == (-5.0, -1)
     assert to_volts(turned, 10.0) == (-5.0, 0)
+    assert to_volts(turned, -10.0) == (5.0, 0)
     assert to_volts(SPEED, 1e308) == (9.5, 1)
 
 
@@ -37,6 +38,10 @@ def test_what_is_no_number_gives_no_voltage(command: float) -> None:
         to_volts(SPEED, command)
     with pytest.raises(CodecError, match="finite"):
         to_command(SPEED, command)
+
+
+def test_one_volt_per_unit_is_a_gain_like_any() -> None:
+    assert to_volts(calibrated(0.0, 1.0, -10.0, 10.0), 3.0) == (3.0, 0)
 
 
 def test_rest_commands_nothing() -> None:
@@ -54,6 +59,7 @@ def test_rest_commands_nothing() -> None:
         ((0.0, 1.0, 10.0, -10.0), "offset"),
         ((10.5, 1.0, -10.0, 10.0), "offset"),
         ((10.0, 1.0, -10.0, 10.0), "offset"),
+        ((-10.0, 1.0, -10.0, 10.0), "offset"),
     ],
 )
 def test_a_calibration_that_cannot_rest_is_refused(

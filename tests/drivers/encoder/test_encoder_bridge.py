@@ -12,7 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from stream_pieces import drain, pieces
 
-from drivers.encoder.bridge import RESTARTED, SIZE, Frame, State, decode, encode, feed, start
+from drivers.encoder.bridge import (
+    LATE,
+    MOTOR_SILENT,
+    RESTARTED,
+    SHAFT_SILENT,
+    SIZE,
+    Frame,
+    State,
+    decode,
+    encode,
+    feed,
+    start,
+)
 from drivers.encoder.ssi import BITS, Protocol
 from drivers.errors import CodecError
 
@@ -161,9 +173,24 @@ def numbered(*numbers: int) -> bytes:
 
 
 def test_missing_frames_are_counted_over_the_wrap() -> None:
-    state, got = feed(start(), numbered(65533, 65535, 0, 3))
-    assert [frame.sequence for frame in got] == [65533, 65535, 0, 3]
-    assert state.missing == 3
+    state, got = feed(start(), numbered(65532, 65534, 1, 2))
+    assert [frame.sequence for frame in got] == [65532, 65534, 1, 2]
+    assert (state.missing, state.backward) == (3, 0)
+
+
+def test_up_to_half_the_numbers_may_be_missing() -> None:
+    assert feed(start(), numbered(5, 5 + 32767))[0].missing == 32766
+    state = feed(start(), numbered(5, 5 + 32768))[0]
+    assert (state.missing, state.backward) == (0, 1)
+
+
+def test_the_status_bits_are_those_of_the_page() -> None:
+    bits = {MOTOR_SILENT: "motor", SHAFT_SILENT: "shaft", LATE: "skipped", RESTARTED: "started"}
+    rows = dict(re.findall(r"^\| ([0-3]) \| (.*) \|$", PAGE, re.MULTILINE))
+    assert len(bits) == len(rows) == 4
+    for bit, word in bits.items():
+        assert word in rows[str(bit.bit_length() - 1)]
+        assert bit.bit_count() == 1
 
 
 def test_a_repeated_frame_is_not_given_out() -> None:

@@ -30,6 +30,7 @@ N = NOT_CARRIED
         (Protocol.SSI1, 0xC12345, Reading(0x12345, 1, 1, N, N)),
         (Protocol.SSI1, 0x3FFFFF, Reading(0x3FFFFF, 0, 0, N, N)),
         (Protocol.SSI1, 0x400000, Reading(0, 0, 1, N, N)),
+        (Protocol.SSI1, 0, Reading(0, 0, 0, N, N)),  # a dead line held low
         (Protocol.SSI2, 0x0AAAAA, Reading(0x2AAAA, 1, N, N, 1)),  # nine ones: parity 1
         (Protocol.SSI2, 0x0AAAA8, Reading(0x2AAAA, 1, N, N, 0)),
         (Protocol.SSI2, 0x00000D, Reading(3, 0, N, N, 1)),  # two ones, alarm
@@ -45,6 +46,12 @@ def test_golden_words(protocol: Protocol, word: int, reading: Reading) -> None:
     assert decode(protocol, word) == reading
     if reading.intact != 0:
         assert encode(protocol, reading) == word
+
+
+def test_a_protocol_has_the_number_in_its_name() -> None:
+    assert {protocol.name: f"SSI{int(protocol)}" for protocol in Protocol} == {
+        protocol.name: protocol.name for protocol in Protocol
+    }
 
 
 @given(words)

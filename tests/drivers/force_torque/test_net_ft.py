@@ -16,7 +16,9 @@ from drivers.force_torque.net_ft import (
     AXIA_BITS,
     MOST_RECORDS,
     NET_FT_BITS,
+    RDT_PORT,
     READ_CALIBRATION,
+    TCP_PORT,
     Command,
     Faults,
     Record,
@@ -140,6 +142,23 @@ def test_a_datagram_that_is_none_of_the_boxs_is_counted() -> None:
     assert state.bad_datagrams == 4
 
 
+def test_a_full_datagram_is_taken() -> None:
+    state, got = feed(start(), b"".join(numbered(*range(1, MOST_RECORDS + 1))))
+    assert len(got) == MOST_RECORDS
+    assert state.bad_datagrams == 0
+
+
+def test_ports_are_the_boxs() -> None:
+    assert (RDT_PORT, TCP_PORT) == (49152, 49151)
+
+
+@pytest.mark.parametrize("bit", range(32))
+def test_each_status_bit_means_what_the_tables_say(bit: int) -> None:
+    net, axia = faults(NET_FT_BITS, 1 << bit), faults(AXIA_BITS, 1 << bit)
+    assert net == Faults(1, int(bit == 17), int(bit in (8, 9)))
+    assert axia == Faults(1, int(bit in (27, 30)), int(bit == 2))
+
+
 def test_status_words() -> None:
     assert faults(NET_FT_BITS, 0) == Faults(0, 0, 0)
     assert faults(NET_FT_BITS, 0x80020000) == Faults(1, 1, 0)
@@ -159,7 +178,9 @@ def test_counts_become_newtons_by_the_boxs_own_calibration() -> None:
     assert len(READ_CALIBRATION) == 20
     assert READ_CALIBRATION[0] == 1
     wrench = in_si(decode_calibration(calibration()), floats(GOLDEN))
-    assert (wrench.fx, wrench.fy) == pytest.approx((1.0, -1e-6))
+    assert (wrench.fx, wrench.fy, wrench.tx) == pytest.approx((1.0, -1e-6, -2e-6))
+    feet = in_si(decode_calibration(calibration(torque=2)), floats(GOLDEN))
+    assert feet.tx == pytest.approx(-2e-6 * 1.3558179483314004)
     pounds = in_si(decode_calibration(calibration(force=1)), floats(GOLDEN))
     assert pounds.fx == pytest.approx(4.4482216152605)
 

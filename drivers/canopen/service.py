@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import can
 import canopen
-from canopen.sdo import SdoError
+from canopen.sdo.exceptions import SdoError
 
 from drivers.canopen import arming, cia402, emcy, heartbeat, homing
 from drivers.canopen.arming import Mismatch, Step

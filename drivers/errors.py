@@ -1,0 +1,16 @@
+"""The one error of all codecs."""
+
+
+class CodecError(ValueError):
+    """Bytes that are not a message, or a value that no message can carry.
+
+    Nothing else leaves a decoder, whatever bytes go in. The four fields say what was read or
+    written, where in it the trouble lies, what was expected there and what stood there instead.
+    """
+
+    def __init__(self, what: str, where: str, expected: str, got: object) -> None:
+        super().__init__(f"{what}: {where}: expected {expected}, got {got}")
+        self.what = what
+        self.where = where
+        self.expected = expected
+        self.got = got

@@ -1,0 +1,87 @@
+"""The +-10 V command: closed form, clamp with its flag, inverse, and no voltage for NaN."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.compax3.analog_command import Params, calibrated, rest, to_command, to_volts
+from drivers.errors import CodecError
+
+# 37.5 rev/s of the motor at 10 V, with an offset as one measures it.
+SPEED = calibrated(0.013, 10.0 / (math.tau * 37.5), -9.5, 9.5)
+
+
+def test_closed_form() -> None:
+    assert to_volts(SPEED, 0.0) == (0.013, 0)
+    volts, held = to_volts(SPEED, math.tau * 3.75)
+    assert volts == pytest.approx(1.013)
+    assert held == 0
+
+
+def test_the_clamp_is_flagged_on_its_side() -> None:
+    assert to_volts(SPEED, 1e4) == (9.5, 1)
+    assert to_volts(SPEED, -1e4) == (-9.5, -1)
+    turned = calibrated(0.0, -0.5, -5.0, 5.0)
+    assert to_volts(turned, 11.0) == (-5.0, -1)
+    assert to_volts(turned, 10.0) == (-5.0, 0)
+    assert to_volts(SPEED, 1e308) == (9.5, 1)
+
+
+@pytest.mark.parametrize("command", [math.nan, math.inf, -math.inf])
+def test_what_is_no_number_gives_no_voltage(command: float) -> None:
+    with pytest.raises(CodecError, match="finite"):
+        to_volts(SPEED, command)
+    with pytest.raises(CodecError, match="finite"):
+        to_command(SPEED, command)
+
+
+def test_rest_commands_nothing() -> None:
+    assert rest(SPEED) == 0.013
+    assert to_command(SPEED, rest(SPEED)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("numbers", "where"),
+    [
+        ((0.0, 0.0, -10.0, 10.0), "gain"),
+        ((0.0, 1e-320, -10.0, 10.0), "gain"),
+        ((math.nan, 1.0, -10.0, 10.0), "calibration"),
+        ((0.0, 1.0, -math.inf, 10.0), "calibration"),
+        ((0.0, 1.0, 10.0, -10.0), "offset"),
+        ((10.5, 1.0, -10.0, 10.0), "offset"),
+        ((10.0, 1.0, -10.0, 10.0), "offset"),
+    ],
+)
+def test_a_calibration_that_cannot_rest_is_refused(
+    numbers: tuple[float, float, float, float], where: str
+) -> None:
+    with pytest.raises(CodecError, match=where):
+        calibrated(*numbers)
+
+
+gains = st.floats(1e-3, 1e3).flatmap(lambda g: st.sampled_from([g, -g]))
+
+
+@given(st.floats(-1.0, 1.0), gains, st.floats(allow_nan=False, allow_infinity=False))
+def test_every_command_ends_in_the_clamp(offset: float, gain: float, command: float) -> None:
+    params = calibrated(offset, gain, -10.0, 10.0)
+    volts, held = to_volts(params, command)
+    assert -10.0 <= volts <= 10.0
+    if held:
+        assert volts == 10.0 * held
+    else:
+        assert to_command(params, volts) == pytest.approx(command, rel=1e-9, abs=1e-12 / abs(gain))
+
+
+@given(st.floats(), st.floats(), st.floats(), st.floats())
+def test_any_numbers_are_a_calibration_or_refused(a: float, b: float, c: float, d: float) -> None:
+    try:
+        params = calibrated(a, b, c, d)
+    except CodecError:
+        return
+    assert params == Params(a, b, c, d)
+    assert to_volts(params, 0.0) == (a, 0)

@@ -1,0 +1,21 @@
+"""Feeding a stream parser in pieces, as a serial port would."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+
+def pieces(data: bytes, cuts: Iterable[int]) -> list[bytes]:
+    """``data`` cut at the given places (modulo its length); empty pieces may come too."""
+    places = sorted(cut % (len(data) + 1) for cut in cuts)
+    return [data[a:b] for a, b in zip([0, *places], [*places, len(data)], strict=True)]
+
+
+def drain(feed: Callable[..., Any], state: Any, parts: Iterable[bytes]) -> tuple[Any, list[Any]]:
+    """The state after all pieces, and everything that came out on the way."""
+    messages: list[Any] = []
+    for part in parts:
+        state, more = feed(state, part)
+        messages += more
+    return state, messages

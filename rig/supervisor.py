@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 from rig import cycle, handover, mailbox, ring, safety
 from rig import logger as log_process
 from rig.child import Child
+from rig.companions import Companion, CompanionError, Companions
 from rig.loop_process import Job
 from rig.mailbox import Mailbox, Request
 from rig.record import layout, leaves
@@ -46,6 +47,7 @@ class Setup(NamedTuple):
     rung: str
     folder_lock: int = -1  # file descriptor, held as long as anything of the run lives; -1: none
     realtime_lock: int = -1  # file descriptor, held as long as the loop lives; -1: none
+    companions: tuple[Companion, ...] = ()  # processes that serve the loop from beside it
 
 
 class Snapshot(NamedTuple):
@@ -81,6 +83,7 @@ class Run:
         self._mail = Mailbox(self._mail_fd, Request)
         self._layout = layout(setup.kind.row_type)
         self._names = [leaf.name for leaf in leaves(setup.kind.row_type)]
+        self._companions = Companions(setup.companions, setup.folder)
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
@@ -101,6 +104,7 @@ class Run:
         loop: Child | None = None
         logger: Child | None = None
         try:
+            self._companions.start()
             logger = self._start_logger()  # first: from the first tick on, rows outlive us
             loop = self._start_loop()
             while loop.alive() or logger.alive() or self._unfinished(logger):
@@ -109,11 +113,14 @@ class Run:
                     self._ring.bury()
                 self._ask(asked())
                 self._look_after(loop)
+                self._trouble = self._companions.listen() or self._trouble
                 logger = self._look_after_log(logger, loop)
                 if self._lost and not loop.alive():
                     break
                 self._show(watch)
                 time.sleep(POLL)
+        except CompanionError as error:
+            self._refused = str(error)
         finally:
             self._lay_to_rest(loop, logger)
         self._show(watch)
@@ -173,6 +180,7 @@ class Run:
                 loop.process.terminate()  # the loop takes it as an abort
             loop.end(DEAF)
             self._listen(loop)
+        self._companions.end(DEAF)  # after the loop: what they hold for it is then let go
         self._ring.bury()
         if logger is not None:
             logger.end(STALL)
@@ -212,10 +220,18 @@ class Run:
             mailbox=self._mail_fd,
             supervisor=os.getpid(),
             params=setup.params,
-            devices=json.dumps(setup.devices),
+            devices=json.dumps(self._devices()),
         )
-        fds = (self._ring_fd, self._mail_fd, *_held(setup.folder_lock, setup.realtime_lock))
+        held = _held(setup.folder_lock, setup.realtime_lock)
+        fds = (self._ring_fd, self._mail_fd, *self._companions.slots.values(), *held)
         return Child(setup.loop_module, handover.dumps(job), fds, setup.folder / "loop.stderr")
+
+    def _devices(self) -> dict[str, Any]:
+        """What the loop is told of its devices, with what its companions found out."""
+        if not self._setup.companions:
+            return self._setup.devices
+        known = {"facts": self._companions.facts, "mailboxes": self._companions.slots}
+        return self._setup.devices | known
 
     def _listen(self, loop: Child) -> None:
         for event in loop.heard():
@@ -244,7 +260,7 @@ class Run:
             return {}
         return dict(zip(self._names, self._layout.unpack(packed), strict=True))
 
-    def _outcome(self, loop: Child) -> Outcome:
+    def _outcome(self, loop: Child | None) -> Outcome:
         end, row = self._end, self._latest()
         if end is not None:
             reason = Reason(end["reason"])
@@ -252,7 +268,7 @@ class Run:
         elif self._refused:
             status, why = "refused", self._refused
         else:
-            status, why = "crashed", self._trouble or loop.last_words()
+            status, why = "crashed", self._trouble or (loop.last_words() if loop else "")
         put = self._ring.head + self._ring.dropped
         ended = end or {"ticks": put, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(

@@ -18,6 +18,7 @@ from rig.config.columns import (
 )
 from rig.config.model import Broken, FileModel, Reason, Several, Whole, refuse
 from rig.config.problems import number_text
+from rig.config.wiring import Wiring
 
 _SECOND = 10**9  # ns
 _SLOWEST, _FASTEST = 200, 2000
@@ -184,3 +185,4 @@ class RigFile(FileModel):
     stability: Stability
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: Stop
+    wiring: Wiring | None = None  # none: it can only be rehearsed

@@ -1,0 +1,93 @@
+"""One cycle of a synchronous bus: take in what the last SYNC brought, send commands and SYNC.
+
+    tick k:  receive (answers to SYNC k-1) ... commands, SYNC k, our heartbeat when it is due
+
+So a status is one tick old when it is used, always, and a model can contain that. Our heartbeat
+comes from the tick and from nowhere else: a loop that hangs falls silent, and every drive that
+watches it stops by itself.
+"""
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from drivers.canopen import heartbeat
+from drivers.canopen.link import Frame
+
+SYNC = 0x080
+
+
+class Line(Protocol):
+    """What moves frames: `drivers.canopen.link.Link`, or one that spoils them on the way."""
+
+    def now(self) -> float:
+        """Seconds on the monotonic clock."""
+        ...
+
+    def send(self, cob_id: int, data: bytes) -> bool:
+        """Send a frame now or not at all; False if it was not taken."""
+        ...
+
+    def drain(self) -> list[Frame]:
+        """What has come since the last call; never waits."""
+        ...
+
+    def close(self) -> None:
+        """Give the bus back; cannot raise."""
+        ...
+
+
+class Node(Protocol):
+    """One device's conversation, as far as the bus needs it."""
+
+    @property
+    def cob_ids(self) -> frozenset[int]:
+        """COB-IDs of the frames it takes."""
+        ...
+
+    def take(self, cob_id: int, data: bytes, sampled: float) -> None:
+        """A frame of its own, and when (s) the SYNC was sent that it answers."""
+        ...
+
+
+class BusCycle:
+    """All synchronous devices of one bus, seen from the tick."""
+
+    def __init__(self, line: Line, nodes: Iterable[Node], own_node: int, beat: float) -> None:
+        """``own_node``: our node number; ``beat``: seconds between our heartbeats."""
+        self._line = line
+        self._takers = {cob_id: node for node in nodes for cob_id in node.cob_ids}
+        self._beat_id = heartbeat.BASE + own_node
+        self._beat = heartbeat.encode(heartbeat.Nmt.OPERATIONAL)
+        self._every = beat
+        self._beaten = self._synced = -1e9  # s, when last sent
+        self.strange = 0  # frames that nobody here takes
+
+    @property
+    def synced(self) -> float:
+        """When the last SYNC went out, s."""
+        return self._synced
+
+    def receive(self) -> float:
+        """Take in what has come; gives the time (s) at which it is known."""
+        for cob_id, data in self._line.drain():
+            taker = self._takers.get(cob_id)
+            if taker is None:
+                self.strange += 1
+            else:
+                taker.take(cob_id, data, self._synced)
+        return self._line.now()
+
+    def send(self, frames: Iterable[tuple[int, bytes]]) -> None:
+        """Commands, then the SYNC on which they act."""
+        send = self._line.send
+        for cob_id, data in frames:
+            send(cob_id, data)
+        send(SYNC, b"")
+        now = self._synced = self._line.now()
+        if now - self._beaten >= self._every:
+            self._beaten = now
+            send(self._beat_id, self._beat)
+
+    def close(self) -> None:
+        """Give the bus back; cannot raise."""
+        self._line.close()

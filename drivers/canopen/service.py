@@ -1,0 +1,245 @@
+"""What is not done from the tick: NMT, SDO, emergencies and heartbeats, over a handle of its own.
+
+A process beside the loop sets every node up before the loop starts (write, read back, compare,
+home), and watches the bus while it runs. Library: canopen for SDO and NMT; its CiA 402 profile is
+not used, because it can bring a drive up when it is told to take it down.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import can
+import canopen
+from canopen.sdo.exceptions import SdoError
+
+from drivers.canopen import arming, cia402, emcy, heartbeat, homing
+from drivers.canopen.arming import Mismatch, Step
+from drivers.canopen.cia402_table import Goal
+from drivers.canopen.codec_error import CodecError
+from drivers.canopen.drive_objects import Access
+from drivers.canopen.link import Bus, LinkError, open_bus
+from drivers.canopen.pdo import BYTES
+from drivers.canopen.statusword import describe
+
+_SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
+_PRE_OPERATIONAL, _OPERATIONAL, _RESET = "PRE-OPERATIONAL", "OPERATIONAL", "RESET COMMUNICATION"
+_NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
+_HOMING_MODE = homing.MODE
+_SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
+_HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
+_HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
+
+
+class ServiceError(OSError):
+    """A node that cannot be set up, named, with the reason."""
+
+
+class Health(NamedTuple):
+    """What is known of one node beside its process data."""
+
+    nmt: int  # `heartbeat.Nmt`
+    heard: float  # s, monotonic, when its last heartbeat came; of the start if none did
+    boots: int  # how often it said that it started, since it was set up
+    code: int  # its last emergency, 0: none, or gone
+    register: int  # error register of that
+    emergencies: int  # how many it sent
+
+
+class Identity(NamedTuple):
+    """What a node says of itself; None where it did not answer."""
+
+    device_type: int | None  # 0x1000
+    vendor: int | None  # 0x1018:1
+    product: int | None  # 0x1018:2
+    revision: int | None  # 0x1018:3
+    serial: int | None  # 0x1018:4
+    name: str | None  # 0x1008
+    error_register: int | None  # 0x1001
+
+
+class Service:
+    """The service end of one bus. Its callbacks run in a thread of the library."""
+
+    def __init__(self, bus: Bus) -> None:
+        """Open the bus; LinkError if it cannot be."""
+        self._can: can.BusABC = open_bus(bus)
+        self._network: Any = canopen.Network()
+        self._network.bus = self._can
+        self._network.connect()
+        self._lock = threading.Lock()
+        self._watched: dict[int, heartbeat.Watch] = {}
+        self._health: dict[int, Health] = {}
+        self._nodes: dict[int, Any] = {}
+
+    def watch(self, node: int) -> None:
+        """Listen to heartbeats and emergencies of a node from now on."""
+        now = time.monotonic()
+        with self._lock:
+            self._watched[node] = heartbeat.start(now)
+            self._health[node] = Health(int(heartbeat.Nmt.SILENT), now, 0, 0, 0, 0)
+        self._network.subscribe(heartbeat.BASE + node, self._beat)
+        self._network.subscribe(emcy.BASE + node, self._emergency)
+
+    def set_up(self, node: int, steps: tuple[Step, ...]) -> tuple[Mismatch, ...]:
+        """Write the steps in PRE-OPERATIONAL and read all back; what is not as it must be.
+
+        ServiceError if the node does not answer at all.
+        """
+        remote = self._remote(node)
+        remote.nmt.state = _PRE_OPERATIONAL
+        if self.read(node, 0x1000, 0, "u32") is None:
+            raise ServiceError(f"node {node} does not answer")
+        for step in steps:
+            if step.access != Access.VERIFY:
+                self._write(remote, step)
+        answers = {
+            (step.object, step.sub): self.read(node, step.object, step.sub, step.type)
+            for step in arming.read_back(steps)
+        }
+        return arming.compare(steps, answers)
+
+    def start(self, node: int) -> None:
+        """Let the node's process data go: OPERATIONAL."""
+        self._remote(node).nmt.state = _OPERATIONAL
+
+    def stop(self, node: int) -> None:
+        """Back to PRE-OPERATIONAL: no process data."""
+        self._remote(node).nmt.state = _PRE_OPERATIONAL
+
+    def home(
+        self,
+        node: int,
+        machine: cia402.Params,
+        params: homing.Params,
+        stopped: Callable[[], bool],
+    ) -> None:
+        """Home a drive over SDO, once; ServiceError names what went wrong. Power is off after it.
+
+        Ticks of ``machine`` and ``params`` are of 20 ms here. ``stopped``: give up and power off.
+        """
+        remote = self._remote(node)
+        remote.nmt.state = _PRE_OPERATIONAL
+        drive, handshake = cia402.start(0, 0), homing.start(0)
+        failure = "no answer"
+        self._put(remote, 0x6060, 0, "i8", _HOMING_MODE)
+        bits = acting = 0
+        try:
+            while True:
+                statusword = self.read(node, 0x6041, 0, "u16")
+                shown = self.read(node, 0x6061, 0, "i8")
+                if statusword is None or shown is None:
+                    break
+                drive, told = cia402.step(
+                    machine,
+                    drive,
+                    cia402.Inputs(statusword, 0.0, shown, _HOMING_MODE, _ENABLED, 1, 0, bits, 0),
+                )
+                acting = told.acting
+                if drive.armed == 0:
+                    failure = f"{describe(statusword)}; {cia402.explain(drive)}"
+                    break
+                handshake, bits = homing.step(
+                    params, handshake, homing.Inputs(statusword, acting, acting, 0)
+                )
+                self._put(remote, 0x6040, 0, "u16", told.controlword)
+                if handshake.phase == _HOMED:
+                    return
+                if handshake.phase == _FAILED:
+                    failure = homing.Failure(handshake.failure).name.lower().replace("_", " ")
+                    break
+                if stopped():
+                    failure = "given up"
+                    break
+                time.sleep(_HOME_PERIOD)
+        finally:
+            self._put(remote, 0x6040, 0, "u16", 0)
+        raise ServiceError(f"node {node} did not home: {failure}")
+
+    def read(self, node: int, index: int, sub: int, kind: str) -> int | None:
+        """An object's value; None if the node does not answer, has it not, or of another size."""
+        try:
+            data = self._remote(node).sdo.upload(index, sub)
+        except (SdoError, can.CanError, OSError):
+            return None
+        if len(data) != BYTES[kind]:
+            return None
+        return int.from_bytes(data, "little", signed=kind[0] == "i")
+
+    def identity(self, node: int) -> Identity:
+        """Who a node says it is."""
+        try:
+            name = self._remote(node).sdo.upload(0x1008, 0).decode("ascii", "replace")
+        except (SdoError, can.CanError, OSError):
+            name = None
+        vendor, product, revision, serial = (
+            self.read(node, 0x1018, sub, "u32") for sub in (1, 2, 3, 4)
+        )
+        kind, errors = self.read(node, 0x1000, 0, "u32"), self.read(node, 0x1001, 0, "u8")
+        return Identity(kind, vendor, product, revision, serial, name, errors)
+
+    def scan(self, patience: float) -> tuple[int, ...]:
+        """Node numbers that answer a read of 0x1000 within ``patience`` seconds."""
+        self._network.scanner.reset()
+        self._network.scanner.search()
+        time.sleep(patience)
+        return tuple(sorted(self._network.scanner.nodes))
+
+    def health(self) -> dict[int, Health]:
+        """What is known of each watched node now; LinkError if the bus's reader died."""
+        try:
+            self._network.check()  # the library's reader dies silently
+        except Exception as error:
+            raise LinkError(f"the CAN service is deaf: {error}") from error
+        with self._lock:
+            return dict(self._health)
+
+    def close(self) -> None:
+        """Give the bus back; cannot raise."""
+        try:
+            self._network.disconnect()
+        except (can.CanError, OSError, RuntimeError):
+            return
+
+    def _remote(self, node: int) -> Any:
+        if node not in self._nodes:
+            remote = self._network.add_node(node, _NO_DICTIONARY())
+            remote.sdo.RESPONSE_TIMEOUT = _SDO_PATIENCE
+            self._nodes[node] = remote
+        return self._nodes[node]
+
+    def _write(self, remote: Any, step: Step) -> None:
+        self._put(remote, step.object, step.sub, step.type, step.value)
+
+    def _put(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
+        """Write an object; a refusal shows when it is read back."""
+        data = value.to_bytes(BYTES[kind], "little", signed=kind[0] == "i")
+        try:
+            remote.sdo.download(index, sub, data)
+        except (SdoError, can.CanError, OSError):
+            return False
+        return True
+
+    def _beat(self, cob_id: int, data: bytearray, stamp: float) -> None:
+        now = time.monotonic()
+        try:
+            node, nmt = heartbeat.decode(cob_id, bytes(data))
+        except CodecError:
+            return
+        with self._lock:
+            watch = self._watched[node] = heartbeat.heard(self._watched[node], nmt, now)
+            self._health[node] = self._health[node]._replace(
+                nmt=watch.nmt, heard=watch.stamp, boots=watch.boots
+            )
+
+    def _emergency(self, cob_id: int, data: bytearray, stamp: float) -> None:
+        try:
+            said = emcy.decode(cob_id, bytes(data))
+        except CodecError:
+            return
+        with self._lock:
+            before = self._health[said.node]
+            self._health[said.node] = before._replace(
+                code=said.code, register=said.register, emergencies=before.emergencies + 1
+            )

@@ -1,0 +1,102 @@
+"""Processes that serve the loop from beside it: pollers of slow lines, the service end of a bus.
+
+Each is started before the loop and says in JSON lines that it is ready, or why it will not be.
+Values go through mailboxes (shared slots); a companion that dies leaves its last values behind,
+which age, and the loop stops for their age.
+"""
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig import mailbox
+from rig.child import Child
+
+READY = 10.0  # s in which a companion says that it is ready, when it asks for no more
+_LOOK = 0.02  # s between looks while they come up
+
+
+class Companion(NamedTuple):
+    """One process beside the loop."""
+
+    name: str  # for people, and for its file of errors
+    module: str  # python -m ...
+    config: dict[str, Any]  # JSON values
+    mailboxes: tuple[str, ...]  # names of the slots it uses, shared by name with the loop
+    patience: float = READY  # s in which it must be ready
+
+
+class CompanionError(RuntimeError):
+    """A companion that is not ready, named, with what it said."""
+
+
+class Companions:
+    """All of a run's companions, from start to end."""
+
+    def __init__(self, wanted: tuple[Companion, ...], folder: Path) -> None:
+        self._wanted = wanted
+        self._folder = folder
+        self._slots = {name: mailbox.create() for one in wanted for name in one.mailboxes}
+        self._children: list[tuple[Companion, Child]] = []
+        self.facts: dict[str, Any] = {}  # by companion: what it found out for the loop
+        self.said: list[str] = []  # what they had to tell since
+
+    @property
+    def slots(self) -> dict[str, int]:
+        """File descriptors of the mailboxes by name."""
+        return dict(self._slots)
+
+    def start(self) -> None:
+        """Start all and wait until all are ready; CompanionError names the first that is not."""
+        for one in self._wanted:
+            job = {
+                "config": one.config,
+                "mailboxes": {name: self._slots[name] for name in one.mailboxes},
+                "supervisor": os.getpid(),
+            }
+            fds = tuple(self._slots[name] for name in one.mailboxes)
+            errors = self._folder / f"{one.name}.stderr"
+            self._children.append((one, Child(one.module, json.dumps(job), fds, errors)))
+        began = time.monotonic()
+        for one, child in self._children:
+            self._wait(one, child, began)
+
+    def _wait(self, one: Companion, child: Child, began: float) -> None:
+        while True:
+            alive = child.alive()
+            for event in child.heard():
+                if event["event"] == "ready":
+                    self.facts[one.name] = event.get("facts", {})
+                    return
+                if event["event"] == "refused":
+                    raise CompanionError(f"{one.name}: {event['why']}")
+            if not alive:
+                raise CompanionError(f"{one.name}: {child.last_words()}")
+            if time.monotonic() - began > one.patience:
+                raise CompanionError(f"{one.name}: not ready after {one.patience:g} s")
+            time.sleep(_LOOK)
+
+    def listen(self) -> str:
+        """What is wrong with them now, empty if nothing is; a dead one is named."""
+        trouble = []
+        for one, child in self._children:
+            alive = child.alive()
+            self.said += [
+                f"{one.name}: {event['text']}" for event in child.heard() if event["event"] == "say"
+            ]
+            if not alive:
+                trouble.append(f"{one.name} ended: {child.last_words()}")
+        return "; ".join(trouble)
+
+    def end(self, patience: float) -> None:
+        """End all, those that will not be killed; gives the mailboxes back."""
+        for _, child in self._children:
+            if child.alive():
+                child.process.terminate()
+        for _, child in self._children:
+            child.end(patience)
+        for fd in self._slots.values():
+            os.close(fd)
+        self._slots = {}

@@ -1,0 +1,1 @@
+"""The real wires of a rig: its devices as the loop sees them, and the processes beside the loop."""

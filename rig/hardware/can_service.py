@@ -1,0 +1,120 @@
+"""The service end of a CAN bus beside the loop: set nodes up, then watch them.
+
+Before it says "ready", every node has been written to and read back, homed where the rig file wants
+that, and let into OPERATIONAL. A mismatch refuses by name. What it reads for the loop (the scale of
+a drive's current) goes along with "ready".
+"""
+
+import json
+import os
+import signal
+import sys
+import time
+from contextlib import suppress
+from typing import Any
+
+from drivers.canopen import cia402, homing
+from drivers.canopen.arming import Step, refusal
+from drivers.canopen.link import Bus, LinkError
+from drivers.canopen.service import Service, ServiceError
+from rig import handover
+from rig.hardware.words import NodeHealth
+from rig.mailbox import Mailbox
+
+_LOOK = 0.02  # s between looks at the nodes' health
+_TELL = 5.0  # s between two lines about a deaf service
+
+
+def serve(job: dict[str, Any]) -> None:
+    """Set up and watch until told to end or left alone by the supervisor."""
+    config, ended = job["config"], False
+
+    def end(*_: object) -> None:
+        nonlocal ended
+        ended = True
+
+    signal.signal(signal.SIGTERM, end)
+    slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
+    interface, channel, bit_rate, options = config["bus"]
+    bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    nodes = config["nodes"]
+    try:
+        service = Service(bus)
+    except LinkError as error:
+        _say(event="refused", why=str(error))
+        return
+    try:
+        try:
+            facts = _set_up(service, nodes, lambda: ended)
+        except ServiceError as error:
+            _say(event="refused", why=str(error))
+            return
+        for one in nodes:
+            service.start(one["node"])
+        _watch(service, nodes, slots)
+        _say(event="ready", facts=facts)
+        told = -_TELL
+        while not ended and os.getppid() == job["supervisor"]:
+            time.sleep(_LOOK)
+            try:
+                _watch(service, nodes, slots)
+            except LinkError as error:  # the slots grow old, and the loop stops for their age
+                if time.monotonic() - told > _TELL:
+                    told = time.monotonic()
+                    _say(event="say", text=str(error))
+        for one in nodes:
+            service.stop(one["node"])
+    finally:
+        service.close()
+
+
+def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict[str, Any]:
+    facts: dict[str, Any] = {}
+    wrong = []
+    for one in nodes:
+        service.watch(one["node"])
+        steps = tuple(Step(*step) for step in one["steps"])
+        mismatches = service.set_up(one["node"], steps)
+        if mismatches:
+            wrong.append(f"{one['name']} (node {one['node']}):\n{refusal(mismatches)}")
+        found = {
+            name: service.read(one["node"], index, sub, kind)
+            for name, index, sub, kind in one["facts"]
+        }
+        missing = [name for name, value in found.items() if value is None]
+        if missing:
+            wrong.append(f"{one['name']} (node {one['node']}) does not give {', '.join(missing)}")
+        facts[one["name"]] = found
+    if wrong:
+        raise ServiceError("\n".join(wrong))
+    for one in nodes:
+        if one["homing"] is not None:
+            machine, deadlines = one["homing"]
+            service.home(
+                one["node"],
+                handover.loads(cia402.Params, json.dumps(machine)),
+                handover.loads(homing.Params, json.dumps(deadlines)),
+                stopped,
+            )
+    return facts
+
+
+def _watch(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailbox]) -> None:
+    health = service.health()
+    now = time.monotonic()
+    for one in nodes:
+        known = health[one["node"]]
+        slots[f"{one['name']}_health"].post(
+            NodeHealth(known.nmt, known.heard, known.boots, known.code, known.emergencies, now)
+        )
+
+
+def _say(**event: Any) -> None:
+    with suppress(BrokenPipeError):
+        print(json.dumps(event), flush=True)
+
+
+if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
+        signal.signal(number, signal.SIG_IGN)
+    serve(json.loads(sys.stdin.read()))

@@ -1,0 +1,162 @@
+"""One Modbus line asked and told in turn, beside the loop; a slow or dead unit never reaches it.
+
+Each block has its own period; a unit that does not answer is asked less and less often, so it
+hardly delays the others. What the loop wants written is written on every period, changed or not,
+and is let go (all zero) when the loop has not said it again for too long.
+"""
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from drivers.errors import CodecError
+from drivers.modbus import registers
+from drivers.modbus.line import Line, LineError, Rtu, Tcp
+from drivers.modbus.registers import Block, Value
+from rig.hardware.words import SLOTS
+from rig.mailbox import Mailbox
+
+BACK_OFF = 1.0  # s, most between two questions to a unit that does not answer
+_TELL = 5.0  # s between two lines about the same trouble
+READY = 5.0  # s in which every unit is asked for the first time; then its silence is told
+
+
+class Polled(NamedTuple):
+    """One block of the line."""
+
+    name: str  # of its mailbox
+    block: Block
+    high_first: bool
+    period: float  # s
+    written: bool  # the loop's word goes out; otherwise the block comes in
+
+
+class _Task:
+    """A block, its mailbox, and how it has gone so far."""
+
+    def __init__(self, polled: Polled, slot: Mailbox, expiry: float) -> None:
+        self.polled = polled
+        self.due = time.monotonic()
+        self.answered = False
+        self._slot = slot
+        self._expiry = expiry
+        self._word = SLOTS[polled.name]
+        self._pause = polled.period
+        self._told = -_TELL
+        self.trouble = "not asked yet"
+
+    def turn(self, line: Line) -> str:
+        """Ask or tell once; gives a line for people, mostly empty."""
+        began = time.monotonic()
+        try:
+            if self.polled.written:
+                self._write(line, began)
+            else:
+                self._read(line, began)
+        except (LineError, CodecError) as error:
+            self.trouble = str(error)
+            self._pause = min(2.0 * self._pause, max(BACK_OFF, self.polled.period))
+        else:
+            back, self.trouble = bool(self.trouble) and self.answered, ""
+            self.answered, self._pause = True, self.polled.period
+            self.due = max(self.due + self._pause, time.monotonic())
+            return f"{self.polled.name} answers again" if back else ""
+        self.due = time.monotonic() + self._pause
+        if began - self._told < _TELL:
+            return ""
+        self._told = began
+        return f"{self.polled.name}: {self.trouble}"
+
+    def _read(self, line: Line, began: float) -> None:
+        block = self.polled.block
+        values = registers.decode(block, line.read(block), self.polled.high_first)
+        wrong = registers.implausible(block, values)
+        if wrong:
+            said = ", ".join(
+                f"{value.name} = {number:g}"
+                for value, number in zip(block.values, values, strict=True)
+                if value.name in wrong
+            )
+            raise CodecError(self.polled.name, said, "values that can be", "swapped words?")
+        numbers = (
+            int(v) if d.kind == "bit" else v for d, v in zip(block.values, values, strict=True)
+        )
+        self._slot.post(self._word(*numbers, began))
+
+    def _write(self, line: Line, began: float) -> None:
+        wanted = self._slot.read()
+        values = [0.0] * len(self.polled.block.values)
+        if wanted is not None and 0.0 <= began - wanted.stamp <= self._expiry:
+            values = [float(value) for value in wanted[:-1]]
+        line.write(
+            self.polled.block,
+            registers.encode(self.polled.block, values, self.polled.high_first),
+        )
+
+
+def _tasks(config: dict[str, Any], mailboxes: dict[str, int]) -> Iterator[_Task]:
+    for one in config["blocks"]:
+        values = tuple(Value(*value) for value in one["values"])
+        block = registers.checked(
+            Block(one["unit"], one["table"], one["first"], one["size"], values)
+        )
+        name = one["name"]
+        polled = Polled(name, block, one["high_first"], one["period"], one["written"])
+        yield _Task(polled, Mailbox(mailboxes[name], SLOTS[name]), config["expiry"])
+
+
+def _line(config: dict[str, Any], writable: list[Block]) -> Line:
+    kind, settings = config["kind"], config["settings"]
+    return Line(Tcp(**settings) if kind == "tcp" else Rtu(**settings), writable)
+
+
+def poll(job: dict[str, Any]) -> None:
+    """Serve one line until told to end or left alone by the supervisor."""
+    tasks = list(_tasks(job["config"], job["mailboxes"]))
+    line = _line(job["config"], [t.polled.block for t in tasks if t.polled.written])
+    ended = False
+
+    def end(*_: object) -> None:
+        nonlocal ended
+        ended = True
+
+    signal.signal(signal.SIGTERM, end)
+    began, ready = time.monotonic(), False
+    try:
+        while not ended and os.getppid() == job["supervisor"]:
+            task = min(tasks, key=lambda one: one.due)
+            pause = task.due - time.monotonic()
+            if pause > 0.0:
+                time.sleep(min(pause, 0.1))
+                continue
+            if text := task.turn(line):
+                _say(event="say", text=text)
+            if not ready and all(one.answered for one in tasks):
+                ready = True
+                _say(event="ready")
+            if not ready and time.monotonic() - began > READY:
+                silent = [f"{t.polled.name} ({t.trouble})" for t in tasks if not t.answered]
+                _say(event="refused", why="; ".join(silent))
+                return
+    finally:
+        for task in tasks:  # what it drives is let go; the module's own watchdog is the second line
+            if task.polled.written:
+                with suppress(LineError, CodecError):
+                    line.write(task.polled.block, [0] * task.polled.block.size)
+        line.close()
+
+
+def _say(**event: Any) -> None:
+    with suppress(BrokenPipeError):
+        print(json.dumps(event), flush=True)
+
+
+if __name__ == "__main__":
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
+        signal.signal(number, signal.SIG_IGN)
+    poll(json.loads(sys.stdin.read()))

@@ -9,7 +9,7 @@ class CodecError(ValueError):
     """
 
     def __init__(self, what: str, where: str, expected: str, got: object) -> None:
-        super().__init__(f"{what}: {where}: expected {expected}, got {got}")
+        super().__init__(": ".join(filter(None, (what, where, f"expected {expected}, got {got}"))))
         self.what = what
         self.where = where
         self.expected = expected

@@ -5,6 +5,7 @@ import queue
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import IO, Any
 
@@ -73,3 +74,17 @@ class Child:
         """The last line the process wrote to its error file, or its exit code."""
         text = self._errors.read_text(errors="replace").strip() if self._errors.exists() else ""
         return text.splitlines()[-1] if text else f"exit code {self.process.returncode}"
+
+
+class Progress:
+    """How long a counter has stood still."""
+
+    def __init__(self) -> None:
+        self._value = -1
+        self._since = time.monotonic()
+
+    def still(self, value: int) -> float:
+        """Seconds since the counter last changed."""
+        if value != self._value:
+            self._value, self._since = value, time.monotonic()
+        return time.monotonic() - self._since

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from rig import cycle, handover, mailbox, ring, safety
 from rig import logger as log_process
-from rig.child import Child
+from rig.child import Child, Progress
 from rig.companions import Companion, CompanionError, Companions
 from rig.loop_process import Job
 from rig.mailbox import Mailbox, Request
@@ -91,8 +91,8 @@ class Run:
         self._end: dict[str, Any] | None = None
         self._refused = ""
         self._lost = False  # the log is given up
-        self._loop_moves = _Progress()
-        self._log_moves = _Progress()
+        self._loop_moves = Progress()
+        self._log_moves = Progress()
 
     def supervise(self, watch: Callable[[Snapshot], None], asked: Callable[[], int]) -> Outcome:
         """Run to the end.
@@ -158,13 +158,13 @@ class Run:
         behind = self._ring.head - self._ring.tail
         ending_late = not loop.alive() and logger.alive()
         if behind == 0 and not ending_late:
-            self._log_moves = _Progress()
+            self._log_moves = Progress()
         elif self._log_moves.still(self._ring.tail) > STALL and logger.alive():
             self._trouble = "the logger hangs"
             logger.end(0.0)
         if logger.alive() or not self._unfinished(logger):
             return logger
-        self._log_moves = _Progress()
+        self._log_moves = Progress()
         if self._parts > RESTARTS or logger.process.returncode == log_process.DISK:
             self._lost = True
             self._trouble = f"the log is lost: {self._trouble or logger.last_words()}"
@@ -288,17 +288,3 @@ _RANK = {safety.REQUEST_ABORT: 3, safety.REQUEST_LOGGER_LOST: 2, safety.REQUEST_
 
 def _held(*locks: int) -> tuple[int, ...]:
     return tuple(fd for fd in locks if fd >= 0)
-
-
-class _Progress:
-    """How long a counter has stood still."""
-
-    def __init__(self) -> None:
-        self._value = -1
-        self._since = time.monotonic()
-
-    def still(self, value: int) -> float:
-        """Seconds since the counter last changed."""
-        if value != self._value:
-            self._value, self._since = value, time.monotonic()
-        return time.monotonic() - self._since

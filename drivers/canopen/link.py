@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 import can
 
+from drivers import errors
+
 SLCAN_RATE = 100.0  # Hz, the highest with which an slcan bus can be looked at from a tick
 
 
@@ -30,7 +32,7 @@ class Frame(NamedTuple):
     data: bytes
 
 
-class LinkError(OSError):
+class LinkError(errors.LinkError):
     """The bus cannot be opened, or is gone; names interface and channel."""
 
 

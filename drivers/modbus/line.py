@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
 
+from drivers.errors import LinkError
 from drivers.modbus.registers import BITS, Block
 
 PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
@@ -38,7 +39,7 @@ class Rtu(NamedTuple):
     slowest: float  # s, in which the slowest unit has answered for certain
 
 
-class LineError(OSError):
+class LineError(LinkError):
     """A request without a good answer; names line, unit and address."""
 
 

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import pty
+import termios
 import tty
 from collections import deque
 from collections.abc import Callable
@@ -185,6 +186,19 @@ class SerialLine:
             written = 0
         self.lost += len(data) - written
 
+    def _forget_speed(self) -> None:
+        """Let the next host's settings differ from the last one's.
+
+        A pseudo-terminal knows no parity, and the C library calls a setting of which nothing was
+        taken an error: the second host with 8E1 would fail where the first did not.
+        """
+        if self._fds is None:
+            return
+        attributes = termios.tcgetattr(self._fds[1])
+        if attributes[4] != termios.B50:
+            attributes[4] = attributes[5] = termios.B50
+            termios.tcsetattr(self._fds[1], termios.TCSANOW, attributes)
+
     async def _tend(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
@@ -192,6 +206,7 @@ class SerialLine:
                 self.hang_up()
             else:
                 self.bring_back()
+                self._forget_speed()
                 now = loop.time()
                 for at, piece in self.link.to_host.due(now):
                     self._up.put(at, piece)

@@ -108,3 +108,13 @@ def test_frozen_bytes_arrive_later(stage: Stage) -> None:
         parrot.link.clear()
         port.timeout = 2.0
         assert port.read(2) == b">a"
+
+
+def test_a_host_with_parity_may_come_back(stage: Stage) -> None:
+    """The kernel takes no parity on a pseudo-terminal, and says so to whoever asks twice."""
+    parrot = stage.show(Parrot(stage.line(bits_per_byte=11)))
+    for _ in range(3):
+        with serial.Serial(parrot.address, 115_200, parity="E", timeout=2.0) as port:
+            port.write(b"x")
+            assert port.read(2) == b">x"
+        time.sleep(0.05)

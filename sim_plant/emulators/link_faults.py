@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter, deque
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from sim_plant.units import Count, Ratio, Second
@@ -39,39 +40,69 @@ class Severity(NamedTuple):
     babble_size: Count = 16  # bytes of one burst
 
 
+@dataclass
+class _State:
+    """What all branches of a way share."""
+
+    severity: Severity
+    random: random.Random
+    on: set[str]
+    counts: Counter[str]
+
+
 class Way:
     """One direction of a link."""
 
     def __init__(self, seed: str, severity: Severity) -> None:
         """The same seed, pieces, times and switches give the same faults."""
-        self.severity = severity
-        self.counts: Counter[str] = Counter()
-        self._random = random.Random(seed)
-        self._on: set[str] = set()
+        self._state = _State(severity, random.Random(seed), set(), Counter())
         self._held: deque[bytes] = deque()
         self._last = float("-inf")  # time of the last arrival: order is kept
         self._babbled = float("-inf")
+
+    def branch(self) -> Way:
+        """Give a way with the same faults, switches and counts, and an order of its own.
+
+        For a link that carries several conversations: what one held comes back in that one.
+        """
+        way = Way("", self.severity)
+        way._state = self._state
+        return way
+
+    @property
+    def severity(self) -> Severity:
+        """How bad the faults are."""
+        return self._state.severity
+
+    @severity.setter
+    def severity(self, severity: Severity) -> None:
+        self._state.severity = severity
+
+    @property
+    def counts(self) -> Counter[str]:
+        """How many pieces each fault struck."""
+        return self._state.counts
 
     def switch(self, name: str, on: bool = True) -> None:
         """Switch one fault; raises ValueError for an unknown name."""
         if name not in FAULTS:
             raise ValueError(f"no link fault {name!r}; there are {', '.join(FAULTS)}")
         if on:
-            self._on.add(name)
+            self._state.on.add(name)
         else:
-            self._on.discard(name)
+            self._state.on.discard(name)
 
     def on(self, name: str) -> bool:
         """Say whether a fault is on."""
-        return name in self._on
+        return name in self._state.on
 
     def pass_on(self, data: bytes, now: Second) -> list[tuple[Second, bytes]]:
         """Give what arrives of a piece handed over at `now`: times (>= now, in order), pieces."""
         self.counts["handed over"] += 1
-        if "disconnect" in self._on:
+        if "disconnect" in self._state.on:
             self.counts["disconnect"] += 1
             return []
-        if "freeze" in self._on:
+        if "freeze" in self._state.on:
             self.counts["freeze"] += 1
             if len(self._held) < HELD:
                 self._held.append(data)
@@ -80,8 +111,8 @@ class Way:
 
     def due(self, now: Second) -> list[tuple[Second, bytes]]:
         """Give what arrives by `now` without having just been handed over; to be asked often."""
-        arrivals = [] if "freeze" in self._on else self._released(now)
-        if "babble" in self._on and "disconnect" not in self._on:
+        arrivals = [] if "freeze" in self._state.on else self._released(now)
+        if "babble" in self._state.on and "disconnect" not in self._state.on:
             if now - self._babbled >= self.severity.babble_period:
                 self._babbled = now
                 self.counts["babble"] += 1
@@ -107,32 +138,32 @@ class Way:
             if piece and self._chosen("corrupt", severity.corrupt):
                 piece = self._flipped(piece)
             if piece and self._chosen("truncate", severity.truncate):
-                piece = piece[: self._random.randrange(len(piece))]
+                piece = piece[: self._state.random.randrange(len(piece))]
             if piece or not data:
                 arrivals.append((self._arrival(now), piece))
         return arrivals
 
     def _chosen(self, name: str, share: Ratio) -> bool:
-        if name not in self._on or self._random.random() >= share:
+        if name not in self._state.on or self._state.random.random() >= share:
             return False
         self.counts[name] += 1
         return True
 
     def _arrival(self, now: Second) -> Second:
         at = now
-        if "delay" in self._on:
+        if "delay" in self._state.on:
             self.counts["delay"] += 1
-            at += self.severity.delay + self.severity.jitter * self._random.random()
+            at += self.severity.delay + self.severity.jitter * self._state.random.random()
         self._last = max(self._last, at)
         return self._last
 
     def _flipped(self, data: bytes) -> bytes:
         changed = bytearray(data)
-        changed[self._random.randrange(len(data))] ^= 1 << self._random.randrange(8)
+        changed[self._state.random.randrange(len(data))] ^= 1 << self._state.random.randrange(8)
         return bytes(changed)
 
     def _noise(self) -> bytes:
-        return self._random.randbytes(self.severity.babble_size)
+        return self._state.random.randbytes(self.severity.babble_size)
 
 
 class LinkFaults:

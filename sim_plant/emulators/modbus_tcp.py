@@ -26,6 +26,8 @@ class Connection(asyncio.Protocol):
     def __init__(self, server: TcpUnits) -> None:
         """`server` answers and knows the link's faults."""
         self._server = server
+        self._to_device = server.link.to_device.branch()
+        self._to_host = server.link.to_host.branch()
         self._buffer = b""
         self.transport: asyncio.Transport | None = None
 
@@ -44,14 +46,21 @@ class Connection(asyncio.Protocol):
         """Take bytes off the wire, through the link's faults."""
         loop = asyncio.get_running_loop()
         now = loop.time()
-        for at, piece in self._server.link.to_device.pass_on(data, now):
+        for at, piece in self._to_device.pass_on(data, now):
             self._at(at, now, self.take, piece)
 
     def send(self, data: bytes) -> None:
         """Send one answer, through the link's faults."""
         now = asyncio.get_running_loop().time()
-        for at, piece in self._server.link.to_host.pass_on(data, now):
+        for at, piece in self._to_host.pass_on(data, now):
             self._at(at, now, self.put, piece)
+
+    def tend(self, now: Second) -> None:
+        """Let come what the link's faults held or made up."""
+        for at, piece in self._to_host.due(now):
+            self._at(at, now, self.put, piece)
+        for at, piece in self._to_device.due(now):
+            self._at(at, now, self.take, piece)
 
     def take(self, data: bytes) -> None:
         """Take bytes that have arrived."""
@@ -165,10 +174,6 @@ class TcpUnits:
             elif self._server is None:
                 with contextlib.suppress(OSError):  # a host still holds the port: next time
                     await self._listen()
-            for at, piece in self.link.to_host.due(now):
-                for connection in tuple(self.connections):
-                    loop.call_at(at, connection.put, piece)
-            for at, piece in self.link.to_device.due(now):
-                for connection in tuple(self.connections):
-                    loop.call_at(at, connection.take, piece)
+            for connection in tuple(self.connections):
+                connection.tend(now)
             await asyncio.sleep(TEND)

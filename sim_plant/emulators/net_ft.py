@@ -24,6 +24,7 @@ STOP, REAL_TIME, BUFFERED, MULTI_UNIT, RESET_LATCH, BIAS = 0x00, 0x02, 0x03, 0x0
 INTERNAL_RATE = 7000.0  # Hz, of ft_sequence
 MOST_LATE = 64  # records sent at once after the process was held up; more are lost
 I32 = 0x7FFFFFFF
+TEND = 0.005  # s between two looks at what the link's faults hold
 
 FAULTS = {
     "saturated": "every axis reads its rating and the status says so",
@@ -73,6 +74,8 @@ class NetFt(asyncio.DatagramProtocol):
         self._left: Count | None = None  # records still to send; None: endless
         self._per_packet: Count = 1
         self._sequence: Count = 0
+        self._ticks: Count = 0  # of the sensor
+        self._sender = ("", 0)  # whose datagram came last
         self._begin: Second = 0.0
         self._origin: Second | None = None
         self._sent: Count = 0
@@ -110,6 +113,7 @@ class NetFt(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
         """Take a datagram off the wire, through the link's faults."""
         loop = asyncio.get_running_loop()
+        self._sender = addr
         for at, piece in self.link.to_device.pass_on(data, loop.time()):
             loop.call_at(at, self.take, piece, addr)
 
@@ -159,8 +163,6 @@ class NetFt(asyncio.DatagramProtocol):
         counts, status = self.sense()
         ticks = self._ticks & 0xFFFFFFFF
         return struct.pack(">III6i", self._sequence, ticks, status, *counts)
-
-    _ticks: Count = 0  # of the sensor
 
     def _counted(self, wrench: Wrench) -> tuple[list[int], int]:
         calibration = self.settings.calibration
@@ -220,4 +222,6 @@ class NetFt(asyncio.DatagramProtocol):
             for at, piece in self.link.to_host.due(loop.time()):
                 if client is not None:
                     loop.call_at(at, self._put, piece, client)
-            await asyncio.sleep(0.005)
+            for at, piece in self.link.to_device.due(loop.time()):
+                loop.call_at(at, self.take, piece, self._sender)
+            await asyncio.sleep(TEND)

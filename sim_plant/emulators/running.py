@@ -47,6 +47,6 @@ async def running(emulators: Mapping[str, Emulator]) -> AsyncIterator[dict[str, 
     """Start all, give the address of each by name, and close all in the end, whatever happens."""
     async with AsyncExitStack() as stack:
         for emulator in emulators.values():
+            stack.push_async_callback(emulator.close)  # also of one that starts by half
             await emulator.start()
-            stack.push_async_callback(emulator.close)
         yield {name: emulator.address for name, emulator in emulators.items()}

@@ -259,3 +259,35 @@ def test_a_host_on_the_line(stage: Stage) -> None:
         assert bench.written["velocity"] == pytest.approx(1.5 * TURN)
         device.faults.switch("over_temperature")
         assert until(lambda: bench.written["enabled"] == 0.0)  # the drive does not wait to be asked
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [("following_error", 29472), ("limit_low", 29475), ("limit_high", 29476)],
+)
+def test_the_manuals_errors(fault: str, code: int) -> None:
+    bench = Bench()
+    bench.enable()
+    bench.device.faults.switch(fault)
+    assert bench.say("o550.1") == f"{code}\r"
+    assert bench.written["enabled"] == 0.0
+
+
+def test_a_drive_that_does_not_stop() -> None:
+    bench = Bench()
+    bench.enable()
+    bench.device.faults.switch("does_not_stop")
+    bench.say("o1901.1=2")
+    bench.say("o1100.3=3")
+    bench.say("o1100.3=0")
+    assert bench.written == {"velocity": pytest.approx(2 * TURN), "torque": 0.0, "enabled": 1.0}
+
+
+def test_a_late_answer(stage: Stage) -> None:
+    bench = Bench(stage.folder, late_by=0.15)
+    device = stage.show(bench.device)
+    device.faults.switch("late_answers")
+    with serial.Serial(device.address, 115_200, timeout=0.05) as port:
+        port.write(b"o550.1\r")
+        assert port.read(2) == b""
+        assert until(lambda: port.in_waiting == 2)

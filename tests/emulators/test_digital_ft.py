@@ -140,3 +140,19 @@ def test_registers_by_an_independent_client(stage: Stage) -> None:
         assert port.read(3) == bytes.fromhex("0A 6A 01")
     with ModbusSerialClient(made.address, baudrate=1_250_000, timeout=3.0, retries=0) as client:
         assert not client.write_registers(0, [600], device_id=10).isError()
+
+
+def test_a_stream_that_stops_and_one_that_does_not(stage: Stage) -> None:
+    line = stage.line("ft", baud=1_250_000, bits_per_byte=11)
+    made = stage.show(device(line=line, rate=1000.0))
+    with serial.Serial(made.address, 1_250_000, timeout=5.0) as port:
+        port.write(START)
+        assert len(port.read(130)) == 130
+        made.faults.switch("deaf_to_jam")
+        port.write(bytes(14))
+        assert len(port.read(1300)) == 1300
+        made.faults.switch("stream_stops")
+        time.sleep(0.05)
+        port.reset_input_buffer()
+        time.sleep(0.05)
+        assert port.in_waiting == 0

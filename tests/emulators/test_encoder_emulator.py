@@ -201,3 +201,13 @@ def test_the_stream_on_a_line(stage: Stage) -> None:
     assert turned == pytest.approx(1.0e-6 * (times[-1] - times[0]), abs=2 * TURN / 2**19)
     stamps = [int.from_bytes(frame[16:20], "big") & 0x7FF for frame in frames]
     assert [t // 10 & 0x7FF for t in times] == pytest.approx(stamps, abs=1)
+
+
+def test_a_silent_bridge_goes_on_counting() -> None:
+    clock = iter(range(1, 100))
+    made = bridge(lambda: Angles(0.001 * next(clock), 0.0, 0.0))
+    assert status(made.latch()) == (8, 0)
+    made.faults.switch("silent")
+    assert made.latch() is None
+    made.faults.clear()
+    assert status(made.latch()) == (0, 2)

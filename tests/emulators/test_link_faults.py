@@ -98,3 +98,14 @@ def test_a_seed_repeats_itself_and_order_is_kept(story: list[tuple[str, bool, by
     assert first == told()
     times = [at for at, _ in first]
     assert times == sorted(times)
+
+
+def test_branches_share_faults_and_keep_their_own_pieces() -> None:
+    link = struck("freeze")
+    one, other = link.to_host.branch(), link.to_host.branch()
+    one.pass_on(b"one", 0.0)
+    other.pass_on(b"other", 0.0)
+    link.clear()
+    assert one.due(1.0) == [(1.0, b"one")]
+    assert other.due(1.0) == [(1.0, b"other")]
+    assert link.counts()["host.freeze"] == 2

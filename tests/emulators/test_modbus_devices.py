@@ -265,3 +265,22 @@ def test_connections_end_with_the_watchdog_where_it_is_set_so(stage: Stage) -> N
             received += host.recv(36)
         assert until(lambda: not server.connections)
     assert unit.watchdog.status is Status.EXHAUSTED
+
+
+def test_stuck_outputs_are_read_back_as_if_they_had_moved() -> None:
+    written: dict[str, float] = {}
+    unit = module(written)
+    wire(unit, "06 0000 1000", 0.0)
+    before = dict(written)
+    unit.faults.switch("outputs_stuck")
+    wire(unit, "06 0000 7FFF", 0.0)
+    assert written == before
+    assert wire(unit, "03 0200 0001", 0.0) == bytes.fromhex("03 02 7FFF")
+
+
+def test_a_drifting_amplifier() -> None:
+    unit = StrainAmplifier(lambda: (0.0,), AmplifierSettings(rating=100.0))
+    unit.faults.switch("drift")
+    unit.advance(1.0)
+    unit.advance(3.0)
+    assert value(unit, Table.HOLDING, 0x100) == pytest.approx(2.0)

@@ -233,3 +233,14 @@ def test_the_client_pynetft(box: NetFt, load: Load) -> None:
         assert first.force_unit.value == "N"
         load.wrench = Wrench(fx=1.0)
         assert until(lambda: list(next(samples).force) == pytest.approx([1.0, 0.0, 0.0]))
+
+
+def test_a_foreign_client_and_a_bias_that_is_not_taken(host: socket.socket, box: NetFt) -> None:
+    box.faults.switch("ignores_bias")
+    ask(host, 0x42)
+    ask(host, 2, 1)
+    assert list(take(host)[3:]) == COUNTS
+    ask(host, 2)
+    take(host)
+    box.faults.switch("foreign_client")
+    assert quiet(host)

@@ -6,11 +6,11 @@ Source: Parker manuals 192-1201xx, "Control via RS232 / RS485 / USB".
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import re
 from collections.abc import Callable
 
 from sim_plant.emulators import compax3_records as records
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.compax3_drive import Drive, DriveInput, RefusedError
 from sim_plant.emulators.compax3_objects import OBJECTS, Compax3Settings, Number
 from sim_plant.emulators.compax3_records import Receiver, Record
@@ -43,7 +43,7 @@ class Compax3:
         self.drive = Drive(self.settings, read, write)
         self.faults = self.drive.faults
         self.receiver = Receiver()
-        self._tending: asyncio.Task[None] | None = None
+        self._tending = Background()
         line.attach(self._receive)
 
     @property
@@ -59,15 +59,11 @@ class Compax3:
     async def start(self) -> None:
         """Offer the line and follow the plant."""
         await self.line.start()
-        self._tending = asyncio.create_task(self._tend())
+        self._tending.start(self._tend())
 
     async def close(self) -> None:
         """Take the line away."""
-        if self._tending is not None:
-            self._tending.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._tending
-            self._tending = None
+        await self._tending.stop()
         await self.line.close()
 
     def answer(self, message: Record | str, now: Second) -> bytes | None:

@@ -8,11 +8,11 @@ parameters: the answer to the start, and that a full-scale gage sets the status 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.ft_calibration import Calibration, Gages, Wrench, block
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_pdu import RefusalError, Refused, Table, exception
@@ -128,7 +128,7 @@ class DigitalFt:
         self._receiver = RtuReceiver(RtuSettings(lengths={**LENGTHS, **own}))
         self._jam: Count = 0
         self._begin: Second = 0.0
-        self._task: asyncio.Task[None] | None = None
+        self._task = Background()
         line.attach(self._receive)
 
     @property
@@ -144,15 +144,11 @@ class DigitalFt:
     async def start(self) -> None:
         """Offer the line."""
         await self.line.start()
-        self._task = asyncio.create_task(self._tick())
+        self._task.start(self._tick())
 
     async def close(self) -> None:
         """Take the line away."""
-        if self._task is not None:
-            self._task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._task
-            self._task = None
+        await self._task.stop()
         await self.line.close()
 
     def samples(self, count: Count) -> bytes:

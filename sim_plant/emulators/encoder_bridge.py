@@ -6,11 +6,11 @@ Source: docs/encoder_bridge.md (26 bytes, big-endian, CRC-16 polynomial 1021, st
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.encoder_words import Encoder
 from sim_plant.emulators.link_faults import LinkFaults
@@ -80,7 +80,7 @@ class EncoderBridge:
         self._flags = FIRST
         self._origin: Second | None = None
         self._last: Second = float("-inf")
-        self._ticking: asyncio.Task[None] | None = None
+        self._ticking = Background()
 
     @property
     def address(self) -> str:
@@ -96,15 +96,11 @@ class EncoderBridge:
         """Offer the line and begin to send."""
         await self.line.start()
         if self.settings.rate > 0.0:
-            self._ticking = asyncio.create_task(self._tick())
+            self._ticking.start(self._tick())
 
     async def close(self) -> None:
         """Take the line away."""
-        if self._ticking is not None:
-            self._ticking.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._ticking
-            self._ticking = None
+        await self._ticking.stop()
         await self.line.close()
 
     def pulse(self) -> None:

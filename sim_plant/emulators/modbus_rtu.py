@@ -6,10 +6,10 @@ Modbus over serial line V1.02: address, PDU, CRC-16 (low byte first), silence be
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.serial_line import SerialLine
@@ -113,7 +113,7 @@ class RtuLine:
         self.line = line
         self.units = dict(units)
         self.receiver = RtuReceiver(settings or RtuSettings())
-        self._tending: asyncio.Task[None] | None = None
+        self._tending = Background()
         line.attach(self._receive)
 
     @property
@@ -129,15 +129,11 @@ class RtuLine:
     async def start(self) -> None:
         """Offer the line and let the units' timers run."""
         await self.line.start()
-        self._tending = asyncio.create_task(self._tend())
+        self._tending.start(self._tend())
 
     async def close(self) -> None:
         """Take the line away."""
-        if self._tending is not None:
-            self._tending.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._tending
-            self._tending = None
+        await self._tending.stop()
         await self.line.close()
 
     def _receive(self, data: bytes, now: Second) -> None:

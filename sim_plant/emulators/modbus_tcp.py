@@ -11,6 +11,7 @@ import struct
 from collections.abc import Callable, Mapping
 
 from sim_plant.emulators import modbus_pdu
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_pdu import Refused
 from sim_plant.emulators.modbus_unit import Answer, ModbusUnit
@@ -117,7 +118,7 @@ class TcpUnits:
         self.host = host
         self.port = port
         self._server: asyncio.Server | None = None
-        self._tending: asyncio.Task[None] | None = None
+        self._tending = Background()
 
     @property
     def address(self) -> str:
@@ -127,15 +128,11 @@ class TcpUnits:
     async def start(self) -> None:
         """Listen; raises OSError if the port is taken."""
         await self._listen()
-        self._tending = asyncio.create_task(self._tend())
+        self._tending.start(self._tend())
 
     async def close(self) -> None:
         """End all connections and listen no longer."""
-        if self._tending is not None:
-            self._tending.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._tending
-            self._tending = None
+        await self._tending.stop()
         self._deafen()
 
     def serve(self, unit: int, pdu: bytes) -> Answer | None:

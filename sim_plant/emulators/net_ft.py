@@ -7,12 +7,12 @@ status code of a saturated gage is not confirmed: a parameter.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.ft_calibration import Calibration, Wrench
 from sim_plant.emulators.link_faults import LinkFaults
@@ -80,7 +80,8 @@ class NetFt(asyncio.DatagramProtocol):
         self._origin: Second | None = None
         self._sent: Count = 0
         self._transport: asyncio.DatagramTransport | None = None
-        self._tasks: list[asyncio.Task[None]] = []
+        self._streaming = Background()
+        self._tending = Background()
         self.page = ConfigurationPage(self)
         self.tcp = TcpService(self)
 
@@ -96,15 +97,13 @@ class NetFt(asyncio.DatagramProtocol):
         self.address = "{}:{}".format(*transport.get_extra_info("sockname")[:2])
         await self.tcp.start(settings.host, settings.tcp_port)
         await self.page.start(settings.host, settings.http_port)
-        self._tasks = [asyncio.create_task(self._stream()), asyncio.create_task(self._tend())]
+        self._streaming.start(self._stream())
+        self._tending.start(self._tend())
 
     async def close(self) -> None:
         """Close all ports."""
-        for task in self._tasks:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
-        self._tasks = []
+        await self._streaming.stop()
+        await self._tending.stop()
         if self._transport is not None:
             self._transport.close()
         self.tcp.close()
@@ -155,10 +154,10 @@ class NetFt(asyncio.DatagramProtocol):
             for count, bias in zip(self._counts, self._bias, strict=True)
         ], status
 
-    def record(self, now: Second) -> bytes:
-        """Give the next 36-byte record."""
+    def record(self, at: Second) -> bytes:
+        """Give the next 36-byte record, due at a time of the loop."""
         if not self.faults.on("stuck_sensor"):
-            self._ticks = int((now - (self._origin or now)) * INTERNAL_RATE)
+            self._ticks = int((at - (self._origin or at)) * INTERNAL_RATE)
         self._sequence = self._sequence + 1 & 0xFFFFFFFF
         counts, status = self.sense()
         ticks = self._ticks & 0xFFFFFFFF
@@ -178,21 +177,22 @@ class NetFt(asyncio.DatagramProtocol):
 
     async def _stream(self) -> None:
         loop = asyncio.get_running_loop()
-        period = self.settings.rate and 1.0 / self.settings.rate
+        period = max(1.0 / self.settings.rate, 0.0005)
         while True:
-            await asyncio.sleep(max(period, 0.0005))
+            await asyncio.sleep(period)
             if self._client is None:
                 continue
-            now = loop.time()
-            due = int((now - self._begin) * self.settings.rate) - self._sent
+            due = int((loop.time() - self._begin) * self.settings.rate) - self._sent
             packets = due // self._per_packet
-            self._sent += packets * self._per_packet
+            self._sent += max(packets - MOST_LATE, 0) * self._per_packet
             for _ in range(min(packets, MOST_LATE)):
-                self._send_packet(now)
+                self._send_packet()
 
-    def _send_packet(self, now: Second) -> None:
+    def _send_packet(self) -> None:
         size = self._per_packet if self._left is None else min(self._per_packet, self._left)
-        data = b"".join(self.record(now) for _ in range(size))
+        times = [self._begin + (self._sent + k) / self.settings.rate for k in range(size)]
+        data = b"".join(self.record(at) for at in times)
+        self._sent += self._per_packet
         client = self._client
         if self._left is not None:
             self._left -= size

@@ -100,6 +100,9 @@ class PowerAnalyser(ModbusUnit):
         for address in range(CONTROL[0], CONTROL[0] + CONTROL[1]):
             self.put(Table.HOLDING, address, 0)
             self.writable.add((Table.HOLDING, address))
+        for first, size in (*BLOCKS.values(), ITEMS):
+            for place in range(size):
+                self.put_float(Table.INPUT, first + 2 * place, NO_DATA)
         self._publish(Terminals(0.0), 0.0, count=0)
 
     def accept(self, table: Table, address: int, value: int) -> None:
@@ -133,15 +136,11 @@ class PowerAnalyser(ModbusUnit):
     def _publish(self, values: Terminals, now: Second, *, count: Count) -> None:
         settings = self.settings
         blocks = {block: self._struck(quantities(getattr(values, block))) for block in BLOCKS}
-        for block, (first, size) in BLOCKS.items():
-            for place in range(size):
-                known = place < len(settings.order)
-                value = blocks[block][settings.order[place]] if known else NO_DATA
-                self.put_float(Table.INPUT, first + 2 * place, value)
-        for place in range(ITEMS[1]):
-            known = place < len(settings.items)
-            value = blocks[settings.items[place][0]][settings.items[place][1]] if known else NO_DATA
-            self.put_float(Table.INPUT, ITEMS[0] + 2 * place, value)
+        for block, (first, _) in BLOCKS.items():
+            for place, quantity in enumerate(settings.order):
+                self.put_float(Table.INPUT, first + 2 * place, blocks[block][quantity])
+        for place, (block, quantity) in enumerate(settings.items):
+            self.put_float(Table.INPUT, ITEMS[0] + 2 * place, blocks[block][quantity])
         self.updates += count
         if not self.faults.on("counter_stuck"):
             self.put(Table.INPUT, settings.counter_register, self.updates & 0xFFFF)

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from sim_plant.emulators.background import Background
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.units import Count, Second
 
@@ -88,7 +89,7 @@ class SerialLine:
         self.lost: Count = 0  # bytes the host did not fetch in time
         self._receive: Callable[[bytes, Second], None] = lambda data, now: None
         self._fds: tuple[int, int] | None = None
-        self._tending: asyncio.Task[None] | None = None
+        self._tending = Background()
         self._down = Pacer(settings.byte_time, 0, self._deliver)
         self._up = Pacer(settings.byte_time, settings.chunk, self._write)
 
@@ -109,15 +110,11 @@ class SerialLine:
     async def start(self) -> None:
         """Offer the line. Raises FileExistsError if the path is taken by something else."""
         self.bring_back()
-        self._tending = asyncio.create_task(self._tend())
+        self._tending.start(self._tend())
 
     async def close(self) -> None:
         """Hang up for good and take the path away."""
-        if self._tending is not None:
-            self._tending.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._tending
-            self._tending = None
+        await self._tending.stop()
         self.hang_up()
 
     def send(self, data: bytes) -> None:

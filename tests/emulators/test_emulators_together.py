@@ -121,6 +121,30 @@ def test_one_that_cannot_start_closes_the_others(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["ft"]
 
 
+def test_an_emulator_that_fails_says_so(tmp_path: Path) -> None:
+    def broken() -> DriveInput:
+        if told is None:
+            return DriveInput()
+        raise ZeroDivisionError
+
+    told: list[object] | None = None
+
+    async def show() -> None:
+        nonlocal told
+        drive = Compax3(line(tmp_path / "drive"), broken, lambda channel, value: None)
+        async with running({"drive": drive}):
+            told = []
+            asyncio.get_running_loop().set_exception_handler(
+                lambda loop, context: told.append(context["exception"])  # type: ignore[union-attr]
+            )
+            await asyncio.sleep(0.05)
+
+    loop = event_loop()
+    loop.run_until_complete(show())
+    loop.close()
+    assert [type(failure) for failure in told or []] == [ZeroDivisionError]
+
+
 @pytest.mark.parametrize("device", LISTS)
 def test_every_fault_is_named_and_told(device: str) -> None:
     for name, told in LISTS[device].items():

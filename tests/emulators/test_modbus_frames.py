@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import struct
+import time
 
 import pytest
+import serial
+from emulator_stage import Stage
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sim_plant.emulators.modbus_pdu import Table, answer
-from sim_plant.emulators.modbus_rtu import RtuReceiver, RtuSettings, crc16, framed
+from sim_plant.emulators.modbus_rtu import RtuLine, RtuReceiver, RtuSettings, crc16, framed
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -172,3 +175,16 @@ def test_late_answers_are_late() -> None:
     reply = made.serve(b"\x03\0\0\0\x01", 0.0)
     assert reply is not None
     assert reply.delay == pytest.approx(0.31)
+
+
+def test_garbage_and_half_frames_on_the_line(stage: Stage) -> None:
+    """The maker's request is answered byte by byte, whatever came before it and a silence."""
+    amplifier = StrainAmplifier(lambda: (12.5,), AmplifierSettings(rating=2000.0))
+    line = stage.show(RtuLine(stage.line(chunk=3), {1: amplifier}))
+    with serial.Serial(line.address, 115_200, timeout=3.0) as port:
+        for before in (b"", FLOAT_REQUEST[:5], bytes(range(60)), INT32_REQUEST[:-1] + b"\0"):
+            port.write(before)
+            time.sleep(0.1)
+            port.reset_input_buffer()
+            port.write(FLOAT_REQUEST)
+            assert port.read(9) == bytes.fromhex("01 03 04 41 48 00 00 6E 19")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import socket
 import subprocess
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -14,6 +16,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
 
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
+from sim_plant.emulators.link_faults import Severity
 from sim_plant.emulators.modbus_rtu import RtuLine
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.power_analyser import (
@@ -97,6 +100,7 @@ def test_items_of_the_analyser(client: ModbusTcpClient, tcp: TcpUnits) -> None:
     element = floats(client, client.read_input_registers(100, count=94, device_id=1).registers)
     assert element[:4] == [310.0, 2.5, -640.0, 775.0]
     assert element[5] == pytest.approx(-640.0 / 775.0)
+    assert math.isnan(element[46])  # not a quantity of this analyser
     assert floats(client, client.read_input_registers(404, count=2, device_id=1).registers) == [
         -700.0
     ]
@@ -185,17 +189,31 @@ def test_a_cut_connection_comes_back_on_the_same_port(
 ) -> None:
     tcp.link.switch("disconnect")
     assert until(lambda: not tcp.connections)
-    with pytest.raises(ModbusException):
+    with pytest.raises((ModbusException, OSError)):
         client.read_input_registers(0, count=1, device_id=1)
     tcp.link.clear()
 
     def back() -> bool:
         try:
             return not client.read_input_registers(0, count=1, device_id=1).isError()
-        except ModbusException:
+        except (ModbusException, OSError):
             return False
 
     assert until(back)
+
+
+def test_frozen_and_delayed_answers(client: ModbusTcpClient, tcp: TcpUnits) -> None:
+    tcp.link.switch("freeze", toward="host")
+    client.comm_params.timeout_connect = 0.1
+    with pytest.raises(ModbusException):
+        client.read_input_registers(0, count=1, device_id=1)
+    tcp.link.clear()
+    tcp.link.set_severity(Severity(delay=0.2), toward="device")
+    tcp.link.switch("delay", toward="device")
+    client.comm_params.timeout_connect = 3.0
+    start = time.monotonic()
+    assert not client.read_input_registers(0, count=1, device_id=1).isError()
+    assert time.monotonic() - start >= 0.2
 
 
 def test_nonsense_ends_a_connection_and_no_other(client: ModbusTcpClient, tcp: TcpUnits) -> None:

@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 from emulator_stage import Stage, until
@@ -94,8 +95,12 @@ def test_an_endless_stream_until_stop(host: socket.socket) -> None:
 
 def test_a_buffered_stream(host: socket.socket) -> None:
     ask(host, 3, 50)
-    sizes = [len(host.recv(4096)), len(host.recv(4096))]
-    assert sizes == [40 * 36, 10 * 36]
+    packets = [host.recv(4096), host.recv(4096)]
+    assert [len(packet) for packet in packets] == [40 * 36, 10 * 36]
+    records = list(struct.iter_unpack(">III6i", b"".join(packets)))
+    assert [record[0] for record in records] == list(range(1, 51))
+    for before, after in pairwise(records):  # 7 kHz of the sensor over 500 Hz
+        assert after[1] - before[1] in (13, 14, 15)
 
 
 def test_the_last_who_asks_has_the_stream(host: socket.socket, box: NetFt) -> None:

@@ -135,7 +135,7 @@ def test_an_emulator_that_fails_says_so(tmp_path: Path) -> None:
         async with running({"drive": drive}):
             told = []
             asyncio.get_running_loop().set_exception_handler(
-                lambda loop, context: told.append(context["exception"])  # type: ignore[union-attr]
+                lambda loop, context: told.append(context["exception"])
             )
             await asyncio.sleep(0.05)
 

@@ -90,13 +90,13 @@ def test_items_of_the_analyser(client: ModbusTcpClient, tcp: TcpUnits) -> None:
         return floats(client, client.read_input_registers(2000, count=6, device_id=1).registers)
 
     assert until(lambda: read() == [-700.0, -640.0, 310.0])
-    counters = {client.read_input_registers(1, count=1, device_id=1).registers[0]}
-    assert until(
-        lambda: (
-            counters.add(client.read_input_registers(1, count=1, device_id=1).registers[0])
-            or len(counters) > 2
-        )
-    )
+    counters = set()
+
+    def counted() -> bool:
+        counters.update(client.read_input_registers(1, count=1, device_id=1).registers)
+        return len(counters) > 2
+
+    assert until(counted)
     element = floats(client, client.read_input_registers(100, count=94, device_id=1).registers)
     assert element[:4] == [310.0, 2.5, -640.0, 775.0]
     assert element[5] == pytest.approx(-640.0 / 775.0)

@@ -17,7 +17,7 @@ from drivers.errors import CodecError
 LEAP = 0.5  # s between the clocks that no delay explains: the bridge's clock was set anew
 _NEVER = -1e9  # s, before any clock began
 _MICRO = 1e-6
-_REPLAY_US = 100_000  # a frame this little before the last one is an old one, no new clock
+_AGAIN_US = 100_000  # a frame this little before the last one is an old one, no new clock
 
 
 class Quality(IntEnum):
@@ -150,7 +150,7 @@ class BridgeReader:
             if channel.direction not in (1.0, -1.0):
                 raise CodecError(settings.name, "direction", "1 or -1", channel.direction)
         self.restarts = 0  # times that the bridge's clock began anew
-        self.replayed = 0  # frames that the line brought a second time; not used
+        self.repeated = 0  # frames that the line brought a second time; not used
         self._settings = settings
         self._stream = bridge.start()
         self._offset = clock_offset.start()
@@ -209,8 +209,8 @@ class BridgeReader:
             self.restarts += 1 if known else 0
             self._begin_clock(frame.time_us, now)
         elif known and frame.time_us + self._epoch < self._time:
-            if frame.time_us + self._epoch > self._time - _REPLAY_US:
-                self.replayed += 1
+            if frame.time_us + self._epoch > self._time - _AGAIN_US:
+                self.repeated += 1
                 return
             self.restarts += 1
             self._begin_clock(frame.time_us, now)

@@ -5,7 +5,8 @@
 
 Down from anywhere: an error, a set-point that is no number or is not renewed in time, a refusal,
 a status that is too old, a line that opened anew. Up only by a new request, and out of an error
-only with an acknowledgement before that request: the drive takes the edge that powers it as both.
+only with an acknowledgement before that request: the edge that powers the axis acknowledges, and
+where it does only that, a second one follows on the same request.
 A drive that hears nothing keeps its last set-point as far as is known: what must stop it when the
 cable breaks is the drive's own program or the hard-wired chain, not this.
 """
@@ -19,7 +20,7 @@ from drivers.compax3.servo_words import NOT_READ, Phase, Reading, Settings
 from drivers.errors import CodecError
 
 _NEVER = -1e9  # s, before any clock began
-_OFF, _ENABLED = float(objects.POWER_OFF), float(objects.ENABLED)
+_OFF = float(objects.POWER_OFF)
 
 
 class Servo:
@@ -34,7 +35,7 @@ class Servo:
         self._question = objects.ask(self._cyclic, self._address)
         self._error_question = objects.ask((settings.error,), self._address)
         self._power_off = objects.set_point(settings.control, _OFF, self._address)
-        self._power_on = objects.set_point(settings.control, _ENABLED, self._address)
+        self._power_on = objects.set_point(settings.control, float(settings.enabled), self._address)
         self._zero = objects.set_point(settings.set_point, 0.0, self._address)
         who = settings.name
         self.requests = Requests(who, self._address, settings.identity, settings.timing)
@@ -220,5 +221,8 @@ class Servo:
                 self._drop("taken down by the drive's error")
         elif status.powerless == 0:
             self._phase = Phase.ON
+        elif self._clearing:  # this drive's edge acknowledged and did not power: a second one
+            self._clearing = False
+            self._owed = [self._power_off, self._zero, self._power_on]
         elif self._phase is Phase.ON:
             self._drop("the drive took its power off")

@@ -25,6 +25,8 @@ class Settings(NamedTuple):
     address: int  # 0 to 99, or codec.NO_ADDRESS
     identity: str  # what its name must begin with
     control: Channel  # control word 1
+    enabled: int  # control word that powers the axis and lets it move: what the stop bits mean
+    #               differs between sources (objects.ENABLED: clearing one stops)
     status: Channel  # status word 1
     error: Channel  # last error
     set_point: Channel  # velocity (rad/s) or torque (N m)

@@ -27,6 +27,7 @@ SET_POINT = Channel(Object(1901, 1), Form.F32, 1.0)
 SERVO = servo_words.Settings(
     "servo", NO_ADDRESS, "Compax3",
     Channel(objects.CONTROL_WORD, Form.U16, 1.0),
+    objects.ENABLED,
     Channel(objects.STATUS_WORD, Form.U16, 1.0),
     Channel(objects.LAST_ERROR, Form.U16, 1.0),
     SET_POINT,

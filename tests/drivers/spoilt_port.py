@@ -28,8 +28,7 @@ class SpoiltPort:
 
     def step(self) -> None:
         self.time += STEP
-        if self.is_open:
-            self._carry(self.peer.tick(self.time))
+        self._carry(self.peer.tick(self.time))
 
     def hang_up(self) -> None:
         self.is_open = False

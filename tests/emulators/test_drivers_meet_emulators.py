@@ -31,6 +31,7 @@ from drivers.force_torque.net_reader import NetReader
 from drivers.force_torque.wrench import scale
 from drivers.serial_link import SerialLink
 from drivers.serial_link import Settings as Port
+from drivers.tcp_question import ask
 from drivers.udp_link import Settings as Peer
 from drivers.udp_link import UdpLink
 from sim_plant.emulators.compax3 import Compax3
@@ -349,6 +350,12 @@ def test_the_net_load_cell_tells_the_load(net: tuple[NetFt, Table]) -> None:
     table.until(lambda now: near(reader.read(now).wrench, Wrench(), 1e-5))
     assert (reader.missing, reader.repeated, reader.bad_datagrams) == (0, 0, 0)
     table.link.close()
+
+
+def test_the_net_load_cells_scale_is_the_boxs_own_word(net: tuple[NetFt, Table]) -> None:
+    host, port = net[0].tcp.address.split(":")
+    said = ask("load cell", host, int(port), net_ft.READ_CALIBRATION, 24, 5.0)
+    assert net_ft.decode_calibration(said) == scale(1e6, 1e6, "N", "N-m")
 
 
 @pytest.mark.parametrize("fault", ["silent", "short_records", "foreign_client"])

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from rig.analysis import traces
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import row_table
-from rig.analysis.summary import row_list
+from rig.analysis.summary import as_text, row_list
 from rig.analysis.traces import decimate, write_traces
 from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
 from rig.limits import Limited
@@ -111,6 +111,21 @@ def test_a_crashed_run_gets_its_products(tmp_path: Path) -> None:
         "No timing certificate",
     ):
         assert part in text
+
+
+def test_a_stop_is_told_with_its_time_row_and_phase(tmp_path: Path) -> None:
+    data = synthetic.run_rows(ROWS, SHAPE)
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    at = np.flatnonzero((data["plan.row"] == 2) & (data["plan.phase"] == Phase.SETTLE))[10]
+    when = f"stopped {at * SHAPE.dt:.3f} s after its start, row 2 (settle)"
+    data["safety.reason"][at:] = Reason.SPRING_STROKE
+    run = synthetic.write_run(tmp_path / "a", data, plan, status="fault", reason="SPRING_STROKE")
+    summary = summary_of(run)
+    assert summary.stopped == when
+    assert f"rows complete; {when}." in as_text(summary)
+    data["safety.reason"][40:] = Reason.OPERATOR_STOP
+    run = synthetic.write_run(tmp_path / "b", data, plan, status="stopped", reason="OPERATOR_STOP")
+    assert summary_of(run).stopped.endswith("before the first row (lead-in)")
 
 
 def test_a_run_that_measured_nothing(tmp_path: Path) -> None:

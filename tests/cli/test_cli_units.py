@@ -17,6 +17,7 @@ from rig.campaign_run import Ended
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
+from rig.config.problems import Problem
 from rig.limits import Limited
 from rig.runs import RunError
 from rig.safety import Mode
@@ -166,3 +167,13 @@ def test_json_of_a_run_has_names_for_its_codes(
         "heave.warned": [],
     }
     assert said["optima"] == []
+
+
+def test_warnings_come_before_a_run_and_not_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+    told = tuple(Problem("a.yaml", line, "", None, "a stop is near") for line in range(1, 8))
+    run_command._warn(told, Path("a.yaml"))
+    *lines, last = capsys.readouterr().err.splitlines()
+    assert lines == [f"warning: a.yaml:{line}: a stop is near" for line in range(1, 6)]
+    assert last == "and 2 more warnings; rig check a.yaml says all"
+    run_command._warn((), Path("a.yaml"))
+    assert capsys.readouterr().err == ""

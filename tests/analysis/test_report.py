@@ -17,6 +17,7 @@ from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text, row_list
 from rig.analysis.traces import decimate, write_traces
 from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
+from rig.calibration.sources import PRODUCTS
 from rig.limits import Limited
 from rig.runs import RunError
 from rig.safety import Reason
@@ -51,6 +52,10 @@ def test_all_products_are_there(products: dict[str, Path]) -> None:
         "summary.png",
     }
     assert all(path.stat().st_size > 500 for path in products.values())
+
+
+def test_a_changed_calibration_makes_every_product_stale(products: dict[str, Path]) -> None:
+    assert {*products, "bars.png"} == set(PRODUCTS)
 
 
 def test_the_page_is_one_a4_page(products: dict[str, Path]) -> None:

@@ -11,10 +11,10 @@ from rich.text import Text
 
 from rig.campaign import Report
 from rig.campaign.check import duration_text
+from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
 from rig.predict import Prediction, RowPrediction, Travel, tightest
 
-WIDTH = 100  # where there is no terminal
 FEW = 8  # rows shown unless all are asked for
 MOST_SPRINGS = 12
 MOST_TOLD = 10
@@ -42,10 +42,7 @@ class View:
     """Draws a report with a prediction on the terminal, or as plain text into a pipe."""
 
     def __init__(self, *, every_row: bool, console: Console | None = None) -> None:
-        found = console or Console(highlight=False)
-        if console is None and not found.is_terminal:
-            found = Console(highlight=False, width=WIDTH)
-        self._out = found
+        self._out = console or table_console()
         self._every_row = every_row
 
     def show(self, report: Report) -> None:

@@ -3,11 +3,11 @@
 import json
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from rig import cli
+from rig.cli.console import table_console
 from rig.cli.failure import fail
 from rig.runs import list_runs
 
@@ -45,5 +45,5 @@ def main(runs: Path, *, as_json: bool) -> int:
             Text(run.problem or run.reason),
             f"{run.size / 1e6:.1f} MB",
         )
-    Console().print(table, crop=False)
+    table_console().print(table, crop=False)
     return cli.OK

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from between_points import interpolator
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rig.analysis.mesh import interpolator, spans_surface, triangulation
+from rig.analysis.mesh import spans_surface, triangulation
 from rig.analysis.points import Point
 from rig.analysis.rows import POWERS
 from rig.analysis.surfaces import draw, write_surfaces

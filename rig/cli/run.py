@@ -15,7 +15,6 @@ from rig.cli.progress import Progress
 from rig.config.problems import Problem
 from rig.limits import Limited, Warned
 from rig.runs import RunError, create
-from rig.runs.folder import STATUS
 from rig.safety import Mode, Reason
 from rig.sequence import Phase
 
@@ -109,8 +108,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, A
         products = write_products(ended.folder)
         summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
         optima = summary["optima"]
-        status = json.loads((ended.folder / STATUS).read_text())
-        create.write_json(ended.folder, STATUS, status | {"rows_done": summary["rows_done"]})
+        create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
         return products, optima, str(error) if products else f"no products: {error}"
     except KeyboardInterrupt:

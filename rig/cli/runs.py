@@ -17,6 +17,8 @@ _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
 def main(runs: Path, *, as_json: bool) -> int:
     """Print the runs, newest first."""
     try:
+        if runs.exists() and not runs.is_dir():
+            raise NotADirectoryError(f"{runs}: not a folder")
         listed = list_runs(runs)[::-1]
     except OSError as error:
         return fail("runs", error, as_json=as_json)

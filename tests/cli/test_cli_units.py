@@ -14,6 +14,7 @@ import pytest
 
 from rig import cli
 from rig.campaign_run import Ended
+from rig.cli.failure import in_words
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
@@ -177,3 +178,17 @@ def test_warnings_come_before_a_run_and_not_all_of_them(capsys: pytest.CaptureFi
     assert last == "and 2 more warnings; rig check a.yaml says all"
     run_command._warn((), Path("a.yaml"))
     assert capsys.readouterr().err == ""
+
+
+def test_a_file_is_no_folder_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "x"
+    file.touch()
+    assert list_command(file, as_json=False) == cli.BAD_INPUT
+    assert capsys.readouterr().err == f"rig runs: {file}: not a folder\n"
+
+
+def test_an_error_of_the_system_is_told_without_its_number() -> None:
+    told = in_words(FileNotFoundError(2, "No such file or directory", "runs/x.png"))
+    assert told == "runs/x.png: No such file or directory"
+    assert in_words(OSError("disk full; --output writes to another disk")).startswith("disk full")
+    assert in_words(KeyError("no field 'x'")) == "no field 'x'"

@@ -79,7 +79,7 @@ def _matched(told: Comparison) -> list[str]:
 def _means(told: Comparison) -> list[str]:
     pairs = told.matched.pairs
     lines = [
-        "Mean difference and best points, W (B less A; negative: B absorbs more; ± standard error)",
+        "Mean difference and best points of the matched pairs, W (B less A; ± standard error)",
         f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
     ]
     for kind in KINDS:
@@ -98,7 +98,8 @@ def _power(point: Point | None, kind: str) -> str:
 
 def _points(told: Comparison) -> list[str]:
     heads = "".join(f"{words.SHORT_NAMES[kind]:>20}" for kind in KINDS)
-    lines = [f"Differences by point, W (B - A)\n  {'':<8}{heads}   set point"]
+    title = "Differences by point, W (B - A; negative: B absorbs more)"
+    lines = [title, f"  {'':<8}{heads}   set point"]
     for pair in told.matched.pairs:
         cells = "".join(f"{gap_words(gap(pair, kind)):>20}" for kind in KINDS)
         rows = f"{pair.a.rows[0]}|{pair.b.rows[0]}"

@@ -86,12 +86,11 @@ def signed(value: float, digits: int = 0) -> str:
 
 
 def watts(value: float, error: float = float("nan")) -> str:
-    """A power with its standard error where that is known, W."""
-    digits = 1 if abs(value) < 100.0 else 0
-    text = signed(value, digits)  # a plus says that power is consumed
+    """A power, to the digits of its standard error where that is known, W; a plus is consumed."""
     if not math.isfinite(error):
-        return f"{text} W"
-    return f"{text} ± {error:.{1 if error >= 0.095 else 2}f} W"
+        return f"{signed(value, 1 if abs(value) < 100.0 else 0)} W"
+    digits = 1 if error >= 0.095 else 2
+    return f"{signed(value, digits)} ± {error:.{digits}f} W"
 
 
 def utc(text: str) -> str:

@@ -24,9 +24,10 @@ RUNS = Path("runs")
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
-_CODES = """Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig
-requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows were
-lost."""
+_CODES = """\
+Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
+requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows \
+were lost."""
 
 
 @app.command(epilog=_CODES)
@@ -58,8 +59,9 @@ def check(
     sys.exit(main(campaign, every_row=rows, as_json=json))
 
 
-_DOCTOR = """Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not
-fit, the verdict says why; 2 bad input."""
+_DOCTOR = """\
+Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not fit, the \
+verdict says why; 2 bad input."""
 
 
 @app.command(epilog=_DOCTOR)
@@ -85,9 +87,10 @@ def doctor(
     sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json))
 
 
-_RECOVER = """Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is
-finished, but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is
-still being written, the disk is full, or what was written could not be read back; 2 no such run, or
+_RECOVER = """\
+Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is finished, \
+but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is still \
+being written, the disk is full, or what was written could not be read back; 2 no such run, or \
 nothing in it is readable."""
 
 

@@ -12,9 +12,9 @@ from rig.campaign_run import Ended, rehearse
 from rig.cli.check import complain, examine
 from rig.cli.failure import fail
 from rig.cli.progress import Progress
+from rig.config.problems import Problem
 from rig.limits import Limited, Warned
 from rig.runs import RunError, create
-from rig.runs.folder import STATUS
 from rig.safety import Mode, Reason
 from rig.sequence import Phase
 
@@ -24,6 +24,7 @@ _NAMES: dict[str, type[IntEnum]] = {
     "plan.phase": Phase,
 }
 _FLAGS: dict[str, type[IntFlag]] = {"heave.command.limited": Limited, "heave.warned": Warned}
+_MOST_WARNINGS = 5
 _EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 
@@ -33,6 +34,9 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
     if report.campaign is None or report.plan is None:
         return complain(report, as_json=as_json)
     campaign, plan = report.campaign, report.plan
+    warnings = report.forecast.warnings if report.forecast is not None else ()
+    if not as_json:
+        _warn(warnings, path)
     title = f"{campaign.file.name} on {campaign.rig.name}"
     try:
         with Progress(title, "rehearsal", plan, quiet=as_json) as view:
@@ -52,6 +56,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
                     "folder": str(ended.folder),
                     "products": [str(product) for product in products],
                     "trouble": trouble,
+                    "warnings": [warning.as_dict() for warning in warnings],
                 }
             )
         )
@@ -62,6 +67,15 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
     if trouble or outcome.status == "refused":
         return cli.FAILED
     return _EXIT_CODES[outcome.status]
+
+
+def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
+    """What was predicted of the campaign, for who did not ask `rig check` before."""
+    for warning in warnings[:_MOST_WARNINGS]:
+        print(f"warning: {warning.text()}", file=sys.stderr)
+    if len(warnings) > _MOST_WARNINGS:
+        left = len(warnings) - _MOST_WARNINGS
+        print(f"and {left} more warnings; rig check {path} says all", file=sys.stderr)
 
 
 def _in_words(row: dict[str, float | int]) -> dict[str, Any]:
@@ -94,8 +108,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, A
         products = write_products(ended.folder)
         summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
         optima = summary["optima"]
-        status = json.loads((ended.folder / STATUS).read_text())
-        create.write_json(ended.folder, STATUS, status | {"rows_done": summary["rows_done"]})
+        create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
         return products, optima, str(error) if products else f"no products: {error}"
     except KeyboardInterrupt:

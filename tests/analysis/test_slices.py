@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from between_points import interpolator
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from rig.analysis import labels
 from rig.analysis.labels import BY_NAME, column
-from rig.analysis.mesh import interpolator, triangulation
+from rig.analysis.mesh import triangulation
 from rig.analysis.points import Matrix, Point, matrix, varied
 from rig.analysis.rows import POWERS
 from rig.analysis.slices import KI, KP, SPRING_RATE, cut, optima, projected, remarks

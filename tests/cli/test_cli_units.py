@@ -14,9 +14,11 @@ import pytest
 
 from rig import cli
 from rig.campaign_run import Ended
+from rig.cli.failure import in_words
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
+from rig.config.problems import Problem
 from rig.limits import Limited
 from rig.runs import RunError
 from rig.safety import Mode
@@ -166,3 +168,27 @@ def test_json_of_a_run_has_names_for_its_codes(
         "heave.warned": [],
     }
     assert said["optima"] == []
+
+
+def test_warnings_come_before_a_run_and_not_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+    told = tuple(Problem("a.yaml", line, "", None, "a stop is near") for line in range(1, 8))
+    run_command._warn(told, Path("a.yaml"))
+    *lines, last = capsys.readouterr().err.splitlines()
+    assert lines == [f"warning: a.yaml:{line}: a stop is near" for line in range(1, 6)]
+    assert last == "and 2 more warnings; rig check a.yaml says all"
+    run_command._warn((), Path("a.yaml"))
+    assert capsys.readouterr().err == ""
+
+
+def test_a_file_is_no_folder_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "x"
+    file.touch()
+    assert list_command(file, as_json=False) == cli.BAD_INPUT
+    assert capsys.readouterr().err == f"rig runs: {file}: not a folder\n"
+
+
+def test_an_error_of_the_system_is_told_without_its_number() -> None:
+    told = in_words(FileNotFoundError(2, "No such file or directory", "runs/x.png"))
+    assert told == "runs/x.png: No such file or directory"
+    assert in_words(OSError("disk full; --output writes to another disk")).startswith("disk full")
+    assert in_words(KeyError("no field 'x'")) == "no field 'x'"

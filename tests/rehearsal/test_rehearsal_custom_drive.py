@@ -14,8 +14,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import CONFIGS, run, table_of, yaml_file
+from rehearsing import CONFIGS, campaign_file, run, table_of, yaml_file
 
+from rig.analysis.comparison import compare, gap
+from rig.analysis.comparison_picture import write_comparison
+from rig.analysis.comparison_table import as_text
 from rig.analysis.effects import Effect, Effects, effects
 
 SHORT = CONFIGS / "campaigns" / "mask4_run_120_short.yaml"
@@ -117,6 +120,37 @@ def test_the_threshold_rests_the_drive(table: Any) -> None:
     acting = table.velocity_threshold.values > 0.0
     assert (gated[~acting] == 0.0).all()
     assert ((gated[acting] > 0.05) & (gated[acting] < 0.5)).all()
+
+
+def test_against_the_commercial_drive(tmp_path: Path) -> None:
+    """Same row, same sea: 6.7 W are consumed by the one, 22.1 W captured by the other."""
+    row = {"spring_n_per_m": -8508, "kp_n_s_per_m": -2500, "ki_n_per_m": 3000}
+    folders = []
+    for name in ("wavebot", "wavebot_custom"):
+        path = campaign_file(
+            tmp_path / name,
+            rig=str(CONFIGS / "rigs" / f"{name}.yaml"),
+            sea={"kind": "regular", "amplitude_m": 0.0635, "frequency_hz": 0.3},
+            tare={"duration_s": 1},
+            surge={"use": "off"},
+            **QUICK,
+            matrix={"list": [row]},
+        )
+        ended = run(path, tmp_path / "runs")
+        assert ended.outcome.status == "complete"
+        folders.append(ended.folder)
+    told = compare(*folders)
+    (pair,) = told.matched.pairs
+    assert pair.a.power["dc"] == pytest.approx(6.7, abs=0.5)
+    assert pair.b.power["dc"] == pytest.approx(-22.1, abs=0.5)
+    for kind in ("mechanical_1", "mechanical_2", "ac"):  # the drive is behind them
+        assert abs(gap(pair, kind).watts) < 0.1
+    assert (told.a.rig, told.b.rig) == ("WaveBot", "WaveBot, custom drive")
+    assert {each.group for each in told.differences} == {"drive", "plant", "rig"}
+    text = as_text(told)
+    assert "A cots" in text
+    assert "B custom" in text
+    assert write_comparison(told, tmp_path / "compared.png").stat().st_size > 10_000
 
 
 def test_without_switching_loss_the_ranking_is_another(

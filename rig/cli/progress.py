@@ -84,7 +84,7 @@ class Progress:
 
     def _panel(self, snapshot: Snapshot) -> Group:
         row = snapshot.row
-        done, whole = float(row["time"]), self._plan.duration
+        done, whole = float(row["time"]), self._whole(snapshot)
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=8)
         table.add_column()
@@ -106,7 +106,7 @@ class Progress:
             table.add_row("power", self._power_words(snapshot))
         else:
             table.add_row("probes", _probe_words(snapshot))
-        table.add_row("time", self._time_words(done))
+        table.add_row("time", self._time_words(snapshot))
         health = f"{_losses(snapshot)}, {snapshot.behind} rows not yet on disk"
         table.add_row("health", health)
         stamp = Text(f"{self._title}   ", style="bold")
@@ -158,8 +158,16 @@ class Progress:
             f"{row['power.mean_ac']:+8.2f} W AC   {row['power.mean_dc']:+8.2f} W DC"
         )
 
-    def _time_words(self, done: float) -> str:
-        whole = self._plan.duration
+    def _whole(self, snapshot: Snapshot) -> float:
+        """Seconds of the whole run: as planned, and what was waited for before the waves."""
+        planned, waves = self._plan.duration, float(snapshot.row.get("plan.wave_clock", -1.0))
+        if waves < 0.0:
+            return planned
+        calm = float(snapshot.row["time"]) - waves
+        return planned + max(0.0, calm - (planned - self._plan.wave_seconds))
+
+    def _time_words(self, snapshot: Snapshot) -> str:
+        done, whole = float(snapshot.row["time"]), self._whole(snapshot)
         speed = done / max(time.monotonic() - self._began, 1e-3)
         return (
             f"{clock_text(done)} of {clock_text(whole)} rig time, "
@@ -171,6 +179,6 @@ class Progress:
         if not self._plan.rows:
             told = f"probes {_probe_words(snapshot)}"
         return (
-            f"{self._time_words(float(snapshot.row['time']))}  {' '.join(self._at(snapshot))}  "
+            f"{self._time_words(snapshot)}  {' '.join(self._at(snapshot))}  "
             f"{told}  {_losses(snapshot)}" + (f"  {snapshot.trouble}" if snapshot.trouble else "")
         )

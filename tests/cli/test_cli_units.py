@@ -101,6 +101,11 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     said = capsys.readouterr().err
     for part in ("0:30 of 2:00", "0:45 left", "3 ticks skipped", "2 rows dropped"):
         assert part in said
+    # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator was there.
+    plan.wave_seconds = 100.0
+    now[0] += 15.0
+    view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0}))
+    assert "1:00 of 2:09" in capsys.readouterr().err
     view.notice = "stopping"
     for _ in range(3):
         view(snapshot())
@@ -129,7 +134,7 @@ def test_waves_alone_have_no_row_to_show(
     now = [1000.0]
     monkeypatch.setattr("rig.cli.progress.time.monotonic", lambda: now[0])
     phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
-    plan: Any = SimpleNamespace(duration=1320.0, rows=(), phases=phases)
+    plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
     view = Progress("title", "rehearsal", plan, quiet=False)
     view._drawn = False
     now[0] += 15.0

@@ -30,7 +30,9 @@ def as_text(told: Comparison) -> str:
     for name, side in (("A", told.a), ("B", told.b)):
         stamp = words.rung_stamp(side.rung)
         lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
-        lines.append(f"   {side.points} points measured, {side.ended}; sea {side.sea}")
+        lines.append(
+            f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}"
+        )
     for warning in told.warnings:
         lines += ["", f"!! {warning}"]
     lines += ["", "Settings that differ", *_settings(told), "", *_matched(told)]

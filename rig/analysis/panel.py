@@ -16,7 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import FigureBase
 from matplotlib.patheffects import AbstractPathEffect, withStroke
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from rig.analysis import labels, words
 from rig.analysis.mesh import Place, spans_surface, triangulation
@@ -27,6 +27,7 @@ POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for 
 _STEPS = [1, 2, 2.5, 5, 10]
 LETTERS = 17  # of a caption, an inch
 _LEAST_SPAN = 1.0  # W, of a line's axis: less is noise blown up
+_LEAST_RANGE = 0.1  # W; a surface of less is drawn flat, not blown up to the whole scale
 
 Drawn = Literal["surface", "line", "nothing"]
 
@@ -50,8 +51,9 @@ def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = Fa
     if even:
         high = max(abs(low), abs(high))
         low = -high
-    if high - low < 1e-6:
-        low, high = low - 0.5, high + 0.5
+    if high - low < _LEAST_RANGE:
+        middle = 0.5 * (low + high)
+        low, high = middle - 0.5, middle + 0.5
     return Scale(MaxNLocator(10).tick_values(low, high), colours)
 
 
@@ -225,6 +227,7 @@ def colour_bar(figure: FigureBase, beside: list[Axes], on: Scale, label: str, **
     place = {"fraction": 0.04, "pad": 0.02} | where
     bar = figure.colorbar(ScalarMappable(on.norm, on.colours), ax=beside, **place)
     bar.set_label(label, fontsize=8)
+    bar.formatter = ScalarFormatter(useOffset=False)  # -67.5, not "-6.751e1" above the bar
     bar.ax.tick_params(labelsize=7)
     bar.outline.set_visible(False)
 

@@ -86,11 +86,12 @@ def signed(value: float, digits: int = 0) -> str:
 
 
 def watts(value: float, error: float = float("nan")) -> str:
-    """A power, to the digits of its standard error where that is known, W; a plus is consumed."""
+    """A power with its standard error where that is known, W: both to the same decimals."""
     if not math.isfinite(error):
         return f"{signed(value, 1 if abs(value) < 100.0 else 0)} W"
-    digits = 1 if error >= 0.095 else 2
-    return f"{signed(value, digits)} ± {error:.{digits}f} W"
+    digits = 0 if error >= 9.5 else 1 if error >= 0.095 else 2
+    size = f"{error:.{digits}f}" if error >= 0.005 else "<0.01"
+    return f"{signed(value, digits)} ± {size} W"  # a plus says that power is consumed
 
 
 def utc(text: str) -> str:

@@ -25,7 +25,8 @@ _AFTER = (
     ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"), ("mech 1", "W"), ("mech 2", "W"),
     ("AC", "W"), ("DC", "W"),
 )  # fmt: skip
-_LEFT_OUT = ("rms", "surge", "mech 2")  # where the terminal is narrow
+_LEFT_OUT = ("surge", "rms", "mech 2", "mech 1")  # one after the other, until the rest fits
+_ENDLESS = 10_000  # columns
 _ALSO = {  # columns shown where they change from row to row
     "km": ("Km", "kg"),
     "surge_kp": ("surge Kp", "N s/m"),
@@ -107,17 +108,27 @@ class View:
         if not self._every_row and len(rows) > FEW:
             rows = sorted(rows, key=lambda one: -tightest(one.margins).used)[:FEW]
             title = f"The {FEW} of {len(forecast.rows)} rows nearest to a limit"
-        table = _table(title, "--rows shows all" if len(rows) < len(forecast.rows) else "")
+        caption = "--rows shows all" if len(rows) < len(forecast.rows) else ""
         columns = [*_BEFORE, *_changing(forecast.rows), *_AFTER]
-        if self._out.width < WIDTH:
-            columns = [(name, unit) for name, unit in columns if name not in _LEFT_OUT]
-        for name, unit in columns:
-            table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        table.add_column("most used\n", no_wrap=True)
-        for one in [*(lead_in if self._every_row else []), *rows]:
-            cells = _cells(one)
-            style = "red" if one.row.point in refused else ""
-            table.add_row(*(cells[name] for name, _ in columns), _most_used(one), style=style)
+        shown = [*(lead_in if self._every_row else []), *rows]
+
+        def drawn(left_out: Sequence[str]) -> Table:
+            table = _table(title, caption)
+            kept = [(name, unit) for name, unit in columns if name not in left_out]
+            for name, unit in kept:
+                table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
+            table.add_column("most used\n", no_wrap=True)
+            for one in shown:
+                cells = _cells(one)
+                style = "red" if one.row.point in refused else ""
+                table.add_row(*(cells[name] for name, _ in kept), _most_used(one), style=style)
+            return table
+
+        endless = self._out.options.update(width=_ENDLESS)
+        tables = (drawn(_LEFT_OUT[:count]) for count in range(len(_LEFT_OUT) + 1))
+        for table in tables:  # the first that fits, or the last
+            if self._out.measure(table, options=endless).maximum <= self._out.width:
+                break
         self._out.print()
         self._out.print(table)
         self._out.print()

@@ -257,7 +257,8 @@ def test_words() -> None:
     assert signed(-0.2) == "0"
     assert watts(-55.04, 0.26) == "−55.0 ± 0.3 W"
     assert watts(-55.04, 0.012) == "−55.04 ± 0.01 W"
-    assert watts(-55.04, 0.0) == "−55.04 ± 0.00 W"
+    assert watts(-231.2, 12.0) == "−231 ± 12 W"
+    assert watts(-55.04, 0.0) == "−55.04 ± <0.01 W"  # no error is none
     assert watts(-55.04) == "−55.0 W"
     assert utc("2026-11-21T10:41:01.456806+00:00") == "2026-11-21 10:41:01 UTC"
     assert utc("not recorded") == "not recorded"

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from rig import cli
 from rig.campaign_run import Ended
@@ -102,6 +103,11 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     said = capsys.readouterr().err
     for part in ("0:30 of 2:00", "0:45 left", "3 ticks skipped", "2 rows dropped"):
         assert part in said
+    # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator was there.
+    plan.wave_seconds = 100.0
+    now[0] += 15.0
+    view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0}))
+    assert "1:00 of 2:09" in capsys.readouterr().err
     view.notice = "stopping"
     for _ in range(3):
         view(snapshot())
@@ -109,6 +115,47 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     view.notice = "power off"
     view(snapshot())
     assert capsys.readouterr().err == "power off\n"
+
+
+@pytest.mark.parametrize(
+    ("phase", "clock", "said"),
+    [
+        (Phase.LEAD_IN, 45.2, "building up, 0:45 of 2:00"),
+        (Phase.MEASURE, 320.0, "measuring the probes, 3:20 of 20:00"),
+        (Phase.DONE, -1.0, "done"),
+    ],
+)
+def test_waves_alone_have_no_row_to_show(
+    phase: Phase,
+    clock: float,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Without the device: how long of what, and what the probes see; no row, motion or power."""
+    now = [1000.0]
+    monkeypatch.setattr("rig.cli.progress.time.monotonic", lambda: now[0])
+    phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
+    plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
+    view = Progress("title", "rehearsal", plan, quiet=False)
+    view._drawn = False
+    now[0] += 15.0
+    seen = snapshot(
+        **{"plan.phase": float(phase), "plan.wave_clock": clock, "safety.mode": 0.0},
+        **{"safety.reason": 0.0, "probes.probe_1": 0.0123, "probes.probe_2": -0.1},
+        **{"probes.probe_3": 0.0},
+    )
+    view(seen)
+    line = capsys.readouterr().err
+    console = Console(width=100)
+    with console.capture() as panel:
+        console.print(view._panel(seen))
+    for text in (line, panel.get()):
+        assert "waves" in text
+        assert f"without the device   {said}" in text
+        assert "1:  +12.3 mm   2: -100.0 mm   3:   +0.0 mm" in text
+        assert "row -" not in text
+        assert "not measuring" not in text
 
 
 def play(

@@ -26,7 +26,7 @@ from rig.analysis.slices import Optimum, Slice, remarks
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
 _STEPS = [1, 2, 2.5, 5, 10]
 LETTERS = 17  # of a caption, an inch
-_LEAST_SPAN = 1.0  # W, of a line's axis: less is noise blown up
+_LEAST_SPAN = 0.01  # of the power that is shown: less is noise blown up
 
 Drawn = Literal["surface", "line", "nothing"]
 
@@ -50,9 +50,17 @@ def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = Fa
     if even:
         high = max(abs(low), abs(high))
         low = -high
+    else:
+        low, high = _spread(low, high)
     if high - low < 1e-6:
         low, high = low - 0.5, high + 0.5
     return Scale(MaxNLocator(10).tick_values(low, high), colours)
+
+
+def _spread(low: float, high: float) -> tuple[float, float]:
+    """Ends of a scale of power, W, as far apart as differences that mean something."""
+    short = 0.5 * max(0.0, _LEAST_SPAN * max(abs(low), abs(high)) - (high - low))
+    return low - short, high + short
 
 
 def surface(
@@ -112,9 +120,7 @@ def _line(axes: Axes, of: Slice, best: Optimum) -> None:
     if len({*x, *missing}) == 1:
         room = 0.5 * abs(x[0]) or 1000.0
         axes.set_xlim(x[0] - room, x[0] + room)
-    low, high = axes.get_ylim()
-    if high - low < _LEAST_SPAN:
-        axes.set_ylim(0.5 * (low + high - _LEAST_SPAN), 0.5 * (low + high + _LEAST_SPAN))
+    axes.set_ylim(_spread(*axes.get_ylim()))
     axes.set_xlabel(labels.heading(column), fontsize=8)
     axes.grid(alpha=0.3)
 

@@ -16,7 +16,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import FigureBase
 from matplotlib.patheffects import AbstractPathEffect, withStroke
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import labels, words
 from rig.analysis.mesh import Place, spans_surface, triangulation
@@ -26,8 +26,8 @@ from rig.analysis.slices import Optimum, Slice, remarks
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
 _STEPS = [1, 2, 2.5, 5, 10]
 LETTERS = 17  # of a caption, an inch
-_LEAST_SPAN = 1.0  # W, of a line's axis: less is noise blown up
-_LEAST_RANGE = 0.1  # W; a surface of less is drawn flat, not blown up to the whole scale
+_FLAT = 0.1  # W; less from end to end is drawn flat, not blown up to the whole scale
+_LEAST_SPAN = 0.01  # of the power that is shown: less is noise blown up
 
 Drawn = Literal["surface", "line", "nothing"]
 
@@ -51,10 +51,18 @@ def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = Fa
     if even:
         high = max(abs(low), abs(high))
         low = -high
-    if high - low < _LEAST_RANGE:
+    else:
+        low, high = _spread(low, high)
+    if high - low < _FLAT:
         middle = 0.5 * (low + high)
         low, high = middle - 0.5, middle + 0.5
     return Scale(MaxNLocator(10).tick_values(low, high), colours)
+
+
+def _spread(low: float, high: float) -> tuple[float, float]:
+    """Ends of a scale of power, W, as far apart as differences that mean something."""
+    short = 0.5 * max(0.0, _LEAST_SPAN * max(abs(low), abs(high)) - (high - low))
+    return low - short, high + short
 
 
 def surface(
@@ -114,9 +122,7 @@ def _line(axes: Axes, of: Slice, best: Optimum) -> None:
     if len({*x, *missing}) == 1:
         room = 0.5 * abs(x[0]) or 1000.0
         axes.set_xlim(x[0] - room, x[0] + room)
-    low, high = axes.get_ylim()
-    if high - low < _LEAST_SPAN:
-        axes.set_ylim(0.5 * (low + high - _LEAST_SPAN), 0.5 * (low + high + _LEAST_SPAN))
+    axes.set_ylim(_spread(*axes.get_ylim()))
     axes.set_xlabel(labels.heading(column), fontsize=8)
     axes.grid(alpha=0.3)
 
@@ -227,7 +233,6 @@ def colour_bar(figure: FigureBase, beside: list[Axes], on: Scale, label: str, **
     place = {"fraction": 0.04, "pad": 0.02} | where
     bar = figure.colorbar(ScalarMappable(on.norm, on.colours), ax=beside, **place)
     bar.set_label(label, fontsize=8)
-    bar.formatter = ScalarFormatter(useOffset=False)  # -67.5, not "-6.751e1" above the bar
     bar.ax.tick_params(labelsize=7)
     bar.outline.set_visible(False)
 

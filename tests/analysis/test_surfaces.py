@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from rig.analysis.mesh import spans_surface, triangulation
+from rig.analysis.picture import framed
 from rig.analysis.points import Point
 from rig.analysis.rows import POWERS
 from rig.analysis.surfaces import draw, write_surfaces
@@ -196,3 +197,15 @@ def test_a_picture_is_written(tmp_path: Path, found: list[Point]) -> None:
     picture = imread(write_surfaces(table(found), tmp_path / "surfaces.png"))
     assert picture.shape[0] > 500
     assert picture.std() > 0.01  # not blank
+
+
+@pytest.mark.parametrize("letters", [5, 20, 40, 64])
+@pytest.mark.parametrize("width", [6.6, 8.0, 12.8])
+def test_the_line_beneath_a_title_keeps_off_the_run(letters: int, width: float) -> None:
+    attributes = {"run": f"20260504T093000Z_{'m' * letters}", "rung": "rehearsal"}
+    beneath = "left-out columns at each panel's own optimum"
+    figure, _ = framed(width, 3.0, "Power surfaces", attributes, beneath=beneath)
+    figure.draw_without_rendering()
+    texts = {text.get_text(): text.get_window_extent() for text in figure.subfigs[0].texts}
+    run = next(box for said, box in texts.items() if said.startswith("run "))
+    assert not texts[beneath].overlaps(run)

@@ -1,0 +1,180 @@
+"""The emulated Parker Compax3 on its serial line: answers records and lines.
+
+Source: Parker manuals 192-1201xx, "Control via RS232 / RS485 / USB".
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable
+
+from sim_plant.emulators import compax3_records as records
+from sim_plant.emulators.background import Background
+from sim_plant.emulators.compax3_drive import Drive, DriveInput, RefusedError
+from sim_plant.emulators.compax3_objects import OBJECTS, Compax3Settings, Number
+from sim_plant.emulators.compax3_records import Receiver, Record
+from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.serial_line import SerialLine
+from sim_plant.units import Second
+
+TEND = 0.005  # s between two looks at the plant
+
+_NUMBER = r"(\$[0-9A-F]+|\d+)"
+_OBJECT = re.compile(
+    rf"(?P<address>\d{{1,2}})?O{_NUMBER}[.,]{_NUMBER}(?:=(?P<value>[^$]\S*|\$[0-9A-F]+))?(?P<hex>\$)?"
+)
+_IDENTIFY = re.compile(r"(?P<address>\d{1,2})?_\?")
+
+
+class Compax3:
+    """The drive on its line, with the plant behind it."""
+
+    def __init__(
+        self,
+        line: SerialLine,
+        read: Callable[[], DriveInput],
+        write: Callable[[str, float], None],
+        settings: Compax3Settings | None = None,
+    ) -> None:
+        """`write` gets `enabled` (0, 1), `velocity` (rad/s at the motor) and `torque` (N m)."""
+        self.line = line
+        self.settings = settings or Compax3Settings()
+        self.drive = Drive(self.settings, read, write)
+        self.faults = self.drive.faults
+        self.receiver = Receiver()
+        self._tending = Background()
+        line.attach(self._receive)
+
+    @property
+    def address(self) -> str:
+        """The path a host opens."""
+        return self.line.address
+
+    @property
+    def link(self) -> LinkFaults:
+        """The faults of the line."""
+        return self.line.link
+
+    async def start(self) -> None:
+        """Offer the line and follow the plant."""
+        await self.line.start()
+        self._tending.start(self._tend())
+
+    async def close(self) -> None:
+        """Take the line away."""
+        await self._tending.stop()
+        await self.line.close()
+
+    def answer(self, message: Record | str, now: Second) -> bytes | None:
+        """Give the answer to one record or line; None where the drive keeps still."""
+        if isinstance(message, Record):
+            own = self.settings.address
+            if own is not None and message.address != own:
+                return None
+            reply = self._record_answer(message, now)
+            if self.faults.on("wrong_crc"):
+                reply = reply[:-1] + bytes((reply[-1] ^ 0xFF,))
+        else:
+            text = self._line_answer(message, now)
+            if text is None:
+                return None
+            star = "*" if self.settings.address is not None else ""
+            reply = f"{star}{text}\r".encode("ascii")
+        return None if self.faults.on("silent") else reply
+
+    def _record_answer(self, message: Record, now: Second) -> bytes:
+        refusals = self.settings.refusals
+        if not message.whole:
+            return records.refused(refusals.bad_sum)
+        if self.faults.on("refuses"):
+            return records.refused(refusals.bad_value)
+        self.drive.heard(now)
+        self.drive.advance(now)
+        plc = bool(message.start & records.PLC)
+        try:
+            if message.start & records.KIND == records.READ:
+                return records.record(records.RESPONSE, self._read(message.data, plc))
+            number = self._number(message.data[:3])
+            value = records.decode(OBJECTS[number].format, message.data[3:], plc=plc)
+            if value is None:
+                return records.refused(refusals.bad_value)
+            self.drive.set(number, value)
+        except RefusedError as refusal:
+            return records.refused(refusal.code)
+        self.drive.advance(now)
+        return records.record(records.ACKNOWLEDGED, b"\0\0")
+
+    def _read(self, data: bytes, plc: bool) -> bytes:
+        """Give the values of one or several objects behind each other."""
+        if len(data) % 3:
+            raise RefusedError(self.settings.refusals.bad_syntax)
+        numbers = [self._number(data[place : place + 3]) for place in range(0, len(data), 3)]
+        return b"".join(
+            records.encode(OBJECTS[number].format, self.drive.get(number), plc=plc)
+            for number in numbers
+        )
+
+    def _number(self, data: bytes) -> Number:
+        if len(data) != 3:
+            raise RefusedError(self.settings.refusals.bad_syntax)
+        number = int.from_bytes(data[:2], "big"), data[2]
+        if number not in OBJECTS:
+            raise RefusedError(self.settings.refusals.no_such_object)
+        return number
+
+    def _line_answer(self, line: str, now: Second) -> str | None:
+        text = line.replace(" ", "").upper()
+        matched = _OBJECT.fullmatch(text) or _IDENTIFY.fullmatch(text)
+        if matched is None:
+            return f"!{self.settings.refusals.bad_syntax:04X}"
+        asked = matched["address"]
+        if self.settings.address is not None and (
+            asked is None or int(asked) != self.settings.address
+        ):
+            return None
+        if self.faults.on("refuses"):
+            return f"!{self.settings.refusals.bad_value:04X}"
+        self.drive.heard(now)
+        self.drive.advance(now)
+        if matched.re is _IDENTIFY:
+            return self.settings.name
+        try:
+            number = _integer(matched[2]), _integer(matched[3])
+            if matched["value"] is None:
+                return _written(self.drive.get(number), hexadecimal=matched["hex"] is not None)
+            self.drive.set(number, self._value(matched["value"]))
+        except RefusedError as refusal:
+            return f"!{refusal.code:04X}"
+        self.drive.advance(now)
+        return ">"
+
+    def _value(self, text: str) -> float:
+        try:
+            return float(_integer(text)) if text.startswith("$") else float(text)
+        except ValueError:
+            raise RefusedError(self.settings.refusals.bad_value) from None
+
+    def _receive(self, data: bytes, now: Second) -> None:
+        loop = asyncio.get_running_loop()
+        for message in self.receiver.feed(data, now):
+            reply = self.answer(message, now)
+            if reply is not None:
+                late = self.settings.late_by if self.faults.on("late_answers") else 0.0
+                loop.call_later(self.settings.reply_delay + late, self.line.send, reply)
+
+    async def _tend(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            self.drive.advance(loop.time())
+            await asyncio.sleep(TEND)
+
+
+def _integer(text: str) -> int:
+    return int(text[1:], 16) if text.startswith("$") else int(text)
+
+
+def _written(value: float, *, hexadecimal: bool) -> str:
+    if hexadecimal:
+        return f"${round(value) & 0xFFFFFFFF:X}"
+    return f"{value:.6f}".rstrip("0").rstrip(".") if value % 1.0 else f"{value:.0f}"

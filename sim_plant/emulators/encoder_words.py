@@ -1,0 +1,119 @@
+"""The words an IncOder Midi Ultra answers its SSI clock with. Pure.
+
+Source: Zettlex/Celera product guide MIDI ULTRA, protocols SSI1, SSI2, SSI4, SSI6, SSI9. That the
+parity of SSI2 is over the position alone, and a vendor's value of SSI6's check sum, are not
+confirmed. SSI7 and SSI8 are unknown and not built.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from sim_plant.emulators.device_faults import DeviceFaults
+from sim_plant.units import Count, Flag, Radian, Second
+
+LENGTHS: dict[int, Count] = {1: 24, 2: 24, 4: 32, 6: 32, 9: 32}  # bits of a word, by protocol
+STAMPED: dict[int, Second] = {4: 1.0e-5, 9: 1.0e-6}  # tick of the time stamp
+MOST_BITS = {1: 22, 2: 22, 4: 19, 6: 22, 9: 19}
+
+FAULTS = {
+    "invalid": "the word says its position is not valid (PV 0; SSI2: alarm 1)",
+    "wrapped": "the position jumps by half a turn and stays there",
+    "stuck": "the position stands still, the time stamp goes on",
+    "frozen_word": "the same word comes again and again, time stamp included",
+    "wrong_crc": "check sum (SSI6) or parity (SSI2) is wrong; other words carry none",
+    "no_answer": "the encoder does not answer its clock",
+    "zero_moved": "the word says its zero is not the maker's (ZPD 0)",
+}
+
+
+class EncoderSettings(NamedTuple):
+    """How an encoder is made and mounted."""
+
+    protocol: int = 4  # 1, 2, 4, 6 or 9
+    bits: Count = 19  # of one turn
+    sign: int = 1  # -1: counts fall with a growing angle
+    zero: Count = 0  # count at angle 0
+    zero_is_makers: Flag = 1  # ZPD
+
+
+def crc8(value: int) -> int:
+    """Give SSI6's check sum over 24 bits: polynomial 97, start 0, no final xor."""
+    crc = 0
+    for shift in (16, 8, 0):
+        crc ^= value >> shift & 0xFF
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x97 if crc & 0x80 else crc << 1) & 0xFF
+    return crc
+
+
+def word(
+    protocol: int,
+    position: Count,
+    *,
+    valid: bool,
+    zero: bool = True,
+    stamp: int = 0,
+    ok: bool = True,
+) -> int:
+    """Give a word, first bit highest; `ok` False spoils parity or check sum.
+
+    Raises ValueError for an unknown protocol or a position out of its range.
+    """
+    if protocol not in LENGTHS:
+        raise ValueError(f"no protocol SSI{protocol}; there are {sorted(LENGTHS)}")
+    if not 0 <= position < 1 << MOST_BITS[protocol]:
+        raise ValueError(f"position {position} does not fit SSI{protocol}")
+    if protocol == 2:
+        parity = position.bit_count() & 1 ^ (not ok)
+        return position << 2 | parity << 1 | (not valid)
+    if protocol in STAMPED:
+        return valid << 31 | zero << 30 | position << 11 | stamp & 0x7FF
+    plain = valid << 23 | zero << 22 | position
+    if protocol == 1:
+        return plain
+    return (crc8(plain) ^ (not ok)) << 24 | plain
+
+
+class Encoder:
+    """One encoder on a shaft, with its faults."""
+
+    def __init__(self, settings: EncoderSettings | None = None) -> None:
+        """Raises ValueError for settings that do not go together."""
+        self.settings = settings or EncoderSettings()
+        self.faults = DeviceFaults(FAULTS)
+        word(self.settings.protocol, (1 << self.settings.bits) - 1, valid=True)
+        self._position: Count | None = None
+        self._word: int | None = None
+
+    def count(self, angle: Radian) -> Count:
+        """Give the count at an angle, 0 to 2^bits - 1; an angle that is not finite reads 0."""
+        turn = 1 << self.settings.bits
+        if not math.isfinite(angle):
+            return 0
+        counts = math.floor(self.settings.sign * angle / (2.0 * math.pi) * turn)
+        return (counts + self.settings.zero) % turn
+
+    def latch(self, angle: Radian, time: Second) -> int | None:
+        """Give the word for an angle at a time of the encoder's clock; None: no answer."""
+        faults, settings = self.faults, self.settings
+        if faults.on("no_answer"):
+            return None
+        if faults.on("frozen_word") and self._word is not None:
+            return self._word
+        if not faults.on("stuck") or self._position is None:
+            self._position = self.count(angle)
+        position = self._position
+        if faults.on("wrapped"):
+            position = (position + (1 << settings.bits - 1)) % (1 << settings.bits)
+        tick = STAMPED.get(settings.protocol)
+        self._word = word(
+            settings.protocol,
+            position,
+            valid=not faults.on("invalid") and math.isfinite(angle),
+            zero=settings.zero_is_makers == 1 and not faults.on("zero_moved"),
+            stamp=0 if tick is None else math.floor(time / tick + 1.0e-6),
+            ok=not faults.on("wrong_crc"),
+        )
+        return self._word

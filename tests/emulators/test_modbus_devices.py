@@ -1,0 +1,286 @@
+"""Analyser, amplifier and coupler: their own clocks, their watchdog, their faults."""
+
+from __future__ import annotations
+
+import math
+import socket
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from emulator_stage import Stage, until
+
+from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, IoCoupler
+from sim_plant.emulators.modbus_pdu import RefusalError, Table
+from sim_plant.emulators.modbus_tcp import TcpUnits
+from sim_plant.emulators.modbus_unit import ModbusUnit
+from sim_plant.emulators.module_watchdog import ModuleWatchdog, Status
+from sim_plant.emulators.power_analyser import (
+    AnalyserSettings,
+    PowerAnalyser,
+    Terminals,
+    Wiring,
+)
+from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
+
+
+def value(unit: ModbusUnit, table: Table, address: int) -> float:
+    data = struct.pack(">HH", *unit.read(table, address, 2))
+    return float(struct.unpack(">f", data)[0])
+
+
+def moving(clock: list[float]) -> Terminals:
+    """Power rises by 100 W each second."""
+    return Terminals(clock[0], Wiring(power=100.0 * clock[0]))
+
+
+def run(unit: ModbusUnit, clock: list[float], until_: float, step: float = 0.001) -> None:
+    while clock[0] < until_ - 1.0e-9:
+        clock[0] = round(clock[0] + step, 6)
+        unit.advance(clock[0])
+
+
+def test_the_analyser_gives_means_of_whole_periods_late() -> None:
+    clock = [0.0]
+    settings = AnalyserSettings(update=0.2, lag=0.05)
+    unit = PowerAnalyser(lambda: moving(clock), settings)
+    run(unit, clock, 1.04)
+    assert value(unit, Table.INPUT, 104) == pytest.approx(100.0 * 0.7, abs=0.2)  # 0.6 to 0.8 s
+    counter = unit.read(Table.INPUT, 1, 1)[0]
+    run(unit, clock, 1.06)
+    assert value(unit, Table.INPUT, 104) == pytest.approx(100.0 * 0.9, abs=0.2)
+    assert unit.read(Table.INPUT, 1, 1)[0] == counter + 1
+    upper, lower = unit.read(Table.INPUT, 2, 2)
+    assert upper << 16 | lower == pytest.approx(1050, abs=3)  # ms of its own clock
+
+
+def test_a_source_with_its_own_periods_is_passed_on_once_each() -> None:
+    reading = [Terminals(0.0, Wiring(power=1.0))]
+    unit = PowerAnalyser(lambda: reading[0], AnalyserSettings(update=0.0))
+    for k in range(10):
+        unit.advance(0.01 * k)
+    assert unit.updates == 1
+    reading[0] = Terminals(0.1, Wiring(power=2.0))
+    unit.advance(0.2)
+    unit.advance(0.3)
+    assert (unit.updates, value(unit, Table.INPUT, 104)) == (2, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "seen"),
+    [("over_range", math.inf), ("no_data", math.nan), ("frozen_values", 0.0)],
+)
+def test_faults_of_the_analyser(fault: str, seen: float) -> None:
+    clock = [0.0]
+    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update=0.1))
+    unit.faults.switch(fault)
+    run(unit, clock, 0.5)
+    assert value(unit, Table.INPUT, 104) == pytest.approx(seen, nan_ok=True)
+
+
+def test_a_stuck_counter() -> None:
+    clock = [0.0]
+    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update=0.1))
+    unit.faults.switch("counter_stuck")
+    run(unit, clock, 0.35)
+    assert unit.read(Table.INPUT, 1, 1) == [0]
+    assert value(unit, Table.INPUT, 104) > 10.0
+
+
+def test_swapped_words_of_a_known_voltage_are_not_plausible() -> None:
+    unit = PowerAnalyser(
+        lambda: Terminals(0.0, Wiring(voltage=230.0)), AnalyserSettings(update=0.0)
+    )
+    unit.advance(0.0)
+    unit.faults.switch("swapped_words")
+    assert not 1.0 < abs(value(unit, Table.INPUT, 100)) < 1000.0
+
+
+def test_an_amplifier_holds_between_its_samples() -> None:
+    load = [1.0]
+    unit = StrainAmplifier(lambda: load, AmplifierSettings(rating=100.0, rate=10.0))
+    unit.advance(0.01)
+    load[0] = 2.0
+    unit.advance(0.09)
+    assert value(unit, Table.HOLDING, 0x100) == 1.0
+    unit.advance(0.11)
+    assert value(unit, Table.HOLDING, 0x100) == 2.0
+    assert unit.samples == 2
+
+
+@pytest.mark.parametrize(
+    ("fault", "seen", "counts"),
+    [
+        ("saturated", 100.0, 100_000),
+        ("saturated_negative", -100.0, -100_000),
+        ("nan", math.nan, 0x7FFFFFFF),
+    ],
+)
+def test_faults_of_an_amplifier(fault: str, seen: float, counts: int) -> None:
+    unit = StrainAmplifier(lambda: (3.0,), AmplifierSettings(rating=100.0))
+    unit.faults.switch(fault)
+    unit.advance(1.0)
+    assert value(unit, Table.HOLDING, 0x100) == pytest.approx(seen, nan_ok=True)
+    words = struct.pack(">HH", *unit.read(Table.HOLDING, 0x300, 2))
+    assert struct.unpack(">i", words)[0] == counts
+
+
+def test_a_load_beyond_the_rating_saturates() -> None:
+    unit = StrainAmplifier(lambda: (-500.0,), AmplifierSettings(rating=100.0))
+    unit.advance(1.0)
+    assert value(unit, Table.HOLDING, 0x100) == -100.0
+
+
+def started(now: float = 0.0) -> ModuleWatchdog:
+    dog = ModuleWatchdog()
+    dog.write(0x1000, 5, now)
+    dog.write(0x1003, 1, now)
+    return dog
+
+
+def test_the_watchdogs_registers() -> None:
+    """WAGO 750 manuals, section MODBUS functions, registers 0x1000 to 0x1008."""
+    dog = started()
+    assert dog.read(0x1006) == Status.ACTIVE
+    for address in (0x1000, 0x1001):
+        with pytest.raises(RefusalError):
+            dog.write(address, 9, 0.1)  # not while it runs
+    dog.write(0x1003, 1, 0.4)  # the same value is no trigger
+    assert not dog.run_out(0.49)
+    assert dog.run_out(0.5)
+    assert not dog.run_out(0.6)
+    assert dog.read(0x1006) == Status.EXHAUSTED
+    dog.write(0x1007, 1, 1.0)
+    assert dog.read(0x1006) == Status.ACTIVE
+    dog.write(0x1005, 0xAAAA, 1.1)
+    dog.write(0x1005, 0x5555, 1.1)
+    assert dog.read(0x1006) == Status.NOT_ACTIVE
+    assert not dog.run_out(99.0)
+
+
+def test_the_watchdog_is_fed_by_changes_and_by_masked_functions() -> None:
+    dog = ModuleWatchdog()
+    dog.write(0x1003, 1, 0.0)
+    assert dog.status is Status.NOT_ACTIVE  # no time is set
+    dog.write(0x1000, 5, 0.0)
+    dog.write(0x1001, 1 << 15, 0.0)
+    dog.heard(16, 0.0)
+    assert dog.status is Status.NOT_ACTIVE
+    dog.write(0x1003, 2, 0.0)
+    dog.heard(16, 0.3)
+    dog.heard(3, 0.7)
+    assert not dog.run_out(0.79)
+    assert dog.read(0x1004) == 2  # 0.2 s were left when it was fed
+    assert dog.run_out(0.8)
+
+
+def test_the_other_watchdog_lives_on_any_request() -> None:
+    dog = ModuleWatchdog()
+    dog.write(0x1000, 2, 0.0)
+    dog.write(0x100A, 1, 0.0)
+    dog.heard(3, 0.0)
+    assert dog.run_out(0.2)
+    dog.heard(3, 1.0)
+    assert dog.status is Status.ACTIVE
+
+
+def module(written: dict[str, float]) -> IoCoupler:
+    settings = CouplerSettings(analog=(AnalogOutput("brake", 2.0),), outputs=("waves",))
+    return IoCoupler(settings, write=written.__setitem__)
+
+
+def wire(unit: IoCoupler, pdu: str, now: float) -> bytes:
+    reply = unit.serve(bytes.fromhex(pdu), now)
+    assert reply is not None
+    return reply.pdu
+
+
+def test_an_exhausted_module_refuses_outputs_until_it_is_restarted() -> None:
+    written: dict[str, float] = {}
+    unit = module(written)
+    for pdu in ("06 1000 0003", "06 1003 0001", "06 0000 7FFF", "05 0000 FF00"):
+        assert wire(unit, pdu, 0.0) == bytes.fromhex(pdu)
+    assert written == {"brake": 2.0, "waves": 1.0}
+    unit.advance(0.31)
+    assert written == {"brake": 0.0, "waves": 0.0}
+    assert wire(unit, "03 0200 0001", 0.4) == bytes.fromhex("03 02 0000")
+    assert wire(unit, "03 1006 0001", 0.4) == bytes.fromhex("03 02 0002")
+    assert wire(unit, "06 0000 7FFF", 0.4) == bytes.fromhex("86 04")
+    wire(unit, "06 1008 55AA", 0.5)
+    assert wire(unit, "06 0000 4000", 0.5) == bytes.fromhex("06 0000 4000")
+    assert written["brake"] == pytest.approx(2.0 * 0x4000 / 0x7FFF)
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "brake"),
+    [("watchdog_off", 0, 2.0), ("watchdog_dead", 1, 2.0), ("outputs_dead", 2, 0.0)],
+)
+def test_faults_of_the_module(fault: str, status: int, brake: float) -> None:
+    written: dict[str, float] = {}
+    unit = module(written)
+    unit.faults.switch(fault)
+    for pdu in ("06 1000 0003", "06 1003 0001", "06 0000 7FFF"):
+        wire(unit, pdu, 0.0)
+    unit.advance(1.0)
+    assert wire(unit, "03 1006 0001", 1.0)[-1] == status
+    assert written["brake"] == brake
+
+
+def test_outputs_fall_when_the_host_is_killed(stage: Stage) -> None:
+    written: dict[str, float] = {}
+    fallen: list[float] = []
+
+    def write(channel: str, amps: float) -> None:
+        if written.get(channel) and amps == 0.0:
+            fallen.append(time.monotonic())
+        written[channel] = amps
+
+    settings = CouplerSettings(analog=(AnalogOutput("brake", 2.0),))
+    server = stage.show(TcpUnits({1: IoCoupler(settings, write=write)}))
+    script = Path(__file__).with_name("killed_client.py")
+    host = subprocess.Popen([sys.executable, str(script), str(server.port), "5"])
+    try:
+        assert until(lambda: written.get("brake", 0.0) > 0.49, within=20.0)
+    finally:
+        host.kill()
+        host.wait()
+    killed = time.monotonic()
+    assert until(lambda: bool(fallen))
+    # The last beat was at most one period before the kill (or more, on a busy machine).
+    assert fallen[0] - killed < 0.5 + 0.3
+    assert written["brake"] == 0.0
+
+
+def test_connections_end_with_the_watchdog_where_it_is_set_so(stage: Stage) -> None:
+    unit = module({})
+    server = stage.show(TcpUnits({1: unit}))
+    with socket.create_connection((server.host, server.port), timeout=5.0) as host:
+        for k, (address, word) in enumerate(((0x1009, 1), (0x1000, 2), (0x1003, 1))):
+            host.sendall(struct.pack(">HHHBBHH", k, 0, 6, 1, 6, address, word))
+        received = b""
+        while len(received) < 36:
+            received += host.recv(36)
+        assert until(lambda: not server.connections)
+    assert unit.watchdog.status is Status.EXHAUSTED
+
+
+def test_stuck_outputs_are_read_back_as_if_they_had_moved() -> None:
+    written: dict[str, float] = {}
+    unit = module(written)
+    wire(unit, "06 0000 1000", 0.0)
+    before = dict(written)
+    unit.faults.switch("outputs_stuck")
+    wire(unit, "06 0000 7FFF", 0.0)
+    assert written == before
+    assert wire(unit, "03 0200 0001", 0.0) == bytes.fromhex("03 02 7FFF")
+
+
+def test_a_drifting_amplifier() -> None:
+    unit = StrainAmplifier(lambda: (0.0,), AmplifierSettings(rating=100.0))
+    unit.faults.switch("drift")
+    unit.advance(1.0)
+    unit.advance(3.0)
+    assert value(unit, Table.HOLDING, 0x100) == pytest.approx(2.0)

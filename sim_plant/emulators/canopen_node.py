@@ -8,9 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-import canopen
-
-from sim_plant.emulators import node_errors, node_guard, node_objects
+from sim_plant.emulators import node_errors, node_guard
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.node_errors import Errors
@@ -18,7 +16,7 @@ from sim_plant.emulators.node_exchange import Exchange
 from sim_plant.emulators.node_faults import NODE_FAULTS, Fault, FaultList
 from sim_plant.emulators.node_guard import Deadlines
 from sim_plant.emulators.node_local import LocalSide
-from sim_plant.emulators.node_objects import Key, Objects, Refused
+from sim_plant.emulators.node_objects import Objects, device_file
 from sim_plant.emulators.node_pdos import Pdos
 from sim_plant.emulators.node_port import (
     INITIALISING,
@@ -27,6 +25,7 @@ from sim_plant.emulators.node_port import (
     STOPPED,
     Port,
 )
+from sim_plant.emulators.node_storage import SIGNATURES, Storage
 from sim_plant.emulators.schedule import Appointment, Schedule
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.units import Second
@@ -34,8 +33,6 @@ from sim_plant.units import Second
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
 NAMES = {STOPPED: "STOPPED", OPERATIONAL: "OPERATIONAL", PRE_OPERATIONAL: "PRE-OPERATIONAL"}
 ROUND: Second = 0.005  # between two looks at what changes slowly
-STORE, RESTORE = 0x1010, 0x1011
-SIGNATURES = {STORE: 0x65766173, RESTORE: 0x64616F6C}  # "save", "load"
 
 
 class NodeParams(NamedTuple):
@@ -56,7 +53,7 @@ class CanopenNode:
     ) -> None:
         self.params = params
         self.world = world
-        dictionary = canopen.import_od(str(params.eds), params.node_id)
+        dictionary = device_file(params.eds, params.node_id)
         self.objects = objects = Objects(dictionary)
         self.fault_list = FaultList()
         self.fault_list.add(*NODE_FAULTS)
@@ -72,10 +69,7 @@ class CanopenNode:
         for index, sub in objects.kinds:
             if index == 0x1016 and sub:
                 objects.hooks[index, sub] = lambda value: self._watch_masters()
-            if index in SIGNATURES and sub:
-                objects.guards[index] = self._store
-        self.defaults = dict(objects.values)
-        self._power_on = self.defaults
+        self.storage = Storage(objects)
         self._apply_faults()
         self._stepped = self._looked = schedule.time()
         self._next: Appointment | None = None
@@ -265,13 +259,12 @@ class CanopenNode:
         if code in self.errors.active and not self.in_fault():
             self.errors.end(code)
 
-    # ---- reset and storage --------------------------------------------------------------------
+    # ---- reset --------------------------------------------------------------------------------
 
     def _reset(self, *, application: bool, boot: bool = True) -> None:
         self.port.nmt = INITIALISING
         self._local.quiet()
-        low, high = (0x1000, 0xFFFF) if application else (0x1000, 0x1FFF)
-        self.objects.restore(self._power_on, low, high)
+        self.storage.recall(all_of_them=application)
         self.errors.active.clear()
         self._pdos.invalidate()
         self._watch_masters()
@@ -293,9 +286,3 @@ class CanopenNode:
         values = self.objects.values
         entries = [value for (index, sub), value in values.items() if index == 0x1016 and sub]
         self._masters.set(node_guard.consumers(entries))
-
-    def _store(self, key: Key, signature: int) -> None:
-        """Store or restore: what is written is a signature, not a value."""
-        if signature != SIGNATURES[key[0]]:
-            raise Refused(node_objects.NOT_STORED)
-        self._power_on = dict(self.objects.values if key[0] == STORE else self.defaults)

@@ -5,8 +5,10 @@ The file of a device (EDS) gives types, access, ranges and defaults; texts stay 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import canopen
@@ -98,6 +100,12 @@ class Objects:
         for key, value in values.items():
             if low <= key[0] <= high:
                 self.values[key] = value
+
+
+@functools.cache
+def device_file(eds: Path, node_id: int) -> canopen.ObjectDictionary:
+    """Give the object dictionary of a device file, read once; nobody changes it."""
+    return canopen.import_od(str(eds), node_id)
 
 
 def variables(dictionary: canopen.ObjectDictionary) -> Iterator[ODVariable]:

@@ -198,7 +198,7 @@ class TorqueDrive(Cia402Node):
 
     def _apply_faults(self) -> None:
         super()._apply_faults()
-        nominal = self.defaults.get((0x20D8, 0xC), 0)
+        nominal = self.storage.defaults.get((0x20D8, 0xC), 0)
         self.objects.put(0x20D8, round(nominal * self.active.get("wrong_kp", 1.0)), 0xC)
 
     def _slope(self) -> float:

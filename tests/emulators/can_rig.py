@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import copy
+import functools
 import heapq
 import itertools
 import threading
@@ -23,6 +25,7 @@ from sim_plant.emulators.schedule import Schedule, precise_loop
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.torque_drive import Axis, Scaling, TorqueDrive, TorqueDriveParams
+from sim_plant.world import World
 
 DEVICES = Path(__file__).resolve().parents[2] / "configs" / "devices"
 HEAVE, SURGE, STATOR = 1, 2, 3
@@ -65,13 +68,25 @@ class HandSchedule:
         self.now = end
 
 
+@functools.cache
+def _made() -> World:
+    return world(**QUIET, sensors__delay_ticks=0)
+
+
+def still_world() -> World:
+    """A world at rest that shares its tables with others: made in no time."""
+    one = copy.copy(_made())
+    for name in ("_stepper", "_basin", "_line"):
+        setattr(one, name, copy.copy(getattr(one, name)))
+    return one
+
+
 class Rig:
     """The two drives and the actuator on one bus and one world."""
 
     def __init__(self, schedule: Schedule, *, surge: Scaling = Scaling.RATED) -> None:
         self.hub = CanHub(schedule)
-        plant = world(**QUIET, sensors__delay_ticks=0)
-        self.world = SharedWorld(plant, DT, schedule.time)
+        self.world = SharedWorld(still_world(), DT, schedule.time)
         heave = TorqueDriveParams(Axis.HEAVE, Scaling.AMC)
         aside = TorqueDriveParams(Axis.SURGE, surge)
         rest = self.hub, schedule, self.world

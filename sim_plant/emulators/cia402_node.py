@@ -66,6 +66,7 @@ class Cia402Node(CanopenNode):
         self._tested_at = schedule.time() + drive.self_test
         self._mode_at: Second | None = None
         self._resets = 0
+        self._ticks = 0  # of the world at the last measurement
         self._cause = 0  # EMCY code of voltage or temperature
         self._lasting = REMOTE  # bits of the statusword that change slowly
         self._frozen: dict[str, int] = {}  # values of faults that hold or shift one
@@ -88,7 +89,7 @@ class Cia402Node(CanopenNode):
 
     @abstractmethod
     def measure(self, elapsed: Second) -> None:
-        """Put what the sensors read into the objects."""
+        """Put what the sensors read into the objects; `elapsed` of simulated time, often 0."""
 
     @abstractmethod
     def act(self, elapsed: Second) -> None:
@@ -123,7 +124,9 @@ class Cia402Node(CanopenNode):
         if self._mode_at is not None and now >= self._mode_at and "mode_stuck" not in self.active:
             self._mode_at = None
             self.objects.put(0x6061, self.objects.get(0x6060))
-        self.measure(elapsed)
+        ticks = self.world.ticks
+        self.measure((ticks - self._ticks) * self.world.dt)
+        self._ticks = ticks
         cause = self.cause() or self._cause
         if cause:
             self.fail(cause)

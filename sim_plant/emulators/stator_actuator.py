@@ -79,8 +79,8 @@ class StatorActuator(Cia402Node):
         unit = self._units.unit()
         percent = self.world.readings().stator_position
         position = (round(self._units.increments(percent)) - self._origin) * unit
-        self._moved = position != self._position
         if elapsed > 0.0:
+            self._moved = position != self._position
             put(0x606C, rounded((position - self._position) / elapsed))
         self._position = position
         self.put_position(rounded(position))

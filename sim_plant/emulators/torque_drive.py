@@ -125,9 +125,10 @@ class TorqueDrive(Cia402Node):
         counts = read.heave_counts if heave else read.surge_counts
         current = read.heave_current if heave else read.surge_current
         self.put_position(counts)
-        if elapsed > 0.0 and self._counts is not None:
-            self._put_velocity((counts - self._counts) / elapsed)
-        self._counts = counts
+        if elapsed > 0.0:
+            if self._counts is not None:
+                self._put_velocity((counts - self._counts) / elapsed)
+            self._counts = counts
         put(0x6077, self.raw_current(current))
         cells = (read.force_lcb, read.force_trs)
         scales = (self.torque.lcb_newton_per_volt, self.torque.trs_newton_per_volt)

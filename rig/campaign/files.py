@@ -58,10 +58,11 @@ def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
     return ()
 
 
-def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
+def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None = None) -> Campaign:
     """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
 
-    ``also`` is where the simulated plant has its say, which is not known here.
+    ``also`` is where the simulated plant has its say, which is not known here; ``rig_path`` stands
+    in for the rig that the campaign names.
     Raises `ConfigError` with every problem of all these files.
     """
     problems: list[Problem] = []
@@ -76,7 +77,9 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
     top = attempt(lambda: _top(Path(path)))
     if top is None:
         raise ConfigError(problems)
-    rig_source = attempt(lambda: _named(top, ("rig",)))
+    rig_source = attempt(
+        lambda: _named(top, ("rig",)) if rig_path is None else Source(*load_mapping(rig_path))
+    )
     limits_source = plant_source = None
     if rig_source is not None:
         limits_source = attempt(lambda: _named(rig_source, ("limits",)))

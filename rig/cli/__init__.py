@@ -21,6 +21,9 @@ _RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it)
 Run = Annotated[Path, typer.Argument(help=_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS = Path("runs")
+Rig = Annotated[
+    Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
+]
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
@@ -36,13 +39,20 @@ def run(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
+    rig: Rig = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="Emulated devices on the far end of the rig's wires.")
+    ] = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Run a campaign: rehearse it on the simulated plant and make its power surfaces."""
-    from rig.cli.run import main
+    """Run a campaign and make its power surfaces.
 
-    sys.exit(main(campaign, runs, realtime=realtime, as_json=json))
+    A rig without wiring is rehearsed on the simulated plant; one with wiring is run on its devices.
+    """
+    from rig.cli.run import Wanted, main
+
+    sys.exit(main(campaign, runs, Wanted(rig, realtime, sim), as_json=json))
 
 
 @app.command()
@@ -51,12 +61,13 @@ def check(
     rows: Annotated[
         bool, typer.Option("--rows", help="Every row, not only those nearest to a limit.")
     ] = False,
+    rig: Rig = None,
     json: Json = False,
 ) -> None:
     """Say everything that is wrong with a campaign, or what each of its rows is predicted to do."""
     from rig.cli.check import main
 
-    sys.exit(main(campaign, every_row=rows, as_json=json))
+    sys.exit(main(campaign, rig, every_row=rows, as_json=json))
 
 
 _DOCTOR = """\

@@ -12,8 +12,8 @@ from drivers.canopen.arming import (
     rpdo_steps,
     tpdo_steps,
 )
+from drivers.canopen.bus_settings import Bus, refusal
 from drivers.canopen.drive_objects import BY_NAME
-from drivers.canopen.link import Bus, refusal
 from drivers.canopen.position_actuator import Settings as ActuatorSettings
 from drivers.canopen.torque_axis import Settings as AxisSettings
 from drivers.canopen.torque_axis import layouts
@@ -21,7 +21,7 @@ from rig import handover
 from rig.companions import Companion
 from rig.config import RigFile
 from rig.config.wiring import WORDS, Actuator, Deadlines, Drive, Registers, TorqueDrive, Wiring
-from rig.hardware.devices import Config
+from rig.hardware.settings import Config
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the drive has said what it is
 _RESET_TICKS = 20
@@ -253,5 +253,6 @@ def _block(name: str, registers: Registers) -> dict[str, Any]:
         "high_first": registers.word_order == "high first",
         "period": registers.period_s,
         "written": name == "outputs",
+        "prepare": [list(one.model_dump().values()) for one in registers.prepare],
         "values": [[v.name, v.at, v.kind, v.scale, v.low, v.high] for v in registers.values],
     }

@@ -118,14 +118,14 @@ def stepper(compiled: bool) -> type[Stepper]:
     return CompiledStepper
 
 
-def connect(config: dict[str, Any], dt: float) -> PlantDevices:
-    """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
+def build_world(config: dict[str, Any], dt: float) -> World:
+    """The rig in its sea, for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
     "device": "absent" is the empty basin of a wave calibration, "compiled": false interprets it.
     """
     plant = Plant.model_validate(config["plant"])
     path = Path(config["bem"])
-    world = World(
+    return World(
         plant,
         build_sea(config["sea"]),
         read_bem(path),
@@ -135,4 +135,10 @@ def connect(config: dict[str, Any], dt: float) -> PlantDevices:
         device=config.get("device", "present") == "present",
         stepper=stepper(config.get("compiled", True)),
     )
-    return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)
+
+
+def connect(config: dict[str, Any], dt: float) -> PlantDevices:
+    """The simulated devices for what `build_world` takes."""
+    world = build_world(config, dt)
+    delay = Plant.model_validate(config["plant"]).sensors.delay_ticks.value
+    return PlantDevices(world, delay * dt, dt)

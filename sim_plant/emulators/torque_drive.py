@@ -24,7 +24,7 @@ from sim_plant.emulators.node_faults import Fault
 from sim_plant.emulators.node_objects import rounded
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.shared_world import SharedWorld
-from sim_plant.units import Ampere, Newton, Second, Volt
+from sim_plant.units import Ampere, Second, Volt
 
 PER_VOLT = 819.2  # raw per volt of an analog input
 FULL_SCALE = 8191  # raw: 10 V
@@ -50,14 +50,23 @@ class Scaling(Enum):
     RATED = "per mille of rated torque"
 
 
+class AnalogInput(NamedTuple):
+    """What hangs on one analog input."""
+
+    reading: str  # field of the world's Readings
+    per_volt: float  # of its unit
+
+
+LOAD_CELLS = (AnalogInput("force_lcb", 1000.0), AnalogInput("force_trs", 1000.0))
+
+
 class TorqueDriveParams(NamedTuple):
     """What a torque drive is told beside its object dictionary."""
 
     axis: Axis
     scaling: Scaling
     drive: DriveParams = DriveParams()
-    lcb_newton_per_volt: float = 1000.0  # column load cell on analog input 1
-    trs_newton_per_volt: float = 1000.0  # shaft torque sensor, as force, on analog input 2
+    analog: tuple[AnalogInput, ...] = LOAD_CELLS  # in the order of 201A:01, :02
     bus_voltage: Volt = 150.0  # of a drive whose bus the world does not tell (surge)
 
 
@@ -130,10 +139,8 @@ class TorqueDrive(Cia402Node):
                 self._put_velocity((counts - self._counts) / elapsed)
             self._counts = counts
         put(0x6077, self.raw_current(current))
-        cells = (read.force_lcb, read.force_trs)
-        scales = (self.torque.lcb_newton_per_volt, self.torque.trs_newton_per_volt)
-        for sub, (force, scale) in enumerate(zip(cells, scales, strict=True), start=1):
-            put(0x201A, analog(force, scale), sub)
+        for sub, (reading, per_volt) in enumerate(self.torque.analog, start=1):
+            put(0x201A, analog(getattr(read, reading), per_volt), sub)
         if "load_cell_saturated" in active:
             put(0x201A, FULL_SCALE, 1)
         elif "load_cell_dead" in active:
@@ -240,9 +247,9 @@ class TorqueDrive(Cia402Node):
         return (0, protection, int(node_errors.SENSOR in found), int(bool(silent)), 0, 0, 0)
 
 
-def analog(force: Newton, newton_per_volt: float) -> int:
-    """Give the raw value of a load cell's amplifier, held within +-10 V."""
-    return max(-FULL_SCALE - 1, min(FULL_SCALE, rounded(force * PER_VOLT / newton_per_volt)))
+def analog(value: float, per_volt: float) -> int:
+    """Give the raw value of an amplified sensor, held within +-10 V."""
+    return max(-FULL_SCALE - 1, min(FULL_SCALE, rounded(value * PER_VOLT / per_volt)))
 
 
 def towards_zero(value: float, reach: float) -> float:

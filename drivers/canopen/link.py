@@ -4,6 +4,7 @@ Any interface of python-can will do by its name. Our own frames are kept out by 
 COB-IDs that are wanted, because not every interface marks what it sends back.
 """
 
+import logging
 import time
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -11,6 +12,9 @@ from typing import Any, NamedTuple
 import can
 
 from drivers.canopen.bus_settings import Bus
+
+# Half a message in a read of a socket is no news, and 1000 lines a second would be no log.
+logging.getLogger("can").setLevel(logging.ERROR)
 
 
 class Frame(NamedTuple):

@@ -15,8 +15,8 @@ from drivers.canopen.arming import (
 from drivers.canopen.bus_settings import Bus, refusal
 from drivers.canopen.drive_objects import BY_NAME
 from drivers.canopen.position_actuator import Settings as ActuatorSettings
+from drivers.canopen.torque_axis import TORQUE_MODE, layouts
 from drivers.canopen.torque_axis import Settings as AxisSettings
-from drivers.canopen.torque_axis import layouts
 from rig import handover
 from rig.companions import Companion
 from rig.config import RigFile
@@ -121,6 +121,8 @@ def _node(name: str, drive: Drive, wiring: Wiring, dt: float) -> dict[str, Any]:
         "heartbeat_consumer": heartbeat_consumer(can.own_node, drive.heartbeat_lost_ms),
         "heartbeat_producer": drive.heartbeat_ms,
     }
+    if isinstance(drive, TorqueDrive):
+        watched["mode_of_operation"] = TORQUE_MODE
     steps: list[Step] = list(
         parameter_steps({**watched, **drive.objects}, read_only=frozenset(drive.read_only))
     )

@@ -14,6 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from rig import realtime
 from rig.campaign.files import Campaign
 from rig.companions import Companion
 from rig.config import RigFile
@@ -202,6 +203,9 @@ async def _serve(config: dict[str, Any], supervisor: int) -> None:
         loop.call_later(0.5, look)
 
     look()
+    refused = realtime.beside_the_loop()
+    if refused:
+        _say(event="say", text=f"no priority over other work: {refused}")
     await Emulated(rig, world, loop).serve(ended)
 
 

@@ -5,6 +5,7 @@ No threads: frames come from the hub, time from the schedule. The node_*.py besi
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,7 +42,7 @@ class NodeParams(NamedTuple):
     node_id: int  # 1..127
     eds: Path
     boot: Second = 0.05  # from power or reset to the boot-up message
-    pace: Second = 0.002  # between two looks at timers when no SYNC comes
+    pace: Second = 0.005  # between two looks at timers when no SYNC comes
     tpdo_delay: Second = 0.0  # from SYNC to synchronous TPDOs; real drives take 50 to 500 us
 
 
@@ -66,6 +67,9 @@ class CanopenNode:
         self.exchange = Exchange(self._pdos, self.errors, schedule, self.port.process)
         self.exchange.delay = params.tpdo_delay
         self._masters = Deadlines()
+        self._sync_id = 0x80
+        self._wanted: set[int] = set()  # identifiers of frames for this node
+        objects.hooks[0x1005, 0] = lambda value: self._pdos.invalidate()
         for index, sub in objects.kinds:
             if index == 0x1016 and sub:
                 objects.hooks[index, sub] = lambda value: self._watch_masters()
@@ -159,19 +163,22 @@ class CanopenNode:
 
     def _receive(self, frame: Frame) -> None:
         identifier, data, extended = frame
+        if self._pdos.stale:
+            self._reconfigure()
+        if identifier not in self._wanted:
+            return
         nmt = self.port.nmt
         if extended or nmt == INITIALISING or self.port.cut:
             return
         if nmt == OPERATIONAL:
-            if identifier == self.objects.values[0x1005, 0] & 0x7FF:
+            if identifier == self._sync_id:
                 self._on_sync()
                 return
-            self.exchange.configure()
             map_ = self._pdos.receive.get(identifier)
             if map_ is not None:
                 self.exchange.arrived(map_, data, self._schedule.time())
                 self._heard_again(node_errors.RPDO_TIMEOUT)
-                self.outputs()
+                self._let_act()
                 return
         if identifier == 0:
             self._on_nmt(data)
@@ -181,11 +188,15 @@ class CanopenNode:
         elif identifier == self._local.request_id and nmt != STOPPED:
             self._tick(thorough=True)
             self._local.request(data)
-            self.outputs()
+            self._let_act()
+
+    def _let_act(self) -> None:
+        self.outputs()
+        if self.exchange.eventful and self.port.nmt == OPERATIONAL:
+            self.exchange.events(self._schedule.time())
 
     def _on_sync(self) -> None:
         """Sample and send, then let the RPDOs act that came before this SYNC."""
-        self.exchange.configure()
         self._tick()
         self.exchange.sampled(self._stepped)
         if self.exchange.apply():
@@ -214,21 +225,23 @@ class CanopenNode:
         self.port.nmt = state
         self._local.enter(NAMES[state])
         if state == OPERATIONAL:
-            self._pdos.invalidate()
-            self.exchange.configure()
+            self._reconfigure()
             self.exchange.start()
 
     # ---- time ---------------------------------------------------------------------------------
 
     def _keep_pace(self) -> None:
-        now = self._schedule.time()
-        self._next = self._schedule.call_at(now + self.params.pace, self._keep_pace)
+        """Look at timers; all nodes of one pace do so at the same times."""
+        now, pace = self._schedule.time(), self.params.pace
+        due = pace * (math.floor(now / pace + 1.0e-6) + 1)
+        self._next = self._schedule.call_at(due, self._keep_pace)
         if "powered_off" in self.active:
             return
-        if now - self._stepped >= 0.5 * self.params.pace:
+        if now - self._stepped >= 0.5 * pace:
             self._tick()
         if self.port.nmt == OPERATIONAL:
-            self.exchange.configure()
+            if self._pdos.stale:
+                self._reconfigure()
             self.exchange.events(now)
 
     def _tick(self, thorough: bool = False) -> None:
@@ -281,6 +294,13 @@ class CanopenNode:
     def _boot(self) -> None:
         self._local.boot()
         self.port.nmt = PRE_OPERATIONAL
+
+    def _reconfigure(self) -> None:
+        """Read anew what was written over SDO: PDOs, and which frames are for this node."""
+        self.exchange.configure()
+        self._sync_id = self.objects.get(0x1005) & 0x7FF
+        self._wanted = {0, self._sync_id, self._local.request_id, *self._pdos.receive}
+        self._wanted.update(range(0x701, 0x780))
 
     def _watch_masters(self) -> None:
         values = self.objects.values

@@ -19,20 +19,13 @@ from sim_plant.emulators.node_guard import Deadlines
 from sim_plant.emulators.node_local import LocalSide
 from sim_plant.emulators.node_objects import Objects, device_file
 from sim_plant.emulators.node_pdos import Pdos
-from sim_plant.emulators.node_port import (
-    INITIALISING,
-    OPERATIONAL,
-    PRE_OPERATIONAL,
-    STOPPED,
-    Port,
-)
+from sim_plant.emulators.node_port import Nmt, Port
 from sim_plant.emulators.node_storage import SIGNATURES, Storage
 from sim_plant.emulators.schedule import Appointment, Schedule
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.units import Second
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
-NAMES = {STOPPED: "STOPPED", OPERATIONAL: "OPERATIONAL", PRE_OPERATIONAL: "PRE-OPERATIONAL"}
 ROUND: Second = 0.005  # between two looks at what changes slowly
 
 
@@ -63,7 +56,7 @@ class CanopenNode:
         self.errors = Errors(objects, schedule, self.port.emergency)
         self._schedule = schedule
         self._local = LocalSide(params.node_id, dictionary, objects, schedule, self.port.basic)
-        self._pdos = Pdos(objects, lambda: self.port.nmt == OPERATIONAL)
+        self._pdos = Pdos(objects, lambda: self.port.nmt is Nmt.OPERATIONAL)
         self.exchange = Exchange(self._pdos, self.errors, schedule, self.port.process)
         self.exchange.delay = params.tpdo_delay
         self._masters = Deadlines()
@@ -168,9 +161,9 @@ class CanopenNode:
         if identifier not in self._wanted:
             return
         nmt = self.port.nmt
-        if extended or nmt == INITIALISING or self.port.cut:
+        if extended or nmt is Nmt.INITIALISING or self.port.cut:
             return
-        if nmt == OPERATIONAL:
+        if nmt is Nmt.OPERATIONAL:
             if identifier == self._sync_id:
                 self._on_sync()
                 return
@@ -185,14 +178,14 @@ class CanopenNode:
         elif 0x700 < identifier < 0x780:
             self._masters.hear(identifier - 0x700, self._schedule.time())
             self._heard_again(node_errors.HEARTBEAT_LOST)
-        elif identifier == self._local.request_id and nmt != STOPPED:
+        elif identifier == self._local.request_id and nmt is not Nmt.STOPPED:
             self._tick(thorough=True)
             self._local.request(data)
             self._let_act()
 
     def _let_act(self) -> None:
         self.outputs()
-        if self.exchange.eventful and self.port.nmt == OPERATIONAL:
+        if self.exchange.eventful and self.port.nmt is Nmt.OPERATIONAL:
             self.exchange.events(self._schedule.time())
 
     def _on_sync(self) -> None:
@@ -207,24 +200,24 @@ class CanopenNode:
             return
         command = data[0]
         if command == START:
-            self._enter(OPERATIONAL)
+            self._enter(Nmt.OPERATIONAL)
         elif command == STOP:
             self.master_lost(0)
-            self._enter(STOPPED)
+            self._enter(Nmt.STOPPED)
         elif command == ENTER_PRE_OPERATIONAL:
-            self._enter(PRE_OPERATIONAL)
+            self._enter(Nmt.PRE_OPERATIONAL)
         elif command == RESET_NODE:
             self._reset(application=True)
         elif command == RESET_COMMUNICATION:
             self.master_lost(0)
             self._reset(application=False)
 
-    def _enter(self, state: int) -> None:
+    def _enter(self, state: Nmt) -> None:
         if state == self.port.nmt:
             return
         self.port.nmt = state
-        self._local.enter(NAMES[state])
-        if state == OPERATIONAL:
+        self._local.enter(state.name.replace("_", "-"))
+        if state is Nmt.OPERATIONAL:
             self._reconfigure()
             self.exchange.start()
 
@@ -239,7 +232,7 @@ class CanopenNode:
             return
         if now - self._stepped >= 0.5 * pace:
             self._tick()
-        if self.port.nmt == OPERATIONAL:
+        if self.port.nmt is Nmt.OPERATIONAL:
             if self._pdos.stale:
                 self._reconfigure()
             self.exchange.events(now)
@@ -249,7 +242,7 @@ class CanopenNode:
         self.world.catch_up()
         if self._masters.missed(now):
             self._lost(node_errors.HEARTBEAT_LOST)
-        if self.port.nmt == OPERATIONAL and self.exchange.deadlines.missed(now):
+        if self.port.nmt is Nmt.OPERATIONAL and self.exchange.deadlines.missed(now):
             self._lost(node_errors.RPDO_TIMEOUT)
         if thorough or now >= self._looked + ROUND:
             self._looked = now
@@ -264,9 +257,9 @@ class CanopenNode:
         self.master_lost(code)
         behaviour = self.objects.get(0x1029, 1)
         if behaviour == 2:
-            self._enter(STOPPED)
-        elif behaviour == 0 and self.port.nmt == OPERATIONAL:
-            self._enter(PRE_OPERATIONAL)
+            self._enter(Nmt.STOPPED)
+        elif behaviour == 0 and self.port.nmt is Nmt.OPERATIONAL:
+            self._enter(Nmt.PRE_OPERATIONAL)
 
     def _heard_again(self, code: int) -> None:
         if code in self.errors.active and not self.in_fault():
@@ -275,7 +268,7 @@ class CanopenNode:
     # ---- reset --------------------------------------------------------------------------------
 
     def _reset(self, *, application: bool, boot: bool = True) -> None:
-        self.port.nmt = INITIALISING
+        self.port.nmt = Nmt.INITIALISING
         self._local.quiet()
         self.storage.recall(all_of_them=application)
         self.errors.active.clear()
@@ -293,7 +286,7 @@ class CanopenNode:
 
     def _boot(self) -> None:
         self._local.boot()
-        self.port.nmt = PRE_OPERATIONAL
+        self.port.nmt = Nmt.PRE_OPERATIONAL
 
     def _reconfigure(self) -> None:
         """Read anew what was written over SDO: PDOs, and which frames are for this node."""
@@ -303,6 +296,5 @@ class CanopenNode:
         self._wanted.update(range(0x701, 0x780))
 
     def _watch_masters(self) -> None:
-        values = self.objects.values
-        entries = [value for (index, sub), value in values.items() if index == 0x1016 and sub]
+        entries = [self.objects.get(0x1016, sub) for sub in range(1, 128)]
         self._masters.set(node_guard.consumers(entries))

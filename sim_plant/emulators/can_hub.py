@@ -227,12 +227,14 @@ class TextClient(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Do every whole command; the rest waits for more."""
         *commands, self._text = (self._text + data.decode("ascii", "replace")).split(">")
-        self._hub.reading = set()
-        for command in commands:
-            self._do(command)
-        answered, self._hub.reading = self._hub.reading, None
-        for client in answered:
-            client.flush()
+        self._hub.reading = answered = set[TextClient]()
+        try:
+            for command in commands:
+                self._do(command)
+        finally:
+            self._hub.reading = None
+            for client in answered:
+                client.flush()
         if len(self._text) > LONGEST:
             self._text = ""
             self._answer("error command too long")

@@ -36,6 +36,7 @@ class NodeParams(NamedTuple):
     eds: Path
     boot: Second = 0.05  # from power or reset to the boot-up message
     pace: Second = 0.005  # between two looks at timers when no SYNC comes
+    cycle: Second = 0.0  # of the device's own measuring and acting; 0: with every SYNC
     tpdo_delay: Second = 0.0  # from SYNC to synchronous TPDOs; real drives take 50 to 500 us
 
 
@@ -191,7 +192,7 @@ class CanopenNode:
     def _on_sync(self) -> None:
         """Sample and send, then let the RPDOs act that came before this SYNC."""
         self._tick()
-        self.exchange.sampled(self._stepped)
+        self.exchange.sampled(self._schedule.time())
         if self.exchange.apply():
             self.outputs()
 
@@ -247,8 +248,9 @@ class CanopenNode:
         if thorough or now >= self._looked + ROUND:
             self._looked = now
             self.look_round()
-        self.step(now, now - self._stepped)
-        self._stepped = now
+        if thorough or now - self._stepped >= self.params.cycle:
+            self.step(now, now - self._stepped)
+            self._stepped = now
 
     def _lost(self, code: int) -> None:
         """React to a silent master: the device's way (6007), and NMT by 0x1029:01."""
@@ -264,8 +266,6 @@ class CanopenNode:
     def _heard_again(self, code: int) -> None:
         if code in self.errors.active and not self.in_fault():
             self.errors.end(code)
-
-    # ---- reset --------------------------------------------------------------------------------
 
     def _reset(self, *, application: bool, boot: bool = True) -> None:
         self.port.nmt = Nmt.INITIALISING

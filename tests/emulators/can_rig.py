@@ -95,7 +95,9 @@ class Rig:
         self.heave = TorqueDrive(NodeParams(HEAVE, AMC), heave, *rest)
         eds = RATED if surge is Scaling.RATED else AMC
         self.surge = TorqueDrive(NodeParams(SURGE, eds), aside, *rest)
-        self.stator = StatorActuator(NodeParams(STATOR, ACTUATOR), ActuatorParams(low=low), *rest)
+        self.stator = StatorActuator(
+            NodeParams(STATOR, ACTUATOR, cycle=0.004), ActuatorParams(low=low), *rest
+        )
         self.nodes: tuple[CanopenNode, ...] = (self.heave, self.surge, self.stator)
         for node in self.nodes:
             node.power_on()

@@ -17,6 +17,13 @@ class Params(NamedTuple):
     gain_acceleration: float  # 1/s^2
 
 
+def predict(before: Estimate, periods: int, dt: float) -> Estimate:
+    """The motion after ``periods`` ticks without a measurement."""
+    x, v, a = before
+    span = periods * dt
+    return Estimate(x + v * span + 0.5 * a * span * span, v + a * span, a)
+
+
 def step(params: Params, before: Estimate, measured: float, periods: int, dt: float) -> Estimate:
     """Predict over ``periods`` ticks (1 unless some were lost), then correct with ``measured`` (m).
 

@@ -34,6 +34,7 @@ class State(NamedTuple):
     fade_from: float  # N, force at the last change of that
     fade: float  # 1 .. 0, share of that force still in the demand
     short: float  # N, what was granted in the last tick less what was asked
+    age: float  # s, of the counts in the last tick
 
 
 class Record(NamedTuple):
@@ -48,16 +49,22 @@ class Record(NamedTuple):
 
 def start() -> State:
     """State at switch-on."""
-    return State(Estimate(0.0, 0.0, 0.0), limits.start(), UNSEEN, 0.0, 0.0, 0.0)
+    return State(Estimate(0.0, 0.0, 0.0), limits.start(), UNSEEN, 0.0, 0.0, 0.0, 0.0)
 
 
 def observe(
     params: Params, state: State, sense: AxisSense, zero: float, periods: int, dt: float
 ) -> Estimate:
-    """Motion from this tick's counts, relative to the tared zero (m in the encoder's own frame)."""
+    """Motion from this tick's counts, relative to the tared zero (m in the encoder's own frame).
+
+    Counts that are as much older as time has gone on are the same as before: taken for new they
+    would look like a body that stands. The motion then goes on as it was.
+    """
     measured = sense.counts * params.metres_per_count - zero
     if state.acting == UNSEEN:
         return Estimate(measured, 0.0, 0.0)
+    if sense.encoder_age > state.age + 0.5 * periods * dt:
+        return estimator.predict(state.motion, periods, dt)
     return estimator.step(params.estimator, state.motion, measured, periods, dt)
 
 
@@ -71,8 +78,8 @@ def check(
 
 def rezero(state: State, by: float) -> State:
     """The same motion seen from a zero that has moved up by ``by`` (m)."""
-    (x, v, a), bounded, acting, fade_from, fade, short = state
-    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short)
+    (x, v, a), bounded, acting, fade_from, fade, short, age = state
+    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short, age)
 
 
 def control(
@@ -90,7 +97,7 @@ def control(
     A change between the two is bumpless: the force fades over from the last one granted.
     ``conducting`` 0: the drive's power stage rests, and no force is granted in RUN.
     """
-    _, bounded, before, fade_from, fade, _ = state
+    _, bounded, before, fade_from, fade, _, _ = state
     acting = RUN if mode == RUN else STOP_1 if STOP_2 <= mode <= STOP_1 else OFF
     if acting != before:
         fade_from, fade = bounded.force, 1.0
@@ -110,6 +117,6 @@ def control(
     # Granted in full, nothing is short.
     short = command.force - demand.force if command.limited != 0 else 0.0
     return (
-        State(motion, granted, acting, fade_from, fade, short),
+        State(motion, granted, acting, fade_from, fade, short, sense.encoder_age),
         Record(sense, motion, demand, command, limits.warn_axis(params.limits, motion)),
     )

@@ -12,14 +12,15 @@ from typing import Any, NamedTuple, Protocol
 from rig import process, provenance, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, resolved
+from rig.companions import Companion
 from rig.config.sea import RegularSea
-from rig.rehearsal import job
+from rig.hardware import job as hardware
+from rig.rehearsal import emulation, job
 from rig.runs import RunError, create, join
 from rig.runs.folder import MCAP, PROGRESS, STATUS, files
 from rig.supervisor import Outcome, Run, Setup, Snapshot
 from rig.wavebot import KIND
 
-RUNG = "rehearsal"
 ATTACHED = ("config.json", "plan.json", "code.json", "host.json")
 
 
@@ -41,8 +42,40 @@ class Ended(NamedTuple):
     trouble: str  # what could not be put on disk at the end; empty if nothing
 
 
+class Rung(NamedTuple):
+    """What a campaign is run on: nothing else differs between a rehearsal and the basin."""
+
+    name: str  # rehearsal, hil, hardware
+    real_clock: bool
+    loop_module: str  # python -m ...: the loop process with its devices
+    devices: dict[str, Any]  # for that module's connect()
+    companions: tuple[Companion, ...] = ()
+
+
+def rehearsal(campaign: Campaign, *, real_clock: bool) -> Rung:
+    """The simulated plant in the loop's own process."""
+    return Rung("rehearsal", real_clock, "rig.rehearsal", job.devices_of(campaign))
+
+
+def wired(campaign: Campaign, *, emulated: bool) -> Rung:
+    """The devices on the rig's wires, or emulated ones on the far end of the same wires.
+
+    WiringError says, all at once, why these wires must not be powered.
+    """
+    made = hardware.job_of(campaign.rig)
+    if not emulated:
+        return Rung("hardware", True, "rig.hardware", made.devices, made.companions)
+    companions = (emulation.companion(campaign), *made.companions)
+    return Rung("hil", True, "rig.hardware", made.devices, companions)
+
+
 def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clock: bool) -> Ended:
-    """Rehearse a campaign on the simulated plant; raises BusyError when the real clock is taken.
+    """Rehearse a campaign on the simulated plant; errors as `carry_out`."""
+    return carry_out(campaign, plan, runs, view, rehearsal(campaign, real_clock=real_clock))
+
+
+def carry_out(campaign: Campaign, plan: Plan, runs: Path, view: View, rung: Rung) -> Ended:
+    """Run a campaign to its end; raises BusyError when the real clock is taken.
 
     Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
     measured so far is kept.
@@ -50,11 +83,11 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
     with _interrupts(view) as asked, ExitStack() as locks:
         started = datetime.now(UTC)
         realtime = -1
-        if real_clock:
+        if rung.real_clock:
             realtime = locks.enter_context(create.hold_realtime(campaign.file.name)).fileno()
         folder = create.make(runs, campaign.file.name, started)
         held = locks.enter_context(create.hold_run(folder))
-        _write_start(folder, campaign, plan, started)
+        _write_start(folder, campaign, plan, started, rung)
         run = Run(
             Setup(
                 campaign.rig.kind,
@@ -62,20 +95,21 @@ def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clo
                 wavebot_params(
                     campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
                 ),
-                "rig.rehearsal",
-                job.devices_of(campaign),
+                rung.loop_module,
+                rung.devices,
                 plan.dt,
-                real_clock,
-                campaign.rig.realtime == "required" and real_clock,
+                rung.real_clock,
+                campaign.rig.realtime == "required" and rung.real_clock,
                 folder,
                 ATTACHED,
-                RUNG,
+                rung.name,
                 held.fd,
                 realtime,
+                rung.companions,
             )
         )
         outcome = run.supervise(_shown(view), asked)
-        trouble = _close_folder(folder, campaign, plan, outcome, started)
+        trouble = _close_folder(folder, campaign, plan, outcome, started, rung)
     return Ended(folder, outcome, trouble)
 
 
@@ -95,14 +129,14 @@ def _shown(view: View) -> Callable[[Snapshot], None]:
 
 
 def _close_folder(
-    folder: Path, campaign: Campaign, plan: Plan, outcome: Outcome, started: datetime
+    folder: Path, campaign: Campaign, plan: Plan, outcome: Outcome, started: datetime, rung: Rung
 ) -> str:
     """One finished record and the run's status; what could not be done, in words.
 
     A full disk must not hide how the run ended, so nothing here raises for one.
     """
     trouble = []
-    status = _status(folder, campaign, plan, started) | {
+    status = _status(folder, campaign, plan, started, rung) | {
         "status": outcome.status,
         "reason": outcome.reason,
         "ticks": outcome.ticks,
@@ -125,11 +159,13 @@ def _close_folder(
     return "; ".join(trouble)
 
 
-def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> dict[str, Any]:
+def _status(
+    folder: Path, campaign: Campaign, plan: Plan, started: datetime, rung: Rung
+) -> dict[str, Any]:
     return {
         "run": folder.name,
         "status": "running",
-        "rung": RUNG,
+        "rung": rung.name,
         "campaign": campaign.file.name,
         "rows_planned": len(plan.rows),
         "started_utc": started.isoformat(),
@@ -138,7 +174,9 @@ def _status(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> 
     }
 
 
-def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime) -> None:
+def _write_start(
+    folder: Path, campaign: Campaign, plan: Plan, started: datetime, rung: Rung
+) -> None:
     (folder / "config.json").write_text(resolved(campaign) + "\n")
     sea = campaign.file.sea
     create.write_json(
@@ -168,7 +206,7 @@ def _write_start(folder: Path, campaign: Campaign, plan: Plan, started: datetime
     )
     create.write_json(folder, "code.json", provenance.code())
     create.write_json(folder, "host.json", provenance.host())
-    create.write_json(folder, STATUS, _status(folder, campaign, plan, started))
+    create.write_json(folder, STATUS, _status(folder, campaign, plan, started, rung))
 
 
 def _wave_period(campaign: Campaign) -> float | None:

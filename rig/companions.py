@@ -49,7 +49,10 @@ class Companions:
         return dict(self._slots)
 
     def start(self) -> None:
-        """Start all and wait until all are ready; CompanionError names the first that is not."""
+        """Start one after the other, each when the one before is ready, for it may need that one.
+
+        CompanionError names the first that is not.
+        """
         for one in self._wanted:
             job = {
                 "config": one.config,
@@ -58,12 +61,12 @@ class Companions:
             }
             fds = tuple(self._slots[name] for name in one.mailboxes)
             errors = self._folder / f"{one.name}.stderr"
-            self._children.append((one, Child(one.module, json.dumps(job), fds, errors)))
-        began = time.monotonic()
-        for one, child in self._children:
-            self._wait(one, child, began)
+            child = Child(one.module, json.dumps(job), fds, errors)
+            self._children.append((one, child))
+            self._wait(one, child)
 
-    def _wait(self, one: Companion, child: Child, began: float) -> None:
+    def _wait(self, one: Companion, child: Child) -> None:
+        began = time.monotonic()
         while True:
             alive = child.alive()
             for event in child.heard():
@@ -91,11 +94,10 @@ class Companions:
         return "; ".join(trouble)
 
     def end(self, patience: float) -> None:
-        """End all, those that will not be killed; gives the mailboxes back."""
-        for _, child in self._children:
+        """End all in the opposite order, those that will not be killed; give the mailboxes back."""
+        for _, child in reversed(self._children):
             if child.alive():
                 child.process.terminate()
-        for _, child in self._children:
             child.end(patience)
         for fd in self._slots.values():
             os.close(fd)

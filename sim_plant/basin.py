@@ -92,7 +92,7 @@ class Basin:
         dt: Second,
         device: bool,
     ) -> None:
-        """Raises ValueError for a probe nearer than 2 m to a hull that is there."""
+        """Raises ValueError for a probe nearer than `NEAREST` to a hull that is there."""
         radii = [math.sqrt(p.x * p.x + p.y * p.y) for p in probes]
         if device and min(radii) < NEAREST:
             raise ValueError(f"a probe must stand {NEAREST} m or more from the hull's axis")

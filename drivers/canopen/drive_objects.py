@@ -56,6 +56,7 @@ OBJECTS = tuple(DriveObject(*row) for row in (
     (0x60A8, 0x0, "u32", "position_unit",               _SET,    -1,      1),  # Nanotec
     (0x60A9, 0x0, "u32", "velocity_unit",               _SET,    -1,      1),  # Nanotec
     (0x2030, 0x0, "u32", "pole_pairs",                  _VERIFY, -1,      1),  # Nanotec
+    (0x6060, 0x0, "i8",  "mode_of_operation",           _SET,    -1,      1),  # 10: cyclic torque
     # Limits of force and motion.
     (0x6072, 0x0, "u16", "max_torque",                  _SET,    -1,      1),  # 0.1 % of 0x6076
     (0x6073, 0x0, "u16", "max_current",                 _SET,    -1,      1),  # 0.1 % of 0x6075

@@ -1,10 +1,10 @@
 """The CAN bus as raw frames: python-can opened once, sent to and emptied without ever waiting.
 
-Any interface of python-can will do by its name. Two are refused where they cannot work: slcan, an
-empty look at which costs 1.1 ms, above 100 Hz; and any that sends our own frames back without
-marking them, unless the filters keep them out.
+Any interface of python-can will do by its name. Our own frames are kept out by filters on the
+COB-IDs that are wanted, because not every interface marks what it sends back.
 """
 
+import logging
 import time
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -12,17 +12,10 @@ from typing import Any, NamedTuple
 import can
 
 from drivers import errors
+from drivers.canopen.bus_settings import Bus
 
-SLCAN_RATE = 100.0  # Hz, the highest with which an slcan bus can be looked at from a tick
-
-
-class Bus(NamedTuple):
-    """How a bus is reached."""
-
-    interface: str  # name in python-can: socketcan, pcan, kvaser, socketcand, virtual, ...
-    channel: str
-    bit_rate: int  # bit/s
-    options: tuple[tuple[str, Any], ...]  # passed on to python-can as they are
+# Half a message in a read of a socket is no news, and 1000 lines a second would be no log.
+logging.getLogger("can").setLevel(logging.ERROR)
 
 
 class Frame(NamedTuple):
@@ -34,16 +27,6 @@ class Frame(NamedTuple):
 
 class LinkError(errors.LinkError):
     """The bus cannot be opened, or is gone; names interface and channel."""
-
-
-def refusal(bus: Bus, rate: float) -> str:
-    """Why a bus cannot be cycled at ``rate`` (Hz) from a tick; empty if it can."""
-    if bus.interface == "slcan" and rate > SLCAN_RATE:
-        return (
-            f"slcan on {bus.channel} cannot be cycled at {rate:g} Hz: an empty look at it takes "
-            f"1.1 ms; at most {SLCAN_RATE:g} Hz"
-        )
-    return ""
 
 
 def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:

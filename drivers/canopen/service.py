@@ -16,10 +16,11 @@ from canopen.sdo.exceptions import SdoError
 
 from drivers.canopen import arming, cia402, emcy, heartbeat, homing
 from drivers.canopen.arming import Mismatch, Step
+from drivers.canopen.bus_settings import Bus
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.drive_objects import Access
-from drivers.canopen.link import Bus, LinkError, open_bus
+from drivers.canopen.link import LinkError, open_bus
 from drivers.canopen.pdo import BYTES
 from drivers.canopen.statusword import describe
 

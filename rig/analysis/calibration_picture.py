@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from rig.analysis import words
+from rig.analysis import picture
+from rig.analysis.picture import INK
 
-INK = "#22303c"
 ASKED = "#9aa5ae"
 COLOURS = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97")
 MARKERS = ("o", "s", "^", "D")
@@ -18,10 +18,9 @@ _ROUNDING = 1e-6  # %: a smaller error says that every period was the same
 
 
 def _plain(axes: Axes, ylabel: str) -> None:
-    axes.set_ylabel(ylabel)
+    picture.quiet(axes)
+    axes.set_ylabel(ylabel, fontsize=8)
     axes.grid(alpha=0.25)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
 
 
 def _lines(axes: Axes, table: xarray.Dataset) -> None:
@@ -47,26 +46,26 @@ def _lines(axes: Axes, table: xarray.Dataset) -> None:
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, frameon=False, fontsize=8)
 
 
+def _shares(one: xarray.Dataset) -> Any:
+    """Standard error of each line of a probe, % of the line; NaN where there is none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = 100.0 * one["amplitude_se"].values / one["amplitude"].values
+    return np.where(np.isfinite(share) & (share > _ROUNDING), share, np.nan)
+
+
 def _errors(axes: Axes, table: xarray.Dataset) -> None:
     frequency = table["frequency"].values
-    shown = False
     for i, name in enumerate(table["probe"].values.tolist()):
         one = table.sel(probe=name)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = 100.0 * one["amplitude_se"].values / one["amplitude"].values
-        good = np.isfinite(share) & (share > _ROUNDING)
-        shown = shown or bool(good.any())
-        axes.plot(frequency[good], share[good], MARKERS[i % 4], ms=2.2, color=COLOURS[i % 4])
-        weak = (one["weak"].values == 1) & good
+        share = _shares(one)
+        axes.plot(frequency, share, MARKERS[i % 4], ms=2.2, color=COLOURS[i % 4])
+        weak = one["weak"].values == 1
         axes.plot(frequency[weak], share[weak], "o", ms=7, mfc="none", mec=INK, mew=0.9)
-    if shown:
-        axes.set_yscale("log")
-    else:
-        axes.text(
-            0.5, 0.5, "every period the same, or only one", ha="center", transform=axes.transAxes
-        )
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
     _plain(axes, "standard error, % of line")
-    axes.set_xlabel("frequency, Hz   (ringed: too weak to divide by)")
 
 
 def _period(axes: Axes, table: xarray.Dataset) -> None:
@@ -78,32 +77,41 @@ def _period(axes: Axes, table: xarray.Dataset) -> None:
         axes.fill_between(time, mean - error, mean + error, color=COLOURS[i % 4], alpha=0.3, lw=0)
     axes.margins(x=0.0)
     _plain(axes, "mean period, mm")
-    axes.set_xlabel("wave clock within the repeat period, s")
+    axes.set_xlabel("wave clock within the repeat period, s", fontsize=8)
 
 
 def write_picture(table: xarray.Dataset, path: Path) -> Path:
-    """Amplitudes by line with errors, relative errors, and the mean repeat period."""
-    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
-    top, middle, bottom = figure.subplots(3, 1)
-    axes_of: Any = (top, middle, bottom)
-    for axes, draw in zip(axes_of, (_lines, _errors, _period), strict=True):
-        draw(axes, table)
-    heights = "   ".join(
+    """Amplitudes by line, their relative errors where there are any, and the mean repeat period."""
+    attributes = table.attrs
+    probes = table["probe"].values.tolist()
+    uncertain = any(np.isfinite(_shares(table.sel(probe=name))).any() for name in probes)
+    figure, body = picture.framed(
+        11.0,
+        8.4 if uncertain else 6.0,
+        f"Waves without the device: {attributes.get('campaign') or attributes.get('sea', '')}",
+        attributes,
+        "" if uncertain else "no error: every period the same, or only one",
+        _heights(table),
+    )
+    panels: list[Any] = list(body.subplots(3 if uncertain else 2, 1))
+    _lines(panels[0], table)
+    if uncertain:
+        panels[1].sharex(panels[0])
+        _errors(panels[1], table)
+    panels[-2].set_xlabel(
+        "frequency, Hz" + ("   (ringed: too weak to divide by)" if uncertain else ""), fontsize=8
+    )
+    _period(panels[-1], table)
+    return picture.save(figure, path)
+
+
+def _heights(table: xarray.Dataset) -> str:
+    """The sea, and Hm0 asked and found at each probe."""
+    found = ", ".join(
         f"{name.replace('_', ' ')} {1e3 * height:.1f}"
         for name, height in zip(
             table["probe"].values.tolist(), table["hm0"].values.tolist(), strict=True
         )
     )
-    attributes = table.attrs
-    figure.suptitle(
-        f"Wave calibration, run {attributes.get('run', 'unknown')}   "
-        f"[{words.rung_stamp(str(attributes.get('rung', '')))}]\n"
-        f"{attributes.get('sea', '')}\n"
-        f"Hm0, mm: asked {1e3 * attributes['hm0_asked_m']:.1f}   {heights}",
-        fontsize=10,
-        color=INK,
-        x=0.01,
-        ha="left",
-    )
-    figure.savefig(path, dpi=140)
-    return path
+    asked = 1e3 * table.attrs["hm0_asked_m"]
+    return f"{table.attrs.get('sea', '')}; Hm0 in mm: asked {asked:.1f}, {found}"

@@ -29,6 +29,7 @@ class Side(NamedTuple):
     run: str
     campaign: str
     rung: str
+    rig: str
     sea: str
     ended: str
     points: int  # measured
@@ -92,7 +93,16 @@ def _side(known: Facts, found: Matrix) -> Side:
     told = known.plan.get("sea") or {}
     status = str(known.status.get("status") or "no end recorded")
     text = str(told.get("words") or told.get("kind") or "not recorded")
-    return Side(known.run, known.campaign, known.rung, text, status, len(found.points))
+    rig = (known.config.get("rig") or {}).get("name")
+    return Side(
+        known.run,
+        known.campaign,
+        known.rung,
+        str(rig or "not recorded"),
+        text,
+        status,
+        len(found.points),
+    )
 
 
 def _warnings(

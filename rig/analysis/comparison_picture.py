@@ -29,6 +29,7 @@ _LABELS = 50  # that stand beside each other, turned
 _SURE = 2.0  # standard errors
 _WIDTH = 11.7  # in
 _ROOM = 3.3  # in, of a panel's caption
+_NAMED = 2  # settings in the heading
 
 
 class _Sides(NamedTuple):
@@ -73,7 +74,7 @@ def write_comparison(told: Comparison, path: Path, held: Setting | None = None) 
         f"A {told.a.campaign} against B {told.b.campaign}",
         {"rung": rung, "run": runs},
         "",
-        f"sea {told.a.sea}" if told.same_sea else "",
+        _beneath(told),
         "; ".join(told.warnings),
     )
     if flat:
@@ -81,6 +82,18 @@ def write_comparison(told: Comparison, path: Path, held: Setting | None = None) 
     else:
         _lines(body, both, held or {}, (f"A {told.a.campaign}", f"B {told.b.campaign}"))
     return picture.save(figure, path)
+
+
+def _beneath(told: Comparison) -> str:
+    """The sea if it is one, whose rig it was, and what held heave and surge if that differs."""
+    parts = [f"sea {told.a.sea}"] if told.same_sea else []
+    if told.a.rig != told.b.rig:
+        parts.append(f"A on {told.a.rig}, B on {told.b.rig}")
+    apart = [each for each in told.differences if each.group == "control"]
+    parts += [f"{each.key}: A {each.a}, B {each.b}" for each in apart[:_NAMED]]
+    if len(apart) > _NAMED:
+        parts.append("and more")
+    return "; ".join(parts)
 
 
 def _cuts(both: _Sides, kind: str, view: View, held: Setting) -> tuple[Slice, Slice]:

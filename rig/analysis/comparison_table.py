@@ -30,7 +30,9 @@ def as_text(told: Comparison) -> str:
     for name, side in (("A", told.a), ("B", told.b)):
         stamp = words.rung_stamp(side.rung)
         lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
-        lines.append(f"   {side.points} points measured, {side.ended}; sea {side.sea}")
+        lines.append(
+            f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}"
+        )
     for warning in told.warnings:
         lines += ["", f"!! {warning}"]
     lines += ["", "Settings that differ", *_settings(told), "", *_matched(told)]
@@ -79,7 +81,7 @@ def _matched(told: Comparison) -> list[str]:
 def _means(told: Comparison) -> list[str]:
     pairs = told.matched.pairs
     lines = [
-        "Mean difference and best points, W (B less A; negative: B absorbs more; ± standard error)",
+        "Mean difference and best points of the matched pairs, W (B less A; ± standard error)",
         f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
     ]
     for kind in KINDS:
@@ -98,7 +100,8 @@ def _power(point: Point | None, kind: str) -> str:
 
 def _points(told: Comparison) -> list[str]:
     heads = "".join(f"{words.SHORT_NAMES[kind]:>20}" for kind in KINDS)
-    lines = [f"Differences by point, W (B - A)\n  {'':<8}{heads}   set point"]
+    title = "Differences by point, W (B - A; negative: B absorbs more)"
+    lines = [title, f"  {'':<8}{heads}   set point"]
     for pair in told.matched.pairs:
         cells = "".join(f"{gap_words(gap(pair, kind)):>20}" for kind in KINDS)
         rows = f"{pair.a.rows[0]}|{pair.b.rows[0]}"

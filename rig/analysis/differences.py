@@ -8,8 +8,8 @@ from rig.analysis.rows import wave_period
 from rig.runs.folder import Facts
 
 GROUPS = (
-    "rung", "sea", "drive", "plant", "calibration", "code", "timing", "limits", "rig", "campaign",
-    "host",
+    "rung", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",
+    "campaign", "host",
 )  # fmt: skip
 ABSENT = "not there"
 
@@ -17,6 +17,7 @@ _CALIBRATION = (  # how numbers of the rig become forces, positions and rates
     "torque_constant", "gear_ratio", "counts_per_revolution", "metres_per_radian", "spring.map",
     "calibration",
 )  # fmt: skip
+_CONTROL = ("surge.", "law.", "reference", "station_keeping.", "surge_hold.")
 _LEFT_OUT = ("campaign.name", "campaign.matrix", "campaign.rig", "campaign.plant", "campaign.sea")
 _ELEVATION = "elevation"  # role of a recorded sea's file, whose data the configuration lacks
 _LONGEST = 60  # letters of a value
@@ -109,6 +110,8 @@ def _group(key: str) -> str:
     first, _, rest = key.partition(".")
     if first == f"{_ELEVATION} file":
         return "sea"
+    if first in ("campaign", "rig") and rest.startswith(_CONTROL):
+        return "control"
     if rest == "drive" or rest.startswith("drive."):
         return "drive"
     if first == "rig" and any(word in rest for word in _CALIBRATION):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.tri import LinearTriInterpolator, TriAnalyzer, Triangulation
+from matplotlib.tri import TriAnalyzer, Triangulation
 
 Place = tuple[float, float]  # x, y
 Floats = npt.NDArray[np.float64]
@@ -52,8 +52,3 @@ def triangulation(places: Sequence[Place]) -> Triangulation:
     mask = flat & TriAnalyzer(by_rank).get_flat_tri_mask(_SLIVER, rescale=False)
     x, y = np.array(places, dtype=np.float64).T
     return Triangulation(x, y, mesh.triangles, None if np.all(mask) else mask)
-
-
-def interpolator(places: Sequence[Place], values: Sequence[float]) -> LinearTriInterpolator:
-    """The value as a function of (x, y), masked outside the hull of the places."""
-    return LinearTriInterpolator(triangulation(places), list(values))

@@ -86,7 +86,7 @@ def _outcome(figure: Figure, summary: Summary) -> None:
     y, width = 0.843, _RIGHT - x
     figure.add_artist(Rectangle((x, y), width, 0.006, color=_PALE, lw=0))
     figure.add_artist(Rectangle((x, y), width * share, 0.006, color=colour, lw=0))
-    done = f"{summary.rows_done} of {summary.rows_planned} rows complete"
+    done = textwrap.fill(summary.rows_words, 54)
     figure.text(x, y - 0.004, done, fontsize=8.5, color=_INK, va="top")
 
 

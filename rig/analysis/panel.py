@@ -26,6 +26,8 @@ from rig.analysis.slices import Optimum, Slice, remarks
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
 _STEPS = [1, 2, 2.5, 5, 10]
 LETTERS = 17  # of a caption, an inch
+_FLAT = 0.1  # W; less from end to end is drawn flat, not blown up to the whole scale
+_LEAST_SPAN = 0.01  # of the power that is shown: less is noise blown up
 
 Drawn = Literal["surface", "line", "nothing"]
 
@@ -49,9 +51,18 @@ def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = Fa
     if even:
         high = max(abs(low), abs(high))
         low = -high
-    if high - low < 1e-6:
-        low, high = low - 0.5, high + 0.5
+    else:
+        low, high = _spread(low, high)
+    if high - low < _FLAT:
+        middle = 0.5 * (low + high)
+        low, high = middle - 0.5, middle + 0.5
     return Scale(MaxNLocator(10).tick_values(low, high), colours)
+
+
+def _spread(low: float, high: float) -> tuple[float, float]:
+    """Ends of a scale of power, W, as far apart as differences that mean something."""
+    short = 0.5 * max(0.0, _LEAST_SPAN * max(abs(low), abs(high)) - (high - low))
+    return low - short, high + short
 
 
 def surface(
@@ -91,7 +102,10 @@ def along(of: Slice) -> int:
 
 
 def _line(axes: Axes, of: Slice, best: Optimum) -> None:
-    """Points on one line, be it a single one: power against the column that varies."""
+    """Points on one line, be it a single one: power against the column that varies.
+
+    What was not measured has no power: it is a cross on the axis.
+    """
     which = along(of)
     column = (of.x, of.y)[which]
     times = labels.factor(column)
@@ -101,9 +115,14 @@ def _line(axes: Axes, of: Slice, best: Optimum) -> None:
     errors = np.nan_to_num([of.points[i].error[of.kind] for i in order])
     axes.errorbar(x, y, yerr=errors, fmt="o-", color=INK, ms=3.5, lw=1.0, capsize=2)
     mark(axes, best.point.setting[column.name] * times, best.power)
-    if len(x) == 1:
+    missing = [place[which] * times for place in of.missing]
+    if missing:
+        foot: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+        axes.plot(missing, [0.0] * len(missing), "x", color=INK, ms=4.5, mew=1.2, **foot)
+    if len({*x, *missing}) == 1:
         room = 0.5 * abs(x[0]) or 1000.0
         axes.set_xlim(x[0] - room, x[0] + room)
+    axes.set_ylim(_spread(*axes.get_ylim()))
     axes.set_xlabel(labels.heading(column), fontsize=8)
     axes.grid(alpha=0.3)
 
@@ -203,8 +222,9 @@ def ticks(axes: Axes, *, few: bool = False) -> None:
 def one_height(lines: list[Axes], label: str, *, each: bool) -> None:
     """Line plots of one kind of power on the same scale, labelled at the first or at each."""
     limits = np.array([axes.get_ylim() for axes in lines])
+    room = 0.04 * (limits.max() - limits.min())
     for axes in lines:
-        axes.set_ylim(limits.min(), limits.max())
+        axes.set_ylim(limits.min() - room, limits.max() + room)
         axes.set_ylabel(label if each or axes is lines[0] else "", fontsize=8)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
+from matplotlib.textpath import TextPath
 
 from rig.analysis import words
 
@@ -15,7 +16,7 @@ INK, SOFT, MARK, ZERO = "#22303c", "#66727d", "#d1495b", "#ffb703"
 FRAME, TICK = "#b8c0c7", "#8a949d"
 _HEADING = 0.55  # in
 _SHOUTED = 11.5  # letters an inch, of a warning
-_LETTERS = 15  # an inch, of the line beneath
+_GAP = 0.2  # in, between the line beneath and the run beside it
 _DPI = 150
 
 
@@ -34,7 +35,8 @@ def framed(
     beside the stamp; a title that is too long is set smaller. ``warning`` is shouted below them.
     """
     room = width - 3.5  # in, beside the stamp
-    own_line = len(beneath) > room * _LETTERS
+    told = "; ".join(filter(None, (f"run {attributes.get('run', '')}", said)))
+    own_line = _inches(beneath, 8.5) + _inches(told, 8.0) + _GAP > 0.96 * width
     calls = textwrap.wrap(warning, round(width * _SHOUTED))
     head = _HEADING + 0.2 * own_line + (0.12 + 0.2 * len(calls) if calls else 0.0)
     figure = Figure(figsize=(width, height + head), layout="constrained")
@@ -49,7 +51,6 @@ def framed(
     write(0.02, 0.66 if own_line else 0.46, beneath, fontsize=8.5, color=SOFT)
     stamp = words.rung_stamp(str(attributes.get("rung", "")))
     write(0.98, 0.19, stamp, fontsize=9, fontweight="bold", color=MARK, ha="right")
-    told = "; ".join(filter(None, (f"run {attributes.get('run', '')}", said)))
     write(0.98, 0.46, told, fontsize=8, color=INK, ha="right")
     if calls:
         high = 0.06 + 0.2 * len(calls)
@@ -59,6 +60,11 @@ def framed(
         style = {"fontsize": 10, "fontweight": "bold", "color": "white", "ha": "center"}
         write(0.5, head - 0.04 - 0.5 * high, "\n".join(calls), **style)
     return figure, body
+
+
+def _inches(text: str, size: float) -> float:
+    """Width of a line of text in points of ``size``."""
+    return float(TextPath((0.0, 0.0), text, size=size).get_extents().width) / 72.0 if text else 0.0
 
 
 def campaign(attributes: Mapping[Any, Any]) -> str:

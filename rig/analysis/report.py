@@ -11,6 +11,7 @@ from rig.analysis.effects_table import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import matrix
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
+from rig.analysis.stopped import where_it_stopped
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.runs import RunError, mcap_file
@@ -28,7 +29,9 @@ def _unfinished(contents: list[mcap_file.Contents]) -> str:
 def _read(run: Path, mean_position_alarm: float) -> tuple[xarray.Dataset, Summary]:
     contents = [mcap_file.scan(path) for path in files(run)]
     table = row_table(run, mean_position_alarm)
-    return table, summarise(table, facts(run, contents), _unfinished(contents))
+    known = facts(run, contents)
+    stopped = "" if known.status.get("status") == "complete" else where_it_stopped(run)
+    return table, summarise(table, known, _unfinished(contents), stopped)
 
 
 def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
@@ -41,7 +44,7 @@ def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
     except RunError as error:
         found, told = None, [str(error)]
     none = xarray.Dataset()
-    return found, summarise(none, known, _unfinished(contents), tuple(told))
+    return found, summarise(none, known, _unfinished(contents), findings=tuple(told))
 
 
 def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> Summary:

@@ -48,8 +48,15 @@ class Summary(NamedTuple):
     further: tuple[str, ...]  # columns that vary beside spring rate, Kp and Ki
     alarms: tuple[str, ...]
     timing: str
+    stopped: str = ""  # when and where, of a run that did not walk its plan to the end
     findings: tuple[str, ...] = ()  # of a run without rows, a sentence each
     effects: tuple[Effects, ...] = ()  # of a designed matrix
+
+    @property
+    def rows_words(self) -> str:
+        """How much of the plan was measured, and where it was left."""
+        done = f"{self.rows_done} of {self.rows_planned} rows complete"
+        return f"{done}; {self.stopped}" if self.stopped else done
 
     def further_of(self, optimum: Optimum) -> Setting:
         """Where the further columns stand at a best point, SI, by name."""
@@ -155,12 +162,16 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
 
 
 def summarise(
-    table: xarray.Dataset, known: Facts, unfinished: str = "", findings: tuple[str, ...] = ()
+    table: xarray.Dataset,
+    known: Facts,
+    unfinished: str = "",
+    stopped: str = "",
+    findings: tuple[str, ...] = (),
 ) -> Summary:
     """The summary of a run from its row table and what its files say of it.
 
-    ``unfinished`` tells that the record lacks its end; it becomes the first alarm. ``findings`` are
-    what a run without rows gave.
+    ``unfinished`` tells that the record lacks its end; it becomes the first alarm. ``stopped``
+    tells where in its plan the run was left; ``findings`` are what a run without rows gave.
     """
     status = known.status
     ended = status.get("status", "running") != "running"
@@ -185,6 +196,7 @@ def summarise(
         further=tuple(c.name for c in varied(matrix(table)) if c.name not in _ALWAYS),
         alarms=tuple(alarms(table, known, unfinished)),
         timing=str(timing or "No timing certificate: the run did not get to its end."),
+        stopped=stopped,
         findings=findings,
         effects=effects_table.all_effects(table) if is_designed(matrix(table)) else (),
     )
@@ -240,7 +252,7 @@ def as_text(summary: Summary) -> str:
 def _rows_words(summary: Summary) -> list[str]:
     if summary.findings:
         return []
-    return [f"{summary.rows_done} of {summary.rows_planned} rows complete."]
+    return [f"{summary.rows_words}."]
 
 
 def _best(summary: Summary) -> list[str]:

@@ -89,6 +89,7 @@ def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bo
         if i == 0 and view.by_spring:
             for axes, text in zip(panels[i], headings, strict=True):
                 panel.above(axes, text, panel.lines_of(said), compact=compact)
+    figure.align_ylabels(panels)
 
 
 def _dots(figure: FigureBase, found: Matrix, view: View) -> None:

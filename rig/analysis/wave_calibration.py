@@ -201,15 +201,15 @@ def findings(table: xarray.Dataset) -> list[str]:
             if asked
             else ""
         )
-        text += (
-            f" over {int(one['periods'])} periods; {100.0 * (hm0 / total) ** 2:.1f} % of what was"
-        )
+        count = int(one["periods"])
+        text += f" over {count} period{'s' if count != 1 else ''}; "
+        text += f"{100.0 * (hm0 / total) ** 2:.1f} % of what was"
         text += " measured repeats on the asked lines"
         if len(weak):
             shown = ", ".join(f"{f:.4g}" for f in weak[:5])
             more = f" and {len(weak) - 5} more" if len(weak) > 5 else ""
-            count = f"{len(weak)} line{'s' if len(weak) > 1 else ''}"
-            text += f"; {count} too weak to divide by ({shown}{more} Hz)"
+            lines = f"{len(weak)} line{'s' if len(weak) > 1 else ''}"
+            text += f"; {lines} too weak to divide by ({shown}{more} Hz)"
         told.append(text)
     return told
 

@@ -61,6 +61,9 @@ REASONS = {
     Reason.SURGE_POSITION: "the position limit of surge was reached",
     Reason.SURGE_VELOCITY: "the velocity limit of surge was reached",
     Reason.SURGE_ENCODER_JUMP: "the surge encoder jumped: it slipped or lost counts",
+    Reason.EMERGENCY_STOP: "the emergency stop was pressed",
+    Reason.LIMIT_SWITCH: "a limit switch was hit",
+    Reason.STALE_PANEL: "the emergency stop could not be read any more",
 }
 
 
@@ -86,12 +89,12 @@ def signed(value: float, digits: int = 0) -> str:
 
 
 def watts(value: float, error: float = float("nan")) -> str:
-    """A power with its standard error where that is known, W."""
-    digits = 1 if abs(value) < 100.0 else 0
-    text = signed(value, digits)  # a plus says that power is consumed
+    """A power with its standard error where that is known, W: both to the same decimals."""
     if not math.isfinite(error):
-        return f"{text} W"
-    return f"{text} ± {error:.{1 if error >= 0.095 else 2}f} W"
+        return f"{signed(value, 1 if abs(value) < 100.0 else 0)} W"
+    digits = 0 if error >= 9.5 else 1 if error >= 0.095 else 2
+    size = f"{error:.{digits}f}" if error >= 0.005 else "<0.01"
+    return f"{signed(value, digits)} ± {size} W"  # a plus says that power is consumed
 
 
 def utc(text: str) -> str:

@@ -146,7 +146,10 @@ class Valid(FileModel):
 
 
 def _range_words(first: float | str | None, before: float | str | None) -> str:
-    ends = (f"from {first}" if first is not None else "", f"before {before}" if before else "")
+    ends = (
+        f"from {first}" if first is not None else "",
+        f"before {before}" if before is not None else "",
+    )
     return " ".join(end for end in ends if end)
 
 

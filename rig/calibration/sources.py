@@ -11,7 +11,8 @@ from rig.runs import RunError, facts, list_runs
 from rig.runs.folder import Facts
 
 PRODUCTS = (
-    *("rows.csv", "rows.nc", "surfaces.png"),
+    *("rows.csv", "rows.nc", "effects.csv"),
+    *("surfaces.png", "surfaces_sliced.png", "bars.png"),
     *("summary.txt", "summary.json", "summary.pdf", "summary.png"),
 )
 """Files of a run's folder that are worked out from its record."""

@@ -160,15 +160,21 @@ class Report(NamedTuple):
         return json.dumps(whole, ensure_ascii=False, allow_nan=False)
 
 
-def check(path: Path, also: Also = nothing_more, foresee: Foresee = nothing_foreseen) -> Report:
+def check(
+    path: Path,
+    also: Also = nothing_more,
+    foresee: Foresee = nothing_foreseen,
+    rig: Path | None = None,
+) -> Report:
     """Check a campaign file and all it stands on; needs no hardware and never raises for a file.
 
     ``also`` adds the problems of a further check, such as the simulated plant's; ``foresee`` what
-    is predicted of its rows: those it refuses are problems of the campaign.
+    is predicted of its rows: those it refuses are problems of the campaign; ``rig`` stands in for
+    the rig that the campaign names.
     """
     path = Path(path)
     try:
-        campaign = open_campaign(path, also)
+        campaign = open_campaign(path, also, rig)
     except ConfigError as error:
         return Report(path, error.problems, None, None)
     planned = plan(campaign.file, campaign.rig, campaign.points)

@@ -24,6 +24,8 @@ from rig.config.translate import validate
 
 T = TypeVar("T")
 
+_OWN = ("rig", "sea", "matrix")  # keys without which a file is not even a broken campaign
+
 
 class ReadFile(NamedTuple):
     """A file a campaign stands on."""
@@ -56,10 +58,11 @@ def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
     return ()
 
 
-def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
+def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None = None) -> Campaign:
     """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
 
-    ``also`` is where the simulated plant has its say, which is not known here.
+    ``also`` is where the simulated plant has its say, which is not known here; ``rig_path`` stands
+    in for the rig that the campaign names.
     Raises `ConfigError` with every problem of all these files.
     """
     problems: list[Problem] = []
@@ -71,10 +74,12 @@ def open_campaign(path: Path, also: Also = nothing_more) -> Campaign:
             problems.extend(error.problems)
             return None
 
-    top = attempt(lambda: Source(*load_mapping(Path(path), inline=CampaignFile.inline)))
+    top = attempt(lambda: _top(Path(path)))
     if top is None:
         raise ConfigError(problems)
-    rig_source = attempt(lambda: _named(top, ("rig",)))
+    rig_source = attempt(
+        lambda: _named(top, ("rig",)) if rig_path is None else Source(*load_mapping(rig_path))
+    )
     limits_source = plant_source = None
     if rig_source is not None:
         limits_source = attempt(lambda: _named(rig_source, ("limits",)))
@@ -143,6 +148,15 @@ def _in_order(problems: list[Problem], sources: tuple[Source | None, ...]) -> li
     files = [shown(path) for opened in sources if opened for path in opened.locate.files]
     rank = {file: i for i, file in reversed(list(enumerate(files)))}
     return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
+
+
+def _top(path: Path) -> Source:
+    """The campaign's own file; of a file of another kind only that is said."""
+    found = Source(*load_mapping(path, inline=CampaignFile.inline))
+    if not any(key in found.mapping for key in _OWN):
+        message = f"no campaign: it has none of {', '.join(_OWN)}"
+        raise ConfigError([found.locate.problem((), None, message)])
+    return found
 
 
 def _named(owner: Source, key: KeyPath) -> Source | None:

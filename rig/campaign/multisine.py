@@ -86,19 +86,9 @@ def series(signal: Multisine, count: int) -> Floats:
     return np.fft.irfft(bins, count)
 
 
-def rms(signal: Multisine) -> float:
-    """Root mean square, in the signal's unit."""
-    return math.sqrt(0.5 * float(np.sum(signal.amplitude * signal.amplitude)))
-
-
 def peak(signal: Multisine) -> float:
     """Greatest magnitude, in the signal's unit, found on 32 samples of the fastest period."""
     return float(np.abs(_fine(signal)).max())
-
-
-def crest_factor(signal: Multisine) -> float:
-    """Peak over rms: 1.41 for one sine, about 3 to 4 for random phases."""
-    return peak(signal) / rms(signal)
 
 
 def scaled_to_peak(signal: Multisine, most: float) -> Multisine:

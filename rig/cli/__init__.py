@@ -21,12 +21,16 @@ _RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it)
 Run = Annotated[Path, typer.Argument(help=_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS = Path("runs")
+Rig = Annotated[
+    Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
+]
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
-_CODES = """Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig
-requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows were
-lost."""
+_CODES = """\
+Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
+requires; 2 bad input; 3 stopped by the operator; 4 the rig tripped; 5 a process died or rows \
+were lost."""
 
 
 @app.command(epilog=_CODES)
@@ -35,13 +39,20 @@ def run(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
+    rig: Rig = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="Emulated devices on the far end of the rig's wires.")
+    ] = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Run a campaign: rehearse it on the simulated plant and make its power surfaces."""
-    from rig.cli.run import main
+    """Run a campaign and make its power surfaces.
 
-    sys.exit(main(campaign, runs, realtime=realtime, as_json=json))
+    A rig without wiring is rehearsed on the simulated plant; one with wiring is run on its devices.
+    """
+    from rig.cli.run import Wanted, main
+
+    sys.exit(main(campaign, runs, Wanted(rig, realtime, sim), as_json=json))
 
 
 @app.command()
@@ -50,16 +61,18 @@ def check(
     rows: Annotated[
         bool, typer.Option("--rows", help="Every row, not only those nearest to a limit.")
     ] = False,
+    rig: Rig = None,
     json: Json = False,
 ) -> None:
     """Say everything that is wrong with a campaign, or what each of its rows is predicted to do."""
     from rig.cli.check import main
 
-    sys.exit(main(campaign, every_row=rows, as_json=json))
+    sys.exit(main(campaign, rig, every_row=rows, as_json=json))
 
 
-_DOCTOR = """Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not
-fit, the verdict says why; 2 bad input."""
+_DOCTOR = """\
+Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not fit, the \
+verdict says why; 2 bad input."""
 
 
 @app.command(epilog=_DOCTOR)
@@ -85,9 +98,10 @@ def doctor(
     sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json))
 
 
-_RECOVER = """Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is
-finished, but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is
-still being written, the disk is full, or what was written could not be read back; 2 no such run, or
+_RECOVER = """\
+Exit codes: 0 the record is finished and holds every tick that was executed; 5 it is finished, \
+but ticks are lost or damaged, or nobody saw whether more followed; 1 not done: the run is still \
+being written, the disk is full, or what was written could not be read back; 2 no such run, or \
 nothing in it is readable."""
 
 

@@ -10,14 +10,17 @@ from rig.predict import predict
 from rig.rehearsal.job import problems
 
 
-def examine(path: Path) -> Report:
-    """Check a campaign with all it stands on, the simulated plant and its prediction included."""
-    return check(path, also=problems, foresee=predict)
+def examine(path: Path, rig: Path | None = None) -> Report:
+    """Check a campaign with all it stands on, the simulated plant and its prediction included.
+
+    ``rig`` stands in for the rig that the campaign names.
+    """
+    return check(path, also=problems, foresee=predict, rig=rig)
 
 
-def main(path: Path, *, every_row: bool, as_json: bool) -> int:
+def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:
     """Print the report; 0 if the campaign can be run."""
-    report = examine(path)
+    report = examine(path, rig)
     if as_json:
         print(report.to_json())
     elif report.forecast is None:

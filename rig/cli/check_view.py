@@ -11,10 +11,10 @@ from rich.text import Text
 
 from rig.campaign import Report
 from rig.campaign.check import duration_text
+from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
 from rig.predict import Prediction, RowPrediction, Travel, tightest
 
-WIDTH = 100  # where there is no terminal
 FEW = 8  # rows shown unless all are asked for
 MOST_SPRINGS = 12
 MOST_TOLD = 10
@@ -25,7 +25,8 @@ _AFTER = (
     ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"), ("mech 1", "W"), ("mech 2", "W"),
     ("AC", "W"), ("DC", "W"),
 )  # fmt: skip
-_LEFT_OUT = ("rms", "surge", "mech 2")  # where the terminal is narrow
+_LEFT_OUT = ("surge", "rms", "mech 2", "mech 1")  # one after the other, until the rest fits
+_ENDLESS = 10_000  # columns
 _ALSO = {  # columns shown where they change from row to row
     "km": ("Km", "kg"),
     "surge_kp": ("surge Kp", "N s/m"),
@@ -42,10 +43,7 @@ class View:
     """Draws a report with a prediction on the terminal, or as plain text into a pipe."""
 
     def __init__(self, *, every_row: bool, console: Console | None = None) -> None:
-        found = console or Console(highlight=False)
-        if console is None and not found.is_terminal:
-            found = Console(highlight=False, width=WIDTH)
-        self._out = found
+        self._out = console or table_console()
         self._every_row = every_row
 
     def show(self, report: Report) -> None:
@@ -70,8 +68,8 @@ class View:
                 told.stylize("bold")
             table.add_row(label, told)
         table.add_row("stator", _stator(now))
-        for one in forecast.travel[1:]:
-            table.add_row("order", _saving(now, one))
+        for told in _savings(now, forecast.travel[1:]):
+            table.add_row("order", told)
         files = ", ".join(f"{role} {path}" for role, path in report.sources())
         table.add_row("files", Text(files))
         self._out.print(table)
@@ -110,17 +108,27 @@ class View:
         if not self._every_row and len(rows) > FEW:
             rows = sorted(rows, key=lambda one: -tightest(one.margins).used)[:FEW]
             title = f"The {FEW} of {len(forecast.rows)} rows nearest to a limit"
-        table = _table(title, "--rows shows all" if len(rows) < len(forecast.rows) else "")
+        caption = "--rows shows all" if len(rows) < len(forecast.rows) else ""
         columns = [*_BEFORE, *_changing(forecast.rows), *_AFTER]
-        if self._out.width < WIDTH:
-            columns = [(name, unit) for name, unit in columns if name not in _LEFT_OUT]
-        for name, unit in columns:
-            table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        table.add_column("most used\n", no_wrap=True)
-        for one in [*(lead_in if self._every_row else []), *rows]:
-            cells = _cells(one)
-            style = "red" if one.row.point in refused else ""
-            table.add_row(*(cells[name] for name, _ in columns), _most_used(one), style=style)
+        shown = [*(lead_in if self._every_row else []), *rows]
+
+        def drawn(left_out: Sequence[str]) -> Table:
+            table = _table(title, caption)
+            kept = [(name, unit) for name, unit in columns if name not in left_out]
+            for name, unit in kept:
+                table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
+            table.add_column("most used\n", no_wrap=True)
+            for one in shown:
+                cells = _cells(one)
+                style = "red" if one.row.point in refused else ""
+                table.add_row(*(cells[name] for name, _ in kept), _most_used(one), style=style)
+            return table
+
+        endless = self._out.options.update(width=_ENDLESS)
+        tables = (drawn(_LEFT_OUT[:count]) for count in range(len(_LEFT_OUT) + 1))
+        for table in tables:  # the first that fits, or the last
+            if self._out.measure(table, options=endless).maximum <= self._out.width:
+                break
         self._out.print()
         self._out.print(table)
         self._out.print()
@@ -228,10 +236,21 @@ def _stator(now: Travel) -> Text:
     return Text(f"{moves}; {now.moving:.3g} s on its way over {now.way:.3g} % of its travel")
 
 
+def _savings(now: Travel, others: Sequence[Travel]) -> list[Text]:
+    """What other orders would save, a line each; those that save nothing share one."""
+    same = [one for one in others if one.moves == now.moves and abs(_gain(now, one)) < 0.05]
+    told = [_saving(now, one) for one in others if one not in same]
+    if same:
+        told.append(Text(f"{', '.join(one.order for one in same)}: nothing to save"))
+    return told
+
+
+def _gain(now: Travel, other: Travel) -> float:
+    return now.duration - other.duration
+
+
 def _saving(now: Travel, other: Travel) -> Text:
-    moves, seconds = now.moves - other.moves, now.duration - other.duration
-    if moves == 0 and abs(seconds) < 0.05:
-        return Text(f"{other.order}: nothing to save")
+    moves, seconds = now.moves - other.moves, _gain(now, other)
     verb = "saves" if seconds > 0.0 or moves > 0 else "costs"
     return Text(
         f"{other.order}: {verb} {abs(moves)} move{'s' if abs(moves) != 1 else ''} and "

@@ -3,11 +3,12 @@
 import json
 from pathlib import Path
 
-from rich.console import Console, Group
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
 from rig import cli
+from rig.cli.console import table_console
 from rig.doctor import Asked, Examination, Finding, Use, Verdict, examine
 
 _WIDE = 110  # columns
@@ -23,7 +24,7 @@ def main(
     runs: Path, seconds: float, rate_hz: float, hours: float, *, rehearsal: bool, as_json: bool
 ) -> int:
     """Examine the host and say what it is fit for; 0 if fit for what was asked."""
-    console = Console(highlight=False)
+    console = table_console()
     asked = Asked(runs, seconds, rate_hz, hours)
     if not as_json and console.is_terminal:
         with console.status(f"measuring wake-ups for {2 * seconds:g} s, then the rest ..."):

@@ -7,8 +7,12 @@ from rig import cli
 
 
 def in_words(error: Exception) -> str:
-    """An error's own text; a KeyError's without the quotes that str() puts around it."""
-    return str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
+    """An error's own text, without the quotes of a KeyError and the number of an OSError."""
+    if isinstance(error, KeyError) and error.args:
+        return str(error.args[0])
+    if isinstance(error, OSError) and error.strerror and error.filename:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def fail(command: str, error: Exception, *, as_json: bool, code: int = cli.BAD_INPUT) -> int:

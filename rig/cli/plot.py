@@ -79,11 +79,17 @@ def _surface(run: Path, folder: Path, asked: Asked) -> Path:
     from rig.analysis.points import matrix, varied
     from rig.analysis.rows import row_table
     from rig.analysis.surfaces import KINDS, write_sliced
+    from rig.config.columns import ALWAYS
 
     table = row_table(run)
     names = asked.surface or ("ki", "kp")
     x, y = column(names[0]), column(names[1])
-    free = [c for c in varied(matrix(table)) if c not in (x, y)]
+    varying = varied(matrix(table))
+    for axis in (x, y):
+        if axis not in (*varying, *ALWAYS):
+            there = ", ".join(c.name for c in varying) or "nothing"
+            raise ValueError(f"{axis.name} does not vary in this run; what varies: {there}")
+    free = [c for c in varying if c not in (x, y)]
     held = {}
     for words in asked.left_out:
         name, _, value = words.partition("=")

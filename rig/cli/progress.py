@@ -31,6 +31,11 @@ def _losses(snapshot: Snapshot) -> str:
     return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
 
 
+def _probe_words(snapshot: Snapshot) -> str:
+    levels = (snapshot.row[f"probes.probe_{number}"] for number in (1, 2, 3))
+    return "   ".join(f"{n}: {1e3 * level:+6.1f} mm" for n, level in enumerate(levels, 1))
+
+
 class Progress:
     """Draws snapshots: a live panel on a terminal, a line now and then elsewhere."""
 
@@ -79,26 +84,29 @@ class Progress:
 
     def _panel(self, snapshot: Snapshot) -> Group:
         row = snapshot.row
-        done, whole = float(row["time"]), self._plan.duration
+        done, whole = float(row["time"]), self._whole(snapshot)
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=8)
         table.add_column()
-        table.add_row("row", self._row_words(snapshot))
+        table.add_row(*self._at(snapshot))
         mode = Mode(int(row["safety.mode"]))
         reason = Reason(int(row["safety.reason"]))
         state = Text(mode.name, style="green" if mode < STOP_2 else "bold red")
         if reason is not Reason.NONE:
             state.append(f"  {reason.name}", style="bold red")
         table.add_row("mode", state)
-        table.add_row(
-            "motion",
-            f"x {1e3 * row['heave.estimate.position']:+7.1f} mm   "
-            f"v {row['heave.estimate.velocity']:+6.3f} m/s   "
-            f"F {row['heave.command.force']:+8.1f} N   "
-            f"i {row['heave.command.current']:+6.2f} A",
-        )
-        table.add_row("power", self._power_words(snapshot))
-        table.add_row("time", self._time_words(done))
+        if self._plan.rows:
+            table.add_row(
+                "motion",
+                f"x {1e3 * row['heave.estimate.position']:+7.1f} mm   "
+                f"v {row['heave.estimate.velocity']:+6.3f} m/s   "
+                f"F {row['heave.command.force']:+8.1f} N   "
+                f"i {row['heave.command.current']:+6.2f} A",
+            )
+            table.add_row("power", self._power_words(snapshot))
+        else:
+            table.add_row("probes", _probe_words(snapshot))
+        table.add_row("time", self._time_words(snapshot))
         health = f"{_losses(snapshot)}, {snapshot.behind} rows not yet on disk"
         table.add_row("health", health)
         stamp = Text(f"{self._title}   ", style="bold")
@@ -110,6 +118,24 @@ class Progress:
             if text:
                 parts.append(Text(text, style="bold red"))
         return Group(*parts)
+
+    def _at(self, snapshot: Snapshot) -> tuple[str, str]:
+        """Where in the plan the run is: a label and words."""
+        if self._plan.rows:
+            return "row", self._row_words(snapshot)
+        return "waves", self._waves_words(snapshot)
+
+    def _waves_words(self, snapshot: Snapshot) -> str:
+        """Of a plan without rows: how long the sea has built up, or its probes been measured."""
+        phase, phases = Phase(int(snapshot.row["plan.phase"])), self._plan.phases
+        if phase not in (Phase.LEAD_IN, Phase.MEASURE):
+            return f"without the device   {phase.name.lower()}"
+        waves = max(0.0, float(snapshot.row["plan.wave_clock"]))
+        if phase is Phase.LEAD_IN:
+            done, whole, name = waves, phases.lead_in, "building up"
+        else:
+            done, whole, name = waves - phases.lead_in, phases.measure, "measuring the probes"
+        return f"without the device   {name}, {clock_text(done)} of {clock_text(whole)}"
 
     def _row_words(self, snapshot: Snapshot) -> str:
         row = int(snapshot.row["plan.row"])
@@ -132,8 +158,16 @@ class Progress:
             f"{row['power.mean_ac']:+8.2f} W AC   {row['power.mean_dc']:+8.2f} W DC"
         )
 
-    def _time_words(self, done: float) -> str:
-        whole = self._plan.duration
+    def _whole(self, snapshot: Snapshot) -> float:
+        """Seconds of the whole run: as planned, and what was waited for before the waves."""
+        planned, waves = self._plan.duration, float(snapshot.row.get("plan.wave_clock", -1.0))
+        if waves < 0.0:
+            return planned
+        calm = float(snapshot.row["time"]) - waves
+        return planned + max(0.0, calm - (planned - self._plan.wave_seconds))
+
+    def _time_words(self, snapshot: Snapshot) -> str:
+        done, whole = float(snapshot.row["time"]), self._whole(snapshot)
         speed = done / max(time.monotonic() - self._began, 1e-3)
         return (
             f"{clock_text(done)} of {clock_text(whole)} rig time, "
@@ -141,8 +175,10 @@ class Progress:
         )
 
     def _line(self, snapshot: Snapshot) -> str:
+        told = self._power_words(snapshot)
+        if not self._plan.rows:
+            told = f"probes {_probe_words(snapshot)}"
         return (
-            f"{self._time_words(float(snapshot.row['time']))}  row {self._row_words(snapshot)}  "
-            f"{self._power_words(snapshot)}  {_losses(snapshot)}"
-            + (f"  {snapshot.trouble}" if snapshot.trouble else "")
+            f"{self._time_words(snapshot)}  {' '.join(self._at(snapshot))}  "
+            f"{told}  {_losses(snapshot)}" + (f"  {snapshot.trouble}" if snapshot.trouble else "")
         )

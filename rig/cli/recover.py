@@ -2,6 +2,7 @@
 
 import errno
 import json
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +28,8 @@ class Row(NamedTuple):
 def main(named: Path, runs: Path, output: Path | None, *, as_json: bool) -> int:
     """Recover and say what there is; gives the exit code."""
     try:
-        made = recover(find_run(named, runs), output, datetime.now(UTC))
+        run = find_run(named, runs)
+        made = recover(run, output, datetime.now(UTC))
     except create.BusyError as error:
         return fail("recover", error, as_json=as_json, code=cli.FAILED)
     except FileNotFoundError as error:
@@ -37,6 +39,9 @@ def main(named: Path, runs: Path, output: Path | None, *, as_json: bool) -> int:
     except RunError as error:
         return fail("recover", error, as_json=as_json)
     rows = _rows(made.output)
+    if rows is not None and output is None and run.is_dir():
+        with suppress(OSError, ValueError):  # the record is there; a status may be missing
+            create.note_rows(run, sum(row.state == "complete" for row in rows))
     print(json.dumps(_data(made, rows)) if as_json else "\n".join(_lines(made, rows)))
     return cli.OK if made.whole else cli.LOST
 

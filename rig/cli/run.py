@@ -5,16 +5,18 @@ import math
 import sys
 from enum import IntEnum, IntFlag
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rig import cli
-from rig.campaign_run import Ended, rehearse
+from rig.campaign import Campaign
+from rig.campaign_run import Ended, Rung, carry_out, rehearsal, wired
 from rig.cli.check import complain, examine
 from rig.cli.failure import fail
 from rig.cli.progress import Progress
+from rig.config.problems import Problem
+from rig.hardware.job import WiringError
 from rig.limits import Limited, Warned
 from rig.runs import RunError, create
-from rig.runs.folder import STATUS
 from rig.safety import Mode, Reason
 from rig.sequence import Phase
 
@@ -24,19 +26,35 @@ _NAMES: dict[str, type[IntEnum]] = {
     "plan.phase": Phase,
 }
 _FLAGS: dict[str, type[IntFlag]] = {"heave.command.limited": Limited, "heave.warned": Warned}
+_MOST_WARNINGS = 5
 _EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 
-def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
+class Wanted(NamedTuple):
+    """What the command line asks for beside the campaign."""
+
+    rig: Path | None  # in place of the campaign's own
+    realtime: bool
+    emulated: bool  # --sim
+
+
+def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     """Check, run, analyse, and say how it went; gives the exit code."""
-    report = examine(path)
+    report = examine(path, wanted.rig)
     if report.campaign is None or report.plan is None:
         return complain(report, as_json=as_json)
     campaign, plan = report.campaign, report.plan
+    warnings = report.forecast.warnings if report.forecast is not None else ()
+    if not as_json:
+        _warn(warnings, path)
     title = f"{campaign.file.name} on {campaign.rig.name}"
     try:
-        with Progress(title, "rehearsal", plan, quiet=as_json) as view:
-            ended = rehearse(campaign, plan, runs, view, real_clock=realtime)
+        rung = _rung(campaign, wanted)
+    except WiringError as error:
+        return fail("run", error, as_json=as_json, code=cli.BAD_INPUT)
+    try:
+        with Progress(title, rung.name, plan, quiet=as_json) as view:
+            ended = carry_out(campaign, plan, runs, view, rung)
     except (create.BusyError, OSError, RunError) as error:
         return fail("run", error, as_json=as_json, code=cli.FAILED)
     products, optima, trouble = _analyse(ended, quiet=as_json)
@@ -52,6 +70,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
                     "folder": str(ended.folder),
                     "products": [str(product) for product in products],
                     "trouble": trouble,
+                    "warnings": [warning.as_dict() for warning in warnings],
                 }
             )
         )
@@ -62,6 +81,24 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
     if trouble or outcome.status == "refused":
         return cli.FAILED
     return _EXIT_CODES[outcome.status]
+
+
+def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
+    """What was predicted of the campaign, for who did not ask `rig check` before."""
+    for warning in warnings[:_MOST_WARNINGS]:
+        print(f"warning: {warning.text()}", file=sys.stderr)
+    if len(warnings) > _MOST_WARNINGS:
+        left = len(warnings) - _MOST_WARNINGS
+        print(f"and {left} more warnings; rig check {path} says all", file=sys.stderr)
+
+
+def _rung(campaign: Campaign, wanted: Wanted) -> Rung:
+    """On what to run: a rig with wires is run on them, or, with --sim, on emulated devices."""
+    if campaign.rig.wiring is None:
+        if wanted.emulated:
+            raise WiringError(f"{campaign.rig.name} has no wiring to hang emulated devices on")
+        return rehearsal(campaign, real_clock=wanted.realtime)
+    return wired(campaign, emulated=wanted.emulated)
 
 
 def _in_words(row: dict[str, float | int]) -> dict[str, Any]:
@@ -94,8 +131,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, A
         products = write_products(ended.folder)
         summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
         optima = summary["optima"]
-        status = json.loads((ended.folder / STATUS).read_text())
-        create.write_json(ended.folder, STATUS, status | {"rows_done": summary["rows_done"]})
+        create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
         return products, optima, str(error) if products else f"no products: {error}"
     except KeyboardInterrupt:

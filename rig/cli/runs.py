@@ -3,11 +3,11 @@
 import json
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from rig import cli
+from rig.cli.console import table_console
 from rig.cli.failure import fail
 from rig.runs import list_runs
 
@@ -17,6 +17,8 @@ _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
 def main(runs: Path, *, as_json: bool) -> int:
     """Print the runs, newest first."""
     try:
+        if runs.exists() and not runs.is_dir():
+            raise NotADirectoryError(f"{runs}: not a folder")
         listed = list_runs(runs)[::-1]
     except OSError as error:
         return fail("runs", error, as_json=as_json)
@@ -45,5 +47,5 @@ def main(runs: Path, *, as_json: bool) -> int:
             Text(run.problem or run.reason),
             f"{run.size / 1e6:.1f} MB",
         )
-    Console().print(table, crop=False)
+    table_console().print(table, crop=False)
     return cli.OK

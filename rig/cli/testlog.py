@@ -124,9 +124,10 @@ def _plain(value: Any) -> Any:
 
 
 def _table(log: "Log", known: "Known | None") -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
+
+    from rig.cli.console import table_console
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     for name, justify in (("run", "right"), ("waves", "left"), ("rig", "left")):
@@ -150,7 +151,7 @@ def _table(log: "Log", known: "Known | None") -> None:
             drive,
             Text(remarks, style="dim"),
         )
-    Console().print(table, crop=False)
+    table_console().print(table, crop=False)
     count = sum(len(entry.remarks) for entry in log.entries)
     print(f"\n{len(log.entries)} runs, {count} remarks")
     if known is not None:

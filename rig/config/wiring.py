@@ -118,6 +118,14 @@ class RegisterValue(FileModel):
     high: float = 1e12
 
 
+class Written(FileModel):
+    """A register that a unit is given when its line is opened, e.g. its watchdog's time."""
+
+    first: Whole = Field(ge=0, le=65_535)
+    value: Whole = Field(ge=0, le=65_535)
+    read_back: bool = True  # it must then read as it was written
+
+
 class Registers(FileModel):
     """A block of registers of one unit, and what it is polled or written for."""
 
@@ -129,6 +137,7 @@ class Registers(FileModel):
     word_order: Literal["high first", "low first"]
     period_s: Period
     values: Several[RegisterValue] = Field(min_length=1, strict=False)
+    prepare: tuple[Written, ...] = Field(default=(), strict=False)  # holding registers, in order
 
 
 class Wiring(FileModel):

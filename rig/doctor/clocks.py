@@ -131,7 +131,7 @@ def _together(before: Moment, after: Moment) -> Finding:
     return Finding(
         AREA,
         what,
-        f"stepped {1e3 * step:+.3f} ms, slewed {slew:+.1f} ppm in {span:.1f} s",
+        f"stepped {1e3 * step:+z.3f} ms, slewed {slew:+z.1f} ppm in {span:.1f} s",
         limit,
         Verdict.GOOD if good else Verdict.WARNING,
         "" if good else "wait until time synchronisation has settled (`chronyc tracking`)",

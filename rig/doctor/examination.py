@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from rig import realtime
 from rig.doctor import clocks, disk, memory, privileges, processor, software, timing
-from rig.doctor.finding import Finding, Host, Use, Verdict
+from rig.doctor.finding import REALTIME, Finding, Host, Use, Verdict
 
 _SHOWN = 4  # reasons in the verdict
 
@@ -83,10 +83,13 @@ def examine(asked: Asked, host: Host | None = None) -> Examination:
 
 
 def _looked_at(area: str, room: Callable[[], list[Finding]]) -> list[Finding]:
-    """What a room finds; if it fails, that is the finding: the other rooms still count."""
+    """What a room finds; if it fails, that is the finding, and the host is not known to be fit.
+
+    The other rooms still count.
+    """
     try:
         return room()
     except Exception as error:  # noqa: BLE001
         words = f"{type(error).__name__}: {error}"
         advice = "this is a fault of the check itself; please report it"
-        return [Finding(area, "the check", words, "", Verdict.UNKNOWN, advice)]
+        return [Finding(area, "the check", words, "", Verdict.UNKNOWN, advice, REALTIME)]

@@ -15,7 +15,8 @@ from typing import Any
 
 from drivers.canopen import cia402, homing
 from drivers.canopen.arming import Step, refusal
-from drivers.canopen.link import Bus, LinkError
+from drivers.canopen.bus_settings import Bus
+from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 from rig import handover
 from rig.hardware.words import NodeHealth

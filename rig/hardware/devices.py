@@ -5,17 +5,24 @@ Only here are the words of the drivers and those of the loop turned into each ot
 
 import math
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
-from controllers.signals import AxisSense, DriveFault, DriveSense, ProbeSense, SpringSense
+from controllers.signals import (
+    AxisSense,
+    DriveFault,
+    DriveSense,
+    PanelSense,
+    ProbeSense,
+    SpringSense,
+)
 from drivers.canopen import scaling
 from drivers.canopen.bus_cycle import BusCycle, Line
-from drivers.canopen.link import Bus, Link
+from drivers.canopen.bus_settings import Bus
+from drivers.canopen.link import Link
 from drivers.canopen.position_actuator import PositionActuator
-from drivers.canopen.position_actuator import Settings as ActuatorSettings
 from drivers.canopen.torque_axis import Reading, TorqueAxis
-from drivers.canopen.torque_axis import Settings as AxisSettings
 from rig import handover
+from rig.hardware.settings import Config
 from rig.hardware.words import SLOTS, NodeHealth, Outputs
 from rig.mailbox import Mailbox
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
@@ -27,20 +34,6 @@ _UNKNOWN = WaveSense(math.nan)  # only a simulated basin knows the undisturbed e
 _NO_DUMP = 0
 WARM_UP = 3.0  # s in which every drive must have answered its first SYNCs
 _OLD = 1e9  # s, age of what has never come
-
-
-class Config(NamedTuple):
-    """What the supervisor hands to the loop process for its devices."""
-
-    own_node: int
-    heartbeat: float  # s between ours
-    health_age: float  # s, age from which the service beside the loop counts as lost
-    heartbeat_lost: float  # s without a node's heartbeat
-    actuator_divider: int
-    trigger_every: int  # ticks between two posts of the outputs
-    heave: AxisSettings
-    surge: AxisSettings
-    stator: ActuatorSettings
 
 
 class WaveBotDevices:
@@ -64,6 +57,7 @@ class WaveBotDevices:
         )  # fmt: skip
         analyser = self._slots["analyser"].read()
         cells, probes = self._slots["cells"].read(), self._slots["probes"].read()
+        panel = self._slots["inputs"].read()
         lcb, trs = heave.analog
         string_pot, rotor_angle = surge.analog
         load_age = max(here - cells.stamp, heave.analog_age, surge.analog_age)
@@ -82,6 +76,7 @@ class WaveBotDevices:
             DriveSense(heave.acting, 1 if self._heave.held else 0, _NO_DUMP),
             ProbeSense(probes.probe_1, probes.probe_2, probes.probe_3, here - probes.stamp),
             _UNKNOWN,
+            PanelSense(panel.e_stop, panel.limit_switch, here - panel.stamp),
         )  # fmt: skip
 
     def write(self, command: Command) -> None:

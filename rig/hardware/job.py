@@ -12,16 +12,16 @@ from drivers.canopen.arming import (
     rpdo_steps,
     tpdo_steps,
 )
+from drivers.canopen.bus_settings import Bus, refusal
 from drivers.canopen.drive_objects import BY_NAME
-from drivers.canopen.link import Bus, refusal
 from drivers.canopen.position_actuator import Settings as ActuatorSettings
+from drivers.canopen.torque_axis import TORQUE_MODE, layouts
 from drivers.canopen.torque_axis import Settings as AxisSettings
-from drivers.canopen.torque_axis import layouts
 from rig import handover
 from rig.companions import Companion
 from rig.config import RigFile
 from rig.config.wiring import WORDS, Actuator, Deadlines, Drive, Registers, TorqueDrive, Wiring
-from rig.hardware.devices import Config
+from rig.hardware.settings import Config
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the drive has said what it is
 _RESET_TICKS = 20
@@ -121,6 +121,8 @@ def _node(name: str, drive: Drive, wiring: Wiring, dt: float) -> dict[str, Any]:
         "heartbeat_consumer": heartbeat_consumer(can.own_node, drive.heartbeat_lost_ms),
         "heartbeat_producer": drive.heartbeat_ms,
     }
+    if isinstance(drive, TorqueDrive):
+        watched["mode_of_operation"] = TORQUE_MODE
     steps: list[Step] = list(
         parameter_steps({**watched, **drive.objects}, read_only=frozenset(drive.read_only))
     )
@@ -253,5 +255,6 @@ def _block(name: str, registers: Registers) -> dict[str, Any]:
         "high_first": registers.word_order == "high first",
         "period": registers.period_s,
         "written": name == "outputs",
+        "prepare": [list(one.model_dump().values()) for one in registers.prepare],
         "values": [[v.name, v.at, v.kind, v.scale, v.low, v.high] for v in registers.values],
     }

@@ -33,6 +33,7 @@ class Polled(NamedTuple):
     block: Block
     high_first: bool
     period: float  # s
+    prepare: tuple[tuple[int, int, bool], ...]  # holding register, value, whether it reads back
     written: bool  # the loop's word goes out; otherwise the block comes in
 
 
@@ -48,12 +49,15 @@ class _Task:
         self._word = SLOTS[polled.name]
         self._pause = polled.period
         self._told = -_TELL
+        self._prepared = 0  # how often the line had been opened when the unit was prepared
         self.trouble = "not asked yet"
 
     def turn(self, line: Line) -> str:
         """Ask or tell once; gives a line for people, mostly empty."""
         began = time.monotonic()
         try:
+            if self._prepared != line.opened or line.opened == 0:
+                self._prepare(line)
             if self.polled.written:
                 self._write(line, began)
             else:
@@ -71,6 +75,15 @@ class _Task:
             return ""
         self._told = began
         return f"{self.polled.name}: {self.trouble}"
+
+    def _prepare(self, line: Line) -> None:
+        """Give the unit its registers, and read them back."""
+        for block, value, reads_back in prepared(self.polled):
+            line.write(block, [value])
+            got = line.read(block) if reads_back else [value]
+            if got != [value]:
+                raise CodecError(self.polled.name, f"register {block.first}", f"{value}", got[0])
+        self._prepared = line.opened
 
     def _read(self, line: Line, began: float) -> None:
         block = self.polled.block
@@ -99,6 +112,15 @@ class _Task:
         )
 
 
+def prepared(polled: Polled) -> list[tuple[Block, int, bool]]:
+    """The registers a unit is given, one by one, in their order."""
+    unit = polled.block.unit
+    return [
+        (Block(unit, "holding", first, 1, ()), value, reads_back)
+        for first, value, reads_back in polled.prepare
+    ]
+
+
 def _tasks(config: dict[str, Any], mailboxes: dict[str, int]) -> Iterator[_Task]:
     for one in config["blocks"]:
         values = tuple(Value(*value) for value in one["values"])
@@ -106,7 +128,8 @@ def _tasks(config: dict[str, Any], mailboxes: dict[str, int]) -> Iterator[_Task]
             Block(one["unit"], one["table"], one["first"], one["size"], values)
         )
         name = one["name"]
-        polled = Polled(name, block, one["high_first"], one["period"], one["written"])
+        given = tuple((first, value, reads_back) for first, value, reads_back in one["prepare"])
+        polled = Polled(name, block, one["high_first"], one["period"], given, one["written"])
         yield _Task(polled, Mailbox(mailboxes[name], SLOTS[name]), config["expiry"])
 
 
@@ -118,7 +141,9 @@ def _line(config: dict[str, Any], writable: list[Block]) -> Line:
 def poll(job: dict[str, Any]) -> None:
     """Serve one line until told to end or left alone by the supervisor."""
     tasks = list(_tasks(job["config"], job["mailboxes"]))
-    line = _line(job["config"], [t.polled.block for t in tasks if t.polled.written])
+    writable = [t.polled.block for t in tasks if t.polled.written]
+    writable += [block for t in tasks for block, _, _ in prepared(t.polled)]
+    line = _line(job["config"], writable)
     ended = False
 
     def end(*_: object) -> None:

@@ -185,6 +185,13 @@ def idle_power(plant: Given) -> float:
     return built.inverter.fixed_loss if plant.custom else built.cots.fixed_loss
 
 
+def standing_power(plant: Given, setting: Setting, scheme: int) -> float:
+    """What the heave drive draws while it is on and nothing moves, W; custom drive, set voltage."""
+    inverter, link = _fitted(plant, setting, scheme)
+    fixed, standing, *_ = _losses(inverter, link.set_voltage)
+    return fixed if setting.velocity_threshold > 0.0 else fixed + standing
+
+
 def bus_at_rest(plant: Given, setting: Setting) -> float:
     """Voltage of the DC bus before anything moves, V."""
     return setting.bus_voltage if plant.custom else plant.built.electrics.cots.bus_voltage

@@ -18,7 +18,7 @@ from rig.predict.heave import Heave, heave_of, heave_poles
 from rig.predict.margins import margins
 from rig.predict.subject import Subject, subject_of, switching
 from rig.predict.surge import surge_of
-from rig.predict.travel import orders
+from rig.predict.travel import orders, to_the_first
 from rig.predict.verdict import refused, warnings
 from rig.predict.words import Prediction, RowPrediction
 from rig.sequence import NO_ROW, Phase
@@ -141,13 +141,16 @@ def _walked(
     segments = plan.segments
     seconds: dict[int, float] = {}
     for at, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
-        if phase not in (Phase.TARE, Phase.DONE):
+        calm = phase in (Phase.TARE, Phase.DONE) or (at == NO_ROW and phase == Phase.MOVING)
+        if not calm:
             seconds[at] = seconds.get(at, 0.0) + ticks * plan.dt
     first = rows[0]
     pair = (first.setting, first.stator_position)
     idle = plant.idle_power(subject.plant)
     tare = bus.Stretch(buses[pair], (idle,), bus.STEP, plan.phases.tare)
-    stretches = [tare]
+    standing = plant.standing_power(subject.plant, rows[0].setting, switching(subject)[0])
+    still = to_the_first(plan, subject.plant)
+    stretches = [tare, bus.Stretch(buses[pair], (standing,), bus.STEP, still)]
     if first.row != NO_ROW:
         stretches.append(bus.Stretch(buses[pair], *powers[pair], seconds.get(NO_ROW, 0.0)))
     for row in rows:
@@ -155,7 +158,7 @@ def _walked(
         stretches.append(bus.Stretch(buses[pair], *powers[pair], seconds[row.row]))
     told = bus.walk(stretches)
     found = told[-len(rows) :]
-    for before in told[: -len(rows)]:  # tare and lead-in are the first row's matter
+    for before in told[: -len(rows)]:  # what comes before is the first row's matter
         low, high = min(found[0].lowest, before.lowest), max(found[0].highest, before.highest)
         found[0] = found[0]._replace(lowest=low, highest=high)
     return found

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from rig.campaign import Campaign
 from rig.campaign.plan import Plan, plan
 from rig.predict import plant
-from rig.sequence import WAIT_STATOR
+from rig.sequence import NO_ROW, WAIT_STATOR, Phase
 
 
 class Travel(NamedTuple):
@@ -41,6 +41,18 @@ def travel(order: str, planned: Plan, given: plant.Given) -> Travel:
         waiting += max(0.0, seconds - ticks * planned.dt)
         at = target
     return Travel(order, planned.spring_moves, way, moving, waiting, planned.duration + waiting)
+
+
+def to_the_first(planned: Plan, given: plant.Given) -> float:
+    """Seconds that the drive is on before the first wave: the stator goes to the first row."""
+    segments = planned.segments
+    ticks = sum(
+        n
+        for row, phase, n in zip(segments.row, segments.phase, segments.ticks, strict=True)
+        if row == NO_ROW and phase == Phase.MOVING
+    )
+    way = abs(planned.rows[0].stator_position - plant.stator_start(given))
+    return max(ticks * planned.dt, way / plant.stator_speed(given))
 
 
 def orders(campaign: Campaign, planned: Plan, given: plant.Given) -> tuple[Travel, ...]:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.signals import AxisSense, DriveSense, ProbeSense, SpringSense
+from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -42,6 +42,7 @@ def build_sea(description: dict[str, Any]) -> Sea:
 
 # What a NamedTuple's own constructor ends in: nine of them a tick are a tenth of a rehearsal.
 _word = tuple.__new__
+_UNTOUCHED = PanelSense(0, 0, 0.0)  # nobody presses a button in a rehearsal
 
 
 class PlantDevices:
@@ -81,6 +82,7 @@ class PlantDevices:
             _word(DriveSense, (conducting, saturated, dump)),
             _word(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
             _word(WaveSense, (elevation,)),
+            _UNTOUCHED,
         )
 
     def write(self, command: Command) -> None:
@@ -118,14 +120,14 @@ def stepper(compiled: bool) -> type[Stepper]:
     return CompiledStepper
 
 
-def connect(config: dict[str, Any], dt: float) -> PlantDevices:
-    """The simulated devices for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
+def build_world(config: dict[str, Any], dt: float) -> World:
+    """The rig in its sea, for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
     "device": "absent" is the empty basin of a wave calibration, "compiled": false interprets it.
     """
     plant = Plant.model_validate(config["plant"])
     path = Path(config["bem"])
-    world = World(
+    return World(
         plant,
         build_sea(config["sea"]),
         read_bem(path),
@@ -135,4 +137,10 @@ def connect(config: dict[str, Any], dt: float) -> PlantDevices:
         device=config.get("device", "present") == "present",
         stepper=stepper(config.get("compiled", True)),
     )
-    return PlantDevices(world, plant.sensors.delay_ticks.value * dt, dt)
+
+
+def connect(config: dict[str, Any], dt: float) -> PlantDevices:
+    """The simulated devices for what `build_world` takes."""
+    world = build_world(config, dt)
+    delay = Plant.model_validate(config["plant"]).sensors.delay_ticks.value
+    return PlantDevices(world, delay * dt, dt)

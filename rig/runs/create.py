@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from rig import process
-from rig.runs.folder import PROGRESS
+from rig.runs.folder import PROGRESS, STATUS
 from rig.safety import Reason
 
 
@@ -46,6 +46,15 @@ def write_json(folder: Path, name: str, value: Any) -> None:
     part = folder / f".{name}.new"
     part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n")
     part.replace(folder / name)
+
+
+def note_rows(folder: Path, done: int) -> None:
+    """Add to a run's status how many rows of its matrix are complete, for lists of runs.
+
+    Raises OSError or ValueError where there is no status that can be read.
+    """
+    status = json.loads((folder / STATUS).read_text())
+    write_json(folder, STATUS, status | {"rows_done": done})
 
 
 def note_progress(folder: Path, tick: int, skipped: int) -> None:

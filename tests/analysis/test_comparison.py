@@ -155,6 +155,7 @@ def test_groups_of_settings() -> None:
     )
     changed = json.loads(json.dumps(one.config))
     changed["campaign"].update(seed=2, drive={"supply": "disconnected"}, tare={"duration_s": 6.0})
+    changed["campaign"]["surge"] = {"use": "off"}
     changed["rig"]["heave"]["gear_ratio_rad_per_m"] = 12.5
     changed["rig"]["spring"]["map"][0]["a"] = 2.0
     changed["limits"]["heave"]["current_peak_a"] = 30
@@ -171,6 +172,7 @@ def test_groups_of_settings() -> None:
     found = [(each.group, each.key) for each in differences(one, other)]
     assert found == [
         ("drive", "campaign.drive.supply"),
+        ("control", "campaign.surge.use"),
         ("plant", "plant.effect"),
         ("plant", "plant.mass"),
         ("calibration", "rig.heave.gear_ratio_rad_per_m"),
@@ -183,8 +185,8 @@ def test_groups_of_settings() -> None:
         ("host", "host"),
     ]
     assert differences(one, one) == []
-    assert differences(one, other)[1][2:] == ("1", "0.65")
-    assert differences(one, other)[2][2:] == ("9 kg", "8 kg")
+    assert differences(one, other)[2][2:] == ("1", "0.65")
+    assert differences(one, other)[3][2:] == ("9 kg", "8 kg")
 
 
 def test_the_seed_of_random_waves_is_part_of_the_sea() -> None:

@@ -14,9 +14,10 @@ from matplotlib.image import imread
 from rig.analysis import traces
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import row_table
-from rig.analysis.summary import row_list
+from rig.analysis.summary import as_text, row_list
 from rig.analysis.traces import decimate, write_traces
 from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
+from rig.calibration.sources import PRODUCTS
 from rig.limits import Limited
 from rig.runs import RunError
 from rig.safety import Reason
@@ -51,6 +52,10 @@ def test_all_products_are_there(products: dict[str, Path]) -> None:
         "summary.png",
     }
     assert all(path.stat().st_size > 500 for path in products.values())
+
+
+def test_a_changed_calibration_makes_every_product_stale(products: dict[str, Path]) -> None:
+    assert {*products, "bars.png"} == set(PRODUCTS)
 
 
 def test_the_page_is_one_a4_page(products: dict[str, Path]) -> None:
@@ -111,6 +116,21 @@ def test_a_crashed_run_gets_its_products(tmp_path: Path) -> None:
         "No timing certificate",
     ):
         assert part in text
+
+
+def test_a_stop_is_told_with_its_time_row_and_phase(tmp_path: Path) -> None:
+    data = synthetic.run_rows(ROWS, SHAPE)
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    at = np.flatnonzero((data["plan.row"] == 2) & (data["plan.phase"] == Phase.SETTLE))[10]
+    when = f"stopped {at * SHAPE.dt:.3f} s after its start, row 2 (settle)"
+    data["safety.reason"][at:] = Reason.SPRING_STROKE
+    run = synthetic.write_run(tmp_path / "a", data, plan, status="fault", reason="SPRING_STROKE")
+    summary = summary_of(run)
+    assert summary.stopped == when
+    assert f"rows complete; {when}." in as_text(summary)
+    data["safety.reason"][40:] = Reason.OPERATOR_STOP
+    run = synthetic.write_run(tmp_path / "b", data, plan, status="stopped", reason="OPERATOR_STOP")
+    assert summary_of(run).stopped.endswith("before the first row (lead-in)")
 
 
 def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
@@ -236,8 +256,9 @@ def test_words() -> None:
     assert signed(-2500.0) == "−2500"
     assert signed(-0.2) == "0"
     assert watts(-55.04, 0.26) == "−55.0 ± 0.3 W"
-    assert watts(-55.04, 0.012) == "−55.0 ± 0.01 W"
-    assert watts(-55.04, 0.0) == "−55.0 ± 0.00 W"
+    assert watts(-55.04, 0.012) == "−55.04 ± 0.01 W"
+    assert watts(-231.2, 12.0) == "−231 ± 12 W"
+    assert watts(-55.04, 0.0) == "−55.04 ± <0.01 W"  # no error is none
     assert watts(-55.04) == "−55.0 W"
     assert utc("2026-11-21T10:41:01.456806+00:00") == "2026-11-21 10:41:01 UTC"
     assert utc("not recorded") == "not recorded"

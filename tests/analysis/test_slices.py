@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from between_points import interpolator
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rig.analysis import labels
+from rig.analysis import labels, panel
 from rig.analysis.labels import BY_NAME, column
-from rig.analysis.mesh import interpolator, triangulation
+from rig.analysis.mesh import triangulation
 from rig.analysis.points import Matrix, Point, matrix, varied
 from rig.analysis.rows import POWERS
 from rig.analysis.slices import KI, KP, SPRING_RATE, cut, optima, projected, remarks
@@ -306,3 +307,12 @@ def test_a_point_knows_what_it_was_told() -> None:
     point = Point({"kp": -1.0}, 0.0, {}, {}, ())
     assert point.kp == -1.0
     assert np.isnan([point.ki, point.spring_rate]).all()
+
+
+def test_power_that_hardly_differs_is_drawn_flat() -> None:
+    """0.01 W from end to end is not blown up to all colours; 1 W is shown as it is."""
+    flat, hilly = panel.scale([-67.51, -67.52]), panel.scale([-67.0, -68.0])
+    assert flat.norm(-67.51) == pytest.approx(flat.norm(-67.52), abs=0.02)
+    assert hilly.norm(-67.0) - hilly.norm(-68.0) > 0.7
+    even = panel.scale([0.01, 0.02], even=True)
+    assert even.norm(0.0) == pytest.approx(0.5)

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
+from between_points import interpolator
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rig.analysis.mesh import interpolator, spans_surface, triangulation
+from rig.analysis.mesh import spans_surface, triangulation
+from rig.analysis.picture import framed
 from rig.analysis.points import Point
 from rig.analysis.rows import POWERS
 from rig.analysis.surfaces import draw, write_surfaces
@@ -122,10 +124,13 @@ def test_too_few_points_or_one_line_are_no_surface() -> None:
     assert "no complete row" in texts([])
 
 
-def drawn(found: list[Point]) -> tuple[list[Axes], list[Axes]]:
+def drawn(found: list[Point], not_run: tuple[int, ...] = ()) -> tuple[list[Axes], list[Axes]]:
     """Panels and colour bars, row by row."""
     figure = Figure(layout="constrained")
-    draw(figure, table(found), 8.0)
+    rows = table(found)
+    for i in not_run:
+        rows["state"][i] = "not run"
+    draw(figure, rows, 8.0)
     bars = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
     return [axes for axes in figure.axes if axes not in bars], bars
 
@@ -141,6 +146,21 @@ def test_one_line_of_points_is_a_line_without_colours() -> None:
     assert "points on one line" not in texts(one_kp)  # the axis says so
     assert "Kp −2000, Ki +8000 (grid's edge)" in texts(one_kp)
     assert len(drawn(grid())[1]) == 3
+
+
+def test_what_is_missing_of_a_line_is_a_cross_on_its_axis() -> None:
+    panels, _ = drawn([point(-2000.0, 2000.0 * i) for i in range(5)], (1, 4))
+    crosses = [line for line in panels[0].lines if line.get_marker() == "x"]
+    assert [list(line.get_xdata()) for line in crosses] == [[2000.0, 8000.0]]
+    assert panels[0].get_xlim()[1] > 8000.0
+    assert panels[0].get_ylim()[0] > -95.0  # and no zero
+
+
+def test_an_error_of_milliwatts_is_not_blown_up_to_a_whole_axis() -> None:
+    exact = point(-2000.0, 0.0, -603.7)._replace(error=dict.fromkeys(POWERS, 0.001))
+    low, high = drawn([exact])[0][0].get_ylim()
+    assert low < -603.7 < high
+    assert high - low >= 1.0
 
 
 def test_lines_of_several_springs_share_a_scale() -> None:
@@ -177,3 +197,15 @@ def test_a_picture_is_written(tmp_path: Path, found: list[Point]) -> None:
     picture = imread(write_surfaces(table(found), tmp_path / "surfaces.png"))
     assert picture.shape[0] > 500
     assert picture.std() > 0.01  # not blank
+
+
+@pytest.mark.parametrize("letters", [5, 20, 40, 64])
+@pytest.mark.parametrize("width", [6.6, 8.0, 12.8])
+def test_the_line_beneath_a_title_keeps_off_the_run(letters: int, width: float) -> None:
+    attributes = {"run": f"20260504T093000Z_{'m' * letters}", "rung": "rehearsal"}
+    beneath = "left-out columns at each panel's own optimum"
+    figure, _ = framed(width, 3.0, "Power surfaces", attributes, beneath=beneath)
+    figure.draw_without_rendering()
+    texts = {text.get_text(): text.get_window_extent() for text in figure.subfigs[0].texts}
+    run = next(box for said, box in texts.items() if said.startswith("run "))
+    assert not texts[beneath].overlaps(run)

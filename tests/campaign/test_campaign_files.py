@@ -29,6 +29,12 @@ def test_every_shipped_campaign_can_be_run(path: Path) -> None:
     assert report.ok, report.text()
 
 
+@pytest.mark.parametrize("folder", ["rigs", "limits", "plants", "seas"])
+def test_of_a_file_of_another_kind_only_that_is_said(folder: str) -> None:
+    path = min((CONFIGS / folder).glob("*.yaml"))
+    assert told(path) == [(path.name, 1, "", "no campaign: it has none of rig, sea, matrix")]
+
+
 def test_problems_of_all_files_at_once(write: Any, tmp_path: Path) -> None:
     for file, old, new in (
         ("rigs/wavebot.yaml", "rate_hz: 1000", "rate_hz: 10"),

@@ -74,6 +74,7 @@ def test_a_check_that_fails_is_a_finding(tmp_path: Path, monkeypatch: pytest.Mon
     failed = named(found.findings, "the check")
     assert failed.value == "ZeroDivisionError: in the check"
     assert found.findings[-1].area == software.AREA  # the others were looked at all the same
+    assert not found.fit(Use.REALTIME)
 
 
 def finding(verdict: Verdict, *uses: Use) -> Finding:

@@ -11,12 +11,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from rig import cli
 from rig.campaign_run import Ended
+from rig.cli.failure import in_words
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
+from rig.config.problems import Problem
 from rig.limits import Limited
 from rig.runs import RunError
 from rig.safety import Mode
@@ -100,6 +103,11 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     said = capsys.readouterr().err
     for part in ("0:30 of 2:00", "0:45 left", "3 ticks skipped", "2 rows dropped"):
         assert part in said
+    # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator was there.
+    plan.wave_seconds = 100.0
+    now[0] += 15.0
+    view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0}))
+    assert "1:00 of 2:09" in capsys.readouterr().err
     view.notice = "stopping"
     for _ in range(3):
         view(snapshot())
@@ -107,6 +115,47 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     view.notice = "power off"
     view(snapshot())
     assert capsys.readouterr().err == "power off\n"
+
+
+@pytest.mark.parametrize(
+    ("phase", "clock", "said"),
+    [
+        (Phase.LEAD_IN, 45.2, "building up, 0:45 of 2:00"),
+        (Phase.MEASURE, 320.0, "measuring the probes, 3:20 of 20:00"),
+        (Phase.DONE, -1.0, "done"),
+    ],
+)
+def test_waves_alone_have_no_row_to_show(
+    phase: Phase,
+    clock: float,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Without the device: how long of what, and what the probes see; no row, motion or power."""
+    now = [1000.0]
+    monkeypatch.setattr("rig.cli.progress.time.monotonic", lambda: now[0])
+    phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
+    plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
+    view = Progress("title", "rehearsal", plan, quiet=False)
+    view._drawn = False
+    now[0] += 15.0
+    seen = snapshot(
+        **{"plan.phase": float(phase), "plan.wave_clock": clock, "safety.mode": 0.0},
+        **{"safety.reason": 0.0, "probes.probe_1": 0.0123, "probes.probe_2": -0.1},
+        **{"probes.probe_3": 0.0},
+    )
+    view(seen)
+    line = capsys.readouterr().err
+    console = Console(width=100)
+    with console.capture() as panel:
+        console.print(view._panel(seen))
+    for text in (line, panel.get()):
+        assert "waves" in text
+        assert f"without the device   {said}" in text
+        assert "1:  +12.3 mm   2: -100.0 mm   3:   +0.0 mm" in text
+        assert "row -" not in text
+        assert "not measuring" not in text
 
 
 def play(
@@ -166,3 +215,27 @@ def test_json_of_a_run_has_names_for_its_codes(
         "heave.warned": [],
     }
     assert said["optima"] == []
+
+
+def test_warnings_come_before_a_run_and_not_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
+    told = tuple(Problem("a.yaml", line, "", None, "a stop is near") for line in range(1, 8))
+    run_command._warn(told, Path("a.yaml"))
+    *lines, last = capsys.readouterr().err.splitlines()
+    assert lines == [f"warning: a.yaml:{line}: a stop is near" for line in range(1, 6)]
+    assert last == "and 2 more warnings; rig check a.yaml says all"
+    run_command._warn((), Path("a.yaml"))
+    assert capsys.readouterr().err == ""
+
+
+def test_a_file_is_no_folder_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "x"
+    file.touch()
+    assert list_command(file, as_json=False) == cli.BAD_INPUT
+    assert capsys.readouterr().err == f"rig runs: {file}: not a folder\n"
+
+
+def test_an_error_of_the_system_is_told_without_its_number() -> None:
+    told = in_words(FileNotFoundError(2, "No such file or directory", "runs/x.png"))
+    assert told == "runs/x.png: No such file or directory"
+    assert in_words(OSError("disk full; --output writes to another disk")).startswith("disk full")
+    assert in_words(KeyError("no field 'x'")) == "no field 'x'"

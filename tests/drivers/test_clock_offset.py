@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from hypothesis import given
-from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from drivers import clock_offset
@@ -11,7 +10,6 @@ from drivers import clock_offset
 WINDOW = 2.0
 
 
-@examples(deadline=None)
 @given(
     st.lists(st.floats(0.0, 0.1), min_size=1, max_size=200),
     st.floats(-1e6, 1e6),

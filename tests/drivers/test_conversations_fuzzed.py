@@ -24,7 +24,7 @@ REPLIES = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(st.lists(REPLIES, max_size=60), st.integers(0, 1))
 def test_a_servo_stands_any_answers(
     replies: list[bytes | tuple[int, bytes] | None], up: int
@@ -58,7 +58,7 @@ def test_a_servo_stands_any_answers(
         assert not any(index == 1100 and word for index, _, word in drive.writes)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     st.lists(
         st.tuples(
@@ -88,7 +88,7 @@ def test_a_bridge_reader_stands_any_frames(
     assert BridgePeer().frame(0.0)[:2] == b"\xeb\x90"
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.binary(min_size=338, max_size=338), st.lists(st.binary(max_size=60), max_size=20))
 def test_a_digital_box_may_tell_any_calibration(block: bytes, stream: list[bytes]) -> None:
     class Mad(DigitalFtPeer):
@@ -108,7 +108,7 @@ def test_a_digital_box_may_tell_any_calibration(block: bytes, stream: list[bytes
     assert reader.explain(port.time)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(st.binary(max_size=80), st.floats(0.0, 0.05)), max_size=40))
 def test_a_net_reader_stands_any_datagrams(datagrams: list[tuple[bytes, float]]) -> None:
     reader, now = NetReader(NET), 0.0
@@ -123,7 +123,7 @@ def test_a_net_reader_stands_any_datagrams(datagrams: list[tuple[bytes, float]])
         assert isinstance(reader.explain(now), str)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.binary(max_size=300), max_size=20))
 def test_a_digital_box_may_answer_anything(answers: list[bytes]) -> None:
     class Mad(DigitalFtPeer):

@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 import serial
 from hypothesis import given
-from hypothesis import settings as examples
 from hypothesis import strategies as st
 from pty_port import PtyPort
 
@@ -268,7 +267,6 @@ def test_an_adapter_that_hears_itself_is_not_taken_for_an_answer(port: PtyPort) 
     link.close()
 
 
-@examples(deadline=None)
 @given(st.binary(min_size=1, max_size=12), st.binary(max_size=12), st.lists(st.integers(0, 24)))
 def test_an_echo_is_taken_out_however_it_is_cut(sent: bytes, said: bytes, cuts: list[int]) -> None:
     state = rs485_echo.sent(rs485_echo.start(), sent)
@@ -281,7 +279,6 @@ def test_an_echo_is_taken_out_however_it_is_cut(sent: bytes, said: bytes, cuts: 
     assert state == rs485_echo.start()
 
 
-@examples(deadline=None)
 @given(st.binary(min_size=1, max_size=6), st.binary(min_size=1, max_size=12))
 def test_without_an_echo_no_byte_is_lost(sent: bytes, said: bytes) -> None:
     state = rs485_echo.sent(rs485_echo.start(), sent)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rehearsing import CONFIGS, campaign_file
-from ruamel.yaml import YAML
+from rehearsing import CONFIGS, campaign_file, yaml_file
 
 from rig.campaign import Report, check
 from rig.predict import Prediction, predict
@@ -37,11 +36,7 @@ def predicted(path: Path) -> Prediction:
 
 def written(folder: Path, name: str, mapping: dict[str, Any]) -> Path:
     """A YAML file."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / name
-    with path.open("w") as file:
-        YAML(typ="safe").dump(mapping, file)
-    return path
+    return yaml_file(folder / name, mapping)
 
 
 def custom_rig(folder: Path, plant: str = "wavebot_custom.yaml", **drive: Any) -> Path:

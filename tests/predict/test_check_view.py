@@ -84,6 +84,12 @@ def orders(tmp_path: Path, order: str) -> Any:
     return shown(path), predicted(path).travel
 
 
+def test_orders_that_save_nothing_share_a_line(tmp_path: Path) -> None:
+    gains = [(490.9, -2000.0, 0.0), (490.9, -1500.0, 0.0)]
+    text = shown(campaign_file(tmp_path, sea=SEA, matrix=rows(*gains), order="random"))
+    assert "as given, fewest spring moves: nothing to save" in text
+
+
 def test_another_order_saves_moves_and_seconds(tmp_path: Path) -> None:
     text, (now, other) = orders(tmp_path, "as given")
     assert (now.moves, other.moves) == (5, 1)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from predicting import CONFIGS, SOFT, STIFF, campaign_file, custom_rig, predicted, rows
+from predicting import SOFT, STIFF, campaign_file, custom_rig, predicted, rows
 from rehearsing import run, table_of
 
 from rig.runs import open_run
@@ -145,4 +145,3 @@ def test_surge(tmp_path: Path) -> None:
         strict=True,
     ):
         assert float(np.abs(measured[field]).max()) == pytest.approx(value, rel=0.02), field
-    assert CONFIGS.is_dir()

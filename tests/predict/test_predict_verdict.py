@@ -114,6 +114,21 @@ def test_a_bus_that_trips_is_named(
     assert f"plants/wavebot_custom.yaml:{line}: drive.{limit}" in problem.message
 
 
+def test_a_bus_that_starves_before_the_first_wave_is_named(tmp_path: Path) -> None:
+    """51 J above the trip of a 40 V bus last 8 s at 6.4 W, and the stator is 9 s on its way."""
+    path = campaign_file(
+        tmp_path,
+        rig=str(custom_rig(tmp_path, "wavebot_custom_islanded.yaml", bus_voltage_v=40)),
+        sea={**WAVES, "amplitude_m": 0.1},
+        tare={"duration_s": 1},
+        start={"lead_in_s": 20},
+        matrix=rows((-8508.0, -2500.0, 0.0)),
+    )
+    (problem,) = examined(path).problems
+    assert "predicted bus voltage" in problem.message
+    assert "allowed at least 24 V" in problem.message
+
+
 def test_the_commercial_bus_has_a_limit_too(tmp_path: Path) -> None:
     limits = written(
         tmp_path,

@@ -27,14 +27,18 @@ class Watcher:
             self._see(snapshot)
 
 
+def yaml_file(path: Path, mapping: dict[str, Any]) -> Path:
+    """Write a mapping as YAML; gives the path."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w") as file:
+        YAML(typ="safe").dump(mapping, file)
+    return path
+
+
 def campaign_file(folder: Path, **keys: Any) -> Path:
     """Write a campaign on the WaveBot of the shipped configuration."""
-    folder.mkdir(parents=True, exist_ok=True)
     whole = {"name": "test", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
-    path = folder / "campaign.yaml"
-    with path.open("w") as file:
-        YAML(typ="safe").dump(whole, file)
-    return path
+    return yaml_file(folder / "campaign.yaml", whole)
 
 
 def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) -> Ended:

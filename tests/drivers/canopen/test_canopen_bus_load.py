@@ -85,7 +85,7 @@ def test_a_refusal_lists_what_each_frame_takes() -> None:
         admit(schedule, 250e3, 1e3)
     assert str(error.value).splitlines() == [
         "CAN bus at 250 kbit/s: 114.3 % in the worst case, above 80 %; "
-        "140 % of a cycle when everything falls into it",
+        "140 % of a cycle when all falls into it",
         "  SYNC: 55 bits, 22.0 %",
         "  heave RPDO1: 95 bits, 38.0 %",
         "  heave TPDO1: 135 bits, 54.0 %",
@@ -98,8 +98,8 @@ def test_dividers_thin_out_but_may_all_fall_into_one_cycle() -> None:
     found = load((bus_load.sync(1e3), *slow), 1e6, 1e3)
     assert found.total == pytest.approx(0.055 + 6 * 0.135 / 20)
     assert found.busiest == pytest.approx(0.055 + 6 * 0.135)
-    with pytest.raises(OverloadError, match="of a cycle"):
-        admit((bus_load.sync(1e3), *slow, *slow), 1e6, 1e3)
+    crowded = admit((bus_load.sync(1e3), *slow, *slow), 1e6, 1e3)
+    assert crowded.busiest > 1.0  # what has a high identifier comes one cycle later
     twice = load((Frame("fast", 0, 2e3),), 1e6, 1e3)
     assert twice.busiest == pytest.approx(0.110)
 

@@ -1,0 +1,226 @@
+"""Emulated devices of a wired WaveBot: one process, one world, on the far end of the rig's wires.
+
+`rig sim RIG` starts it by itself, `rig run ... --sim` as the first of a run's companions. It knows
+of the rig only what its wires are: addresses, node numbers, units.
+"""
+
+import asyncio
+import json
+import os
+import signal
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from rig import realtime
+from rig.campaign.files import Campaign
+from rig.companions import Companion
+from rig.config import RigFile
+from rig.config.wiring import Actuator, Registers, RtuLine, TcpLine, TorqueDrive
+from rig.rehearsal import job
+from rig.rehearsal.devices import build_world
+from sim_plant.emulators.actuator_units import ActuatorParams
+from sim_plant.emulators.can_hub import CanHub
+from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
+from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
+from sim_plant.emulators.modbus_tcp import TcpUnits
+from sim_plant.emulators.modbus_unit import ModbusUnit
+from sim_plant.emulators.power_analyser import (
+    AnalyserSettings,
+    Block,
+    PowerAnalyser,
+    Quantity,
+    Terminals,
+)
+from sim_plant.emulators.power_analyser import Wiring as Terminal
+from sim_plant.emulators.running import Emulator, event_loop, running
+from sim_plant.emulators.serial_line import LineSettings, SerialLine
+from sim_plant.emulators.shared_world import SharedWorld
+from sim_plant.emulators.stator_actuator import StatorActuator
+from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
+from sim_plant.emulators.torque_drive import AnalogInput, Axis, Scaling, TorqueDriveParams
+from sim_plant.emulators.torque_drive import TorqueDrive as Drive
+from sim_plant.words import Readings
+
+DEVICES = Path(__file__).resolve().parents[2] / "configs" / "devices"
+AMC, RATED, ACTUATOR = (
+    DEVICES / f"{name}.eds"
+    for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
+)
+PATIENCE = 30.0  # s until all devices are there: the plant is compiled first
+_CELLS, _PROBES = 20_000.0, 5.0  # N and m, ratings of the amplifiers
+_ITEMS: tuple[tuple[Block, Quantity], ...] = (
+    ("sum", "P"), ("element_1", "P"), ("element_1", "U"),
+)  # fmt: skip
+_ANALOG = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
+
+
+def companion(campaign: Campaign) -> Companion:
+    """The emulated devices of a campaign's rig, in its sea, as a companion of the run."""
+    config = {"rig": campaign.rig.model_dump(mode="json"), "plant": job.devices_of(campaign)}
+    return Companion("emulated devices", "rig.rehearsal.emulation", config, (), PATIENCE)
+
+
+class Emulated:
+    """All devices of one rig."""
+
+    def __init__(self, rig: RigFile, world: SharedWorld, loop: asyncio.AbstractEventLoop) -> None:
+        wiring = rig.wiring
+        if wiring is None:
+            raise ValueError(f"{rig.name} has no wiring to hang emulated devices on")
+        self._wiring = wiring
+        self._world = world
+        self.hub = CanHub(loop)
+        rest = self.hub, loop, world
+        heave, surge = _torque("heave", wiring.heave), _torque("surge", wiring.surge)
+        self.nodes: dict[str, CanopenNode] = {
+            "heave": Drive(heave[0], heave[1], *rest),
+            "surge": Drive(surge[0], surge[1], *rest),
+            "stator": StatorActuator(
+                NodeParams(wiring.stator.node, ACTUATOR), _actuator(wiring.stator), *rest
+            ),
+        }
+        self.units: dict[str, ModbusUnit] = {}
+        self.lines: dict[str, Emulator] = dict(self._lines())
+
+    async def serve(self, ended: asyncio.Event) -> None:
+        """Be there until ``ended``; says in JSON lines when, and where."""
+        can = self._wiring.can
+        host, port = can.options.get("host", "127.0.0.1"), int(can.options.get("port", 0))
+        host, port = await self.hub.serve(host, port)
+        for node in self.nodes.values():
+            node.power_on()
+        try:
+            async with running(self.lines) as addresses:
+                _say(event="ready", facts={"can": f"socketcand {host}:{port}", **addresses})
+                while not ended.is_set():
+                    self._world.catch_up()
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(ended.wait(), 5 * self._world.dt)
+        finally:
+            for node in self.nodes.values():
+                node.power_off()
+            await self.hub.close()
+
+    def _lines(self) -> dict[str, Emulator]:
+        """The Modbus lines, each with the units that hang on it."""
+        wiring = self._wiring
+        made: dict[str, tuple[Registers, ModbusUnit]] = {
+            "analyser": (wiring.analyser, self._analyser()),
+            "cells": (wiring.cells, self._amplifier(_cells, _CELLS)),
+            "probes": (wiring.probes, self._amplifier(_probes, _PROBES)),
+            "io": (wiring.inputs, self._coupler()),
+        }
+        self.units = {name: unit for name, (_, unit) in made.items()}
+        found: dict[str, Emulator] = {}
+        for name, line in wiring.lines.items():
+            units = {at.unit: unit for at, unit in made.values() if at.line == name}
+            found[name] = _line(line, units)
+        return found
+
+    def _analyser(self) -> PowerAnalyser:
+        world = self._world
+
+        def terminals() -> Terminals:
+            now = world.readings()
+            dc = Terminal(voltage=now.bus_voltage, power=now.power_dc)
+            at = world.time - now.analyser_age
+            return Terminals(at, element_1=dc, sum=Terminal(power=now.power_ac))
+
+        return PowerAnalyser(terminals, AnalyserSettings(update=0.0, items=_ITEMS))
+
+    def _amplifier(self, channels: Any, rating: float) -> StrainAmplifier:
+        world = self._world
+        return StrainAmplifier(lambda: channels(world.readings()), AmplifierSettings(rating))
+
+    def _coupler(self) -> IoCoupler:
+        world = self._world
+
+        def write(channel: str, value: float) -> None:
+            world.actuate(wave_trigger=int(value))
+
+        names = [value.name for value in self._wiring.inputs.values]
+        inputs = tuple(DigitalInput(name, f"{name}_on", 1) for name in names)
+        settings = CouplerSettings(inputs=inputs, outputs=("wave_trigger",))
+        return IoCoupler(settings, write=write)
+
+
+def _torque(name: str, drive: TorqueDrive) -> tuple[NodeParams, TorqueDriveParams]:
+    amc = drive.scaling == "amc"
+    inputs = tuple(
+        AnalogInput(reading, scale)
+        for reading, scale in zip(_ANALOG[name], drive.analog_per_v, strict=True)
+    )
+    return (
+        NodeParams(drive.node, AMC if amc else RATED),
+        TorqueDriveParams(Axis(name), Scaling.AMC if amc else Scaling.RATED, analog=inputs),
+    )
+
+
+def _actuator(actuator: Actuator) -> ActuatorParams:
+    return ActuatorParams()
+
+
+def _line(line: TcpLine | RtuLine, units: Mapping[int, ModbusUnit]) -> Emulator:
+    if isinstance(line, TcpLine):
+        return TcpUnits(units, port=line.port)
+    bits = 11 if line.parity != "N" or line.stop_bits == 2 else 10
+    port = Path(line.port)
+    port.parent.mkdir(parents=True, exist_ok=True)
+    return RtuUnits(SerialLine(LineSettings(port, line.baud, bits), LinkFaults(seed=1)), units)
+
+
+def _without_delay(config: dict[str, Any]) -> dict[str, Any]:
+    """The plant with its fieldbus taken out: here the wires are real and delay by themselves."""
+    sensors = config["plant"]["sensors"]
+    at_once = {**sensors["delay_ticks"], "value": 0}
+    plant = {**config["plant"], "sensors": {**sensors, "delay_ticks": at_once}}
+    return {**config, "plant": plant}
+
+
+def _cells(read: Readings) -> tuple[float, ...]:
+    return read.force_slew, read.force_stator_a, read.force_stator_b
+
+
+def _probes(read: Readings) -> tuple[float, ...]:
+    return read.probe_1, read.probe_2, read.probe_3
+
+
+async def _serve(config: dict[str, Any], supervisor: int) -> None:
+    loop, ended = asyncio.get_running_loop(), asyncio.Event()
+    loop.add_signal_handler(signal.SIGTERM, ended.set)
+    rig = RigFile.model_validate(config["rig"])
+    dt = 1.0 / rig.rate_hz
+    world = SharedWorld(build_world(_without_delay(config["plant"]), dt), dt, loop.time)
+
+    def look() -> None:
+        if supervisor and os.getppid() != supervisor:
+            ended.set()
+        loop.call_later(0.5, look)
+
+    look()
+    refused = realtime.beside_the_loop()
+    if refused:
+        _say(event="say", text=f"no priority over other work: {refused}")
+    await Emulated(rig, world, loop).serve(ended)
+
+
+def _say(**event: Any) -> None:
+    with suppress(BrokenPipeError):
+        print(json.dumps(event), flush=True)
+
+
+def main() -> None:
+    """Serve the job on standard input until told to end, or left alone by the supervisor."""
+    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
+        signal.signal(number, signal.SIG_IGN)
+    job_ = json.loads(sys.stdin.read())
+    event_loop().run_until_complete(_serve(job_["config"], job_["supervisor"]))
+
+
+if __name__ == "__main__":
+    main()

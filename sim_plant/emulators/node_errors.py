@@ -1,0 +1,118 @@
+"""Errors of an emulated node: EMCY messages, error register 0x1001, history 0x1003. CiA 301."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from sim_plant.emulators import node_objects
+from sim_plant.emulators.node_objects import Key, Objects, Refused
+from sim_plant.emulators.schedule import Schedule
+
+INVALID = 1 << 31
+
+# EMCY codes
+GENERAL = 0x1000
+OVER_CURRENT = 0x2310
+DC_LINK_OVER_VOLTAGE = 0x3210
+DC_LINK_UNDER_VOLTAGE = 0x3220
+OVER_TEMPERATURE = 0x4310
+SENSOR = 0x7305
+COMMUNICATION = 0x7500
+BUS_OVERRUN = 0x8110
+HEARTBEAT_LOST = 0x8130
+BUS_OFF_RECOVERED = 0x8140
+PDO_TOO_SHORT = 0x8210
+PDO_TOO_LONG = 0x8220
+RPDO_TIMEOUT = 0x8250  # [C] CiA 301
+FOLLOWING_ERROR = 0x8611
+VENDOR = 0xFF00
+
+# Bit of the error register by the code's first digits; every error also sets bit 0.
+REGISTER = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x8: 0x10, 0xF: 0x80}
+
+
+def register_bits(code: int) -> int:
+    """Give the bits of 0x1001 that an error sets: 0 generic, 1 current, 2 voltage, 3 temperature,
+    4 communication, 5 profile, 7 manufacturer."""
+    if code >> 8 == 0x86:
+        return 0x21
+    return 0x01 | REGISTER.get(code >> 12, 0)
+
+
+class Errors:
+    """Which errors a node has now, and what it tells of them."""
+
+    def __init__(
+        self, objects: Objects, schedule: Schedule, send: Callable[[int, bytes], None]
+    ) -> None:
+        self.active: set[int] = set()  # EMCY codes
+        self._objects = objects
+        self._schedule = schedule
+        self._send = send
+        self._free_at = 0.0
+        self._room = sum(1 for index, sub in objects.kinds if index == 0x1003 and sub > 0)
+        objects.guards[0x1003] = self._guard_history
+        objects.hooks[0x1003, 0] = lambda value: self.clear_history()
+
+    def occur(self, code: int, vendor: bytes = b"") -> None:
+        """Enter an error and send its EMCY, once until it is gone."""
+        if code in self.active:
+            return
+        self.active.add(code)
+        history = [self._objects.get(0x1003, sub) for sub in range(1, self._room)]
+        count = min(self._objects.get(0x1003) + 1, self._room)
+        for sub, value in enumerate([code, *history], start=1):
+            self._objects.put(0x1003, value, sub)
+        self._objects.put(0x1003, count)
+        self._tell(code, vendor)
+
+    def pass_by(self, code: int) -> None:
+        """Send the EMCY of something that is over as soon as it is noticed."""
+        self.occur(code)
+        self.active.discard(code)
+        self._set_register()
+
+    def end(self, code: int) -> None:
+        """End one error; with the last one it tells so."""
+        self.active.discard(code)
+        if self.active:
+            self._set_register()
+        else:
+            self._tell(0, b"")
+
+    def gone(self) -> None:
+        """End all errors and tell so, if there was one: EMCY code 0."""
+        if self.active:
+            self.active.clear()
+            self._tell(0, b"")
+
+    def clear_history(self) -> None:
+        """Forget what happened."""
+        for sub in range(self._room + 1):
+            self._objects.put(0x1003, 0, sub)
+
+    def _set_register(self) -> int:
+        register = 0
+        for code in self.active:
+            register |= register_bits(code)
+        self._objects.put(0x1001, register)
+        return register
+
+    def _tell(self, code: int, vendor: bytes) -> None:
+        data = code.to_bytes(2, "little") + bytes([self._set_register()])
+        data += vendor[:5].ljust(5, b"\0")
+        cob_id = self._objects.get(0x1014)
+        if cob_id & INVALID:
+            return
+        now = self._schedule.time()
+        inhibit = self._objects.get(0x1015) * 1.0e-4
+        if now >= self._free_at:
+            self._free_at = now + inhibit
+            self._send(cob_id & 0x7FF, data)
+        else:
+            self._schedule.call_at(self._free_at, self._send, cob_id & 0x7FF, data)
+            self._free_at += inhibit
+
+    def _guard_history(self, key: Key, value: int) -> None:
+        if key[1] == 0 and value != 0:
+            raise Refused(node_objects.BAD_VALUE)

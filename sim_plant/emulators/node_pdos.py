@@ -1,0 +1,159 @@
+"""Process data of an emulated node: mapping and communication parameters as written over SDO.
+
+CiA 301. RPDO n: 0x1400+n, 0x1600+n; TPDO n: 0x1800+n, 0x1A00+n. A COB-ID with bit 31 is off.
+Types: 0 with SYNC after a change, 1..240 with every n-th SYNC, 254 and 255 by event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from sim_plant.emulators import node_objects
+from sim_plant.emulators.node_objects import Key, Objects, Refused
+from sim_plant.units import Second
+
+OFF = 1 << 31
+LARGEST = 64  # bits
+PADDING = 0x20  # indices below are data types: mapped, they are gaps
+
+
+class Field(NamedTuple):
+    """One mapped object in a PDO."""
+
+    key: Key
+    shift: int  # bits
+    mask: int
+    sign: int  # its sign bit, 0 if it has none
+
+
+class Map(NamedTuple):
+    """One PDO as it is configured now."""
+
+    number: int  # from 0
+    cob_id: int
+    type: int
+    fields: tuple[Field, ...]
+    octets: int
+    inhibit: Second
+    timer: Second  # event timer; of an RPDO its deadline; 0: none
+
+
+class Pdos:
+    """All PDOs of a node."""
+
+    def __init__(self, objects: Objects, operational: Callable[[], bool]) -> None:
+        self.receive: dict[int, Map] = {}  # by COB-ID
+        self.transmit: list[Map] = []
+        self._objects = objects
+        self._operational = operational
+        self.stale = True  # the configuration was written since it was read
+        kinds = objects.kinds
+        for base in (0x1400, 0x1800):
+            for number in (n for n in range(64) if (base + n, 1) in kinds):
+                objects.guards[base + number] = self._guard_communication
+                objects.guards[base + 0x200 + number] = self._guard_mapping
+                for index in (base + number, base + 0x200 + number):
+                    for sub in (s for s in range(65) if (index, s) in kinds):
+                        objects.hooks[index, sub] = self._changed
+
+    def refresh(self) -> bool:
+        """Read the configuration anew if it was written since; say whether it was."""
+        if not self.stale:
+            return False
+        self.stale = False
+        self.receive = {found.cob_id: found for found in self._maps(0x1400)}
+        self.transmit = self._maps(0x1800)
+        return True
+
+    def invalidate(self) -> None:
+        """Have the configuration read anew at the next use."""
+        self.stale = True
+
+    def packed(self, map_: Map) -> bytes:
+        """Give the data of a PDO from the objects' values."""
+        values, word = self._objects.values, 0
+        for key, shift, mask, _ in map_.fields:
+            word |= (values[key] & mask) << shift
+        return word.to_bytes(map_.octets, "little")
+
+    def unpack(self, map_: Map, data: bytes) -> None:
+        """Write what a PDO brings; a value the device refuses over SDO is passed over."""
+        word = int.from_bytes(data, "little")
+        objects = self._objects
+        for key, shift, mask, sign in map_.fields:
+            value = (word >> shift) & mask
+            if value & sign:
+                value -= mask + 1
+            try:
+                objects.check(key, value)
+            except Refused:
+                continue
+            objects.write(key, value)
+
+    def _changed(self, value: int) -> None:
+        self.stale = True
+
+    def _maps(self, base: int) -> list[Map]:
+        numbers = (n for n in range(64) if (base + n, 1) in self._objects.kinds)
+        found = (self._map(base, number) for number in numbers)
+        return [map_ for map_ in found if map_ is not None]
+
+    def _map(self, base: int, number: int) -> Map | None:
+        objects = self._objects
+        cob_id = objects.get(base + number, 1)
+        if cob_id & OFF:
+            return None
+        fields, shift = [], 0
+        for sub in range(1, objects.get(base + 0x200 + number) + 1):
+            key, width = entry(objects.get(base + 0x200 + number, sub))
+            if key[0] >= PADDING and key in objects.kinds:
+                sign = 1 << (width - 1) if objects.kinds[key].signed else 0
+                fields.append(Field(key, shift, (1 << width) - 1, sign))
+            shift += width
+        return Map(
+            number,
+            cob_id & 0x7FF,
+            objects.get(base + number, 2),
+            tuple(fields),
+            (shift + 7) // 8,
+            objects.get(base + number, 3) * 1.0e-4,
+            objects.get(base + number, 5) * 1.0e-3,
+        )
+
+    def _guard_communication(self, key: Key, value: int) -> None:
+        index, sub = key
+        was = self._objects.get(index, 1)
+        if sub == 1 and not was & OFF and not value & OFF and (was ^ value) & 0x7FF:
+            raise Refused(node_objects.BAD_VALUE)  # switch it off first
+        if sub == 2 and 240 < value < 254:
+            raise Refused(node_objects.BAD_VALUE)
+        if sub == 3 and not was & OFF and value != self._objects.get(index, 3):
+            raise Refused(node_objects.NOT_IN_THIS_STATE)
+
+    def _guard_mapping(self, key: Key, value: int) -> None:
+        """Mapping is written in PRE-OPERATIONAL, COB-ID off, count 0, entries, count."""
+        index, sub = key
+        objects = self._objects
+        if self._operational() or not objects.get(index - 0x200, 1) & OFF:
+            raise Refused(node_objects.NOT_IN_THIS_STATE)
+        if sub == 0:
+            entries = [entry(objects.get(index, s)) for s in range(1, value + 1)]
+            if sum(width for _, width in entries) > LARGEST:
+                raise Refused(node_objects.TOO_LONG_FOR_PDO)
+            return
+        if objects.get(index) != 0:
+            raise Refused(node_objects.NOT_IN_THIS_STATE)
+        mapped, width = entry(value)
+        kind = objects.kinds.get(mapped)
+        if value == 0 or 0 < mapped[0] < PADDING:
+            return
+        if kind is None or not kind.mappable or width != 8 * kind.octets:
+            raise Refused(node_objects.NOT_MAPPABLE)
+        if index < 0x1800 and not kind.writable:
+            raise Refused(node_objects.NOT_MAPPABLE)
+
+
+def entry(value: int) -> tuple[Key, int]:
+    """Give the object and the bits of a mapping entry: index 16, subindex 8, length 8 bits."""
+    return (value >> 16, (value >> 8) & 0xFF), value & 0xFF

@@ -1,0 +1,85 @@
+"""One simulated rig under all emulated devices, moved in real time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from sim_plant.units import Second, Tick
+from sim_plant.words import OFF, Actuation, Readings
+from sim_plant.world import World
+
+BURST = 100  # ticks
+
+
+class SharedWorld:
+    """A World that all emulated devices of one process read and actuate.
+
+    Not thread-safe: one asyncio loop owns it. Each device writes only its own fields of the one
+    latched Actuation. A command stands until it is changed: the drives of the World never miss
+    one, so silence of the rig's side is for the emulated device's own watchdog to act upon.
+    """
+
+    def __init__(
+        self, world: World, dt: Second, clock: Callable[[], Second], *, burst: Tick = BURST
+    ) -> None:
+        """`dt` is the World's own; `clock` never goes back; `burst` >= 1 bounds one catch-up."""
+        if burst < 1:
+            raise ValueError(f"burst must be at least 1 tick, got {burst}")
+        self.world = world
+        self.dt = dt
+        self.ticks: Tick = 0  # done so far
+        self.late: Tick = 0  # done more than one tick after they were due
+        self.dropped: Tick = 0  # never done, as more than a burst was due: the World lost that time
+        self.stopped = False
+        self._clock = clock
+        self._burst = burst
+        self._origin: Second | None = None
+        self._actuation = OFF
+
+    @property
+    def time(self) -> Second:
+        """Simulated time done so far."""
+        return self.ticks * self.dt
+
+    @property
+    def actuation(self) -> Actuation:
+        """What is latched now."""
+        return self._actuation
+
+    def catch_up(self) -> Tick:
+        """Do the whole ticks that are due by now, and give how many; the first call starts time."""
+        now = self._clock()
+        if self._origin is None:
+            self._origin = now
+        if self.stopped:
+            return 0
+        due = math.floor((now - self._origin) / self.dt + 1.0e-6) - self.ticks - self.dropped
+        if due <= 0:
+            return 0
+        done = min(due, self._burst)
+        world, dt, actuation = self.world, self.dt, self._actuation
+        for _ in range(done):
+            world.actuate(actuation)
+            world.advance(dt)
+        self.ticks += done
+        self.late += due - 1 if due <= self._burst else done
+        self.dropped += due - done
+        return done
+
+    def readings(self) -> Readings:
+        """Give what the sensors read after the last tick done; does not catch up by itself."""
+        return self.world.readings()
+
+    def actuate(self, **changes: Any) -> None:
+        """Change named fields of the latched Actuation from the next tick on.
+
+        Raises ValueError (TypeError from Python 3.13 on) for a name that Actuation does not have.
+        """
+        self._actuation = self._actuation._replace(**changes)
+
+    def stop(self) -> None:
+        """Take every command away and let time stand still, for good."""
+        self._actuation = OFF
+        self.stopped = True

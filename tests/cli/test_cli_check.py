@@ -1,0 +1,110 @@
+"""`rig check` on a campaign file with three rows that must not run: each is named, with its reason.
+
+The file is of the custom drive with Z_c that drives the hull, so that one campaign can hold a row
+that goes too far, one that is unstable and one whose bus takes too much, beside one that may run.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+PLANTED = f"""\
+name: planted
+rig: {CONFIGS}/rigs/wavebot_custom.yaml
+sea: {{kind: regular, amplitude_m: 0.26, frequency_hz: 0.4}}
+law: {{zc: {{numerator: [90000], denominator: [1, 20]}}}}
+matrix:
+  csv: rows.csv
+"""
+ROWS = """\
+spring_n_per_m,kp_n_s_per_m,ki_n_per_m,discharge_level
+490.9,-7000,0,15
+-8508,-4900,4000,15
+490.9,-100,0,15
+490.9,-7000,0,0
+"""
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    path = tmp_path / "planted.yaml"
+    path.write_text(PLANTED)
+    (tmp_path / "rows.csv").write_text(ROWS)
+    return path
+
+
+def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rig", *map(str, words)], capture_output=True, text=True, check=False
+    )
+
+
+def test_planted_rows_are_refused_by_name(campaign: Path) -> None:
+    done = rig("check", campaign)
+    assert done.returncode == 2
+    text = done.stdout
+    assert "refused: 3" in text
+    assert "the campaign cannot be run" in text
+    far, wild, full = (line for line in text.splitlines() if "rows.csv:" in line and "row " in line)
+
+    assert "rows.csv:3:" in far
+    assert "row 1 (spring -8508 N/m, Kp -4900 N*s/m, Ki 4000 N/m)" in far
+    found = re.search(r"predicted position peak (0\.\d+) m, allowed up to 0\.35 m", far)
+    assert found is not None
+    assert 0.36 < float(found.group(1)) < 0.6
+    assert "limits/wavebot.yaml:4: heave.position_stop_m" in far
+
+    assert "rows.csv:4:" in wild
+    assert "row 2 (spring 490.9 N/m, Kp -100 N*s/m, Ki 0 N/m)" in wild
+    assert "the sampled heave loop is unstable, stable up to 0.514 times these gains" in wild
+
+    assert "rows.csv:5:" in full
+    assert "row 3 (spring 490.9 N/m, Kp -7000 N*s/m, Ki 0 N/m)" in full
+    assert re.search(r"predicted bus voltage [23]\d\d V, allowed up to 200 V", full)
+    assert "plants/wavebot_custom.yaml:44: drive.overvoltage_trip" in full
+
+
+def test_the_same_as_json(campaign: Path) -> None:
+    done = rig("check", campaign, "--json")
+    assert done.returncode == 2
+    said = json.loads(done.stdout)
+    assert [one["line"] for one in said["problems"]] == [3, 4, 5]
+    broken = {
+        one["row"]: {margin["limit"] for margin in one["margins"] if margin["broken"]}
+        for one in said["predictions"]
+    }
+    assert broken[0] == set()
+    assert "position" in broken[1]
+    assert "loop gain" in broken[2]
+    assert "bus voltage" in broken[3]
+
+
+def test_no_number_of_a_wide_table_is_cut(campaign: Path) -> None:
+    """Settings that change and long numbers leave no room for all columns at 100: some go."""
+    text = ROWS.replace("discharge_level", "discharge_level,km_kg,bus_voltage_v")
+    lines = [f"{line},{10 * n},75.5" for n, line in enumerate(text.splitlines()[1:])]
+    table = "\n".join([text.splitlines()[0], *lines[:3], lines[3].replace("75.5", "80")])
+    (campaign.parent / "rows.csv").write_text(f"{table}\n")
+    shown = rig("check", campaign, "--rows").stdout
+    assert "\N{HORIZONTAL ELLIPSIS}" not in shown
+    start = shown.index("All 4 rows")
+    assert " bus " in shown[start:]
+    assert " mech 2 " not in shown[start:] or " surge " not in shown[start:]
+
+
+@pytest.mark.parametrize(
+    "path", sorted((CONFIGS / "campaigns").glob("*.yaml")), ids=lambda path: path.stem
+)
+def test_every_ready_campaign_passes(path: Path) -> None:
+    """With its prediction: nothing in it is refused."""
+    report = importlib.import_module("rig.cli.check").examine(path)
+    assert report.ok, report.text()
+    assert report.problems == ()

@@ -1,0 +1,209 @@
+"""The hub: who gets what in which order, time on the wire, clients good, bad and slow."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import subprocess
+import sys
+import textwrap
+from collections.abc import Awaitable, Callable
+
+import can
+import pytest
+from can_rig import HandSchedule, live, waited
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sim_plant.emulators import can_hub
+from sim_plant.emulators.can_frame import Frame
+from sim_plant.emulators.can_hub import CanHub, Station
+from sim_plant.emulators.schedule import precise_loop
+
+
+def heard_by(hub: CanHub) -> tuple[Station, list[Frame]]:
+    frames: list[Frame] = []
+    return hub.join(frames.append), frames
+
+
+def test_all_but_the_sender_get_a_frame() -> None:
+    hub = CanHub(HandSchedule())
+    (one, by_one), (_, by_two), (_, by_three) = (heard_by(hub) for _ in range(3))
+    one.send(Frame(0x181, b"\x01"))
+    assert by_one == []
+    assert by_two == by_three == [Frame(0x181, b"\x01")]
+    one.leave()
+    assert len(hub.stations) == 2
+
+
+def test_frames_that_wait_go_by_identifier_but_keep_a_senders_order() -> None:
+    schedule = HandSchedule()
+    hub = CanHub(schedule, bit_rate=1_000_000)
+    (one, _), (two, _), (_, heard) = (heard_by(hub) for _ in range(3))
+    one.send(Frame(0x700, b""))  # wins, as nobody else waits yet
+    for number in (0x201, 0x080):
+        one.send(Frame(number, b""))
+    for number in (0x185, 0x600):
+        two.send(Frame(number, b""))
+    schedule.run(0.01)
+    assert [frame.identifier for frame in heard] == [0x700, 0x185, 0x201, 0x080, 0x600]
+
+
+def test_time_on_the_wire_is_counted() -> None:
+    schedule = HandSchedule()
+    hub = CanHub(schedule, bit_rate=1_000_000)
+    (one, _), (_, heard) = heard_by(hub), heard_by(hub)
+    one.send(Frame(0x80, b""))
+    one.send(Frame(0x181, bytes(8)))
+    schedule.run(54.0e-6)
+    assert heard == []
+    schedule.run(2.0e-6)
+    assert len(heard) == 1
+    schedule.run(135.0e-6)
+    assert len(heard) == 2
+    assert hub.busy == pytest.approx(190.0e-6)
+    assert hub.frames == 2
+
+
+def test_an_answer_within_a_delivery_is_delivered_after_it() -> None:
+    hub = CanHub(HandSchedule())
+    (one, by_one), (_, by_two) = heard_by(hub), heard_by(hub)
+    echo: list[Station] = []
+    echo.append(hub.join(lambda frame: echo[0].send(Frame(0x700, frame.data))))
+    one.send(Frame(0x80, b"\x05"))
+    assert [frame.identifier for frame in by_two] == [0x80, 0x700]
+    assert by_one == [Frame(0x700, b"\x05")]
+
+
+def test_a_station_that_cannot_send_loses_frames_and_counts_them() -> None:
+    hub = CanHub(HandSchedule(), bit_rate=1_000_000)
+    one, _ = heard_by(hub)
+    for _ in range(can_hub.QUEUE + 11):
+        one.send(Frame(0x80, b""))
+    assert one.overruns == 10
+
+
+def heard(bus: can.BusABC, identifier: int) -> bytes:
+    """What comes next under an identifier."""
+    while (frame := bus.recv(10.0)) is not None:
+        if frame.arbitration_id == identifier:
+            return bytes(frame.data)
+    raise AssertionError(f"nothing heard under {identifier:x}")
+
+
+def test_python_can_clients_of_several_processes_share_the_bus() -> None:
+    other = """
+        import can, sys
+        place = {"host": "127.0.0.1", "port": int(sys.argv[1])}
+        bus = can.Bus(interface="socketcand", channel="can0", **place)
+        while (got := bus.recv(10.0)).arbitration_id != 0x7E5:
+            pass
+        data = bytes(reversed(got.data))
+        bus.send(can.Message(arbitration_id=0x123, data=data, is_extended_id=False))
+        bus.shutdown()
+    """
+    with live() as rig, rig.bus() as one, rig.bus() as two:
+        command = [sys.executable, "-c", textwrap.dedent(other), str(rig.port)]
+        with subprocess.Popen(command) as process:
+            clients = rig.rig.hub.clients
+            waited(lambda: rig.do(lambda: len(clients) == 3 and all(c.raw for c in clients)))
+            one.send(can.Message(arbitration_id=0x7E5, data=b"\x01\x02", is_extended_id=False))
+            assert heard(one, 0x123) == b"\x02\x01"
+            assert heard(two, 0x7E5) == b"\x01\x02"
+            assert heard(two, 0x123) == b"\x02\x01"
+            assert process.wait(10.0) == 0
+
+
+async def talk(port: int, text: bytes) -> bytes:
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    assert await reader.readexactly(6) == b"< hi >"
+    writer.write(text + b"< echo >")
+    got = b""
+    while not got.endswith(b"< echo >"):
+        got += await asyncio.wait_for(reader.read(4096), 5.0)
+    writer.close()
+    return got
+
+
+def served(conversation: Callable[[CanHub, int], Awaitable[None]]) -> None:
+    async def run() -> None:
+        hub = CanHub(asyncio.get_running_loop())
+        _, port = await hub.serve()
+        await conversation(hub, port)
+        await hub.close()
+        await asyncio.sleep(0.01)
+
+    with asyncio.Runner(loop_factory=precise_loop) as runner:
+        runner.run(run())
+
+
+@pytest.mark.parametrize(
+    ("text", "answers"),
+    [
+        (b"< send 85 1 1 >< open can0 >", b"< error no bus opened >< ok >< echo >"),
+        (b"< open can0 >< send 85 1 >", b"< ok >< error 1 bytes told, 0 given >< echo >"),
+        (b"< open can0 >< dance >", b"< ok >< error unknown command >< echo >"),
+        (b"< open can0 > rubbish >", b"< ok >< error no command >< echo >"),
+        (b"< open can0 >\xff\xfe>", b"< ok >< error no command >< echo >"),
+        (b"< open can0 >< send 999 0  >", b"< ok >< error identifier out of range >< echo >"),
+    ],
+)
+def test_malformed_text_is_answered_by_an_error(text: bytes, answers: bytes) -> None:
+    async def conversation(hub: CanHub, port: int) -> None:
+        assert await talk(port, text) == answers
+
+    served(conversation)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=300),
+            st.sampled_from(
+                [b"< open x >", b"< send ", b" >", b"<", b"< rawmode >", b"\xff" * 600]
+            ),
+        ),
+        max_size=8,
+    )
+)
+def test_nothing_a_client_says_harms_the_others(parts: list[bytes]) -> None:
+    async def conversation(hub: CanHub, port: int) -> None:
+        for part in (b"".join(parts), b"< open can0 >" + b"".join(parts)):
+            _, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(part)
+            await writer.drain()
+            writer.transport.abort()
+        assert await talk(port, b"< open can0 >< send 7FF 0  >") == b"< ok >< echo >"
+
+    served(conversation)
+
+
+def test_a_client_that_does_not_read_is_dropped() -> None:
+    async def conversation(hub: CanHub, port: int) -> None:
+        slow = socket.create_connection(("127.0.0.1", port))
+        slow.sendall(b"< open can0 >< rawmode >")
+        await asyncio.sleep(0.1)
+        station, _ = heard_by(hub)
+        for _ in range(1000):
+            for _ in range(1000):
+                station.send(Frame(0x181, bytes(8)))
+            await asyncio.sleep(0)
+            if hub.slow:
+                break
+        assert hub.slow == 1
+        assert hub.clients == set()
+        slow.close()
+
+    served(conversation)
+
+
+def test_bus_errors_are_told_to_clients() -> None:
+    with live() as rig, rig.bus() as bus:
+        rig.do(rig.rig.hub.report_error, 0x40)
+        for _ in range(20):
+            frame = bus.recv(5.0)
+            assert frame is not None
+            if frame.is_error_frame:
+                break
+        assert frame.arbitration_id == 0x40

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 from drivers.canopen import cia402, profile_position, scaling
 from drivers.canopen.arming import (
@@ -75,6 +76,38 @@ def drive_steps(node: int, watch: int = 2000, deadline: int = 2000, **changes: i
         *tpdo_steps(1, made.status, 1),
         *tpdo_steps(2, made.slow, 5),
     ]
+
+
+# What a drive on a foreign stack is made to have: few objects, and its SYNC left as it is.
+FOREIGN_OBJECTS = {
+    "device_type": 402,
+    "sync_cob_id": 0x80,
+    "heartbeat_producer": 50,
+    "abort_connection": 2,
+    "encoder_increments": 20000,
+    "rated_current": 10_000,
+    "mode_of_operation": TORQUE_MODE,
+}
+
+
+def foreign_steps(node: int, **changes: int) -> tuple[Step, ...]:
+    made = layouts(node, 0)
+    known = frozenset(FOREIGN_OBJECTS)
+    return (
+        *parameter_steps({**FOREIGN_OBJECTS, **changes}, known, frozenset({"sync_cob_id"})),
+        *rpdo_steps(1, made.command, 1, 250),
+        *tpdo_steps(1, made.status, 1),
+        *tpdo_steps(2, made.slow, 1),
+    )
+
+
+def until(true: Callable[[], object], each: Callable[[], object], patience: float = 10.0) -> None:
+    """Do something every 5 ms until something is so."""
+    end = time.monotonic() + patience
+    while not true():
+        assert time.monotonic() < end, "waited in vain"
+        each()
+        time.sleep(0.005)
 
 
 class FakeLine:

@@ -1,7 +1,8 @@
 """The CAN bus as raw frames: python-can opened once, sent to and emptied without ever waiting.
 
-Any interface of python-can will do by its name. Our own frames are kept out by filters on the
-COB-IDs that are wanted, because not every interface marks what it sends back.
+Any interface of python-can will do by its name. Our own frames are kept out by the COB-IDs that are
+wanted: not every interface marks what it sends back, and a kernel marks the frames of every other
+process on this host as if they were our own.
 """
 
 import logging
@@ -17,6 +18,11 @@ from drivers.canopen.bus_settings import Bus
 # Half a message in a read of a socket is no news, and 1000 lines a second would be no log.
 logging.getLogger("can").setLevel(logging.ERROR)
 
+# Whose kernel keeps out what is not wanted. With python-can's own filters a look at the bus ends at
+# the first unwanted frame, and what lies behind it comes a look later.
+_FILTERING = ("socketcan",)
+_GONE = (can.CanError, OSError, ValueError, LookupError)  # also text of slcan that is no frame
+
 
 class Frame(NamedTuple):
     """One frame as it came."""
@@ -30,8 +36,10 @@ class LinkError(errors.LinkError):
 
 
 def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
-    """Open the bus for frames with these COB-IDs (none named: all); LinkError says why not."""
-    filters: Any = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in sorted(wanted)]
+    """Open the bus, if it can filter for these COB-IDs (none: all); LinkError says why not."""
+    filters: Any = None
+    if bus.interface in _FILTERING:
+        filters = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in sorted(wanted)]
     try:
         return can.Bus(
             interface=bus.interface,
@@ -65,7 +73,7 @@ class Link:
         message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, check=False)
         try:
             self._bus.send(message)
-        except (can.CanError, OSError, ValueError):
+        except _GONE:
             self.unsent += 1
             return False
         return True
@@ -83,9 +91,13 @@ class Link:
                     break
                 if message.is_error_frame:
                     self.errors += 1
-                elif message.arbitration_id in self._wanted and message.is_rx:
+                elif (
+                    message.arbitration_id in self._wanted
+                    and not message.is_extended_id
+                    and not message.is_remote_frame
+                ):
                     found.append(Frame(message.arbitration_id, bytes(message.data)))
-        except (can.CanError, OSError, ValueError):
+        except _GONE:
             self.errors += 1
         return found
 
@@ -93,5 +105,5 @@ class Link:
         """Give the bus back; cannot raise."""
         try:
             self._bus.shutdown()
-        except (can.CanError, OSError, ValueError):
+        except _GONE:
             self.errors += 1

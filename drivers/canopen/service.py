@@ -5,9 +5,11 @@ home), and watches the bus while it runs. Library: canopen for SDO and NMT; its 
 not used, because it can bring a drive up when it is told to take it down.
 """
 
+import struct
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import can
@@ -21,15 +23,20 @@ from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError, open_bus
-from drivers.canopen.pdo import BYTES
+from drivers.canopen.pdo import BYTES, MAX_NODE
 from drivers.canopen.statusword import describe
 
 _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
-_PRE_OPERATIONAL, _OPERATIONAL, _RESET = "PRE-OPERATIONAL", "OPERATIONAL", "RESET COMMUNICATION"
+_PRE_OPERATIONAL, _OPERATIONAL = "PRE-OPERATIONAL", "OPERATIONAL"
+# What the library raises where a node refuses, is silent, or answers in too few bytes.
+_NO_ANSWER = (SdoError, can.CanError, OSError, RuntimeError, struct.error)
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
 _HOMING_MODE = homing.MODE
 _SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
+_WHAT_ARE_YOU = bytes((0x40, 0x00, 0x10, 0, 0, 0, 0, 0))  # SDO: upload 0x1000
+_CLOSING = 0.1  # s that the library's reader may take to see that it shall end
+_QUEUE_FULL = 0.002  # s until a bus that took nothing is tried again
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
@@ -68,6 +75,7 @@ class Service:
         self._can: can.BusABC = open_bus(bus)
         self._network: Any = canopen.Network()
         self._network.bus = self._can
+        self._network.NOTIFIER_CYCLE = _CLOSING
         self._network.connect()
         self._lock = threading.Lock()
         self._watched: dict[int, heartbeat.Watch] = {}
@@ -86,10 +94,10 @@ class Service:
     def set_up(self, node: int, steps: tuple[Step, ...]) -> tuple[Mismatch, ...]:
         """Write the steps in PRE-OPERATIONAL and read all back; what is not as it must be.
 
-        ServiceError if the node does not answer at all.
+        ServiceError if the node does not answer at all, or the bus takes nothing.
         """
         remote = self._remote(node)
-        remote.nmt.state = _PRE_OPERATIONAL
+        self._tell(node, _PRE_OPERATIONAL)
         if self.read(node, 0x1000, 0, "u32") is None:
             raise ServiceError(f"node {node} does not answer")
         for step in steps:
@@ -102,12 +110,13 @@ class Service:
         return arming.compare(steps, answers)
 
     def start(self, node: int) -> None:
-        """Let the node's process data go: OPERATIONAL."""
-        self._remote(node).nmt.state = _OPERATIONAL
+        """Let the node's process data go: OPERATIONAL; ServiceError if the bus does not take it."""
+        self._tell(node, _OPERATIONAL)
 
     def stop(self, node: int) -> None:
-        """Back to PRE-OPERATIONAL: no process data."""
-        self._remote(node).nmt.state = _PRE_OPERATIONAL
+        """Back to PRE-OPERATIONAL: no process data. Cannot raise: it is the end of a run."""
+        with suppress(ServiceError):
+            self._tell(node, _PRE_OPERATIONAL)
 
     def home(
         self,
@@ -121,7 +130,7 @@ class Service:
         Ticks of ``machine`` and ``params`` are of 20 ms here. ``stopped``: give up and power off.
         """
         remote = self._remote(node)
-        remote.nmt.state = _PRE_OPERATIONAL
+        self._tell(node, _PRE_OPERATIONAL)
         drive, handshake = cia402.start(0, 0), homing.start(0)
         failure = "no answer"
         self._put(remote, 0x6060, 0, "i8", _HOMING_MODE)
@@ -162,7 +171,7 @@ class Service:
         """An object's value; None if the node does not answer, has it not, or of another size."""
         try:
             data = self._remote(node).sdo.upload(index, sub)
-        except (SdoError, can.CanError, OSError):
+        except _NO_ANSWER:
             return None
         if len(data) != BYTES[kind]:
             return None
@@ -172,7 +181,7 @@ class Service:
         """Who a node says it is."""
         try:
             name = self._remote(node).sdo.upload(0x1008, 0).decode("ascii", "replace")
-        except (SdoError, can.CanError, OSError):
+        except _NO_ANSWER:
             name = None
         vendor, product, revision, serial = (
             self.read(node, 0x1018, sub, "u32") for sub in (1, 2, 3, 4)
@@ -181,9 +190,15 @@ class Service:
         return Identity(kind, vendor, product, revision, serial, name, errors)
 
     def scan(self, patience: float) -> tuple[int, ...]:
-        """Node numbers that answer a read of 0x1000 within ``patience`` seconds."""
+        """Node numbers that answer a read of 0x1000 within ``patience`` seconds of being asked.
+
+        The bus gets as long to take the questions: a kernel's queue holds ten frames.
+        """
         self._network.scanner.reset()
-        self._network.scanner.search()
+        end = time.monotonic() + patience
+        for node in range(1, MAX_NODE + 1):
+            while not self._asked(node) and time.monotonic() < end:
+                time.sleep(_QUEUE_FULL)
         time.sleep(patience)
         return tuple(sorted(self._network.scanner.nodes))
 
@@ -198,10 +213,8 @@ class Service:
 
     def close(self) -> None:
         """Give the bus back; cannot raise."""
-        try:
+        with suppress(Exception):  # the library raises here whatever has killed its reader
             self._network.disconnect()
-        except (can.CanError, OSError, RuntimeError):
-            return
 
     def _remote(self, node: int) -> Any:
         if node not in self._nodes:
@@ -209,6 +222,20 @@ class Service:
             remote.sdo.RESPONSE_TIMEOUT = _SDO_PATIENCE
             self._nodes[node] = remote
         return self._nodes[node]
+
+    def _asked(self, node: int) -> bool:
+        try:
+            self._network.send_message(0x600 + node, _WHAT_ARE_YOU)
+        except (can.CanError, OSError):
+            return False
+        return True
+
+    def _tell(self, node: int, state: str) -> None:
+        """Send an NMT command; ServiceError if the bus does not take it."""
+        try:
+            self._remote(node).nmt.state = state
+        except (can.CanError, OSError, RuntimeError) as error:
+            raise ServiceError(f"node {node} cannot be told {state}: {error}") from error
 
     def _write(self, remote: Any, step: Step) -> None:
         self._put(remote, step.object, step.sub, step.type, step.value)
@@ -218,7 +245,7 @@ class Service:
         data = value.to_bytes(BYTES[kind], "little", signed=kind[0] == "i")
         try:
             remote.sdo.download(index, sub, data)
-        except (SdoError, can.CanError, OSError):
+        except _NO_ANSWER:
             return False
         return True
 

@@ -27,6 +27,8 @@ from drivers.canopen.statusword import describe
 _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
 _PRE_OPERATIONAL, _OPERATIONAL, _RESET = "PRE-OPERATIONAL", "OPERATIONAL", "RESET COMMUNICATION"
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
+_READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
+_SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
 _HOMING_MODE = homing.MODE
 _SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
@@ -181,11 +183,29 @@ class Service:
         return Identity(kind, vendor, product, revision, serial, name, errors)
 
     def scan(self, patience: float) -> tuple[int, ...]:
-        """Node numbers that answer a read of 0x1000 within ``patience`` seconds."""
+        """Node numbers that answer a read of 0x1000, or send, within ``patience`` seconds.
+
+        LinkError if the bus does not take the questions.
+        """
         self._network.scanner.reset()
-        self._network.scanner.search()
+        for node in range(1, 128):
+            self._question(node)
         time.sleep(patience)
         return tuple(sorted(self._network.scanner.nodes))
+
+    def _question(self, node: int) -> None:
+        """Ask one node for 0x1000; an adapter whose queue is full takes it a little later."""
+        until = time.monotonic() + _SDO_PATIENCE
+        while True:
+            try:
+                self._network.send_message(0x600 + node, _READ_DEVICE_TYPE)
+            except (can.CanError, OSError) as error:
+                if time.monotonic() > until:
+                    raise LinkError(f"the bus takes no frames: {error}") from error
+                time.sleep(_PAUSE)
+                continue
+            time.sleep(_SPACING)
+            return
 
     def health(self) -> dict[int, Health]:
         """What is known of each watched node now; LinkError if the bus's reader died."""

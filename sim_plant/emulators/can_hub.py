@@ -34,6 +34,8 @@ class Station:
 
     def send(self, frame: Frame) -> None:
         """Queue a frame; it is delivered at once if the bus is free and has no bit rate."""
+        if self._hub.passes_at_once(self, frame):
+            return
         if len(self.waiting) >= QUEUE:
             self.overruns += 1
             return
@@ -56,11 +58,13 @@ class CanHub:
         self.frames = 0  # delivered
         self.busy: Second = 0.0  # with frames on the wire; 0 without a bit rate
         self.slow = 0  # clients dropped as they did not read
+        self.reading: set[TextClient] | None = None  # during a read: who has something to send
         self._schedule = schedule
         self._bit_rate = bit_rate
         self._free_at: Second = 0.0
         self._occupied = False  # a frame is on the wire
         self._delivering = False
+        self._any_waits = False  # some station may have frames; told without a bit rate only
         self._server: asyncio.Server | None = None
 
     def join(self, receive: Callable[[Frame], None]) -> Station:
@@ -91,8 +95,22 @@ class CanHub:
         for client in list(self.clients):
             client.put(text)
 
+    def passes_at_once(self, sender: Station, frame: Frame) -> bool:
+        """Deliver a frame that waits for nobody, and what it was answered with."""
+        if self._bit_rate is not None or self._delivering or self._any_waits:
+            return False
+        self._delivering = True
+        try:
+            self._deliver(sender, frame)
+        finally:
+            self._delivering = False
+        if self._any_waits:
+            self.arbitrate()
+        return True
+
     def arbitrate(self) -> None:
         """Deliver what waits, as far as the bus is free."""
+        self._any_waits = True
         if self._delivering:
             return
         self._delivering = True
@@ -100,6 +118,7 @@ class CanHub:
             if self._bit_rate is None:
                 while (sender := self._winner()) is not None:
                     self._deliver(sender, sender.waiting.popleft())
+                self._any_waits = False
             elif not self._occupied:
                 self._occupy(max(self._free_at, self._schedule.time()))
         finally:
@@ -181,15 +200,20 @@ class TextClient(asyncio.Protocol):
     def put(self, text: bytes) -> None:
         """Send in raw mode; what comes in one turn of the loop goes out as one."""
         if self.raw:
-            if not self._out and not self._greeting:
-                self._loop.call_soon(self._flush)
+            if self._hub.reading is not None:
+                self._hub.reading.add(self)
+            elif not self._out:
+                self._loop.call_soon(self.flush)
             self._out.append(text)
 
     def _greeted(self) -> None:
         self._greeting = False
-        self._flush()
+        self.flush()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Write what is to be sent."""
+        if self._greeting:
+            return
         transport, text = self._transport, b"".join(self._out)
         self._out.clear()
         if transport is None or transport.is_closing():
@@ -203,8 +227,14 @@ class TextClient(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Do every whole command; the rest waits for more."""
         *commands, self._text = (self._text + data.decode("ascii", "replace")).split(">")
-        for command in commands:
-            self._do(command)
+        self._hub.reading = answered = set[TextClient]()
+        try:
+            for command in commands:
+                self._do(command)
+        finally:
+            self._hub.reading = None
+            for client in answered:
+                client.flush()
         if len(self._text) > LONGEST:
             self._text = ""
             self._answer("error command too long")

@@ -5,6 +5,7 @@ home), and watches the bus while it runs. Library: canopen for SDO and NMT; its 
 not used, because it can bring a drive up when it is told to take it down.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Callable
@@ -23,6 +24,9 @@ from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError, open_bus
 from drivers.canopen.pdo import BYTES
 from drivers.canopen.statusword import describe
+
+# A node that does not answer is told of by who asked; the library says it again for people.
+logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
 _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
 _PRE_OPERATIONAL, _OPERATIONAL, _RESET = "PRE-OPERATIONAL", "OPERATIONAL", "RESET COMMUNICATION"

@@ -144,7 +144,9 @@ def _error(code: int | None) -> Text:
 
 
 def _standing(one: NodeFound) -> Text:
-    return Text(f"{len(one.wrong)} differ", _BAD) if one.wrong else Text("all as wanted", "green")
+    if not one.wrong:
+        return Text("all as wanted", "green")
+    return Text("\n".join(f"not {mismatch.name}" for mismatch in one.wrong), _BAD)
 
 
 def _unset(one: NodeFound) -> Text:

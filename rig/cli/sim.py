@@ -16,7 +16,6 @@ from rich.table import Table
 from rich.text import Text
 
 from rig import cli
-from rig.campaign.files import open_campaign
 from rig.cli.console import table_console
 from rig.cli.failure import fail
 from rig.cli.refusal import REFUSED, refuse
@@ -24,8 +23,7 @@ from rig.companions import Companion, CompanionError, Companions
 from rig.config.rig_file import RigFile
 from rig.config.wiring import WORDS, Registers, TcpLine, Wiring
 from rig.hardware.job import WiringError, job_of
-from rig.rehearsal import emulation, job
-from rig.rehearsal.addresses import can_address, impossible
+from rig.rehearsal.addresses import can_address, impossible, taken
 from rig.rehearsal.alone import in_calm_water
 
 _LOOK = 0.05  # s
@@ -62,6 +60,9 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
         wiring = _wiring(rig)
     except REFUSED as error:
         return refuse("sim", error, as_json=as_json)
+    if held := taken(wiring):  # the devices look again; here it is known in no time
+        busy = RuntimeError("\n".join(held))
+        return fail("sim", busy, as_json=as_json, code=cli.FAILED)
     with _interrupts() as asked, tempfile.TemporaryDirectory(prefix="rig-sim-") as folder:
         companions = Companions((devices,), Path(folder))
         try:
@@ -92,6 +93,9 @@ def _devices(path: Path, campaign: Path | None) -> tuple[RigFile, Companion, str
     if campaign is None:
         rig, devices = in_calm_water(path)
         return rig, devices, "calm water"
+    from rig.campaign.files import open_campaign  # scipy: seconds
+    from rig.rehearsal import emulation, job
+
     opened = open_campaign(campaign, job.problems, path)
     sea = f"{opened.file.sea.words()}, once the rig's wave trigger is on"
     return opened.rig, emulation.companion(opened), sea

@@ -248,6 +248,8 @@ def _line(name: str, config: dict[str, Any]) -> LineFound:
     address = settings["port"] if rtu else f"{settings['host']}:{settings['port']}"
     why = port_trouble(address) if rtu else tcp_trouble(settings["host"], settings["port"])
     found = LineFound(name, config["kind"], address, why, ())
+    if why:
+        return found
     units = []
     line = line_of(config, [])
     try:
@@ -271,7 +273,7 @@ def _unit(line: Line, polled: Polled) -> UnitFound:
     try:
         raw = line.read(block)
     except LineError as error:
-        return found._replace(trouble=str(error).partition(": ")[2] or str(error))
+        return found._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
     found = found._replace(answers=True, took=time.monotonic() - asked)
     if polled.written:
         return found

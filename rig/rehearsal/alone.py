@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.campaign.pieces import Source
 from rig.companions import Companion
 from rig.config import RigFile
 from rig.config.source import load_mapping
@@ -22,11 +21,11 @@ class Alone(NamedTuple):
 def in_calm_water(path: Path) -> Alone:
     """The emulated devices of a rig file; ConfigError with every problem of it and its plant."""
     rig, locate = load(path, RigFile)
-    plant = Source(*load_mapping(locate.file(("plant",), rig.plant), locate(("plant",)), "plant"))
-    validate(plant.mapping, plant.locate, Plant)
+    plant, there = load_mapping(locate.file(("plant",), rig.plant), locate(("plant",)), "plant")
+    validate(plant, there, Plant)
     devices: dict[str, Any] = {
-        "plant": plant.mapping,
-        "bem": str(plant.locate.file(("bem",), plant.mapping["bem"])),
+        "plant": plant,
+        "bem": str(there.file(("bem",), plant["bem"])),
         "sea": {"kind": "calm"},
         "seed": 0,
         "device": "present",

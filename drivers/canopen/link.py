@@ -49,6 +49,11 @@ def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
             receive_own_messages=False,
             **dict(bus.options),
         )
+    except (NameError, AttributeError) as error:  # python-can without the maker's own library
+        raise LinkError(
+            f"CAN bus {bus.interface} {bus.channel}: the library of its maker is not installed "
+            f"({error})"
+        ) from error
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {error}") from error
 

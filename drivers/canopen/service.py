@@ -5,6 +5,7 @@ home), and watches the bus while it runs. Library: canopen for SDO and NMT; its 
 not used, because it can bring a drive up when it is told to take it down.
 """
 
+import logging
 import struct
 import threading
 import time
@@ -26,17 +27,20 @@ from drivers.canopen.link import LinkError, open_bus
 from drivers.canopen.pdo import BYTES, MAX_NODE
 from drivers.canopen.statusword import describe
 
+# A node that does not answer is told of by who asked; the library says it again for people.
+logging.getLogger("canopen").setLevel(logging.CRITICAL)
+
 _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
 _PRE_OPERATIONAL, _OPERATIONAL = "PRE-OPERATIONAL", "OPERATIONAL"
 # What the library raises where a node refuses, is silent, or answers in too few bytes.
 _NO_ANSWER = (SdoError, can.CanError, OSError, RuntimeError, struct.error)
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
+_READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
+_SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
 _HOMING_MODE = homing.MODE
 _SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
-_WHAT_ARE_YOU = bytes((0x40, 0x00, 0x10, 0, 0, 0, 0, 0))  # SDO: upload 0x1000
 _CLOSING = 0.1  # s that the library's reader may take to see that it shall end
-_QUEUE_FULL = 0.002  # s until a bus that took nothing is tried again
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
@@ -190,17 +194,29 @@ class Service:
         return Identity(kind, vendor, product, revision, serial, name, errors)
 
     def scan(self, patience: float) -> tuple[int, ...]:
-        """Node numbers that answer a read of 0x1000 within ``patience`` seconds of being asked.
+        """Node numbers that answer a read of 0x1000, or send, within ``patience`` seconds.
 
-        The bus gets as long to take the questions: a kernel's queue holds ten frames.
+        LinkError if the bus does not take the questions.
         """
         self._network.scanner.reset()
-        end = time.monotonic() + patience
         for node in range(1, MAX_NODE + 1):
-            while not self._asked(node) and time.monotonic() < end:
-                time.sleep(_QUEUE_FULL)
+            self._question(node)
         time.sleep(patience)
         return tuple(sorted(self._network.scanner.nodes))
+
+    def _question(self, node: int) -> None:
+        """Ask one node for 0x1000; an adapter whose queue is full takes it a little later."""
+        until = time.monotonic() + _SDO_PATIENCE
+        while True:
+            try:
+                self._network.send_message(0x600 + node, _READ_DEVICE_TYPE)
+            except (can.CanError, OSError) as error:
+                if time.monotonic() > until:
+                    raise LinkError(f"the bus takes no frames: {error}") from error
+                time.sleep(_PAUSE)
+                continue
+            time.sleep(_SPACING)
+            return
 
     def health(self) -> dict[int, Health]:
         """What is known of each watched node now; LinkError if the bus's reader died."""
@@ -222,13 +238,6 @@ class Service:
             remote.sdo.RESPONSE_TIMEOUT = _SDO_PATIENCE
             self._nodes[node] = remote
         return self._nodes[node]
-
-    def _asked(self, node: int) -> bool:
-        try:
-            self._network.send_message(0x600 + node, _WHAT_ARE_YOU)
-        except (can.CanError, OSError):
-            return False
-        return True
 
     def _tell(self, node: int, state: str) -> None:
         """Send an NMT command; ServiceError if the bus does not take it."""

@@ -7,6 +7,7 @@ answer only if it is of another length than the one that was missed. A line that
 again after a pause that doubles; meanwhile its requests fail at once.
 """
 
+import logging
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -16,6 +17,9 @@ from pymodbus.exceptions import ModbusException, ModbusIOException
 
 from drivers.errors import LinkError
 from drivers.modbus.registers import BITS, Block
+
+# What goes wrong is raised here, once; the library says it again for people.
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
 PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli import calibration, matrix, testlog
+from rig.cli import calibration, matrix, scan, testlog
 
 app = typer.Typer(
     name="rig",
@@ -70,6 +70,47 @@ def check(
     sys.exit(main(campaign, rig, every_row=rows, as_json=json))
 
 
+_SIM = """\
+Exit codes: 0 ended by Ctrl-C; 1 an address is taken, or the devices failed; 2 bad input."""
+
+
+@app.command(epilog=_SIM)
+def sim(
+    rig: Annotated[Path, typer.Argument(help="Rig file (YAML) with wiring.")],
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="Campaign whose sea it is; else calm water.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="One line of JSON when ready.")] = False,
+) -> None:
+    """Be the devices of a wired rig, emulated, at the addresses of its rig file, until Ctrl-C."""
+    from rig.cli.sim import main
+
+    sys.exit(main(rig, campaign, as_json=json))
+
+
+_DEVICES = """\
+Exit codes: 0 all answer and agree with the rig file; 1 something does not, or a run has the rig; \
+2 bad input."""
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Also while a run has the rig; it may be disturbed.")
+]
+
+
+@app.command(epilog=_DEVICES)
+def devices(
+    rig: Annotated[Path, typer.Argument(help="Rig file (YAML) with wiring.")],
+    objects: Annotated[
+        bool, typer.Option("--objects", help="Also every object that a run will set.")
+    ] = False,
+    anyway: Anyway = False,
+    json: Json = False,
+) -> None:
+    """Say who answers on a rig's wires, and whether what must stand there does. It only reads."""
+    from rig.cli.devices import main
+
+    sys.exit(main(rig, anyway=anyway, objects=objects, as_json=json))
+
+
 _DOCTOR = """\
 Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not fit, the \
 verdict says why; 2 bad input."""
@@ -84,18 +125,22 @@ def doctor(
         bool, typer.Option("--rehearsal", help="The exit code is about rehearsals only.")
     ] = False,
     rate: Annotated[
-        float, typer.Option("--rate", min=10, max=10_000, help="Rate of the loop, Hz.")
-    ] = 1000.0,
+        float | None,
+        typer.Option("--rate", min=10, max=10_000, help="Rate of the loop, Hz (the rig's, 1000)."),
+    ] = None,
     hours: Annotated[
         float, typer.Option("--hours", min=0, max=1000, help="Hours of log to have room for.")
     ] = 8.0,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="Rig file: also what its wires need.")
+    ] = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
     """Say whether this host is fit for real time on a rig, and what to do about it if not."""
     from rig.cli.doctor import main
 
-    sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json))
+    sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json, rig=rig))
 
 
 _RECOVER = """\
@@ -213,3 +258,4 @@ def compare(
 app.command("matrix")(matrix.command)
 app.command("testlog")(testlog.command)
 app.add_typer(calibration.app)
+app.add_typer(scan.app)

@@ -21,6 +21,8 @@ _QUIET = (
     "stalled by its host and no setting inside it helps"
 )
 
+_BELOW = "as for the periods skipped"
+
 
 class Measured(NamedTuple):
     """What the two measurements gave; None where one could not be made."""
@@ -105,7 +107,7 @@ def _judged(told: dict[str, Any], dt: float) -> list[Finding]:
             _words(told),
             f"{limit}; max at most {MAX_GOOD * period:g} us",
             late,
-            "" if late is Verdict.GOOD or told["skipped"] else _QUIET,
+            "" if late is Verdict.GOOD else _BELOW if told["skipped"] else _QUIET,
             forbidding(late, *REALTIME),
             {key: told[key] for key in ("p50_us", "p99_us", "max_us")} | {"period_us": period},
         ),

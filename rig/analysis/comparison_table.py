@@ -18,7 +18,7 @@ from rig.analysis.comparison import (
     where,
 )
 from rig.analysis.differences import shortened
-from rig.analysis.points import Point
+from rig.analysis.points import Point, scatter_of
 
 _MOST_DIFFERENCES = 12  # of a group, in text
 _MOST_UNMATCHED = 20
@@ -80,8 +80,10 @@ def _matched(told: Comparison) -> list[str]:
 
 def _means(told: Comparison) -> list[str]:
     pairs = told.matched.pairs
+    source = scatter_of(point for pair in pairs for point in pair)
     lines = [
-        "Mean difference and best points of the matched pairs, W (B less A; ± standard error)",
+        "Mean difference and best points of the matched pairs, W (B less A"
+        + (f"; ± standard error by {source})" if source else ")"),
         f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
     ]
     for kind in KINDS:

@@ -67,6 +67,11 @@ def _inches(text: str, size: float) -> float:
     return float(TextPath((0.0, 0.0), text, size=size).get_extents().width) / 72.0 if text else 0.0
 
 
+def absorbed(errors: str) -> str:
+    """What a picture says of its powers: their sign, and what the ± is where there is one."""
+    return "; ".join(filter(None, ("negative is absorbed", errors and f"± by {errors}")))
+
+
 def campaign(attributes: Mapping[Any, Any]) -> str:
     """The campaign's name for a title."""
     return str(attributes.get("campaign") or "campaign unknown")

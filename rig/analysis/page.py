@@ -64,6 +64,7 @@ def _what(figure: Figure, summary: Summary) -> float:
         "End": summary.ended_utc,
         "Host": summary.host,
         "Code": summary.code,
+        **({"Read by": summary.calibration} if summary.calibration else {}),
     }
     y = 0.904
     for name, value in told.items():

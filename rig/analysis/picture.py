@@ -35,6 +35,8 @@ def framed(
     beside the stamp; a title that is too long is set smaller. ``warning`` is shouted below them.
     """
     room = width - 3.5  # in, beside the stamp
+    read = f"read by {attributes['read_by']}" if attributes.get("read_by") else ""
+    beneath = "; ".join(filter(None, (read, beneath)))
     told = "; ".join(filter(None, (f"run {attributes.get('run', '')}", said)))
     own_line = _inches(beneath, 8.5) + _inches(told, 8.0) + _GAP > 0.96 * width
     calls = textwrap.wrap(warning, round(width * _SHOUTED))

@@ -41,6 +41,7 @@ class Summary(NamedTuple):
     started_utc: str
     ended_utc: str
     code: str
+    calibration: str  # with what the run is read, where that is not as recorded
     ending: str
     reason: str
     rows_done: int
@@ -148,6 +149,7 @@ def summarise(
         started_utc=words.utc(known.started_utc) or "not recorded",
         ended_utc=words.utc(str(status.get("ended_utc") or "not recorded")),
         code=_code(known.code),
+        calibration=str(table.attrs.get("calibration", "")),
         ending=ENDINGS.get(str(status.get("status")), NO_END),
         reason=words.reason_words(str(status.get("reason") or "")) if ended else NO_REASON,
         rows_done=states.count(COMPLETE),
@@ -202,6 +204,7 @@ def as_text(summary: Summary) -> str:
         f"started  {summary.started_utc}",
         f"ended    {summary.ended_utc}",
         f"code     {summary.code}",
+        *([f"read by  {summary.calibration}"] if summary.calibration else []),
         "",
         *_best(summary),
     ]

@@ -21,6 +21,8 @@ _RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it)
 Run = Annotated[Path, typer.Argument(help=_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS = Path("runs")
+_READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
+ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
@@ -122,15 +124,11 @@ def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
 
 
 @app.command()
-def show(
-    run: Run,
-    runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
+def show(run: Run, calibration: ReadBy = None, runs: Runs = RUNS, json: Json = False) -> None:
     """Show what a run was and what came out of it."""
     from rig.cli.show import main
 
-    sys.exit(main(run, runs, as_json=json))
+    sys.exit(main(run, runs, calibration or [], as_json=json))
 
 
 @app.command()
@@ -164,13 +162,17 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
     ] = None,
+    calibration: ReadBy = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
     """Draw a run again: surfaces and summary, one surface, bars, or log fields over time."""
     from rig.cli.plot import Asked, main
 
-    asked = Asked(fields or [], rows or [], surface, left_out or [], station or [], sort, output)
+    asked = Asked(
+        fields or [], rows or [], surface, left_out or [], station or [], sort, output,
+        calibration or [],
+    )  # fmt: skip
     sys.exit(main(run, runs, asked, as_json=json))
 
 

@@ -2,14 +2,29 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from rig.cli import calibration, matrix, testlog
 
+
+class Interruptible(TyperGroup):
+    """The commands; Ctrl-C before or after what heeds it itself ends them with a word."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; exit code 3 for an interrupt that nothing in it took."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            print(f"\nrig {ctx.invoked_subcommand}: interrupted", file=sys.stderr)
+            sys.exit(STOPPED)
+
+
 app = typer.Typer(
     name="rig",
+    cls=Interruptible,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -235,6 +235,18 @@ def test_traces(whole: Path, tmp_path: Path) -> None:
         write_traces(whole, tmp_path / "x.png", rows=400)
 
 
+def test_what_never_changes_is_told_and_not_drawn(whole: Path, tmp_path: Path) -> None:
+    every = imread(write_traces(whole, tmp_path / "all.png", ["heave.*"]))
+    assert every.shape[0] < 1.1 * every.shape[1]  # one to show, not a strip
+    data = {"a": np.ones(5), "b": np.arange(5.0), "c": np.full(5, np.nan), "d": np.zeros(5)}
+    still = traces._still(data, list(data))
+    assert still == ["a", "d"]
+    units = {"a": "N*s/m", "d": "flag"}
+    assert traces._constants(data, still, units) == "constant: a 1 N·s/m, d 0"
+    assert traces._still(data, ["a", "d"]) == []  # nothing else would be left
+    assert traces._constants(data, [], units) == ""
+
+
 def test_phases_are_told_apart_by_their_shades() -> None:
     assert set(traces._SHADES) == set(Phase)
     colours = [np.array(to_rgb(shade)) for shade in (*traces._SHADES.values(), "white")]

@@ -84,8 +84,8 @@ verdict says why; 2 bad input."""
 @app.command(epilog=_DOCTOR)
 def doctor(
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure, twice.")
-    ] = 5.0,
+        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure wake-ups.")
+    ] = 35.0,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="The exit code is about rehearsals only.")
     ] = False,

@@ -10,6 +10,7 @@ from rich.text import Text
 from rig import cli
 from rig.cli.console import table_console
 from rig.doctor import Asked, Examination, Finding, Use, Verdict, examine
+from rig.doctor.timing import PLAIN
 
 _WIDE = 110  # columns
 _LOOKS = {
@@ -27,7 +28,9 @@ def main(
     console = table_console()
     asked = Asked(runs, seconds, rate_hz, hours)
     if not as_json and console.is_terminal:
-        with console.status(f"measuring wake-ups for {2 * seconds:g} s, then the rest ..."):
+        with console.status(
+            f"measuring wake-ups for {seconds + min(seconds, PLAIN):g} s, then the rest ..."
+        ):
             found = examine(asked)
     else:
         found = examine(asked)

@@ -2,14 +2,29 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from rig.cli import calibration, matrix, scan, testlog
 
+
+class Interruptible(TyperGroup):
+    """The commands; Ctrl-C before or after what heeds it itself ends them with a word."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; exit code 3 for an interrupt that nothing in it took."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            print(f"\nrig {ctx.invoked_subcommand}: interrupted", file=sys.stderr)
+            sys.exit(STOPPED)
+
+
 app = typer.Typer(
     name="rig",
+    cls=Interruptible,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -24,6 +39,8 @@ RUNS = Path("runs")
 Rig = Annotated[
     Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
 ]
+_READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
+ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
@@ -119,8 +136,8 @@ verdict says why; 2 bad input."""
 @app.command(epilog=_DOCTOR)
 def doctor(
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure, twice.")
-    ] = 5.0,
+        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure wake-ups.")
+    ] = 35.0,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="The exit code is about rehearsals only.")
     ] = False,
@@ -178,15 +195,11 @@ def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
 
 
 @app.command()
-def show(
-    run: Run,
-    runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
+def show(run: Run, calibration: ReadBy = None, runs: Runs = RUNS, json: Json = False) -> None:
     """Show what a run was and what came out of it."""
     from rig.cli.show import main
 
-    sys.exit(main(run, runs, as_json=json))
+    sys.exit(main(run, runs, calibration or [], as_json=json))
 
 
 @app.command()
@@ -220,13 +233,17 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
     ] = None,
+    calibration: ReadBy = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
     """Draw a run again: surfaces and summary, one surface, bars, or log fields over time."""
     from rig.cli.plot import Asked, main
 
-    asked = Asked(fields or [], rows or [], surface, left_out or [], station or [], sort, output)
+    asked = Asked(
+        fields or [], rows or [], surface, left_out or [], station or [], sort, output,
+        calibration or [],
+    )  # fmt: skip
     sys.exit(main(run, runs, asked, as_json=json))
 
 

@@ -12,6 +12,7 @@ from rig.cli.console import table_console
 from rig.cli.refusal import REFUSED, refuse
 from rig.config import RigFile, load
 from rig.doctor import Asked, Examination, Finding, Use, Verdict, examine
+from rig.doctor.timing import PLAIN
 
 RATE = 1000.0  # Hz, of the loop where nobody says another
 _WIDE = 110  # columns
@@ -48,7 +49,9 @@ def main(
     rate = rate_hz or (float(wanted.rate_hz) if wanted is not None else RATE)
     asked = Asked(runs, seconds, rate, hours, wanted)
     if not as_json and console.is_terminal:
-        with console.status(f"measuring wake-ups for {2 * seconds:g} s, then the rest ..."):
+        with console.status(
+            f"measuring wake-ups for {seconds + min(seconds, PLAIN):g} s, then the rest ..."
+        ):
             found = examine(asked)
     else:
         found = examine(asked)

@@ -85,10 +85,11 @@ def examine(asked: Asked, host: Host | None = None) -> Examination:
     later, busier = clocks.Moment.now(), processor.Busy.of(seen)
     woken = measured.privileged
     core = realtime.core() if woken is None else int(woken["core"])
+    latest = None if woken is None else float(woken["max_us"]) * 1e-6 / dt
     rooms: tuple[Room, ...] = (
         (timing.AREA, lambda: timing.findings(measured, dt)),
         (privileges.AREA, lambda: privileges.findings(seen, woken)),
-        (processor.AREA, lambda: processor.findings(seen, core, busy, busier)),
+        (processor.AREA, lambda: processor.findings(seen, core, busy, busier, latest)),
         (clocks.AREA, lambda: clocks.findings(seen, moment, later)),
         (disk.AREA, lambda: disk.findings(seen, asked.runs, asked.hours, asked.rate_hz)),
         (memory.AREA, lambda: memory.findings(seen)),

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import crash, cycle, lateness, reading, rehearsal, ring, start
+from benchmarks import crash, cycle, faults, lateness, reading, rehearsal, ring, start
 from benchmarks.support import host, report
 from benchmarks.support.result import Result, text
 
@@ -22,6 +22,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "crash": crash.measure,
     "reading": reading.measure,
     "start": start.measure,
+    "faults": faults.measure,
 }
 
 

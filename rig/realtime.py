@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import NamedTuple
 
 PRIORITY = 80  # above threaded interrupts (50), below the kernel's own watchdogs (99)
+_NICE = -15
 _LATENCY_FILE = "/dev/cpu_dma_latency"
 _ISOLATED = "/sys/devices/system/cpu/isolated"
 _MCL_CURRENT_AND_FUTURE = 3
@@ -63,23 +64,24 @@ def beside_the_loop() -> str:
     """
     quiet_memory()
 
-    return _try(lambda: _off_its_core(PRIORITY // 2, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK))
+    def ask() -> None:
+        others = os.sched_getaffinity(0) - {core()}
+        if others:
+            os.sched_setaffinity(0, others)
+        parameters = os.sched_param(PRIORITY // 2)
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, parameters)
+
+    return _try(ask)
 
 
 def at_its_service() -> str:
-    """For what watches a bus or asks a slow line: FIFO, below the devices; why not, or empty.
+    """For what watches a bus or asks a slow line: ahead of ordinary work; why not, or empty.
 
     Threads started later have it too. On a host with other work the loop would otherwise stop for
-    the age of values that only nobody had fetched.
+    the age of values that only nobody had fetched. It is not FIFO: the kernel stops all of a core's
+    FIFO work for a while when there is too much of it, emulated devices among it.
     """
-    return _try(lambda: _off_its_core(PRIORITY // 4, os.SCHED_FIFO))
-
-
-def _off_its_core(priority: int, policy: int) -> None:
-    others = os.sched_getaffinity(0) - {core()}
-    if others:
-        os.sched_setaffinity(0, others)
-    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    return _try(lambda: os.setpriority(os.PRIO_PROCESS, 0, _NICE))
 
 
 def _try(ask: Callable[[], None]) -> str:

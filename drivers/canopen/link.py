@@ -1,7 +1,7 @@
 """The CAN bus as raw frames: python-can opened once, sent to and emptied without ever waiting.
 
-Any interface of python-can will do by its name. Our own frames are kept out by filters on the
-COB-IDs that are wanted, because not every interface marks what it sends back.
+Any interface of python-can will do by its name. Our own frames are kept out by their COB-IDs,
+because not every interface marks what it sends back.
 """
 
 import logging
@@ -17,6 +17,11 @@ from drivers.canopen.bus_settings import Bus
 logging.getLogger("can").setLevel(logging.ERROR)
 
 
+# Where the kernel filters. Elsewhere python-can does, and then gives nothing in place of a frame
+# that is not wanted: a reader that does not wait would take that for an empty bus.
+_FILTERING = ("socketcan",)
+
+
 class Frame(NamedTuple):
     """One frame as it came."""
 
@@ -29,8 +34,12 @@ class LinkError(OSError):
 
 
 def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
-    """Open the bus for frames with these COB-IDs (none named: all); LinkError says why not."""
-    filters: Any = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in sorted(wanted)]
+    """Open the bus for frames with these COB-IDs (none: all); LinkError says why not.
+
+    Where the interface does not filter by itself, all frames come.
+    """
+    named = sorted(wanted) if bus.interface in _FILTERING else ()
+    filters: Any = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in named]
     try:
         return can.Bus(
             interface=bus.interface,
@@ -51,6 +60,7 @@ class Link:
         """Open the bus for frames with the ``wanted`` COB-IDs; LinkError if it cannot be."""
         self.unsent = 0  # frames that the bus did not take
         self.errors = 0  # error frames, and failed looks at the bus
+        self.behind = False  # the last look ended before the bus was empty
         self._wanted = frozenset(wanted)
         self._bus = open_bus(bus, self._wanted)
         self._said = time.monotonic  # the wire is a place where time may be read
@@ -75,6 +85,7 @@ class Link:
         A babbling node can thus take ``most`` frames' time of a tick and no more.
         """
         found = []
+        self.behind = False
         try:
             for _ in range(most):
                 message = self._bus.recv(0.0)
@@ -82,11 +93,17 @@ class Link:
                     break
                 if message.is_error_frame:
                     self.errors += 1
-                elif message.arbitration_id in self._wanted and message.is_rx:
+                elif self._is_wanted(message):
                     found.append(Frame(message.arbitration_id, bytes(message.data)))
+            else:
+                self.behind = True
         except (can.CanError, OSError, ValueError):
             self.errors += 1
         return found
+
+    def _is_wanted(self, message: can.Message) -> bool:
+        plain = not (message.is_extended_id or message.is_remote_frame)
+        return plain and message.arbitration_id in self._wanted and message.is_rx
 
     def close(self) -> None:
         """Give the bus back; cannot raise."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.support.fault_walk import Trigger, Watcher, when_free
 from rig.campaign import Campaign, Plan
 from rig.campaign_run import Ended, carry_out, wired
+from rig.supervisor import Snapshot
 
 
 def beside(stderr: str) -> int:
@@ -49,7 +51,9 @@ class Kill(Trigger):
         super().__init__(deed, 1.0)
 
 
-def emulated(campaign: Campaign, plan: Plan, runs: Path, see: Trigger | None = None) -> Ended:
+def emulated(
+    campaign: Campaign, plan: Plan, runs: Path, see: Callable[[Snapshot], None] | None = None
+) -> Ended:
     """A run that starts its own emulated devices."""
 
     def run() -> Ended:

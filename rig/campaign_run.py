@@ -145,6 +145,8 @@ def _close_folder(
         "dropped_rows": outcome.dropped,
         "unsaved_rows": outcome.unsaved,
         "logger_restarts": outcome.logger_restarts,
+        "died": outcome.died,
+        "said": list(outcome.said),
         "ended_utc": datetime.now(UTC).isoformat(),
     }
     try:

@@ -13,7 +13,9 @@ from typing import Any, NamedTuple
 
 from rig import mailbox
 from rig.child import Child
+from rig.runs.create import write_json
 
+FACTS = "companions.json"  # in the run's folder: addresses, and what the devices said of themselves
 READY = 10.0  # s in which a companion says that it is ready, when it asks for no more
 _LOOK = 0.02  # s between looks while they come up
 
@@ -26,6 +28,7 @@ class Companion(NamedTuple):
     config: dict[str, Any]  # JSON values
     mailboxes: tuple[str, ...]  # names of the slots it uses, shared by name with the loop
     patience: float = READY  # s in which it must be ready
+    first: bool = False  # the others are started when it is ready: they need it
 
 
 class CompanionError(RuntimeError):
@@ -49,32 +52,48 @@ class Companions:
         return dict(self._slots)
 
     def start(self) -> None:
-        """Start one after the other, each when the one before is ready, for it may need that one.
+        """Start those that the others need, then all others at once; all are ready after it.
 
         CompanionError names the first that is not.
         """
-        for one in self._wanted:
-            job = {
-                "config": one.config,
-                "mailboxes": {name: self._slots[name] for name in one.mailboxes},
-                "supervisor": os.getpid(),
-            }
-            fds = tuple(self._slots[name] for name in one.mailboxes)
-            errors = self._folder / f"{one.name}.stderr"
-            child = Child(one.module, json.dumps(job), fds, errors)
-            self._children.append((one, child))
-            self._wait(one, child)
+        for several in (
+            [one for one in self._wanted if one.first],
+            [one for one in self._wanted if not one.first],
+        ):
+            began = [(one, self._begin(one)) for one in several]
+            for one, child in began:
+                self._wait(one, child)
+        if self._wanted:
+            write_json(self._folder, FACTS, self.facts)
+
+    def _begin(self, one: Companion) -> Child:
+        job = {
+            "config": one.config,
+            "mailboxes": {name: self._slots[name] for name in one.mailboxes},
+            "supervisor": os.getpid(),
+        }
+        fds = tuple(self._slots[name] for name in one.mailboxes)
+        child = Child(one.module, json.dumps(job), fds, self._folder / f"{one.name}.stderr")
+        self._children.append((one, child))
+        return child
 
     def _wait(self, one: Companion, child: Child) -> None:
         began = time.monotonic()
         while True:
             alive = child.alive()
+            ready, refused = False, ""
             for event in child.heard():
                 if event["event"] == "ready":
                     self.facts[one.name] = event.get("facts", {})
-                    return
+                    ready = True
                 if event["event"] == "refused":
-                    raise CompanionError(f"{one.name}: {event['why']}")
+                    refused = event["why"]
+                if event["event"] == "say":
+                    self.said.append(f"{one.name}: {event['text']}")
+            if refused:
+                raise CompanionError(f"{one.name}: {refused}")
+            if ready:
+                return
             if not alive:
                 raise CompanionError(f"{one.name}: {child.last_words()}")
             if time.monotonic() - began > one.patience:

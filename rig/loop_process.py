@@ -34,6 +34,7 @@ class Job(NamedTuple):
 
 
 ALONE = 76  # exit code: the supervisor was gone before the first tick
+UNREADY = 78  # exit code: the devices are not there
 REFUSED = 77  # exit code: the host did not grant what the rig file requires
 
 
@@ -61,7 +62,11 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
     signal.signal(signal.SIGTERM, abort)
     ring = Writer(job.ring, kind.row_type, wait=job.real_clock == 0, hurried=hurried)
     try:
-        devices = connect(json.loads(job.devices), job.dt)
+        try:
+            devices = connect(json.loads(job.devices), job.dt)
+        except OSError as error:
+            _say(event="refused", why=str(error))
+            sys.exit(UNREADY)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
             _say(event="refused", privileges=granted._asdict())

@@ -70,6 +70,8 @@ class Outcome(NamedTuple):
     unsaved: int  # rows handed over and not saved
     logger_restarts: int
     last_row: dict[str, float | int]
+    died: str = ""  # which process beside the loop died, and its last words; empty: none
+    said: tuple[str, ...] = ()  # what those processes had to tell
 
 
 class Run:
@@ -90,6 +92,7 @@ class Run:
         self._trouble = ""
         self._end: dict[str, Any] | None = None
         self._refused = ""
+        self._died = ""
         self._lost = False  # the log is given up
         self._loop_moves = Progress()
         self._log_moves = Progress()
@@ -113,7 +116,8 @@ class Run:
                     self._ring.bury()
                 self._ask(asked())
                 self._look_after(loop)
-                self._trouble = self._companions.listen() or self._trouble
+                self._died = self._companions.listen() or self._died
+                self._trouble = self._died or self._trouble
                 logger = self._look_after_log(logger, loop)
                 if self._lost and not loop.alive():
                     break
@@ -235,9 +239,11 @@ class Run:
 
     def _listen(self, loop: Child) -> None:
         for event in loop.heard():
-            if event["event"] in ("start", "refused"):
+            if "privileges" in event:
                 write_json(self._setup.folder, log_process.PRIVILEGES, event["privileges"])
-            if event["event"] == "refused":
+            if event["event"] == "refused" and "why" in event:
+                self._refused = event["why"]
+            elif event["event"] == "refused":
                 denied = [f"{name} ({why})" for name, why in event["privileges"].items() if why]
                 self._refused = f"the host did not grant {', '.join(denied)}"
             if event["event"] == "end":
@@ -280,6 +286,8 @@ class Run:
             self._ring.head - self._ring.tail,
             self._parts - 1,
             row,
+            self._died,
+            tuple(self._companions.said),
         )
 
 

@@ -19,6 +19,8 @@ SYNC = 0x080
 class Line(Protocol):
     """What moves frames: `drivers.canopen.link.Link`, or one that spoils them on the way."""
 
+    behind: bool  # the last `drain` left something behind
+
     def now(self) -> float:
         """Seconds on the monotonic clock."""
         ...
@@ -60,6 +62,7 @@ class BusCycle:
         self._beat = heartbeat.encode(heartbeat.Nmt.OPERATIONAL)
         self._every = beat
         self._beaten = self._synced = -1e9  # s, when last sent
+        self._answered = -1e9  # s, of the SYNC that the oldest frame still to come may answer
         self.strange = 0  # frames that nobody here takes
 
     @property
@@ -68,13 +71,20 @@ class BusCycle:
         return self._synced
 
     def receive(self) -> float:
-        """Take in what has come; gives the time (s) at which it is known."""
-        for cob_id, data in self._line.drain():
+        """Take in what has come; gives the time (s) at which it is known.
+
+        As long as the line is not emptied its frames are older than the last SYNC, and count as
+        old as they may be.
+        """
+        frames = self._line.drain()
+        if not self._line.behind:
+            self._answered = self._synced
+        for cob_id, data in frames:
             taker = self._takers.get(cob_id)
             if taker is None:
                 self.strange += 1
             else:
-                taker.take(cob_id, data, self._synced)
+                taker.take(cob_id, data, self._answered)
         return self._line.now()
 
     def send(self, frames: Iterable[tuple[int, bytes]]) -> None:

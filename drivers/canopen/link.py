@@ -65,6 +65,7 @@ class Link:
         """Open the bus for frames with the ``wanted`` COB-IDs; LinkError if it cannot be."""
         self.unsent = 0  # frames that the bus did not take
         self.errors = 0  # error frames, and failed looks at the bus
+        self.behind = False  # the last look ended before the bus was empty
         self._wanted = frozenset(wanted)
         self._bus = open_bus(bus, self._wanted)
         self._said = time.monotonic  # the wire is a place where time may be read
@@ -89,6 +90,7 @@ class Link:
         A babbling node can thus take ``most`` frames' time of a tick and no more.
         """
         found = []
+        self.behind = False
         try:
             for _ in range(most):
                 message = self._bus.recv(0.0)
@@ -102,6 +104,8 @@ class Link:
                     and not message.is_remote_frame
                 ):
                     found.append(Frame(message.arbitration_id, bytes(message.data)))
+            else:
+                self.behind = True
         except _GONE:
             self.errors += 1
         return found

@@ -2,12 +2,13 @@
 
 Per tick one command (controlword, target) goes out before SYNC, and the status that the SYNC before
 brought (statusword, torque, position) has come in; mode display and error code come on a divider.
+An emergency message brings its error code earlier than that: with the fault itself.
 The conversation owns no bus: it takes frames and gives frames.
 """
 
 from typing import NamedTuple
 
-from drivers.canopen import cia402, pdo, scaling
+from drivers.canopen import cia402, emcy, pdo, scaling
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.statusword import FAULT, FAULT_REACTION, decode
@@ -69,7 +70,9 @@ class TorqueAxis:
         self.held = 0  # set of scaling.Held: why the last command is not what was asked
         self._settings = settings
         self._pdo = layouts(settings.node, len(settings.analog))
-        self.cob_ids = frozenset(one.cob_id for one in self._pdo[1:] if one is not None)
+        self._emergency = emcy.BASE + settings.node
+        sent = (one.cob_id for one in self._pdo[1:] if one is not None)
+        self.cob_ids = frozenset((self._emergency, *sent))
         self._machine = cia402.start(0, 0)
         self._arm = self._reset = 0
         self._enable = 0
@@ -78,7 +81,7 @@ class TorqueAxis:
         self._seen = False
         self._statusword = self._raw = 0
         self._sampled = self._slow_at = self._analog_at = _NEVER
-        self._shown = self._error = 0
+        self._shown = self._error = self._urgent = 0
         self._analog: tuple[float, ...] = (0.0,) * len(settings.analog)
 
     def take(self, cob_id: int, data: bytes, sampled: float) -> None:
@@ -96,6 +99,8 @@ class TorqueAxis:
                 pairs = zip(raw, self._settings.analog, strict=True)
                 self._analog = tuple(value * scale for value, scale in pairs)
                 self._analog_at = sampled
+            elif cob_id == self._emergency:
+                self._urgent = emcy.decode(cob_id, data).code
         except CodecError:
             self.refused += 1
 
@@ -106,7 +111,7 @@ class TorqueAxis:
             self._counts,
             scaling.current_feedback(self._settings.scale, self._raw),
             self._acting,
-            (self._error or 0xFFFF) if faulty else 0,
+            (self._error or self._urgent or 0xFFFF) if faulty else 0,
             now - self._sampled,
             self._analog,
             now - self._analog_at,

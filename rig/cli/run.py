@@ -154,8 +154,9 @@ def _tell(ended: Ended, products: list[Path], trouble: str) -> None:
     if outcome.dropped or outcome.unsaved:
         lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
         print(f"\nlost: {lost}", file=sys.stderr)
-    if trouble:
-        print(f"\n{trouble}", file=sys.stderr)
+    for what in (*outcome.said, outcome.died, trouble):
+        if what:
+            print(f"\n{what}", file=sys.stderr)
     print(f"\n{ended.folder}/")
     for product in products:
         print(f"  {product.name}")

@@ -18,7 +18,7 @@ from drivers.canopen.arming import Step, refusal
 from drivers.canopen.bus_settings import Bus
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
-from rig import handover
+from rig import handover, realtime
 from rig.hardware.words import NodeHealth
 from rig.mailbox import Mailbox
 
@@ -36,6 +36,8 @@ def serve(job: dict[str, Any]) -> None:
 
     signal.signal(signal.SIGTERM, end)
     slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
+    if refused := realtime.at_its_service():
+        _say(event="say", text=f"no priority over other work: {refused}")
     interface, channel, bit_rate, options = config["bus"]
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]

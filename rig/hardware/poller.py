@@ -18,6 +18,7 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, Rtu, Tcp
 from drivers.modbus.registers import Block, Value
+from rig import realtime
 from rig.hardware.words import SLOTS
 from rig.mailbox import Mailbox
 
@@ -149,6 +150,8 @@ def poll(job: dict[str, Any]) -> None:
     writable = [t.polled.block for t in tasks if t.polled.written]
     writable += [block for t in tasks for block, _, _ in prepared(t.polled)]
     line = line_of(config, writable)
+    if refused := realtime.at_its_service():
+        _say(event="say", text=f"no priority over other work: {refused}")
     ended = False
 
     def end(*_: object) -> None:

@@ -1,7 +1,8 @@
 """Emulated devices of a wired WaveBot: one process, one world, on the far end of the rig's wires.
 
 `rig sim RIG` starts it by itself, `rig run ... --sim` as the first of a run's companions. It knows
-of the rig only what its wires are: addresses, node numbers, units.
+of the rig only what its wires are: addresses, node numbers, units. `rig.rehearsal.control` is the
+port at which its devices are given faults.
 """
 
 import asyncio
@@ -9,7 +10,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ from rig.companions import Companion
 from rig.config import RigFile
 from rig.config.wiring import Actuator, Registers, RtuLine, TcpLine, TorqueDrive
 from rig.rehearsal.addresses import impossible, taken
+from rig.rehearsal.control import Control, Stage
 from rig.rehearsal.devices import build_world
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.can_hub import CanHub
@@ -44,6 +46,7 @@ from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplif
 from sim_plant.emulators.torque_drive import AnalogInput, Axis, Scaling, TorqueDriveParams
 from sim_plant.emulators.torque_drive import TorqueDrive as Drive
 from sim_plant.words import Readings
+from sim_plant.world import World
 
 if TYPE_CHECKING:
     from rig.campaign.files import Campaign
@@ -53,6 +56,7 @@ AMC, RATED, ACTUATOR = (
     DEVICES / f"{name}.eds"
     for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
 )
+NAME = "emulated devices"
 PATIENCE = 30.0  # s until all devices are there: the plant is compiled first
 _CELLS, _PROBES = 20_000.0, 5.0  # N and m, ratings of the amplifiers
 _ITEMS: tuple[tuple[Block, Quantity], ...] = (
@@ -71,13 +75,20 @@ def companion(campaign: "Campaign") -> Companion:
 def emulated(rig: RigFile, plant: dict[str, Any]) -> Companion:
     """The emulated devices of a rig; ``plant`` as `job.devices_of` gives it."""
     config = {"rig": rig.model_dump(mode="json"), "plant": plant}
-    return Companion("emulated devices", "rig.rehearsal.emulation", config, (), PATIENCE)
+    return Companion(NAME, "rig.rehearsal.emulation", config, (), PATIENCE, first=True)
 
 
 class Emulated:
     """All devices of one rig."""
 
-    def __init__(self, rig: RigFile, world: SharedWorld, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(
+        self,
+        rig: RigFile,
+        world: SharedWorld,
+        loop: asyncio.AbstractEventLoop,
+        anew: Callable[[], World],
+    ) -> None:
+        """``anew`` makes a world at rest, for a restart."""
         wiring = rig.wiring
         if wiring is None:
             raise ValueError(f"{rig.name} has no wiring to hang emulated devices on")
@@ -95,6 +106,10 @@ class Emulated:
         }
         self.units: dict[str, ModbusUnit] = {}
         self.lines: dict[str, Emulator] = dict(self._lines())
+        links = {"can": self.hub.link, **{f"line {n}": one.link for n, one in self.lines.items()}}
+        self.control = Control(
+            Stage(self.nodes, self.units, links, self.hub, world, lambda: world.renew(anew()))
+        )
 
     async def serve(self, ended: asyncio.Event) -> None:
         """Be there until ``ended``; says in JSON lines when, and where."""
@@ -105,12 +120,17 @@ class Emulated:
             node.power_on()
         try:
             async with running(self.lines) as addresses:
-                _say(event="ready", facts={"can": f"socketcand {host}:{port}", **addresses})
+                await self.control.start()
+                here = {"can": f"socketcand {host}:{port}", "control": self.control.address}
+                _say(event="ready", facts={**here, **addresses})
                 while not ended.is_set():
                     self._world.catch_up()
+                    self.hub.tend()
+                    self.control.look()
                     with suppress(TimeoutError):
                         await asyncio.wait_for(ended.wait(), 5 * self._world.dt)
         finally:
+            await self.control.close()
             for node in self.nodes.values():
                 node.power_off()
             await self.hub.close()
@@ -207,7 +227,12 @@ async def _serve(config: dict[str, Any], supervisor: int) -> None:
         _say(event="refused", why="\n".join(why))
         return
     dt = 1.0 / rig.rate_hz
-    world = SharedWorld(build_world(_without_delay(config["plant"]), dt), dt, loop.time)
+    plant = _without_delay(config["plant"])
+
+    def anew() -> World:
+        return build_world(plant, dt)
+
+    world = SharedWorld(anew(), dt, loop.time)
 
     def look() -> None:
         if supervisor and os.getppid() != supervisor:
@@ -218,7 +243,10 @@ async def _serve(config: dict[str, Any], supervisor: int) -> None:
     refused = realtime.beside_the_loop()
     if refused:
         _say(event="say", text=f"no priority over other work: {refused}")
-    await Emulated(rig, world, loop).serve(ended)
+    try:
+        await Emulated(rig, world, loop, anew).serve(ended)
+    except OSError as error:  # an address is taken: another run, or another rig's devices
+        _say(event="refused", why=str(error))
 
 
 def _say(**event: Any) -> None:

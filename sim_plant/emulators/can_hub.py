@@ -14,6 +14,7 @@ from collections.abc import Callable
 
 from sim_plant.emulators import can_frame
 from sim_plant.emulators.can_frame import Frame, TextError
+from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.units import Second
 
@@ -59,6 +60,7 @@ class CanHub:
         self.busy: Second = 0.0  # with frames on the wire; 0 without a bit rate
         self.slow = 0  # clients dropped as they did not read
         self.reading: set[TextClient] | None = None  # during a read: who has something to send
+        self.link = LinkFaults()  # of the cable between the bus and the other processes
         self._schedule = schedule
         self._bit_rate = bit_rate
         self._free_at: Second = 0.0
@@ -88,6 +90,11 @@ class CanHub:
             client.drop()
         if self._server is not None:
             await self._server.wait_closed()
+
+    def tend(self) -> None:
+        """Let come what the link's faults held; to be called often."""
+        for client in tuple(self.clients):
+            client.tend(self._schedule.time())
 
     def report_error(self, identifier: int) -> None:
         """Tell clients of a bus error; `identifier` in the bits of an error frame of Linux."""
@@ -176,6 +183,7 @@ class TextClient(asyncio.Protocol):
         self.raw = False
         self._greeting = False  # frames wait until the client has read that it is in raw mode
         self._out: list[bytes] = []
+        self._to_host, self._to_device = hub.link.to_host.branch(), hub.link.to_device.branch()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet."""
@@ -197,8 +205,31 @@ class TextClient(asyncio.Protocol):
         if self._transport is not None and not self._transport.is_closing():
             self._transport.abort()
 
+    def tend(self, now: Second) -> None:
+        """Let come what the link's faults held."""
+        for way, call in ((self._to_host, self._write), (self._to_device, self._take)):
+            if not way.quiet(now):
+                self._arrive(way.due(now), now, call)
+
     def put(self, text: bytes) -> None:
-        """Send in raw mode; what comes in one turn of the loop goes out as one."""
+        """Send in raw mode, through the link's faults."""
+        now = self._loop.time()
+        if self._to_host.quiet(now):
+            self._write(text)
+        elif self.raw:
+            self._arrive(self._to_host.pass_on(text, now), now, self._write)
+
+    def _arrive(
+        self, pieces: list[tuple[Second, bytes]], now: Second, call: Callable[[bytes], None]
+    ) -> None:
+        for at, piece in pieces:
+            if at <= now:
+                call(piece)
+            else:
+                self._loop.call_at(at, call, piece)
+
+    def _write(self, text: bytes) -> None:
+        """What comes in one turn of the loop goes out as one."""
         if self.raw:
             if self._hub.reading is not None:
                 self._hub.reading.add(self)
@@ -256,16 +287,25 @@ class TextClient(asyncio.Protocol):
                 self._loop.call_later(ALONE, self._greeted)
             self._answer("ok")
         elif name == "send":
-            try:
-                frame = can_frame.read_send(words)
-            except TextError as wrong:
-                self._answer(f"error {wrong}")
+            now = self._loop.time()
+            if self._to_device.quiet(now):
+                self._take(words.encode())
             else:
-                self.station.send(frame)
+                self._arrive(self._to_device.pass_on(words.encode(), now), now, self._take)
         elif name == "echo":
             self._answer("echo")
         else:
             self._answer("error unknown command")
+
+    def _take(self, words: bytes) -> None:
+        """A frame that a client sends."""
+        try:
+            frame = can_frame.read_send(words.decode("ascii", "replace"))
+        except TextError as wrong:
+            self._answer(f"error {wrong}")
+        else:
+            if self.station is not None:
+                self.station.send(frame)
 
     def _answer(self, words: str) -> None:
         if self._transport is not None and not self._transport.is_closing():

@@ -96,6 +96,10 @@ class Way:
         """Say whether a fault is on."""
         return name in self._state.on
 
+    def quiet(self, now: Second) -> bool:
+        """Say whether pieces pass at once and whole: no fault is on and nothing is on its way."""
+        return not self._state.on and not self._held and now >= self._last
+
     def pass_on(self, data: bytes, now: Second) -> list[tuple[Second, bytes]]:
         """Give what arrives of a piece handed over at `now`: times (>= now, in order), pieces."""
         self.counts["handed over"] += 1

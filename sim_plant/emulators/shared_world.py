@@ -79,6 +79,11 @@ class SharedWorld:
         """
         self._actuation = self._actuation._replace(**changes)
 
+    def renew(self, world: World) -> None:
+        """Go on with another World, and with no command; time and counts go on."""
+        self.world = world
+        self._actuation = OFF
+
     def stop(self) -> None:
         """Take every command away and let time stand still, for good."""
         self._actuation = OFF

@@ -1,0 +1,261 @@
+"""Walking the table of faults on the real stacks: loop, companions and emulated devices.
+
+One process of emulated devices serves many runs; before each its world is put to rest and its nodes
+are switched on anew. A run tares for a second, and the fault comes when the motors have power and
+the waves have begun to move the body.
+"""
+
+import json
+import os
+import socket
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+
+from benchmarks.support.fault_table import REFUSED, UNDETECTED, Row
+from benchmarks.support.recorded import ROOT
+from rig.campaign import Campaign, Plan, check
+from rig.campaign_run import Ended, Rung, carry_out
+from rig.child import Child
+from rig.hardware import job as hardware
+from rig.rehearsal import emulation
+from rig.rehearsal.control_client import ControlClient
+from rig.runs.create import BusyError
+from rig.safety import CATEGORY, RUN, Reason
+from rig.supervisor import Snapshot
+
+PATIENCE = 120.0  # s for the host's one real-time place
+NO_RUN = "no run"  # it ended before the fault came
+MOVING = 1.5  # s of rig time from power on to the fault
+
+
+class Stage(NamedTuple):
+    """Emulated devices that are there, and a campaign on their wires."""
+
+    campaign: Campaign
+    plan: Plan
+    control: ControlClient
+    devices: Child
+    folder: Path
+
+
+class Finding(NamedTuple):
+    """What a fault came to."""
+
+    verdict: str  # name of rig.safety.Reason, REFUSED or UNDETECTED
+    told: str  # why it was refused, and what the processes beside the loop said
+    category: int | None
+    seconds: float | None  # from the fault until both motors were without power
+    lost: int  # rows
+    ended: Ended
+
+
+class Watcher:
+    """A view that shows nothing and may act on each snapshot."""
+
+    def __init__(self, see: Callable[[Snapshot], None]) -> None:
+        self.notice = ""
+        self._see = see
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        self._see(snapshot)
+
+
+def free_port() -> int:
+    """A TCP port of loopback that nobody has now."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+def rig_file(folder: Path) -> Path:
+    """The wired WaveBot with addresses of its own, so that several can be on one host."""
+    line = Path(tempfile.mkdtemp(prefix="wec-", dir=folder)) / "amplifiers"
+    tree = {
+        "extends": str(ROOT / "configs" / "rigs" / "wavebot_hil.yaml"),
+        "wiring": {
+            "can": {"options": {"port": free_port()}},
+            "lines": {
+                "analyser": {"port": free_port()},
+                "io": {"port": free_port()},
+                "amplifiers": {"port": str(line)},
+            },
+        },
+    }
+    return _write(folder / "rig.yaml", tree)
+
+
+def campaign_file(folder: Path, **keys: Any) -> Path:
+    """A campaign of a few seconds on that rig."""
+    tree = {
+        "name": "fault",
+        "rig": str(rig_file(folder)),
+        "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
+        "tare": {"duration_s": 1},
+        "start": {"set_point_s": 0, "lead_in_s": 1},
+        "timing": {"settle_s": 1, "interval_s": 5},
+        "matrix": {"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
+        **keys,
+    }
+    return _write(folder / "campaign.yaml", tree)
+
+
+def checked(path: Path) -> tuple[Campaign, Plan]:
+    """A campaign that may run."""
+    report = check(path)
+    if report.campaign is None or report.plan is None:
+        raise ValueError(report.text())
+    return report.campaign, report.plan
+
+
+@contextmanager
+def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
+    """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
+    campaign, plan = checked(campaign_file(folder, **keys))
+    one = emulation.companion(campaign)
+    job = json.dumps({"config": one.config, "supervisor": os.getpid(), "mailboxes": {}})
+    devices = Child(one.module, job, (), folder / "emulation.stderr")
+    try:
+        with ControlClient(_address(devices)) as control:
+            yield Stage(campaign, plan, control, devices, folder)
+    finally:
+        devices.process.terminate()
+        devices.end(5.0)
+
+
+def _address(devices: Child) -> str:
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until and devices.alive():
+        for event in devices.heard():
+            if event["event"] == "ready":
+                return str(event["facts"]["control"])
+        time.sleep(0.02)
+    raise RuntimeError(f"no emulated devices: {devices.last_words()}")
+
+
+def ran(on: Stage, see: Callable[[Snapshot], None]) -> Ended:
+    """One run on the staged devices, put to rest before."""
+    on.control.ask("restart")
+    made = hardware.job_of(on.campaign.rig)
+    rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
+    return when_free(lambda: carry_out(on.campaign, on.plan, on.folder, Watcher(see), rung))
+
+
+def when_free(run: Callable[[], Ended]) -> Ended:
+    """Run when nobody else has the host's real-time place; BusyError after two minutes."""
+    until = time.monotonic() + PATIENCE
+    while True:
+        try:
+            return run()
+        except BusyError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.2)
+
+
+class Trigger:
+    """Does something once: when the motors have had power for so many seconds of rig time."""
+
+    def __init__(self, deed: Callable[[], float], after: float = MOVING) -> None:
+        self.at: float | None = None  # s, monotonic, when it was done
+        self._deed, self._after = deed, after
+        self._since: float | None = None
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        row = snapshot.row
+        if self.at is not None or not row or row["safety.mode"] != RUN:
+            return
+        if self._since is None:
+            self._since = float(row["time"])
+        if row["time"] - self._since >= self._after:
+            self.at = self._deed()
+
+
+def walk(on: Stage, row: Row) -> Finding:
+    """Give a device its fault, and see what comes of it."""
+
+    def strike() -> float:
+        return on.control.switch(row.device, row.fault, True, row.value, row.toward)
+
+    trigger = Trigger(strike)
+    if row.at_start:
+        on.control.ask("restart")
+        trigger.at = strike()
+        ended = _run_as_it_is(on)
+    else:
+        ended = ran(on, trigger)
+    on.control.ask("clear")
+    return judged(on, ended, trigger.at)
+
+
+def walk_fairly(on: Stage, row: Row, tries: int = 3) -> Finding:
+    """Like `walk`, again when the run ended before the fault came: a loaded host does that."""
+    for _ in range(tries - 1):
+        found = walk(on, row)
+        if found.verdict != NO_RUN:
+            return found
+    return walk(on, row)
+
+
+def _run_as_it_is(on: Stage) -> Ended:
+    made = hardware.job_of(on.campaign.rig)
+    rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
+    quiet = Watcher(lambda snapshot: None)
+    return when_free(lambda: carry_out(on.campaign, on.plan, on.folder, quiet, rung))
+
+
+def judged(on: Stage, ended: Ended, at: float | None) -> Finding:
+    """What came of a fault that was given ``at`` a time (s; None: it never was)."""
+    outcome = ended.outcome
+    said = (*outcome.said, outcome.died)
+    told = "; ".join(text for text in said if text)
+    lost = outcome.dropped + outcome.unsaved
+    if at is None or outcome.status in ("refused", "crashed"):
+        verdict = REFUSED if outcome.status == "refused" else NO_RUN
+        return Finding(verdict, f"{outcome.reason} {told}", None, None, lost, ended)
+    if outcome.reason == Reason.PLAN_END.name:
+        return Finding(UNDETECTED, told, None, None, lost, ended)
+    gone = power_gone(on)
+    # A motor that never had any power does not count below zero.
+    seconds = None if gone is None else max(0.0, gone - at)
+    category = CATEGORY[Reason[outcome.reason]]
+    return Finding(outcome.reason, told, category, seconds, lost, ended)
+
+
+def power_gone(on: Stage, patience: float = 2.0) -> float | None:
+    """When the last motor was without power (s, monotonic); None: one still has it."""
+    until = time.monotonic() + patience
+    while True:
+        gone = on.control.ask("power")["gone"].values()
+        if None not in gone:
+            return float(max(gone))
+        if time.monotonic() > until:
+            return None
+        time.sleep(0.02)
+
+
+def wrong(row: Row, found: Finding) -> list[str]:
+    """What of a finding is not as the table has it."""
+    claims = []
+    if found.verdict != row.must and found.verdict not in row.also:
+        claims.append(f"{row.must} was due, it was {found.verdict} ({found.told})")
+    if found.lost:
+        claims.append(f"{found.lost} rows lost")
+    if row.must not in (REFUSED, UNDETECTED):
+        if found.seconds is None or found.seconds > row.within:
+            claims.append(f"safe after {found.seconds} s, not {row.within:g} s")
+        if found.verdict == row.must and found.category != row.category:
+            claims.append(f"category {found.category}, not {row.category}")
+    return claims
+
+
+def _write(path: Path, tree: dict[str, Any]) -> Path:
+    with path.open("w") as file:
+        YAML(typ="safe").dump(tree, file)
+    return path

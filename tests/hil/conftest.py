@@ -1,0 +1,14 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from benchmarks.support.fault_walk import Stage, stage
+
+
+@pytest.fixture(scope="session")
+def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    """Emulated devices that serve all tests that do not kill them."""
+    with stage(tmp_path_factory.mktemp("hil")) as made:
+        yield made

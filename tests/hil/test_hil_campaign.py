@@ -1,0 +1,137 @@
+"""One campaign in rehearsal and on real wires: the same powers, and every period accounted for."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from hil_processes import emulated
+from rehearsing import CONFIGS, Watcher, table_of
+
+from benchmarks.support.fault_walk import campaign_file
+from rig.campaign import check
+from rig.campaign_run import Ended, rehearse
+from rig.runs import open_run
+from rig.supervisor import Snapshot
+
+SHARE, LEAST = 0.02, 0.3  # of the mechanical power; W
+EXECUTED = 0.99
+LATE = 0.5  # s by which what the supervisor sees may be behind the clock on the wall
+TRIES = 2
+POWERS = ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc")
+AGES = (
+    "heave.sense.encoder_age", "surge.sense.encoder_age", "spring_sense.age", "load.age",
+    "power_sense.age", "probes.age",
+)  # fmt: skip
+GAINS = (
+    {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0},
+    {"spring_n_per_m": 490.9, "kp_n_s_per_m": -3000, "ki_n_per_m": 2000},
+)
+
+
+class Clock:
+    """What the clock on the wall said to the newest ticks seen."""
+
+    def __init__(self) -> None:
+        self.notice = ""
+
+        self.seen: list[tuple[float, int]] = []
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        if snapshot.row:
+            self.seen.append((time.monotonic(), int(snapshot.row["tick"])))
+
+
+class Pair(NamedTuple):
+    rehearsed: Ended
+    wired: Ended
+    clock: Clock
+
+
+def executed(ended: Ended) -> float:
+    outcome = ended.outcome
+    return outcome.ticks / max(1, outcome.ticks + outcome.skipped)
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    folder = tmp_path_factory.mktemp("campaign")
+    path = campaign_file(
+        folder,
+        sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+        start={"set_point_s": 0, "lead_in_s": 6},
+        timing={"settle_s": 2, "interval_s": 7},
+        matrix={"list": list(GAINS)},
+    )
+    dry = check(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
+    assert dry.campaign is not None, dry.text()
+    assert dry.plan is not None
+    rehearsed = rehearse(dry.campaign, dry.plan, folder, Watcher(), real_clock=False)
+    on_wires = check(path)
+    assert on_wires.campaign is not None, on_wires.text()
+    assert on_wires.plan is not None
+    for attempt in range(TRIES):
+        clock = Clock()
+        ended = emulated(on_wires.campaign, on_wires.plan, folder, clock)
+        if ended.outcome.status == "complete" and executed(ended) >= EXECUTED:
+            break
+        print(f"attempt {attempt}: {ended.outcome.status}, {ended.outcome.reason}, executed "
+              f"{executed(ended):.4f}: the host had other work; tried again")  # fmt: skip
+    return Pair(rehearsed, ended, clock)
+
+
+def test_both_walk_the_plan_to_its_end(pair: Pair) -> None:
+    for ended in (pair.rehearsed, pair.wired):
+        outcome = ended.outcome
+        assert (outcome.status, outcome.reason) == ("complete", "PLAN_END")
+        assert outcome.dropped == outcome.unsaved == outcome.logger_restarts == 0
+    assert pair.wired.outcome.died == ""
+
+
+def test_row_powers_agree(pair: Pair) -> None:
+    dry, wet = table_of(pair.rehearsed), table_of(pair.wired)
+    assert wet.sizes["row"] == dry.sizes["row"] == len(GAINS)
+    for row in range(len(GAINS)):
+        mechanical = abs(float(dry["power_mechanical_1"].values[row]))
+        allowed = max(SHARE * mechanical, LEAST)
+        for name in POWERS:
+            before, after = float(dry[name].values[row]), float(wet[name].values[row])
+            print(f"row {row} {name}: {before:.2f} W rehearsed, {after:.2f} W on wires")
+            assert abs(after - before) <= allowed, (row, name, before, after, allowed)
+
+
+def test_every_period_is_accounted_for(pair: Pair) -> None:
+    outcome = pair.wired.outcome
+    ticks = open_run(pair.wired.folder, fields=["tick", "timing.skipped"])
+    numbers = ticks["tick"].values
+    assert len(numbers) == outcome.ticks
+    assert np.all(np.diff(numbers) > 0)
+    gaps = int(np.sum(np.diff(numbers) - 1))
+    assert gaps + int(numbers[0]) == outcome.skipped == int(ticks["timing.skipped"].values[-1])
+    assert outcome.ticks + outcome.skipped == int(numbers[-1]) + 1
+    assert executed(pair.wired) >= EXECUTED
+    print(f"executed {executed(pair.wired):.5f}, {outcome.skipped} periods skipped")
+
+
+def test_the_ticks_keep_to_the_clock_on_the_wall(pair: Pair) -> None:
+    seen = pair.clock.seen
+    moving = [one for one, after in itertools.pairwise(seen) if after[1] > one[1]]
+    (began, first), (ended, last) = moving[0], moving[-1]
+    assert abs((ended - began) - 1e-3 * (last - first)) <= LATE
+
+
+def test_values_are_young(pair: Pair) -> None:
+    found: Any = open_run(pair.wired.folder, fields=list(AGES))
+    for name in AGES:
+        ages = np.sort(found[name].values)
+        p99 = float(ages[int(0.99 * (len(ages) - 1))])
+        print(f"{name}: p50 {1e3 * ages[len(ages) // 2]:.1f} ms, p99 {1e3 * p99:.1f} ms")
+        assert p99 <= 0.2, name
+
+
+def test_the_folder_tells_what_the_devices_said(pair: Pair) -> None:
+    assert (Path(pair.wired.folder) / "companions.json").exists()

@@ -7,6 +7,7 @@ answer only if it is of another length than the one that was missed. A line that
 again after a pause that doubles; meanwhile its requests fail at once.
 """
 
+import termios
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -16,6 +17,7 @@ from pymodbus.exceptions import ModbusException, ModbusIOException
 
 from drivers.modbus.registers import BITS, Block
 
+_PULLED = (OSError, termios.error)  # what a port says that is no longer there
 PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
 
 
@@ -136,7 +138,7 @@ class Line:
         self._open = False
         try:
             self._client.close()
-        except (ModbusException, OSError):
+        except (ModbusException, *_PULLED):
             return
 
     def _ask(self, what: str, length: int, call: str, *args: Any, unit: int, **kwargs: Any) -> Any:
@@ -146,7 +148,7 @@ class Line:
         except ModbusIOException as error:
             self._silent(length)
             raise SilentError(f"{what}: {_short(error)}") from None
-        except (ModbusException, OSError, ValueError, AttributeError) as error:  # port pulled
+        except (ModbusException, *_PULLED, ValueError, AttributeError) as error:
             self._lose()
             raise GoneError(f"{what}: {error}") from None
         if answer.isError():
@@ -161,7 +163,7 @@ class Line:
             raise GoneError(f"{what}: not open, tried again in a moment")
         try:
             self._open = bool(self._client.connect())
-        except (ModbusException, OSError, ValueError) as error:
+        except (ModbusException, *_PULLED, ValueError) as error:
             self._lose()
             raise GoneError(f"{what}: {error}") from None
         if not self._open:
@@ -201,7 +203,7 @@ class Line:
         if port is not None:
             try:
                 port.reset_input_buffer()
-            except OSError:
+            except _PULLED:
                 self._lose()
 
 

@@ -8,6 +8,7 @@ again after a pause that doubles; meanwhile its requests fail at once.
 """
 
 import logging
+import termios
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -21,6 +22,7 @@ from drivers.modbus.registers import BITS, Block
 # What goes wrong is raised here, once; the library says it again for people.
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
+_PULLED = (OSError, termios.error)  # what a port says that is no longer there
 PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
 
 
@@ -141,7 +143,7 @@ class Line:
         self._open = False
         try:
             self._client.close()
-        except (ModbusException, OSError):
+        except (ModbusException, *_PULLED):
             return
 
     def _ask(self, what: str, length: int, call: str, *args: Any, unit: int, **kwargs: Any) -> Any:
@@ -151,7 +153,7 @@ class Line:
         except ModbusIOException as error:
             self._silent(length)
             raise SilentError(f"{what}: {_short(error)}") from None
-        except (ModbusException, OSError, ValueError, AttributeError) as error:  # port pulled
+        except (ModbusException, *_PULLED, ValueError, AttributeError) as error:
             self._lose()
             raise GoneError(f"{what}: {error}") from None
         if answer.isError():
@@ -166,7 +168,7 @@ class Line:
             raise GoneError(f"{what}: not open, tried again in a moment")
         try:
             self._open = bool(self._client.connect())
-        except (ModbusException, OSError, ValueError) as error:
+        except (ModbusException, *_PULLED, ValueError) as error:
             self._lose()
             raise GoneError(f"{what}: {error}") from None
         if not self._open:
@@ -206,7 +208,7 @@ class Line:
         if port is not None:
             try:
                 port.reset_input_buffer()
-            except OSError:
+            except _PULLED:
                 self._lose()
 
 

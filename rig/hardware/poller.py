@@ -60,7 +60,7 @@ class _Task:
             if self._prepared != line.opened or line.opened == 0:
                 self._prepare(line)
             if self.polled.written:
-                self._write(line, began)
+                self._write(line)
             else:
                 self._read(line, began)
         except (LineError, CodecError) as error:
@@ -102,10 +102,11 @@ class _Task:
         )
         self._slot.post(self._word(*numbers, began))
 
-    def _write(self, line: Line, began: float) -> None:
+    def _write(self, line: Line) -> None:
         wanted = self._slot.read()
+        now = time.monotonic()  # after the reading: the word may have come in this very moment
         values = [0.0] * len(self.polled.block.values)
-        if wanted is not None and 0.0 <= began - wanted.stamp <= self._expiry:
+        if wanted is not None and now - wanted.stamp <= self._expiry:
             values = [float(value) for value in wanted[:-1]]
         line.write(
             self.polled.block,

@@ -65,7 +65,7 @@ def test_a_loop_that_stands_still_leaves_the_drives_to_their_watchdog(on: Stage)
 # What dies, and what the loop may name: whichever value grows old first.
 DEATHS = {
     "emulated devices": {"STALE_ENCODER", "STALE_DRIVE"},
-    "can": {"DRIVE_FAULT"},
+    "can": {"DRIVE_FAULT", "SURGE_DRIVE_FAULT"},
     "line amplifiers": {"STALE_LOAD_CELL"},
     "line analyser": {"STALE_ANALYSER"},
 }

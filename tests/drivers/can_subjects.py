@@ -27,6 +27,8 @@ WATCHDOG = 0.05  # s without a command after which the drive removes power by it
 class SpoiltBus:
     """A node and the bus before it; its position counts milliseconds."""
 
+    behind = False
+
     def __init__(self, profile: bool) -> None:
         self.time, self.fault, self.delay = 0.0, "none", 0.0
         self.drive = Drive()

@@ -113,6 +113,8 @@ def until(true: Callable[[], object], each: Callable[[], object], patience: floa
 class FakeLine:
     """A line whose far end is the test: it keeps what is sent and gives what it is told to give."""
 
+    behind = False
+
     def __init__(self) -> None:
         self.time = 100.0
         self.sent: list[Frame] = []

@@ -154,19 +154,22 @@ def shown(guest: subprocess.Popen[str]) -> int:
     A guest that was up and then ended has failed: only one that never came up was not to be had.
     """
     assert guest.stdout is not None
-    up, before = False, ""
+    up, booting = False, list[str]()
     for line in guest.stdout:
         text = line.rstrip()
         if text.startswith(STATUS):
+            if not up:
+                print(*booting, sep="\n", flush=True)
             return int(text.removeprefix(STATUS))
         up = up or text.startswith(UP)
         if up:
             print(text, flush=True)
-        before = text or before
+        elif text:
+            booting.append(text)
     if up:
         print("user-mode Linux ended before the command did", flush=True)
         return 1
-    raise NoKernelError(f"it does not come up: {before or 'it says nothing'}")
+    raise NoKernelError(f"it does not come up: {booting[-1] if booting else 'it says nothing'}")
 
 
 def main() -> int:

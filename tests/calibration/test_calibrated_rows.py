@@ -11,13 +11,12 @@ import pytest
 import synthetic_runs as synthetic
 import xarray
 from calibration_files import write
+from rig_command import rig_here
 from synthetic_runs import Row, Shape
-from typer.testing import CliRunner
 
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
 from rig.calibration import Known, OutsideError, open_calibration
-from rig.cli import app
 
 POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
 CONFIG = {"name": "default", "rig": {"name": "b", "heave": {"torque_constant_n_m_per_a": 6.0}}}
@@ -136,8 +135,7 @@ def test_the_commands_read_by_a_calibration_when_asked(tmp_path: Path, run: Path
     file = str(tmp_path / "one_1.yaml")
 
     def rig(*words: str) -> tuple[int, str, str]:
-        done = CliRunner().invoke(app, [*words, "--calibration", file])
-        return done.exit_code, done.stdout, done.stderr
+        return rig_here(*words, "--calibration", file)
 
     code, out, _ = rig("show", str(run), "--json")
     told = json.loads(out)
@@ -155,7 +153,6 @@ def test_diff_says_how_what_is_stale_is_made_anew(tmp_path: Path, run: Path) -> 
         by(tmp_path, "spring_rate", correction, version=version, **more)
     old, new = (str(tmp_path / f"one_{version}.yaml") for version in (1, 2))
     write_products(run)
-    words = ["calibration", "diff", old, new, "--runs", str(run.parent)]
-    out = CliRunner().invoke(app, words).stdout
+    _, out, _ = rig_here("calibration", "diff", old, new, "--runs", run.parent)
     assert f"rig plot RUN --calibration {new} makes those of a run" in out
     assert "row 2: -5715 -> -4394.835 N/m (recorded -5715)" in out

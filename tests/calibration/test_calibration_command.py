@@ -9,19 +9,15 @@ from typing import Any
 import pytest
 from calibration_files import CALIBRATIONS, write
 from log_books import book
-from typer.testing import CliRunner
+from rig_command import rig_here
 
 from rig.calibration import open_history
-from rig.cli import app
 
 NAME = "mask4_spring_rate"
 
 
 def rig(*words: str | Path, folder: Path = CALIBRATIONS) -> tuple[int, str, str]:
-    whole = ["calibration", *map(str, words), "--calibrations", str(folder)]
-    done = CliRunner().invoke(app, whole)
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
+    return rig_here("calibration", *words, "--calibrations", folder)
 
 
 def in_json(*words: str | Path, folder: Path = CALIBRATIONS) -> Any:

@@ -9,11 +9,10 @@ from __future__ import annotations
 import importlib
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from rig_command import rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PLANTED = f"""\
@@ -39,12 +38,6 @@ def campaign(tmp_path: Path) -> Path:
     path.write_text(PLANTED)
     (tmp_path / "rows.csv").write_text(ROWS)
     return path
-
-
-def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "rig", *map(str, words)], capture_output=True, text=True, check=False
-    )
 
 
 def test_planted_rows_are_refused_by_name(campaign: Path) -> None:

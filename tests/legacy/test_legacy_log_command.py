@@ -9,9 +9,7 @@ from typing import Any
 import pytest
 from log_books import MASK4_LOG, book
 from measured_data import needs, reference
-from typer.testing import CliRunner
-
-from rig.cli import app
+from rig_command import rig_here
 
 CALIBRATIONS = Path(__file__).parents[2] / "configs" / "calibrations"
 FILE = "waveBotCtrlMdl_2023_09_21_04_46_26"
@@ -24,9 +22,7 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def rig(*words: str | Path) -> tuple[int, str, str]:
     folder = ("--calibrations", CALIBRATIONS) if "--calibrations" not in words else ()
-    done = CliRunner().invoke(app, ["testlog", *map(str, (*words, *folder))])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
+    return rig_here("testlog", *words, *folder)
 
 
 @pytest.fixture

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from rig_command import rig_here
 
 from rig.campaign import check
-from rig.cli import app
 from rig.legacy import mask4
 from rig.legacy.matrix import read_csv
 
@@ -23,9 +22,7 @@ MATRIX = (
 
 
 def rig(*words: str | Path) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, ["matrix", *map(str, words)])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
+    return rig_here("matrix", *words)
 
 
 def in_json(*words: str | Path) -> tuple[int, dict[str, Any]]:

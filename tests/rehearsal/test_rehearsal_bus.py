@@ -9,14 +9,13 @@ from __future__ import annotations
 import importlib
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from rehearsing import CONFIGS, campaign_file, run, table_of
+from rig_command import rig
 
 from rig import cli
 from rig.analysis.rows import row_table
@@ -42,13 +41,6 @@ DRY = 0.6 * 75.0  # V, the drive trips below it
 SUPPLY = 75.0 - 8.0  # V, what a supply would hold
 KT = 94.27  # V s/m and N/A of the two-port current
 RESISTANCE = 0.5  # ohm
-
-
-def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    """A command as a person gives it."""
-    return subprocess.run(
-        [sys.executable, "-m", "rig", *map(str, words)], capture_output=True, text=True, check=False
-    )
 
 
 def test_without_supply_the_run_lives_on_the_waves(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from hil_processes import emulated
 from rehearsing import CONFIGS, Watcher, table_of
 
 from benchmarks.support.fault_walk import campaign_file
+from benchmarks.support.host import Busy, others
 from rig.campaign import check
 from rig.campaign_run import Ended, rehearse
 from rig.runs import open_run
@@ -20,8 +21,9 @@ from rig.supervisor import Snapshot
 
 SHARE, LEAST = 0.02, 0.3  # of the mechanical power; W
 EXECUTED = 0.99
+LOADED, EXECUTED_LOADED = 0.5, 0.9  # cores of other work; what then has to do
 LATE = 0.5  # s by which what the supervisor sees may be behind the clock on the wall
-TRIES = 2
+TRIES = 3
 POWERS = ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc")
 AGES = (
     "heave.sense.encoder_age", "surge.sense.encoder_age", "spring_sense.age", "load.age",
@@ -50,6 +52,7 @@ class Pair(NamedTuple):
     rehearsed: Ended
     wired: Ended
     clock: Clock
+    others: float  # cores' worth of other work meanwhile
 
 
 def executed(ended: Ended) -> float:
@@ -75,13 +78,14 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None
     for attempt in range(TRIES):
-        clock = Clock()
+        clock, before = Clock(), Busy.now()
         ended = emulated(on_wires.campaign, on_wires.plan, folder, clock)
+        load = others(before, Busy.now())["other_work_cores"]
         if ended.outcome.status == "complete" and executed(ended) >= EXECUTED:
             break
         print(f"attempt {attempt}: {ended.outcome.status}, {ended.outcome.reason}, executed "
               f"{executed(ended):.4f}: the host had other work; tried again")  # fmt: skip
-    return Pair(rehearsed, ended, clock)
+    return Pair(rehearsed, ended, clock, load)
 
 
 def test_both_walk_the_plan_to_its_end(pair: Pair) -> None:
@@ -113,8 +117,9 @@ def test_every_period_is_accounted_for(pair: Pair) -> None:
     gaps = int(np.sum(np.diff(numbers) - 1))
     assert gaps + int(numbers[0]) == outcome.skipped == int(ticks["timing.skipped"].values[-1])
     assert outcome.ticks + outcome.skipped == int(numbers[-1]) + 1
-    assert executed(pair.wired) >= EXECUTED
-    print(f"executed {executed(pair.wired):.5f}, {outcome.skipped} periods skipped")
+    print(f"executed {executed(pair.wired):.5f}, {outcome.skipped} periods skipped, "
+          f"{pair.others:.2f} cores of other work")  # fmt: skip
+    assert executed(pair.wired) >= (EXECUTED if pair.others < LOADED else EXECUTED_LOADED)
 
 
 def test_the_ticks_keep_to_the_clock_on_the_wall(pair: Pair) -> None:

@@ -14,11 +14,12 @@ BIN := $(VENV)/bin
 UV_VERSION := 0.13.8
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test lint bench clean constraints
+.PHONY: help setup run test test-socketcan lint bench clean constraints
 
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
 	@echo "make test   lint, types, import contracts and all tests"
+	@echo "make test-socketcan  the CAN driver on a kernel with SocketCAN (user-mode Linux, a minute)"
 	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"
 	@echo "make clean  remove the virtual environment and caches (never runs/)"
 
@@ -50,6 +51,10 @@ lint: setup
 
 test: lint
 	$(BIN)/python -m pytest
+
+# Ends with status 77, and says why, where no such kernel is to be had.
+test-socketcan: setup
+	$(BIN)/python tests/socketcan/user_mode_linux.py
 
 bench: setup
 	$(BIN)/python -m benchmarks

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import crash, cycle, faults, lateness, reading, rehearsal, ring, start
+from benchmarks import crash, cycle, faults, hil, lateness, reading, rehearsal, ring, start
 from benchmarks.support import host, report
 from benchmarks.support.result import Result, text
 
@@ -18,6 +18,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "cycle": cycle.measure,
     "rehearsal": rehearsal.measure,
     "lateness": lateness.measure,
+    "hil": hil.measure,
     "ring": ring.measure,
     "crash": crash.measure,
     "reading": reading.measure,

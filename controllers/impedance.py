@@ -20,9 +20,9 @@ the excess, the whole memory is scaled down, never past zero:
 This is back-calculation (Astrom and Hagglund, Advanced PID Control, section 3.5) acting on the
 memory alone. It can do no harm whatever the limits do: (1) the memories that velocities of at most
 V can reach are a convex set around zero, so a memory scaled down is still one of them: no force
-arises that the filter alone could not give for velocities of that size. (2) If Z_c is passive, it
-has a quadratic storage function, which falls with the square of lambda: it stays passive.
-(3) While all is granted, nothing is done: the same bits.
+arises that the filter alone could not give for velocities of that size. (2) If Z_c never gives
+the body energy (in this sign: if -Z_c is passive), it has a quadratic storage function, which falls
+with the square of lambda: it stays so. (3) While all is granted, nothing is done: the same bits.
 
 Bad input: NaN or infinity in motion, gains or reference give a force that is not finite, which the
 limits turn into a stop; in Z_c's memory it stays until the law starts afresh. A ``short`` that is

@@ -2,6 +2,8 @@
 
     F = -K (x - x_t) - D v                             (N, force on the body)
 
+The law is the F = Kp v + Ki x of the MASK4 report (Sandia), section 4.3, about a moving target; the
+profile is the usual trapezoid of drives (CiA 402, profile position mode).
 In the signs of the house this is Ki = -K and Kp = -D, with the position taken from the target:
 K > 0 pulls to it, D > 0 damps. It keeps an axis in place, or brings it home before it is released.
 

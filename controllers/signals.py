@@ -141,6 +141,14 @@ class ProbeSense(NamedTuple):
     age: Second
 
 
+class PanelSense(NamedTuple):
+    """Digital inputs of the rig, as far as they are read: the stop chain itself is hard-wired."""
+
+    e_stop: Flag  # 1: pressed
+    limit_switch: Flag  # 1: an end of travel was reached
+    age: Second
+
+
 class Reference(NamedTuple):
     """Open-loop reference force, part of the demand."""
 

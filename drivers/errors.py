@@ -1,4 +1,4 @@
-"""The one error of all codecs."""
+"""The two errors of all drivers: what was said makes no sense, or the wire is not there."""
 
 
 class CodecError(ValueError):
@@ -14,3 +14,10 @@ class CodecError(ValueError):
         self.where = where
         self.expected = expected
         self.got = got
+
+
+class LinkError(OSError):
+    """A wire that cannot be opened, is gone or stays silent; names device, port and what happened.
+
+    What a link or a line raises is this or a kind of it, and nothing else.
+    """

@@ -121,6 +121,7 @@ def wavebot_params(
                 stator_age_stop=bounds.spring.stator_age_stop_s,
                 load_cell_age_stop=bounds.loop.load_cell_age_stop_s,
                 analyser_age_stop=bounds.loop.analyser_age_stop_s,
+                panel_age_stop=bounds.loop.panel_age_stop_s,
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
             setpoints=setpoints,

@@ -98,6 +98,9 @@ class Reason(IntEnum):
     SURGE_POSITION = 31
     SURGE_VELOCITY = 32
     SURGE_ENCODER_JUMP = 33
+    EMERGENCY_STOP = 34  # the button; the hard-wired chain has acted already
+    LIMIT_SWITCH = 35
+    STALE_PANEL = 36
 
 
 FINE = int(Reason.NONE)
@@ -139,6 +142,9 @@ CATEGORY: tuple[int, ...] = (
     1,  # SURGE_POSITION
     1,  # SURGE_VELOCITY
     0,  # SURGE_ENCODER_JUMP
+    0,  # EMERGENCY_STOP
+    1,  # LIMIT_SWITCH
+    1,  # STALE_PANEL
 )
 
 # Requests of people and of the supervisor, as they come through the mailbox.

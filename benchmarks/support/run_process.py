@@ -1,8 +1,8 @@
 """One campaign under the real supervisor, without products: a process to be watched.
 
-``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``; SIGTERM asks for a
-controlled stop, a second one for power off. With a core, supervisor, logger and loop are confined
-to it.
+``python -m benchmarks.support.run_process CAMPAIGN RUNS virtual|real [CORE]``, or ``hil RIG`` for
+emulated devices on a rig's wires; SIGTERM asks for a controlled stop, a second one for power off.
+With a core, supervisor, logger and loop are confined to it.
 """
 
 import json
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from rig.campaign import check
-from rig.campaign_run import rehearse
+from rig.campaign_run import carry_out, rehearsal, wired
 from rig.supervisor import Snapshot
 
 
@@ -26,15 +26,19 @@ class _Unseen:
 
 def main() -> None:
     """Run the campaign named on the command line and print how it ended."""
-    campaign, runs, clock, *core = sys.argv[1:]
-    if core:
-        os.sched_setaffinity(0, {int(core[0])})
-    report = check(Path(campaign))
+    campaign, runs, clock, *more = sys.argv[1:]
+    wires = clock == "hil"
+    if more and not wires:
+        os.sched_setaffinity(0, {int(more[0])})
+    report = check(Path(campaign), rig=Path(more[0]) if wires else None)
     assert report.campaign is not None
     assert report.plan is not None
-    ended = rehearse(
-        report.campaign, report.plan, Path(runs), _Unseen(), real_clock=clock == "real"
+    rung = (
+        wired(report.campaign, emulated=True)
+        if wires
+        else rehearsal(report.campaign, real_clock=clock == "real")
     )
+    ended = carry_out(report.campaign, report.plan, Path(runs), _Unseen(), rung)
     print(json.dumps({"folder": str(ended.folder), **ended.outcome._asdict()}))
 
 

@@ -67,7 +67,7 @@ class BusCycle:
 
     @property
     def synced(self) -> float:
-        """When the last SYNC went out, s."""
+        """When the last SYNC went out, s; one that the bus did not take did not."""
         return self._synced
 
     def receive(self) -> float:
@@ -92,11 +92,12 @@ class BusCycle:
         send = self._line.send
         for cob_id, data in frames:
             send(cob_id, data)
-        send(SYNC, b"")
-        now = self._synced = self._line.now()
-        if now - self._beaten >= self._every:
+        synced = send(SYNC, b"")
+        now = self._line.now()
+        if synced:
+            self._synced = now
+        if now - self._beaten >= self._every and send(self._beat_id, self._beat):
             self._beaten = now
-            send(self._beat_id, self._beat)
 
     def close(self) -> None:
         """Give the bus back; cannot raise."""

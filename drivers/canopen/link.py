@@ -1,7 +1,8 @@
 """The CAN bus as raw frames: python-can opened once, sent to and emptied without ever waiting.
 
-Any interface of python-can will do by its name. Our own frames are kept out by their COB-IDs,
-because not every interface marks what it sends back.
+Any interface of python-can will do by its name. Our own frames are kept out by the COB-IDs that are
+wanted: not every interface marks what it sends back, and a kernel marks the frames of every other
+process on this host as if they were our own.
 """
 
 import logging
@@ -11,15 +12,16 @@ from typing import Any, NamedTuple
 
 import can
 
+from drivers import errors
 from drivers.canopen.bus_settings import Bus
 
 # Half a message in a read of a socket is no news, and 1000 lines a second would be no log.
 logging.getLogger("can").setLevel(logging.ERROR)
 
-
-# Where the kernel filters. Elsewhere python-can does, and then gives nothing in place of a frame
-# that is not wanted: a reader that does not wait would take that for an empty bus.
+# Whose kernel keeps out what is not wanted. With python-can's own filters a look at the bus ends at
+# the first unwanted frame, and what lies behind it comes a look later.
 _FILTERING = ("socketcan",)
+_GONE = (can.CanError, OSError, ValueError, LookupError)  # also text of slcan that is no frame
 
 
 class Frame(NamedTuple):
@@ -29,17 +31,15 @@ class Frame(NamedTuple):
     data: bytes
 
 
-class LinkError(OSError):
+class LinkError(errors.LinkError):
     """The bus cannot be opened, or is gone; names interface and channel."""
 
 
 def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
-    """Open the bus for frames with these COB-IDs (none: all); LinkError says why not.
-
-    Where the interface does not filter by itself, all frames come.
-    """
-    named = sorted(wanted) if bus.interface in _FILTERING else ()
-    filters: Any = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in named]
+    """Open the bus, if it can filter for these COB-IDs (none: all); LinkError says why not."""
+    filters: Any = None
+    if bus.interface in _FILTERING:
+        filters = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in sorted(wanted)]
     try:
         return can.Bus(
             interface=bus.interface,
@@ -49,6 +49,11 @@ def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
             receive_own_messages=False,
             **dict(bus.options),
         )
+    except (NameError, AttributeError) as error:  # python-can without the maker's own library
+        raise LinkError(
+            f"CAN bus {bus.interface} {bus.channel}: the library of its maker is not installed "
+            f"({error})"
+        ) from error
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {error}") from error
 
@@ -74,7 +79,7 @@ class Link:
         message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, check=False)
         try:
             self._bus.send(message)
-        except (can.CanError, OSError, ValueError):
+        except _GONE:
             self.unsent += 1
             return False
         return True
@@ -93,21 +98,21 @@ class Link:
                     break
                 if message.is_error_frame:
                     self.errors += 1
-                elif self._is_wanted(message):
+                elif (
+                    message.arbitration_id in self._wanted
+                    and not message.is_extended_id
+                    and not message.is_remote_frame
+                ):
                     found.append(Frame(message.arbitration_id, bytes(message.data)))
             else:
                 self.behind = True
-        except (can.CanError, OSError, ValueError):
+        except _GONE:
             self.errors += 1
         return found
-
-    def _is_wanted(self, message: can.Message) -> bool:
-        plain = not (message.is_extended_id or message.is_remote_frame)
-        return plain and message.arbitration_id in self._wanted and message.is_rx
 
     def close(self) -> None:
         """Give the bus back; cannot raise."""
         try:
             self._bus.shutdown()
-        except (can.CanError, OSError, ValueError):
+        except _GONE:
             self.errors += 1

@@ -15,6 +15,7 @@ from drivers.canopen.statusword import FAULT, FAULT_REACTION, decode
 _SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
 _ARRIVED = int(move.Phase.ARRIVED)
 _FAILED = int(move.Phase.FAILED)
+_NOT_FINITE = scaling.Held.NOT_FINITE.value
 _NEVER = -1e9  # s, before any clock began
 
 
@@ -32,7 +33,7 @@ class Reading(NamedTuple):
     """What the actuator said last."""
 
     position: float  # in the scale's unit
-    arrived: int  # 1: at the target last given, and at rest
+    arrived: int  # 1: at the target last given, and at rest; never for one beyond the limits
     failed: int  # `profile_position.Failure` of the last move, 0: none
     fault: int  # 1: the drive is in fault
     age: float  # s, since the SYNC that sampled it; very large before the first
@@ -44,6 +45,8 @@ class PositionActuator:
     def __init__(self, settings: Settings) -> None:
         node = settings.node
         self.refused = 0  # frames of a wrong length
+        self.held = 0  # set of scaling.Held: why the last target is not what was asked
+        self._beyond = False  # and is not near it either
         self._settings = settings
         self._target_pdo = pdo.layout(pdo.rpdo_cob_id(2, node), pdo.ACTUATOR_TARGET)
         self._command_pdo = pdo.layout(pdo.rpdo_cob_id(1, node), pdo.ACTUATOR_COMMAND)
@@ -71,7 +74,7 @@ class PositionActuator:
         failed = self._move.failure if self._move.phase == _FAILED else 0
         return Reading(
             scaling.position_feedback(self._settings.scale, self._counts),
-            1 if self._move.phase == _ARRIVED else 0,
+            1 if self._move.phase == _ARRIVED and not self._beyond else 0,
             failed,
             1 if decode(self._statusword) in (FAULT, FAULT_REACTION) else 0,
             now - self._sampled,
@@ -82,11 +85,18 @@ class PositionActuator:
 
         The first ``enable`` is one request to bring the drive up; from then on it holds its place
         until `release`. A move that failed is not tried again by itself: only for another target,
-        or after a halt. A target that is no number is not sent: the actuator halts.
+        or after a halt. A target that is no number is not sent: the actuator halts. One beyond the
+        limits is held there, and not arrived at.
         """
         settings = self._settings
         raw = scaling.position_command(settings.scale, target)
-        moving = enable == 1 and raw.held & scaling.Held.NOT_FINITE == 0
+        self.held = raw.held
+        moving = enable == 1 and raw.held & _NOT_FINITE == 0
+        if moving:
+            off = (target - scaling.position_feedback(settings.scale, raw.value)) * (
+                settings.scale.counts_per_unit
+            )
+            self._beyond = raw.held != 0 and abs(off) > settings.move.window
         if moving and not self._up:
             self._up = True
             self._arm += 1

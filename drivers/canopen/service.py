@@ -5,9 +5,12 @@ home), and watches the bus while it runs. Library: canopen for SDO and NMT; its 
 not used, because it can bring a drive up when it is told to take it down.
 """
 
+import logging
+import struct
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import can
@@ -21,15 +24,23 @@ from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError, open_bus
-from drivers.canopen.pdo import BYTES
+from drivers.canopen.pdo import BYTES, MAX_NODE
 from drivers.canopen.statusword import describe
 
+# A node that does not answer is told of by who asked; the library says it again for people.
+logging.getLogger("canopen").setLevel(logging.CRITICAL)
+
 _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
-_PRE_OPERATIONAL, _OPERATIONAL, _RESET = "PRE-OPERATIONAL", "OPERATIONAL", "RESET COMMUNICATION"
+_PRE_OPERATIONAL, _OPERATIONAL = "PRE-OPERATIONAL", "OPERATIONAL"
+# What the library raises where a node refuses, is silent, or answers in too few bytes.
+_NO_ANSWER = (SdoError, can.CanError, OSError, RuntimeError, struct.error)
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
+_READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
+_SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
 _HOMING_MODE = homing.MODE
 _SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
+_CLOSING = 0.1  # s that the library's reader may take to see that it shall end
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
@@ -68,6 +79,7 @@ class Service:
         self._can: can.BusABC = open_bus(bus)
         self._network: Any = canopen.Network()
         self._network.bus = self._can
+        self._network.NOTIFIER_CYCLE = _CLOSING
         self._network.connect()
         self._lock = threading.Lock()
         self._watched: dict[int, heartbeat.Watch] = {}
@@ -86,10 +98,10 @@ class Service:
     def set_up(self, node: int, steps: tuple[Step, ...]) -> tuple[Mismatch, ...]:
         """Write the steps in PRE-OPERATIONAL and read all back; what is not as it must be.
 
-        ServiceError if the node does not answer at all.
+        ServiceError if the node does not answer at all, or the bus takes nothing.
         """
         remote = self._remote(node)
-        remote.nmt.state = _PRE_OPERATIONAL
+        self._tell(node, _PRE_OPERATIONAL)
         if self.read(node, 0x1000, 0, "u32") is None:
             raise ServiceError(f"node {node} does not answer")
         for step in steps:
@@ -102,12 +114,13 @@ class Service:
         return arming.compare(steps, answers)
 
     def start(self, node: int) -> None:
-        """Let the node's process data go: OPERATIONAL."""
-        self._remote(node).nmt.state = _OPERATIONAL
+        """Let the node's process data go: OPERATIONAL; ServiceError if the bus does not take it."""
+        self._tell(node, _OPERATIONAL)
 
     def stop(self, node: int) -> None:
-        """Back to PRE-OPERATIONAL: no process data."""
-        self._remote(node).nmt.state = _PRE_OPERATIONAL
+        """Back to PRE-OPERATIONAL: no process data. Cannot raise: it is the end of a run."""
+        with suppress(ServiceError):
+            self._tell(node, _PRE_OPERATIONAL)
 
     def home(
         self,
@@ -121,7 +134,7 @@ class Service:
         Ticks of ``machine`` and ``params`` are of 20 ms here. ``stopped``: give up and power off.
         """
         remote = self._remote(node)
-        remote.nmt.state = _PRE_OPERATIONAL
+        self._tell(node, _PRE_OPERATIONAL)
         drive, handshake = cia402.start(0, 0), homing.start(0)
         failure = "no answer"
         self._put(remote, 0x6060, 0, "i8", _HOMING_MODE)
@@ -162,7 +175,7 @@ class Service:
         """An object's value; None if the node does not answer, has it not, or of another size."""
         try:
             data = self._remote(node).sdo.upload(index, sub)
-        except (SdoError, can.CanError, OSError):
+        except _NO_ANSWER:
             return None
         if len(data) != BYTES[kind]:
             return None
@@ -172,7 +185,7 @@ class Service:
         """Who a node says it is."""
         try:
             name = self._remote(node).sdo.upload(0x1008, 0).decode("ascii", "replace")
-        except (SdoError, can.CanError, OSError):
+        except _NO_ANSWER:
             name = None
         vendor, product, revision, serial = (
             self.read(node, 0x1018, sub, "u32") for sub in (1, 2, 3, 4)
@@ -181,11 +194,29 @@ class Service:
         return Identity(kind, vendor, product, revision, serial, name, errors)
 
     def scan(self, patience: float) -> tuple[int, ...]:
-        """Node numbers that answer a read of 0x1000 within ``patience`` seconds."""
+        """Node numbers that answer a read of 0x1000, or send, within ``patience`` seconds.
+
+        LinkError if the bus does not take the questions.
+        """
         self._network.scanner.reset()
-        self._network.scanner.search()
+        for node in range(1, MAX_NODE + 1):
+            self._question(node)
         time.sleep(patience)
         return tuple(sorted(self._network.scanner.nodes))
+
+    def _question(self, node: int) -> None:
+        """Ask one node for 0x1000; an adapter whose queue is full takes it a little later."""
+        until = time.monotonic() + _SDO_PATIENCE
+        while True:
+            try:
+                self._network.send_message(0x600 + node, _READ_DEVICE_TYPE)
+            except (can.CanError, OSError) as error:
+                if time.monotonic() > until:
+                    raise LinkError(f"the bus takes no frames: {error}") from error
+                time.sleep(_PAUSE)
+                continue
+            time.sleep(_SPACING)
+            return
 
     def health(self) -> dict[int, Health]:
         """What is known of each watched node now; LinkError if the bus's reader died."""
@@ -198,10 +229,8 @@ class Service:
 
     def close(self) -> None:
         """Give the bus back; cannot raise."""
-        try:
+        with suppress(Exception):  # the library raises here whatever has killed its reader
             self._network.disconnect()
-        except (can.CanError, OSError, RuntimeError):
-            return
 
     def _remote(self, node: int) -> Any:
         if node not in self._nodes:
@@ -209,6 +238,13 @@ class Service:
             remote.sdo.RESPONSE_TIMEOUT = _SDO_PATIENCE
             self._nodes[node] = remote
         return self._nodes[node]
+
+    def _tell(self, node: int, state: str) -> None:
+        """Send an NMT command; ServiceError if the bus does not take it."""
+        try:
+            self._remote(node).nmt.state = state
+        except (can.CanError, OSError, RuntimeError) as error:
+            raise ServiceError(f"node {node} cannot be told {state}: {error}") from error
 
     def _write(self, remote: Any, step: Step) -> None:
         self._put(remote, step.object, step.sub, step.type, step.value)
@@ -218,7 +254,7 @@ class Service:
         data = value.to_bytes(BYTES[kind], "little", signed=kind[0] == "i")
         try:
             remote.sdo.download(index, sub, data)
-        except (SdoError, can.CanError, OSError):
+        except _NO_ANSWER:
             return False
         return True
 

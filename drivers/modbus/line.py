@@ -7,6 +7,7 @@ answer only if it is of another length than the one that was missed. A line that
 again after a pause that doubles; meanwhile its requests fail at once.
 """
 
+import logging
 import termios
 import time
 from collections.abc import Callable, Sequence
@@ -15,7 +16,11 @@ from typing import Any, NamedTuple
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
 
+from drivers.errors import LinkError
 from drivers.modbus.registers import BITS, Block
+
+# What goes wrong is raised here, once; the library says it again for people.
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
 _PULLED = (OSError, termios.error)  # what a port says that is no longer there
 PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
@@ -40,7 +45,7 @@ class Rtu(NamedTuple):
     slowest: float  # s, in which the slowest unit has answered for certain
 
 
-class LineError(OSError):
+class LineError(LinkError):
     """A request without a good answer; names line, unit and address."""
 
 

@@ -68,6 +68,8 @@ def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
     if modulation := table.attrs.get("modulation"):
         beneath += f"; modulation {modulation}"
     said = "negative is absorbed; whiskers are ± standard error"
+    if (table["periods"].values[places] >= 2).any():
+        said += " by scatter of wave periods"
     figure, body = picture.framed(width, sum(heights) + 0.4, title, table.attrs, said, beneath)
     panels: Any = body.subplots(
         len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}

@@ -18,7 +18,8 @@ from rig.analysis.comparison import (
     where,
 )
 from rig.analysis.differences import shortened
-from rig.analysis.points import Point
+from rig.analysis.matching import Matched
+from rig.analysis.points import Point, scatter_of
 
 _MOST_DIFFERENCES = 12  # of a group, in text
 _MOST_UNMATCHED = 20
@@ -40,7 +41,7 @@ def as_text(told: Comparison) -> str:
         lines += ["", *_means(told), "", *_points(told)]
     for name, points in (("A", told.matched.only_a), ("B", told.matched.only_b)):
         if points:
-            lines += ["", f"Only in {name}", *_unmatched(points)]
+            lines += ["", f"Only in {name}", *_unmatched(points, told.matched)]
     return "\n".join([*lines, ""])
 
 
@@ -80,8 +81,10 @@ def _matched(told: Comparison) -> list[str]:
 
 def _means(told: Comparison) -> list[str]:
     pairs = told.matched.pairs
+    source = scatter_of(point for pair in pairs for point in pair)
     lines = [
-        "Mean difference and best points of the matched pairs, W (B less A; ± standard error)",
+        "Mean difference and best points of the matched pairs, W (B less A"
+        + (f"; ± standard error by {source})" if source else ")"),
         f"  {'':<32}{'B - A':>16}{'best of A':>18}{'best of B':>18}",
     ]
     for kind in KINDS:
@@ -109,19 +112,20 @@ def _points(told: Comparison) -> list[str]:
     return lines
 
 
-def _unmatched(points: tuple[Point, ...]) -> list[str]:
+def _unmatched(points: tuple[Point, ...], matched: Matched) -> list[str]:
     lines = [
-        f"  row {point.rows[0]}: {labels.settings(_brief(point))}"
+        f"  row {point.rows[0]}: {labels.settings(_brief(point, matched))}"
         for point in points[:_MOST_UNMATCHED]
     ]
     more = len(points) - len(lines)
     return [*lines, f"  and {more} more, all in the CSV"] if more > 0 else lines
 
 
-def _brief(point: Point) -> dict[str, float]:
-    """The settings of a point that say something: gains always, others where they are set."""
-    always = ("spring_rate", "kp", "ki")
-    return {n: v for n, v in point.setting.items() if n in always or v != 0.0}
+def _brief(point: Point, matched: Matched) -> dict[str, float]:
+    """The settings that tell a point from others: those that vary in either run."""
+    varying = [column.name for column in (*matched.columns, *matched.alone)]
+    names = varying or ["spring_rate", "kp", "ki"]
+    return {name: value for name, value in point.setting.items() if name in names}
 
 
 def as_json(told: Comparison) -> dict[str, Any]:

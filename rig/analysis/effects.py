@@ -67,7 +67,18 @@ class Effects(NamedTuple):
     misfit: float  # W, standard deviation of what the lines leave
     misfit_dof: int
     lead: float  # W, how much larger the first is than the second; NaN for a single one
-    lead_half_width: float  # W
+    lead_half_width: float  # W, by the error behind the intervals
+    lead_misfit_half_width: float  # W, by the misfit; NaN where none is left
+
+    @property
+    def surely_first(self) -> bool:
+        """Whether the first effect is ahead of the second by more than the larger interval.
+
+        Straight lines leave what interactions and curvature do; where that is more than rows
+        scatter, a lead beyond the scatter alone says too much.
+        """
+        known = [h for h in (self.lead_half_width, self.lead_misfit_half_width) if np.isfinite(h)]
+        return bool(known and self.lead > max(known))
 
 
 class Fit(NamedTuple):
@@ -167,7 +178,7 @@ def main_effects(
         half = half_width(deviation, dof, confidence)
         found.append(Effect(column, low, high, watts, deviation, dof, half, by_misfit))
     order = sorted(range(len(found)), key=lambda i: -np.nan_to_num(abs(found[i].watts), nan=-1.0))
-    lead, lead_half = _lead(fitted, error, order, confidence)
+    lead, lead_half, lead_misfit = _lead(fitted, error, left, order, confidence)
     scatter = float(np.sqrt(error.variance.mean()))
     return Effects(
         kind,
@@ -179,17 +190,21 @@ def main_effects(
         fitted.misfit_dof,
         lead,
         lead_half,
+        lead_misfit,
     )
 
 
-def _lead(fitted: Fit, error: Error, order: list[int], confidence: float) -> tuple[float, float]:
-    """How much larger the first effect is than the second, and the half width of its interval."""
+def _lead(
+    fitted: Fit, error: Error, left: Error, order: list[int], confidence: float
+) -> tuple[float, float, float]:
+    """How much larger the first effect is than the second, and half widths by either error."""
     if len(order) < 2 or not np.isfinite(fitted.effects[order[:2]]).all():
-        return float("nan"), float("nan")
+        return float("nan"), float("nan"), float("nan")
     sign = np.sign(fitted.effects[order[:2]])
     weights = sign[0] * fitted.weights[order[0]] - sign[1] * fitted.weights[order[1]]
     lead = float(np.abs(fitted.effects[order[0]]) - np.abs(fitted.effects[order[1]]))
-    return lead, half_width(*spread(weights, error), confidence)
+    by_scatter, by_misfit = (half_width(*spread(weights, one), confidence) for one in (error, left))
+    return lead, by_scatter, by_misfit
 
 
 def effects(table: xarray.Dataset, kind: str, confidence: float = CONFIDENCE) -> Effects | None:

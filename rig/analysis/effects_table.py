@@ -55,18 +55,25 @@ def notes(told: Effects) -> list[str]:
         first, second = told.effects[:2]
         line = f"on {name} power {first.column.label} does {_size(told.lead)} W more than "
         line += second.column.label
-        if np.isfinite(told.lead_half_width):
-            sure = told.lead > told.lead_half_width
-            line += f" (± {_size(told.lead_half_width)} W{'' if sure else ', so not surely'})"
-        said.append(line)
+        said.append(line + _lead_words(told))
     blurred = [e.column.label for e in told.effects if not np.isfinite(e.watts)]
     if blurred:
         said.append(f"this matrix cannot tell {', '.join(blurred)} apart")
     return said
 
 
+def _lead_words(told: Effects) -> str:
+    """How far the lead may be off, by each error there is, and that it is not sure if so."""
+    by = [] if told.source == MISFIT else [(told.lead_half_width, f" by {told.source}")]
+    by.append((told.lead_misfit_half_width, " by misfit"))
+    known = [f"± {_size(half)} W{source}" for half, source in by if np.isfinite(half)]
+    if not known:
+        return ""
+    return f" ({', '.join(known)}{'' if told.surely_first else ': not surely'})"
+
+
 def _size(value: float) -> str:
-    return f"{value:.1f}" if value >= 0.095 else f"{value:.2f}"
+    return f"{value:.1f}" if value >= 0.095 else f"{value:.2f}" if value >= 0.005 else "<0.01"
 
 
 def as_text(told: tuple[Effects, ...]) -> list[str]:
@@ -102,6 +109,8 @@ def as_json(told: tuple[Effects, ...]) -> list[dict[str, Any]]:
             "misfit_dof": each.misfit_dof,
             "first_over_second_w": _known(each.lead),
             "first_over_second_half_width_w": _known(each.lead_half_width),
+            "first_over_second_half_width_by_misfit_w": _known(each.lead_misfit_half_width),
+            "first_surely_first": each.surely_first,
             "effects": [
                 {
                     "rank": i + 1,

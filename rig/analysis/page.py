@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import effects_table, labels, picture, surfaces, words
+from rig.analysis import effects_table, picture, surfaces, words
 from rig.analysis.summary import ENDINGS, Summary
 
 A4 = (8.27, 11.69)  # inches, portrait
@@ -64,6 +64,7 @@ def _what(figure: Figure, summary: Summary) -> float:
         "End": summary.ended_utc,
         "Host": summary.host,
         "Code": summary.code,
+        **({"Read by": summary.calibration} if summary.calibration else {}),
     }
     y = 0.904
     for name, value in told.items():
@@ -92,9 +93,11 @@ def _outcome(figure: Figure, summary: Summary) -> None:
 
 def _table(figure: Figure, summary: Summary, top: float) -> float:
     """The optima; returns the page height below it."""
-    _heading(figure, _LEFT, top, "Best points (negative is absorbed), by station and spring rate")
+    _heading(figure, _LEFT, top, "Best points")
+    told = f"negative is absorbed{summary.errors_words}"
+    figure.text(_RIGHT, top, told, fontsize=7.5, color=_SOFT, ha="right", va="top")
     heads = ("station", "mean power", "spring", "stator", "Kp", "Ki", "")
-    units = ("", "negative is absorbed", "N/m", "%", "N·s/m", "N/m", "")
+    units = ("", "", "N/m", "%", "N·s/m", "N/m", "")
     sides = ("left", "right", "right", "right", "right", "right", "left")
     places = (_LEFT, 0.465, 0.57, 0.65, 0.74, 0.83, 0.85)
     y = top - 0.019
@@ -127,14 +130,16 @@ def _table(figure: Figure, summary: Summary, top: float) -> float:
             )
         y -= 0.0152
         last = o.kind
-        further = summary.further_of(o)
+        further = summary.further_words(o)
         if further and (len(summary.optima) <= _MOST_FURTHER or o.kind == "dc"):
-            told = f"at {labels.settings(further)}"
-            figure.text(places[5], y, told, fontsize=7.5, color=_SOFT, ha="right", va="top")
+            figure.text(places[5], y, further, fontsize=7.5, color=_SOFT, ha="right", va="top")
             y -= 0.0135
     if summary.further and len(summary.optima) > _MOST_FURTHER:
         text = "Where the other columns stand at the other stations: see summary.txt"
         figure.text(_LEFT, y, text, fontsize=7.5, color=_SOFT, va="top")
+        y -= 0.0135
+    if summary.flat_words:
+        figure.text(_LEFT, y, summary.flat_words, fontsize=7.5, color=_SOFT, va="top")
         y -= 0.0135
     return y - 0.008
 

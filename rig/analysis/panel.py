@@ -21,13 +21,12 @@ from matplotlib.ticker import MaxNLocator
 from rig.analysis import labels, words
 from rig.analysis.mesh import Place, spans_surface, triangulation
 from rig.analysis.picture import INK, MARK, ZERO, quiet
-from rig.analysis.slices import Optimum, Slice, remarks
+from rig.analysis.slices import LEAST_RELIEF, Optimum, Slice, remarks
 
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
 _STEPS = [1, 2, 2.5, 5, 10]
 LETTERS = 17  # of a caption, an inch
 _FLAT = 0.1  # W; less from end to end is drawn flat, not blown up to the whole scale
-_LEAST_SPAN = 0.01  # of the power that is shown: less is noise blown up
 
 Drawn = Literal["surface", "line", "nothing"]
 
@@ -61,7 +60,7 @@ def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = Fa
 
 def _spread(low: float, high: float) -> tuple[float, float]:
     """Ends of a scale of power, W, as far apart as differences that mean something."""
-    short = 0.5 * max(0.0, _LEAST_SPAN * max(abs(low), abs(high)) - (high - low))
+    short = 0.5 * max(0.0, LEAST_RELIEF * max(abs(low), abs(high)) - (high - low))
     return low - short, high + short
 
 
@@ -168,7 +167,8 @@ def caption(of: Slice, room: float, *, compact: bool = False, sliced: bool = Fal
     if not compact:
         axes = (of.y, of.x)
         where = (f"{c.label} {_brief(c, best.point.setting[c.name])}" for c in axes)
-        text += f" at {', '.join(where)}" + (f" ({best.doubt})" if best.doubt else "")
+        text += f" at {', '.join(where)}"
+        text += f" ({best.doubt})" if best.doubt and not best.flat else ""
     lines = [text, "; ".join(remarks(of))]
     if sliced and of.sliced:
         lines.insert(1, f"sliced at {labels.settings(of.sliced)}")

@@ -35,6 +35,8 @@ def framed(
     beside the stamp; a title that is too long is set smaller. ``warning`` is shouted below them.
     """
     room = width - 3.5  # in, beside the stamp
+    read = f"read by {attributes['read_by']}" if attributes.get("read_by") else ""
+    beneath = "; ".join(filter(None, (read, beneath)))
     told = "; ".join(filter(None, (f"run {attributes.get('run', '')}", said)))
     own_line = _inches(beneath, 8.5) + _inches(told, 8.0) + _GAP > 0.96 * width
     calls = textwrap.wrap(warning, round(width * _SHOUTED))
@@ -65,6 +67,11 @@ def framed(
 def _inches(text: str, size: float) -> float:
     """Width of a line of text in points of ``size``."""
     return float(TextPath((0.0, 0.0), text, size=size).get_extents().width) / 72.0 if text else 0.0
+
+
+def absorbed(errors: str) -> str:
+    """What a picture says of its powers: their sign, and what the ± is where there is one."""
+    return "; ".join(filter(None, ("negative is absorbed", errors and f"± by {errors}")))
 
 
 def campaign(attributes: Mapping[Any, Any]) -> str:

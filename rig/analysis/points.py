@@ -1,5 +1,6 @@
 """Points of the gain matrix: what was asked for, what was measured, and what varies."""
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -114,6 +115,16 @@ def matrix(table: xarray.Dataset) -> Matrix:
         for rows in members.values()
     )
     return Matrix(found, tuple(asked.values()))
+
+
+def scatter_of(members: Iterable[Point]) -> str:
+    """Whose scatter the standard errors of points tell, in words; empty where none is known."""
+    names = {
+        "repetitions" if len(point.rows) > 1 else "wave periods"
+        for point in members
+        if any(np.isfinite(error) for error in point.error.values())
+    }
+    return f"scatter of {' and '.join(sorted(names))}" if names else ""
 
 
 def points(table: xarray.Dataset) -> list[Point]:

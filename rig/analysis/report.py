@@ -1,5 +1,6 @@
 """All products of a run, written into its folder: after a run, and again whenever asked."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import xarray
@@ -14,6 +15,7 @@ from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
 from rig.analysis.stopped import where_it_stopped
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
+from rig.calibration import Known
 from rig.runs import RunError, mcap_file
 from rig.runs.folder import facts, files
 
@@ -26,9 +28,11 @@ def _unfinished(contents: list[mcap_file.Contents]) -> str:
     return f"the record was not finished by its writer{said}"
 
 
-def _read(run: Path, mean_position_alarm: float) -> tuple[xarray.Dataset, Summary]:
+def _read(
+    run: Path, mean_position_alarm: float, calibrations: Sequence[Known]
+) -> tuple[xarray.Dataset, Summary]:
     contents = [mcap_file.scan(path) for path in files(run)]
-    table = row_table(run, mean_position_alarm)
+    table = row_table(run, mean_position_alarm, calibrations)
     known = facts(run, contents)
     stopped = "" if known.status.get("status") == "complete" else where_it_stopped(run)
     return table, summarise(table, known, _unfinished(contents), stopped)
@@ -47,31 +51,45 @@ def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
     return found, summarise(none, known, _unfinished(contents), findings=tuple(told))
 
 
-def summary_of(run: Path, mean_position_alarm: float = MEAN_POSITION_ALARM) -> Summary:
+def summary_of(
+    run: Path,
+    mean_position_alarm: float = MEAN_POSITION_ALARM,
+    calibrations: Sequence[Known] = (),
+) -> Summary:
     """The summary of a run, worked out from its record; nothing is written.
 
-    ``mean_position_alarm`` in m. RunError if the record cannot be read, KeyError if the kind of
-    rig has no rows and power.
+    ``mean_position_alarm`` in m; ``calibrations`` as of `row_table`. RunError if the record cannot
+    be read, KeyError if the kind of rig has no rows and power.
     """
     if wave_calibration.is_calibration(facts(run).plan):
+        _no_rows(calibrations)
         return _read_calibration(Path(run))[1]
-    return _read(Path(run), mean_position_alarm)[1]
+    return _read(Path(run), mean_position_alarm, calibrations)[1]
+
+
+def _no_rows(calibrations: Sequence[Known]) -> None:
+    if calibrations:
+        raise ValueError("waves without the device have no rows to be read by a calibration")
 
 
 def write_products(
-    run_folder: Path, mean_position_alarm: float = MEAN_POSITION_ALARM
+    run_folder: Path,
+    mean_position_alarm: float = MEAN_POSITION_ALARM,
+    calibrations: Sequence[Known] = (),
 ) -> list[Path]:
     """Row table, pictures, effects and summary of a run, also of one that ended early or crashed.
 
     A run without the device gives its wave calibration in place of rows and surfaces.
 
-    They go into the run's folder, or beside the MCAP file if that is given alone.
+    They go into the run's folder, or beside the MCAP file if that is given alone; those that are
+    read by ``calibrations`` (as of `row_table`) into a folder of their own in it.
     ``mean_position_alarm`` in m. Returns the files written. RunError if the record cannot be
     read, KeyError if the kind of rig has no rows and power.
     """
     run = Path(run_folder)
     folder = run if run.is_dir() else run.parent
     if wave_calibration.is_calibration(facts(run).plan):
+        _no_rows(calibrations)
         found, summary = _read_calibration(run)
         made = (
             []
@@ -82,13 +100,21 @@ def write_products(
             ]
         )
         return [*made, *write_texts(summary, folder)]
-    table, summary = _read(run, mean_position_alarm)
+    table, summary = _read(run, mean_position_alarm, calibrations)
+    folder = products_folder(folder, calibrations)
+    folder.mkdir(exist_ok=True)
     return [
         *write_rows(table, folder),
         *_pictures(table, folder),
         *write_texts(summary, folder),
         *write_page(summary, table, folder),
     ]
+
+
+def products_folder(folder: Path, calibrations: Sequence[Known]) -> Path:
+    """Where a run's products are: in its folder as recorded, in another one if read otherwise."""
+    titles = "_".join(known.file.title.replace(" ", "_") for known in calibrations)
+    return folder / f"read_by_{titles}" if titles else folder
 
 
 def _pictures(table: xarray.Dataset, folder: Path) -> list[Path]:

@@ -8,14 +8,17 @@ run again. Beside power and motion stand the checks of `rig.analysis.quality`.
 
 import csv
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray
 
-from rig.analysis import quality
+from rig.analysis import calibrated, quality
+from rig.analysis.calibrated import RECORDED
 from rig.analysis.windows import Window, windows
+from rig.calibration import Known
 from rig.config.columns import COLUMNS
 from rig.limits import Limited, Warned
 from rig.runs import reader
@@ -167,17 +170,21 @@ def _repeat_errors(table: list[dict[str, Any]]) -> None:
 
 
 def row_table(
-    run: str | os.PathLike[str], mean_position_alarm: float = MEAN_POSITION_ALARM
+    run: str | os.PathLike[str],
+    mean_position_alarm: float = MEAN_POSITION_ALARM,
+    calibrations: Sequence[Known] = (),
 ) -> xarray.Dataset:
     """The row table of a run, finished or not: one entry a planned or measured row, by row id.
 
     ``mean_position_alarm`` (m): a row whose mean position, of heave or surge, is farther from zero
-    is flagged. What the run did not log is NaN.
+    is flagged. What the run did not log is NaN. ``calibrations``: to read the run with, at most one
+    a quantity; raises as `rig.analysis.calibrated.reading` does.
     Variables carry their unit in ``attrs``; ``stroke`` is peak to peak; ``power_*_demeaned`` is
     mean(F v) - mean(F) mean(v); ``power_*_se`` is the standard error of that row's mean.
     """
     source = reader.source(run)
     known = facts(run, source.contents)
+    read = calibrated.reading(calibrations, known)
     dt = known.plan.get("dt")
     period = wave_period(known.plan)
     period_ticks = period / float(dt) if period and dt else None
@@ -190,10 +197,12 @@ def row_table(
             continue
         least = 0.99 * _length(planned.get(window.row, {}), dt) - 1.0
         why = window.cut_short or ("shorter than planned" if window.span < least else "")
-        reduced = _reduced(window._replace(cut_short=why), period_ticks)
+        data = calibrated.ticks(read, window.data)
+        reduced = _reduced(window._replace(cut_short=why, data=data), period_ticks)
         found[window.row] = reduced  # the last attempt counts
     table = [
-        _with_plan(found.get(row), planned.get(row, {}), row) for row in sorted({*planned, *found})
+        calibrated.row(read, _with_plan(found.get(row), planned.get(row, {}), row))
+        for row in sorted({*planned, *found})
     ]
     for entry in table:
         for axis in ("", "surge_"):
@@ -201,7 +210,7 @@ def row_table(
             entry[f"{axis}position_alarm"] = int(far and entry["state"] == COMPLETE)
     _repeat_errors(table)
     out = _dataset(table, known, period)
-    return out.assign_attrs(mean_position_alarm_m=mean_position_alarm)
+    return out.assign_attrs(read.attributes, mean_position_alarm_m=mean_position_alarm)
 
 
 def _with_plan(
@@ -238,7 +247,7 @@ def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) ->
         name: xarray.Variable(
             "row",
             np.array([row[name] for row in table]),
-            {"units": UNITS[name]} if name in UNITS else {},
+            {"units": unit} if (unit := UNITS.get(name.removesuffix(RECORDED))) else {},
         )
         for name in names
     }

@@ -21,6 +21,12 @@ from rig.config.columns import Column
 KP, KI, SPRING_RATE = BY_NAME["kp"], BY_NAME["ki"], BY_NAME["spring_rate"]
 _SAME = 1e-6  # relative: values that differ by less are the same
 _EVEN = 0.01  # of a step: steps that differ by less are even
+LEAST_RELIEF = 0.01  # of the power: what differs by less is no relief
+_LEVELS = 3  # of a column, for one of them to lie inside
+
+WITHIN_ERRORS = "within errors"
+WITHIN_RELIEF = f"within {100.0 * LEAST_RELIEF:g} %"
+_NO_SPREAD = "no more spread than its errors explain"
 
 
 class Optimum(NamedTuple):
@@ -28,14 +34,20 @@ class Optimum(NamedTuple):
 
     kind: str
     point: Point
-    at_edge: bool  # at the end of a range in the campaign: the best may lie outside
+    at_edge: bool  # at the end of a range of three values and more: the best may lie outside
     at_gap: bool  # the next point along an axis was not measured: the best may lie there
     points: int  # measured, of which it is the best
+    flat: str  # how little the points of its slice differ; empty if they do
+    idle: tuple[str, ...]  # left-out columns along which power does not differ from here
 
     @property
     def doubt(self) -> str:
-        """Where the true optimum may lie instead, in a word or two; empty if it lies here."""
-        return "grid's edge" if self.at_edge else "beside a gap" if self.at_gap else ""
+        """Where the true optimum may lie instead, in a word or two; empty if it lies here.
+
+        Where nothing differs that is said, and neither edge nor gap means anything.
+        """
+        edge = "grid's edge" if self.at_edge else "beside a gap" if self.at_gap else ""
+        return self.flat or edge
 
     @property
     def power(self) -> float:
@@ -99,9 +111,21 @@ def cut(matrix: Matrix, kind: str, x: Column, y: Column, held: Setting | None = 
     measured = {(p.setting[x.name], p.setting[y.name]) for p in inside}
     here = (top.setting[x.name], top.setting[y.name])
     best = Optimum(
-        kind, top, _at_edge(here, asked), not _neighbours(here, asked) <= measured, len(found)
+        kind,
+        top,
+        _at_edge(here, asked),
+        not _neighbours(here, asked) <= measured,
+        len(found),
+        _flat(kind, inside, 3),
+        tuple(name for name in sliced if _flat(kind, _along(name, top, found), 2)),
     )
     return Slice(kind, x, y, held, sliced, inside, tuple(sorted(asked - measured)), best)
+
+
+def _along(name: str, through: Point, points: list[Point]) -> tuple[Point, ...]:
+    """The points that differ from one in this column at most."""
+    others = {n: v for n, v in through.setting.items() if n != name}
+    return tuple(p for p in points if agrees(p.setting, others))
 
 
 def projected(matrix: Matrix, kind: str, x: Column, y: Column) -> Slice:
@@ -153,8 +177,8 @@ def remarks(of: Slice) -> list[str]:
     if len(of.points) > 2:
         uneven = [c.label for c, along in ((of.x, xs), (of.y, ys)) if not _even(along)]
         said += [f"{' and '.join(uneven)} unevenly spaced"] if uneven else []
-    if _within_error(of):
-        said.append("no more spread than its errors explain")
+    if flat := _flat(of.kind, of.points, 3):
+        said.append(f"all {flat}" if flat != WITHIN_ERRORS else _NO_SPREAD)
     if of.missing:
         many = len(of.missing)
         said.append(f"{many} point{'s' if many > 1 else ''} not measured (×)")
@@ -172,14 +196,20 @@ def _known(matrix: Matrix, name: str, value: float) -> float:
     return near[0] if near else value
 
 
-def _within_error(of: Slice) -> bool:
-    """Whether power is the same at all points, as far as their errors say (chi square, 99 %)."""
-    squares = np.array([p.error[of.kind] for p in of.points]) ** 2
-    if len(squares) < 3 or not np.isfinite(squares).all() or not squares.all():
-        return False
-    ratio = float(np.var(of.values, ddof=1) / squares.mean())
-    dof = len(squares) - 1
-    return ratio < float(chi2.ppf(0.99, dof)) / dof
+def _flat(kind: str, points: tuple[Point, ...], least: int) -> str:
+    """How little power differs at ``least`` points and more, in words; empty if it does differ.
+
+    As far as their errors say (chi square, 99 %), or by so little that nobody would care.
+    """
+    if len(points) < least:
+        return ""
+    values = np.array([p.power[kind] for p in points])
+    squares = np.array([p.error[kind] for p in points]) ** 2
+    if np.isfinite(squares).all() and squares.all():
+        dof = len(points) - 1
+        if float(np.var(values, ddof=1) / squares.mean()) < float(chi2.ppf(0.99, dof)) / dof:
+            return WITHIN_ERRORS
+    return WITHIN_RELIEF if np.ptp(values) < LEAST_RELIEF * np.abs(values).max() else ""
 
 
 def _even(values: list[float]) -> bool:
@@ -188,9 +218,10 @@ def _even(values: list[float]) -> bool:
 
 
 def _at_edge(here: Place, asked: set[Place]) -> bool:
-    ranges = [(min(values), max(values)) for values in zip(*asked, strict=True)]
+    axes = [sorted(set(values)) for values in zip(*asked, strict=True)]
     return any(
-        low < high and value in (low, high) for value, (low, high) in zip(here, ranges, strict=True)
+        len(axis) >= _LEVELS and value in (axis[0], axis[-1])
+        for value, axis in zip(here, axes, strict=True)
     )
 
 

@@ -8,10 +8,11 @@ import numpy as np
 import xarray
 
 from rig.analysis import effects_table, labels, words
+from rig.analysis.alarms import alarms
 from rig.analysis.effects import Effects, is_designed
-from rig.analysis.points import Setting, matrix, varied
-from rig.analysis.rows import COMPLETE, CUT_SHORT
-from rig.analysis.slices import Optimum, optima
+from rig.analysis.points import Setting, matrix, scatter_of, varied
+from rig.analysis.rows import COMPLETE
+from rig.analysis.slices import LEAST_RELIEF, Optimum, optima
 from rig.config.columns import ALWAYS
 from rig.runs.folder import Facts
 
@@ -40,6 +41,7 @@ class Summary(NamedTuple):
     started_utc: str
     ended_utc: str
     code: str
+    calibration: str  # with what the run is read, where that is not as recorded
     ending: str
     reason: str
     rows_done: int
@@ -62,6 +64,30 @@ class Summary(NamedTuple):
         """Where the further columns stand at a best point, SI, by name."""
         here = optimum.point.setting
         return {name: here[name] for name in self.further if name in here}
+
+    def further_words(self, optimum: Optimum) -> str:
+        """The same in words; a column that does not matter is told by its name alone."""
+        here = self.further_of(optimum)
+        matter = {name: value for name, value in here.items() if name not in optimum.idle}
+        said = [f"at {labels.settings(matter)}"] if matter else []
+        idle = [labels.BY_NAME[name].label for name in here if name in optimum.idle]
+        return "; ".join([*said, f"no matter which {', '.join(idle)}"] if idle else said)
+
+    @property
+    def errors_words(self) -> str:
+        """What the ± of the best points is, with a comma before it; empty where there is none."""
+        source = scatter_of(best.point for best in self.optima)
+        return f", ± standard error by {source}" if source else ""
+
+    @property
+    def flat_words(self) -> str:
+        """What a remark says that power does not differ; empty where no best point has one."""
+        remarks = {best.flat for best in self.optima} - {""}
+        remarks |= {"no matter which"} if any(best.idle for best in self.optima) else set()
+        if not remarks:
+            return ""
+        small = f"by less than {100.0 * LEAST_RELIEF:g} %, or by no more than errors explain"
+        return f"{', '.join(sorted(remarks))}: power differs {small}".capitalize()
 
 
 def _sea(plan: dict[str, Any]) -> str:
@@ -96,71 +122,6 @@ def _name(config: dict[str, Any], key: str) -> str:
     return str(value.get("name", "")) if isinstance(value, dict) else str(value or "")
 
 
-def row_list(rows: Any) -> str:
-    """Row ids as short text: ``1-5, 9``."""
-    parts: list[list[int]] = []
-    for row in sorted(int(r) for r in rows):
-        if parts and row == parts[-1][1] + 1:
-            parts[-1][1] = row
-        else:
-            parts.append([row, row])
-    texts = [str(a) if a == b else f"{a}-{b}" for a, b in parts]
-    if len(texts) > 12:
-        texts = [*texts[:12], f"and {len(texts) - 12} more"]
-    return ("row " if texts == [str(parts[0][0])] else "rows ") + ", ".join(texts)
-
-
-def _flagged(table: xarray.Dataset, name: str, said: str) -> list[str]:
-    by_flag: dict[str, list[int]] = {}
-    for row, text in zip(table["row"].values.tolist(), table[name].values.tolist(), strict=True):
-        for flag in text.split():
-            by_flag.setdefault(flag, []).append(row)
-    return [
-        f"{said.format(flag.lower().replace('_', ' '))} in {row_list(rows)}"
-        for flag, rows in by_flag.items()
-    ]
-
-
-def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[str]:
-    """Everything a reader of the results must know of, a sentence each; none if all is well."""
-    found = [unfinished] if unfinished else []
-    dropped = known.timing.get("dropped_rows") or 0
-    if dropped:
-        found.append(f"{dropped} log rows were dropped because the disk was too slow")
-    if table.sizes.get("row", 0) == 0:
-        if known.plan.get("device") == "absent":
-            return found
-        return [*found, "no row was measured"]
-    rows = table["row"].values
-    for axis, called in (("", "mean position"), ("surge_", "mean surge position")):
-        off = np.flatnonzero(table[f"{axis}position_alarm"].values)
-        if len(off) == 0:
-            continue
-        means = table[f"{axis}position_mean"].values
-        worst = off[np.argmax(np.abs(means[off]))]
-        bound = 1e3 * table.attrs["mean_position_alarm_m"]
-        found.append(
-            f"{called} beyond {bound:g} mm in {row_list(rows[off])}: "
-            f"{words.signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; check the encoder zero"
-        )
-    found += _flagged(table, "limits", "force limited ({})")
-    found += _flagged(table, "warned", "warning ({})")
-    lost = table["lost_ticks"].values
-    if lost.any():
-        found.append(f"{lost.sum()} ticks lost while measuring, in {row_list(rows[lost > 0])}")
-    bare = (table["samples"].values > 0) & (table["tare_samples"].values == 0)
-    if bare.any():
-        found.append(
-            f"no tare was taken before {row_list(rows[bare])}: zeros are the first tick's values"
-        )
-    again = table["attempt"].values > 0
-    if again.any():
-        found.append(f"started over after a hold: {row_list(rows[again])}")
-    for row in np.flatnonzero(table["state"].values == CUT_SHORT).tolist():
-        found.append(f"row {rows[row]} is not whole ({table['cut_short'].values[row]})")
-    return found
-
-
 def summarise(
     table: xarray.Dataset,
     known: Facts,
@@ -188,6 +149,7 @@ def summarise(
         started_utc=words.utc(known.started_utc) or "not recorded",
         ended_utc=words.utc(str(status.get("ended_utc") or "not recorded")),
         code=_code(known.code),
+        calibration=str(table.attrs.get("calibration", "")),
         ending=ENDINGS.get(str(status.get("status")), NO_END),
         reason=words.reason_words(str(status.get("reason") or "")) if ended else NO_REASON,
         rows_done=states.count(COMPLETE),
@@ -213,6 +175,8 @@ def as_json(summary: Summary) -> dict[str, Any]:
             "kp_n_s_per_m": o.point.kp,
             "ki_n_per_m": o.point.ki,
             "further": summary.further_of(o),
+            "further_without_effect": list(o.idle),
+            "flat": o.flat or None,
             "mean_w": o.power,
             "standard_error_w": o.error if np.isfinite(o.error) else None,
             "at_edge_of_grid": o.at_edge,
@@ -240,6 +204,7 @@ def as_text(summary: Summary) -> str:
         f"started  {summary.started_utc}",
         f"ended    {summary.ended_utc}",
         f"code     {summary.code}",
+        *([f"read by  {summary.calibration}"] if summary.calibration else []),
         "",
         *_best(summary),
     ]
@@ -259,7 +224,7 @@ def _best(summary: Summary) -> list[str]:
     """What the run gave: best points of the matrix, or the findings of a run without rows."""
     if summary.findings:
         return ["Waves without the device", *(f"  {text}" for text in summary.findings)]
-    lines = ["Best points (negative is absorbed, positive consumed; ± standard error)"]
+    lines = [f"Best points (negative is absorbed, positive consumed{summary.errors_words})"]
     for o in summary.optima:
         lines.append(
             f"  {words.POWER_NAMES[o.kind]:<32} {words.watts(o.power, o.error):>16}"
@@ -267,8 +232,10 @@ def _best(summary: Summary) -> list[str]:
             f"   {words.spring_words(o.point.spring_rate, o.point.stator)}"
             + (f"   {o.doubt}" if o.doubt else "")
         )
-        if further := summary.further_of(o):
-            lines.append(f"  {'':<32} at {labels.settings(further)}")
+        if further := summary.further_words(o):
+            lines.append(f"  {'':<32} {further}")
+    if note := summary.flat_words:
+        lines.append(f"  {note}")
     if not summary.optima:
         lines.append("  no complete row")
     return lines

@@ -17,7 +17,7 @@ from matplotlib.figure import FigureBase
 from rig.analysis import labels, panel, picture, words
 from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import INK
-from rig.analysis.points import Matrix, Setting, levels, matrix, varied
+from rig.analysis.points import Matrix, Setting, levels, matrix, scatter_of, varied
 from rig.analysis.slices import KI, KP, Slice, by_spring, cut, projected
 from rig.config.columns import Column
 
@@ -127,9 +127,10 @@ def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
     shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring else ())}
     sliced = {column.name for column in varied(found)} - shown and not scattered(found)
     beneath = "left-out columns at each panel's own optimum" if sliced else ""
+    said = picture.absorbed(scatter_of(found.points))
     width = max(3.6 * max(1, panels_across(table)) + 1.4, _NARROWEST)
     title = f"Power surfaces: {picture.campaign(table.attrs)}"
-    figure, body = picture.framed(width, 9.0, title, table.attrs, beneath=beneath)
+    figure, body = picture.framed(width, 9.0, title, table.attrs, said, beneath)
     draw(body, table, width)
     return picture.save(figure, path)
 
@@ -163,7 +164,8 @@ def write_sliced(
     title = f"Power over {x.label} and {y.label}: {picture.campaign(table.attrs)}"
     width = max(4.1 * len(kinds) + 0.5, _NARROWEST)
     others = "every other column at the optimum of the station"
-    figure, body = picture.framed(width, 3.9, title, table.attrs, beneath="" if held else others)
+    said = picture.absorbed(scatter_of(found.points))
+    figure, body = picture.framed(width, 3.9, title, table.attrs, said, "" if held else others)
     panels: Any = body.subplots(1, len(kinds), squeeze=False)
     room = width / len(kinds) - 1.0
     for axes, each in zip(panels[0], cuts, strict=True):

@@ -1,5 +1,6 @@
 """Time series of a run, one panel a unit, phases of the plan shaded behind them."""
 
+import textwrap
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,10 @@ from rig.runs.folder import facts
 from rig.sequence import Phase
 
 DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1", "power.ac")
+_WIDE, _PAGE = 11.0, 8.0  # in: of the picture, and of all panels together where they can be read
+_HIGHEST, _LEAST = 2.2, 1.1  # in, of a panel
+_LETTERS = 160  # of a line beneath the title
+_UNITLESS = ("flag", "index", "1")
 COLUMNS = 2000  # time bins of a picture; each keeps its least and greatest sample
 _INK = "#22303c"
 _LINES = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
@@ -69,6 +74,26 @@ def _shade(axes: Axes, time: Any, phase: Any, step: float) -> set[Phase]:
     return seen
 
 
+def _shown(unit: str) -> str:
+    return unit.replace("^2", "²").replace("*", "·")
+
+
+def _still(data: dict[str, Any], names: list[str]) -> list[str]:
+    """Fields that keep one value throughout, unless all do."""
+    still = [n for n in names if len(data[n]) > 1 and (data[n] == data[n][0]).all()]
+    return still if len(still) < len(names) else []
+
+
+def _constants(data: dict[str, Any], still: list[str], units: dict[str, str]) -> str:
+    """What they are, in a sentence; a number where the unit is one of labels."""
+    told = [
+        f"{name} {float(data[name][0]):g}"
+        + ("" if units[name] in _UNITLESS else f" {_shown(units[name])}")
+        for name in still
+    ]
+    return f"constant: {', '.join(told)}" if told else ""
+
+
 def write_traces(
     run: Path,
     path: Path,
@@ -76,6 +101,8 @@ def write_traces(
     rows: int | Iterable[int] | None = None,
 ) -> Path:
     """A picture of the named fields over time (s from run start), of some rows or the whole run.
+
+    Fields that never change are told in words, unless all are such.
 
     ``fields`` are names, prefixes or shell patterns as in `rig.runs.open_run`; KeyError for an
     unknown field or row, RunError for a run that cannot be read.
@@ -88,11 +115,25 @@ def write_traces(
     data = reader.columns(source, ["time", *dict.fromkeys([*place, *names])], rows)
     time = data["time"]
     units = {leaf.name: leaf.unit for leaf in source.leaves}
+    still = _still(data, names)
     panels: dict[str, list[str]] = {}
     for name in names:
-        panels.setdefault(units[name], []).append(name)
-    figure = Figure(figsize=(11.0, 1.1 + 2.2 * max(1, len(panels))), layout="constrained")
-    axes_of: Any = figure.subplots(max(1, len(panels)), 1, sharex=True, squeeze=False)[:, 0]
+        if name not in still:
+            panels.setdefault(_shown(units[name]), []).append(name)
+    told = textwrap.wrap(_constants(data, still, units), _LETTERS)
+    high = min(_HIGHEST, max(_LEAST, _PAGE / max(1, len(panels))))
+    heights = [0.05 + 0.13 * len(told)] * bool(told) + [high] * max(1, len(panels))
+    figure = Figure(figsize=(_WIDE, 1.1 + sum(heights)), layout="constrained")
+    axes_of: Any = figure.subplots(
+        len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )[:, 0]
+    if told:
+        axes_of[0].set_axis_off()
+        axes_of[0].margins(x=0.0)  # it shares the others' axis of time
+        where: dict[str, Any] = {"transform": axes_of[0].transAxes, "va": "top", "color": _INK}
+        where["in_layout"] = False
+        axes_of[0].text(0.0, 1.0, "\n".join(told), fontsize=7, **where)
+        axes_of = axes_of[1:]
     step = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else np.inf
     seen: set[Phase] = set()
     for axes, (unit, members) in zip(axes_of, panels.items(), strict=False):
@@ -102,7 +143,7 @@ def write_traces(
             x, y = _broken(time, data[name], step)
             style = ("-", "--", ":")[i // len(_LINES) % 3]
             axes.plot(*decimate(x, y), style, color=_LINES[i % len(_LINES)], lw=0.9, label=name)
-        axes.set_ylabel(unit.replace("^2", "²").replace("*", "·"))
+        axes.set_ylabel(unit)
         axes.grid(alpha=0.25)
         axes.margins(x=0.0)
         axes.legend(
@@ -116,6 +157,7 @@ def write_traces(
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
     axes_of[-1].set_xlabel("time from run start, s")
+    figure.align_ylabels(list(axes_of))
     known = facts(run, source.contents)
     stamp = words.rung_stamp(known.rung)
     figure.suptitle(

@@ -195,7 +195,9 @@ def findings(table: xarray.Dataset) -> list[str]:
         error = np.std(heights, ddof=1) / np.sqrt(len(heights)) if len(heights) > 1 else np.nan
         weak = one["frequency"].values[one["weak"].values == 1]
         text = f"{name}: Hm0 {1e3 * hm0:.1f} mm"
-        text += f" ± {1e3 * error:.2f}" if np.isfinite(error) else ""
+        if np.isfinite(error):
+            text += f" ± {1e3 * error:.2f}" if 1e3 * error >= 0.005 else " ± <0.01"
+            text += " by scatter of periods"
         text += (
             f" ({100.0 * (hm0 / asked - 1.0):+.1f} % of the asked {1e3 * asked:.1f} mm)"
             if asked

@@ -61,6 +61,9 @@ REASONS = {
     Reason.SURGE_POSITION: "the position limit of surge was reached",
     Reason.SURGE_VELOCITY: "the velocity limit of surge was reached",
     Reason.SURGE_ENCODER_JUMP: "the surge encoder jumped: it slipped or lost counts",
+    Reason.EMERGENCY_STOP: "the emergency stop was pressed",
+    Reason.LIMIT_SWITCH: "a limit switch was hit",
+    Reason.STALE_PANEL: "the emergency stop could not be read any more",
 }
 
 

@@ -1,7 +1,7 @@
 """Calibrations: versioned corrections of what was recorded, each with its range of validity.
 
-A record is never rewritten. What stands in it is corrected when it is read, and what comes of it
-says which version of which calibration it was read with.
+A record is never rewritten. What stands in it is corrected when somebody asks to read it so, and
+what comes of it says which version of which calibration it was read with.
 """
 
 from rig.calibration.correction import (

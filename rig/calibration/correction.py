@@ -5,7 +5,7 @@ comes back as -12000, to the last bit. Only the result is rounded to a float.
 """
 
 import math
-from datetime import date
+from datetime import date, datetime
 from decimal import Decimal, localcontext
 from typing import NamedTuple
 
@@ -25,6 +25,11 @@ class At(NamedTuple):
     series: str = ""  # of numbered runs; empty where runs have no number
     run: int | None = None
     day: date | None = None  # UTC
+
+    @staticmethod
+    def on(started_utc: str) -> "At":
+        """On the day of an ISO 8601 time: runs of this rig have no number in a series."""
+        return At(day=datetime.fromisoformat(started_utc).date() if started_utc else None)
 
     def words(self) -> str:
         """The same in words."""

@@ -16,6 +16,9 @@ UNITS = {
 }
 """Quantities that can be corrected, each with the one unit it is recorded in."""
 
+TORQUE_CONSTANT = ("rig", "heave", "torque_constant_n_m_per_a")
+"""Keys of a run's configuration under which it stands."""
+
 
 class Scale(FileModel):
     """Corrected = factor * recorded."""

@@ -1,11 +1,12 @@
 """Where calibrated quantities stand: in the entries of a test log and in the folders of runs."""
 
 import csv
-from datetime import date, datetime
+from datetime import date
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rig.calibration.correction import At
+from rig.calibration.files import TORQUE_CONSTANT
 from rig.legacy.testlog import Activity, Entry, Log
 from rig.runs import RunError, facts, list_runs
 from rig.runs.folder import Facts
@@ -78,10 +79,7 @@ def in_runs(folder: Path, quantity: str) -> tuple[Stood, ...]:
 
 
 def _of_run(path: Path, known: Facts, quantity: str) -> list[Stood]:
-    day = None
-    if known.started_utc:
-        day = datetime.fromisoformat(known.started_utc).date()
-    at = At(day=day)
+    at = At.on(known.started_utc)
     there = tuple(name for name in PRODUCTS if (path / name).is_file())
     if quantity == "spring_rate":
         return [
@@ -94,13 +92,10 @@ def _of_run(path: Path, known: Facts, quantity: str) -> list[Stood]:
 
 
 def _in_config(known: Facts, at: At, there: tuple[str, ...]) -> list[Stood]:
-    keys = ("rig", "heave", "torque_constant_n_m_per_a")
-    value: Any = known.config
-    for key in keys:
-        value = value.get(key) if isinstance(value, dict) else None
-    if not isinstance(value, int | float):
+    value = known.configured(*TORQUE_CONSTANT)
+    if value is None:
         return []
-    return [Stood(known.run, ".".join(keys), at, float(value), "", there)]
+    return [Stood(known.run, ".".join(TORQUE_CONSTANT), at, value, "", there)]
 
 
 def _in_table(path: Path, known: Facts, at: At, there: tuple[str, ...]) -> list[Stood]:

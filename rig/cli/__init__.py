@@ -2,14 +2,29 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from rig.cli import calibration, matrix, testlog
+from rig.cli import calibration, matrix, scan, testlog
+
+
+class Interruptible(TyperGroup):
+    """The commands; Ctrl-C before or after what heeds it itself ends them with a word."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; exit code 3 for an interrupt that nothing in it took."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            print(f"\nrig {ctx.invoked_subcommand}: interrupted", file=sys.stderr)
+            sys.exit(STOPPED)
+
 
 app = typer.Typer(
     name="rig",
+    cls=Interruptible,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -24,6 +39,8 @@ RUNS = Path("runs")
 Rig = Annotated[
     Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
 ]
+_READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
+ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
@@ -70,6 +87,47 @@ def check(
     sys.exit(main(campaign, rig, every_row=rows, as_json=json))
 
 
+_SIM = """\
+Exit codes: 0 ended by Ctrl-C; 1 an address is taken, or the devices failed; 2 bad input."""
+
+
+@app.command(epilog=_SIM)
+def sim(
+    rig: Annotated[Path, typer.Argument(help="Rig file (YAML) with wiring.")],
+    campaign: Annotated[
+        Path | None, typer.Option("--campaign", help="Campaign whose sea it is; else calm water.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="One line of JSON when ready.")] = False,
+) -> None:
+    """Be the devices of a wired rig, emulated, at the addresses of its rig file, until Ctrl-C."""
+    from rig.cli.sim import main
+
+    sys.exit(main(rig, campaign, as_json=json))
+
+
+_DEVICES = """\
+Exit codes: 0 all answer and agree with the rig file; 1 something does not, or a run has the rig; \
+2 bad input."""
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Also while a run has the rig; it may be disturbed.")
+]
+
+
+@app.command(epilog=_DEVICES)
+def devices(
+    rig: Annotated[Path, typer.Argument(help="Rig file (YAML) with wiring.")],
+    objects: Annotated[
+        bool, typer.Option("--objects", help="Also every object that a run will set.")
+    ] = False,
+    anyway: Anyway = False,
+    json: Json = False,
+) -> None:
+    """Say who answers on a rig's wires, and whether what must stand there does. It only reads."""
+    from rig.cli.devices import main
+
+    sys.exit(main(rig, anyway=anyway, objects=objects, as_json=json))
+
+
 _DOCTOR = """\
 Exit codes: 0 fit for real time on a rig (with --rehearsal: for a rehearsal); 1 not fit, the \
 verdict says why; 2 bad input."""
@@ -78,24 +136,28 @@ verdict says why; 2 bad input."""
 @app.command(epilog=_DOCTOR)
 def doctor(
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure, twice.")
-    ] = 5.0,
+        float, typer.Option("--seconds", min=0.1, max=3600, help="How long to measure wake-ups.")
+    ] = 35.0,
     rehearsal: Annotated[
         bool, typer.Option("--rehearsal", help="The exit code is about rehearsals only.")
     ] = False,
     rate: Annotated[
-        float, typer.Option("--rate", min=10, max=10_000, help="Rate of the loop, Hz.")
-    ] = 1000.0,
+        float | None,
+        typer.Option("--rate", min=10, max=10_000, help="Rate of the loop, Hz (the rig's, 1000)."),
+    ] = None,
     hours: Annotated[
         float, typer.Option("--hours", min=0, max=1000, help="Hours of log to have room for.")
     ] = 8.0,
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="Rig file: also what its wires need.")
+    ] = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
     """Say whether this host is fit for real time on a rig, and what to do about it if not."""
     from rig.cli.doctor import main
 
-    sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json))
+    sys.exit(main(runs, seconds, rate, hours, rehearsal=rehearsal, as_json=json, rig=rig))
 
 
 _RECOVER = """\
@@ -133,15 +195,11 @@ def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
 
 
 @app.command()
-def show(
-    run: Run,
-    runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
+def show(run: Run, calibration: ReadBy = None, runs: Runs = RUNS, json: Json = False) -> None:
     """Show what a run was and what came out of it."""
     from rig.cli.show import main
 
-    sys.exit(main(run, runs, as_json=json))
+    sys.exit(main(run, runs, calibration or [], as_json=json))
 
 
 @app.command()
@@ -175,13 +233,17 @@ def plot(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
     ] = None,
+    calibration: ReadBy = None,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
     """Draw a run again: surfaces and summary, one surface, bars, or log fields over time."""
     from rig.cli.plot import Asked, main
 
-    asked = Asked(fields or [], rows or [], surface, left_out or [], station or [], sort, output)
+    asked = Asked(
+        fields or [], rows or [], surface, left_out or [], station or [], sort, output,
+        calibration or [],
+    )  # fmt: skip
     sys.exit(main(run, runs, asked, as_json=json))
 
 
@@ -213,3 +275,4 @@ def compare(
 app.command("matrix")(matrix.command)
 app.command("testlog")(testlog.command)
 app.add_typer(calibration.app)
+app.add_typer(scan.app)

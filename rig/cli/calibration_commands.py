@@ -206,6 +206,8 @@ def diff(
         print(json.dumps(_difference_json(found, before, after), ensure_ascii=False))
         return cli.OK
     _tell(found, after.file.unit, looked=testlog is not None or runs is not None)
+    if runs is not None and found.stale:
+        print(f"\nrig plot RUN --calibration {new} makes those of a run, beside the old ones")
     return cli.OK
 
 

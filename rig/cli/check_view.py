@@ -77,9 +77,7 @@ class View:
     def _by_spring(self, forecast: Prediction) -> set[int]:
         """A line for each spring rate; gives the points that are refused."""
         refused = {one.row.point for one in forecast.rows if any(one.broken())}
-        table = _table(
-            "Predicted, by spring rate", "mean power in W at Kp/Ki; absorbed is negative"
-        )
+        table = _table("Predicted, by spring rate", "mean W at Kp/Ki or row; absorbed is negative")
         for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
             table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
         stations = _STATIONS if self._out.width >= WIDTH else _STATIONS[1:]
@@ -221,7 +219,11 @@ def _best(rows: list[RowPrediction], field: str) -> str:
         return "-"
     best = min(rows, key=lambda one: float(getattr(one.foreseen, field)))
     power, setting = getattr(best.foreseen, field), best.row.setting
-    return f"{power:.1f} at {setting.kp:g}/{setting.ki:g}"
+    gains = {(one.row.setting.kp, one.row.setting.ki) for one in rows}
+    at = [f"{setting.kp:g}/{setting.ki:g}"]
+    if len({one.row.point for one in rows}) > len(gains):  # something else varies, too
+        at = [*(at if len(gains) > 1 else []), f"row {best.row.row}"]
+    return f"{power:.1f} at {', '.join(at)}"
 
 
 def _duration(now: Travel, forecast: Prediction) -> Text:

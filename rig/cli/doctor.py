@@ -9,25 +9,49 @@ from rich.text import Text
 
 from rig import cli
 from rig.cli.console import table_console
+from rig.cli.refusal import REFUSED, refuse
+from rig.config import RigFile, load
 from rig.doctor import Asked, Examination, Finding, Use, Verdict, examine
+from rig.doctor.timing import PLAIN
 
+RATE = 1000.0  # Hz, of the loop where nobody says another
 _WIDE = 110  # columns
 _LOOKS = {
     Verdict.GOOD: ("ok", "green"),
     Verdict.WARNING: ("!", "yellow"),
     Verdict.BAD: ("BAD", "bold red"),
     Verdict.UNKNOWN: ("?", "dim"),
+    Verdict.NOTE: ("-", "dim"),
 }
 
 
 def main(
-    runs: Path, seconds: float, rate_hz: float, hours: float, *, rehearsal: bool, as_json: bool
+    runs: Path,
+    seconds: float,
+    rate_hz: float | None,
+    hours: float,
+    *,
+    rehearsal: bool,
+    as_json: bool,
+    rig: Path | None = None,
 ) -> int:
-    """Examine the host and say what it is fit for; 0 if fit for what was asked."""
+    """Examine the host and say what it is fit for; 0 if fit for what was asked.
+
+    ``rig``: also what its wires need; its rate is the loop's where none is given.
+    """
     console = table_console()
-    asked = Asked(runs, seconds, rate_hz, hours)
+    wanted = None
+    if rig is not None:
+        try:
+            wanted, _ = load(rig, RigFile)
+        except REFUSED as error:
+            return refuse("doctor", error, as_json=as_json)
+    rate = rate_hz or (float(wanted.rate_hz) if wanted is not None else RATE)
+    asked = Asked(runs, seconds, rate, hours, wanted)
     if not as_json and console.is_terminal:
-        with console.status(f"measuring wake-ups for {2 * seconds:g} s, then the rest ..."):
+        with console.status(
+            f"measuring wake-ups for {seconds + min(seconds, PLAIN):g} s, then the rest ..."
+        ):
             found = examine(asked)
     else:
         found = examine(asked)
@@ -80,6 +104,6 @@ def _add(table: Table, finding: Finding) -> None:
         table.add_row(*head, value, limit)
         return
     for more in (limit, advice):
-        if more and finding.verdict is not Verdict.GOOD:
+        if more and finding.verdict not in (Verdict.GOOD, Verdict.NOTE):
             value.append("\n").append(more)
     table.add_row(*head, value)

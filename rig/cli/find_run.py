@@ -1,8 +1,12 @@
-"""Which run a person means."""
+"""Which run a person means, and by which calibrations it is to be read."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rig.runs import RunError, list_runs
+
+if TYPE_CHECKING:
+    from rig.calibration import Known
 
 
 def find_run(named: Path, runs: Path) -> Path:
@@ -26,6 +30,16 @@ def find_run(named: Path, runs: Path) -> Path:
         raise RunError(f"{named}: {len(matches)} runs begin so: {_names(matches)}")
     there = _names(known[-5:]) if known else "none"
     raise RunError(f"{named}: no such run or campaign in {runs}/; the newest there: {there}")
+
+
+def find_calibrations(named: list[str]) -> "list[Known]":
+    """The calibrations a person means, by file or name; raises as `rig calibration show` tells."""
+    if not named:
+        return []
+    from rig.cli.calibration import FOLDER
+    from rig.cli.calibration_commands import find
+
+    return [find(name, FOLDER) for name in named]
 
 
 def _names(paths: list[Path]) -> str:

@@ -3,11 +3,14 @@
 import json
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rig import cli
-from rig.cli.failure import fail
-from rig.cli.find_run import find_run
+from rig.cli.find_run import find_calibrations, find_run
+from rig.cli.refusal import REFUSED, refuse
+
+if TYPE_CHECKING:
+    import xarray
 
 STATIONS = {
     "mechanical": "mechanical_1",
@@ -28,14 +31,15 @@ class Asked(NamedTuple):
     stations: list[str]
     sort: str | None
     output: Path | None
+    calibrations: list[str]  # to read the run by
 
 
 def main(named: Path, runs: Path, asked: Asked, *, as_json: bool) -> int:
     """Write surfaces and summary anew, or what is asked for; print what was written."""
     try:
         written = _draw(find_run(named, runs), asked)
-    except (KeyError, ValueError, OSError) as error:
-        return fail("plot", error, as_json=as_json)
+    except REFUSED as error:
+        return refuse("plot", error, as_json=as_json)
     if as_json:
         print(json.dumps([str(path) for path in written]))
     else:
@@ -44,44 +48,46 @@ def main(named: Path, runs: Path, asked: Asked, *, as_json: bool) -> int:
 
 
 def _draw(run: Path, asked: Asked) -> list[Path]:
-    from rig.analysis.report import write_products
+    from rig.analysis.report import products_folder, write_products
+    from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
     from rig.analysis.traces import DEFAULT_FIELDS, write_traces
 
     traces = bool(asked.fields or asked.rows)
     surface = bool(asked.surface or asked.left_out or asked.stations)
     if traces + surface + bool(asked.sort) > 1:
         raise ValueError("fields over time, a surface or bars: one picture at a time")
+    if asked.sort not in (None, "run", "power"):
+        raise ValueError(f"--sort {asked.sort}: allowed run, power")
+    read_by = find_calibrations(asked.calibrations)
     folder = run if run.is_dir() else run.parent
-    if surface:
-        return [_surface(run, folder, asked)]
-    if asked.sort:
-        return [_bars(run, folder, asked.sort, asked.output)]
+    if surface or asked.sort:
+        table = row_table(run, MEAN_POSITION_ALARM, read_by)
+        folder = products_folder(folder, read_by)
+        if asked.output is None:
+            folder.mkdir(exist_ok=True)
+        return [_surface(table, folder, asked) if surface else _bars(table, folder, asked)]
     if traces or asked.output:
+        if read_by:
+            raise ValueError("fields over time are drawn as recorded; leave out --calibration")
         picture = asked.output or folder / "traces.png"
         return [write_traces(run, picture, asked.fields or DEFAULT_FIELDS, asked.rows or None)]
-    return write_products(run)
+    return write_products(run, MEAN_POSITION_ALARM, read_by)
 
 
-def _bars(run: Path, folder: Path, sort: str, output: Path | None) -> Path:
+def _bars(table: "xarray.Dataset", folder: Path, asked: Asked) -> Path:
     from rig.analysis.bars import write_bars
-    from rig.analysis.rows import row_table
 
-    if sort not in ("run", "power"):
-        raise ValueError(f"--sort {sort}: allowed run, power")
-    table = row_table(run)
-    if sort == "run":
-        return write_bars(table, output or folder / "bars.png")
-    return write_bars(table, output or folder / "bars_by_power.png", "power")
+    if asked.sort == "run":
+        return write_bars(table, asked.output or folder / "bars.png")
+    return write_bars(table, asked.output or folder / "bars_by_power.png", "power")
 
 
-def _surface(run: Path, folder: Path, asked: Asked) -> Path:
+def _surface(table: "xarray.Dataset", folder: Path, asked: Asked) -> Path:
     from rig.analysis.labels import column
     from rig.analysis.points import matrix, varied
-    from rig.analysis.rows import row_table
     from rig.analysis.surfaces import KINDS, write_sliced
     from rig.config.columns import ALWAYS
 
-    table = row_table(run)
     names = asked.surface or ("ki", "kp")
     x, y = column(names[0]), column(names[1])
     varying = varied(matrix(table))

@@ -141,6 +141,9 @@ class Progress:
         row = int(snapshot.row["plan.row"])
         phase = Phase(int(snapshot.row["plan.phase"])).name.lower().replace("_", "-")
         count = len(self._plan.rows)
+        if phase == Phase.DONE.name.lower():
+            ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
+            return f"all {count} walked" if ended else f"- of {count}   stopped"
         if row == NO_ROW:
             return f"- of {count}   {phase}"
         point = self._plan.rows[row].setting
@@ -167,7 +170,8 @@ class Progress:
         return planned + max(0.0, calm - (planned - self._plan.wave_seconds))
 
     def _time_words(self, snapshot: Snapshot) -> str:
-        done, whole = float(snapshot.row["time"]), self._whole(snapshot)
+        done = float(snapshot.row["time"])
+        whole = max(done, self._whole(snapshot))  # the stop at the end is not in the plan
         speed = done / max(time.monotonic() - self._began, 1e-3)
         return (
             f"{clock_text(done)} of {clock_text(whole)} rig time, "

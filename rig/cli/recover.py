@@ -158,8 +158,8 @@ def _missing(made: Recovery) -> list[tuple[str, str]]:
 
 
 def _row_words(rows: list[Row] | None) -> list[tuple[str, str]]:
+    from rig.analysis.alarms import row_list
     from rig.analysis.rows import COMPLETE, NOT_RUN
-    from rig.analysis.summary import row_list
 
     if rows is None:
         return []

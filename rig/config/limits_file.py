@@ -71,6 +71,7 @@ class LoopLimits(FileModel):
     lost_ticks_stop: Whole = Field(ge=1, le=100_000)  # in one gap
     load_cell_age_stop_s: float = Field(gt=0, le=60)
     analyser_age_stop_s: float = Field(gt=0, le=60)
+    panel_age_stop_s: float = Field(gt=0, le=60)
 
 
 class LimitsFile(FileModel):

@@ -56,6 +56,9 @@ def validate(mapping: dict[str, Any], locate: Locate, model: type[M]) -> M:
         raise ConfigError(problems_from(error, locate, model)) from None
 
 
+_ALIKE = 0.73  # of two words, for one to be a slip of the other: not 'start' for 'stator'
+
+
 def problems_from(
     error: ValidationError, locate: Locate, model: type[BaseModel] | None = None
 ) -> tuple[Problem, ...]:
@@ -168,7 +171,9 @@ def _unknown_key(model: type[BaseModel] | None, loc: KeyPath) -> str:
 
 
 def _nearest(word: object, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(str(word), list(known), n=1, cutoff=0.6)
+    names = list(known)
+    near = [name for name in names if name.startswith(f"{word}_")]  # its unit was forgotten
+    near = near or difflib.get_close_matches(str(word), names, n=1, cutoff=_ALIKE)
     return f"; did you mean {near[0]}?" if near and word is not None else ""
 
 

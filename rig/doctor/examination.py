@@ -5,8 +5,22 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import realtime
-from rig.doctor import clocks, disk, memory, privileges, processor, software, timing
+from rig.config.rig_file import RigFile
+from rig.doctor import (
+    clocks,
+    disk,
+    memory,
+    privileges,
+    processor,
+    rig_wires,
+    software,
+    timing,
+    wires,
+)
 from rig.doctor.finding import REALTIME, Finding, Host, Use, Verdict
+
+Room = tuple[str, Callable[[], list[Finding]]]
+"""An area, and who looks at it."""
 
 _SHOWN = 4  # reasons in the verdict
 
@@ -18,6 +32,7 @@ class Asked(NamedTuple):
     seconds: float  # of each of the two measurements of wake-ups
     rate_hz: float  # of the loop
     hours: float  # of logging there must be room for
+    rig: RigFile | None = None  # whose wires are to be looked at too
 
 
 class Examination(NamedTuple):
@@ -70,16 +85,25 @@ def examine(asked: Asked, host: Host | None = None) -> Examination:
     later, busier = clocks.Moment.now(), processor.Busy.of(seen)
     woken = measured.privileged
     core = realtime.core() if woken is None else int(woken["core"])
-    rooms: tuple[tuple[str, Callable[[], list[Finding]]], ...] = (
+    latest = None if woken is None else float(woken["max_us"]) * 1e-6 / dt
+    rooms: tuple[Room, ...] = (
         (timing.AREA, lambda: timing.findings(measured, dt)),
         (privileges.AREA, lambda: privileges.findings(seen, woken)),
-        (processor.AREA, lambda: processor.findings(seen, core, busy, busier)),
+        (processor.AREA, lambda: processor.findings(seen, core, busy, busier, latest)),
         (clocks.AREA, lambda: clocks.findings(seen, moment, later)),
         (disk.AREA, lambda: disk.findings(seen, asked.runs, asked.hours, asked.rate_hz)),
         (memory.AREA, lambda: memory.findings(seen)),
+        (wires.AREA, lambda: wires.findings(seen)),
+        *_of_the_rig(seen, asked.rig),
         (software.AREA, software.findings),
     )
     return Examination(tuple(one for area, room in rooms for one in _looked_at(area, room)))
+
+
+def _of_the_rig(host: Host, rig: RigFile | None) -> list[Room]:
+    if rig is None:
+        return []
+    return [(rig_wires.area(rig), lambda: rig_wires.findings(host, rig))]
 
 
 def _looked_at(area: str, room: Callable[[], list[Finding]]) -> list[Finding]:

@@ -1,8 +1,11 @@
 """What a check finds, and the host as it shows itself in files."""
 
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from rig.hardware.reach import owner
 
 
 class Verdict(StrEnum):
@@ -12,6 +15,7 @@ class Verdict(StrEnum):
     WARNING = "warning"
     BAD = "bad"
     UNKNOWN = "not measurable"
+    NOTE = "for information"  # nothing is asked of it
 
 
 class Use(StrEnum):
@@ -62,7 +66,7 @@ class Host:
     """
 
     def __init__(self, root: Path = Path("/")) -> None:
-        self._root = root
+        self.root = root
 
     def text(self, path: str) -> str | None:
         """A file's text without outer blanks."""
@@ -92,5 +96,16 @@ class Host:
         except OSError:
             return []
 
+    def usable(self, path: str) -> bool:
+        """Whether this process may read and write a file."""
+        return os.access(self._at(path), os.R_OK | os.W_OK)
+
+    def owner(self, path: str) -> str:
+        """User, group and rights of a file; empty if it is not there."""
+        try:
+            return owner(self._at(path))
+        except OSError:
+            return ""
+
     def _at(self, path: str) -> Path:
-        return self._root / path.lstrip("/")
+        return self.root / path.lstrip("/")

@@ -9,6 +9,7 @@ from rig.doctor.finding import REALTIME, Finding, Host, Verdict, forbidding, gra
 AREA = "processor"
 _CPU = "/sys/devices/system/cpu"
 _LOAD_GOOD = 0.5  # of the cores
+STALLED = 0.5  # of a period: a virtual machine's wake-up later than that is its host's doing
 
 
 class Busy(NamedTuple):
@@ -28,15 +29,20 @@ class Busy(NamedTuple):
             return None
 
 
-def findings(host: Host, core: int, before: Busy | None, after: Busy | None) -> list[Finding]:
-    """``core``: the loop's; ``before`` and ``after`` enclose the measurement of its wake-ups."""
+def findings(
+    host: Host, core: int, before: Busy | None, after: Busy | None, latest: float | None = None
+) -> list[Finding]:
+    """``core``: the loop's; ``before`` and ``after`` enclose the measurement of its wake-ups.
+
+    ``latest``: how late the latest of them was, of a period; None if it was not measured.
+    """
     return [
         _count(),
         _isolated(host, core),
         _siblings(host, core),
         _governor(host, core),
         _load(host),
-        _virtual(host),
+        _virtual(host, _share_stolen(before, after), latest),
         _stolen(before, after),
         _kernel(host),
     ]
@@ -113,7 +119,7 @@ def _load(host: Host) -> Finding:
     return Finding(AREA, what, value, limit, verdict, advice, (), {"load": load})
 
 
-def _virtual(host: Host) -> Finding:
+def _virtual(host: Host, stolen: float | None, latest: float | None) -> Finding:
     what, limit = "virtual machine or container", "neither: a host stalls its guests at will"
     cpuinfo = host.text("/proc/cpuinfo")
     if cpuinfo is None:
@@ -130,14 +136,27 @@ def _virtual(host: Host) -> Finding:
     advice = (
         "run a rig from a machine of its own; stalls of 30 to 40 ms have been seen on shared ones"
     )
-    return Finding(AREA, what, " in ".join(kinds[::-1]), limit, Verdict.WARNING, advice)
+    value = " in ".join(kinds[::-1])
+    stalls = [f"{100 * stolen:.2g} % of its time stolen"] if stolen else []
+    if latest is not None and latest > STALLED:
+        stalls.append(f"a wake-up {latest:.2g} periods late")
+    verdict = Verdict.BAD if stalls and "machine" in value else Verdict.WARNING
+    if verdict is Verdict.BAD:  # what was seen in seconds will be worse in a day
+        value += f", stalled while it was measured ({' and '.join(stalls)})"
+    return Finding(AREA, what, value, limit, verdict, advice, forbidding(verdict, *REALTIME))
+
+
+def _share_stolen(before: Busy | None, after: Busy | None) -> float | None:
+    if before is None or after is None or after.all <= before.all:
+        return None
+    return (after.stolen - before.stolen) / (after.all - before.all)
 
 
 def _stolen(before: Busy | None, after: Busy | None) -> Finding:
     what, limit = "time stolen by other guests", "none while it was measured"
-    if before is None or after is None or after.all <= before.all:
+    share = _share_stolen(before, after)
+    if share is None:
         return Finding(AREA, what, "cannot be read", limit, Verdict.UNKNOWN)
-    share = (after.stolen - before.stolen) / (after.all - before.all)
     verdict = Verdict.GOOD if share == 0.0 else Verdict.WARNING
     advice = "" if share == 0.0 else "the host is shared; ask for a dedicated one"
     return Finding(AREA, what, f"{100 * share:.2f} %", limit, verdict, advice, (), {"share": share})

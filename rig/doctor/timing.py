@@ -11,6 +11,8 @@ from rig.runs.create import BusyError, hold_realtime
 AREA = "timing"
 P99_GOOD, P99_BAD = 0.10, 0.30  # of the period
 MAX_GOOD = 0.50  # of the period; beyond a whole one it is skipped
+LEAST = 30_000  # periods: none skipped in so many means less than 1 in 10 000, with 95 %
+PLAIN = 5.0  # s, of the measurement that only rehearsals on the real clock depend on
 _STALL = 30.0  # s beyond the measuring after which a measurement is given up
 _P99 = (
     "p99 at most {good:g} us, bad above {bad:g} us: the tick's own work must end before the next "
@@ -20,6 +22,8 @@ _QUIET = (
     "close what else runs, then see the findings on processor and kernel; a virtual machine is "
     "stalled by its host and no setting inside it helps"
 )
+
+_BELOW = "as for the periods skipped"
 
 
 class Measured(NamedTuple):
@@ -31,11 +35,12 @@ class Measured(NamedTuple):
 
 
 def measure(dt: float, seconds: float) -> Measured:
-    """Measure for ``seconds`` without and as long with the loop's privileges, in processes.
+    """Measure without (at most `PLAIN` s) and for ``seconds`` with the loop's privileges.
 
-    The second holds the host's real-time place meanwhile: a run is never disturbed.
+    Each in a process of its own. The second holds the host's real-time place meanwhile: a run is
+    never disturbed.
     """
-    plain, _ = _woken(dt, seconds, privileged=False)
+    plain, _ = _woken(dt, min(seconds, PLAIN), privileged=False)
     try:
         with hold_realtime("rig doctor"):
             privileged, trouble = _woken(dt, seconds, privileged=True)
@@ -97,15 +102,26 @@ def _judged(told: dict[str, Any], dt: float) -> list[Finding]:
         late = Verdict.WARNING
     limit = _P99.format(good=P99_GOOD * period, bad=P99_BAD * period)
     elapsed = told["wakes"] + told["skipped"]
+    enough = Verdict.GOOD if elapsed >= LEAST else Verdict.BAD
     skips = Verdict.BAD if told["skipped"] else Verdict.GOOD
     return [
+        Finding(
+            AREA,
+            "periods measured",
+            str(elapsed),
+            f"{LEAST} at least: fewer do not show what happens once in 10 000",
+            enough,
+            "" if enough is Verdict.GOOD else f"`rig doctor --seconds {LEAST * dt:g}` or more",
+            forbidding(enough, *REALTIME),
+            {"periods": elapsed},
+        ),
         Finding(
             AREA,
             "wake-up with the loop's privileges",
             _words(told),
             f"{limit}; max at most {MAX_GOOD * period:g} us",
             late,
-            "" if late is Verdict.GOOD or told["skipped"] else _QUIET,
+            "" if late is Verdict.GOOD else _BELOW if told["skipped"] else _QUIET,
             forbidding(late, *REALTIME),
             {key: told[key] for key in ("p50_us", "p99_us", "max_us")} | {"period_us": period},
         ),

@@ -49,11 +49,11 @@ def serve(job: dict[str, Any]) -> None:
     try:
         try:
             facts = _set_up(service, nodes, lambda: ended)
+            for one in nodes:
+                service.start(one["node"])
         except ServiceError as error:
             _say(event="refused", why=str(error))
             return
-        for one in nodes:
-            service.start(one["node"])
         _watch(service, nodes, slots)
         _say(event="ready", facts=facts)
         told = -_TELL

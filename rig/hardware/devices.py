@@ -7,7 +7,14 @@ import math
 import time
 from typing import Any
 
-from controllers.signals import AxisSense, DriveFault, DriveSense, ProbeSense, SpringSense
+from controllers.signals import (
+    AxisSense,
+    DriveFault,
+    DriveSense,
+    PanelSense,
+    ProbeSense,
+    SpringSense,
+)
 from drivers.canopen import scaling
 from drivers.canopen.bus_cycle import BusCycle, Line
 from drivers.canopen.bus_settings import Bus
@@ -50,6 +57,7 @@ class WaveBotDevices:
         )  # fmt: skip
         analyser = self._slots["analyser"].read()
         cells, probes = self._slots["cells"].read(), self._slots["probes"].read()
+        panel = self._slots["inputs"].read()
         lcb, trs = heave.analog
         string_pot, rotor_angle = surge.analog
         load_age = max(here - cells.stamp, heave.analog_age, surge.analog_age)
@@ -68,6 +76,7 @@ class WaveBotDevices:
             DriveSense(heave.acting, 1 if self._heave.held else 0, _NO_DUMP),
             ProbeSense(probes.probe_1, probes.probe_2, probes.probe_3, here - probes.stamp),
             _UNKNOWN,
+            PanelSense(panel.e_stop, panel.limit_switch, here - panel.stamp),
         )  # fmt: skip
 
     def write(self, command: Command) -> None:

@@ -123,7 +123,8 @@ def prepared(polled: Polled) -> list[tuple[Block, int, bool]]:
     ]
 
 
-def _tasks(config: dict[str, Any], mailboxes: dict[str, int]) -> Iterator[_Task]:
+def blocks_of(config: dict[str, Any]) -> Iterator[Polled]:
+    """The blocks of a line, as `rig.hardware.job` describes them."""
     for one in config["blocks"]:
         values = tuple(Value(*value) for value in one["values"])
         block = registers.checked(
@@ -131,21 +132,25 @@ def _tasks(config: dict[str, Any], mailboxes: dict[str, int]) -> Iterator[_Task]
         )
         name = one["name"]
         given = tuple((first, value, reads_back) for first, value, reads_back in one["prepare"])
-        polled = Polled(name, block, one["high_first"], one["period"], given, one["written"])
-        yield _Task(polled, Mailbox(mailboxes[name], SLOTS[name]), config["expiry"])
+        yield Polled(name, block, one["high_first"], one["period"], given, one["written"])
 
 
-def _line(config: dict[str, Any], writable: list[Block]) -> Line:
+def line_of(config: dict[str, Any], writable: list[Block]) -> Line:
+    """The line itself, not open yet; ``writable``: all that may ever be written."""
     kind, settings = config["kind"], config["settings"]
     return Line(Tcp(**settings) if kind == "tcp" else Rtu(**settings), writable)
 
 
 def poll(job: dict[str, Any]) -> None:
     """Serve one line until told to end or left alone by the supervisor."""
-    tasks = list(_tasks(job["config"], job["mailboxes"]))
+    config, slots = job["config"], job["mailboxes"]
+    tasks = [
+        _Task(one, Mailbox(slots[one.name], SLOTS[one.name]), config["expiry"])
+        for one in blocks_of(config)
+    ]
     writable = [t.polled.block for t in tasks if t.polled.written]
     writable += [block for t in tasks for block, _, _ in prepared(t.polled)]
-    line = _line(job["config"], writable)
+    line = line_of(config, writable)
     if refused := realtime.at_its_service():
         _say(event="say", text=f"no priority over other work: {refused}")
     ended = False

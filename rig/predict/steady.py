@@ -37,6 +37,10 @@ CLOSE = 1e-4  # of the motion's rms: what one more round changes at most
 SETTLED = 0.01  # of it: what the last round may still change of a motion that counts as found
 MOST_ROUNDS = 60
 TINY = 1e-30
+# N*s/m on top of what is linear, in the motion that the rounds begin with: friction and drag are
+# not known before there is a motion, and without any damping one near a resonance would be endless.
+# What the rounds end with does not depend on it.
+FIRST_DAMPING = 500.0
 
 
 class System(NamedTuple):
@@ -74,7 +78,7 @@ def steady(on: Grid, system: System) -> Motion:
     straight = system.drive * system.loop
     slope = _slope(system.passive, still)
     pushed = system.excitation + system.drive * system.reference
-    motion = pushed / (system.body + 500.0 * turn + slope - straight)
+    motion = pushed / (system.body + turn * FIRST_DAMPING + slope - straight)
     relaxed = np.ones((rows, 1))
     change = np.full((rows, 1), np.inf)
     rounds = 0

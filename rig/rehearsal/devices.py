@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.signals import AxisSense, DriveSense, ProbeSense, SpringSense
+from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -42,6 +42,7 @@ def build_sea(description: dict[str, Any]) -> Sea:
 
 # What a NamedTuple's own constructor ends in: nine of them a tick are a tenth of a rehearsal.
 _word = tuple.__new__
+_UNTOUCHED = PanelSense(0, 0, 0.0)  # nobody presses a button in a rehearsal
 
 
 class PlantDevices:
@@ -81,6 +82,7 @@ class PlantDevices:
             _word(DriveSense, (conducting, saturated, dump)),
             _word(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
             _word(WaveSense, (elevation,)),
+            _UNTOUCHED,
         )
 
     def write(self, command: Command) -> None:

@@ -13,14 +13,13 @@ import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rig import realtime
-from rig.campaign.files import Campaign
 from rig.companions import Companion
 from rig.config import RigFile
 from rig.config.wiring import Actuator, Registers, RtuLine, TcpLine, TorqueDrive
-from rig.rehearsal import job
+from rig.rehearsal.addresses import impossible, taken
 from rig.rehearsal.control import Control, Stage
 from rig.rehearsal.devices import build_world
 from sim_plant.emulators.actuator_units import ActuatorParams
@@ -49,6 +48,9 @@ from sim_plant.emulators.torque_drive import TorqueDrive as Drive
 from sim_plant.words import Readings
 from sim_plant.world import World
 
+if TYPE_CHECKING:
+    from rig.campaign.files import Campaign
+
 DEVICES = Path(__file__).resolve().parents[2] / "configs" / "devices"
 AMC, RATED, ACTUATOR = (
     DEVICES / f"{name}.eds"
@@ -63,9 +65,16 @@ _ITEMS: tuple[tuple[Block, Quantity], ...] = (
 _ANALOG = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
 
 
-def companion(campaign: Campaign) -> Companion:
+def companion(campaign: "Campaign") -> Companion:
     """The emulated devices of a campaign's rig, in its sea, as a companion of the run."""
-    config = {"rig": campaign.rig.model_dump(mode="json"), "plant": job.devices_of(campaign)}
+    from rig.rehearsal import job  # noqa: PLC0415  (scipy: seconds, and the devices need none)
+
+    return emulated(campaign.rig, job.devices_of(campaign))
+
+
+def emulated(rig: RigFile, plant: dict[str, Any]) -> Companion:
+    """The emulated devices of a rig; ``plant`` as `job.devices_of` gives it."""
+    config = {"rig": rig.model_dump(mode="json"), "plant": plant}
     return Companion(NAME, "rig.rehearsal.emulation", config, (), PATIENCE, first=True)
 
 
@@ -214,6 +223,9 @@ async def _serve(config: dict[str, Any], supervisor: int) -> None:
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
     loop.add_signal_handler(signal.SIGTERM, ended.set)
     rig = RigFile.model_validate(config["rig"])
+    if rig.wiring is not None and (why := (*impossible(rig.wiring), *taken(rig.wiring))):
+        _say(event="refused", why="\n".join(why))
+        return
     dt = 1.0 / rig.rate_hz
     plant = _without_delay(config["plant"])
 

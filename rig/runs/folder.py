@@ -84,6 +84,13 @@ class Facts(NamedTuple):
         moment = datetime.fromtimestamp(int(nanoseconds) // 10**9, UTC)
         return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
 
+    def configured(self, *keys: str) -> float | None:
+        """A number of the configuration by its keys, outermost first; None where there is none."""
+        value: Any = self.config
+        for key in keys:
+            value = value.get(key) if isinstance(value, dict) else None
+        return float(value) if isinstance(value, int | float) else None
+
     def attributes(self) -> dict[str, Any]:
         """The same as flat attributes of a dataset."""
         flat = {"run": self.run, "rung": self.rung, "campaign": self.campaign}

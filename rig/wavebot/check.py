@@ -25,8 +25,11 @@ _SURGE = {
 
 def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int) -> int:
     """The first reason to trip, those that allow no controlled stop before others, or NONE."""
-    heave, surge, load, spring, meter, _, probes, _ = sense
+    heave, surge, load, spring, meter, _, probes, _, panel = sense
     in_heave, in_surge = motion
+    e_stop, limit_switch, panel_age = panel
+    if e_stop != 0:
+        return Reason.EMERGENCY_STOP.value
     heave_zero, surge_zero = zeros(params, state, heave, surge)
     heave_fault = axis.check(params.heave, state.heave, heave, in_heave, heave_zero, mode)
     surge_mode = OFF if params.surge_use == SURGE_OFF else mode
@@ -44,12 +47,12 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     # One sum instead of many tests: it is finite only if every term is.
     if not finite(
         lcb + trs + slew + stator_a + stator_b + string_pot + rotor_angle + load_age + stator
-        + stator_age + ac + dc + bus_voltage + meter_age + one + two + three + probe_age
+        + stator_age + ac + dc + bus_voltage + meter_age + one + two + three + probe_age + panel_age
     ):  # fmt: skip
         return Reason.NOT_FINITE.value
     (
         apart, most_travel, metres_per_radian, most_voltage,
-        most_stator_age, most_load_age, most_meter_age, most_span,
+        most_stator_age, most_load_age, most_meter_age, most_panel_age, most_span,
     ) = params.limits  # fmt: skip
     if bus_voltage > most_voltage:
         return Reason.BUS_OVERVOLTAGE.value
@@ -63,6 +66,10 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return heave_fault
     if surge_fault != FINE:
         return _SURGE[surge_fault]
+    if limit_switch != 0:
+        return Reason.LIMIT_SWITCH.value
+    if panel_age > most_panel_age:
+        return Reason.STALE_PANEL.value
     if stale:
         return Reason.STALE_LOAD_CELL.value
     if meter_age > most_meter_age:

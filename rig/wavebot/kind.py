@@ -33,7 +33,7 @@ from rig.wavebot.words import Command, Motion, Sense, WaveBotRow, Words
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
     """Motion of both axes relative to the zeros in use."""
-    heave, surge, _, _, _, _, _, _ = sense
+    heave, surge, _, _, _, _, _, _, _ = sense
     heave_zero, surge_zero = zeros(params, state, heave, surge)
     return (
         axis.observe(params.heave, state.heave, heave, heave_zero, periods, dt),
@@ -63,7 +63,7 @@ def control(
 ) -> tuple[State, Command, Words]:
     """Set point -> forces within limits, stator target, drive settings, wave trigger; and power."""
     heave, laws, surge, spring, tared, spent, held = state
-    heave_sense, surge_sense, load, _, meter, _, _, _ = sense
+    heave_sense, surge_sense, load, _, meter, _, _, _, _ = sense
     in_heave, in_surge = motion
     _, phase, _, wave_clock = plan
     mode = guard.mode
@@ -171,7 +171,7 @@ def row(
 ) -> WaveBotRow:
     """The tick's log row."""
     heave, surge, reference, spent, zero = words
-    _, _, load, spring_sense, meter, drive_sense, probes, wave = sense
+    _, _, load, spring_sense, meter, drive_sense, probes, wave, panel = sense
     _, _, spring, drive, _ = command
     return WaveBotRow(
         tick,
@@ -192,6 +192,7 @@ def row(
         zero,
         probes,
         wave,
+        panel,
         tick,
     )
 

@@ -39,6 +39,7 @@ class Limits(NamedTuple):
     stator_age_stop: float  # s
     load_cell_age_stop: float  # s
     analyser_age_stop: float  # s
+    panel_age_stop: float  # s
     tare_span_stop: float  # m
 
 

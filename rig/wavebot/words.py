@@ -11,6 +11,7 @@ from controllers.signals import (
     Flag,
     Metre,
     Newton,
+    PanelSense,
     ProbeSense,
     Radian,
     Reference,
@@ -63,6 +64,7 @@ class Sense(NamedTuple):
     drive: DriveSense  # of heave
     probes: ProbeSense
     wave: WaveSense
+    panel: PanelSense
 
 
 Motion = tuple[Estimate, Estimate]  # heave and surge, from their zeros
@@ -99,6 +101,7 @@ class WaveBotRow(NamedTuple):
     tare: tare.Zeros
     probes: ProbeSense
     wave: WaveSense
+    panel: PanelSense
     tick_end: Tick
 
 

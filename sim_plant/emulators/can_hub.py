@@ -15,6 +15,7 @@ from collections.abc import Callable
 from sim_plant.emulators import can_frame
 from sim_plant.emulators.can_frame import Frame, TextError
 from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.passage import Passage
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.units import Second
 
@@ -35,6 +36,8 @@ class Station:
 
     def send(self, frame: Frame) -> None:
         """Queue a frame; it is delivered at once if the bus is free and has no bit rate."""
+        if self._hub.passes_at_once(self, frame):
+            return
         if len(self.waiting) >= QUEUE:
             self.overruns += 1
             return
@@ -58,11 +61,13 @@ class CanHub:
         self.busy: Second = 0.0  # with frames on the wire; 0 without a bit rate
         self.slow = 0  # clients dropped as they did not read
         self.link = LinkFaults()  # of the cable between the bus and the other processes
+        self.reading: set[TextClient] | None = None  # during a read: who has something to send
         self._schedule = schedule
         self._bit_rate = bit_rate
         self._free_at: Second = 0.0
         self._occupied = False  # a frame is on the wire
         self._delivering = False
+        self._any_waits = False  # some station may have frames; told without a bit rate only
         self._server: asyncio.Server | None = None
 
     def join(self, receive: Callable[[Frame], None]) -> Station:
@@ -90,7 +95,8 @@ class CanHub:
     def tend(self) -> None:
         """Let come what the link's faults held; to be called often."""
         for client in tuple(self.clients):
-            client.tend(self._schedule.time())
+            client.to_host.tend()
+            client.to_device.tend()
 
     def report_error(self, identifier: int) -> None:
         """Tell clients of a bus error; `identifier` in the bits of an error frame of Linux."""
@@ -98,8 +104,22 @@ class CanHub:
         for client in list(self.clients):
             client.put(text)
 
+    def passes_at_once(self, sender: Station, frame: Frame) -> bool:
+        """Deliver a frame that waits for nobody, and what it was answered with."""
+        if self._bit_rate is not None or self._delivering or self._any_waits:
+            return False
+        self._delivering = True
+        try:
+            self._deliver(sender, frame)
+        finally:
+            self._delivering = False
+        if self._any_waits:
+            self.arbitrate()
+        return True
+
     def arbitrate(self) -> None:
         """Deliver what waits, as far as the bus is free."""
+        self._any_waits = True
         if self._delivering:
             return
         self._delivering = True
@@ -107,6 +127,7 @@ class CanHub:
             if self._bit_rate is None:
                 while (sender := self._winner()) is not None:
                     self._deliver(sender, sender.waiting.popleft())
+                self._any_waits = False
             elif not self._occupied:
                 self._occupy(max(self._free_at, self._schedule.time()))
         finally:
@@ -164,7 +185,8 @@ class TextClient(asyncio.Protocol):
         self.raw = False
         self._greeting = False  # frames wait until the client has read that it is in raw mode
         self._out: list[bytes] = []
-        self._to_host, self._to_device = hub.link.to_host.branch(), hub.link.to_device.branch()
+        self.to_host = Passage(hub.link.to_host.branch(), loop, self._write)
+        self.to_device = Passage(hub.link.to_device.branch(), loop, self._take)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet."""
@@ -186,41 +208,28 @@ class TextClient(asyncio.Protocol):
         if self._transport is not None and not self._transport.is_closing():
             self._transport.abort()
 
-    def tend(self, now: Second) -> None:
-        """Let come what the link's faults held."""
-        for way, call in ((self._to_host, self._write), (self._to_device, self._take)):
-            if not way.quiet(now):
-                self._arrive(way.due(now), now, call)
-
     def put(self, text: bytes) -> None:
         """Send in raw mode, through the link's faults."""
-        now = self._loop.time()
-        if self._to_host.quiet(now):
-            self._write(text)
-        elif self.raw:
-            self._arrive(self._to_host.pass_on(text, now), now, self._write)
-
-    def _arrive(
-        self, pieces: list[tuple[Second, bytes]], now: Second, call: Callable[[bytes], None]
-    ) -> None:
-        for at, piece in pieces:
-            if at <= now:
-                call(piece)
-            else:
-                self._loop.call_at(at, call, piece)
+        if self.raw:
+            self.to_host.hand(text)
 
     def _write(self, text: bytes) -> None:
         """What comes in one turn of the loop goes out as one."""
         if self.raw:
-            if not self._out and not self._greeting:
-                self._loop.call_soon(self._flush)
+            if self._hub.reading is not None:
+                self._hub.reading.add(self)
+            elif not self._out:
+                self._loop.call_soon(self.flush)
             self._out.append(text)
 
     def _greeted(self) -> None:
         self._greeting = False
-        self._flush()
+        self.flush()
 
-    def _flush(self) -> None:
+    def flush(self) -> None:
+        """Write what is to be sent."""
+        if self._greeting:
+            return
         transport, text = self._transport, b"".join(self._out)
         self._out.clear()
         if transport is None or transport.is_closing():
@@ -234,8 +243,14 @@ class TextClient(asyncio.Protocol):
     def data_received(self, data: bytes) -> None:
         """Do every whole command; the rest waits for more."""
         *commands, self._text = (self._text + data.decode("ascii", "replace")).split(">")
-        for command in commands:
-            self._do(command)
+        self._hub.reading = answered = set[TextClient]()
+        try:
+            for command in commands:
+                self._do(command)
+        finally:
+            self._hub.reading = None
+            for client in answered:
+                client.flush()
         if len(self._text) > LONGEST:
             self._text = ""
             self._answer("error command too long")
@@ -257,11 +272,7 @@ class TextClient(asyncio.Protocol):
                 self._loop.call_later(ALONE, self._greeted)
             self._answer("ok")
         elif name == "send":
-            now = self._loop.time()
-            if self._to_device.quiet(now):
-                self._take(words.encode())
-            else:
-                self._arrive(self._to_device.pass_on(words.encode(), now), now, self._take)
+            self.to_device.hand(words.encode())
         elif name == "echo":
             self._answer("echo")
         else:

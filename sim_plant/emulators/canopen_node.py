@@ -5,6 +5,7 @@ No threads: frames come from the hub, time from the schedule. The node_*.py besi
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,20 +19,13 @@ from sim_plant.emulators.node_guard import Deadlines
 from sim_plant.emulators.node_local import LocalSide
 from sim_plant.emulators.node_objects import Objects, device_file
 from sim_plant.emulators.node_pdos import Pdos
-from sim_plant.emulators.node_port import (
-    INITIALISING,
-    OPERATIONAL,
-    PRE_OPERATIONAL,
-    STOPPED,
-    Port,
-)
+from sim_plant.emulators.node_port import Nmt, Port
 from sim_plant.emulators.node_storage import SIGNATURES, Storage
 from sim_plant.emulators.schedule import Appointment, Schedule
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.units import Second
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
-NAMES = {STOPPED: "STOPPED", OPERATIONAL: "OPERATIONAL", PRE_OPERATIONAL: "PRE-OPERATIONAL"}
 ROUND: Second = 0.005  # between two looks at what changes slowly
 
 
@@ -41,7 +35,8 @@ class NodeParams(NamedTuple):
     node_id: int  # 1..127
     eds: Path
     boot: Second = 0.05  # from power or reset to the boot-up message
-    pace: Second = 0.002  # between two looks at timers when no SYNC comes
+    pace: Second = 0.005  # between two looks at timers when no SYNC comes
+    cycle: Second = 0.0  # of the device's own measuring and acting; 0: with every SYNC
     tpdo_delay: Second = 0.0  # from SYNC to synchronous TPDOs; real drives take 50 to 500 us
 
 
@@ -62,10 +57,13 @@ class CanopenNode:
         self.errors = Errors(objects, schedule, self.port.emergency)
         self._schedule = schedule
         self._local = LocalSide(params.node_id, dictionary, objects, schedule, self.port.basic)
-        self._pdos = Pdos(objects, lambda: self.port.nmt == OPERATIONAL)
+        self._pdos = Pdos(objects, lambda: self.port.nmt is Nmt.OPERATIONAL)
         self.exchange = Exchange(self._pdos, self.errors, schedule, self.port.process)
         self.exchange.delay = params.tpdo_delay
         self._masters = Deadlines()
+        self._sync_id = 0x80
+        self._wanted: set[int] = set()  # identifiers of frames for this node
+        objects.hooks[0x1005, 0] = lambda value: self._pdos.invalidate()
         for index, sub in objects.kinds:
             if index == 0x1016 and sub:
                 objects.hooks[index, sub] = lambda value: self._watch_masters()
@@ -159,35 +157,42 @@ class CanopenNode:
 
     def _receive(self, frame: Frame) -> None:
         identifier, data, extended = frame
-        nmt = self.port.nmt
-        if extended or nmt == INITIALISING or self.port.cut:
+        if self._pdos.stale:
+            self._reconfigure()
+        if identifier not in self._wanted:
             return
-        if nmt == OPERATIONAL:
-            if identifier == self.objects.values[0x1005, 0] & 0x7FF:
+        nmt = self.port.nmt
+        if extended or nmt is Nmt.INITIALISING or self.port.cut:
+            return
+        if nmt is Nmt.OPERATIONAL:
+            if identifier == self._sync_id:
                 self._on_sync()
                 return
-            self.exchange.configure()
             map_ = self._pdos.receive.get(identifier)
             if map_ is not None:
                 self.exchange.arrived(map_, data, self._schedule.time())
                 self._heard_again(node_errors.RPDO_TIMEOUT)
-                self.outputs()
+                self._let_act()
                 return
         if identifier == 0:
             self._on_nmt(data)
         elif 0x700 < identifier < 0x780:
             self._masters.hear(identifier - 0x700, self._schedule.time())
             self._heard_again(node_errors.HEARTBEAT_LOST)
-        elif identifier == self._local.request_id and nmt != STOPPED:
+        elif identifier == self._local.request_id and nmt is not Nmt.STOPPED:
             self._tick(thorough=True)
             self._local.request(data)
-            self.outputs()
+            self._let_act()
+
+    def _let_act(self) -> None:
+        self.outputs()
+        if self.exchange.eventful and self.port.nmt is Nmt.OPERATIONAL:
+            self.exchange.events(self._schedule.time())
 
     def _on_sync(self) -> None:
         """Sample and send, then let the RPDOs act that came before this SYNC."""
-        self.exchange.configure()
         self._tick()
-        self.exchange.sampled(self._stepped)
+        self.exchange.sampled(self._schedule.time())
         if self.exchange.apply():
             self.outputs()
 
@@ -196,39 +201,41 @@ class CanopenNode:
             return
         command = data[0]
         if command == START:
-            self._enter(OPERATIONAL)
+            self._enter(Nmt.OPERATIONAL)
         elif command == STOP:
             self.master_lost(0)
-            self._enter(STOPPED)
+            self._enter(Nmt.STOPPED)
         elif command == ENTER_PRE_OPERATIONAL:
-            self._enter(PRE_OPERATIONAL)
+            self._enter(Nmt.PRE_OPERATIONAL)
         elif command == RESET_NODE:
             self._reset(application=True)
         elif command == RESET_COMMUNICATION:
             self.master_lost(0)
             self._reset(application=False)
 
-    def _enter(self, state: int) -> None:
+    def _enter(self, state: Nmt) -> None:
         if state == self.port.nmt:
             return
         self.port.nmt = state
-        self._local.enter(NAMES[state])
-        if state == OPERATIONAL:
-            self._pdos.invalidate()
-            self.exchange.configure()
+        self._local.enter(state.name.replace("_", "-"))
+        if state is Nmt.OPERATIONAL:
+            self._reconfigure()
             self.exchange.start()
 
     # ---- time ---------------------------------------------------------------------------------
 
     def _keep_pace(self) -> None:
-        now = self._schedule.time()
-        self._next = self._schedule.call_at(now + self.params.pace, self._keep_pace)
+        """Look at timers; all nodes of one pace do so at the same times."""
+        now, pace = self._schedule.time(), self.params.pace
+        due = pace * (math.floor(now / pace + 1.0e-6) + 1)
+        self._next = self._schedule.call_at(due, self._keep_pace)
         if "powered_off" in self.active:
             return
-        if now - self._stepped >= 0.5 * self.params.pace:
+        if now - self._stepped >= 0.5 * pace:
             self._tick()
-        if self.port.nmt == OPERATIONAL:
-            self.exchange.configure()
+        if self.port.nmt is Nmt.OPERATIONAL:
+            if self._pdos.stale:
+                self._reconfigure()
             self.exchange.events(now)
 
     def _tick(self, thorough: bool = False) -> None:
@@ -236,13 +243,14 @@ class CanopenNode:
         self.world.catch_up()
         if self._masters.missed(now):
             self._lost(node_errors.HEARTBEAT_LOST)
-        if self.port.nmt == OPERATIONAL and self.exchange.deadlines.missed(now):
+        if self.port.nmt is Nmt.OPERATIONAL and self.exchange.deadlines.missed(now):
             self._lost(node_errors.RPDO_TIMEOUT)
         if thorough or now >= self._looked + ROUND:
             self._looked = now
             self.look_round()
-        self.step(now, now - self._stepped)
-        self._stepped = now
+        if thorough or now - self._stepped >= self.params.cycle:
+            self.step(now, now - self._stepped)
+            self._stepped = now
 
     def _lost(self, code: int) -> None:
         """React to a silent master: the device's way (6007), and NMT by 0x1029:01."""
@@ -251,18 +259,16 @@ class CanopenNode:
         self.master_lost(code)
         behaviour = self.objects.get(0x1029, 1)
         if behaviour == 2:
-            self._enter(STOPPED)
-        elif behaviour == 0 and self.port.nmt == OPERATIONAL:
-            self._enter(PRE_OPERATIONAL)
+            self._enter(Nmt.STOPPED)
+        elif behaviour == 0 and self.port.nmt is Nmt.OPERATIONAL:
+            self._enter(Nmt.PRE_OPERATIONAL)
 
     def _heard_again(self, code: int) -> None:
         if code in self.errors.active and not self.in_fault():
             self.errors.end(code)
 
-    # ---- reset --------------------------------------------------------------------------------
-
     def _reset(self, *, application: bool, boot: bool = True) -> None:
-        self.port.nmt = INITIALISING
+        self.port.nmt = Nmt.INITIALISING
         self._local.quiet()
         self.storage.recall(all_of_them=application)
         self.errors.active.clear()
@@ -280,9 +286,15 @@ class CanopenNode:
 
     def _boot(self) -> None:
         self._local.boot()
-        self.port.nmt = PRE_OPERATIONAL
+        self.port.nmt = Nmt.PRE_OPERATIONAL
+
+    def _reconfigure(self) -> None:
+        """Read anew what was written over SDO: PDOs, and which frames are for this node."""
+        self.exchange.configure()
+        self._sync_id = self.objects.get(0x1005) & 0x7FF
+        self._wanted = {0, self._sync_id, self._local.request_id, *self._pdos.receive}
+        self._wanted.update(range(0x701, 0x780))
 
     def _watch_masters(self) -> None:
-        values = self.objects.values
-        entries = [value for (index, sub), value in values.items() if index == 0x1016 and sub]
+        entries = [self.objects.get(0x1016, sub) for sub in range(1, 128)]
         self._masters.set(node_guard.consumers(entries))

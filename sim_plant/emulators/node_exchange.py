@@ -23,6 +23,7 @@ class Exchange:
         self.delay: Second = 0.0  # from SYNC to the TPDOs
         self.shorter = 0  # octets missing from every TPDO: a fault
         self.deadlines = Deadlines()
+        self.eventful = False  # some TPDO goes by event
         self._pdos, self._errors = pdos, errors
         self._schedule, self._send = schedule, send
         self._pending: dict[int, tuple[Map, bytes]] = {}
@@ -39,6 +40,7 @@ class Exchange:
     def configure(self) -> None:
         """Take over a changed configuration."""
         if self._pdos.refresh():
+            self.eventful = any(map_.type > SYNCHRONOUS for map_ in self._pdos.transmit)
             maps = self._pdos.receive.values()
             self.deadlines.set({map_.number: map_.timer for map_ in maps})
 

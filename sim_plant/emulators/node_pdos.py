@@ -47,7 +47,7 @@ class Pdos:
         self.transmit: list[Map] = []
         self._objects = objects
         self._operational = operational
-        self._stale = True
+        self.stale = True  # the configuration was written since it was read
         kinds = objects.kinds
         for base in (0x1400, 0x1800):
             for number in (n for n in range(64) if (base + n, 1) in kinds):
@@ -59,16 +59,16 @@ class Pdos:
 
     def refresh(self) -> bool:
         """Read the configuration anew if it was written since; say whether it was."""
-        if not self._stale:
+        if not self.stale:
             return False
-        self._stale = False
+        self.stale = False
         self.receive = {found.cob_id: found for found in self._maps(0x1400)}
         self.transmit = self._maps(0x1800)
         return True
 
     def invalidate(self) -> None:
         """Have the configuration read anew at the next use."""
-        self._stale = True
+        self.stale = True
 
     def packed(self, map_: Map) -> bytes:
         """Give the data of a PDO from the objects' values."""
@@ -92,7 +92,7 @@ class Pdos:
             objects.write(key, value)
 
     def _changed(self, value: int) -> None:
-        self._stale = True
+        self.stale = True
 
     def _maps(self, base: int) -> list[Map]:
         numbers = (n for n in range(64) if (base + n, 1) in self._objects.kinds)

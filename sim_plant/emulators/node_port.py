@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+from enum import IntEnum
+
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import Station
 from sim_plant.emulators.schedule import Schedule
 
-INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0, 4, 5, 127
 BABBLE = 0x07F  # identifier of frames that mean nothing
+
+
+class Nmt(IntEnum):
+    """NMT states, as a heartbeat tells them."""
+
+    INITIALISING = 0
+    STOPPED = 4
+    OPERATIONAL = 5
+    PRE_OPERATIONAL = 127
 
 
 class Port:
     """The sending side of a node."""
 
     def __init__(self, station: Station, schedule: Schedule, active: dict[str, float]) -> None:
-        self.nmt = INITIALISING
+        self.nmt = Nmt.INITIALISING
         self._station = station
         self._schedule = schedule
         self._active = active
@@ -36,13 +46,13 @@ class Port:
 
     def emergency(self, can_id: int, data: bytes) -> None:
         """Send an EMCY, not while STOPPED or booting."""
-        if self.nmt in (OPERATIONAL, PRE_OPERATIONAL) and "silent" not in self._active:
+        if self.nmt in (Nmt.OPERATIONAL, Nmt.PRE_OPERATIONAL) and "silent" not in self._active:
             self._put(can_id, data)
 
     def process(self, can_id: int, data: bytes) -> None:
         """Send a PDO, in OPERATIONAL only."""
         active = self._active
-        if self.nmt == OPERATIONAL and not ("silent" in active or "pdo_lost" in active):
+        if self.nmt is Nmt.OPERATIONAL and not ("silent" in active or "pdo_lost" in active):
             self._put(can_id, data)
 
     def babble(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plant_files import reference
+from measured_data import reference
 
 from rig.analysis.wave_lines import Samples, by_period, lines, significant_height
 from rig.campaign.multisine import lines as band

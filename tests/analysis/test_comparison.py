@@ -81,6 +81,9 @@ def told(runs: Path) -> Comparison:
 def test_points_match_by_set_point_and_not_by_row(told: Comparison) -> None:
     assert len(told.matched.pairs) == 64
     assert [p.rows for p in told.matched.only_a] == [(7,), (50,)]
+    alone = as_text(told).split("Only in A\n")[1].splitlines()[0]
+    varying = [c.label for c in (*told.matched.columns, *told.matched.alone)]
+    assert [name for name in (c.label for c in COLUMNS) if name in alone] == varying
     assert told.matched.only_b == ()
     assert [c.name for c in told.matched.columns] == ["spring_rate", "kp", "ki"]
     for pair in told.matched.pairs:

@@ -165,6 +165,27 @@ def test_periods_that_are_all_alike_leave_the_misfit_to_be_told() -> None:
     assert "by that, spring rate is ±" in "; ".join(notes(found))
 
 
+def test_a_lead_beyond_the_scatter_alone_is_not_sure() -> None:
+    """Rows that hardly scatter, and an interaction that straight lines cannot follow."""
+    levels = factorial()
+    unit = (levels - levels.min(axis=0)) / np.ptp(levels, axis=0)
+    known = {"errors": np.full(8, 0.02), "periods": np.full(8, 7.0)}
+    straight = 4.0 * unit[:, 0] + unit[:, 1]
+    sure = of(levels, straight, **known)
+    assert sure.surely_first
+    assert (
+        "does 3.0 W more than Kp (± 0.04 W by wave periods, ± <0.01 W by misfit)" in notes(sure)[2]
+    )
+    bent = of(levels, straight + 6.0 * unit[:, 0] * unit[:, 1], **known)
+    assert bent.lead == pytest.approx(3.0)
+    assert bent.lead_half_width == pytest.approx(sure.lead_half_width)
+    # The product leaves +-1.5 W at all rows with 4 dof, so 2.1 W; a contrast of 8 rows has
+    # sqrt(4 / 8) of that, a difference of two sqrt(2) times as much: 2.776 x 2.1 W.
+    assert bent.lead_misfit_half_width == pytest.approx(2.776 * 1.5 * np.sqrt(2.0), rel=1e-3)
+    assert not bent.surely_first
+    assert "(± 0.04 W by wave periods, ± 5.9 W by misfit: not surely)" in notes(bent)[2]
+
+
 def test_columns_that_move_together_are_not_told_apart() -> None:
     levels = np.array([[0.0, 5.0, 1.0], [1.0, 7.0, 0.0], [0.0, 5.0, 0.0], [1.0, 7.0, 1.0]] * 2)
     found = of(levels, levels[:, 2] * -4.0 + levels[:, 0])
@@ -238,6 +259,8 @@ def test_effects_as_text_json_and_csv(designed: xarray.Dataset, tmp_path: Path) 
     assert "95 % interval by scatter of repetitions (at least 36 dof)" in text
     dc, ac, mechanical = as_json(told)
     assert [each["power"] for each in (dc, ac, mechanical)] == ["dc", "ac", "mechanical_1"]
+    assert dc["first_surely_first"] is True
+    assert dc["first_over_second_half_width_by_misfit_w"] > 0.0
     assert dc["effects"][0]["column"] == "switching_period"
     assert dc["effects"][0]["to"] == 200e-6
     with write_effects(told, tmp_path / "effects.csv").open() as file:

@@ -12,9 +12,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
 from rig.analysis import traces
+from rig.analysis.alarms import row_list
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import row_table
-from rig.analysis.summary import as_text, row_list
+from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
 from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
 from rig.calibration.sources import PRODUCTS
@@ -214,6 +215,13 @@ def test_many_spring_rates_and_drive_settings_fit(tmp_path: Path) -> None:
     assert {"bars.png", "effects.csv"} <= made
     told = json.loads((tmp_path / "summary.json").read_text())
     assert {tuple(o["further"]) for o in told["optima"]} == {("bus_voltage", "switching_period")}
+    assert {tuple(o["further_without_effect"]) for o in told["optima"]} >= {
+        ("bus_voltage", "switching_period")
+    }
+    text = (tmp_path / "summary.txt").read_text()
+    assert "consumed, ± standard error by scatter of wave periods)" in text
+    assert "no matter which bus voltage, switching period" in text
+    assert "power differs by less than 1 %, or by no more than errors explain" in text
     assert [each["power"] for each in told["effects"]] == ["dc", "ac", "mechanical_1"]
 
 
@@ -225,6 +233,18 @@ def test_traces(whole: Path, tmp_path: Path) -> None:
         write_traces(whole, tmp_path / "x.png", ["nothing"])
     with pytest.raises(KeyError, match="no row 400"):
         write_traces(whole, tmp_path / "x.png", rows=400)
+
+
+def test_what_never_changes_is_told_and_not_drawn(whole: Path, tmp_path: Path) -> None:
+    every = imread(write_traces(whole, tmp_path / "all.png", ["heave.*"]))
+    assert every.shape[0] < 1.1 * every.shape[1]  # one to show, not a strip
+    data = {"a": np.ones(5), "b": np.arange(5.0), "c": np.full(5, np.nan), "d": np.zeros(5)}
+    still = traces._still(data, list(data))
+    assert still == ["a", "d"]
+    units = {"a": "N*s/m", "d": "flag"}
+    assert traces._constants(data, still, units) == "constant: a 1 N·s/m, d 0"
+    assert traces._still(data, ["a", "d"]) == []  # nothing else would be left
+    assert traces._constants(data, [], units) == ""
 
 
 def test_phases_are_told_apart_by_their_shades() -> None:

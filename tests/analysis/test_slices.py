@@ -132,6 +132,57 @@ def test_more_columns_are_sliced_together() -> None:
         assert (best.at_edge, best.at_gap, best.points) == (False, False, 36)
 
 
+def drive_settings() -> list[dict[str, float]]:
+    grid = product((40.0, 75.0, 80.0), (50e-6, 100e-6, 200e-6), (0.0, 0.1))
+    gains = {"spring_rate": -8508.0, "kp": -2500.0, "ki": 3000.0}
+    names = ("bus_voltage", "switching_period", "velocity_threshold")
+    return [gains | dict(zip(names, each, strict=True)) for each in grid]
+
+
+def drive_power(at: dict[str, float]) -> dict[str, float]:
+    """Mechanical power knows the threshold and 0.1 % of voltage, AC noise, DC all three."""
+    bus, period, threshold = list(at.values())[3:]
+    noise = 0.004 * np.sin(bus * 7.0 + period * 1e6)
+    dc = -28.0 + bus / 8.0 - period * 5e4 - 20.0 * threshold
+    mechanical = -67.0 - 0.001 * bus + 11.0 * threshold
+    return dict(zip(POWERS, (mechanical, mechanical, -42.0 + noise, dc), strict=True))
+
+
+def test_columns_that_make_no_difference_have_no_best_value() -> None:
+    found = {best.kind: best for best in optima(rows(drive_settings(), drive_power, 0.005))}
+    assert {kind: best.idle for kind, best in found.items()} == {
+        "mechanical_1": ("bus_voltage", "switching_period"),
+        "mechanical_2": ("bus_voltage", "switching_period"),
+        "ac": ("bus_voltage", "switching_period", "velocity_threshold"),
+        "dc": (),
+    }
+    over = BY_NAME["bus_voltage"], BY_NAME["switching_period"]
+    drawn = {kind: cut(matrix(rows(drive_settings(), drive_power, 0.005)), kind, *over)
+             for kind in ("mechanical_1", "ac", "dc")}  # fmt: skip
+    said = {kind: (each.best.doubt, remarks(each)[1:]) for kind, each in drawn.items() if each.best}
+    assert said == {
+        "mechanical_1": ("within 1 %", ["all within 1 %"]),
+        "ac": ("within errors", ["no more spread than its errors explain"]),
+        "dc": ("grid's edge", []),
+    }
+    assert "grid's edge" not in panel.caption(drawn["ac"], 6.0)
+
+
+def test_a_column_of_two_values_has_no_edge() -> None:
+    """Both lie at its ends, and that says nothing; of three the outer two do."""
+    for kps, edge in (((-2000.0, -1000.0), False), ((-3000.0, -2000.0, -1000.0), True)):
+        settings = [
+            {"spring_rate": 490.9, "kp": kp, "ki": ki}
+            for kp in kps
+            for ki in (-4000.0, 0.0, 4000.0)
+        ]
+
+        def power(at: dict[str, float]) -> dict[str, float]:
+            return dict.fromkeys(POWERS, -50.0 + at["kp"] / 100.0 + (at["ki"] / 1000.0) ** 2)
+
+        assert {best.at_edge for best in optima(rows(settings, power))} == {edge}
+
+
 def test_a_point_asked_for_twice_is_one_with_its_error() -> None:
     again = [*three(), *three()[:1], *three()[:1]]
     table = rows(again, own_optima)

@@ -6,15 +6,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import openpyxl
 import pytest
 from calibration_files import CALIBRATIONS, write
+from log_books import book
 from typer.testing import CliRunner
 
 from rig.calibration import open_history
 from rig.cli import app
 
-COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
 NAME = "mask4_spring_rate"
 
 
@@ -31,17 +30,12 @@ def in_json(*words: str | Path, folder: Path = CALIBRATIONS) -> Any:
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    path = tmp_path / "log.xlsx"
-    book = openpyxl.Workbook()
-    for row in (
-        COLUMNS,
+    return book(
+        tmp_path / "log.xlsx",
         ("MASK4_024", None, None, "None", "heave multisine, mag spring @ -12kN/m", ""),
         ("MASK4_036", 16, None, "0.4 Hz Regular wave, 5 inch AMPLITUDE", "GainMatrix002", ""),
         ("MASK4_062", 38, None, '2.5 s 10" Hs JONSWAP', "GainMatrix006_2, magK=-6152", ""),
-    ):
-        book.active.append(row)
-    book.save(path)
-    return path
+    )
 
 
 def test_list_marks_the_version_that_counts(tmp_path: Path) -> None:

@@ -7,35 +7,29 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import openpyxl
 import pytest
 from calibration_files import CALIBRATIONS, calibration
+from log_books import MASK4_LOG, book
+from measured_data import needs, reference
 
 from rig.calibration import At, open_history
 from rig.calibration.diff import NoComparisonError, difference
 from rig.calibration.sources import PRODUCTS, Stood, in_log, in_runs
 from rig.legacy.testlog import read_log
 
-LOG = Path(__file__).resolve().parents[3] / "shared" / "data" / "MASK4_testlog.xlsx"
-COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
 FILE = "waveBotCtrlMdl_2023_09_21_04_46_26"
 
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    path = tmp_path / "log.xlsx"
-    book = openpyxl.Workbook()
-    for row in (
-        COLUMNS,
+    return book(
+        tmp_path / "log.xlsx",
         ("MASK4_024", None, FILE, "None", "heave multisine, mag spring @ -12kN/m", ""),
         ("MASK4_036", 16, None, "0.4 Hz Regular wave, 5 inch AMPLITUDE", "GainMatrix002", ""),
         ("MASK4_039", None, None, "none", "v1.0.2 ramps", ""),
         ("MASK4_062", 38, None, '2.5 s 10" Hs JONSWAP', "GainMatrix006_2, magK=-6152", ""),
         ("MASK4_063", 39, None, "0.4 Hz Regular wave, 5 inch AMPLITUDE", "GainMatrix011", ""),
-    ):
-        book.active.append(row)
-    book.save(path)
-    return path
+    )
 
 
 def run_folder(runs: Path, name: str, started: str, rates: tuple[float, ...], **more: Any) -> None:
@@ -84,11 +78,11 @@ def test_the_log_of_a_test(log: Path) -> None:
     assert in_log(read_log(log), "torque_constant") == ()
 
 
-@pytest.mark.skipif(not LOG.exists(), reason="the measured test log is absent")
+@needs(MASK4_LOG)
 def test_the_measured_log_of_the_mask4_test() -> None:
     """Numbers of the MASK4 report (Sandia), section 4.1, for every rate of the log."""
     old, new = (known.file for known in open_history(CALIBRATIONS).versions)
-    found = difference(old, new, in_log(read_log(LOG), "spring_rate"))
+    found = difference(old, new, in_log(read_log(reference(MASK4_LOG)), "spring_rate"))
     rates = {int(c.where[-3:]): (c.old, c.new) for c in found.changed if c.recorded is not None}
     assert rates == {
         21: (10000, 7690), 22: (-12000, -9228), 23: (-12000, -9228), 24: (-12000, -9228),

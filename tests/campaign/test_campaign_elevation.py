@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from measured_data import reference
 
 from rig.campaign import open_campaign, plan, read_elevation
 from rig.config import ConfigError
 from rig.config.sea import RecordedSea
 
-RECORD = Path(__file__).parents[3] / "shared" / "data" / "AWDC-SAADAQ-s00113.twe"
+RECORD = "AWDC-SAADAQ-s00113.twe"  # measured: see tests/measured_data.py
 
 
 def sea(**changes: Any) -> RecordedSea:
@@ -28,10 +29,10 @@ def csv(folder: Path, time: Any, eta: Any) -> Path:
     return path
 
 
-@pytest.mark.skipif(not RECORD.exists(), reason="the basin's data folder is not here")
 def test_a_real_record_of_the_basin() -> None:
     read = read_elevation(
-        RECORD, sea(file=RECORD.name, channel="SAA 01", unit="inch", start_s=120.0, end_s=1320.0)
+        reference(RECORD),
+        sea(file=RECORD, channel="SAA 01", unit="inch", start_s=120.0, end_s=1320.0),
     )
     eta = read.elevation
     assert read.rate_hz == 20.0
@@ -45,14 +46,13 @@ def test_a_real_record_of_the_basin() -> None:
     assert repeat >= 0.98
 
 
-@pytest.mark.skipif(not RECORD.exists(), reason="the basin's data folder is not here")
 def test_a_real_record_in_a_campaign(write: Any) -> None:
     head = f"""\
 name: test
 rig: ../rigs/wavebot.yaml
 sea:
   kind: recorded
-  file: {RECORD}
+  file: {reference(RECORD)}
   channel: SAA 01
   unit: inch
   start_s: 120

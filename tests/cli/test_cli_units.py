@@ -6,12 +6,14 @@ import importlib
 import json
 import math
 import os
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
 from rig import cli
 from rig.campaign_run import Ended
@@ -22,7 +24,7 @@ from rig.cli.runs import main as list_command
 from rig.config.problems import Problem
 from rig.limits import Limited
 from rig.runs import RunError
-from rig.safety import Mode
+from rig.safety import Mode, Reason
 from rig.sequence import Phase
 from rig.supervisor import Outcome, Snapshot
 
@@ -85,6 +87,33 @@ def test_a_narrow_list_keeps_the_run_whole(
     assert reason in "".join(line[at:].split()[0] for line in lines[1:] if line[at:].strip())
 
 
+def test_an_interrupt_that_nobody_takes_ends_with_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While a campaign is checked, say; a run heeds it itself."""
+
+    def interrupted(*_: object, **__: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rig.cli.check.main", interrupted)
+    done = CliRunner().invoke(cli.app, ["check", "x.yaml"])
+    assert (done.exit_code, done.stderr) == (cli.STOPPED, "\nrig check: interrupted\n")
+
+
+def test_an_interrupt_while_loading_ends_with_a_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Interrupting:
+        def __getattr__(self, name: str) -> object:
+            raise KeyboardInterrupt
+
+    command = importlib.import_module("rig.__main__")
+    assert command.INTERRUPTED == cli.STOPPED
+    monkeypatch.setitem(sys.modules, "rig.cli", Interrupting())
+    with pytest.raises(SystemExit) as ended:
+        command.main()
+    assert ended.value.code == cli.STOPPED
+    assert capsys.readouterr().err == "\nrig: interrupted\n"
+
+
 def snapshot(**fields: float) -> Snapshot:
     row: dict[str, float | int] = {"time": 30.0, "plan.row": -1, "plan.phase": 0}
     return Snapshot(row | {"timing.skipped": 3, "power.samples": 0} | fields, 2, 0, "")
@@ -108,6 +137,12 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     now[0] += 15.0
     view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0}))
     assert "1:00 of 2:09" in capsys.readouterr().err
+    now[0] += 15.0  # the stop at the end of the plan takes a moment more than was planned
+    over = {"plan.phase": float(Phase.DONE), "safety.reason": float(Reason.PLAN_END)}
+    view(snapshot(**{"time": 129.6, "plan.wave_clock": 100.6} | over))
+    said = capsys.readouterr().err
+    assert "2:10 of 2:10 rig time, 0:00 left" in said
+    assert "row all 4 walked" in said
     view.notice = "stopping"
     for _ in range(3):
         view(snapshot())
@@ -163,7 +198,7 @@ def play(
 ) -> int:
     """`rig run` of a good campaign whose run ends like this."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
-    monkeypatch.setattr(run_command, "rehearse", lambda *a, **k: Ended(folder, outcome, ""))
+    monkeypatch.setattr(run_command, "carry_out", lambda *a, **k: Ended(folder, outcome, ""))
     code: int = run_command.main(campaign, folder.parent, realtime=False, as_json=as_json)
     return code
 

@@ -106,6 +106,8 @@ def test_each_file_gets_its_verdict(
         ({"p99_us": 301.0}, "bad", False),
         ({"max_us": 501.0}, "warning", True),
         ({"skipped": 1}, "good", False),
+        ({"wakes": 1000}, "good", False),  # one in 10 000 would not be seen
+        ({"wakes": 29_999, "skipped": 1}, "good", False),
     ],
 )
 def test_lateness_is_judged_against_the_period(
@@ -118,6 +120,28 @@ def test_lateness_is_judged_against_the_period(
     assert Examination(tuple(found)).fit(Use.REHEARSAL)
     slower = timing.findings(timing.Measured(WOKEN, told, ""), 10 * DT)
     assert named(slower, "wake-up with the loop's privileges").verdict == "good"
+
+
+@pytest.mark.parametrize(
+    ("cpuinfo", "stolen", "latest", "fit"),
+    [
+        ("flags : hypervisor", 0, 0.4, True),
+        ("flags : hypervisor", 0, 0.6, False),
+        ("flags : hypervisor", 1, 0.1, False),
+        ("flags : hypervisor", 0, None, True),  # not measured: the timing says so itself
+        ("flags : fpu", 1, 0.6, True),  # no machine's guest: a warning elsewhere
+    ],
+)
+def test_a_virtual_machine_that_stalled_is_not_fit(
+    tmp_path: Path, cpuinfo: str, stolen: int, latest: float | None, fit: bool
+) -> None:
+    shown = host(tmp_path, proc__cpuinfo=cpuinfo)
+    before, after = processor.Busy(100.0, 0.0), processor.Busy(200.0, float(stolen))
+    found = processor.findings(shown, 3, before, after, latest)
+    assert Examination(tuple(found)).fit(Use.REALTIME) is fit
+    assert Examination(tuple(found)).fit(Use.REHEARSAL)
+    told = named(found, "virtual machine or container")
+    assert ("stalled while it was measured" in told.value) is not fit
 
 
 def test_a_taken_real_time_place_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:

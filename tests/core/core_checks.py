@@ -50,6 +50,9 @@ REASONS = {
     "SURGE_POSITION": (31, 1),
     "SURGE_VELOCITY": (32, 1),
     "SURGE_ENCODER_JUMP": (33, 0),
+    "EMERGENCY_STOP": (34, 0),
+    "LIMIT_SWITCH": (35, 1),
+    "STALE_PANEL": (36, 1),
 }
 
 REQUESTS = {

@@ -9,7 +9,7 @@ from typing import Any
 
 from core_runs import plan
 
-from controllers.signals import AxisSense, DriveSense, ProbeSense, SpringSense
+from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
 from rig import cycle, sequence
 from rig.assemble import wavebot_params
 from rig.config import CampaignFile, LimitsFile, RigFile, load, load_mapping
@@ -91,6 +91,7 @@ class Quiet:
             DriveSense(1, 0, 0),
             ProbeSense(0.0, 0.0, 0.0, 0.01),
             WaveSense(0.0),
+            PanelSense(0, 0, 0.001),
         )
 
     def write(self, command: Command) -> None:

@@ -348,7 +348,8 @@ def test_the_words_of_a_wavebot_are_in_its_row() -> None:
     made = run(KIND, params(PLANS["tared"])._replace(safety=QUICK), devices)
     for row, sense, command in zip(made.rows, devices.true, devices.commands, strict=True):
         assert (row.heave.sense, row.surge.sense, row.load, row.spring_sense) == sense[:4]
-        assert (row.power_sense, row.drive_sense, row.probes, row.wave) == sense[4:]
+        seen = (row.power_sense, row.drive_sense, row.probes, row.wave, row.panel)
+        assert seen == sense[4:]
         assert (row.heave.command, row.surge.command, row.spring_command) == command[:3]
         assert row.drive_command == command.drive
         assert isinstance(row.tare, tare.Zeros)

@@ -54,7 +54,7 @@ def stopped(made: Ran, devices: Bent, at: int) -> None:
 
 
 def test_the_list_of_fields_is_that_of_the_type() -> None:
-    assert len(FLOATS) == 25
+    assert len(FLOATS) == 26
     hints = get_type_hints(Sense)
     assert {path[0] for path in FLOATS} == set(hints) - {"drive"}  # flags only
 

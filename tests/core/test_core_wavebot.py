@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -63,6 +64,22 @@ def test_a_fault_of_surge_says_that_it_is_surge(values: dict[str, Any], reason: 
     assert (first.safety.mode, first.safety.reason) == (STOP_0, reason)
     assert CATEGORY[reason] == 0
     assert devices.commands[AT].surge[:3] == devices.commands[AT].heave[:3] == (0.0, 0.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("values", "mode", "reason"),
+    [
+        ({"e_stop": 1}, STOP_0, Reason.EMERGENCY_STOP),
+        ({"limit_switch": 1}, STOP_1, Reason.LIMIT_SWITCH),
+        ({"age": 1.5}, STOP_1, Reason.STALE_PANEL),
+        ({"age": math.nan}, STOP_0, Reason.NOT_FINITE),
+        ({"e_stop": 1, "limit_switch": 1, "age": math.nan}, STOP_0, Reason.EMERGENCY_STOP),
+    ],
+)
+def test_what_the_panel_says_stops(values: dict[str, Any], mode: int, reason: Reason) -> None:
+    made, _ = ran(bent("panel", **values))
+    assert (made.rows[AT].safety.mode, made.rows[AT].safety.reason) == (mode, reason)
+    assert made.rows[AT].panel == made.rows[0].panel._replace(**values) or "age" in values
 
 
 def drifting(counts: int) -> Any:

@@ -84,7 +84,9 @@ def still_world() -> World:
 class Rig:
     """The two drives and the actuator on one bus and one world."""
 
-    def __init__(self, schedule: Schedule, *, surge: Scaling = Scaling.RATED) -> None:
+    def __init__(
+        self, schedule: Schedule, *, surge: Scaling = Scaling.RATED, low: float = -93.0
+    ) -> None:
         self.hub = CanHub(schedule)
         self.world = SharedWorld(still_world(), DT, schedule.time)
         heave = TorqueDriveParams(Axis.HEAVE, Scaling.AMC)
@@ -93,7 +95,9 @@ class Rig:
         self.heave = TorqueDrive(NodeParams(HEAVE, AMC), heave, *rest)
         eds = RATED if surge is Scaling.RATED else AMC
         self.surge = TorqueDrive(NodeParams(SURGE, eds), aside, *rest)
-        self.stator = StatorActuator(NodeParams(STATOR, ACTUATOR), ActuatorParams(), *rest)
+        self.stator = StatorActuator(
+            NodeParams(STATOR, ACTUATOR, cycle=0.004), ActuatorParams(low=low), *rest
+        )
         self.nodes: tuple[CanopenNode, ...] = (self.heave, self.surge, self.stator)
         for node in self.nodes:
             node.power_on()

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from log_books import MASK4_LOG, NO_LOG, book
+from log_books import MASK4_LOG, book
+from measured_data import needs, reference
 from typer.testing import CliRunner
 
 from rig.cli import app
@@ -113,12 +114,13 @@ def test_a_file_that_is_no_log_is_said(tmp_path: Path) -> None:
     assert said["problems"][0]["file"].endswith("none.xlsx")
 
 
-@pytest.mark.skipif(not MASK4_LOG.exists(), reason=NO_LOG)
+@needs(MASK4_LOG)
 def test_the_measured_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    code, out, _ = rig(MASK4_LOG)
+    log = reference(MASK4_LOG)
+    code, out, _ = rig(log)
     assert code == 0
     assert "142 runs" in out
-    said: dict[str, Any] = json.loads(rig(MASK4_LOG, "--json")[1])
+    said: dict[str, Any] = json.loads(rig(log, "--json")[1])
     assert [run["run"] for run in said["runs"]] == list(range(1, 143))
     corrected = {
         run["run"]: run["spring"]["corrected_n_per_m"] for run in said["runs"] if run["spring"]

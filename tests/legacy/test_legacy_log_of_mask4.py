@@ -7,7 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from log_books import MASK4_LOG, NO_LOG
+from log_books import MASK4_LOG
+from measured_data import needs, reference
 
 from rig.legacy.testlog import (
     Activity,
@@ -25,13 +26,13 @@ from rig.legacy.testlog import (
 )
 from rig.legacy.testlog.waves import SEAS
 
-pytestmark = pytest.mark.skipif(not MASK4_LOG.exists(), reason=NO_LOG)
+pytestmark = needs(MASK4_LOG)
 K = RemarkKind
 
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    return read_log(MASK4_LOG)
+    return read_log(reference(MASK4_LOG))
 
 
 def runs_with(log: Log, kind: RemarkKind) -> list[int]:

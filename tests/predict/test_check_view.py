@@ -6,6 +6,7 @@ import io
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -37,6 +38,21 @@ def test_the_default_campaign_fits_into_100_columns() -> None:
     assert "66 (66 points x 1)" in text
     assert "the campaign can be run" in text
     assert "8 of 66 rows" in text
+
+
+def test_the_best_row_is_named_where_kp_and_ki_do_not_tell_it() -> None:
+    text = shown(CONFIGS / "campaigns" / "mask4_run_120_short.yaml", width=130)
+    line = next(line for line in text.splitlines() if line.startswith(" -8508"))
+    found = re.findall(r"(-?[\d.]+) at row (\d+)", line)
+    assert len(found) == 3
+    assert "-2500/3000" not in line
+    table = text[text.index("row spring") :]
+    powers = {cells[0]: cells for cells in map(str.split, table.splitlines()) if cells}
+    assert float(powers[found[2][1]][14]) == float(found[2][0])  # DC, the best of the eight
+    assert float(found[2][0]) == min(float(powers[str(i)][14]) for i in range(8))
+    default = shown(CONFIGS / "campaigns" / "default.yaml", width=130)
+    assert " at row " not in default
+    assert "at -2000/2000" in default
 
 
 def test_a_narrow_terminal_gets_fewer_columns_not_cut_ones() -> None:

@@ -55,7 +55,7 @@ def test_all_fields_with_their_units(run: Path) -> None:
             {f"heave.estimate.{n}" for n in ("position", "velocity", "acceleration")},
         ),
         (["*.mean_ac", "wave"], {"power.mean_ac", "wave.elevation"}),
-        (["*.age"], {"load.age", "spring_sense.age", "power_sense.age", "probes.age"}),
+        (["*.age"], {"load.age", "spring_sense.age", "power_sense.age", "probes.age", "panel.age"}),
     ],
 )
 def test_fields_by_name_prefix_and_pattern(run: Path, fields: object, names: set[str]) -> None:

@@ -6,7 +6,6 @@ import functools
 from pathlib import Path
 from typing import Any
 
-import pytest
 from ruamel.yaml import YAML
 
 from sim_plant.bem import Bem, read_bem
@@ -17,7 +16,6 @@ from sim_plant.world import Actuation, Stepper, World
 DT = 0.001
 ROOT = Path(__file__).resolve().parents[2]
 PLANTS = ROOT / "configs" / "plants"
-DATA = ROOT.parent / "shared" / "data"
 CAPYTAINE = Path(__file__).resolve().parent / "capytaine_heave.npz"  # by compute_bem.py
 
 
@@ -64,14 +62,6 @@ def bem() -> Bem:
 @functools.cache
 def surge_bem() -> Bem:
     return read_bem(PLANTS / plant().surge.bem)
-
-
-def reference(name: str) -> Path:
-    """Give a file of the shared data folder, or skip the test."""
-    path = DATA / name
-    if not path.exists():
-        pytest.skip(f"{path} is absent: reference data stay outside the repository")
-    return path
 
 
 QUIET = {

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from closed_form import intrinsic_impedance, radiation
-from plant_files import PLANTS, bem, plant, reference
+from measured_data import reference
+from plant_files import PLANTS, bem, plant
 
 from sim_plant.bem import excitation_at, radiation_impedance, read_bem
 

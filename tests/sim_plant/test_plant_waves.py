@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plant_files import bem, reference
+from measured_data import reference
+from plant_files import bem
 
 from sim_plant import waves
 from sim_plant.bem import excitation_at

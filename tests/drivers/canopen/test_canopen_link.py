@@ -1,104 +1,256 @@
-"""The loop's end of a bus: emptied in one look whatever else is on it, and never told too young."""
+"""The link where the kernel needs no CAN: in one process, slcan on a pty, multicast."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+import pty
+import select
+import socket
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import can
 import pytest
 
-from drivers.canopen.bus_cycle import SYNC, BusCycle
-from drivers.canopen.bus_settings import Bus
-from drivers.canopen.link import Link
+from drivers.canopen import link as link_module
+from drivers.canopen.bus_settings import Bus, refusal
+from drivers.canopen.link import Frame, Link, LinkError
 
-WANTED, OTHER = 0x185, 0x07F
-
-
-@pytest.fixture
-def line() -> Iterator[Link]:
-    link = Link(Bus("virtual", "link test", 1_000_000, ()), (WANTED,))
-    yield link
-    link.close()
+STATUS, OTHER, STRANGE, COMMAND = 0x185, 0x186, 0x187, 0x205
+BUS = Bus("virtual", "link", 1_000_000, ())
 
 
 @pytest.fixture
-def far() -> Iterator[Any]:
-    with can.Bus(interface="virtual", channel="link test") as bus:
+def link() -> Iterator[Link]:
+    one = Link(BUS, {STATUS, OTHER})
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def far() -> Iterator[can.BusABC]:
+    with can.Bus(interface="virtual", channel="link") as bus:
         yield bus
 
 
-def send(far: Any, cob_id: int, *data: int, extended: bool = False) -> None:
-    far.send(can.Message(arbitration_id=cob_id, data=bytes(data), is_extended_id=extended))
+def frame(identifier: int, data: bytes = b"", **flags: Any) -> can.Message:
+    return can.Message(**{"is_extended_id": False, **flags}, arbitration_id=identifier, data=data)
 
 
-def test_frames_nobody_wants_do_not_end_a_look(line: Link, far: Any) -> None:
-    for number in range(5):
-        send(far, OTHER, 0, 0)
-        send(far, WANTED, number)
-        send(far, WANTED, 99, extended=True)
-    assert [data[0] for _, data in line.drain()] == [0, 1, 2, 3, 4]
-    assert not line.behind
-    assert line.drain() == []
+def drained(link: Link, count: int, patience: float = 5.0) -> list[Frame]:
+    """What comes until so many frames are there."""
+    found: list[Frame] = []
+    end = time.monotonic() + patience
+    while len(found) < count and time.monotonic() < end:
+        found += link.drain()
+    return found
 
 
-def test_a_look_that_leaves_something_says_so(line: Link, far: Any) -> None:
-    for _ in range(10):
-        send(far, OTHER)
-    assert line.drain(most=4) == []
-    assert line.behind
-    line.drain()
-    assert not line.behind
+def test_frames_go_both_ways(link: Link, far: can.BusABC) -> None:
+    assert link.send(COMMAND, b"\x01\x02")
+    heard = far.recv(1.0)
+    assert heard is not None
+    assert (heard.arbitration_id, heard.is_extended_id) == (COMMAND, False)
+    assert bytes(heard.data) == b"\x01\x02"
+    far.send(frame(STATUS, b"\x03"))
+    far.send(frame(OTHER))
+    assert link.drain() == [Frame(STATUS, b"\x03"), Frame(OTHER, b"")]
+    assert link.drain() == []
+    assert (link.unsent, link.errors) == (0, 0)
 
 
-class Listener:
-    """A node that notes when what it was given is said to be sampled."""
+def test_unwanted_frames_hide_nothing_behind_them(link: Link, far: can.BusABC) -> None:
+    far.send(frame(STRANGE))
+    far.send(frame(STATUS, b"\x01"))
+    far.send(frame(STRANGE))
+    far.send(frame(OTHER, b"\x02"))
+    assert link.drain() == [Frame(STATUS, b"\x01"), Frame(OTHER, b"\x02")]
 
-    cob_ids = frozenset((WANTED,))
+
+def test_what_is_no_data_frame_of_11_bits_is_not_taken(link: Link, far: can.BusABC) -> None:
+    far.send(frame(STATUS, b"\x01", is_extended_id=True))
+    far.send(frame(STATUS, is_remote_frame=True, dlc=8))
+    far.send(frame(STATUS, b"\x02"))
+    assert link.drain() == [Frame(STATUS, b"\x02")]
+
+
+def test_error_frames_are_counted(link: Link, far: can.BusABC) -> None:
+    far.send(frame(0x40, bytes(8), is_error_frame=True))
+    far.send(frame(STATUS, b"\x01"))
+    assert link.drain() == [Frame(STATUS, b"\x01")]
+    assert link.errors == 1
+
+
+@pytest.mark.parametrize("identifier", [OTHER, STRANGE])
+def test_a_babbling_node_takes_its_bound_of_a_look(
+    identifier: int, link: Link, far: can.BusABC
+) -> None:
+    for number in range(100):
+        far.send(frame(identifier, bytes([number])))
+    far.send(frame(STATUS))
+    first, second = link.drain(), link.drain()
+    if identifier == OTHER:
+        assert [one.data[0] for one in first] == list(range(64)), "oldest first, none lost"
+    assert second[-1] == Frame(STATUS, b"")
+    assert link.drain(most=0) == []
+
+
+def test_a_marked_frame_of_another_process_here_is_heard(link: Link) -> None:
+    """A kernel's SocketCAN marks all that was sent on this host as if it were our own."""
+    bus: Any = can.Bus(interface="virtual", channel="link", receive_own_messages=True)
+    try:
+        marked = frame(STATUS, b"\x01", is_rx=False)
+        link._bus.queue.put(marked)  # type: ignore[attr-defined]
+        assert link.drain() == [Frame(STATUS, b"\x01")]
+    finally:
+        bus.shutdown()
+
+
+def test_a_bus_that_is_gone_is_counted_and_raises_nothing(link: Link) -> None:
+    link.close()
+    assert not link.send(COMMAND, b"")
+    assert link.drain() == []
+    assert (link.unsent, link.errors) == (1, 1)
+    link.close()
+
+
+@pytest.mark.parametrize(
+    "error", [can.CanOperationError("x"), OSError(), ValueError(), IndexError()]
+)
+def test_whatever_an_interface_raises_is_counted(
+    error: Exception, link: Link, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise error
+
+    with monkeypatch.context() as patch:
+        for name in ("send", "recv", "shutdown"):
+            patch.setattr(link._bus, name, fails)
+        assert not link.send(COMMAND, b"")
+        assert link.drain() == []
+        link.close()
+    assert (link.unsent, link.errors) == (1, 2)
+
+
+def unserved() -> int:
+    """A TCP port on which nobody listens."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port: int = one.getsockname()[1]
+        return port
+
+
+@pytest.mark.parametrize(
+    ("bus", "text"),
+    [
+        (Bus("nonsense", "can0", 1, ()), "CAN bus nonsense can0: "),
+        (Bus("socketcan", "can99", 1, ()), "CAN bus socketcan can99: "),
+        (Bus("slcan", "/nowhere", 1_000_000, ()), "CAN bus slcan /nowhere: "),
+        (Bus("slcan", "", 1_000_000, ()), "CAN bus slcan : Must specify a serial port."),
+        (Bus("socketcand", "can0", 1, ()), "CAN bus socketcand can0: .*host"),
+        (Bus("pcan", "PCAN_USBBUS1", 1_000_000, ()), "CAN bus pcan PCAN_USBBUS1: "),
+    ],
+)
+@pytest.mark.filterwarnings(
+    "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
+)
+def test_a_bus_that_cannot_be_opened_is_named(bus: Bus, text: str) -> None:
+    with pytest.raises(LinkError, match="^" + text):
+        Link(bus, {STATUS})
+
+
+def test_slcan_is_refused_above_what_it_can_do() -> None:
+    bus = Bus("slcan", "/dev/ttyACM0", 1_000_000, ())
+    assert refusal(bus, 100.0) == ""
+    assert refusal(bus, 100.1) == (
+        "slcan on /dev/ttyACM0 cannot be cycled at 100.1 Hz: an empty look at it takes 1.1 ms; "
+        "at most 100 Hz"
+    )
+    assert refusal(bus._replace(interface="socketcan"), 1000.0) == ""
+
+
+class Adapter:
+    """The far end of a serial line that speaks slcan."""
 
     def __init__(self) -> None:
-        self.sampled: list[float] = []
+        self.far, near = pty.openpty()
+        self.path = os.ttyname(near)
+        self._near = near
 
-    def take(self, cob_id: int, data: bytes, sampled: float) -> None:
-        self.sampled.append(sampled)
+    def says(self, text: str) -> None:
+        os.write(self.far, text.encode())
 
-
-class Backlog:
-    """A line on which more comes than a look takes."""
-
-    def __init__(self) -> None:
-        self.behind = False
-        self.time = 0.0
-        self.sent: list[int] = []
-
-    def now(self) -> float:
-        self.time += 0.001
-        return self.time
-
-    def send(self, cob_id: int, data: bytes) -> bool:
-        self.sent.append(cob_id)
-        return True
-
-    def drain(self) -> list[Any]:
-        return [(WANTED, b"")]
+    def told(self, enough: Callable[[str], object]) -> str:
+        """What it was told until that is enough."""
+        heard = ""
+        while not enough(heard) and select.select([self.far], [], [], 5.0)[0]:
+            heard += os.read(self.far, 1000).decode()
+        return heard
 
     def close(self) -> None:
-        pass
+        os.close(self._near)
+        os.close(self.far)
 
 
-def test_frames_of_a_line_that_is_behind_grow_old() -> None:
-    line, listener = Backlog(), Listener()
-    cycle = BusCycle(line, (listener,), 127, 0.05)
-    cycle.receive()
-    cycle.send(())
-    line.behind = True
-    answered = []
-    for _ in range(4):
-        cycle.receive()
-        cycle.send(())
-        answered.append(cycle.synced)
-    assert len(set(listener.sampled[1:])) == 1  # as old as when it fell behind
-    line.behind = False
-    cycle.receive()
-    assert listener.sampled[-1] == answered[-1]
-    assert SYNC in line.sent
+@pytest.fixture
+def adapter() -> Iterator[Adapter]:
+    one = Adapter()
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def serial_link(adapter: Adapter) -> Iterator[Link]:
+    options = (("sleep_after_open", 0.0),)
+    one = Link(Bus("slcan", adapter.path, 1_000_000, options), {STATUS, OTHER})
+    assert adapter.told(lambda text: text.endswith("O\r")).replace("\r", " ").split()[-1] == "O"
+    yield one
+    one.close()
+
+
+def test_slcan_carries_frames_over_a_serial_line(adapter: Adapter, serial_link: Link) -> None:
+    assert serial_link.send(COMMAND, b"\x37\x02")
+    assert adapter.told(lambda text: "\r" in text) == "t20523702\r"
+    adapter.says("t18520102\rt1870\rT000001851FF\rr1858\rt1860\r")
+    assert drained(serial_link, 2) == [Frame(STATUS, b"\x01\x02"), Frame(OTHER, b"")]
+
+
+@pytest.mark.parametrize("text", ["T1\r", "tZZZ0\r", "t1\r", "t18521\r", "\x07", "\r\r", "hello\r"])
+def test_slcan_text_that_is_no_frame_is_passed_over(
+    text: str, adapter: Adapter, serial_link: Link
+) -> None:
+    adapter.says(text + "t18510A\r")
+    assert drained(serial_link, 1)[-1] == Frame(STATUS, b"\x0a")
+
+
+def test_a_serial_line_that_hangs_up_is_counted(adapter: Adapter, serial_link: Link) -> None:
+    os.close(adapter.far)
+    adapter.far = os.dup(adapter._near)
+    end = time.monotonic() + 5.0
+    while serial_link.errors == 0 and time.monotonic() < end:
+        assert serial_link.drain() == []
+    assert serial_link.errors > 0
+    serial_link.send(COMMAND, b"")
+    assert serial_link.unsent == 1
+
+
+def test_multicast_gives_back_what_was_sent_and_the_link_keeps_it_out() -> None:
+    pytest.importorskip("msgpack", reason="udp_multicast of python-can needs msgpack")
+    bus = Bus("udp_multicast", "239.74.163.2", 1_000_000, (("port", unserved()),))
+    link, far = Link(bus, {STATUS}), Link(bus, {COMMAND})
+    try:
+        if not link.send(COMMAND, b"\x01"):
+            pytest.skip("this host has no route for multicast")
+        assert drained(far, 1) == [Frame(COMMAND, b"\x01")]
+        assert far.send(STATUS, b"\x02")
+        assert drained(link, 1) == [Frame(STATUS, b"\x02")], "and not its own command"
+        assert link.drain() == far.drain() == []
+        assert link.errors == far.errors == 0
+    finally:
+        link.close()
+        far.close()
+
+
+def test_the_library_says_no_more_than_errors() -> None:
+    assert link_module.logging.getLogger("can").level == link_module.logging.ERROR

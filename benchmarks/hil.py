@@ -1,0 +1,128 @@
+"""The loop at its real rate through real drivers: lateness, tick time, ages of every device."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from benchmarks.lateness import MISSING, P50_RATIO, P99_RATIO, Block, cyclictest, summary
+from benchmarks.ring import refusals
+from benchmarks.support.live import wait_realtime_free
+from benchmarks.support.recorded import ROOT, campaign_file
+from benchmarks.support.result import Figure, Result, figure, quantile, ratios
+from rig.runs import open_run
+
+EXECUTED = 99.0  # % of the periods
+AGES = {
+    "encoder and drive, heave": "heave.sense.encoder_age",
+    "encoder and drive, surge": "surge.sense.encoder_age",
+    "stator": "spring_sense.age",
+    "load cells (slowest)": "load.age",
+    "power analyser": "power_sense.age",
+    "wave probes": "probes.age",
+    "panel": "panel.age",
+}
+
+
+class Run(NamedTuple):
+    """What one run on emulated devices showed."""
+
+    late: Block
+    work: tuple[float, float, float]  # us of a tick: p50, p99, p99.9
+    executed: float  # % of the elapsed periods
+    imbalance: int  # executed + skipped - elapsed periods
+    lost: int  # rows dropped or not saved
+    ages: dict[str, float]  # ms, p99
+    refused: tuple[str, ...]
+
+
+def hil_run(campaign: Path, rig: Path, runs: Path) -> Run:
+    """Run a campaign on emulated devices to its end."""
+    wait_realtime_free()
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.support.run_process", campaign, runs, "hil", rig],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        raise RuntimeError((done.stderr.strip().splitlines() or ["no words"])[-1])
+    outcome: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    if outcome["status"] != "complete":
+        raise RuntimeError(f"the run did not end well: {outcome['status']}, {outcome['reason']}")
+    folder = Path(outcome["folder"])
+    data = open_run(folder, fields=["tick", "timing", *AGES.values()])
+    ticks, skipped = data["tick"].values, data["timing.skipped"].values
+    elapsed = int(ticks[-1]) + 1
+    work = data["timing.work"].values[1:] * 1e6
+    return Run(
+        summary((data["timing.lateness"].values * 1e6).astype(np.int64)),
+        (quantile(work, 0.5), quantile(work, 0.99), quantile(work, 0.999)),
+        100.0 * len(ticks) / elapsed,
+        len(ticks) + int(skipped[-1]) - elapsed,
+        outcome["dropped"] + outcome["unsaved"],
+        {name: 1e3 * quantile(data[field].values, 0.99) for name, field in AGES.items()},
+        refusals(folder),
+    )
+
+
+def measure(short: bool) -> Result:
+    """Runs on emulated devices and cyclictest, alternating; each run whole, then thrown away."""
+    seconds, runs = (18.0, 1) if short else (120.0, 5)
+    compare = shutil.which("cyclictest") is not None
+    found, peer = list[Run](), list[Block]()
+    rig = ROOT / "configs" / "rigs" / "wavebot_hil.yaml"
+    with tempfile.TemporaryDirectory() as scratch:
+        campaign = campaign_file(Path(scratch), seconds)
+        for i in range(runs):
+            folder = Path(scratch) / f"runs{i}"
+            found.append(hil_run(campaign, rig, folder))
+            shutil.rmtree(folder)
+            if compare:
+                peer.append(cyclictest(20.0 if not short else 2.0))
+    figures: list[Figure] = []
+    for name, ours, theirs, limit in (
+        ("p50", [r.late.p50 for r in found], [b.p50 for b in peer], P50_RATIO),
+        ("p99", [r.late.p99 for r in found], [b.p99 for b in peer], P99_RATIO),
+        ("worst", [r.late.worst for r in found], [b.worst for b in peer], None),
+    ):
+        figures.append(figure(f"lateness, {name}", "us", ours))
+        if peer and all(theirs):
+            compared = ratios(ours, theirs)
+            figures.append(figure(f"loop / cyclictest, {name}", "ratio", compared, at_most=limit))
+    for i, name in enumerate(("p50", "p99", "p99.9")):
+        figures.append(figure(f"tick with all drivers, {name}", "us", [r.work[i] for r in found]))
+    figures += [
+        figure("executed of elapsed", "%", [r.executed for r in found], at_least=EXECUTED),
+        figure(
+            "executed + skipped - elapsed",
+            "periods",
+            [abs(r.imbalance) for r in found],
+            at_most=0,
+            judge="worst",
+        ),
+        figure("rows lost", "rows", [r.lost for r in found], at_most=0, judge="worst"),
+        *(figure(f"age, p99: {name}", "ms", [r.ages[name] for r in found]) for name in AGES),
+    ]
+    notes = [
+        "two CAN axes and the actuator over socketcand, five Modbus blocks on three lines, "
+        "emulated devices on the other core; cyclictest runs without them, so it has less to do",
+        *(() if compare else (MISSING,)),
+        *sorted({f"not granted to the loop: {why}" for run in found for why in run.refused}),
+    ]
+    return Result(
+        "hil",
+        "a WaveBot on real wires with emulated devices at 1 kHz",
+        f"{runs} runs of {seconds:g} s"
+        + (", alternating with cyclictest" if compare else "")
+        + f" on {len(os.sched_getaffinity(0))} cores",
+        tuple(figures),
+        tuple(notes),
+    )

@@ -1,0 +1,86 @@
+"""`rig scan can|modbus`."""
+
+import sys
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+_CODES = """\
+Exit codes: 0 somebody answers; 1 nobody does, the wire cannot be opened, or a run has the rig; \
+2 bad input; 3 stopped by the operator."""
+
+app = typer.Typer(
+    name="scan",
+    no_args_is_help=True,
+    help="Say who is on a wire of which nothing is known yet. It only reads.",
+)
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Also while a run has the rig; it may be disturbed.")
+]
+
+
+class Parity(StrEnum):
+    """Parity of a serial line."""
+
+    NONE = "N"
+    EVEN = "E"
+    ODD = "O"
+
+
+@app.command(epilog=_CODES)
+def can(
+    interface: Annotated[
+        str, typer.Option("--interface", "-i", help="python-can's name: socketcan, pcan, ...")
+    ],
+    channel: Annotated[str, typer.Option("--channel", "-c", help="As python-can names it: can0.")],
+    bit_rate: Annotated[
+        int, typer.Option("--bit-rate", min=10_000, max=1_000_000, help="bit/s.")
+    ] = 1_000_000,
+    option: Annotated[
+        list[str] | None,
+        typer.Option("--option", "-o", metavar="NAME=VALUE", help="For python-can; repeatable."),
+    ] = None,
+    patience: Annotated[
+        float, typer.Option("--patience", min=0.05, max=60, help="s to wait for answers.")
+    ] = 0.5,
+    anyway: Anyway = False,
+    json: Json = False,
+) -> None:
+    """CANopen nodes 1 to 127 that answer, and who they say they are."""
+    from rig.cli.scan_commands import scan_can
+
+    wanted = (interface, channel, bit_rate, option or [])
+    sys.exit(scan_can(*wanted, patience=patience, anyway=anyway, as_json=json))
+
+
+@app.command(epilog=_CODES)
+def modbus(
+    address: Annotated[
+        str | None, typer.Argument(metavar="[HOST:PORT]", help="Modbus/TCP server or gateway.")
+    ] = None,
+    serial: Annotated[
+        str | None, typer.Option("--serial", help="Serial port of an RTU line, instead.")
+    ] = None,
+    baud: Annotated[int, typer.Option("--baud", min=1200, max=4_000_000)] = 19_200,
+    parity: Annotated[Parity, typer.Option("--parity")] = Parity.NONE,
+    stop_bits: Annotated[int, typer.Option("--stop-bits", min=1, max=2)] = 1,
+    first: Annotated[int, typer.Option("--first", min=1, max=247, help="First unit.")] = 1,
+    last: Annotated[int, typer.Option("--last", min=1, max=247, help="Last unit.")] = 247,
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=0.01, max=10, help="s to wait for each answer.")
+    ] = 0.3,
+    register: Annotated[
+        int, typer.Option("--register", min=0, max=65_535, help="Holding register to ask for.")
+    ] = 0,
+    anyway: Anyway = False,
+    json: Json = False,
+) -> None:
+    """Modbus units that answer, be it with a refusal, on a TCP server or a serial line."""
+    from rig.cli.scan_commands import Serial, scan_modbus
+
+    line = None if serial is None else Serial(serial, baud, parity.value, stop_bits)
+    asked = (address, line, (first, last), timeout, register)
+    sys.exit(scan_modbus(*asked, anyway=anyway, as_json=json))

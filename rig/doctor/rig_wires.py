@@ -1,0 +1,113 @@
+"""What one rig's wires need of this host."""
+
+from ipaddress import ip_address
+from pathlib import Path
+from typing import NamedTuple
+
+from drivers.canopen.bus_settings import Bus
+from rig.config.rig_file import RigFile
+from rig.config.wiring import RtuLine, TcpLine
+from rig.doctor.finding import REALTIME, Finding, Host, Verdict, forbidding
+from rig.doctor.wires import DIALOUT, backend_trouble
+from rig.hardware import reach
+from rig.hardware.job import WiringError, job_of
+
+_EMULATED = "nothing, if `rig sim` or `rig run --sim` is to come; else switch the device on"
+
+
+class _Wire(NamedTuple):
+    """How a wire of the rig was found."""
+
+    what: str
+    value: str  # where it leads
+    trouble: str
+    limit: str
+    advice: str
+    emulated: bool  # it leads to this host's loopback, or to no device file
+
+
+def area(rig: RigFile) -> str:
+    """The heading of a rig's findings."""
+    return f"wires of {rig.name}"
+
+
+def findings(host: Host, rig: RigFile) -> list[Finding]:
+    """The wiring by itself, then every wire: is there what it needs, does somebody answer."""
+    where = area(rig)
+    if rig.wiring is None:
+        value = "none: it can only be rehearsed"
+        return [Finding(where, "wiring", value, "", Verdict.NOTE)]
+    try:
+        load = job_of(rig).load.total
+    except WiringError as error:
+        advice = "mend the rig file"
+        text = "; ".join(str(error).splitlines())
+        return [Finding(where, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
+    can = rig.wiring.can
+    bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
+    limit = "at most 80 % in the worst case: the rest is for what is not sent in every tick"
+    found = [
+        Finding(where, "load of the CAN bus", f"{100 * load:.0f} %", limit, Verdict.GOOD),
+        _backend(where, can.interface),
+        _judged(where, _can(host, bus)),
+    ]
+    for name, line in rig.wiring.lines.items():
+        found.append(_judged(where, _line(host, name, line)))
+    return found
+
+
+def _backend(where: str, interface: str) -> Finding:
+    what, limit = f"python-can on {interface}", "imports, with the library of the adapter's maker"
+    trouble = backend_trouble(interface)
+    if not trouble:
+        return Finding(where, what, "there", limit, Verdict.GOOD)
+    advice = "install what is missing: the page of this interface in python-can's documentation"
+    return Finding(where, what, trouble, limit, Verdict.BAD, advice, REALTIME)
+
+
+def _can(host: Host, bus: Bus) -> _Wire:
+    value = f"{bus.interface} {bus.channel}"
+    if bus.interface == "socketcan":
+        trouble = reach.network_trouble(bus.channel, host.root)
+        advice = (
+            f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
+            "no such interface, see that the adapter is plugged in and its driver loaded"
+        )
+        return _Wire("CAN bus", value, trouble, "the interface is there and up", advice, False)
+    if bus.interface == "socketcand":
+        at = str(dict(bus.options).get("host", "127.0.0.1"))
+        trouble, limit = reach.bus_trouble(bus), "somebody listens there"
+        return _Wire("CAN bus", value, trouble, limit, "start socketcand there", _loopback(at))
+    limit = "shown only when it is opened: `rig scan can`"
+    return _Wire("CAN bus", value, "", limit, "", False)
+
+
+def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _Wire:
+    what = f"line {name}"
+    if isinstance(line, TcpLine):
+        trouble = reach.tcp_trouble(line.host, line.port)
+        advice = "is it switched on, is its address right, is this host in its network?"
+        value, limit = f"{line.host}:{line.port}", "somebody listens there"
+        return _Wire(what, value, trouble, limit, advice, _loopback(line.host))
+    trouble = reach.port_trouble(line.port)
+    advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
+    emulated = Path("/dev") not in Path(line.port).parents and not Path(line.port).exists()
+    return _Wire(what, line.port, trouble, "there, and this user may open it", advice, emulated)
+
+
+def _judged(where: str, wire: _Wire) -> Finding:
+    value = f"{wire.value}: {wire.trouble}" if wire.trouble else wire.value
+    if not wire.trouble:
+        return Finding(where, wire.what, value, wire.limit, Verdict.GOOD)
+    if wire.emulated:
+        return Finding(where, wire.what, value, wire.limit, Verdict.WARNING, _EMULATED)
+    verdict = Verdict.BAD
+    spoils = forbidding(verdict, *REALTIME)
+    return Finding(where, wire.what, value, wire.limit, verdict, wire.advice, spoils)
+
+
+def _loopback(host: str) -> bool:
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

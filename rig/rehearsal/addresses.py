@@ -1,0 +1,114 @@
+"""Whether emulated devices can be where a rig's wires lead: on this host, and not taken."""
+
+import errno
+import os
+import socket
+import stat
+from collections.abc import Iterator
+from contextlib import suppress
+from ipaddress import ip_address
+from pathlib import Path
+
+from rig.config.wiring import CanBus, TcpLine, Wiring
+
+CAN_PORT = 29536  # of socketcand, where the options name none
+_PTS = 136  # first major number of pseudo-terminals
+
+
+def impossible(wiring: Wiring) -> tuple[str, ...]:
+    """Why these wires lead to no emulated device, each wire by its name; empty if all can."""
+    return tuple(_impossible(wiring))
+
+
+def taken(wiring: Wiring) -> tuple[str, ...]:
+    """Which addresses somebody has already, each by its name; empty if all are free."""
+    return tuple(_taken(wiring))
+
+
+def can_address(bus: CanBus) -> tuple[str, int]:
+    """Host and port of a bus that is reached over TCP."""
+    host, port = bus.options.get("host", "127.0.0.1"), bus.options.get("port", CAN_PORT)
+    return str(host), int(port)
+
+
+def _impossible(wiring: Wiring) -> Iterator[str]:
+    if wiring.can.interface != "socketcand":
+        yield (
+            f"CAN: emulated nodes are reached over socketcand only, not {wiring.can.interface} "
+            f"{wiring.can.channel}"
+        )
+    elif not _here(can_address(wiring.can)[0]):
+        yield f"CAN: {can_address(wiring.can)[0]} is not this host's loopback"
+    for name, line in wiring.lines.items():
+        if isinstance(line, TcpLine):
+            if not _here(line.host):
+                yield f"line {name}: {line.host} is not this host's loopback"
+        elif Path("/dev") in Path(os.path.abspath(line.port)).parents:
+            yield f"line {name}: {line.port} is a place for devices that are there, not emulated"
+
+
+def _taken(wiring: Wiring) -> Iterator[str]:
+    ports = {"CAN": can_address(wiring.can)}
+    for name, line in wiring.lines.items():
+        if isinstance(line, TcpLine):
+            ports[f"line {name}"] = line.host, line.port
+    for name, (host, port) in ports.items():
+        if why := _listening(host, port):
+            yield f"{name}: {host}:{port} {why}"
+    for name, line in wiring.lines.items():
+        if not isinstance(line, TcpLine) and (why := _held(Path(line.port))):
+            yield f"line {name}: {line.port} {why}"
+
+
+def _here(host: str) -> bool:
+    if host == "localhost":
+        return True
+    with suppress(ValueError):
+        return ip_address(host).is_loopback
+    return False
+
+
+def _listening(host: str, port: int) -> str:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                return "is taken by another program (`ss -ltnp` names it)"
+            return f"cannot be had: {error.strerror or error}"
+    return ""
+
+
+def _held(path: Path) -> str:
+    """Why a path for a pseudo-terminal is not free; a link that was left behind is."""
+    if not path.is_symlink():
+        return "is there, and no link to a pseudo-terminal" if path.exists() else ""
+    try:
+        seen = path.stat()
+    except OSError:
+        return ""
+    if not (stat.S_ISCHR(seen.st_mode) and os.major(seen.st_rdev) >= _PTS):
+        return f"leads to {path.resolve()}, which is no pseudo-terminal"
+    holder = _master(os.minor(seen.st_rdev))
+    if holder is not None and "rig.rehearsal.emulation" not in _words(holder):
+        return ""  # left behind by who was killed; since then the terminal is another's
+    who = f"process {holder}" if holder else "another user's process"
+    return f"is taken by emulated devices of {who}"
+
+
+def _master(index: int) -> int | None:
+    """The process that has the master of a pseudo-terminal open; None if that cannot be seen."""
+    wanted = f"tty-index:\t{index}\n"
+    for info in Path("/proc").glob("[0-9]*/fdinfo/*"):
+        with suppress(OSError):
+            if wanted in info.read_text():
+                return int(info.parts[2])
+    return None
+
+
+def _words(process: int) -> str:
+    try:
+        return Path(f"/proc/{process}/cmdline").read_text()
+    except OSError:
+        return ""

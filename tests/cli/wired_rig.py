@@ -1,0 +1,99 @@
+"""A rig file on free ports of this host, and its emulated devices as `rig sim` starts them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+class Ports(NamedTuple):
+    can: int
+    analyser: int
+    io: int
+
+
+def free_ports() -> Ports:
+    """Ports nobody has; another program may still take one before it is used."""
+    held = [socket.create_server(("127.0.0.1", 0)) for _ in Ports._fields]
+    ports = Ports(*(one.getsockname()[1] for one in held))
+    for one in held:
+        one.close()
+    return ports
+
+
+def rig_file(folder: Path, ports: Ports, name: str = "rig", **changed: Any) -> Path:
+    """The WaveBot on wires, elsewhere; ``changed`` is laid over its wiring."""
+    wiring: dict[str, Any] = {
+        "can": {"options": {"host": "127.0.0.1", "port": ports.can, "tcp_tune": True}},
+        "lines": {
+            "analyser": {"port": ports.analyser, "timeout_s": 0.5},
+            "io": {"port": ports.io, "timeout_s": 0.5},
+            "amplifiers": {"port": str(folder / "amplifiers")},
+        },
+    }
+    for key, value in changed.items():
+        wiring[key] = {**wiring.get(key, {}), **value}
+    path = folder / f"{name}.yaml"
+    with path.open("w") as file:
+        YAML(typ="safe").dump(
+            {
+                "extends": str(CONFIGS / "rigs" / "wavebot_hil.yaml"),
+                "name": "Wires of a test",
+                "limits": str(CONFIGS / "limits" / "wavebot_hil.yaml"),
+                "wiring": wiring,
+            },
+            file,
+        )
+    return path
+
+
+def rig(folder: Path, *words: str | Path) -> subprocess.Popen[str]:
+    """`rig ...` in a process of its own; its lock on the real clock is of this folder."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "rig", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "TMPDIR": str(folder)},
+    )
+
+
+def ready(process: subprocess.Popen[str]) -> dict[str, Any]:
+    """What `rig sim --json` says when its devices are there."""
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    if not line:
+        raise AssertionError(process.communicate()[1])
+    told: dict[str, Any] = json.loads(line)
+    return told
+
+
+def ended(process: subprocess.Popen[str], number: int = signal.SIGINT) -> tuple[int, str, str]:
+    """Send it a signal; exit code and what it still said."""
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+@contextmanager
+def running(folder: Path, path: Path, *words: str | Path) -> Iterator[dict[str, Any]]:
+    """`rig sim` of a rig file, from ready to its end."""
+    process = rig(folder, "sim", path, "--json", *words)
+    try:
+        yield ready(process)
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)

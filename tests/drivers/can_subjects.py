@@ -1,0 +1,199 @@
+"""CANopen torque axis and actuator as subjects of the conformance test, cycled over a bus.
+
+Bits of a frame are the bus controller's to check, so what a device can get wrong is which frames it
+sends, how long they are, and when.
+"""
+
+from __future__ import annotations
+
+import random
+import struct
+from collections import deque
+
+from drive_402 import PARAMS, Drive
+
+from drivers.canopen import profile_position as move
+from drivers.canopen.bus_cycle import SYNC, BusCycle
+from drivers.canopen.link import Frame
+from drivers.canopen.position_actuator import PositionActuator
+from drivers.canopen.position_actuator import Settings as ActuatorSettings
+from drivers.canopen.scaling import CurrentScale, PositionScale
+from drivers.canopen.torque_axis import Settings, TorqueAxis
+
+NODE, STEP = 5, 0.001
+WATCHDOG = 0.05  # s without a command after which the drive removes power by itself
+
+
+class SpoiltBus:
+    """A node and the bus before it; its position counts milliseconds."""
+
+    def __init__(self, profile: bool) -> None:
+        self.time, self.fault, self.delay = 0.0, "none", 0.0
+        self.drive = Drive()
+        self._profile = profile
+        self.drive.shown = 1 if profile else 10
+        self._random = random.Random(7)
+        self._coming: deque[tuple[float, Frame]] = deque()
+        self._word, self._told = 0, 0.0
+        self.powered_off = False
+
+    def now(self) -> float:
+        return self.time
+
+    def close(self) -> None:
+        return
+
+    def send(self, cob_id: int, data: bytes) -> bool:
+        if self.fault == "silent" or self.powered_off:
+            return True
+        if cob_id == 0x200 + NODE:
+            self._word, self._told = struct.unpack_from("<H", data)[0], self.time
+        elif cob_id == SYNC:
+            self._synced()
+        return True
+
+    def drain(self) -> list[Frame]:
+        found = []
+        while self._coming and self._coming[0][0] <= self.time:
+            found.append(self._coming.popleft()[1])
+        return found
+
+    def power_cycle(self) -> None:
+        self.drive.state = "NR"
+
+    def tick(self) -> None:
+        self.time += STEP
+        if self.time - self._told > WATCHDOG and self.drive.state == "OE":
+            self.drive.state = "SOD"
+
+    def _synced(self) -> None:
+        self.drive.tick(self._word)
+        position = round(self.time * 1000.0)
+        if self._profile:
+            status = struct.pack("<Hbi", self.drive.statusword, self.drive.shown, position)
+        else:
+            status = struct.pack("<Hhi", self.drive.statusword, 0, position)
+            self._carry(0x280 + NODE, struct.pack("<bH", self.drive.shown, 0))
+        self._carry(0x180 + NODE, status)
+
+    def _carry(self, cob_id: int, data: bytes) -> None:
+        at = self.time
+        if self.fault in ("garbage", "babble"):
+            data = self._random.randbytes(
+                self._random.choice([n for n in range(9) if n != len(data)])
+            )
+            if self.fault == "babble":
+                for _ in range(10):
+                    foreign = Frame(self._random.randrange(0x600, 0x700), b"\x00")
+                    self._coming.append((at, foreign))
+        elif self.fault == "split":
+            self._coming.append((at, Frame(cob_id, data[: self._random.randrange(len(data))])))
+        elif self.fault == "late":
+            at += self.delay
+        elif self.fault == "half":
+            self._coming.append((at, Frame(cob_id, data[: len(data) // 2])))
+            self.powered_off = True
+            return
+        self._coming.append((at, Frame(cob_id, data)))
+
+
+class CanSubject:
+    """What both have in common."""
+
+    name = ""
+    patience = 0.1
+    recovery = 1.0
+    harmless = frozenset({"split"})
+    grain = 0.0011
+    blind = 0.02  # process data carry no moment: late ones count as answers to the last SYNC
+
+    def __init__(self, profile: bool) -> None:
+        self.bus = SpoiltBus(profile)
+        self.enable = 0
+
+    def run(self, seconds: float) -> float:
+        for _ in range(round(seconds / STEP)):
+            self.bus.tick()
+            self.turn()
+        return seconds
+
+    def turn(self) -> None:
+        raise NotImplementedError
+
+    def spoil(self, fault: str) -> None:
+        self.bus.fault, self.bus.delay = fault, 0.02
+        if fault == "none" and self.bus.powered_off:
+            self.bus.powered_off = False
+        elif fault == "reconnect":
+            self.bus.power_cycle()
+            self.bus.powered_off = True
+
+    def trouble(self) -> str:
+        raise NotImplementedError
+
+    def told(self) -> tuple[float, float]:
+        raise NotImplementedError
+
+    def well(self) -> bool:
+        return self.told()[0] < 0.005 and self.bus.drive.state in ("SOD", "OE")
+
+    def ask_up(self) -> bool:
+        self.enable = 0
+        self.run(0.05)
+        self.enable = 1
+        return True
+
+    def close(self) -> None:
+        return
+
+
+class TorqueAxisSubject(CanSubject):
+    name = "torque axis"
+
+    def __init__(self) -> None:
+        super().__init__(profile=False)
+        self.axis = TorqueAxis(Settings(NODE, PARAMS, CurrentScale(100.0, 0.01, 10000), 0.05))
+        self.cycle = BusCycle(self.bus, [self.axis], 1, 0.1)
+
+    def turn(self) -> None:
+        now = self.cycle.receive()
+        self.cycle.send([self.axis.command(1.0, self.enable, now)])
+
+    def told(self) -> tuple[float, float]:
+        reading = self.axis.read(self.bus.time)
+        return reading.age, self.bus.time - reading.counts * 0.001
+
+    def acting(self) -> int:
+        return self.axis.read(self.bus.time).acting
+
+    def trouble(self) -> str:
+        return self.axis.explain()
+
+
+class ActuatorSubject(CanSubject):
+    name = "actuator"
+
+    def __init__(self) -> None:
+        super().__init__(profile=True)
+        self.actuator = PositionActuator(
+            ActuatorSettings(
+                NODE, PARAMS, move.Params(5, 2, 1, 50, 5000),
+                PositionScale(1000.0, 0, -(1 << 30), 1 << 30), 1000,
+            )
+        )  # fmt: skip
+        self.cycle = BusCycle(self.bus, [self.actuator], 1, 0.1)
+
+    def turn(self) -> None:
+        now = self.cycle.receive()
+        frames = self.actuator.command(0.0, 1, now) if self.enable else self.actuator.release(now)
+        self.cycle.send(frames)
+
+    def told(self) -> tuple[float, float]:
+        reading = self.actuator.read(self.bus.time)
+        return reading.age, self.bus.time - reading.position
+
+    def acting(self) -> int:
+        return 1 if self.bus.drive.state == "OE" else 0
+
+    def trouble(self) -> str:
+        return self.actuator.explain()

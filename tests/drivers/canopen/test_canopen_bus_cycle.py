@@ -1,0 +1,276 @@
+"""One cycle of the bus and a torque axis on it: late, silent, garbled and restarted drives."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from canopen_drives import MACHINE, OWN, SCALE, FakeLine, axis_settings
+from drive_402 import Drive
+
+from drivers.canopen import pdo, scaling
+from drivers.canopen.bus_cycle import SYNC, BusCycle
+from drivers.canopen.link import Frame
+from drivers.canopen.torque_axis import TorqueAxis, layouts
+
+NODE = 5
+DT = 0.001
+BEAT = 0.05
+MADE = layouts(NODE, 2)
+COMMAND, STATUS = MADE.command.cob_id, MADE.status.cob_id
+
+
+class Bench:
+    """A loop, an axis and a drive that answers each SYNC by the next tick."""
+
+    def __init__(self) -> None:
+        self.line = FakeLine()
+        settings = axis_settings(NODE, analog=(0.5, 2.0), machine=MACHINE._replace(stale=0.01))
+        self.axis = TorqueAxis(settings)
+        self.bus = BusCycle(self.line, [self.axis], OWN, BEAT)
+        self.drive = Drive()
+        self.position = 0
+        self.silent = False
+
+    def tick(self, current: float = 0.0, enable: int = 0, count: int = 1) -> tuple[int, int]:
+        """Ticks; what the drive was told last, controlword and raw torque."""
+        line, drive = self.line, self.drive
+        for _ in range(count):
+            now = self.bus.receive()
+            self.bus.send([self.axis.command(current, enable, now)])
+            word, torque = pdo.unpack(MADE.command, line.of(COMMAND)[-1])
+            drive.tick(word)
+            if not self.silent:
+                self.answer(torque if drive.state == "OE" else 0)
+            line.time += DT
+        return word, torque
+
+    def answer(self, torque: int = 0) -> None:
+        status = pdo.pack(MADE.status, self.drive.statusword, torque, self.position)
+        slow = pdo.pack(MADE.slow, self.drive.shown, 0x3210 if self.drive.state == "F" else 0)
+        self.line.coming += [Frame(STATUS, status), Frame(MADE.slow.cob_id, slow)]
+
+    @property
+    def reading(self):  # type: ignore[no-untyped-def]
+        return self.axis.read(self.line.now())
+
+    def up(self) -> None:
+        self.tick(count=3)
+        self.tick(0.0, 1, count=10)
+        assert self.reading.acting == 1
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_commands_go_out_before_their_sync_and_the_heartbeat_when_it_is_due(bench: Bench) -> None:
+    bench.tick(count=120)
+    cob_ids = [frame.cob_id for frame in bench.line.sent]
+    assert cob_ids[:5] == [COMMAND, SYNC, 0x700 + OWN, COMMAND, SYNC]
+    assert cob_ids.count(SYNC) == cob_ids.count(COMMAND) == 120
+    assert bench.line.of(0x700 + OWN) == [b"\x05"] * 3
+
+
+def test_a_heartbeat_that_was_not_taken_is_tried_in_the_next_tick(bench: Bench) -> None:
+    bench.line.refuses = frozenset({0x700 + OWN})
+    bench.tick(count=5)
+    bench.line.refuses = frozenset()
+    bench.tick(count=5)
+    assert len(bench.line.of(0x700 + OWN)) == 1
+
+
+def test_a_status_has_the_age_of_the_sync_that_asked_for_it(bench: Bench) -> None:
+    assert bench.reading.age > 1e6
+    assert bench.reading.analog_age > 1e6
+    bench.tick(count=2)
+    assert bench.bus.synced == pytest.approx(100.001)
+    assert bench.reading.age == pytest.approx(2 * DT)
+
+
+def test_a_sync_that_was_not_taken_makes_no_status_younger(bench: Bench) -> None:
+    bench.tick()
+    before = bench.bus.synced
+    bench.line.refuses = frozenset({SYNC})
+    bench.silent = True
+    bench.tick(count=3)
+    assert bench.bus.synced == before
+    bench.answer()
+    bench.bus.receive()
+    assert bench.reading.age == pytest.approx(4 * DT)
+
+
+def test_a_drive_goes_up_follows_and_goes_down(bench: Bench) -> None:
+    bench.up()
+    assert bench.tick(12.34, 1) == (0x0F, 1234)
+    bench.bus.receive()
+    assert bench.reading.current == pytest.approx(12.34)
+    assert bench.tick(12.34, 0) == (0x00, 0)
+    assert bench.reading.acting == 0
+    bench.tick(12.34, 0, count=3)
+    assert bench.drive.state == "SOD"
+
+
+def test_each_rise_of_enable_is_one_request(bench: Bench) -> None:
+    bench.up()
+    bench.drive.state = "SOD"
+    bench.tick(5.0, 1, count=50)
+    assert bench.drive.state == "SOD", "it dropped by itself and is not brought up again"
+    assert bench.axis.explain() == "DROPPED"
+    bench.tick(5.0, 0, count=3)
+    assert bench.drive.state == "SOD"
+    bench.tick(5.0, 1, count=10)
+    assert bench.reading.acting == 1
+    assert bench.axis.explain() == ""
+
+
+def test_a_request_before_anything_was_heard_is_spent(bench: Bench) -> None:
+    bench.tick(5.0, 1, count=20)
+    assert bench.drive.state == "SOD"
+    assert bench.axis.explain() == "NOT_ASKED"
+    bench.tick(5.0, 0)
+    bench.tick(5.0, 1, count=10)
+    assert bench.reading.acting == 1
+
+
+@pytest.mark.parametrize("current", [math.nan, math.inf, -math.inf])
+def test_a_current_that_is_no_number_is_zero_and_flagged(current: float, bench: Bench) -> None:
+    bench.up()
+    assert bench.tick(current, 1) == (0x0F, 0)
+    assert bench.axis.held == scaling.Held.NOT_FINITE
+    assert bench.tick(1.0, 1) == (0x0F, 100)
+    assert bench.axis.held == 0
+
+
+@pytest.mark.parametrize(("current", "raw"), [(1e9, 4000), (-1e300, -4000), (40.001, 4000)])
+def test_a_current_beyond_the_limit_is_held_and_flagged(
+    current: float, raw: int, bench: Bench
+) -> None:
+    bench.up()
+    assert bench.tick(current, 1) == (0x0F, raw)
+    assert bench.axis.held == scaling.Held.SATURATED
+    assert raw == math.copysign(SCALE.raw_limit, current)
+
+
+def test_a_drive_that_falls_silent_loses_its_permission_and_does_not_get_it_back(
+    bench: Bench,
+) -> None:
+    bench.up()
+    bench.silent = True
+    bench.tick(5.0, 1, count=9)
+    assert bench.reading.acting == 1
+    bench.tick(5.0, 1, count=5)
+    assert bench.reading.acting == 0
+    assert bench.axis.explain() == "STALE"
+    assert pdo.unpack(MADE.command, bench.line.of(COMMAND)[-1]) == (0, 0)
+    bench.silent = False
+    bench.tick(5.0, 1, count=50)
+    assert bench.reading.acting == 0
+    assert bench.drive.state == "SOD"
+
+
+def test_a_drive_that_answers_two_ticks_late_is_still_steered(bench: Bench) -> None:
+    late: list[list[Frame]] = [[], []]
+
+    def tick(current: float, enable: int) -> tuple[int, int]:
+        told = bench.tick(current, enable)
+        late.append(bench.line.coming)
+        bench.line.coming = late.pop(0)
+        return told
+
+    for _ in range(5):
+        tick(0.0, 0)
+    for _ in range(20):
+        told = tick(7.0, 1)
+    assert told == (0x0F, 700)
+    assert bench.reading.acting == 1
+    assert bench.reading.current == pytest.approx(7.0)
+    for _ in range(5):
+        told = tick(7.0, 0)
+    assert bench.drive.state == "SOD"
+
+
+def test_frames_of_a_wrong_length_are_refused_and_change_nothing(bench: Bench) -> None:
+    bench.tick(count=3)
+    before = bench.axis.read(0.0)
+    for cob_id in (STATUS, MADE.slow.cob_id, MADE.analog.cob_id if MADE.analog else 0):
+        for size in (0, 1, 7, 9):
+            bench.line.coming.append(Frame(cob_id, bytes([0x27] * size)))
+    bench.line.coming = [frame for frame in bench.line.coming if frame.data[:1] in (b"\x27", b"")]
+    bench.bus.receive()
+    assert bench.axis.refused == 12
+    assert bench.axis.read(0.0) == before
+    assert bench.bus.strange == 0
+
+
+def test_strange_frames_are_counted(bench: Bench) -> None:
+    bench.line.coming = [Frame(0x185 + 1, b""), Frame(0x705, b"\x05")]
+    bench.bus.receive()
+    assert bench.bus.strange == 2
+
+
+def test_a_restarted_drive_stays_down_and_its_counts_go_on(bench: Bench) -> None:
+    bench.position = 2**31 - 10
+    bench.up()
+    bench.position = -(2**31) + 10  # it turned over
+    bench.tick(1.0, 1, count=2)
+    assert bench.reading.counts == 2**31 + 10
+    bench.drive.state, bench.silent = "NR", True
+    bench.tick(1.0, 1, count=20)
+    bench.silent = False
+    bench.tick(1.0, 1, count=50)
+    assert bench.drive.state == "SOD"
+    assert bench.reading.acting == 0
+    assert bench.reading.error == 0
+    assert bench.axis.explain() == "STALE"
+
+
+def test_a_fault_is_told_with_its_code_and_reset_only_when_asked(bench: Bench) -> None:
+    bench.up()
+    bench.drive.fault()
+    bench.tick(5.0, 1, count=5)
+    assert bench.reading.error == 0x3210
+    assert bench.reading.acting == 0
+    bench.tick(5.0, 0, count=50)
+    assert bench.drive.state == "F"
+    bench.axis.reset()
+    bench.tick(5.0, 1, count=20)
+    assert bench.drive.state == "SOD", "reset, and not up by it"
+    bench.tick(5.0, 1, count=50)
+    assert bench.drive.state == "SOD"
+    assert bench.reading.error == 0
+
+
+def test_a_fault_without_a_code_has_one(bench: Bench) -> None:
+    bench.tick(count=2)
+    bench.drive.state = "F"
+    bench.line.coming = [Frame(STATUS, pdo.pack(MADE.status, bench.drive.statusword, 0, 0))]
+    bench.bus.receive()
+    assert bench.reading.error == 0xFFFF
+
+
+def test_analog_inputs_are_scaled_and_have_their_own_age(bench: Bench) -> None:
+    assert MADE.analog is not None
+    bench.tick()
+    bench.line.coming.append(Frame(MADE.analog.cob_id, pdo.pack(MADE.analog, -100, 7)))
+    bench.tick()
+    assert bench.reading.analog == (-50.0, 14.0)
+    bench.tick(count=5)
+    assert bench.reading.age < 3 * DT < bench.reading.analog_age
+
+
+def test_a_mode_that_is_not_shown_gives_no_torque(bench: Bench) -> None:
+    bench.drive.shown = 1
+    bench.tick(count=3)
+    bench.tick(5.0, 1, count=20)
+    assert bench.drive.state == "SO", "not enabled before the mode is shown"
+    assert pdo.unpack(MADE.command, bench.line.of(COMMAND)[-1])[1] == 0
+    bench.drive.shown = 10
+    bench.tick(5.0, 1, count=5)
+    assert bench.reading.acting == 1
+
+
+def test_closing_closes_the_line(bench: Bench) -> None:
+    bench.bus.close()
+    assert bench.line.closed

@@ -1,0 +1,256 @@
+"""The actuator's conversation: moves that are made, halted or failed; none is tried by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+from canopen_drives import MACHINE, FakeLine, actuator_settings
+from drive_402 import Drive
+
+from drivers.canopen import pdo, scaling
+from drivers.canopen import profile_position as move
+from drivers.canopen.bus_cycle import BusCycle
+from drivers.canopen.cia402_table import HALT
+from drivers.canopen.link import Frame
+from drivers.canopen.position_actuator import PositionActuator, Reading
+from drivers.canopen.statusword import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED
+
+NODE = 9
+DT = 0.01
+COMMAND = pdo.layout(0x209, pdo.ACTUATOR_COMMAND)
+TARGET = pdo.layout(0x309, pdo.ACTUATOR_TARGET)
+STATUS = pdo.layout(0x189, pdo.ACTUATOR_STATUS)
+STEP = 300  # counts a tick
+
+
+class Positioner(Drive):
+    """A drive that takes set-points by the handshake of bits 4 and 12, and goes there."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.shown = move.MODE
+        self.counts = self.goal = 1000  # our 0
+        self.taken: list[int] = []
+        self.blocked = False
+        self.deaf = False  # to new set-points
+
+    def moved(self, word: int, target: int) -> None:
+        rising = word & ~self.last & move.NEW
+        self.tick(word)
+        if self.state != "OE":
+            self.goal, self.bits = self.counts, 0
+            return
+        if rising and not self.deaf and not word & HALT:
+            self.goal = target
+            self.taken.append(target)
+            self.bits |= MODE_BIT_12
+        if not word & move.NEW:
+            self.bits &= ~MODE_BIT_12
+        if not (word & HALT or self.blocked):
+            left = self.goal - self.counts
+            self.counts += max(-STEP, min(STEP, left))
+        there = self.counts == self.goal
+        self.bits = self.bits | TARGET_REACHED if there else self.bits & ~TARGET_REACHED
+
+
+class Bench:
+    """A loop with one actuator."""
+
+    def __init__(self) -> None:
+        self.line = FakeLine()
+        settings = actuator_settings(NODE)._replace(machine=MACHINE._replace(stale=0.1))
+        self.actuator = PositionActuator(settings)
+        self.bus = BusCycle(self.line, [self.actuator], 127, 1.0)
+        self.drive = Positioner()
+        self.silent = False
+
+    def tick(self, target: float, enable: int = 1, count: int = 1, release: bool = False) -> None:
+        line, drive = self.line, self.drive
+        for _ in range(count):
+            now = self.bus.receive()
+            if release:
+                self.bus.send(self.actuator.release(now))
+            else:
+                self.bus.send(self.actuator.command(target, enable, now))
+            self.word, mode = pdo.unpack(COMMAND, line.of(COMMAND.cob_id)[-1])
+            assert mode == move.MODE
+            drive.moved(self.word, pdo.unpack(TARGET, line.of(TARGET.cob_id)[-1])[0])
+            if not self.silent:
+                data = pdo.pack(STATUS, drive.statusword, drive.shown, drive.counts)
+                line.coming.append(Frame(STATUS.cob_id, data))
+            line.time += DT
+
+    def until(self, true: Callable[[Reading], object], target: float, enable: int = 1) -> None:
+        for _ in range(300):
+            if true(self.reading):
+                return
+            self.tick(target, enable)
+        raise AssertionError(f"in vain: {self.reading}, {self.actuator.explain()}")
+
+    @property
+    def reading(self) -> Reading:
+        return self.actuator.read(self.line.now())
+
+
+@pytest.fixture
+def bench() -> Bench:
+    one = Bench()
+    one.tick(0.0, 0, count=3)
+    assert one.drive.state == "SOD", "not asked yet"
+    return one
+
+
+def arrived(reading: Reading) -> bool:
+    return reading.arrived == 1
+
+
+def failed(reading: Reading) -> bool:
+    return reading.failed != 0
+
+
+def test_the_first_target_brings_it_up_and_it_goes_there_and_stands(bench: Bench) -> None:
+    bench.until(arrived, 20.0)
+    assert bench.reading.position == pytest.approx(20.0)
+    assert bench.drive.taken == [3000]
+    bench.tick(20.0, count=50)
+    assert bench.drive.taken == [3000], "one target is offered once"
+    bench.tick(-5.0)
+    assert bench.reading.arrived == 0
+    bench.until(arrived, -5.0)
+    assert bench.drive.taken == [3000, 500]
+
+
+def test_the_target_goes_out_before_the_word_that_offers_it(bench: Bench) -> None:
+    bench.until(arrived, 20.0)
+    order = [frame.cob_id for frame in bench.line.sent if frame.cob_id in (0x209, 0x309)]
+    assert order == [0x309, 0x209] * (len(order) // 2)
+    assert pdo.unpack(TARGET, bench.line.of(0x309)[0]) == (0, 50)
+
+
+def test_a_target_on_the_way_is_taken_at_once(bench: Bench) -> None:
+    bench.until(lambda reading: reading.position > 10.0, 60.0)
+    bench.until(arrived, 5.0)
+    assert bench.drive.taken == [7000, 1500]
+    assert bench.reading.position == pytest.approx(5.0)
+
+
+def test_halt_stops_it_and_the_same_target_goes_on(bench: Bench) -> None:
+    bench.until(lambda reading: reading.position > 10.0, 60.0)
+    bench.tick(60.0, 0, count=20)
+    stood = bench.reading.position
+    assert 10.0 < stood < 40.0
+    assert bench.word & HALT
+    assert bench.drive.state == "OE", "it holds its place under power"
+    assert bench.reading.failed == move.Failure.HALTED
+    bench.tick(60.0, 0, count=20)
+    assert bench.reading.position == stood
+    bench.until(arrived, 60.0)
+    assert bench.drive.taken == [7000, 7000]
+    assert bench.reading.position == pytest.approx(60.0)
+    assert not bench.word & HALT
+
+
+def test_a_move_that_failed_is_not_tried_again_by_itself(bench: Bench) -> None:
+    bench.drive.blocked = True
+    bench.until(failed, 20.0)
+    assert bench.reading.failed == move.Failure.LATE_ARRIVAL
+    bench.drive.blocked = False
+    bench.tick(20.0, count=300)
+    assert bench.drive.taken == [3000]
+    assert bench.reading.failed == move.Failure.LATE_ARRIVAL
+    assert bench.word & HALT
+    bench.until(arrived, 30.0)
+    assert bench.drive.taken == [3000, 4000], "another target is"
+
+
+def test_a_failed_move_is_tried_again_after_a_halt(bench: Bench) -> None:
+    bench.drive.deaf = True
+    bench.until(failed, 20.0)
+    assert bench.reading.failed == move.Failure.LATE_TAKEN
+    bench.drive.deaf = False
+    bench.tick(20.0, 0, count=2)
+    bench.until(arrived, 20.0)
+    assert bench.drive.taken == [3000]
+
+
+def test_a_following_error_ends_the_move(bench: Bench) -> None:
+    bench.until(lambda reading: reading.position > 10.0, 60.0)
+    bench.drive.bits |= MODE_BIT_13
+    bench.until(failed, 60.0)
+    assert bench.reading.failed == move.Failure.FOLLOWING_ERROR
+
+
+@pytest.mark.parametrize("target", [math.nan, math.inf, -math.inf])
+def test_a_target_that_is_no_number_halts_and_is_not_sent(target: float, bench: Bench) -> None:
+    bench.tick(target, count=5)
+    assert bench.drive.state == "SOD", "nor does it bring it up"
+    bench.until(lambda reading: reading.position > 10.0, 60.0)
+    bench.tick(target, count=20)
+    assert bench.word & HALT
+    assert bench.reading.failed == move.Failure.HALTED
+    assert bench.drive.taken == [7000]
+    bench.until(arrived, 60.0)
+
+
+def test_a_target_beyond_the_limits_is_held_there_and_is_not_reached(bench: Bench) -> None:
+    bench.tick(500.0, count=200)
+    assert bench.drive.counts == 9000
+    assert bench.reading.position == pytest.approx(80.0)
+    assert bench.reading.arrived == 0, "80 is not 500"
+    assert bench.reading.failed == 0
+    assert bench.actuator.held == scaling.Held.SATURATED
+    bench.until(arrived, 80.05)  # as near as the window
+    assert bench.drive.taken[-1] == 9000
+
+
+def test_release_takes_the_power_off_and_the_next_target_asks_anew(bench: Bench) -> None:
+    bench.until(arrived, 20.0)
+    bench.tick(0.0, release=True, count=5)
+    assert bench.drive.state == "SOD"
+    assert bench.word == 0
+    assert bench.reading.arrived == 0
+    bench.until(arrived, 20.0)
+    assert bench.drive.taken == [3000, 3000]
+
+
+def test_a_drive_that_drops_is_not_brought_up_by_the_same_request(bench: Bench) -> None:
+    bench.until(lambda reading: reading.position > 10.0, 60.0)
+    bench.drive.state = "SOD"
+    bench.tick(60.0, count=100)
+    assert bench.drive.state == "SOD"
+    assert bench.actuator.explain() == "DROPPED"
+    assert bench.reading.failed == move.Failure.NOT_ACTING
+    bench.tick(60.0, release=True, count=5)
+    bench.until(arrived, 60.0)
+
+
+def test_a_silent_actuator_ages_and_stays_down_when_it_is_back(bench: Bench) -> None:
+    bench.until(arrived, 20.0)
+    bench.silent = True
+    bench.tick(20.0, count=20)
+    assert bench.reading.age == pytest.approx(0.2, abs=0.03)
+    assert bench.actuator.explain() == "STALE"
+    assert bench.reading.arrived == 0
+    bench.silent = False
+    bench.tick(20.0, count=50)
+    assert bench.drive.state == "SOD"
+    assert bench.reading.arrived == 0
+
+
+def test_a_fault_is_told(bench: Bench) -> None:
+    bench.until(arrived, 20.0)
+    bench.drive.fault()
+    bench.tick(20.0, count=5)
+    assert (bench.reading.fault, bench.reading.arrived) == (1, 0)
+    assert bench.actuator.explain() == "FAULT"
+
+
+def test_frames_of_a_wrong_length_are_refused(bench: Bench) -> None:
+    before = bench.actuator.read(0.0)
+    for size in (0, 1, 6, 8):
+        bench.line.coming = [Frame(STATUS.cob_id, bytes(size))]
+        bench.bus.receive()
+    assert bench.actuator.refused == 4
+    assert bench.actuator.read(0.0) == before

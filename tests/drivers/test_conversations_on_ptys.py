@@ -1,0 +1,161 @@
+"""Each serial conversation over a real link on a pty: byte by byte, hang-up and return.
+
+One thread pumps both ends, so nothing hangs on how busy the machine is but the time it takes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, Peer
+from pty_port import PtyPort
+from stream_subjects import BRIDGE, DIGITAL, SERVO
+
+from drivers.compax3.requests import Timing
+from drivers.compax3.servo import Servo
+from drivers.conversation import Exchange
+from drivers.encoder import unwrap
+from drivers.encoder.bridge_reader import BridgeReader
+from drivers.force_torque.digital_reader import DigitalReader
+from drivers.serial_link import SerialLink, Settings
+
+BUSY = 0.5  # s that a busy machine may hold everything up
+
+
+class Case(NamedTuple):
+    """A conversation, its peer, and the age of its last good value."""
+
+    talk: Any
+    peer: Peer
+    age: Callable[[float], float]
+
+
+def servo() -> Case:
+    settings = SERVO._replace(
+        expiry=2.0, stale=2.0, rising=2.0, timing=Timing(answer=BUSY, quiet=0.1)
+    )
+    talk = Servo(settings)
+    return Case(talk, Compax3Peer(), lambda now: talk.read(now).age)
+
+
+def bridge() -> Case:
+    # A turn in 30 s: a machine that stalls for a while does not lose it.
+    slow = unwrap.Params(1 << 19, 0.5, 8.0)
+    motor, shaft = BRIDGE.motor._replace(turns=slow), BRIDGE.shaft._replace(turns=slow)
+    talk = BridgeReader(BRIDGE._replace(motor=motor, shaft=shaft, silent=BUSY))
+    return Case(talk, BridgePeer(motor=0.2, shaft=0.1), lambda now: talk.read(now).motor.age)
+
+
+def digital() -> Case:
+    talk = DigitalReader(DIGITAL._replace(answer=BUSY, silence=BUSY))
+    return Case(talk, DigitalFtPeer(), lambda now: talk.read(now).age)
+
+
+@pytest.fixture
+def port(tmp_path: Path) -> Iterator[PtyPort]:
+    port = PtyPort(tmp_path / "port")
+    yield port
+    port.pull()
+
+
+class Table:
+    """Both ends, pumped in turn."""
+
+    def __init__(self, case: Case, port: PtyPort, echo: int = 0) -> None:
+        self.case, self.port = case, port
+        self.began = time.monotonic()
+        self.link = SerialLink(
+            Settings("device", str(port.path), 460_800, "N", 1, echo=echo), clock=self.now
+        )
+        self.exchange = Exchange(self.link, case.talk)
+
+    def now(self) -> float:
+        return time.monotonic() - self.began
+
+    def until(self, true: Callable[[], bool], by_byte: bool = False, within: float = 10.0) -> None:
+        end = self.now() + within
+        while not true():
+            assert self.now() < end, self.case.talk.explain(self.now()) or self.link.trouble
+            self.port.pump(self.case.peer, self.now(), by_byte)
+            self.exchange.turn()
+            time.sleep(0.0005)
+
+    def fresh(self) -> bool:
+        now = self.now()
+        return self.case.age(now) < 0.2 and self.case.talk.explain(now) == ""
+
+
+CASES = [servo, bridge, digital]
+
+
+@pytest.mark.parametrize("make", CASES)
+@pytest.mark.parametrize("by_byte", [True, False])
+def test_a_conversation_runs_over_a_port(
+    make: Callable[[], Case], port: PtyPort, by_byte: bool
+) -> None:
+    table = Table(make(), port)
+    table.until(table.fresh, by_byte)
+    assert table.link.opens == 1
+    table.link.close()
+
+
+@pytest.mark.parametrize("make", CASES)
+def test_a_pulled_adapter_is_found_again(make: Callable[[], Case], port: PtyPort) -> None:
+    table = Table(make(), port)
+    table.until(table.fresh)
+    port.pull()
+    table.until(lambda: not table.link.is_open)
+    gone = table.now()
+    table.until(lambda: table.now() > gone + 0.3)
+    assert table.case.age(table.now()) > 0.3
+    port.plug()
+    table.case.peer.power_cycle(table.now())
+    table.until(lambda: table.fresh() and table.case.age(table.now()) < table.now() - gone)
+    assert (table.link.opens, table.link.losses) == (2, 1)
+    table.link.close()
+
+
+def test_a_servo_that_was_on_stays_down_after_the_hang_up(port: PtyPort) -> None:
+    case = servo()
+    table = Table(case, port)
+    drive = case.peer
+    assert isinstance(drive, Compax3Peer)
+    table.until(table.fresh)
+
+    def up() -> bool:
+        case.talk.command(1.0, 1, table.now())
+        return drive.powered and drive.set_point == 1.0
+
+    table.until(up)
+    port.pull()
+    table.until(lambda: not table.link.is_open)
+    port.plug()  # the drive kept its power and its set-point
+
+    def down() -> bool:
+        case.talk.command(1.0, 1, table.now())
+        return not drive.powered
+
+    table.until(down)
+    assert "the line opened anew" in case.talk.explain(table.now())
+    writes = len(drive.writes)
+    until = table.now() + 0.3
+    table.until(lambda: not down() or table.now() > until)
+    assert not any(word & 1 for index, _, word in drive.writes[writes:] if index == 1100)
+    table.link.close()
+
+
+def test_a_servo_behind_an_adapter_that_hears_itself(port: PtyPort) -> None:
+    class Echoing(Compax3Peer):
+        def hear(self, data: bytes, now: float) -> list[bytes]:
+            return [data, *super().hear(data, now)]
+
+    case = servo()._replace(peer=Echoing())
+    table = Table(case, port, echo=1)
+    table.until(table.fresh)
+    assert table.link.echoes_missed == 0
+    assert case.talk.requests.late == 0
+    table.link.close()

@@ -1,0 +1,397 @@
+"""Our conversations over our links against the emulated devices: two readings of each manual.
+
+Driver and emulator share no line of code, so what works here was understood the same way twice.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from emulator_stage import Stage
+
+from drivers.compax3 import objects, servo_words
+from drivers.compax3.codec import NO_ADDRESS, Object
+from drivers.compax3.objects import Channel
+from drivers.compax3.requests import Timing
+from drivers.compax3.servo import Servo
+from drivers.compax3.servo_words import Phase
+from drivers.compax3.values import Form
+from drivers.conversation import Exchange
+from drivers.encoder import bridge_reader, unwrap
+from drivers.encoder.bridge_reader import BridgeReader, Quality
+from drivers.encoder.ssi import Protocol
+from drivers.force_torque import digital_reader, net_ft, net_reader
+from drivers.force_torque.digital_reader import DigitalReader
+from drivers.force_torque.load import Phase as LoadPhase
+from drivers.force_torque.net_reader import NetReader
+from drivers.force_torque.wrench import scale
+from drivers.serial_link import SerialLink
+from drivers.serial_link import Settings as Port
+from drivers.tcp_question import ask
+from drivers.udp_link import Settings as Peer
+from drivers.udp_link import UdpLink
+from sim_plant.emulators.compax3 import Compax3
+from sim_plant.emulators.compax3_drive import DriveInput
+from sim_plant.emulators.compax3_objects import Compax3Settings
+from sim_plant.emulators.digital_ft import DigitalFt, DigitalFtSettings
+from sim_plant.emulators.encoder_bridge import Angles, BridgeSettings, EncoderBridge
+from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
+from sim_plant.emulators.ft_calibration import Wrench
+from sim_plant.emulators.net_ft import NetFt, NetFtSettings
+
+BUSY = 0.5  # s that a busy machine may hold everything up
+TURN = math.tau  # rad: the drive counts motor revolutions
+LOAD = Wrench(12.0, -4.5, 300.0, 0.25, -7.5, 11.0)
+
+
+class Table:
+    """A conversation over its link, until something holds."""
+
+    def __init__(self, link: SerialLink | UdpLink, talk: Any) -> None:
+        self.link, self.talk = link, talk
+        self.exchange = Exchange(link, talk)
+        self.each: Callable[[], None] = lambda: None
+
+    def turn(self) -> float:
+        self.each()
+        return self.exchange.turn()
+
+    def until(self, true: Callable[[float], object], within: float = 10.0) -> None:
+        end = time.monotonic() + within
+        while not true(now := self.turn()):
+            assert now < end, self.talk.explain(now) or self.link.trouble
+            time.sleep(0.001)
+
+    def run(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        self.until(lambda now: now > end)
+
+
+def raw(number: int, sub: int, form: Form = Form.INT24, per_unit: float = 1.0) -> Channel:
+    return Channel(Object(number, sub), form, per_unit)
+
+
+def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_words.Settings:
+    return servo_words.Settings(
+        "servo", address, "Compax3", raw(1100, 3), enabled, raw(1000, 3), raw(550, 1),
+        raw(1901, 1, Form.REAL48, 1.0 / TURN),
+        (raw(680, 5, Form.REAL48, 1.0 / TURN), raw(681, 5, Form.REAL48, 1.0 / TURN)),
+        limit=20.0, expiry=BUSY, stale=1.0, rising=2.0, timing=Timing(BUSY, 0.05),
+    )  # fmt: skip
+
+
+class Drive:
+    """An emulated servo drive whose plant follows at once."""
+
+    def __init__(self, stage: Stage, enabled: int = objects.POWERED_BIT, **settings: Any) -> None:
+        self.written: dict[str, float] = {}
+        self.device = stage.show(
+            Compax3(
+                stage.line("servo"), self._read, self.written.__setitem__,
+                Compax3Settings(**settings),
+            )
+        )  # fmt: skip
+        address = settings.get("address")
+        self.servo = Servo(servo_settings(enabled, NO_ADDRESS if address is None else address))
+        self.link = SerialLink(Port("servo", self.device.address, 115_200, "N", 1))
+        self.table = Table(self.link, self.servo)
+        self.want, self.enable = 0.0, 0
+        self.table.each = self._renew
+
+    def _read(self) -> DriveInput:
+        return DriveInput(position=3.0, velocity=self.written.get("velocity", 0.0))
+
+    def _renew(self) -> None:
+        self.servo.command(self.want, self.enable, self.link.now())
+
+    def phase(self, phase: Phase) -> Callable[[float], bool]:
+        return lambda now: self.servo.read(now).phase is phase
+
+    def up(self, want: float) -> None:
+        self.enable = 0
+        self.table.until(lambda now: self.servo.read(now).age < BUSY)
+        self.table.run(0.05)
+        self.want, self.enable = want, 1
+        self.table.until(self.phase(Phase.ON))
+
+
+@pytest.mark.parametrize(
+    ("active_low", "enabled"), [(0, objects.POWERED_BIT), (1, objects.ENABLED)]
+)
+def test_a_servo_drive_goes_up_follows_and_comes_down(
+    stage: Stage, active_low: int, enabled: int
+) -> None:
+    drive = Drive(stage, enabled, stop_bits_active_low=active_low)
+    drive.up(5.0)
+    drive.table.until(lambda now: abs(drive.servo.read(now).values[1] - 5.0) < 1e-5)
+    assert drive.written["velocity"] == pytest.approx(5.0, abs=1e-5)
+    assert drive.servo.read(drive.link.now()).values[0] == pytest.approx(3.0, abs=1e-6)
+    drive.enable = 0
+    drive.table.until(lambda _: drive.written["enabled"] == 0.0)
+    assert drive.servo.explain(drive.link.now()) == ""
+    assert drive.servo.requests.timeouts == drive.servo.requests.late == 0
+    drive.link.close()
+
+
+def test_a_servo_drive_with_an_address(stage: Stage) -> None:
+    drive = Drive(stage, address=7)
+    drive.up(1.0)
+    drive.link.close()
+
+
+def test_a_servo_drives_error_is_named_and_acknowledged_on_request(stage: Stage) -> None:
+    drive = Drive(stage)
+    drive.up(5.0)
+    stage.do(lambda: drive.device.faults.switch("following_error"))
+    drive.table.until(lambda now: drive.servo.read(now).error == 29472)
+    assert "following error" in drive.servo.explain(drive.link.now())
+    stage.do(lambda: drive.device.faults.switch("following_error", False))
+    drive.servo.acknowledge()
+    drive.up(2.0)
+    drive.table.until(lambda _: abs(drive.written["velocity"] - 2.0) < 1e-5)
+    drive.link.close()
+
+
+@pytest.mark.parametrize("fault", ["silent", "wrong_crc", "late_answers"])
+def test_a_servo_drive_that_cannot_be_heard_is_stopped(stage: Stage, fault: str) -> None:
+    drive = Drive(stage)
+    drive.up(5.0)
+    stage.do(lambda: drive.device.faults.switch(fault))
+    drive.table.until(lambda _: drive.written["enabled"] == 0.0)
+    assert drive.servo.explain(drive.link.now())
+    stage.do(lambda: drive.device.faults.switch(fault, False))
+    drive.table.until(lambda now: drive.servo.read(now).age < BUSY)
+    assert drive.written["enabled"] == 0.0  # and stays so
+    drive.link.close()
+
+
+def test_a_pulled_servo_line_comes_back_down(stage: Stage) -> None:
+    drive = Drive(stage)
+    drive.up(5.0)
+    stage.do(lambda: drive.device.line.link.switch("disconnect"))
+    drive.table.until(lambda _: not drive.link.is_open)
+    stage.do(lambda: drive.device.line.link.switch("disconnect", False))
+    drive.table.until(lambda _: drive.link.is_open)
+    drive.table.until(lambda _: drive.written["enabled"] == 0.0)
+    drive.table.until(drive.phase(Phase.OFF))
+    assert "the line opened anew" in drive.servo.explain(drive.link.now())
+    drive.link.close()
+
+
+class Bridge:
+    """An emulated bridge whose shafts turn by the clock."""
+
+    def __init__(self, stage: Stage) -> None:
+        self.began = time.monotonic()
+        self.device = stage.show(
+            EncoderBridge(
+                stage.line("bridge", baud=460_800), self.angles,
+                Encoder(EncoderSettings(protocol=4)), Encoder(EncoderSettings(protocol=6)),
+                BridgeSettings(rate=200.0),
+            )
+        )  # fmt: skip
+        turns = unwrap.Params(1 << 19, 3.0, 32.0)  # half a turn takes a second
+        self.reader = BridgeReader(
+            bridge_reader.Settings(
+                "bridge",
+                bridge_reader.Channel(Protocol.SSI4, turns, 1.0),
+                bridge_reader.Channel(Protocol.SSI6, turns, 1.0),
+                least_delay=0.0, window=2.0, silent=BUSY,
+            )
+        )  # fmt: skip
+        self.link = SerialLink(Port("bridge", self.device.address, 460_800, "N", 1))
+        self.table = Table(self.link, self.reader)
+
+    def angles(self) -> Angles:
+        now = time.monotonic() - self.began
+        return Angles(now, 2.0 * now, 0.5 * now)
+
+    def good(self, now: float) -> bool:
+        reading = self.reader.read(now)
+        return all(one.quality is Quality.GOOD and one.age < 0.2 for one in reading)
+
+
+def test_both_encoders_over_the_bridge(stage: Stage) -> None:
+    bridge = Bridge(stage)
+    bridge.table.until(bridge.good)
+    first = bridge.link.now()
+    bridge.table.until(lambda now: now > first + 1.0 and bridge.good(now))
+    now = bridge.link.now()
+    motor, shaft = bridge.reader.read(now)
+    # Both angles belong to one moment, and it is as old as told or a little younger.
+    moment = motor.angle / 2.0
+    assert shaft.angle == pytest.approx(0.5 * moment, abs=5e-5)
+    assert now - bridge.began - moment <= motor.age + 1e-3
+    assert bridge.reader.counts.bad_frames == 0
+    bridge.link.close()
+
+
+@pytest.mark.parametrize(
+    ("which", "fault", "quality"),
+    [
+        ("motor", "no_answer", Quality.SILENT),
+        ("shaft", "no_answer", Quality.SILENT),
+        ("motor", "frozen_word", Quality.STUCK),
+    ],
+)
+def test_an_encoders_fault_is_named(stage: Stage, which: str, fault: str, quality: Quality) -> None:
+    bridge = Bridge(stage)
+    bridge.table.until(bridge.good)
+    encoder = getattr(bridge.device, which)
+    stage.do(lambda: encoder.faults.switch(fault))
+    bridge.table.until(lambda now: getattr(bridge.reader.read(now), which).quality is quality)
+    bridge.table.until(lambda now: getattr(bridge.reader.read(now), which).age > 0.1)
+    stage.do(lambda: encoder.faults.switch(fault, False))
+    bridge.table.until(bridge.good)
+    bridge.link.close()
+
+
+def test_a_bridge_that_starts_anew_keeps_the_turns(stage: Stage) -> None:
+    bridge = Bridge(stage)
+    bridge.table.until(bridge.good)
+    bridge.table.run(0.3)
+    stage.do(lambda: bridge.device.faults.switch("restarted"))
+    bridge.table.until(lambda _: bridge.reader.restarts >= 1)
+    stage.do(lambda: bridge.device.faults.switch("restarted", False))
+    bridge.table.until(bridge.good)
+    motor, shaft = bridge.reader.read(bridge.link.now())
+    assert shaft.angle == pytest.approx(motor.angle / 4.0, abs=5e-5)
+    bridge.link.close()
+
+
+def digital(stage: Stage, load: Callable[[], Wrench] = lambda: LOAD) -> tuple[DigitalFt, Table]:
+    device = stage.show(
+        DigitalFt(
+            stage.line("cell", baud=1_250_000, bits_per_byte=11),
+            load,
+            DigitalFtSettings(rate=1000.0, burst=0.005),
+        )
+    )
+    reader = DigitalReader(
+        digital_reader.Settings(
+            "load cell", "FT00000", "N", "N-m", 32767, quiet=0.1, answer=BUSY, silence=BUSY
+        )
+    )
+    link = SerialLink(Port("load cell", device.address, 1_250_000, "E", 1))
+    return device, Table(link, reader)
+
+
+def near(wrench: Any, wanted: tuple[float, ...], within: float) -> bool:
+    return all(abs(a - b) < within for a, b in zip(wrench, wanted, strict=True))
+
+
+def test_the_digital_load_cell_tells_the_load(stage: Stage) -> None:
+    """Tared without load, for its gauges have a bias; a count is worth up to 0.06 N."""
+    loads = [Wrench()]
+    device, table = digital(stage, lambda: loads[0])
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    reader.tare(50)
+    table.until(lambda now: near(reader.read(now).wrench, Wrench(), 1e-6))
+    loads[0] = LOAD
+    table.until(lambda now: near(reader.read(now).wrench, LOAD, 0.1))
+    wrench = reader.read(table.link.now()).wrench
+    assert near(wrench[3:], LOAD[3:], 0.005)
+    assert reader.calibration.part == "SI-700-30"
+    assert device.streaming
+    assert reader.counts.searches == 0
+    table.link.close()
+
+
+@pytest.mark.parametrize("fault", ["stream_stops", "wrong_sum"])
+def test_the_digital_load_cells_stream_is_started_anew(stage: Stage, fault: str) -> None:
+    device, table = digital(stage)
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    stage.do(lambda: device.faults.switch(fault))
+    table.until(lambda now: reader.read(now).phase is not LoadPhase.STREAMING)
+    assert "no sample" in reader.explain(table.link.now())
+    stage.do(lambda: device.faults.switch(fault, False))
+    table.until(lambda now: reader.read(now).age < 0.2)
+    assert reader.starts >= 2
+    table.link.close()
+
+
+def test_a_saturated_digital_load_cell_says_so(stage: Stage) -> None:
+    device, table = digital(stage)
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    stage.do(lambda: device.faults.switch("saturated"))
+    table.until(lambda now: reader.read(now).saturated == 0b111111)
+    assert reader.read(table.link.now()).fault == 1
+    table.link.close()
+
+
+@pytest.fixture
+def net(stage: Stage) -> tuple[NetFt, Table]:
+    box = stage.show(
+        NetFt(lambda: LOAD, NetFtSettings(port=0, tcp_port=0, http_port=0, rate=500.0))
+    )
+    host, port = box.address.split(":")
+    reader = NetReader(
+        net_reader.Settings(
+            "load cell", scale(1e6, 1e6, "N", "N-m"), net_ft.NET_FT_BITS, 0, 7000.0, 0.05, BUSY
+        )
+    )
+    return box, Table(UdpLink(Peer("load cell", host, int(port))), reader)
+
+
+def test_the_net_load_cell_tells_the_load(net: tuple[NetFt, Table]) -> None:
+    _, table = net
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    assert near(reader.read(table.link.now()).wrench, LOAD, 1e-5)
+    table.run(0.2)
+    reader.tare_box()
+    table.until(lambda now: near(reader.read(now).wrench, Wrench(), 1e-5))
+    assert (reader.missing, reader.repeated, reader.bad_datagrams) == (0, 0, 0)
+    table.link.close()
+
+
+def test_the_net_load_cells_scale_is_the_boxs_own_word(net: tuple[NetFt, Table]) -> None:
+    host, port = net[0].tcp.address.split(":")
+    said = ask("load cell", host, int(port), net_ft.READ_CALIBRATION, 24, 5.0)
+    assert net_ft.decode_calibration(said) == scale(1e6, 1e6, "N", "N-m")
+
+
+@pytest.mark.parametrize("fault", ["silent", "short_records", "foreign_client"])
+def test_the_net_load_cells_stream_is_started_anew(
+    stage: Stage, net: tuple[NetFt, Table], fault: str
+) -> None:
+    box, table = net
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    stage.do(lambda: box.faults.switch(fault))
+    table.until(lambda now: reader.read(now).phase is not LoadPhase.STREAMING)
+    assert reader.read(table.link.now()).age > BUSY - 0.1
+    stage.do(lambda: box.faults.switch(fault, False))
+    table.until(lambda now: reader.read(now).age < 0.2)
+    assert reader.starts >= 2
+    table.link.close()
+
+
+def test_a_saturated_net_load_cell_says_so(stage: Stage, net: tuple[NetFt, Table]) -> None:
+    box, table = net
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    stage.do(lambda: box.faults.switch("saturated"))
+    table.until(lambda now: reader.read(now).saturated == 1)
+    assert "saturated" in reader.explain(table.link.now())
+    table.link.close()
+
+
+def test_datagrams_that_the_network_drops_are_counted(
+    stage: Stage, net: tuple[NetFt, Table]
+) -> None:
+    box, table = net
+    reader = table.talk
+    table.until(lambda now: reader.read(now).age < 0.2)
+    stage.do(lambda: box.link.to_host.switch("drop"))
+    table.until(lambda _: box.link.to_host.counts["drop"] >= 10)
+    stage.do(lambda: box.link.to_host.switch("drop", False))
+    table.until(lambda _: reader.missing == box.link.to_host.counts["drop"])
+    table.link.close()

@@ -1,0 +1,163 @@
+"""The whole CANopen driver on a kernel's SocketCAN, an emulated drive on the far end.
+
+Function only: these run on a kernel in which time says nothing.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from can_rig import HEAVE, SURGE, LiveRig, live, waited
+from canopen_drives import OWN, axis_settings, drive_steps
+from kernel_can import BUS, NAME, HubBridge, needs_kernel, switch
+
+from drivers.canopen import arming, scaling
+from drivers.canopen.bus_cycle import BusCycle
+from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.link import Link, LinkError
+from drivers.canopen.service import Service, ServiceError
+from drivers.canopen.torque_axis import TorqueAxis
+
+pytestmark = needs_kernel
+PERIOD = 0.02  # s, two ticks of this kernel
+PATIENCE = 10.0  # s
+
+
+@pytest.fixture(scope="module")
+def far() -> Iterator[LiveRig]:
+    with live() as rig:
+        bridge = rig.do(lambda: HubBridge(rig.rig.hub, rig.loop))
+        yield rig
+        rig.do(bridge.close)
+
+
+@pytest.fixture
+def service(far: LiveRig) -> Iterator[Service]:
+    one = Service(BUS)
+    one.watch(HEAVE)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def cycle(far: LiveRig) -> Iterator[Cycle]:
+    one = Cycle()
+    yield one
+    one.bus.close()
+
+
+class Cycle:
+    """A loop with one axis."""
+
+    def __init__(self) -> None:
+        scale = scaling.amc_current(1000, 40.0)
+        self.axis = TorqueAxis(axis_settings(HEAVE, scale=scale))
+        self.link = Link(BUS, self.axis.cob_ids)
+        self.bus = BusCycle(self.link, [self.axis], OWN, 0.05)
+
+    def until(self, true: Callable[[], object], current: float, enable: int) -> None:
+        """Tick until something is so."""
+        end = time.monotonic() + PATIENCE
+        while not true():
+            assert time.monotonic() < end, f"waited in vain: {self.axis.explain()}"
+            now = self.bus.receive()
+            self.bus.send([self.axis.command(current, enable, now)])
+            time.sleep(PERIOD)
+
+    def up(self) -> None:
+        """Hear of the drive, then ask for it: a request is spent if nothing was heard before."""
+        axis, link = self.axis, self.link
+        self.until(lambda: axis.read(link.now()).age < 0.2, 0.0, 0)
+        settled = time.monotonic() + 10 * PERIOD  # and is down, if it was up
+        self.until(lambda: time.monotonic() > settled, 0.0, 0)
+        self.until(lambda: axis.read(link.now()).acting, 0.0, 1)
+
+
+def test_a_drive_is_set_up_read_back_and_told_apart(service: Service) -> None:
+    assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
+    wrong = service.set_up(HEAVE, tuple(drive_steps(HEAVE, encoder_increments=4096)))
+    assert arming.refusal(wrong) == (
+        "0x608f:01 encoder_increments: wanted 4096 (0x1000), got 20000 (0x4e20)"
+    )
+    assert service.identity(HEAVE).device_type == 0x00020192
+    assert service.read(HEAVE, 0x5FFF, 0, "u32") is None
+    with pytest.raises(ServiceError, match=r"^node 99 does not answer$"):
+        service.set_up(99, ())
+
+
+def test_nodes_are_found(service: Service) -> None:
+    assert {HEAVE, SURGE} <= set(service.scan(1.0))
+
+
+def test_a_drive_goes_up_follows_and_goes_down(service: Service, cycle: Cycle) -> None:
+    assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
+    service.start(HEAVE)
+    axis, link = cycle.axis, cycle.link
+    cycle.up()
+    cycle.until(lambda: abs(axis.read(link.now()).current - 5.0) < 0.2, 5.0, 1)
+    cycle.until(lambda: not axis.read(link.now()).acting, 0.0, 0)
+    cycle.until(lambda: abs(axis.read(link.now()).current) < 0.1, 0.0, 0)
+    assert (link.unsent, link.errors, axis.refused, cycle.bus.strange) == (0, 0, 0, 0)
+
+
+def test_heartbeats_and_emergencies_are_watched(
+    far: LiveRig, service: Service, cycle: Cycle
+) -> None:
+    assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
+    service.start(HEAVE)
+    waited(lambda: service.health()[HEAVE].nmt == Nmt.OPERATIONAL)
+    axis, link = cycle.axis, cycle.link
+    cycle.up()
+    far.do(far.rig.heave.inject, "bus_overvoltage", 420.0)
+    cycle.until(lambda: service.health()[HEAVE].code == 0x3210, 1.0, 1)
+    cycle.until(lambda: axis.read(link.now()).error == 0x3210, 1.0, 1)
+    assert axis.read(link.now()).acting == 0
+    far.do(far.rig.heave.clear, "bus_overvoltage")
+    axis.reset()
+    cycle.until(lambda: service.health()[HEAVE].code == 0, 1.0, 1)
+    cycle.until(lambda: axis.read(link.now()).error == 0, 1.0, 1)
+    assert axis.explain() == "FAULT", "down until it is asked for anew"
+    service.stop(HEAVE)
+    waited(lambda: service.health()[HEAVE].nmt == Nmt.PRE_OPERATIONAL)
+    far.do(far.rig.heave.inject, "node_reset")
+    waited(lambda: service.health()[HEAVE].boots == 1)
+    far.do(far.rig.heave.clear, "node_reset")
+
+
+def test_a_loop_that_falls_silent_loses_its_drive(
+    far: LiveRig, service: Service, cycle: Cycle
+) -> None:
+    steps = drive_steps(HEAVE, watch=300)
+    assert service.set_up(HEAVE, tuple(steps)) == ()
+    service.start(HEAVE)
+    axis, link = cycle.axis, cycle.link
+    cycle.up()
+    cycle.until(lambda: abs(axis.read(link.now()).current - 5.0) < 0.2, 5.0, 1)
+    waited(lambda: far.do(far.rig.world.readings).heave_current == 0.0)
+    waited(lambda: service.health()[HEAVE].code == 0x8130)
+
+
+@pytest.mark.filterwarnings(
+    "ignore::pytest.PytestUnhandledThreadExceptionWarning"
+)  # of the library
+def test_a_bus_that_goes_down_takes_the_permission_and_gives_it_back_only_when_asked(
+    service: Service, cycle: Cycle
+) -> None:
+    assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
+    service.start(HEAVE)
+    axis, link = cycle.axis, cycle.link
+    cycle.up()
+    switch(NAME, up=False)
+    try:
+        cycle.until(lambda: not axis.read(link.now()).acting, 1.0, 1)
+    finally:
+        switch(NAME, up=True)
+    assert link.unsent > 0
+    assert axis.explain() == "STALE"
+    with pytest.raises(LinkError, match=r"^the CAN service is deaf: .*Network is down"):
+        service.health()
+    cycle.until(lambda: axis.read(link.now()).age < 0.2, 1.0, 1)
+    assert axis.read(link.now()).acting == 0
+    cycle.up()

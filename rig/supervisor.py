@@ -284,7 +284,7 @@ class Run:
             ended["skipped"],
             self._ring.dropped,
             self._ring.head - self._ring.tail,
-            self._parts - 1,
+            max(0, self._parts - 1),
             row,
             self._died,
             tuple(self._companions.said),

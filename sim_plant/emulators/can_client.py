@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from sim_plant.emulators import can_frame
 from sim_plant.emulators.can_frame import TextError
+from sim_plant.emulators.passage import Passage
 from sim_plant.units import Second
 
 if TYPE_CHECKING:
@@ -31,7 +31,8 @@ class TextClient(asyncio.Protocol):
         self.raw = False
         self._greeting = False  # frames wait until the client has read that it is in raw mode
         self._out: list[bytes] = []
-        self._to_host, self._to_device = hub.link.to_host.branch(), hub.link.to_device.branch()
+        self.to_host = Passage(hub.link.to_host.branch(), loop, self._write)
+        self.to_device = Passage(hub.link.to_device.branch(), loop, self._take)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Greet."""
@@ -53,28 +54,10 @@ class TextClient(asyncio.Protocol):
         if self._transport is not None and not self._transport.is_closing():
             self._transport.abort()
 
-    def tend(self, now: Second) -> None:
-        """Let come what the link's faults held."""
-        for way, call in ((self._to_host, self._write), (self._to_device, self._take)):
-            if not way.quiet(now):
-                self._arrive(way.due(now), now, call)
-
     def put(self, text: bytes) -> None:
         """Send in raw mode, through the link's faults."""
-        now = self._loop.time()
-        if self._to_host.quiet(now):
-            self._write(text)
-        elif self.raw:
-            self._arrive(self._to_host.pass_on(text, now), now, self._write)
-
-    def _arrive(
-        self, pieces: list[tuple[Second, bytes]], now: Second, call: Callable[[bytes], None]
-    ) -> None:
-        for at, piece in pieces:
-            if at <= now:
-                call(piece)
-            else:
-                self._loop.call_at(at, call, piece)
+        if self.raw:
+            self.to_host.hand(text)
 
     def _write(self, text: bytes) -> None:
         """What comes in one turn of the loop goes out as one."""
@@ -135,11 +118,7 @@ class TextClient(asyncio.Protocol):
                 self._loop.call_later(ALONE, self._greeted)
             self._answer("ok")
         elif name == "send":
-            now = self._loop.time()
-            if self._to_device.quiet(now):
-                self._take(words.encode())
-            else:
-                self._arrive(self._to_device.pass_on(words.encode(), now), now, self._take)
+            self.to_device.hand(words.encode())
         elif name == "echo":
             self._answer("echo")
         else:

@@ -56,8 +56,8 @@ class CanHub:
         self.frames = 0  # delivered
         self.busy: Second = 0.0  # with frames on the wire; 0 without a bit rate
         self.slow = 0  # clients dropped as they did not read
-        self.reading: set[TextClient] | None = None  # during a read: who has something to send
         self.link = LinkFaults()  # of the cable between the bus and the other processes
+        self.reading: set[TextClient] | None = None  # during a read: who has something to send
         self._schedule = schedule
         self._bit_rate = bit_rate
         self._free_at: Second = 0.0
@@ -91,7 +91,8 @@ class CanHub:
     def tend(self) -> None:
         """Let come what the link's faults held; to be called often."""
         for client in tuple(self.clients):
-            client.tend(self._schedule.time())
+            client.to_host.tend()
+            client.to_device.tend()
 
     def report_error(self, identifier: int) -> None:
         """Tell clients of a bus error; `identifier` in the bits of an error frame of Linux."""

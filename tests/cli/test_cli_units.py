@@ -198,8 +198,10 @@ def play(
 ) -> int:
     """`rig run` of a good campaign whose run ends like this."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
-    monkeypatch.setattr(run_command, "rehearse", lambda *a, **k: Ended(folder, outcome, ""))
-    code: int = run_command.main(campaign, folder.parent, realtime=False, as_json=as_json)
+    monkeypatch.setattr(run_command, "carry_out", lambda *a, **k: Ended(folder, outcome, ""))
+    code: int = run_command.main(
+        campaign, folder.parent, run_command.Wanted(None, False, False), as_json=as_json
+    )
     return code
 
 

@@ -131,6 +131,7 @@ class Service:
     ) -> None:
         """Home a drive over SDO, once; ServiceError names what went wrong. Power is off after it.
 
+        One that says it has been homed since it was switched on is left as it is: its zero stands.
         Ticks of ``machine`` and ``params`` are of 20 ms here. ``stopped``: give up and power off.
         """
         remote = self._remote(node)
@@ -138,6 +139,8 @@ class Service:
         drive, handshake = cia402.start(0, 0), homing.start(0)
         failure = "no answer"
         self._put(remote, 0x6060, 0, "i8", _HOMING_MODE)
+        if self._is_homed(node):
+            return
         bits = acting = 0
         try:
             while True:
@@ -170,6 +173,16 @@ class Service:
         finally:
             self._put(remote, 0x6040, 0, "u16", 0)
         raise ServiceError(f"node {node} did not home: {failure}")
+
+    def _is_homed(self, node: int) -> bool:
+        """Whether the drive says so in homing mode, which it shows a little after it was asked."""
+        end = time.monotonic() + _SDO_PATIENCE
+        while time.monotonic() < end:
+            if self.read(node, 0x6061, 0, "i8") == _HOMING_MODE:
+                word = self.read(node, 0x6041, 0, "u16")
+                return word is not None and homing.outcome(word) == homing.Outcome.HOMED
+            time.sleep(_HOME_PERIOD)
+        return False
 
     def read(self, node: int, index: int, sub: int, kind: str) -> int | None:
         """An object's value; None if the node does not answer, has it not, or of another size."""

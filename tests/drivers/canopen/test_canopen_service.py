@@ -244,6 +244,13 @@ def test_a_drive_that_falls_silent_while_it_homes_is_named_and_told_to_be_off(
     assert node.written[-1] == (0x6040, 0, 0)
 
 
+def test_a_drive_that_is_homed_is_left_as_it_is(service: Service, node: Answers) -> None:
+    """A second run must not want to see an outcome change that stands since the first."""
+    node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
+    service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
+    assert node.written == [(0x6060, 0, homing.MODE)]
+
+
 def test_a_bus_that_is_not_there_is_named() -> None:
     with pytest.raises(LinkError, match=r"^CAN bus slcan /nowhere: "):
         Service(Bus("slcan", "/nowhere", 1_000_000, ()))

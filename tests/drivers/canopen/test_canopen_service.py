@@ -26,10 +26,11 @@ ABORTED = struct.pack("<BHBI", 0x80, 0x1000, 0, 0x0602_0000)
 
 
 class Answers:
-    """A node that is nothing but its answers to SDO requests; expedited, four bytes."""
+    """A node that is nothing but its answers to SDO requests; expedited, mostly four bytes."""
 
     def __init__(self) -> None:
         self.objects = {KIND: 402, RIGID: 20000}
+        self.sizes: dict[tuple[int, int], int] = {}  # bytes, where they are not four
         self.written: list[tuple[int, int, int]] = []
         self.refused: set[tuple[int, int]] = set()
         self.late = 0.0  # s
@@ -57,7 +58,8 @@ class Answers:
         if key in self.refused or (word == 0x40 and key not in self.objects):
             return struct.pack("<BHBI", 0x80, index, sub, 0x0602_0000)
         if word == 0x40:
-            return struct.pack("<BHBI", 0x43, index, sub, self.objects[key])
+            unused = 4 - self.sizes.get(key, 4)
+            return struct.pack("<BHBI", 0x43 | unused << 2, index, sub, self.objects[key])
         self.written.append((index, sub, value))
         self.objects.setdefault(key, value)
         return struct.pack("<BHBI", 0x60, index, sub, 0)
@@ -247,6 +249,7 @@ def test_a_drive_that_falls_silent_while_it_homes_is_named_and_told_to_be_off(
 def test_a_drive_that_is_homed_is_left_as_it_is(service: Service, node: Answers) -> None:
     """A second run must not want to see an outcome change that stands since the first."""
     node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
+    node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
     service.home(NODE, MACHINE, homing.Params(10, 10), lambda: False)
     assert node.written == [(0x6060, 0, homing.MODE)]
 

@@ -124,8 +124,10 @@ def test_when_captured_energy_runs_out_the_rig_trips_cleanly(
 ) -> None:
     """Foreseen it is refused; where the prediction was wrong, the drive's own trip ends the run."""
     command = importlib.import_module("rig.cli.run")  # rig.cli.run itself is the command
-    monkeypatch.setattr(command, "examine", lambda path: check(path, also=problems))
-    code = command.main(starving, tmp_path / "runs", realtime=False, as_json=True)
+    monkeypatch.setattr(command, "examine", lambda path, rig: check(path, also=problems, rig=rig))
+    code = command.main(
+        starving, tmp_path / "runs", command.Wanted(None, False, False), as_json=True
+    )
     assert code == cli.FAULT == 4
     said = json.loads(capsys.readouterr().out)
     assert (said["status"], said["reason"]) == ("fault", "BUS_UNDERVOLTAGE")

@@ -10,11 +10,11 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 from rig import cycle, handover, loop, realtime, safety
 from rig.clock import Clock, RealClock, VirtualClock, utc_of_zero
+from rig.companion_process import leave_terminal_alone, say
 from rig.devices import Devices
 from rig.mailbox import Mailbox, Request
 from rig.ring import Writer
@@ -40,8 +40,7 @@ REFUSED = 77  # exit code: the host did not grant what the rig file requires
 
 def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
     """Run the job on standard input with the devices that ``connect(config, dt)`` makes."""
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
-        signal.signal(number, signal.SIG_IGN)
+    leave_terminal_alone()
     job: Job = handover.loads(Job, sys.stdin.read(), rig=kind.params_type)
     mailbox = Mailbox(job.mailbox, Request)
     terminated = False
@@ -65,11 +64,11 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         try:
             devices = connect(json.loads(job.devices), job.dt)
         except OSError as error:
-            _say(event="refused", why=str(error))
+            say(event="refused", why=str(error))
             sys.exit(UNREADY)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
-            _say(event="refused", privileges=granted._asdict())
+            say(event="refused", privileges=granted._asdict())
             sys.exit(REFUSED)
         if overseer() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices came up
             devices.stop(safety.Reason.SUPERVISOR_LOST.value)
@@ -77,7 +76,7 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             sys.exit(ALONE)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
-        _say(event="start", privileges=granted and granted._asdict())
+        say(event="start", privileges=granted and granted._asdict())
         end = loop.run(
             kind,
             job.params,
@@ -90,7 +89,7 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         )
     finally:
         ring.finish()  # or the logger would wait for rows that never come
-    _say(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
+    say(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
 
 
 def _privileges(job: Job) -> realtime.Privileges | None:
@@ -99,8 +98,3 @@ def _privileges(job: Job) -> realtime.Privileges | None:
         return realtime.acquire()
     realtime.quiet_memory()
     return None
-
-
-def _say(**event: Any) -> None:
-    with suppress(BrokenPipeError):  # the supervisor is gone: the loop finds that out by itself
-        print(json.dumps(event), flush=True)

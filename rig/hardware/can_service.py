@@ -6,11 +6,7 @@ a drive's current) goes along with "ready".
 """
 
 import json
-import os
-import signal
-import sys
 import time
-from contextlib import suppress
 from typing import Any
 
 from drivers.canopen import cia402, homing
@@ -19,6 +15,7 @@ from drivers.canopen.bus_settings import Bus
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 from rig import handover, realtime
+from rig.companion_process import run, say, until_ended
 from rig.hardware.words import NodeHealth
 from rig.mailbox import Mailbox
 
@@ -28,43 +25,37 @@ _TELL = 5.0  # s between two lines about a deaf service
 
 def serve(job: dict[str, Any]) -> None:
     """Set up and watch until told to end or left alone by the supervisor."""
-    config, ended = job["config"], False
-
-    def end(*_: object) -> None:
-        nonlocal ended
-        ended = True
-
-    signal.signal(signal.SIGTERM, end)
+    config, ended = job["config"], until_ended(job["supervisor"])
     slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
     if refused := realtime.at_its_service():
-        _say(event="say", text=f"no priority over other work: {refused}")
+        say(event="say", text=f"no priority over other work: {refused}")
     interface, channel, bit_rate, options = config["bus"]
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]
     try:
         service = Service(bus)
     except LinkError as error:
-        _say(event="refused", why=str(error))
+        say(event="refused", why=str(error))
         return
     try:
         try:
-            facts = _set_up(service, nodes, lambda: ended)
+            facts = _set_up(service, nodes, ended)
             for one in nodes:
                 service.start(one["node"])
         except ServiceError as error:
-            _say(event="refused", why=str(error))
+            say(event="refused", why=str(error))
             return
         _watch(service, nodes, slots)
-        _say(event="ready", facts=facts)
+        say(event="ready", facts=facts)
         told = -_TELL
-        while not ended and os.getppid() == job["supervisor"]:
+        while not ended():
             time.sleep(_LOOK)
             try:
                 _watch(service, nodes, slots)
             except LinkError as error:  # the slots grow old, and the loop stops for their age
                 if time.monotonic() - told > _TELL:
                     told = time.monotonic()
-                    _say(event="say", text=str(error))
+                    say(event="say", text=str(error))
         for one in nodes:
             service.stop(one["node"])
     finally:
@@ -112,12 +103,5 @@ def _watch(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailb
         )
 
 
-def _say(**event: Any) -> None:
-    with suppress(BrokenPipeError):
-        print(json.dumps(event), flush=True)
-
-
 if __name__ == "__main__":
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
-        signal.signal(number, signal.SIG_IGN)
-    serve(json.loads(sys.stdin.read()))
+    run(serve)

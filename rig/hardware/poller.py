@@ -5,10 +5,6 @@ hardly delays the others. What the loop wants written is written on every period
 and is let go (all zero) when the loop has not said it again for too long.
 """
 
-import json
-import os
-import signal
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -19,6 +15,7 @@ from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, Rtu, Tcp
 from drivers.modbus.registers import Block, Value
 from rig import realtime
+from rig.companion_process import run, say, until_ended
 from rig.hardware.words import SLOTS
 from rig.mailbox import Mailbox
 
@@ -152,30 +149,24 @@ def poll(job: dict[str, Any]) -> None:
     writable += [block for t in tasks for block, _, _ in prepared(t.polled)]
     line = line_of(config, writable)
     if refused := realtime.at_its_service():
-        _say(event="say", text=f"no priority over other work: {refused}")
-    ended = False
-
-    def end(*_: object) -> None:
-        nonlocal ended
-        ended = True
-
-    signal.signal(signal.SIGTERM, end)
+        say(event="say", text=f"no priority over other work: {refused}")
+    ended = until_ended(job["supervisor"])
     began, ready = time.monotonic(), False
     try:
-        while not ended and os.getppid() == job["supervisor"]:
+        while not ended():
             task = min(tasks, key=lambda one: one.due)
             pause = task.due - time.monotonic()
             if pause > 0.0:
                 time.sleep(min(pause, 0.1))
                 continue
             if text := task.turn(line):
-                _say(event="say", text=text)
+                say(event="say", text=text)
             if not ready and all(one.answered for one in tasks):
                 ready = True
-                _say(event="ready")
+                say(event="ready")
             if not ready and time.monotonic() - began > READY:
                 silent = [f"{t.polled.name} ({t.trouble})" for t in tasks if not t.answered]
-                _say(event="refused", why="; ".join(silent))
+                say(event="refused", why="; ".join(silent))
                 return
     finally:
         for task in tasks:  # what it drives is let go; the module's own watchdog is the second line
@@ -185,12 +176,5 @@ def poll(job: dict[str, Any]) -> None:
         line.close()
 
 
-def _say(**event: Any) -> None:
-    with suppress(BrokenPipeError):
-        print(json.dumps(event), flush=True)
-
-
 if __name__ == "__main__":
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
-        signal.signal(number, signal.SIG_IGN)
-    poll(json.loads(sys.stdin.read()))
+    run(poll)

@@ -6,16 +6,15 @@ port at which its devices are given faults.
 """
 
 import asyncio
-import json
 import os
 import signal
-import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig import realtime
+from rig.companion_process import run, say
 from rig.companions import Companion
 from rig.config import RigFile
 from rig.config.wiring import Actuator, Registers, RtuLine, TcpLine, TorqueDrive
@@ -38,7 +37,8 @@ from sim_plant.emulators.power_analyser import (
     Terminals,
 )
 from sim_plant.emulators.power_analyser import Wiring as Terminal
-from sim_plant.emulators.running import Emulator, event_loop, running
+from sim_plant.emulators.running import Emulator, running
+from sim_plant.emulators.schedule import precise_loop
 from sim_plant.emulators.serial_line import LineSettings, SerialLine
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
@@ -122,7 +122,7 @@ class Emulated:
             async with running(self.lines) as addresses:
                 await self.control.start()
                 here = {"can": f"socketcand {host}:{port}", "control": self.control.address}
-                _say(event="ready", facts={**here, **addresses})
+                say(event="ready", facts={**here, **addresses})
                 while not ended.is_set():
                     self._world.catch_up()
                     self.hub.tend()
@@ -224,7 +224,7 @@ async def _serve(config: dict[str, Any], supervisor: int) -> None:
     loop.add_signal_handler(signal.SIGTERM, ended.set)
     rig = RigFile.model_validate(config["rig"])
     if rig.wiring is not None and (why := (*impossible(rig.wiring), *taken(rig.wiring))):
-        _say(event="refused", why="\n".join(why))
+        say(event="refused", why="\n".join(why))
         return
     dt = 1.0 / rig.rate_hz
     plant = _without_delay(config["plant"])
@@ -242,25 +242,18 @@ async def _serve(config: dict[str, Any], supervisor: int) -> None:
     look()
     refused = realtime.beside_the_loop()
     if refused:
-        _say(event="say", text=f"no priority over other work: {refused}")
+        say(event="say", text=f"no priority over other work: {refused}")
     try:
         await Emulated(rig, world, loop, anew).serve(ended)
     except OSError as error:  # an address is taken: another run, or another rig's devices
-        _say(event="refused", why=str(error))
+        say(event="refused", why=str(error))
 
 
-def _say(**event: Any) -> None:
-    with suppress(BrokenPipeError):
-        print(json.dumps(event), flush=True)
-
-
-def main() -> None:
-    """Serve the job on standard input until told to end, or left alone by the supervisor."""
-    for number in (signal.SIGINT, signal.SIGHUP):  # a terminal's, meant for the supervisor
-        signal.signal(number, signal.SIG_IGN)
-    job_ = json.loads(sys.stdin.read())
-    event_loop().run_until_complete(_serve(job_["config"], job_["supervisor"]))
+def serve(job: dict[str, Any]) -> None:
+    """Serve until told to end, or left alone by the supervisor."""
+    with asyncio.Runner(loop_factory=precise_loop) as runner:
+        runner.run(_serve(job["config"], job["supervisor"]))
 
 
 if __name__ == "__main__":
-    main()
+    run(serve)

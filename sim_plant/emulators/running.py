@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import selectors
 from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from typing import Protocol
@@ -31,15 +29,6 @@ class Emulator(Protocol):
     async def close(self) -> None:
         """Be gone."""
         ...
-
-
-def event_loop() -> asyncio.SelectorEventLoop:
-    """Give a loop whose timers are exact to some 0.1 ms.
-
-    epoll, which asyncio takes by itself, counts in milliseconds: a wire of 115 200 baud and a
-    1 kHz stream need finer steps. select() ends at file descriptor 1023.
-    """
-    return asyncio.SelectorEventLoop(selectors.SelectSelector())
 
 
 @asynccontextmanager

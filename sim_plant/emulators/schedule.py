@@ -33,6 +33,7 @@ class Schedule(Protocol):
 def precise_loop() -> asyncio.AbstractEventLoop:
     """Give an event loop whose timers are good to some 0.1 ms.
 
-    The default one rounds every wait up to whole milliseconds: longer than a CAN frame.
+    The default one (epoll) rounds every wait up to whole milliseconds: longer than a CAN frame, and
+    too coarse for the bytes of a serial line. select() ends at file descriptor 1023.
     """
     return asyncio.SelectorEventLoop(selectors.SelectSelector())

@@ -9,7 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sim_plant.emulators.running import Emulator, event_loop
+from sim_plant.emulators.running import Emulator
+from sim_plant.emulators.schedule import precise_loop
 from sim_plant.emulators.serial_line import LineSettings, SerialLine
 
 Result = TypeVar("Result")
@@ -21,7 +22,7 @@ class Stage:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.loop = event_loop()
+        self.loop = precise_loop()
         self._thread = threading.Thread(target=self.loop.run_forever, daemon=True)
         self._thread.start()
         self._shown: list[Emulator] = []

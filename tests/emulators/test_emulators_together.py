@@ -31,7 +31,8 @@ from sim_plant.emulators.modbus_rtu import RtuLine
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.net_ft import NetFt, NetFtSettings
 from sim_plant.emulators.power_analyser import PowerAnalyser, Terminals
-from sim_plant.emulators.running import Emulator, event_loop, running
+from sim_plant.emulators.running import Emulator, running
+from sim_plant.emulators.schedule import precise_loop
 from sim_plant.emulators.serial_line import LineSettings, SerialLine
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -98,7 +99,7 @@ def test_a_bench_starts_and_leaves_nothing_behind(tmp_path: Path) -> None:
         assert asyncio.all_tasks() == {asyncio.current_task()}
         return addresses
 
-    loop = event_loop()
+    loop = precise_loop()
     addresses = loop.run_until_complete(show())
     loop.close()
     assert addresses["drive"] == str(tmp_path / "drive")
@@ -114,7 +115,7 @@ def test_one_that_cannot_start_closes_the_others(tmp_path: Path) -> None:
         async with running(emulators):
             raise AssertionError("not reached")
 
-    loop = event_loop()
+    loop = precise_loop()
     with pytest.raises(FileExistsError):
         loop.run_until_complete(show())
     loop.close()
@@ -139,7 +140,7 @@ def test_an_emulator_that_fails_says_so(tmp_path: Path) -> None:
             )
             await asyncio.sleep(0.05)
 
-    loop = event_loop()
+    loop = precise_loop()
     loop.run_until_complete(show())
     loop.close()
     assert [type(failure) for failure in told or []] == [ZeroDivisionError]

@@ -10,11 +10,10 @@ import re
 from collections.abc import Callable
 
 from sim_plant.emulators import compax3_records as records
-from sim_plant.emulators.background import Background
 from sim_plant.emulators.compax3_drive import Drive, DriveInput, RefusedError
 from sim_plant.emulators.compax3_objects import OBJECTS, Compax3Settings, Number
 from sim_plant.emulators.compax3_records import Receiver, Record
-from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.line_device import LineDevice
 from sim_plant.emulators.serial_line import SerialLine
 from sim_plant.units import Second
 
@@ -27,7 +26,7 @@ _OBJECT = re.compile(
 _IDENTIFY = re.compile(r"(?P<address>\d{1,2})?_\?")
 
 
-class Compax3:
+class Compax3(LineDevice):
     """The drive on its line, with the plant behind it."""
 
     def __init__(
@@ -38,33 +37,12 @@ class Compax3:
         settings: Compax3Settings | None = None,
     ) -> None:
         """`write` gets `enabled` (0, 1), `velocity` (rad/s at the motor) and `torque` (N m)."""
-        self.line = line
+        super().__init__(line)
         self.settings = settings or Compax3Settings()
         self.drive = Drive(self.settings, read, write)
         self.faults = self.drive.faults
         self.receiver = Receiver()
-        self._tending = Background()
         line.attach(self._receive)
-
-    @property
-    def address(self) -> str:
-        """The path a host opens."""
-        return self.line.address
-
-    @property
-    def link(self) -> LinkFaults:
-        """The faults of the line."""
-        return self.line.link
-
-    async def start(self) -> None:
-        """Offer the line and follow the plant."""
-        await self.line.start()
-        self._tending.start(self._tend())
-
-    async def close(self) -> None:
-        """Take the line away."""
-        await self._tending.stop()
-        await self.line.close()
 
     def answer(self, message: Record | str, now: Second) -> bytes | None:
         """Give the answer to one record or line; None where the drive keeps still."""

@@ -12,9 +12,8 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sim_plant.emulators.background import Background
 from sim_plant.emulators.ft_calibration import Calibration, Gages, Wrench, block
-from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.line_device import LineDevice
 from sim_plant.emulators.modbus_pdu import RefusalError, Refused, Table, exception
 from sim_plant.emulators.modbus_rtu import LENGTHS, RtuReceiver, RtuSettings, framed
 from sim_plant.emulators.modbus_unit import Answer, ModbusUnit
@@ -105,7 +104,7 @@ def sample(gages: list[int], *, error: bool, wrong_sum: bool = False) -> bytes:
     return data + bytes((total | error << 7,))
 
 
-class DigitalFt:
+class DigitalFt(LineDevice):
     """The sensor on its line."""
 
     def __init__(
@@ -115,7 +114,7 @@ class DigitalFt:
         settings: DigitalFtSettings | None = None,
     ) -> None:
         """`read` gives the present wrench."""
-        self.line = line
+        super().__init__(line)
         self.settings = settings or DigitalFtSettings()
         self.registers = FtRegisters(self.settings, self._start_stream)
         self.faults = self.registers.faults
@@ -128,28 +127,7 @@ class DigitalFt:
         self._receiver = RtuReceiver(RtuSettings(lengths={**LENGTHS, **own}))
         self._jam: Count = 0
         self._begin: Second = 0.0
-        self._task = Background()
         line.attach(self._receive)
-
-    @property
-    def address(self) -> str:
-        """The path a host opens."""
-        return self.line.address
-
-    @property
-    def link(self) -> LinkFaults:
-        """The faults of the line."""
-        return self.line.link
-
-    async def start(self) -> None:
-        """Offer the line."""
-        await self.line.start()
-        self._task.start(self._tick())
-
-    async def close(self) -> None:
-        """Take the line away."""
-        await self._task.stop()
-        await self.line.close()
 
     def samples(self, count: Count) -> bytes:
         """Give samples of the present wrench."""
@@ -182,7 +160,7 @@ class DigitalFt:
                 frame = framed(address, answer.pdu)
                 asyncio.get_running_loop().call_later(answer.delay, self.line.send, frame)
 
-    async def _tick(self) -> None:
+    async def _tend(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             await asyncio.sleep(self.settings.burst)

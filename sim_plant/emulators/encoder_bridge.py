@@ -10,10 +10,9 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sim_plant.emulators.background import Background
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.encoder_words import Encoder
-from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.line_device import LineDevice
 from sim_plant.emulators.serial_line import SerialLine
 from sim_plant.units import Count, Hertz, Radian, Second
 
@@ -57,7 +56,7 @@ class BridgeSettings(NamedTuple):
     first_number: int = 0
 
 
-class EncoderBridge:
+class EncoderBridge(LineDevice):
     """Both encoders and the line; a period that cannot be kept is skipped and said so."""
 
     def __init__(
@@ -69,7 +68,7 @@ class EncoderBridge:
         settings: BridgeSettings | None = None,
     ) -> None:
         """`read` gives both angles of one moment, and that moment: it stamps the frame."""
-        self.line = line
+        super().__init__(line)
         self.motor = motor
         self.shaft = shaft
         self.settings = settings or BridgeSettings()
@@ -80,28 +79,6 @@ class EncoderBridge:
         self._flags = FIRST
         self._origin: Second | None = None
         self._last: Second = float("-inf")
-        self._ticking = Background()
-
-    @property
-    def address(self) -> str:
-        """The path a host opens."""
-        return self.line.address
-
-    @property
-    def link(self) -> LinkFaults:
-        """The faults of the line."""
-        return self.line.link
-
-    async def start(self) -> None:
-        """Offer the line and begin to send."""
-        await self.line.start()
-        if self.settings.rate > 0.0:
-            self._ticking.start(self._tick())
-
-    async def close(self) -> None:
-        """Take the line away."""
-        await self._ticking.stop()
-        await self.line.close()
 
     def pulse(self) -> None:
         """Latch once and send."""
@@ -157,7 +134,9 @@ class EncoderBridge:
         crc = crc16(body) ^ (0xFFFF if self.faults.on("wrong_crc") else 0)
         return SYNC + body + crc.to_bytes(2, "big")
 
-    async def _tick(self) -> None:
+    async def _tend(self) -> None:
+        if self.settings.rate <= 0.0:
+            return  # edges are those of pulse()
         loop = asyncio.get_running_loop()
         period = 1.0 / self.settings.rate
         start, edges = loop.time(), 0

@@ -9,8 +9,7 @@ import asyncio
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from sim_plant.emulators.background import Background
-from sim_plant.emulators.link_faults import LinkFaults
+from sim_plant.emulators.line_device import LineDevice
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.serial_line import SerialLine
 from sim_plant.units import Count, Second
@@ -98,7 +97,7 @@ class RtuReceiver:
         return len(self._buffer) if len(self._buffer) >= LONGEST else 0
 
 
-class RtuLine:
+class RtuLine(LineDevice):
     """Units on one serial line. Nobody answers for an address that is not there."""
 
     def __init__(
@@ -110,31 +109,10 @@ class RtuLine:
         """`units` by their address, 1 to 247; address 0 is for all, and is not answered."""
         if not all(1 <= address <= 247 for address in units):
             raise ValueError(f"unit addresses are 1 to 247, got {sorted(units)}")
-        self.line = line
+        super().__init__(line)
         self.units = dict(units)
         self.receiver = RtuReceiver(settings or RtuSettings())
-        self._tending = Background()
         line.attach(self._receive)
-
-    @property
-    def address(self) -> str:
-        """The path a host opens."""
-        return self.line.address
-
-    @property
-    def link(self) -> LinkFaults:
-        """The faults of the line."""
-        return self.line.link
-
-    async def start(self) -> None:
-        """Offer the line and let the units' timers run."""
-        await self.line.start()
-        self._tending.start(self._tend())
-
-    async def close(self) -> None:
-        """Take the line away."""
-        await self._tending.stop()
-        await self.line.close()
 
     def _receive(self, data: bytes, now: Second) -> None:
         for address, pdu in self.receiver.feed(data, now):

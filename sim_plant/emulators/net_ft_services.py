@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import struct
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 from xml.sax.saxutils import escape
 
@@ -30,11 +31,11 @@ def scales(box: NetFt) -> list[int]:
     ]
 
 
-class TcpService:
-    """Single readings and the calibration."""
+class BoxService(ABC):
+    """One TCP port of the box."""
 
     def __init__(self, box: NetFt) -> None:
-        """`box` senses."""
+        """`box` senses and has the settings."""
         self._box = box
         self._server: asyncio.Server | None = None
         self.address = ""
@@ -48,6 +49,14 @@ class TcpService:
         """Listen no longer."""
         if self._server is not None:
             self._server.close()
+
+    @abstractmethod
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve one connection."""
+
+
+class TcpService(BoxService):
+    """Single readings and the calibration."""
 
     def answer(self, request: bytes) -> bytes:
         """Give the answer to a 20-byte request; empty for an unknown command."""
@@ -78,24 +87,8 @@ class TcpService:
             writer.close()
 
 
-class ConfigurationPage:
+class ConfigurationPage(BoxService):
     """The page /netftapi2.xml."""
-
-    def __init__(self, box: NetFt) -> None:
-        """`box` has the settings."""
-        self._box = box
-        self._server: asyncio.Server | None = None
-        self.address = ""
-
-    async def start(self, host: str, port: int) -> None:
-        """Listen; port 0 takes a free one."""
-        self._server = await asyncio.start_server(self._serve, host, port)
-        self.address = "{}:{}".format(*self._server.sockets[0].getsockname()[:2])
-
-    def close(self) -> None:
-        """Listen no longer."""
-        if self._server is not None:
-            self._server.close()
 
     def text(self) -> str:
         """Give the page."""

@@ -69,11 +69,6 @@ def wired(campaign: Campaign, *, emulated: bool) -> Rung:
     return Rung("hil", True, "rig.hardware", made.devices, companions)
 
 
-def rehearse(campaign: Campaign, plan: Plan, runs: Path, view: View, *, real_clock: bool) -> Ended:
-    """Rehearse a campaign on the simulated plant; errors as `carry_out`."""
-    return carry_out(campaign, plan, runs, view, rehearsal(campaign, real_clock=real_clock))
-
-
 def carry_out(campaign: Campaign, plan: Plan, runs: Path, view: View, rung: Rung) -> Ended:
     """Run a campaign to its end; raises BusyError when the real clock is taken.
 

@@ -115,6 +115,7 @@ class World:
         self._look(1.0)
         self._still = self._stepper.readings(0, 0.0)
         delay = plant.sensors.delay_ticks.value
+        self.delay: Second = delay * dt  # age of the readings
         self._line: deque[Readings] = deque([self._still] * (delay + 1), maxlen=delay + 1)
 
     def actuate(self, actuation: Actuation) -> None:

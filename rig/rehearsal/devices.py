@@ -52,9 +52,9 @@ class PlantDevices:
     clock, more when ticks of the real clock were lost (a plant does not wait for a late loop).
     """
 
-    def __init__(self, world: World, delay: float, dt: float) -> None:
+    def __init__(self, world: World, dt: float) -> None:
         self._world = world
-        self._delay = delay  # s, age of what the fieldbus delivers
+        self._delay = world.delay
         self._dt = dt
         self._ticks = 0
         self._settings: Any = None  # of the drive, as last told
@@ -141,6 +141,4 @@ def build_world(config: dict[str, Any], dt: float) -> World:
 
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:
     """The simulated devices for what `build_world` takes."""
-    world = build_world(config, dt)
-    delay = Plant.model_validate(config["plant"]).sensors.delay_ticks.value
-    return PlantDevices(world, delay * dt, dt)
+    return PlantDevices(build_world(config, dt), dt)

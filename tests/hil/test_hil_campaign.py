@@ -15,7 +15,7 @@ from rehearsing import CONFIGS, Watcher, table_of
 from benchmarks.support.fault_walk import campaign_file
 from benchmarks.support.host import Busy, others
 from rig.campaign import check
-from rig.campaign_run import Ended, rehearse
+from rig.campaign_run import Ended, carry_out, rehearsal
 from rig.runs import open_run
 from rig.supervisor import Snapshot
 
@@ -73,7 +73,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     dry = check(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
     assert dry.campaign is not None, dry.text()
     assert dry.plan is not None
-    rehearsed = rehearse(dry.campaign, dry.plan, folder, Watcher(), real_clock=False)
+    rung = rehearsal(dry.campaign, real_clock=False)
+    rehearsed = carry_out(dry.campaign, dry.plan, folder, Watcher(), rung)
     on_wires = check(path)
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None

@@ -9,7 +9,7 @@ from ruamel.yaml import YAML
 
 from rig.analysis.rows import row_table
 from rig.campaign import check
-from rig.campaign_run import Ended, rehearse
+from rig.campaign_run import Ended, carry_out, rehearsal
 from rig.supervisor import Snapshot
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -47,7 +47,8 @@ def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) ->
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.plan is not None
-    return rehearse(report.campaign, report.plan, runs, Watcher(see), real_clock=real_clock)
+    rung = rehearsal(report.campaign, real_clock=real_clock)
+    return carry_out(report.campaign, report.plan, runs, Watcher(see), rung)
 
 
 def table_of(ended: Ended) -> Any:

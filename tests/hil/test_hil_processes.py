@@ -25,6 +25,8 @@ from benchmarks.support.fault_walk import (
 from rig.campaign_run import Ended, carry_out, wired
 from rig.runs.create import BusyError, hold_realtime
 
+pytestmark = pytest.mark.realtime
+
 WATCHDOG = 0.25  # s, command_deadline_ms of the drives in configs/rigs/wavebot_hil.yaml
 MARGIN = 0.15  # s of a host with other work
 TRIES = 3

@@ -19,6 +19,7 @@ from canopen.sdo.exceptions import SdoError
 
 from drivers.canopen import arming, cia402, emcy, heartbeat, homing
 from drivers.canopen.arming import Mismatch, Step
+from drivers.canopen.bus_off import BusOff
 from drivers.canopen.bus_settings import Bus
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
@@ -80,6 +81,8 @@ class Service:
         self._network: Any = canopen.Network()
         self._network.bus = self._can
         self._network.NOTIFIER_CYCLE = _CLOSING
+        self._bus_off = BusOff()
+        self._network.listeners.append(self._bus_off)
         self._network.connect()
         self._lock = threading.Lock()
         self._watched: dict[int, heartbeat.Watch] = {}
@@ -232,11 +235,13 @@ class Service:
             return
 
     def health(self) -> dict[int, Health]:
-        """What is known of each watched node now; LinkError if the bus's reader died."""
+        """What is known of each watched node now; LinkError if the service became deaf."""
         try:
             self._network.check()  # the library's reader dies silently
         except Exception as error:
             raise LinkError(f"the CAN service is deaf: {error}") from error
+        if why := self._bus_off.explain():
+            raise LinkError(why)
         with self._lock:
             return dict(self._health)
 

@@ -35,6 +35,7 @@ _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer
 _PRE_OPERATIONAL, _OPERATIONAL = "PRE-OPERATIONAL", "OPERATIONAL"
 # What the library raises where a node refuses, is silent, or answers in too few bytes.
 _NO_ANSWER = (SdoError, can.CanError, OSError, RuntimeError, struct.error)
+_NETWORK: Any = canopen.Network
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
 _READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 _SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
@@ -78,12 +79,12 @@ class Service:
     def __init__(self, bus: Bus) -> None:
         """Open the bus; LinkError if it cannot be."""
         self._can: can.BusABC = open_bus(bus)
-        self._network: Any = canopen.Network()
+        self._network = _NETWORK()
         self._network.bus = self._can
         self._network.NOTIFIER_CYCLE = _CLOSING
         self._bus_off = BusOff()
-        self._network.listeners.append(self._bus_off)
         self._network.connect()
+        self._network.notifier.add_listener(self._bus_off)
         self._lock = threading.Lock()
         self._watched: dict[int, heartbeat.Watch] = {}
         self._health: dict[int, Health] = {}

@@ -87,7 +87,7 @@ def _up(host: Host, name: str) -> bool:
 
 
 def _off_the_bus(host: Host, name: str) -> bool:
-    """Whether an interface that is up has no carrier: so the kernel shows a controller's bus-off."""
+    """Whether an interface that is up has no carrier: so a kernel shows bus-off."""
     return (host.text(f"/sys/class/net/{name}/carrier") or "").strip() == "0"
 
 

@@ -96,7 +96,7 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
 
 
 def test_the_wires_can_be_looked_at_beside_a_run(on: Stage) -> None:
-    """`rig devices --anyway`: every node answers, the serial line is the poller's, the run goes on."""
+    """By `rig devices --anyway`: every node answers, the serial line is the poller's alone."""
     looking: list[subprocess.Popen[str]] = []
 
     def look() -> float:

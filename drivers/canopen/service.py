@@ -110,7 +110,7 @@ class Service:
             raise ServiceError(f"node {node} does not answer")
         for step in steps:
             if step.access != Access.VERIFY:
-                self._write(remote, step)
+                self._put(remote, step.object, step.sub, step.type, step.value)
         answers = {
             (step.object, step.sub): self.read(node, step.object, step.sub, step.type)
             for step in arming.read_back(steps)
@@ -264,9 +264,6 @@ class Service:
             self._remote(node).nmt.state = state
         except (can.CanError, OSError, RuntimeError) as error:
             raise ServiceError(f"node {node} cannot be told {state}: {error}") from error
-
-    def _write(self, remote: Any, step: Step) -> None:
-        self._put(remote, step.object, step.sub, step.type, step.value)
 
     def _put(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
         """Write an object; a refusal shows when it is read back."""

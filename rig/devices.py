@@ -6,6 +6,13 @@ from typing import Any, Protocol
 class Devices(Protocol):
     """All devices of a rig as the loop sees them; words are the rig kind's Sense and Command."""
 
+    def warm_up(self, dt: float) -> None:
+        """Get the wires into the step of ticks of ``dt`` (s); OSError names what does not answer.
+
+        It is the last thing before the first tick, which comes ``dt`` after it.
+        """
+        ...
+
     def read(self, now: float) -> Any:
         """What has come since the last tick, every value with its age; never blocks.
 

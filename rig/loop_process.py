@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from rig import cycle, handover, loop, realtime, safety
 from rig.clock import Clock, RealClock, VirtualClock, utc_of_zero
@@ -64,8 +64,7 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         try:
             devices = connect(json.loads(job.devices), job.dt)
         except OSError as error:
-            say(event="refused", why=str(error))
-            sys.exit(UNREADY)
+            _refuse(error)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
             say(event="refused", privileges=granted._asdict())
@@ -74,6 +73,11 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             devices.stop(safety.Reason.SUPERVISOR_LOST.value)
             devices.close()
             sys.exit(ALONE)
+        try:
+            devices.warm_up(job.dt)  # whatever takes its time has been done
+        except OSError as error:
+            devices.close()
+            _refuse(error)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
         say(event="start", privileges=granted and granted._asdict())
@@ -90,6 +94,12 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
     finally:
         ring.finish()  # or the logger would wait for rows that never come
     say(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
+
+
+def _refuse(error: OSError) -> NoReturn:
+    """End before the first tick, and say why."""
+    say(event="refused", why=str(error))
+    sys.exit(UNREADY)
 
 
 def _privileges(job: Job) -> realtime.Privileges | None:

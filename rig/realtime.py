@@ -110,7 +110,9 @@ def core() -> int:
     A kernel started with ``isolcpus`` starts every process on the other cores.
     """
     isolated: set[int] = set()
-    with suppress(OSError, ValueError), open(_ISOLATED, encoding="ascii") as file:
+    # UTF-8 is there from the start; another codec would be imported, and whoever has given up root
+    # may not be able to read where it lies.
+    with suppress(OSError, ValueError), open(_ISOLATED, encoding="utf-8") as file:
         isolated = cores(file.read())
     return max(isolated or os.sched_getaffinity(0))
 

@@ -14,8 +14,9 @@ the body for 2 s first.
 
 Limits are those of `configs/limits/wavebot_hil.yaml`, for a host that stands still for 40 ms now
 and then; a rig's own computer takes those of `wavebot.yaml`, and is quicker by the difference. "-"
-is not measured yet. Every test run walks the rows in bold; with FAULTS=all in the environment,
-`pytest tests/hil/test_hil_faults.py` walks them all.
+is not measured yet (`python -m benchmarks faults --missing` walks those rows). Every test run walks
+the rows in bold; with FAULTS=all in the environment, `pytest tests/hil/test_hil_faults.py` walks
+them all.
 
 Software limits are no safety chain: what is not detected here must not be able to hurt, with the
 hard-wired emergency stop and the drives' own limits in place.

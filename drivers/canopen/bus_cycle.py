@@ -2,18 +2,19 @@
 
     tick k:  receive (answers to SYNC k-1) ... commands, SYNC k, our heartbeat when it is due
 
-So a status is one tick old when it is used, always, and a model can contain that. Our heartbeat
-comes from the tick and from nowhere else: a loop that hangs falls silent, and every drive that
-watches it stops by itself.
+So a status is one tick old when it is used, always, and a model can contain that; one that was held
+up is as old as the SYNC it answers (`answers`). Our heartbeat comes from the tick and from nowhere
+else: a loop that hangs falls silent, and every drive that watches it stops by itself.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from drivers.canopen import heartbeat
+from drivers.canopen import answers, heartbeat
 from drivers.canopen.link import Frame
 
 SYNC = 0x080
+_NEVER = -1e9  # s, before any clock began
 
 
 class Line(Protocol):
@@ -42,8 +43,8 @@ class Node(Protocol):
     """One device's conversation, as far as the bus needs it."""
 
     @property
-    def cob_ids(self) -> frozenset[int]:
-        """COB-IDs of the frames it takes."""
+    def each_sync(self) -> Mapping[int, int]:
+        """COB-IDs of the frames it takes, and on every how many SYNCs one comes; 0: on none."""
         ...
 
     def take(self, cob_id: int, data: bytes, sampled: float) -> None:
@@ -57,12 +58,17 @@ class BusCycle:
     def __init__(self, line: Line, nodes: Iterable[Node], own_node: int, beat: float) -> None:
         """``own_node``: our node number; ``beat``: seconds between our heartbeats."""
         self._line = line
-        self._takers = {cob_id: node for node in nodes for cob_id in node.cob_ids}
+        self._takers = {
+            cob_id: (node, each) for node in nodes for cob_id, each in node.each_sync.items()
+        }
+        self._answers = dict.fromkeys(self._takers, answers.start())
         self._beat_id = heartbeat.BASE + own_node
         self._beat = heartbeat.encode(heartbeat.Nmt.OPERATIONAL)
         self._every = beat
-        self._beaten = self._synced = -1e9  # s, when last sent
-        self._answered = -1e9  # s, of the SYNC that the oldest frame still to come may answer
+        self._beaten = self._synced = _NEVER  # s, when last sent
+        self._moments = [_NEVER] * answers.OPEN  # s, of the last SYNCs, by their number
+        self._syncs = 0  # sent so far: the number of the last one
+        self._answered = 0  # number of the SYNC that the newest frame to come may answer
         self.strange = 0  # frames that nobody here takes
 
     @property
@@ -78,14 +84,26 @@ class BusCycle:
         """
         frames = self._line.drain()
         if not self._line.behind:
-            self._answered = self._synced
+            self._answered = self._syncs
+        latest = self._answered
         for cob_id, data in frames:
-            taker = self._takers.get(cob_id)
-            if taker is None:
+            found = self._takers.get(cob_id)
+            if found is None:
                 self.strange += 1
-            else:
-                taker.take(cob_id, data, self._answered)
+                continue
+            taker, each = found
+            number = latest
+            if each > 0:
+                one = self._answers[cob_id] = answers.take(self._answers[cob_id], each, latest)
+                number = one.answered
+            taker.take(cob_id, data, self._moment(number))
         return self._line.now()
+
+    def _moment(self, number: int) -> float:
+        """When (s) the SYNC of this number was sent; very long ago if nobody knows any more."""
+        if number == 0 or self._syncs - number >= answers.OPEN:
+            return _NEVER
+        return self._moments[number % answers.OPEN]
 
     def send(self, frames: Iterable[tuple[int, bytes]]) -> None:
         """Commands, then the SYNC on which they act."""
@@ -96,6 +114,8 @@ class BusCycle:
         now = self._line.now()
         if synced:
             self._synced = now
+            self._syncs += 1
+            self._moments[self._syncs % answers.OPEN] = now
         if now - self._beaten >= self._every and send(self._beat_id, self._beat):
             self._beaten = now
 

@@ -27,6 +27,7 @@ class Settings(NamedTuple):
     move: move.Params
     scale: scaling.PositionScale
     velocity: int  # 0x6081, in the drive's own unit, > 0
+    every: int = 1  # SYNCs from one status to the next
 
 
 class Reading(NamedTuple):
@@ -51,7 +52,7 @@ class PositionActuator:
         self._target_pdo = pdo.layout(pdo.rpdo_cob_id(2, node), pdo.ACTUATOR_TARGET)
         self._command_pdo = pdo.layout(pdo.rpdo_cob_id(1, node), pdo.ACTUATOR_COMMAND)
         self._status_pdo = pdo.layout(pdo.tpdo_cob_id(1, node), pdo.ACTUATOR_STATUS)
-        self.cob_ids = frozenset((self._status_pdo.cob_id,))
+        self.each_sync = {self._status_pdo.cob_id: settings.every}
         self._machine, self._move = cia402.start(0, 0), move.start(0)
         self._arm = self._reset = self._request = 0
         self._up = False  # asked up, and not released since

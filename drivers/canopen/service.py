@@ -19,6 +19,7 @@ from canopen.sdo.exceptions import SdoError
 
 from drivers.canopen import arming, cia402, emcy, heartbeat, homing
 from drivers.canopen.arming import Mismatch, Step
+from drivers.canopen.bus_off import BusOff
 from drivers.canopen.bus_settings import Bus
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
@@ -34,6 +35,7 @@ _SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer
 _PRE_OPERATIONAL, _OPERATIONAL = "PRE-OPERATIONAL", "OPERATIONAL"
 # What the library raises where a node refuses, is silent, or answers in too few bytes.
 _NO_ANSWER = (SdoError, can.CanError, OSError, RuntimeError, struct.error)
+_NETWORK: Any = canopen.Network
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
 _READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 _SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
@@ -77,10 +79,12 @@ class Service:
     def __init__(self, bus: Bus) -> None:
         """Open the bus; LinkError if it cannot be."""
         self._can: can.BusABC = open_bus(bus)
-        self._network: Any = canopen.Network()
+        self._network = _NETWORK()
         self._network.bus = self._can
         self._network.NOTIFIER_CYCLE = _CLOSING
+        self._bus_off = BusOff()
         self._network.connect()
+        self._network.notifier.add_listener(self._bus_off)
         self._lock = threading.Lock()
         self._watched: dict[int, heartbeat.Watch] = {}
         self._health: dict[int, Health] = {}
@@ -106,7 +110,7 @@ class Service:
             raise ServiceError(f"node {node} does not answer")
         for step in steps:
             if step.access != Access.VERIFY:
-                self._write(remote, step)
+                self._put(remote, step.object, step.sub, step.type, step.value)
         answers = {
             (step.object, step.sub): self.read(node, step.object, step.sub, step.type)
             for step in arming.read_back(steps)
@@ -232,11 +236,13 @@ class Service:
             return
 
     def health(self) -> dict[int, Health]:
-        """What is known of each watched node now; LinkError if the bus's reader died."""
+        """What is known of each watched node now; LinkError if the service became deaf."""
         try:
             self._network.check()  # the library's reader dies silently
         except Exception as error:
             raise LinkError(f"the CAN service is deaf: {error}") from error
+        if why := self._bus_off.explain():
+            raise LinkError(why)
         with self._lock:
             return dict(self._health)
 
@@ -258,9 +264,6 @@ class Service:
             self._remote(node).nmt.state = state
         except (can.CanError, OSError, RuntimeError) as error:
             raise ServiceError(f"node {node} cannot be told {state}: {error}") from error
-
-    def _write(self, remote: Any, step: Step) -> None:
-        self._put(remote, step.object, step.sub, step.type, step.value)
 
     def _put(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
         """Write an object; a refusal shows when it is read back."""

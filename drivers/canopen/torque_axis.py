@@ -26,6 +26,7 @@ class Settings(NamedTuple):
     scale: scaling.CurrentScale
     slow_age: float  # s, > 0: age from which mode display and error code say nothing
     analog: tuple[float, ...] = ()  # units per raw step of each analog input in TPDO 3, if any
+    slow_every: int = 1  # SYNCs from one mode display and error code to the next
 
 
 class Reading(NamedTuple):
@@ -71,8 +72,13 @@ class TorqueAxis:
         self._settings = settings
         self._pdo = layouts(settings.node, len(settings.analog))
         self._emergency = emcy.BASE + settings.node
-        sent = (one.cob_id for one in self._pdo[1:] if one is not None)
-        self.cob_ids = frozenset((self._emergency, *sent))
+        self.each_sync = {
+            self._emergency: 0,
+            self._pdo.status.cob_id: 1,
+            self._pdo.slow.cob_id: settings.slow_every,
+        }
+        if self._pdo.analog is not None:
+            self.each_sync[self._pdo.analog.cob_id] = 1
         self._machine = cia402.start(0, 0)
         self._arm = self._reset = 0
         self._enable = 0

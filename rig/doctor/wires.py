@@ -67,10 +67,15 @@ def _interfaces(host: Host) -> Finding:
     if not found:
         return Finding(AREA, what, "none", limit, Verdict.NOTE)
     down = [name for name in found if not _up(host, name)]
-    words = ", ".join(f"{name} {'down' if name in down else 'up'}" for name in found)
-    if not down:
+    off = [name for name in found if name not in down and _off_the_bus(host, name)]
+    states = dict.fromkeys(found, "up") | dict.fromkeys(down, "down")
+    states |= dict.fromkeys(off, "off the bus (bus-off)")
+    words = ", ".join(f"{name} {state}" for name, state in states.items())
+    if not down and not off:
         return Finding(AREA, what, words, limit, Verdict.GOOD)
-    advice = f"as root `ip link set {down[0]} up type can bitrate 1000000`"
+    advice = f"as root `ip link set {down[0]} up type can bitrate 1000000`" if down else ""
+    if off:
+        advice = f"look at the wire; then as root `ip link set {off[0]} type can restart`"
     return Finding(AREA, what, words, limit, Verdict.WARNING, advice)
 
 
@@ -79,6 +84,11 @@ def _up(host: Host, name: str) -> bool:
         return bool(int(host.text(f"/sys/class/net/{name}/flags") or "0", 16) & 1)
     except ValueError:
         return False
+
+
+def _off_the_bus(host: Host, name: str) -> bool:
+    """Whether an interface that is up has no carrier: so a kernel shows bus-off."""
+    return (host.text(f"/sys/class/net/{name}/carrier") or "").strip() == "0"
 
 
 def _vcan(host: Host) -> Finding:

@@ -32,7 +32,8 @@ _FAULTS = {0x3210: DriveFault.OVERVOLTAGE.value, 0x3220: DriveFault.UNDERVOLTAGE
 _GENERAL = DriveFault.GENERAL.value
 _UNKNOWN = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
 _NO_DUMP = 0
-WARM_UP = 3.0  # s in which every drive must have answered its first SYNCs
+WARM_UP = 3.0  # s in which every drive must answer SYNCs in the step of the ticks
+_SETTLED = 5.0  # ticks: no value of a drive is older when it does
 _OLD = 1e9  # s, age of what has never come
 
 
@@ -49,6 +50,35 @@ class WaveBotDevices:
         self._bus = BusCycle(line, nodes, config.own_node, config.heartbeat)
         self._now = 0.0  # s on the monotonic clock, of the last look
         self._writes = 0
+
+    def warm_up(self, dt: float) -> None:
+        """Cycle until every node answers as it will in the ticks; OSError names those that do not.
+
+        It ends with a SYNC: the first tick finds the answers to it.
+        """
+        until = time.monotonic() + WARM_UP
+        while True:
+            here = self._now = self._bus.receive()
+            silent = self._silent(here, _SETTLED * dt)
+            self._bus.send(
+                [
+                    self._heave.command(0.0, 0, here),
+                    self._surge.command(0.0, 0, here),
+                    *self._stator.command(0.0, 0, here),
+                ]
+            )
+            if not silent:
+                return
+            if time.monotonic() > until:
+                raise OSError(f"no process data from {', '.join(silent)} in {WARM_UP:g} s")
+            time.sleep(dt)
+
+    def _silent(self, here: float, age: float) -> list[str]:
+        """The nodes whose values are older than this (s), or than one more status of a stator."""
+        axes = {"heave": self._heave.read(here), "surge": self._surge.read(here)}
+        found = [n for n, one in axes.items() if max(one.age, one.analog_age) > age]
+        rest = self._config.actuator_divider * age
+        return found if self._stator.read(here).age <= rest else [*found, "stator"]
 
     def read(self, now: float) -> Sense:
         here = self._now = self._bus.receive()
@@ -107,26 +137,6 @@ class WaveBotDevices:
     def close(self) -> None:
         self._bus.close()
 
-    def warm_up(self, dt: float) -> None:
-        """Cycle until every node has answered; OSError names those that have not."""
-        until = time.monotonic() + WARM_UP
-        waiting = {"heave": self._heave, "surge": self._surge}
-        while waiting or self._stator.read(self._now).age > 1.0:
-            if time.monotonic() > until:
-                names = [*waiting, *(["stator"] if not waiting else [])]
-                raise OSError(f"no process data from {', '.join(names)} in {WARM_UP:g} s")
-            here = self._now = self._bus.receive()
-            fresh = {name for name, one in waiting.items() if _heard(one.read(here))}
-            waiting = {name: one for name, one in waiting.items() if name not in fresh}
-            self._bus.send(
-                [
-                    self._heave.command(0.0, 0, here),
-                    self._surge.command(0.0, 0, here),
-                    *self._stator.command(0.0, 0, here),
-                ]
-            )
-            time.sleep(dt)
-
     def _axis(self, reading: Reading, name: str) -> AxisSense:
         fault = _FAULTS.get(reading.error, _GENERAL) if reading.error else 0
         health: NodeHealth | None = self._slots[f"{name}_health"].read()
@@ -140,12 +150,8 @@ class WaveBotDevices:
         return AxisSense(reading.counts, age, reading.current, reading.acting, fault, age)
 
 
-def _heard(reading: Reading) -> bool:
-    return reading.age < 1.0 and reading.analog_age < 1.0
-
-
 def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
-    """The devices for what `rig.hardware.job` makes; LinkError or OSError if they do not answer."""
+    """The devices for what `rig.hardware.job` makes; LinkError if the bus cannot be opened."""
     interface, channel, bit_rate, options = config["bus"]
     made: Config = handover.loads(Config, config["devices"])
     scales, facts = config["scales"], config["facts"]["can"]
@@ -155,16 +161,9 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
     )
     slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in config["mailboxes"].items()}
     nodes = (TorqueAxis(made.heave), TorqueAxis(made.surge), PositionActuator(made.stator))
-    wanted = frozenset[int]().union(*(node.cob_ids for node in nodes))
+    wanted = frozenset[int]().union(*(node.each_sync for node in nodes))
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
-    line = Link(bus, wanted)
-    devices = WaveBotDevices(made, line, slots)
-    try:
-        devices.warm_up(dt)
-    except OSError:
-        line.close()
-        raise
-    return devices
+    return WaveBotDevices(made, Link(bus, wanted), slots)
 
 
 def _scale(said: dict[str, Any], facts: dict[str, int]) -> scaling.CurrentScale:

@@ -193,8 +193,8 @@ def _config(rig: RigFile, wiring: Wiring) -> Config:
         heartbeat_lost=5e-3 * max(d.heartbeat_ms for d in (wiring.heave, wiring.surge)),
         actuator_divider=can.actuator_divider,
         trigger_every=max(1, round(_TRIGGER_S / dt)),
-        heave=_axis(wiring.heave, can.slow_divider * dt, dt),
-        surge=_axis(wiring.surge, can.slow_divider * dt, dt),
+        heave=_axis(wiring.heave, can.slow_divider, dt),
+        surge=_axis(wiring.surge, can.slow_divider, dt),
         stator=ActuatorSettings(
             stator.node,
             _machine(stator, slow),
@@ -207,14 +207,15 @@ def _config(rig: RigFile, wiring: Wiring) -> Config:
             ),
             scaling.position_scale(stator.counts_per_percent, stator.zero_counts, low, high),
             stator.velocity,
+            can.actuator_divider,
         ),
     )
 
 
-def _axis(drive: TorqueDrive, slow: float, dt: float) -> AxisSettings:
+def _axis(drive: TorqueDrive, slow: int, dt: float) -> AxisSettings:
     per_count = tuple(scale * drive.analog_v_per_count for scale in drive.analog_per_v)
-    stale = drive.deadlines.stale_s
-    return AxisSettings(drive.node, _machine(drive, dt), _NO_SCALE, stale + 2.0 * slow, per_count)
+    old = drive.deadlines.stale_s + 2.0 * slow * dt
+    return AxisSettings(drive.node, _machine(drive, dt), _NO_SCALE, old, per_count, slow)
 
 
 def _scaling(drive: TorqueDrive, kt: float) -> dict[str, Any]:

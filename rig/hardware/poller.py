@@ -21,6 +21,7 @@ from rig.mailbox import Mailbox
 
 BACK_OFF = 1.0  # s, most between two questions to a unit that does not answer
 _TELL = 5.0  # s between two lines about the same trouble
+TRUST = 3  # answers in a row that look right, before a unit is believed: at first and after others
 READY = 5.0  # s in which every unit is asked for the first time; then its silence is told
 
 
@@ -47,6 +48,7 @@ class _Task:
         self._word = SLOTS[polled.name]
         self._pause = polled.period
         self._told = -_TELL
+        self._doubt = TRUST  # answers that must still look right before they are handed on
         self._prepared = 0  # how often the line had been opened when the unit was prepared
         self.trouble = "not asked yet"
 
@@ -58,8 +60,10 @@ class _Task:
                 self._prepare(line)
             if self.polled.written:
                 self._write(line)
-            else:
-                self._read(line, began)
+            elif not self._read(line, began):
+                self._pause = self.polled.period
+                self.due = began + self._pause
+                return ""
         except (LineError, CodecError) as error:
             self.trouble = str(error)
             self._pause = min(2.0 * self._pause, max(BACK_OFF, self.polled.period))
@@ -83,21 +87,30 @@ class _Task:
                 raise CodecError(self.polled.name, f"register {block.first}", f"{value}", got[0])
         self._prepared = line.opened
 
-    def _read(self, line: Line, began: float) -> None:
+    def _read(self, line: Line, began: float) -> bool:
+        """Ask once and hand the answer on, if the unit is believed; else False.
+
+        Swapped words of a float are a number that can be now and then: one is not enough.
+        """
         block = self.polled.block
         values = registers.decode(block, line.read(block), self.polled.high_first)
         wrong = registers.implausible(block, values)
         if wrong:
+            self._doubt = TRUST
             said = ", ".join(
                 f"{value.name} = {number:g}"
                 for value, number in zip(block.values, values, strict=True)
                 if value.name in wrong
             )
             raise CodecError(self.polled.name, said, "values that can be", "swapped words?")
+        self._doubt = max(0, self._doubt - 1)
+        if self._doubt > 0:
+            return False
         numbers = (
             int(v) if d.kind == "bit" else v for d, v in zip(block.values, values, strict=True)
         )
         self._slot.post(self._word(*numbers, began))
+        return True
 
     def _write(self, line: Line) -> None:
         wanted = self._slot.read()

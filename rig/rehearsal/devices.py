@@ -59,6 +59,9 @@ class PlantDevices:
         self._ticks = 0
         self._settings: Any = None  # of the drive, as last told
 
+    def warm_up(self, dt: float) -> None:
+        """Nothing to warm up."""
+
     def read(self, now: float) -> Sense:
         tick = round(now / self._dt)
         while self._ticks < tick:

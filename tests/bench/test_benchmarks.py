@@ -102,12 +102,14 @@ def test_a_tick_is_taken_apart(campaign: Path) -> None:
     assert all(part > 0.0 for part in found.parts)
 
 
+@pytest.mark.realtime
 def test_a_rehearsal_is_timed_from_first_tick_to_last_row(live: Live) -> None:
     assert live.speed.times_real > 1.0
     assert live.speed.loop_us > 1.0
     assert live.speed.logger_us > 0.1
 
 
+@pytest.mark.realtime
 def test_a_stalled_logger_is_counted(live: Live) -> None:
     assert live.stalled.lost == 0
     assert live.stalled.dropped == 0
@@ -115,6 +117,7 @@ def test_a_stalled_logger_is_counted(live: Live) -> None:
     assert live.stalled.ticks > 100
 
 
+@pytest.mark.realtime
 def test_every_period_of_a_real_loop_is_accounted_for(live: Live) -> None:
     found = lateness.timing_of(live.folder, 0.4, 0.0)
     late = found.late
@@ -124,6 +127,7 @@ def test_every_period_of_a_real_loop_is_accounted_for(live: Live) -> None:
     assert 0.0 < found.work[0] <= found.work[1] <= found.work[2]
 
 
+@pytest.mark.realtime
 def test_what_a_killed_loop_leaves_is_counted(live: Live) -> None:
     assert live.killed.wrong == ()
     assert live.killed.put > 0

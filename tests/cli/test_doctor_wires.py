@@ -49,6 +49,15 @@ def test_can_of_the_kernel(tmp_path: Path) -> None:
     interfaces = named(found, "CAN interfaces")
     assert (interfaces.value, interfaces.verdict) == ("can0 down, can1 up", Verdict.WARNING)
     assert "ip link set can0 up" in interfaces.advice
+    shown = {
+        f"{NET}__{name}__{file}": text
+        for name, carrier in (("can0", "1\n"), ("can1", "0\n"))
+        for file, text in (("type", "280"), ("flags", "0x40081"), ("carrier", carrier))
+    }
+    interfaces = named(wires.findings(host(tmp_path / "off", **shown)), "CAN interfaces")
+    assert interfaces.value == "can0 up, can1 off the bus (bus-off)"
+    assert interfaces.verdict is Verdict.WARNING
+    assert "`ip link set can1 type can restart`" in interfaces.advice
     found = wires.findings(host(tmp_path / "b", **{f"{NET}__can0__flags": "rubbish"}))
     assert named(found, "CAN interfaces").verdict is Verdict.NOTE
 

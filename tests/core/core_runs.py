@@ -67,6 +67,9 @@ class Sliders:
         self.stops: list[int] = []
         self.closed = 0
 
+    def warm_up(self, dt: float) -> None:
+        pass
+
     def read(self, now: float) -> Any:
         while self.tick < round(now / self.dt):
             for one in self.axes:

@@ -78,6 +78,9 @@ class Quiet:
         self.stops: list[int] = []
         self.closed = 0
 
+    def warm_up(self, dt: float) -> None:
+        pass
+
     def read(self, now: float) -> Sense:
         enabled = self.commands[-1].heave.enable if self.commands else 0
         surge = self.commands[-1].surge.enable if self.commands else 0
@@ -119,6 +122,9 @@ class Bent:
         self.commands: list[Any] = []
         self.stops: list[int] = []
         self.closed = 0
+
+    def warm_up(self, dt: float) -> None:
+        self._inner.warm_up(dt)
 
     def read(self, now: float) -> Any:
         self.tick = round(now / DT)

@@ -21,6 +21,8 @@ from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
 from rig.runs.create import BusyError, hold_realtime
 
+pytestmark = pytest.mark.realtime
+
 SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
 VIRTUAL, REAL = 16, 4  # kills; 200 of them: python -m benchmarks crash
 PATIENCE = 60.0  # s that somebody else's real-time run is waited for

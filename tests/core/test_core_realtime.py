@@ -49,6 +49,33 @@ def test_without_privileges_each_refusal_is_reported() -> None:
     assert said["frozen"] is True
 
 
+# Whoever has given up root may not be able to read where the interpreter's modules lie: then
+# nothing can be imported any more, a codec neither. Here nothing can be, whoever asks.
+NO_IMPORT = """
+import json, os, resource, sys
+from rig import realtime
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+others = sorted(os.sched_getaffinity(0))
+read, write = os.pipe()
+os.write(write, f"{others[0]}".encode())
+os.close(write)
+realtime._ISOLATED = f"/proc/self/fd/{read}"
+before = set(sys.modules)
+sys.meta_path.clear()
+sys.path_hooks.clear()
+sys.path_importer_cache.clear()
+core = realtime.core()
+told = [realtime.acquire(), realtime.beside_the_loop(), realtime.at_its_service()]
+print(json.dumps({"core": core, "first": others[0], "new": sorted(set(sys.modules) - before)}))
+"""
+
+
+def test_nothing_is_imported_when_privileges_are_asked_for() -> None:
+    said = json.loads(output(NO_IMPORT))
+    assert said["core"] == said["first"]  # the list was read
+    assert said["new"] == []
+
+
 def test_a_privilege_that_was_granted_is_no_refusal() -> None:
     assert Privileges("", "", "", "").refused == ()
     assert Privileges("", "x", "", "y z").refused == ("core: x", "latency: y z")

@@ -107,7 +107,7 @@ class CanSubject:
     recovery = 1.0
     harmless = frozenset({"split"})
     grain = 0.0011
-    blind = 0.02  # process data carry no moment: late ones count as answers to the last SYNC
+    blind = 0.02  # what is late for longer than `answers.WINDOW` is taken for what was lost before
 
     def __init__(self, profile: bool) -> None:
         self.bus = SpoiltBus(profile)

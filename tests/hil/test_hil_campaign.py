@@ -19,6 +19,8 @@ from rig.campaign_run import Ended, carry_out, rehearsal
 from rig.runs import open_run
 from rig.supervisor import Snapshot
 
+pytestmark = pytest.mark.realtime
+
 SHARE, LEAST = 0.02, 0.3  # of the mechanical power; W
 EXECUTED = 0.99
 LOADED, EXECUTED_LOADED = 0.5, 0.9  # cores of other work; what then has to do

@@ -13,6 +13,8 @@ from benchmarks.support.fault_table import UNDETECTED, Row, rows
 from benchmarks.support.fault_walk import Finding, Stage, walk_fairly, wrong
 from rig.rehearsal.control_client import ControlError
 
+pytestmark = pytest.mark.realtime
+
 TABLE = rows()
 CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE if row.short]
 

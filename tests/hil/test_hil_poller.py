@@ -1,12 +1,16 @@
-"""What goes out to a line: the loop's newest word, even one that comes while it is fetched."""
+"""A poller: the loop's newest word goes out; what comes in is believed when it has looked right."""
 
 from __future__ import annotations
 
+import struct
 import time
 from typing import Any
 
+import pytest
+
+from drivers.modbus.line import SilentError
 from drivers.modbus.registers import Block, Value
-from rig.hardware.poller import Polled, _Task
+from rig.hardware.poller import TRUST, Polled, _Task
 from rig.hardware.words import Outputs
 
 BLOCK = Block(1, "coil", 0, 1, (Value("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
@@ -48,3 +52,84 @@ def test_a_word_that_came_just_now_goes_out() -> None:
 
 def test_a_word_the_loop_has_not_said_again_is_let_go() -> None:
     assert told(0.4) == [[0]]
+
+
+# --- what comes in
+
+VOLTS = Value("bus_voltage", 4, "f32", 1.0, 0.0, 1000.0)
+WATTS = tuple(Value(name, at, "f32", 1.0, -1e5, 1e5) for name, at in (("ac", 0), ("dc", 2)))
+ANALYSER = Polled("analyser", Block(1, "input", 0, 6, (*WATTS, VOLTS)), True, 0.01, (), False)
+GOOD = (12.3, -4.5, 151.2)
+
+
+class Meter:
+    """A line whose unit answers with these words in turn; None: not at all."""
+
+    opened = 0
+
+    def __init__(self, answers: list[Any]) -> None:
+        self._answers = iter(answers)
+
+    def read(self, block: Block) -> list[int]:
+        self.opened = 1
+        answer = next(self._answers)
+        if answer is None:
+            raise SilentError("unit 1: silent")
+        return list(answer)
+
+
+class Posted(list[Any]):
+    def post(self, word: Any) -> None:
+        self.append(word)
+
+
+def words(*values: float, swapped: bool = False) -> list[int]:
+    found: list[int] = []
+    for value in values:
+        high, low = struct.unpack(">HH", struct.pack(">f", value))
+        found += [low, high] if swapped else [high, low]
+    return found
+
+
+WELL, ODD = words(*GOOD), words(*GOOD, swapped=True)
+LUCKY = words(0.0, 0.0, 150.0, swapped=True)  # 2.4e-41 V: a number that can be
+
+
+def heard(answers: list[Any]) -> tuple[list[int], list[str]]:
+    """How many words had been handed on after each answer, and the trouble that was told."""
+    posted: Any = Posted()
+    line: Any = Meter(answers)
+    task, counts, told = _Task(ANALYSER, posted, 0.3), [], []
+    for _ in answers:
+        task.turn(line)
+        counts.append(len(posted))
+        told.append(task.trouble)
+    return counts, told
+
+
+def test_a_unit_is_believed_after_three_answers_that_look_right() -> None:
+    assert TRUST == 3
+    assert heard([WELL] * 5)[0] == [0, 0, 1, 2, 3]
+
+
+def test_swapped_words_that_can_be_are_not_handed_on() -> None:
+    """Among absurd values now and then one or two that are none: the unit is not believed again."""
+    counts, told = heard([WELL] * 4 + [ODD, LUCKY, LUCKY, ODD, LUCKY, LUCKY, ODD])
+    assert counts == [0, 0, 1] + [2] * 8
+    assert all("swapped words?" in text for text in told[4:])
+
+
+def test_a_unit_that_was_odd_is_believed_again_after_three() -> None:
+    counts, told = heard([WELL] * 3 + [ODD, WELL, WELL, WELL, WELL])
+    assert counts == [0, 0, 1, 1, 1, 1, 2, 3]
+    assert told[-3] != ""
+    assert told[-2:] == ["", ""]
+
+
+def test_a_unit_that_was_silent_is_believed_at_once() -> None:
+    assert heard([WELL] * 3 + [None, None, WELL])[0] == [0, 0, 1, 1, 1, 2]
+
+
+@pytest.mark.parametrize("odd", range(3))
+def test_right_answers_count_only_in_a_row(odd: int) -> None:
+    assert heard([*[WELL] * odd, ODD, WELL, WELL, WELL])[0] == [0] * (odd + 3) + [1]

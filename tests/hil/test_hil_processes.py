@@ -6,12 +6,13 @@ import json
 import os
 import signal
 import socket
+import subprocess
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hil_processes import Kill, beside, children, emulated
+from hil_processes import Kill, beside, children, emulated, rig
 
 from benchmarks.support.fault_walk import (
     Stage,
@@ -24,6 +25,8 @@ from benchmarks.support.fault_walk import (
 )
 from rig.campaign_run import Ended, carry_out, wired
 from rig.runs.create import BusyError, hold_realtime
+
+pytestmark = pytest.mark.realtime
 
 WATCHDOG = 0.25  # s, command_deadline_ms of the drives in configs/rigs/wavebot_hil.yaml
 MARGIN = 0.15  # s of a host with other work
@@ -90,6 +93,27 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     status = json.loads((ended.folder / "run.json").read_text())
     assert status["died"] == outcome.died
     assert children() <= {"emulation.stderr"}  # the staged devices; nothing else is left
+
+
+def test_the_wires_can_be_looked_at_beside_a_run(on: Stage) -> None:
+    """By `rig devices --anyway`: every node answers, the serial line is the poller's alone."""
+    looking: list[subprocess.Popen[str]] = []
+
+    def look() -> float:
+        looking.append(rig("devices", on.folder / "rig.yaml", "--anyway", "--json"))
+        return time.monotonic()
+
+    ended, _ = fairly(lambda see: ran(on, see), lambda: Trigger(look, 0.5))
+    out, _ = looking[-1].communicate(timeout=60)
+    told = json.loads(out)
+    nodes = {node["name"]: node for node in told["can"]["nodes"]}
+    assert nodes.keys() == {"heave", "surge", "stator"}
+    assert all(node["answers"] and node["wrong"] == [] for node in nodes.values())
+    assert nodes["heave"]["nmt"] is not None  # its heartbeat: it was set up by the run
+    assert len(told["trouble"]) == 1
+    assert "amplifiers" in told["trouble"][0]
+    assert ended.outcome.reason == "PLAN_END"
+    assert ended.outcome.dropped == ended.outcome.unsaved == 0
 
 
 def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: Path) -> None:

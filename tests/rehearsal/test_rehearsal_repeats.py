@@ -130,6 +130,7 @@ def test_a_recorded_elevation_is_played(tmp_path: Path) -> None:
     assert len(plan.rows) == table_of(ended).sizes["row"]
 
 
+@pytest.mark.realtime
 def test_real_clock_run_is_certified(tmp_path: Path) -> None:
     path = short(
         tmp_path,

@@ -220,6 +220,7 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     assert np.array_equal(found, np.arange(len(found)))
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
     """Once: damping for 2 s, then off. Again: off at once. The data is kept either way."""

@@ -57,7 +57,7 @@ class Cycle:
         self.axis = TorqueAxis(
             axis_settings(HEAVE, scale=scale, machine=MACHINE._replace(stale=0.9))
         )
-        self.link = Link(BUS, self.axis.cob_ids)
+        self.link = Link(BUS, self.axis.each_sync)
         self.bus = BusCycle(self.link, [self.axis], OWN, 0.05)
 
     def until(self, true: Callable[[], object], current: float, enable: int) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import can
 import pytest
@@ -54,7 +54,7 @@ def test_a_look_that_leaves_something_says_so(line: Link, far: Any) -> None:
 class Listener:
     """A node that notes when what it was given is said to be sampled."""
 
-    cob_ids = frozenset((WANTED,))
+    each_sync: ClassVar = {WANTED: 1}
 
     def __init__(self) -> None:
         self.sampled: list[float] = []

@@ -118,7 +118,7 @@ def test_torque_goes_out_and_status_comes_back(service: Service, foreign: Foreig
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
     service.start(NODE)
     axis = TorqueAxis(axis_settings(NODE))
-    link = Link(BUS, axis.cob_ids)
+    link = Link(BUS, axis.each_sync)
     bus = BusCycle(link, [axis], OWN, 0.05)
     asked: list[float] = [0.0, 0]
 

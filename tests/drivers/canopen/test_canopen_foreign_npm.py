@@ -96,7 +96,7 @@ def test_torque_goes_out_and_status_comes_back(bus: Bus, service: Service) -> No
     service.start(NODE)
     until(lambda: service.health()[NODE].nmt == Nmt.OPERATIONAL, lambda: None)
     axis = TorqueAxis(axis_settings(NODE))
-    link = Link(bus, axis.cob_ids)
+    link = Link(bus, axis.each_sync)
     cycle = BusCycle(link, [axis], OWN, 0.05)
     asked: list[float] = [0.0, 0]
 

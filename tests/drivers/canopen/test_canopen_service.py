@@ -236,6 +236,36 @@ def test_a_reader_that_died_is_told_and_closing_raises_nothing(
     service.close()
 
 
+def test_a_controller_that_left_the_bus_is_told_and_does_not_come_back_by_itself(
+    service: Service, node: Answers
+) -> None:
+    def error(kind: int) -> None:
+        node.bus.send(can.Message(arbitration_id=kind, data=bytes(8), is_error_frame=True))
+
+    def heard() -> int:
+        return service.health()[NODE].boots
+
+    for kind in (0x004, 0x100, 0x008, 0x020):  # passive, restarted, protocol, no acknowledge
+        error(kind)
+    node.says(0x040, b"")  # a frame of that number, and no error frame
+    node.says(0x700 + NODE, b"\x00")
+    until(lambda: heard() == 1, lambda: None)
+    error(0x040)
+
+    def off() -> bool:
+        try:
+            service.health()
+        except LinkError as told:
+            return "bus-off" in str(told)
+        return False
+
+    until(off, lambda: None)
+    error(0x100)
+    node.says(0x700 + NODE, b"\x05")
+    until(lambda: service._health[NODE].nmt == Nmt.OPERATIONAL, lambda: None)
+    assert off()
+
+
 def test_a_drive_that_falls_silent_while_it_homes_is_named_and_told_to_be_off(
     service: Service, node: Answers
 ) -> None:

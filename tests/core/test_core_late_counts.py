@@ -1,0 +1,164 @@
+"""Counts that come late, in heaps or not at all: no motion is made of them that was not there."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import deque
+from collections.abc import Callable
+
+import pytest
+from core_kinds import AXIS, DT
+
+from controllers.signals import AxisSense
+from drivers.canopen import cia402, scaling
+from drivers.canopen.bus_cycle import SYNC, BusCycle
+from drivers.canopen.link import Frame
+from drivers.canopen.torque_axis import Settings, TorqueAxis
+from rig import axis
+from rig.safety import RUN, Reason
+
+SCALE = AXIS.metres_per_count
+NODE = 5
+DEADLINES = cia402.Deadlines(0, *(2000 for _ in range(11)))
+MACHINE = cia402.Params(0.5, 1, 0, 0, 2, DEADLINES)
+PEAK, OMEGA = 0.25, 2.0 * math.pi * 0.5  # m/s and rad/s of a body in a wave
+
+Through = Callable[[int], int]  # how many of the statuses under way arrive in a tick
+
+
+class Bus:
+    """A line with a drive at its end that answers each SYNC; its answers may be held up."""
+
+    behind = False
+
+    def __init__(self) -> None:
+        self.time = 100.0
+        self.counts = 0
+        self.through = 10**6
+        self._held: deque[Frame] = deque()
+
+    def now(self) -> float:
+        return self.time
+
+    def send(self, cob_id: int, data: bytes) -> bool:
+        if cob_id == SYNC:
+            status = struct.pack("<Hhi", 0x1237, 0, self.counts)
+            self._held.append(Frame(0x180 + NODE, status))
+        return True
+
+    def drain(self) -> list[Frame]:
+        return [self._held.popleft() for _ in range(min(self.through, len(self._held)))]
+
+    def close(self) -> None:
+        pass
+
+
+def followed(
+    through: Through, ticks: int, own: axis.Params, blind: bool = False
+) -> tuple[float, set[int]]:
+    """Greatest error of the velocity (m/s) and all reasons to trip, once the filter has settled.
+
+    ``blind``: every count is taken for one of the last tick, as if its age were not known.
+    """
+    bus = Bus()
+    drive = TorqueAxis(Settings(NODE, MACHINE, scaling.CurrentScale(100.0, 0.01, 4000), 1.0))
+    cycle = BusCycle(bus, [drive], 127, 1.0)
+    state, worst, reasons = axis.start(), 0.0, set[int]()
+    for tick in range(ticks):
+        moment = tick * DT
+        bus.through = through(tick)
+        here = cycle.receive()
+        reading = drive.read(here)
+        age = DT if blind else min(reading.age, 1.0)
+        sense = AxisSense(reading.counts, age, 0.0, 1, 0, DT)
+        if tick > 0:  # before, nothing can have come
+            motion = axis.observe(own, state, sense, 0.0, 1, DT)
+            reason = axis.check(own, state, sense, motion, 0.0, RUN)
+            state, _ = axis.control(own, state, sense, motion, axis.NOTHING, 1, RUN, DT)
+            if tick > 2000:
+                true = PEAK * math.cos(OMEGA * (moment - DT))
+                worst = max(worst, abs(motion.velocity - true))
+                reasons.add(reason)
+        bus.counts = round(PEAK / OMEGA * math.sin(OMEGA * moment) / SCALE)
+        cycle.send([drive.command(0.0, 0, here)])
+        bus.time += DT
+    return worst, reasons - {int(Reason.NONE)}
+
+
+def limited(age: float) -> axis.Params:
+    bounds = AXIS.limits._replace(encoder_age_stop=age, encoder_jump_stop=0.01, velocity_stop=1.0)
+    return AXIS._replace(limits=bounds)
+
+
+def stalled(start: int, length: int, pieces: int) -> Through:
+    """Nothing for so many ticks, then so many statuses in each."""
+    return lambda tick: 10**6 if tick < start else 0 if tick < start + length else pieces
+
+
+NORMAL, _ = followed(lambda tick: 10**6, 3200, limited(0.2))
+
+
+@pytest.mark.parametrize(
+    ("pieces", "most"), [(10**6, 0.03), (33, 0.03), (17, 0.03), (5, 0.03), (2, 0.15)]
+)
+@pytest.mark.parametrize("start", [2500, 2750, 3000])
+def test_a_host_that_stands_still_for_60_ms_makes_no_motion(
+    start: int, pieces: int, most: float
+) -> None:
+    """The wave has an acceleration of 0.8 m/s2: carried on for 60 ms it is off by some mm/s.
+
+    Two at a time take as long again to catch up, and the last ones are used some ticks late.
+    """
+    worst, reasons = followed(stalled(start, 60, pieces), start + 700, limited(0.2))
+    assert reasons == set()
+    assert worst < NORMAL + most
+
+
+def test_without_their_age_the_same_counts_are_a_surge() -> None:
+    """What the test above is about can be seen: the same wire, and ages that nobody counted."""
+    worst, reasons = followed(stalled(3000, 60, 5), 3700, limited(0.2), blind=True)
+    assert worst > 1.0
+    assert reasons & {int(Reason.VELOCITY), int(Reason.ENCODER_JUMP)}
+
+
+def test_what_comes_two_ticks_later_for_good_is_used() -> None:
+    worst, reasons = followed(stalled(2500, 2, 1), 4000, limited(0.02))
+    assert reasons == set()
+    assert worst < NORMAL + 0.01
+
+
+@pytest.mark.parametrize("later", [3, 4])
+def test_a_wire_that_became_a_little_slower_is_learned(later: int) -> None:
+    worst, reasons = followed(stalled(2500, later, 1), 4000, limited(0.03))
+    assert reasons == set()
+    assert worst < NORMAL + 0.05
+
+
+def test_a_wire_on_which_everything_is_late_stops_the_rig() -> None:
+    """Each count is younger than the limit, but none could be used for longer than that."""
+    _, reasons = followed(stalled(2500, 12, 1), 3000, limited(0.02))
+    assert reasons == {int(Reason.STALE_ENCODER)}
+
+
+def test_nothing_at_all_stops_the_rig() -> None:
+    _, reasons = followed(stalled(2500, 10**6, 0), 2600, limited(0.02))
+    assert reasons == {int(Reason.STALE_ENCODER)}
+
+
+@pytest.mark.parametrize("one_in", [50, 500])
+def test_a_wire_that_loses_a_status_now_and_then_is_followed(one_in: int) -> None:
+    """As one that holds it back for a tick: it comes with the next one."""
+    worst, reasons = followed(lambda tick: 0 if tick % one_in == 0 else 10**6, 4000, limited(0.02))
+    assert reasons == set()
+    assert worst < NORMAL + 0.01
+
+
+def test_the_usual_age_is_learned_downwards_at_once() -> None:
+    state = axis.start()
+    for age, late in ((0.06, 0.062), (0.001, 0.003), (0.001, 0.003), (0.0008, 0.0028)):
+        sense = AxisSense(0, age, 0.0, 1, 0, 0.0)
+        motion = axis.observe(AXIS, state, sense, 0.0, 1, DT)
+        state, _ = axis.control(AXIS, state, sense, motion, axis.NOTHING, 1, RUN, DT)
+        assert state.late == pytest.approx(late)
+        assert state.age == age

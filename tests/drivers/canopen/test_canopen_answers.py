@@ -1,0 +1,177 @@
+"""Statuses are matched with SYNCs by counting: heaps, losses, copies and dividers."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import pytest
+from canopen_drives import OWN, FakeLine, axis_settings
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.canopen import answers, pdo
+from drivers.canopen.answers import OPEN, WINDOW, Answers
+from drivers.canopen.bus_cycle import SYNC, BusCycle
+from drivers.canopen.link import Frame
+from drivers.canopen.torque_axis import TorqueAxis, layouts
+
+NODE, DT = 5, 0.001
+STATUS = layouts(NODE, 0).status
+
+
+class Wire:
+    """A node that answers every ``each``-th SYNC with its number, and a wire that may hold them."""
+
+    def __init__(self, each: int = 1) -> None:
+        self.each, self.syncs = each, 0
+        self.held: deque[int] = deque()
+        self.state = answers.start()
+
+    def sync(self) -> None:
+        self.syncs += 1
+        if self.syncs % self.each == 0:
+            self.held.append(self.syncs)
+
+    def give(self, count: int | None = None) -> list[tuple[int, int]]:
+        """Let so many through (None: all); for each what it counts as, and what it is."""
+        found = []
+        for _ in range(len(self.held) if count is None else min(count, len(self.held))):
+            true = self.held.popleft()
+            self.state = answers.take(self.state, self.each, self.syncs)
+            found.append((self.state.answered, true))
+        return found
+
+    def settle(self, ticks: int = 5) -> None:
+        for _ in range(ticks * self.each):
+            self.sync()
+            self.give()
+
+
+def test_the_first_answer_is_one_to_the_last_sync() -> None:
+    assert answers.take(answers.start(), 1, 7).answered == 7
+    assert answers.take(answers.start(), 1, 0).answered == 0  # to none: there was no SYNC yet
+
+
+@pytest.mark.parametrize("each", [1, 2, 10, 20])
+@pytest.mark.parametrize("held", [1, 60, 200])
+def test_a_heap_of_answers_is_as_old_as_it_is(each: int, held: int) -> None:
+    """Sixty milliseconds of a host that stood still come in one look, or in pieces."""
+    wire = Wire(each)
+    wire.settle()
+    for _ in range(held):
+        wire.sync()
+    assert all(counted == true for counted, true in wire.give(held // (2 * each)))
+    wire.sync()
+    assert all(counted == true for counted, true in wire.give())
+
+
+@given(st.lists(st.integers(0, 9), max_size=400), st.sampled_from([1, 3, 10]))
+def test_held_answers_are_never_taken_for_others(given: list[int], each: int) -> None:
+    """However they come, as long as they catch up now and then and none is lost."""
+    wire = Wire(each)
+    wire.settle()
+    for k, count in enumerate(given):
+        wire.sync()
+        found = wire.give(None if k % (WINDOW // 2) == 0 else count)
+        assert all(counted == true for counted, true in found)
+
+
+@pytest.mark.parametrize("each", [1, 10])
+@pytest.mark.parametrize("lost", [1, 7])
+def test_a_lost_answer_makes_the_others_older_for_two_windows_at_most(lost: int, each: int) -> None:
+    wire = Wire(each)
+    wire.settle(3 * WINDOW // each)
+    for _ in range(lost * each):
+        wire.sync()
+    wire.held.clear()
+    began, older = wire.syncs, 0
+    while wire.syncs < began + 2 * (WINDOW + each):
+        wire.sync()
+        found = wire.give()
+        assert all(counted <= true for counted, true in found)
+        older += sum(counted < true for counted, true in found)
+    assert older > 0
+    for _ in range(each):
+        wire.sync()
+    counted, true = wire.give()[-1]
+    assert counted == true
+
+
+def test_a_silence_longer_than_a_window_is_not_taken_for_a_loss() -> None:
+    """What was sent before it came back is still old, whenever the window before had ended."""
+    for settled in range(WINDOW, 2 * WINDOW):
+        wire = Wire()
+        wire.settle(settled)
+        for _ in range(2 * WINDOW):
+            wire.sync()
+        assert all(counted == true for counted, true in wire.give())
+
+
+def test_copies_are_never_answers_to_a_sync_to_come() -> None:
+    state = Answers(0, 0, -1)
+    for number in range(1, 500):
+        for _ in range(2):
+            state = answers.take(state, 1, number)
+            assert state.answered == number
+
+
+# --- on the bus: ages
+
+
+class Bench:
+    def __init__(self) -> None:
+        self.line = FakeLine()
+        self.axis = TorqueAxis(axis_settings(NODE))
+        self.bus = BusCycle(self.line, [self.axis], OWN, 0.05)
+        self.held: list[Frame] = []
+        self.sampled: dict[int, float] = {}  # counts, and when the SYNC went out they answer
+
+    def tick(self, through: int | None = None) -> float:
+        """A tick, with so many of the held answers let through; the age told, less the true one."""
+        count = len(self.held) if through is None else through
+        self.line.coming, self.held = self.held[:count], self.held[count:]
+        now = self.bus.receive()
+        self.bus.send([self.axis.command(0.0, 0, now)])
+        counts = len(self.sampled) + 1
+        self.sampled[counts] = self.line.time
+        self.held.append(Frame(STATUS.cob_id, pdo.pack(STATUS, 0x240, 0, counts)))
+        self.line.time += DT
+        told = self.axis.read(now)
+        return told.age - (now - self.sampled[told.counts]) if told.counts else 0.0
+
+
+def test_ages_of_a_host_that_stands_still_for_60_ms_are_the_true_ones() -> None:
+    bench = Bench()
+    off = [bench.tick() for _ in range(200)]
+    off += [bench.tick(0) for _ in range(60)]
+    off += [bench.tick(17) for _ in range(4)]
+    off += [bench.tick() for _ in range(200)]
+    assert max(abs(one) for one in off) < 1e-9
+
+
+def test_the_answer_to_a_sync_too_long_ago_is_as_old_as_can_be() -> None:
+    bench = Bench()
+    for _ in range(20):
+        bench.tick()
+    for _ in range(OPEN + 10):
+        bench.tick(0)
+    bench.tick(1)
+    assert bench.axis.read(bench.line.time).age > 1e6
+    for _ in range(2 * WINDOW):
+        assert bench.tick() >= 0.0
+    assert bench.axis.read(bench.line.time).age == pytest.approx(2 * DT)
+
+
+def test_a_sync_that_the_bus_did_not_take_is_not_counted() -> None:
+    bench = Bench()
+    for _ in range(20):
+        bench.tick()
+    bench.line.refuses = frozenset({SYNC})
+    for _ in range(30):
+        bench.tick(0)
+        bench.held.pop()  # nobody was asked
+    bench.line.refuses = frozenset()
+    bench.tick()
+    assert bench.axis.read(bench.line.time - DT).age == pytest.approx(31 * DT)
+    bench.tick()
+    assert bench.axis.read(bench.line.time - DT).age == pytest.approx(DT)

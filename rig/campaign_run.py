@@ -205,7 +205,7 @@ def _write_start(
             "spring_moves": plan.spring_moves,
             "duration_s": plan.duration,
         }
-        | ({"asked_sea": job.asked_sea(campaign)} if campaign.file.device == "absent" else {}),
+        | ({"asked_sea": job.asked_sea(campaign)} if _by_lines(campaign) else {}),
     )
     create.write_json(folder, "code.json", provenance.code())
     create.write_json(folder, "host.json", provenance.host())
@@ -219,6 +219,12 @@ def _wave_period(campaign: Campaign) -> float | None:
         return sea.period
     repeat: float | None = getattr(sea, "repeat", None)
     return repeat
+
+
+def _by_lines(campaign: Campaign) -> bool:
+    """Whether the sea's own lines matter: to a wave calibration and to what is divided by it."""
+    file = campaign.file
+    return file.device == "absent" or (file.reference is not None and file.sea.kind != "calm")
 
 
 def _reference(campaign: Campaign) -> dict[str, Any] | None:

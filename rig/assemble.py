@@ -1,6 +1,7 @@
 """From validated files to the loop's parameters: the one place where names and units are turned."""
 
 import math
+from collections.abc import Iterable, Sequence
 
 from controllers import (
     drive_gating,
@@ -14,15 +15,16 @@ from controllers import (
 from controllers.biquads import Biquad
 from controllers.signals import Modulation
 from rig import axis, cycle, limits, safety, wavebot
-from rig.campaign.reference import table
+from rig.campaign.reference import Record, table
 from rig.campaign.settings import drive_settings
 from rig.config.campaign_file import CampaignFile, Law
 from rig.config.limits_file import AxisLimits, LimitsFile
+from rig.config.reference import MultisineReference
 from rig.config.rig_file import Axis, RigFile, Stop
 from rig.estimator_design import design
 from rig.impedance_design import design as design_zc
 from rig.sequence import Segments
-from rig.wavebot.state import SurgeUse
+from rig.wavebot.state import ReferenceAxis, SurgeUse
 
 _MODULATIONS = {
     "svpwm": Modulation.SVPWM,
@@ -37,6 +39,8 @@ _SURGE_USES = {
     "station keeping": SurgeUse.STATION_KEEPING,
     "hold": SurgeUse.HOLD,
 }
+
+_AXES = {"heave": ReferenceAxis.HEAVE, "surge": ReferenceAxis.SURGE}
 
 
 def newtons_per_ampere(motor: Axis) -> float:
@@ -62,10 +66,25 @@ def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:
     return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
-def reference_table(campaign: CampaignFile, rig: RigFile) -> tuple[float, ...]:
-    """One repeat period of the open-loop force (N, a tick each); ValueError if it has none."""
-    scale = newtons_per_ampere(rig.heave)
-    return table(campaign.reference, scale, rig.rate_hz, campaign.seed)
+def reference_table(
+    campaign: CampaignFile,
+    rig: RigFile,
+    realisations: Sequence[int] = (1,),
+    record: Record | None = None,
+) -> tuple[float, ...]:
+    """A repeat period of the open-loop force of each realisation (N, a tick each).
+
+    ``record`` is that of a recorded reference. ValueError if it repeats on no tick.
+    """
+    reference = campaign.reference
+    motor = rig.surge if reference is not None and reference.axis == "surge" else rig.heave
+    scale = newtons_per_ampere(motor)
+    return table(reference, scale, rig.rate_hz, campaign.seed, realisations, record)
+
+
+def realisations_of(numbers: Iterable[float]) -> tuple[int, ...]:
+    """The realisations that a campaign's set points ask for, in the order of the table."""
+    return tuple(sorted({int(one) for one in numbers if one >= 1.0})) or (1,)
 
 
 def wavebot_params(
@@ -74,9 +93,14 @@ def wavebot_params(
     bounds: LimitsFile,
     segments: Segments,
     setpoints: wavebot.Setpoints,
+    record: Record | None = None,
 ) -> cycle.Params:
     """Everything the cycle of a WaveBot needs, designed estimators included."""
     dt = 1.0 / rig.rate_hz
+    several = realisations_of(setpoints.realisation)
+    place = {number: at for at, number in enumerate(several)}
+    forces = reference_table(campaign, rig, several, record)
+    many = len(several) if isinstance(campaign.reference, MultisineReference) else 1
     rates, positions = rig.spring.by_rate()
     drive = drive_settings(campaign, rig)
     return cycle.Params(
@@ -89,7 +113,8 @@ def wavebot_params(
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
             heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
-            reference=open_loop.Params(reference_table(campaign, rig), rig.heave.gain_ramp_s),
+            reference=open_loop.Params(forces, rig.heave.gain_ramp_s, many),
+            reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
             modulation=int(_MODULATIONS[drive.modulation]) if drive else 0,
             surge=_axis(rig.surge, bounds.surge, rig.stop, dt),
@@ -124,7 +149,9 @@ def wavebot_params(
                 panel_age_stop=bounds.loop.panel_age_stop_s,
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
-            setpoints=setpoints,
+            setpoints=setpoints._replace(
+                realisation=tuple(place.get(one, 0) for one in setpoints.realisation)
+            ),
         ),
     )
 

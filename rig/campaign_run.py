@@ -10,7 +10,7 @@ from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
 from rig import process, provenance, safety
-from rig.assemble import wavebot_params
+from rig.assemble import newtons_per_ampere, wavebot_params
 from rig.campaign import Campaign, Plan, resolved
 from rig.companions import Companion
 from rig.config.sea import RegularSea
@@ -88,7 +88,12 @@ def carry_out(campaign: Campaign, plan: Plan, runs: Path, view: View, rung: Rung
                 campaign.rig.kind,
                 KIND,
                 wavebot_params(
-                    campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
+                    campaign.file,
+                    campaign.rig,
+                    campaign.limits,
+                    plan.segments,
+                    plan.setpoints,
+                    campaign.record,
                 ),
                 rung.loop_module,
                 rung.devices,
@@ -196,10 +201,11 @@ def _write_start(
             "device": campaign.file.device,
             "repeat_s": _wave_period(campaign),
             "sea": sea.model_dump(mode="json") | {"words": sea.words()},
+            "reference": _reference(campaign),
             "spring_moves": plan.spring_moves,
             "duration_s": plan.duration,
         }
-        | ({"asked_sea": job.asked_sea(campaign)} if campaign.file.device == "absent" else {}),
+        | ({"asked_sea": job.asked_sea(campaign)} if _by_lines(campaign) else {}),
     )
     create.write_json(folder, "code.json", provenance.code())
     create.write_json(folder, "host.json", provenance.host())
@@ -213,6 +219,27 @@ def _wave_period(campaign: Campaign) -> float | None:
         return sea.period
     repeat: float | None = getattr(sea, "repeat", None)
     return repeat
+
+
+def _by_lines(campaign: Campaign) -> bool:
+    """Whether the sea's own lines matter: to a wave calibration and to what is divided by it."""
+    file = campaign.file
+    return file.device == "absent" or (file.reference is not None and file.sea.kind != "calm")
+
+
+def _reference(campaign: Campaign) -> dict[str, Any] | None:
+    """The open-loop reference as identification needs it; None without one."""
+    reference = campaign.file.reference
+    if reference is None:
+        return None
+    motor = campaign.rig.surge if reference.axis == "surge" else campaign.rig.heave
+    return {
+        "axis": reference.axis,
+        "kind": reference.kind,
+        "period_s": reference.period,
+        "newtons_per_ampere": newtons_per_ampere(motor),
+        "words": reference.words(),
+    }
 
 
 def _join_parts(folder: Path) -> None:

@@ -20,6 +20,7 @@ TOLERANCES: Mapping[str, float] = {  # SI; far below a step of any matrix, above
     "ki": 25.0,
     "km": 1.0,
     "reference_scale": 0.005,
+    "realisation": 0.0,
     "surge_kp": 25.0,
     "surge_ki": 25.0,
     "bus_voltage": 0.5,

@@ -186,7 +186,10 @@ def check(
 
 def _window(file: CampaignFile) -> tuple[int, float]:
     """Whole periods (0: not a whole number) and seconds of each measurement."""
-    cut = (windows if file.device == "present" else calibration)(file.sea, file.timing)
+    if file.device == "absent":
+        cut = calibration(file.sea, file.timing)
+    else:
+        cut = windows(file.sea, file.timing, file.reference)
     return cut.periods, cut.measure
 
 

@@ -38,9 +38,19 @@ class _Columns(NamedTuple):
 
 
 def read_elevation(path: Path, sea: RecordedSea) -> Elevation:
-    """Elevation of a recorded sea's channel, samples with start_s <= t < end_s.
+    """Elevation of a recorded sea's channel; raises `ConfigError` naming file and line."""
+    rate, value = read_window(path, sea.channel, (sea.start_s, sea.end_s), sea.rate_hz)
+    value = value * METRES[sea.unit]
+    return Elevation(rate, value - value.mean())
 
-    The rate is that of the file's time column. Raises `ConfigError` naming file and line.
+
+def read_window(
+    path: Path, channel: str, window: tuple[float, float], said_hz: float | None
+) -> tuple[float, npt.NDArray[np.float64]]:
+    """Rate (Hz) and samples of a channel with start <= t < end (s), in the file's own unit.
+
+    The rate is that of the file's time column; ``said_hz`` is what the campaign says it is.
+    Raises `ConfigError` naming file and line.
     """
     try:
         lines = path.read_text(encoding="latin-1").removeprefix("\ufeff").splitlines()
@@ -48,22 +58,22 @@ def read_elevation(path: Path, sea: RecordedSea) -> Elevation:
         message = f"cannot read {shown(path)}: {error.strerror or type(error).__name__}"
         raise _error(path, 1, "", message) from None
     read = _read_twe if path.suffix.lower() == ".twe" else _read_csv
-    columns = read(path, lines, sea.channel)
-    rate = _rate(path, columns, sea.rate_hz)
-    time = columns.time
+    columns = read(path, lines, channel)
+    rate = _rate(path, columns, said_hz)
+    time, (start, end) = columns.time, window
     # Half a sample of grace: a time column is rounded.
-    inside = (time >= sea.start_s - 0.5 / rate) & (time < sea.end_s - 0.5 / rate)
-    value = columns.value[inside] * METRES[sea.unit]
-    wanted = round((sea.end_s - sea.start_s) * rate)
+    inside = (time >= start - 0.5 / rate) & (time < end - 0.5 / rate)
+    value = columns.value[inside]
+    wanted = round((end - start) * rate)
     if len(value) != wanted:
         raise _error(
             path,
             1,
-            sea.channel,
-            f"the window {number_text(sea.start_s)} .. {number_text(sea.end_s)} s is not in the "
+            channel,
+            f"the window {number_text(start)} .. {number_text(end)} s is not in the "
             f"record; it has {time[0]:.6g} .. {time[-1] + 1.0 / rate:.6g} s",
         )
-    return Elevation(rate, value - value.mean())
+    return rate, value
 
 
 def _read_twe(path: Path, lines: list[str], channel: str) -> _Columns:

@@ -11,14 +11,16 @@ from rig.campaign.order import turns
 from rig.campaign.pieces import Pieces, Source, pieces, sea_of
 from rig.campaign.point import MOST_ROWS, Point
 from rig.campaign.points import count, outside_map, points, stator_positions
+from rig.campaign.reference import Record, read_record, unplayable
 from rig.campaign.settings import foreign_to_drive
 from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, calibration, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem, key_text, shown
+from rig.config.reference import AnyReference, RecordedReference
 from rig.config.rig_file import RigFile
-from rig.config.sea import RecordedSea
+from rig.config.sea import AnySea, RecordedSea
 from rig.config.source import KeyPath, Locate, load_mapping
 from rig.config.translate import validate
 
@@ -46,6 +48,7 @@ class Campaign(NamedTuple):
     plant_locate: Locate  # where each value of the plant file stands
     points: tuple[Point, ...]  # none without the device
     elevation: Elevation | None  # of a recorded sea
+    record: Record | None  # of a recorded reference
     files: tuple[ReadFile, ...]  # with those they extend
 
 
@@ -88,7 +91,7 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
         plant_source = attempt(lambda: _named(owner, ("plant",)))
 
     campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
-    rig = limits = found = elevation = None
+    rig = limits = found = recorded = None
     if rig_source is not None:
         rig = attempt(lambda: validate(rig_source.mapping, rig_source.locate, RigFile))
     if limits_source is not None:
@@ -106,18 +109,16 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
         problems += _own_rules(campaign, rows, top.locate)
         if campaign.matrix is not None and campaign.matrix.csv is not None and found:
             files.append(_file("matrix", found[0].at["kp"].place.path))
+        recorded = attempt(lambda: _record(campaign.reference, top.locate, files))
     sea = sea_of(top)
-    if isinstance(sea, RecordedSea):
-        record = top.locate.file(("sea", "file"), sea.file)
-        elevation = attempt(lambda: _elevation(record, sea, top.locate))
-        if elevation is not None:
-            files.append(_file("elevation", record))
+    elevation = attempt(lambda: _elevation(sea, top.locate, files))
     if rig is not None and found is not None:
         outside = outside_map(found, rig.spring)
         problems += (
             *outside,
             *unstable(found, rig.stability),
             *foreign_to_drive(campaign, found, rig, top.locate),
+            *(unplayable(campaign.reference, found, rig.rate_hz) if campaign else ()),
         )
         if campaign is not None and found and not outside and rows <= MOST_ROWS:
             first = _first(campaign, found, rig)
@@ -139,6 +140,7 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
         plant_source.locate,
         found,
         elevation,
+        recorded,
         tuple(files),
     )
 
@@ -185,8 +187,10 @@ def _rows(campaign: CampaignFile, found: tuple[Point, ...] | None) -> int:
 def _own_rules(campaign: CampaignFile, rows: int, locate: Locate) -> tuple[Problem, ...]:
     problems = [*too_large(campaign.sea, campaign.sea_seed, locate)]
     try:
-        cut = windows if campaign.device == "present" else calibration
-        cut(campaign.sea, campaign.timing)
+        if campaign.device == "present":
+            windows(campaign.sea, campaign.timing, campaign.reference)
+        else:
+            calibration(campaign.sea, campaign.timing)
     except WindowError as error:
         problems.append(locate.problem(error.key, error.value, error.message))
     if rows > MOST_ROWS:
@@ -201,11 +205,32 @@ def _first(campaign: CampaignFile, found: tuple[Point, ...], rig: RigFile) -> Po
     return found[turn.point]
 
 
-def _elevation(record: Path, sea: RecordedSea, locate: Locate) -> Elevation:
-    if not record.exists():
-        key = ("sea", "file")
-        raise ConfigError([locate.problem(key, sea.file, f"{sea.file!r} is not there")])
-    return read_elevation(record, sea)
+def _elevation(sea: AnySea | None, locate: Locate, files: list[ReadFile]) -> Elevation | None:
+    """The elevation of a recorded sea, whose file is added to ``files``."""
+    if not isinstance(sea, RecordedSea):
+        return None
+    path = _there(sea.file, "sea", locate)
+    found = read_elevation(path, sea)
+    files.append(_file("elevation", path))
+    return found
+
+
+def _record(reference: AnyReference, locate: Locate, files: list[ReadFile]) -> Record | None:
+    """The samples of a recorded reference, whose file is added to ``files``."""
+    if not isinstance(reference, RecordedReference):
+        return None
+    path = _there(reference.file, "reference", locate)
+    found = read_record(path, reference)
+    files.append(_file("reference", path))
+    return found
+
+
+def _there(name: str, section: str, locate: Locate) -> Path:
+    key = (section, "file")
+    path = locate.file(key, name)
+    if not path.exists():
+        raise ConfigError([locate.problem(key, name, f"{name!r} is not there")])
+    return path
 
 
 def _files(role: str, opened: Source | None) -> list[ReadFile]:

@@ -8,6 +8,7 @@ those of other seeds.
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,32 @@ def lines(low_hz: float, high_hz: float, repeat_s: float) -> range:
     return range(max(first, 1), math.floor(high_hz * repeat_s * (1.0 + _SLACK)) + 1)
 
 
+Cycles = npt.NDArray[np.int64]
+
+
+def odd_lines(cycles: Cycles) -> Cycles:
+    """The odd ones: what answers on an even line is an even nonlinearity."""
+    odd: Cycles = cycles[cycles % 2 == 1]
+    return odd
+
+
+def some_odd_lines(seed: int) -> Callable[[Cycles], Cycles]:
+    """Odd lines less one of each four in turn, drawn by ``seed``: what answers there is odd.
+
+    The lines left out are the same in all realisations. Source: Pintelon & Schoukens, System
+    Identification (2nd ed.), section 4.3, random harmonic grid.
+    """
+
+    def choose(cycles: Cycles) -> Cycles:
+        odd = odd_lines(cycles)
+        left = np.random.default_rng([seed, 0, 1]).integers(0, 4, odd.size // 4 + 1)
+        place = np.arange(odd.size)
+        kept: Cycles = odd[left[place // 4] != place % 4]
+        return kept
+
+    return choose
+
+
 def design(
     low_hz: float,
     high_hz: float,
@@ -47,14 +74,17 @@ def design(
     seed: int,
     realisation: int = 1,
     draws: int = 1,
+    choose: Callable[[Cycles], Cycles] | None = None,
 ) -> Multisine:
-    """A multisine on all lines of a band with amplitudes proportional to f^exponent.
+    """A multisine on the lines of a band with amplitudes proportional to f^exponent.
 
     ``exponent``: 0 is flat, -0.5 pink. ``rms`` is that of the signal, in its unit. Of ``draws``
-    sets of random phases the one of least peak-to-peak value is kept.
+    sets of random phases the one of least peak-to-peak value is kept. ``choose`` picks some of the
+    lines; all of them without it.
     Raises ValueError for a band without a line, rms < 0, or draws outside 1 .. 1000.
     """
     cycles = np.array(lines(low_hz, high_hz, repeat_s), dtype=np.int64)
+    cycles = cycles if choose is None else choose(cycles)
     if cycles.size == 0:
         raise ValueError(
             f"no multiple of 1/{repeat_s:g} Hz lies between {low_hz:g} and {high_hz:g} Hz"

@@ -83,7 +83,7 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
     """
     if campaign.device == "absent":
         return _table((), _waves_alone(campaign), rig)
-    cut = windows(campaign.sea, campaign.timing)
+    cut = windows(campaign.sea, campaign.timing, campaign.reference)
     positions = stator_positions(points, rig.spring)
     rows = tuple(
         CampaignRow(
@@ -229,4 +229,6 @@ def _setpoints(table: tuple[Setting, ...], rig: RigFile) -> Setpoints:
     columns = {name: tuple(getattr(one, name) for one in table) for name in Setting._fields}
     masks = tuple(int(one.discharge_level) for one in table)
     stroke = tuple(rig.spring.stroke(one.spring_rate) for one in table)
-    return Setpoints(**{**columns, "discharge_level": masks}, stroke=stroke)
+    played = tuple(int(one.realisation) for one in table)
+    whole = {"discharge_level": masks, "realisation": played}
+    return Setpoints(**{**columns, **whole}, stroke=stroke)

@@ -19,6 +19,7 @@ class Setting(NamedTuple):
     ki: float  # N/m
     km: float  # kg
     reference_scale: float
+    realisation: float  # of the multisine reference, from 1; 0 where there is none
     surge_kp: float  # N*s/m
     surge_ki: float  # N/m
     bus_voltage: float  # V; 0 like all that follows where the drive has no such setting
@@ -63,6 +64,8 @@ def foreign_to_drive(
 def _defaults(campaign: CampaignFile, rig: RigFile) -> dict[str, float]:
     found = dict.fromkeys((column.name for column in COLUMNS), 0.0)
     found["reference_scale"] = 1.0
+    if campaign.reference is not None:
+        found["realisation"] = float(getattr(campaign.reference, "realisation", 1))
     surge, keeping = campaign.surge, rig.station_keeping
     kp, ki = surge.kp_n_s_per_m, surge.ki_n_per_m
     found["surge_kp"] = keeping.kp_n_s_per_m if kp is None else kp

@@ -3,7 +3,8 @@
 Regular sea: 20 s, of which 5 s settle; the window is the largest whole number of wave periods
 that fits. Irregular and recorded: 10 s settle and exactly one repeat period. `mask4` gives the
 windows of the MASK4 report (Sandia): the same for regular seas, and for irregular ones rows of
-300 s measured from 2 s on, which is 2 s short of the repeat period.
+300 s measured from 2 s on, which is 2 s short of the repeat period. In calm water an open-loop
+reference takes the place of the sea: whole repeat periods of it.
 
 A wave calibration has no rows: one window of whole periods after the lead-in.
 """
@@ -13,6 +14,7 @@ from typing import NamedTuple
 
 from rig.config.campaign_file import Timing
 from rig.config.problems import number_text
+from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
 from rig.config.source import KeyPath
 
@@ -44,7 +46,7 @@ class WindowError(Exception):
         self.message = message
 
 
-def windows(sea: AnySea, timing: Timing) -> Windows:
+def windows(sea: AnySea, timing: Timing, reference: AnyReference = None) -> Windows:
     """Windows of every row of a campaign; raises `WindowError` if nothing fits.
 
     Before a row with another spring rate its combination is held for one more interval while the
@@ -53,7 +55,7 @@ def windows(sea: AnySea, timing: Timing) -> Windows:
     the whole interval.
     """
     if isinstance(sea, CalmSea):
-        return _calm(timing)
+        return _calm(timing) if reference is None else _pushed(reference, timing)
     if isinstance(sea, RegularSea):
         settle = _given(timing.settle_s, 5.0)
         interval = _given(timing.interval_s, 20.0)
@@ -108,6 +110,20 @@ def _calm(timing: Timing) -> Windows:
     interval = _given(timing.interval_s, 20.0)
     _room(timing, settle, interval)
     return Windows(settle, interval - settle, 0.0, interval, 0)
+
+
+def _pushed(reference: AnyReference, timing: Timing) -> Windows:
+    """Whole repeat periods of an open-loop force in calm water; a sine as a regular sea."""
+    assert reference is not None
+    if isinstance(reference, SineReference):
+        settle = _given(timing.settle_s, 5.0)
+        interval = _given(timing.interval_s, 20.0)
+        period = reference.period
+        return _whole_periods(timing, settle, interval, period, "period of the reference", interval)
+    settle = _given(timing.settle_s, 10.0)
+    interval = _given(timing.interval_s, settle + reference.period * (timing.periods or 1))
+    what = "repeat period of the reference"
+    return _whole_periods(timing, settle, interval, reference.period, what, settle)
 
 
 def _whole_periods(

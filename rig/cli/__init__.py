@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from rig.cli import calibration, matrix, scan, testlog
+from rig.cli import calibration, identify, matrix, scan, testlog
 
 
 class Interruptible(TyperGroup):
@@ -272,6 +272,7 @@ def compare(
     sys.exit(main(a, b, runs, tolerance or [], left_out or [], output, as_json=json))
 
 
+app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
 app.command("testlog")(testlog.command)
 app.add_typer(calibration.app)

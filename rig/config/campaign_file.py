@@ -184,9 +184,16 @@ class CampaignFile(FileModel):
         return matrix
 
     def broken_rules(self) -> Iterator[Broken]:
-        """Without the device there is nothing to tare or to order, and waves are the point."""
+        """Without the device there is nothing to tare, to order or to push; waves are the point."""
+        pushed = self.reference is not None and self.reference.axis
+        if pushed == "surge" and self.surge.use == "off":
+            message = "surge cannot be pushed while surge.use is off; allowed heave"
+            yield Broken(("reference", "axis"), message, "surge")
         if self.device == "present":
             return
+        if pushed:
+            message = "device: absent has nothing to push; leave the key out"
+            yield Broken(("reference",), message)
         if isinstance(self.sea, CalmSea):
             message = "calm water has no waves to calibrate; allowed any other sea"
             yield Broken(("sea", "kind"), message, "calm")

@@ -36,6 +36,9 @@ SpringRate = Annotated[float, Field(ge=-50_000, le=50_000)]
 ReferenceScale = Annotated[float, Field(ge=-10, le=10)]
 """Factor on the campaign's open-loop reference."""
 
+Realisation = Annotated[Whole, Field(ge=1, le=100)]
+"""Which realisation of the campaign's multisine reference: other random phases of one band."""
+
 SurgeKp = Annotated[
     float,
     Field(ge=-20_000, le=0),
@@ -87,6 +90,7 @@ COLUMNS = (
     Column("ki_n_per_m", "ki", "N/m", "Ki"),
     Column("km_kg", "km", "kg", "Km"),
     Column("reference_scale", "reference_scale", "1", "reference scale"),
+    Column("realisation", "realisation", "1", "realisation"),
     Column("surge_kp_n_s_per_m", "surge_kp", "N*s/m", "surge Kp"),
     Column("surge_ki_n_per_m", "surge_ki", "N/m", "surge Ki"),
     Column("bus_voltage_v", "bus_voltage", "V", "bus voltage"),
@@ -98,4 +102,4 @@ COLUMNS = (
 """Spring rate, Kp and Ki are in every matrix; the others where a campaign wants them."""
 
 ALWAYS = COLUMNS[:3]
-DRIVE_COLUMNS = COLUMNS[7:]
+DRIVE_COLUMNS = COLUMNS[8:]

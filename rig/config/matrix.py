@@ -19,6 +19,7 @@ from rig.config.columns import (
     Ki,
     Km,
     Kp,
+    Realisation,
     ReferenceScale,
     SpringRate,
     SurgeKi,
@@ -33,7 +34,7 @@ MOST_VALUES = 1000
 """Most values one range may give; more is a slip in `step`."""
 
 
-def _expanded(value: Any) -> Any:
+def expanded(value: Any) -> Any:
     """A number, a list or {from, to, step} as a list; what is none of them stays for pydantic."""
     if value is None:  # a column that is not there
         return value
@@ -81,7 +82,7 @@ def _range(value: dict[str, Any]) -> tuple[float, ...]:
     return tuple(float(f"{v:.12g}") for v in values)
 
 
-Values = BeforeValidator(_expanded)
+Values = BeforeValidator(expanded)
 
 
 class _Columns(FileModel):
@@ -100,6 +101,7 @@ class Grid(_Columns):
     ki_n_per_m: Annotated[Several[Ki], Values]
     km_kg: Annotated[Several[Km] | None, Values] = None
     reference_scale: Annotated[Several[ReferenceScale] | None, Values] = None
+    realisation: Annotated[Several[Realisation] | None, Values] = None
     surge_kp_n_s_per_m: Annotated[Several[SurgeKp] | None, Values] = None
     surge_ki_n_per_m: Annotated[Several[SurgeKi] | None, Values] = None
     bus_voltage_v: Annotated[Several[BusVoltage] | None, Values] = None
@@ -117,6 +119,7 @@ class Combination(_Columns):
     ki_n_per_m: Ki
     km_kg: Km | None = None
     reference_scale: ReferenceScale | None = None
+    realisation: Realisation | None = None
     surge_kp_n_s_per_m: SurgeKp | None = None
     surge_ki_n_per_m: SurgeKi | None = None
     bus_voltage_v: BusVoltage | None = None

@@ -13,7 +13,7 @@ from rig.predict.axis import body_lines, peak
 from rig.predict.grid import Floats, record
 from rig.predict.sampled import Poles
 from rig.predict.steady import SETTLED, System, steady
-from rig.predict.subject import Subject, law_of, switching
+from rig.predict.subject import Subject, law_of, pushed, switching
 
 
 class Heave(NamedTuple):
@@ -41,7 +41,6 @@ def heave_of(
     spring = plant.spring(given, stator)
     friction = plant.friction(given, lateral)
     scheme, within = switching(subject)
-    scales = np.array([one.reference_scale for one in settings])
     drive = plant.drive(given, settings, scheme, within, voltage)
 
     def force(x: Floats, v: Floats) -> Floats:
@@ -56,7 +55,7 @@ def heave_of(
         body_lines(axis, on)[None, :],
         axis.excitation,
         loop.demand(axis.timing, law, on.omega),
-        scales[:, None] * subject.reference,
+        pushed(subject, "heave", settings),
         loop.drive(axis.timing, on.omega),
         force,
         granted,

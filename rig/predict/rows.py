@@ -89,11 +89,8 @@ def _part(
     """The keywords of `Foreseen` for some rows, their bus as yet unknown."""
     settings, stator = [one for one, _ in rows], [position for _, position in rows]
     campaign = subject.campaign
-    rig, bounds = campaign.rig, campaign.limits
-    surge = surge_of(
-        subject.plant, subject.surge, subject.grid, campaign.file, rig, settings,
-        bounds.surge.current_rms_time_s,
-    )  # fmt: skip
+    rig = campaign.rig
+    surge = surge_of(subject, settings)
     heave = heave_of(subject, settings, stator, surge.lateral, voltage)
     poles = heave_poles(subject, settings, stator)
     stiff = plant.stiff_bus(subject.plant, heave.dc)

@@ -11,9 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.signals import Gains
-from rig.assemble import estimator_params, newtons_per_ampere, reference_table, zc_sections
+from rig.assemble import (
+    estimator_params,
+    newtons_per_ampere,
+    realisations_of,
+    reference_table,
+    zc_sections,
+)
 from rig.campaign import Campaign
-from rig.campaign.settings import Setting, drive_settings
+from rig.campaign.settings import Setting, drive_settings, setting
 from rig.config.limits_file import AxisLimits
 from rig.config.rig_file import Axis as Motor
 from rig.predict import electrics, loop, plant
@@ -30,6 +36,14 @@ LONGEST = 3600.0  # s, of the period in which sea and reference repeat together
 _SCHEMES = ("svpwm", "sine-triangle", "dpwm", "hysteresis")
 
 
+class Reference(NamedTuple):
+    """The open-loop force of a campaign."""
+
+    axis: str  # heave or surge
+    realisations: tuple[int, ...]
+    lines: Complexes  # N, at a scale of 1; realisations by lines
+
+
 class Subject(NamedTuple):
     """All that rows of a campaign have in common."""
 
@@ -39,7 +53,7 @@ class Subject(NamedTuple):
     heave: Axis
     surge: Axis
     motor: electrics.Motor  # of heave
-    reference: Complexes  # N, open-loop force at a scale of 1, by line
+    reference: Reference
 
 
 def subject_of(campaign: Campaign) -> Subject:
@@ -47,8 +61,12 @@ def subject_of(campaign: Campaign) -> Subject:
     devices = devices_of(campaign)
     given = plant.given(devices["plant"])
     sea = build_sea(devices["sea"])
-    table = reference_table(campaign.file, campaign.rig)
-    shared = _shared(sea, table, 1.0 / campaign.rig.rate_hz)
+    asked = settings_of(campaign)
+    several = realisations_of(one.realisation for one in asked)
+    tables = [
+        reference_table(campaign.file, campaign.rig, (one,), campaign.record) for one in several
+    ]
+    shared = _shared(sea, tables[0], 1.0 / campaign.rig.rate_hz)
     on = grid(shared.period)
     path = Path(devices["bem"])
     rig, bounds = campaign.rig, campaign.limits
@@ -72,8 +90,29 @@ def subject_of(campaign: Campaign) -> Subject:
         axis("heave", read_bem(path), rig.heave, bounds.heave),
         axis("surge", read_bem(plant.surge_bem(given, path)), rig.surge, bounds.surge),
         plant.motor(given),
-        loop.reference(on, shared.reference, table),
+        Reference(
+            campaign.file.reference.axis if campaign.file.reference else "heave",
+            several,
+            np.array([loop.reference(on, shared.reference, table) for table in tables]),
+        ),
     )
+
+
+def settings_of(campaign: Campaign) -> list[Setting]:
+    """The set point of every point of the matrix."""
+    return [setting(campaign.file, campaign.rig, point) for point in campaign.points]
+
+
+def pushed(subject: Subject, axis: str, settings: Sequence[Setting]) -> Complexes:
+    """Open-loop force on an axis, N; rows by lines."""
+    told = subject.reference
+    if told.axis != axis:
+        return np.zeros((len(settings), subject.grid.omega.size), dtype=np.complex128)
+    numbers = [int(one.realisation) for one in settings]
+    which = [told.realisations.index(one) if one in told.realisations else 0 for one in numbers]
+    scales = np.array([one.reference_scale for one in settings])
+    forces: Complexes = scales[:, None] * told.lines[which]
+    return forces
 
 
 def law_of(subject: Subject, settings: Sequence[Setting]) -> Law:

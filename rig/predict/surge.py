@@ -11,11 +11,12 @@ from rig.campaign.settings import Setting
 from rig.config.campaign_file import CampaignFile
 from rig.config.rig_file import RigFile, StationKeeping
 from rig.predict import loop, passive, plant, sampled
-from rig.predict.axis import Axis, body_lines, peak
+from rig.predict.axis import body_lines, peak
 from rig.predict.electrics import held
-from rig.predict.grid import Floats, Grid, record
+from rig.predict.grid import Floats, record
 from rig.predict.sampled import Poles
 from rig.predict.steady import System, steady
+from rig.predict.subject import Subject, pushed
 
 
 class Surge(NamedTuple):
@@ -31,26 +32,16 @@ class Surge(NamedTuple):
     poles: Poles | None  # None: no loop, the drive is off
 
 
-def surge_of(
-    given: plant.Given,
-    axis: Axis,
-    on: Grid,
-    campaign: CampaignFile,
-    rig: RigFile,
-    settings: Sequence[Setting],
-    rms_time: float,
-) -> Surge:
-    """Surge of each setting; equal gains are worked out once."""
-    law, soft = _law(campaign, rig, settings)
-    pairs = list(zip(law.kp.tolist(), law.ki.tolist(), strict=True))
-    unique = list(dict.fromkeys(pairs))
-    which = np.array([unique.index(pair) for pair in pairs])
-    once = loop.Law(
-        np.array([kp for kp, _ in unique]),
-        np.array([ki for _, ki in unique]),
-        np.zeros(len(unique)),
-        (),
-    )
+def surge_of(subject: Subject, settings: Sequence[Setting]) -> Surge:
+    """Surge of each setting; equal ones are worked out once."""
+    given, axis, on = subject.plant, subject.surge, subject.grid
+    campaign, rig = subject.campaign.file, subject.campaign.rig
+    rms_time = subject.campaign.limits.surge.current_rms_time_s
+    alike = [(one.surge_kp, one.surge_ki, *_force_of(subject, one)) for one in settings]
+    unique = list(dict.fromkeys(alike))
+    which = np.array([unique.index(each) for each in alike])
+    kept = [settings[alike.index(each)] for each in unique]
+    once, soft = _law(campaign, rig, kept)
     most = axis.most * axis.newtons_per_ampere
 
     def granted(demand: Floats, x: Floats, v: Floats) -> Floats:
@@ -62,7 +53,7 @@ def surge_of(
         body_lines(axis, on)[None, :],
         axis.excitation,
         loop.demand(axis.timing, once, on.omega),
-        np.zeros((len(unique), on.omega.size), dtype=np.complex128),
+        pushed(subject, "surge", kept),
         loop.drive(axis.timing, on.omega),
         lambda x, v: passive.drag_force(axis.hull.quadratic, v),
         granted,
@@ -90,6 +81,12 @@ def surge_of(
         lateral[which],
         stable,
     )
+
+
+def _force_of(subject: Subject, one: Setting) -> tuple[float, float]:
+    """What of a setting chooses the open-loop force on surge."""
+    pushes = subject.reference.axis == "surge"
+    return (one.reference_scale, one.realisation) if pushes else (0.0, 0.0)
 
 
 def soft_stop(keeping: StationKeeping, x: Floats, v: Floats) -> Floats:

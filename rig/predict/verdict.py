@@ -57,7 +57,7 @@ def refused(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem,
 def warnings(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
     """What is to be told of a row that may run."""
     places = Places(campaign)
-    settle = windows(campaign.file.sea, campaign.file.timing).settle
+    settle = windows(campaign.file.sea, campaign.file.timing, campaign.file.reference).settle
     out = []
     for same in _by_point(rows):
         first = same[0]

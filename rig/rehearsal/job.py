@@ -16,7 +16,7 @@ from rig.campaign.designed_sea import DesignedSea, designed
 from rig.campaign.elevation import Elevation
 from rig.campaign.files import Campaign
 from rig.campaign.pieces import Pieces, Source
-from rig.campaign.reference import table
+from rig.campaign.reference import ticks_of
 from rig.config.campaign_file import Law
 from rig.config.problems import Problem, number_text, shown
 from rig.config.reference import AnyReference, Reference
@@ -120,7 +120,8 @@ def _laws(pieces: Pieces) -> Iterator[Problem]:
     with suppress(ValidationError):
         reference = _REFERENCE.validate_python(campaign.mapping.get("reference"), strict=True)
         try:
-            table(reference, 1.0, rate, _ANY_SEED)
+            if reference is not None:
+                ticks_of(reference, rate)
         except ValueError as error:
             yield campaign.locate.problem(("reference",), None, str(error))
 

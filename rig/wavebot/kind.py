@@ -16,6 +16,7 @@ from rig.safety import OFF, RUN
 from rig.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 from rig.wavebot.check import check
 from rig.wavebot.state import (
+    REFERENCE_SURGE,
     SURGE_HELD,
     SURGE_KEPT,
     SURGE_OFF,
@@ -117,17 +118,19 @@ def _laws(
     wave_clock: float,
     dt: float,
 ) -> tuple[Laws, Demand, Reference, int, Demand]:
-    """Demand and reference of heave, whether its power stage is in use, demand of surge."""
+    """Demand of heave, the reference, whether heave's power stage is in use, demand of surge."""
     law, table, gate, keeping, holding = laws
     in_heave, in_surge = motion
     reference = _NO_REFERENCE
     if len(params.reference.table) > 0:
         at = floor(wave_clock / dt + 0.5) if wave_clock >= 0.0 else -1
-        table, force = open_loop.step(params.reference, table, held.reference_scale, at, dt)
+        table, force = open_loop.step(
+            params.reference, table, held.reference_scale, held.realisation, at, dt
+        )
         reference = Reference(table.scale.value, force)
-    law, wanted = impedance.step(
-        params.heave_law, law, held.gains, in_heave, reference.force, short, dt
-    )
+    along = reference.force if params.reference_axis != REFERENCE_SURGE else 0.0
+    across = reference.force - along
+    law, wanted = impedance.step(params.heave_law, law, held.gains, in_heave, along, short, dt)
     conducting, threshold = 1, held.drive.settings.velocity_threshold
     if threshold > 0.0:
         current = wanted.force / params.heave.limits.newtons_per_ampere
@@ -141,6 +144,9 @@ def _laws(
         )
     elif use == SURGE_HELD:
         holding, aside = position_hold.step(params.surge_hold, holding, 0.0, in_surge, dt)
+    if across != 0.0 and use != SURGE_OFF:
+        kp, ki, km, force = aside
+        aside = Demand(kp, ki, km, force + across)
     return (law, table, gate, keeping, holding), wanted, reference, conducting, aside
 
 

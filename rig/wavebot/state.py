@@ -29,6 +29,16 @@ class SurgeUse(IntEnum):
 SURGE_OFF, SURGE_KEPT, SURGE_HELD = (int(use) for use in SurgeUse)
 
 
+class ReferenceAxis(IntEnum):
+    """Which axis the open-loop reference pushes."""
+
+    HEAVE = 0
+    SURGE = 1
+
+
+REFERENCE_SURGE = int(ReferenceAxis.SURGE)
+
+
 class Limits(NamedTuple):
     """Limits of what is not an axis."""
 
@@ -48,7 +58,8 @@ class Params(NamedTuple):
 
     heave: axis.Params
     heave_law: impedance.Params
-    reference: open_loop.Params  # of heave
+    reference: open_loop.Params
+    reference_axis: int  # `ReferenceAxis`: what the reference pushes
     gate: drive_gating.Params  # of the heave drive
     modulation: int  # `Modulation` of the heave drive
     surge: axis.Params
@@ -67,6 +78,7 @@ class Held(NamedTuple):
     gains: Gains
     surge: Gains
     reference_scale: float
+    realisation: int
     spring_rate: float  # N/m
     stroke: float  # m
     drive: DriveCommand
@@ -116,7 +128,7 @@ def start(params: Params) -> State:
         magnetic_spring.start(),
         tare.start(),
         power.start(),
-        Held(-1, none, none, 0.0, 0.0, math.inf, resting),
+        Held(-1, none, none, 0.0, 0, 0.0, math.inf, resting),
     )
 
 
@@ -148,6 +160,7 @@ def hold(params: Params, setpoint: int) -> Held:
         Gains(table.kp[setpoint], table.ki[setpoint], table.km[setpoint]),
         Gains(table.surge_kp[setpoint], table.surge_ki[setpoint], 0.0),
         table.reference_scale[setpoint],
+        table.realisation[setpoint],
         table.spring_rate[setpoint],
         table.stroke[setpoint],
         DriveCommand(1, settings),

@@ -90,7 +90,7 @@ class WaveBotRow(NamedTuple):
     safety: safety.State
     heave: axis.Record
     surge: axis.Record
-    reference: Reference  # of heave
+    reference: Reference  # of the axis that the campaign pushes
     load: LoadSense
     spring_sense: SpringSense
     spring_command: SpringCommand
@@ -112,6 +112,7 @@ class Setpoints(NamedTuple):
     ki: tuple[float, ...]  # N/m
     km: tuple[float, ...]  # kg
     reference_scale: tuple[float, ...]
+    realisation: tuple[int, ...]  # place of the reference in its table
     spring_rate: tuple[float, ...]  # N/m
     stroke: tuple[float, ...]  # m, either way from the zero: where the stator's force reverses
     surge_kp: tuple[float, ...]  # N*s/m

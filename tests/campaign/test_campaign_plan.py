@@ -110,7 +110,7 @@ def test_the_default_campaign() -> None:
     ):
         assert made.rows[row].stator_position == stator
         assert made.rows[row].setting[:3] == expected
-        assert made.rows[row].setting[3:] == (0.0, 1.0, -2500.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        assert made.rows[row].setting[3:] == (0.0, 1.0, 0.0, -2500.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def test_windows_at_0p3_hz_end_on_the_nearest_sample(write: Any) -> None:

@@ -42,7 +42,7 @@ def table(
     columns: dict[str, Any] = dict.fromkeys(Setpoints._fields, (0.0,) * many)
     columns |= {"kp": kp, "ki": ki, "spring_rate": spring_rate}
     columns |= {"stroke": (0.35,) * many, "surge_kp": (-2500.0,) * many}
-    return Setpoints(**columns | {"discharge_level": (0,) * many})
+    return Setpoints(**columns | {"discharge_level": (0,) * many, "realisation": (1,) * many})
 
 
 SETPOINTS = table((-2000.0, -1000.0), (0.0, 1000.0), (490.9, 490.9))

@@ -62,8 +62,9 @@ def of_gate(rng: np.random.Generator, tick: int) -> Inputs:
 
 
 def of_reference(rng: np.random.Generator, tick: int) -> Inputs:
-    scale = float(np.random.default_rng(tick // 80).normal())
-    return scale, int(rng.choice([tick - 20, 3 * 10**9 + tick]))
+    slow = np.random.default_rng(tick // 80)
+    scale, realisation = float(slow.normal()), int(slow.integers(-1, 4))
+    return scale, realisation, int(rng.choice([tick - 20, 3 * 10**9 + tick]))
 
 
 def of_estimator(rng: np.random.Generator, tick: int) -> Inputs:
@@ -93,12 +94,15 @@ LAWS = {
     "impedance, three sections": Law(
         impedance, impedance.Params(0.1, THREE), impedance.start(THREE), of_impedance
     ),
-    "reference": Law(open_loop, open_loop.Params(TABLE, 0.05), open_loop.start(), of_reference),
+    "reference": Law(open_loop, open_loop.Params(TABLE, 0.05, 1), open_loop.start(), of_reference),
+    "reference, three": Law(
+        open_loop, open_loop.Params(TABLE, 0.05, 3), open_loop.start(), of_reference
+    ),
     "reference, none": Law(
-        open_loop, open_loop.Params((), 0.05), open_loop.start(), of_reference, varied=1
+        open_loop, open_loop.Params((), 0.05, 1), open_loop.start(), of_reference, varied=1
     ),
     "reference, array": Law(
-        open_loop, open_loop.Params(TABLE, 0.05), open_loop.start(), of_reference, table="table"
+        open_loop, open_loop.Params(TABLE, 0.05, 1), open_loop.start(), of_reference, table="table"
     ),
     "station keeping": Law(
         station_keeping,

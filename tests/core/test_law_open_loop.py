@@ -14,21 +14,22 @@ from controllers.blocks import finite
 
 DT = 0.001
 TABLE = tuple(np.random.default_rng(2).normal(scale=500.0, size=750).tolist())
-LAW = open_loop.Params(TABLE, 0.05)
-FLAT = open_loop.Params((800.0,), 0.05)
+LAW = open_loop.Params(TABLE, 0.05, 1)
+FLAT = open_loop.Params((800.0,), 0.05, 1)
+NONE = open_loop.Params((), 0.1, 1)
 WEIRD = [math.nan, math.inf, -math.inf]
 
 
 def settled(scale: float, law: open_loop.Params = LAW) -> open_loop.State:
     state = open_loop.start()
     for tick in range(60):
-        state, _ = open_loop.step(law, state, scale, tick, DT)
+        state, _ = open_loop.step(law, state, scale, 0, tick, DT)
     return state
 
 
 @given(st.floats(-3.0, 3.0, allow_subnormal=False), st.integers(0, 10**12))
 def test_the_force_is_the_scaled_table_again_and_again(scale: float, tick: int) -> None:
-    state, force = open_loop.step(LAW, settled(scale), scale, tick, DT)
+    state, force = open_loop.step(LAW, settled(scale), scale, 0, tick, DT)
     whole = math.floor(tick / 750)  # exact: below 2^53
     assert force == scale * TABLE[tick - 750 * whole]
     assert state.scale.value == scale
@@ -38,9 +39,9 @@ def test_one_period_comes_out_as_it_went_in() -> None:
     """A multisine of three whole cycles a period: its spectrum has its lines and no other."""
     t = np.arange(1000) * DT
     wave = 300.0 * np.sin(2 * np.pi * 3 * t) + 80.0 * np.cos(2 * np.pi * 7 * t)
-    law, state, out = open_loop.Params(tuple(wave.tolist()), 0.0), open_loop.start(), []
+    law, state, out = open_loop.Params(tuple(wave.tolist()), 0.0, 1), open_loop.start(), []
     for tick in range(4000):
-        state, force = open_loop.step(law, state, 2.0, tick, DT)
+        state, force = open_loop.step(law, state, 2.0, 0, tick, DT)
         out.append(force)
     lines = np.abs(np.fft.rfft(out)) / 2000.0
     assert lines[[12, 28]] == pytest.approx([600.0, 160.0])
@@ -51,7 +52,7 @@ def test_one_period_comes_out_as_it_went_in() -> None:
 def test_before_the_wave_clock_there_is_no_force_and_then_it_ramps() -> None:
     state, forces = settled(1.0, FLAT), []
     for tick in [*range(-20, 0), *range(60)]:
-        state, force = open_loop.step(FLAT, state, 1.0, tick, DT)
+        state, force = open_loop.step(FLAT, state, 1.0, 0, tick, DT)
         forces.append(force)
     assert forces[:20] == [0.0] * 20
     assert forces[20] == pytest.approx(800.0 / 50)
@@ -65,7 +66,7 @@ def test_no_change_of_scale_bumps_the_force(switches: list[tuple[float, int]]) -
     for scale, ticks in switches:
         widest = max(widest, abs(scale - state.scale.value))
         for _ in range(ticks):
-            state, force = open_loop.step(FLAT, state, scale, tick, DT)
+            state, force = open_loop.step(FLAT, state, scale, 0, tick, DT)
             assert abs(force - last) <= 800.0 * widest * DT / FLAT.ramp + 1e-9
             last, tick = force, tick + 1
 
@@ -74,21 +75,48 @@ def test_no_change_of_scale_bumps_the_force(switches: list[tuple[float, int]]) -
 def test_an_empty_table_is_no_force(tick: int) -> None:
     state = open_loop.start()
     for scale in (0.0, 1.0, *WEIRD):
-        assert open_loop.step(open_loop.Params((), 0.1), state, scale, tick, DT) == (state, 0.0)
+        assert open_loop.step(open_loop.Params((), 0.1, 1), state, scale, 0, tick, DT) == (
+            state,
+            0.0,
+        )
 
 
 @pytest.mark.parametrize("bad", WEIRD)
 def test_no_number_in_gives_no_number_out(bad: float) -> None:
     state = settled(1.0)
     for tick in range(10):
-        state, force = open_loop.step(LAW, state, bad, tick, DT)
+        state, force = open_loop.step(LAW, state, bad, 0, tick, DT)
         assert not finite(force)
-    law = open_loop.Params((100.0, bad), 0.0)
-    _, force = open_loop.step(law, settled(1.0, law), 1.0, 1, DT)
+    law = open_loop.Params((100.0, bad), 0.0, 1)
+    _, force = open_loop.step(law, settled(1.0, law), 1.0, 0, 1, DT)
     assert not finite(force)
 
 
 def test_a_start_is_a_start() -> None:
-    assert open_loop.start() == ((0.0, 0.0, 0.0),)
-    _, force = open_loop.step(FLAT, open_loop.start(), 1.0, 123456, DT)
+    assert open_loop.start() == ((0.0, 0.0, 0.0), 0)
+    _, force = open_loop.step(FLAT, open_loop.start(), 1.0, 0, 123456, DT)
     assert force == pytest.approx(16.0)
+
+
+def test_another_realisation_begins_from_zero_force() -> None:
+    """Two realisations: the force goes down before the change, and up after it, no faster."""
+    law = open_loop.Params((500.0,) * 4 + (-900.0,) * 4, 0.05, 2)
+    state, forces, asked = open_loop.start(), [], []
+    for tick in range(400):
+        wanted = 0 if tick < 100 or tick >= 250 else 1
+        state, force = open_loop.step(law, state, 1.0, wanted, tick, DT)
+        forces.append(force)
+        asked.append(state.realisation)
+    steps = np.abs(np.diff(forces))
+    assert steps.max() <= 900.0 * DT / law.ramp + 1e-9
+    assert [forces[99], forces[249], forces[399]] == [500.0, -900.0, 500.0]
+    assert forces[asked.index(1) - 1] == 0.0
+    assert asked.index(1) == 150  # a ramp after it was asked for
+
+
+@pytest.mark.parametrize(("number", "value"), [(-3, 1.0), (0, 1.0), (1, 2.0), (7, 2.0)])
+def test_a_realisation_that_is_not_there_is_the_nearest_one(number: int, value: float) -> None:
+    law, state = open_loop.Params((1.0, 1.0, 2.0, 2.0), 0.0, 2), open_loop.start()
+    for tick in range(3):
+        state, force = open_loop.step(law, state, 1.0, number, tick, DT)
+    assert force == value

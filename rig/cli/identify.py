@@ -1,0 +1,45 @@
+"""The words of `rig identify`; what it does is in `rig.cli.identify_command`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+_RUN = "A run's folder, MCAP file, id, campaign, or 'last'. Several: calm water, waves, sea alone."
+_RUNS = "Folder that holds the runs."
+
+
+def command(
+    named: Annotated[list[Path] | None, typer.Argument(metavar="[RUNS]...", help=_RUN)] = None,
+    compare: Annotated[
+        tuple[Path, Path] | None,
+        typer.Option(metavar="A B", help="Compare two identifications: JSON files or runs."),
+    ] = None,
+    order: Annotated[
+        int, typer.Option(help="Order of the parametric models: 2, or also 4, 6 or 8.")
+    ] = 2,
+    probe: Annotated[
+        str, typer.Option(help="Probe of the wave calibration that stood at the device's place.")
+    ] = "",
+    bem: Annotated[
+        Path | None, typer.Option(help="BEM file (.npz, .nc of capytaine) to compare with.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
+    ] = None,
+    pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
+    runs: Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")] = Path(
+        "runs"
+    ),
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> None:
+    """Identify impedances and wave excitation from runs with an open-loop reference."""
+    from rig.cli import identify_command
+
+    wanted = identify_command.Wanted(order, probe, bem, output, pictures)
+    if compare is None:
+        sys.exit(identify_command.main(named or [], runs, wanted, as_json=json))
+    if named:
+        raise typer.BadParameter("--compare takes its two and no RUNS beside them")
+    sys.exit(identify_command.compare(compare, runs, output, as_json=json))

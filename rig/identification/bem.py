@@ -1,0 +1,53 @@
+"""Excitation by a boundary-element method, to compare with: capytaine's files, `.npz` or `.nc`.
+
+capytaine's amplitudes are those of e^{-i omega t}; here all are of e^{+i omega t}, so they are
+conjugated when read. (WAMIT writes e^{+i omega t} itself.)
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+
+from rig.identification.periods import Complexes, Floats
+
+
+class Bem(NamedTuple):
+    """Excitation coefficient over frequency."""
+
+    name: str
+    frequency: Floats  # Hz, rising
+    excitation: Complexes  # N/m, e^{+i omega t}
+
+
+def read_bem(path: Path) -> Bem:
+    """Read a file; ValueError where it is none of these or has not the fields."""
+    try:
+        if path.suffix == ".npz":
+            with np.load(path) as data:
+                frequency, force = np.array(data["f_hz"]), np.array(data["Fe_complex"])
+        elif path.suffix == ".nc":
+            frequency, force = _from_netcdf(path)
+        else:
+            raise ValueError(f"{path}: a BEM file is .npz or .nc")
+    except KeyError as missing:
+        raise ValueError(f"{path}: no field {missing}") from None
+    return Bem(path.name, frequency.astype(np.float64), np.conj(force).astype(np.complex128))
+
+
+def at(bem: Bem, frequency: Floats) -> Complexes:
+    """The coefficient at frequencies (Hz), N/m: magnitude and phase each on a line; NaN outside."""
+    size = np.interp(frequency, bem.frequency, np.abs(bem.excitation), np.nan, np.nan)
+    phase = np.interp(frequency, bem.frequency, np.unwrap(np.angle(bem.excitation)))
+    return np.asarray(size * np.exp(1j * phase), dtype=np.complex128)
+
+
+def _from_netcdf(path: Path) -> tuple[Floats, Complexes]:
+    with xarray.open_dataset(path, engine="h5netcdf") as data:
+        omega = data["omega"].values
+        parts = data["excitation_force"].squeeze()
+        force = parts.sel(complex="re").values + 1j * parts.sel(complex="im").values
+    kept = np.isfinite(omega) & (omega > 0.0)
+    order = np.argsort(omega[kept])
+    return omega[kept][order] / (2.0 * np.pi), force[kept][order]

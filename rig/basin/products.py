@@ -108,7 +108,8 @@ def _residuals(axes: Axes, record: Recording, one: Alignment) -> None:
     axes.axhline(0.0, color=picture.FRAME, lw=0.8, zorder=0)
     axes.set_xlim(record.time[0], record.time[-1])
     axes.set_ylabel("ms", fontsize=8)
-    axes.legend(loc="upper right", ncols=3, frameon=False, fontsize=7)
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper right", ncols=3, frameon=False, fontsize=7)
     axes.margins(y=0.3)
     picture.quiet(axes)
 

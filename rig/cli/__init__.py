@@ -44,7 +44,7 @@ ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 
-from rig.cli import merge  # noqa: E402 - made of the options above
+from rig.cli import export, import_run, merge  # noqa: E402 - made of the options above
 
 _CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
@@ -276,6 +276,8 @@ def compare(
 
 app.command("matrix")(matrix.command)
 app.command("testlog")(testlog.command)
+app.command("export")(export.command)
+app.command("import")(import_run.command)
 app.command("merge", epilog=merge.CODES)(merge.command)
 app.add_typer(calibration.app)
 app.add_typer(scan.app)

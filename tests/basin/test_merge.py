@@ -9,7 +9,7 @@ import merging
 import numpy as np
 import pytest
 import xarray
-from rig_command import rig
+from command_here import rig
 
 from rig.basin.merge import SYNC, Asked, Source, merge
 from rig.basin.products import row_means, write

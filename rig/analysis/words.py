@@ -24,6 +24,7 @@ _RUNGS = {
     "rehearsal": "REHEARSAL: simulated plant",
     "hil": "HIL: emulated devices on real wires",
     "hardware": "HARDWARE",
+    "imported": "IMPORTED: recorded by another system",
 }
 
 REASONS = {

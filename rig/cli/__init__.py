@@ -35,7 +35,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text."
 _RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it), or 'last'."
 Run = Annotated[Path, typer.Argument(help=_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
-RUNS = Path("runs")
+RUNS: Path = Path("runs")
 Rig = Annotated[
     Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
 ]
@@ -43,6 +43,8 @@ _READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a 
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
+
+from rig.cli import export, import_run, merge  # noqa: E402 - made of the options above
 
 _CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
@@ -275,5 +277,8 @@ def compare(
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
 app.command("testlog")(testlog.command)
+app.command("export")(export.command)
+app.command("import")(import_run.command)
+app.command("merge", epilog=merge.CODES)(merge.command)
 app.add_typer(calibration.app)
 app.add_typer(scan.app)

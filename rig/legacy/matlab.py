@@ -1,4 +1,4 @@
-"""Matrices of a MATLAB file, read in a process of their own.
+"""Matrices, or the signals of a structure, of a MATLAB file, read in a process of their own.
 
 scipy's reader can take the whole interpreter down when a file is damaged (one changed byte in the
 type field of an element is a segmentation fault), so it is never let into the caller's process.
@@ -9,9 +9,15 @@ import json
 import subprocess
 import sys
 import warnings
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-_SECONDS = 60.0  # for one file
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+_SECONDS = 60.0  # for a file of matrices
+_MINUTES = 10  # for one of signals, which may be of hours
+_SIGNALS = "signals"
 
 NEWER = "a MATLAB 7.3 file is not read; save it with -v7"
 
@@ -26,23 +32,44 @@ class Variables(NamedTuple):
 
 def load(data: bytes) -> Variables:
     """The variables of a file; ValueError says why it cannot be read."""
+    return Variables(**json.loads(_apart([], data, _SECONDS)))
+
+
+def signals(path: Path) -> "dict[str, npt.NDArray[Any]]":
+    """All numeric vectors of a file's structures, one-dimensional, by dotted path.
+
+    MATLAB 5 and 7.3. The name of a structure that is alone in the file is left out, as MATLAB's
+    importdata does. ValueError says why the file cannot be read, OSError if it is not there.
+    """
+    import numpy as np  # noqa: PLC0415 - tables of text need none
+
+    with path.open("rb"):  # the caller's own error, not the child's
+        pass
+    made = _apart([_SIGNALS, str(path)], b"", 60.0 * _MINUTES)
+    with np.load(io.BytesIO(made), allow_pickle=False) as found:
+        return {str(name): found[name] for name in found.files}
+
+
+def _apart(words: list[str], data: bytes, seconds: float) -> bytes:
+    """What this module, as a process of its own, says of a file."""
     try:
         done = subprocess.run(
-            [sys.executable, "-m", __name__],
+            [sys.executable, "-m", __name__, *words],
             input=data,
             capture_output=True,
-            timeout=_SECONDS,
+            timeout=seconds,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        raise ValueError("not readable as a MATLAB file: gave up after a minute") from None
+        waited = "a minute" if seconds < 61.0 else f"{_MINUTES} minutes"
+        raise ValueError(f"not readable as a MATLAB file: gave up after {waited}") from None
     if done.returncode != 0:
         last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         said = NEWER if last.startswith("NotImplementedError") else last
         if not said or done.returncode < 0:
             said = f"the reader broke down (exit code {done.returncode}); is the file damaged?"
         raise ValueError(said if said == NEWER else f"not readable as a MATLAB file: {said}")
-    return Variables(**json.loads(done.stdout))
+    return done.stdout
 
 
 def _read(data: bytes) -> dict[str, Any]:
@@ -69,5 +96,51 @@ def _read(data: bytes) -> dict[str, Any]:
     }
 
 
+def _read_signals(path: str) -> bytes:
+    import h5py  # noqa: PLC0415 - only the child needs them
+    import numpy as np  # noqa: PLC0415
+    from scipy.io import loadmat  # noqa: PLC0415
+
+    found: dict[str, Any] = {}
+
+    def take(name: str, value: Any) -> None:
+        """A vector, or the members of a structure."""
+        if isinstance(value, h5py.Dataset):
+            value = np.asarray(value)
+        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+            members = {part: value.reshape(-1)[0][part] for part in value.dtype.names}
+        elif isinstance(value, h5py.Group):
+            members = dict(value.items())
+        else:
+            good = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
+            if good and value.size == max(value.shape, default=0) and value.size:
+                found[name] = value.reshape(-1)
+            return
+        for part, member in members.items():
+            take(f"{name}.{part}" if name else part, member)
+
+    with Path(path).open("rb") as file:
+        newer = b"MATLAB 7.3" in file.read(128)
+    whole: Any
+    if newer:
+        whole = {name: one for name, one in h5py.File(path).items() if not name.startswith("#")}
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            whole = loadmat(path, mat_dtype=True)
+        whole = {name: one for name, one in whole.items() if not name.startswith("__")}
+    structures = isinstance(next(iter(whole.values()), None), h5py.Group) or any(
+        getattr(one, "dtype", None) is not None and one.dtype.names for one in whole.values()
+    )
+    for name, value in whole.items():
+        take("" if len(whole) == 1 and structures else name, value)
+    packed = io.BytesIO()
+    np.savez(packed, **found)
+    return packed.getvalue()
+
+
 if __name__ == "__main__":
-    json.dump(_read(sys.stdin.buffer.read()), sys.stdout)
+    if _SIGNALS in sys.argv[1:2]:
+        sys.stdout.buffer.write(_read_signals(sys.argv[2]))
+    else:
+        json.dump(_read(sys.stdin.buffer.read()), sys.stdout)

@@ -1,0 +1,120 @@
+"""`rig merge RUN FILE...`."""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rig import cli
+
+if TYPE_CHECKING:
+    from rig.basin.merge import Asked, Source
+
+CODES = """\
+Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast: see the alarms; \
+2 bad input."""
+
+
+def command(
+    run: cli.Run,
+    files: Annotated[
+        list[str],
+        typer.Argument(help="Records (.twe, .csv), each as FILE or NAME=FILE.", metavar="FILE..."),
+    ],
+    unit: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=inch, m, mm or cm: unit of a file's channels; repeatable."),
+    ] = None,
+    offset: Annotated[
+        list[str] | None,
+        typer.Option(help="NAME=SECONDS, run less recorder: in place of a trigger; repeatable."),
+    ] = None,
+    ttl: Annotated[str | None, typer.Option(help="Channel of the trigger.")] = None,
+    sine: Annotated[str | None, typer.Option(help="Channel of the common sine.")] = None,
+    run_sine: Annotated[
+        str | None,
+        typer.Option(help="Log field with the run's sine; 'clock': made from the run's own clock."),
+    ] = None,
+    frequency: Annotated[float, typer.Option(min=0.01, max=100, help="Of the sine, Hz.")] = 1.0,
+    rate: Annotated[
+        float | None,
+        typer.Option(min=0.1, max=10_000, help="Of the product, Hz (the fastest file's)."),
+    ] = None,
+    runs: cli.Runs = cli.RUNS,
+    as_json: cli.Json = False,
+) -> None:
+    """Bring wave data, power analyser and other records onto a run's time, by trigger and sine."""
+    from rig.basin.merge import Asked
+
+    asked = Asked(ttl, sine, run_sine, frequency, rate)
+    sys.exit(main(run, files, unit or [], offset or [], asked, runs, as_json=as_json))
+
+
+def main(
+    named: Path,
+    files: list[str],
+    units: list[str],
+    offsets: list[str],
+    asked: "Asked",
+    runs: Path,
+    *,
+    as_json: bool,
+) -> int:
+    """Merge files into a run and say how their clocks stand to its clock."""
+    from rig.basin.align import in_words
+    from rig.basin.merge import as_json as in_json
+    from rig.basin.merge import merge
+    from rig.basin.products import write
+    from rig.cli.find_run import find_run
+    from rig.cli.refusal import REFUSED, refuse
+
+    try:
+        run = find_run(named, runs)
+        merged = merge(run, _sources(files, units, offsets), asked)
+        written = write(merged, run if run.is_dir() else run.parent)
+    except REFUSED as error:
+        return refuse("merge", error, as_json=as_json)
+    if as_json:
+        told = {"records": in_json(merged), "alarms": merged.alarms}
+        print(json.dumps({**told, "written": [str(path) for path in written]}))
+    else:
+        for source, one in zip(merged.sources, merged.alignments, strict=True):
+            print(f"{source.name}: {in_words(one)}")
+            for remark in one.remarks:
+                print(f"  {remark}")
+        print("\n".join(str(path) for path in written))
+        for alarm in merged.alarms:
+            print(f"!! {alarm}", file=sys.stderr)
+    return cli.FAILED if merged.alarms else cli.OK
+
+
+def _sources(files: list[str], units: list[str], offsets: list[str]) -> "list[Source]":
+    """The files with what was said of each; ValueError for a word that is not understood."""
+    from rig.basin.merge import Source
+    from rig.basin.recording import METRES
+
+    found: dict[str, Source] = {}
+    for word in files:
+        name, _, path = word.partition("=") if "=" in word else (Path(word).stem, "", word)
+        if name in found:
+            raise ValueError(f"{word}: a second record named {name!r}; write NAME=FILE")
+        found[name] = Source(name, Path(path))
+    for word in (*units, *offsets):
+        if word.partition("=")[0] not in found:
+            raise ValueError(f"{word}: write NAME=..., NAME one of {', '.join(found)}")
+    for name, _, unit in (word.partition("=") for word in units):
+        if unit not in METRES:
+            raise ValueError(f"{name}={unit}: {unit!r} is no unit; allowed {', '.join(METRES)}")
+        found[name] = found[name]._replace(unit=unit)
+    for name, _, text in (word.partition("=") for word in offsets):
+        try:
+            seconds = float(text)
+        except ValueError:
+            seconds = math.nan
+        if not math.isfinite(seconds):
+            raise ValueError(f"{name}={text}: {text!r} is not a number of seconds")
+        found[name] = found[name]._replace(offset=seconds)
+    return list(found.values())

@@ -16,10 +16,13 @@ Metre = Annotated[float, "m"]
 MetrePerSecond = Annotated[float, "m/s"]
 MetrePerSecond2 = Annotated[float, "m/s^2"]
 Newton = Annotated[float, "N"]
+NewtonMetre = Annotated[float, "N*m"]
 NewtonPerMetre = Annotated[float, "N/m"]
 NewtonSecondPerMetre = Annotated[float, "N*s/m"]
 Percent = Annotated[float, "%"]
 Radian = Annotated[float, "rad"]
+RadianPerSecond = Annotated[float, "rad/s"]
+RadianPerSecond2 = Annotated[float, "rad/s^2"]
 Ratio = Annotated[float, "1"]
 Second = Annotated[float, "s"]
 Tick = Annotated[int, "tick"]
@@ -154,3 +157,10 @@ class Reference(NamedTuple):
 
     scale: Ratio
     force: Newton  # on the body, scale included
+
+
+class Turning(NamedTuple):
+    """An angle about a shaft's axis and its rate."""
+
+    angle: Radian
+    velocity: RadianPerSecond

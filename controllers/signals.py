@@ -157,3 +157,10 @@ class Reference(NamedTuple):
 
     scale: Ratio
     force: Newton  # on the body, scale included
+
+
+class Turning(NamedTuple):
+    """An angle about a shaft's axis and its rate."""
+
+    angle: Radian
+    velocity: RadianPerSecond

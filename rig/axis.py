@@ -1,6 +1,7 @@
 """One powered axis: encoder -> motion, a law's demand -> granted command.
 
-Which law asks is the rig kind's matter; what happens in a stop is the same for every axis.
+Which law asks is the rig kind's matter; what happens in a stop is the same for every axis. For an
+axis that turns read rad for m and N*m for N.
 """
 
 from typing import NamedTuple
@@ -63,9 +64,24 @@ def observe(
     measured = sense.counts * params.metres_per_count - zero
     if state.acting == UNSEEN:
         return Estimate(measured, 0.0, 0.0)
-    if sense.encoder_age > state.age + 0.5 * periods * dt:
-        return estimator.predict(state.motion, periods, dt)
-    return estimator.step(params.estimator, state.motion, measured, periods, dt)
+    return track(
+        params.estimator, state.motion, measured, state.age, sense.encoder_age, periods, dt
+    )
+
+
+def track(
+    params: estimator.Params,
+    motion: Estimate,
+    measured: float,
+    age_before: float,
+    age: float,
+    periods: int,
+    dt: float,
+) -> Estimate:
+    """The motion that went before, corrected by ``measured`` (m) unless that is the old value."""
+    if age > age_before + 0.5 * periods * dt:
+        return estimator.predict(motion, periods, dt)
+    return estimator.step(params, motion, measured, periods, dt)
 
 
 def check(

@@ -21,6 +21,7 @@ class Limited(IntFlag):
     MODE = 8  # the safety machine grants no force
     NOT_FINITE = 16  # the demand was NaN or infinite
     GATED = 32  # the drive's power stage rests below its thresholds
+    VELOCITY = 64  # the greatest velocity that may be commanded
 
 
 class Warned(IntFlag):

@@ -101,6 +101,11 @@ class Reason(IntEnum):
     EMERGENCY_STOP = 34  # the button; the hard-wired chain has acted already
     LIMIT_SWITCH = 35
     STALE_PANEL = 36
+    BRAKE_LOST = 37  # the brake's current is not what it was told to be
+    STALE_BRAKE = 38
+    COUPLING_SLIP = 39  # motor and shaft are further apart than the driveline can twist
+    LOAD_CELL_OVERLOAD = 40
+    SHAFT_ENCODER_JUMP = 41
 
 
 FINE = int(Reason.NONE)
@@ -145,6 +150,11 @@ CATEGORY: tuple[int, ...] = (
     0,  # EMERGENCY_STOP
     1,  # LIMIT_SWITCH
     1,  # STALE_PANEL
+    1,  # BRAKE_LOST
+    1,  # STALE_BRAKE
+    0,  # COUPLING_SLIP
+    0,  # LOAD_CELL_OVERLOAD
+    0,  # SHAFT_ENCODER_JUMP
 )
 
 # Requests of people and of the supervisor, as they come through the mailbox.

@@ -52,6 +52,7 @@ LOOP = [
         )
     ),
     *(ROOT / "rig" / "wavebot").rglob("*.py"),
+    *(ROOT / "rig" / "bench").rglob("*.py"),
 ]  # fmt: skip
 
 

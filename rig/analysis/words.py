@@ -64,6 +64,11 @@ REASONS = {
     Reason.EMERGENCY_STOP: "the emergency stop was pressed",
     Reason.LIMIT_SWITCH: "a limit switch was hit",
     Reason.STALE_PANEL: "the emergency stop could not be read any more",
+    Reason.BRAKE_LOST: "the brake's current was not what it was told to be",
+    Reason.STALE_BRAKE: "the brake's current was too old",
+    Reason.COUPLING_SLIP: "motor and shaft were further apart than the driveline can twist",
+    Reason.LOAD_CELL_OVERLOAD: "the load cell was loaded beyond its range",
+    Reason.SHAFT_ENCODER_JUMP: "the shaft's encoder jumped: it slipped or lost counts",
 }
 
 

@@ -1,1 +1,29 @@
 """The OSWEC bench: its words, what trips it, and its part of the cycle."""
+
+from rig.bench.kind import KIND
+from rig.bench.state import Limits, LoadLimits, Params
+from rig.bench.words import (
+    BenchRow,
+    BrakeSense,
+    Command,
+    EncoderSense,
+    Sense,
+    ServoSense,
+    Setpoints,
+    WrenchSense,
+)
+
+__all__ = [
+    "KIND",
+    "BenchRow",
+    "BrakeSense",
+    "Command",
+    "EncoderSense",
+    "Limits",
+    "LoadLimits",
+    "Params",
+    "Sense",
+    "ServoSense",
+    "Setpoints",
+    "WrenchSense",
+]

@@ -12,6 +12,7 @@ from controllers.oswec_position import Component
 from controllers.signals import (
     Ampere,
     Count,
+    Estimate,
     Flag,
     Index,
     Newton,
@@ -22,6 +23,7 @@ from controllers.signals import (
     RadianPerSecond2,
     Second,
     Tick,
+    Turning,
     Volt,
 )
 from rig import cycle, safety
@@ -92,13 +94,6 @@ class Rotation(NamedTuple):
     acceleration: RadianPerSecond2
 
 
-class Motion(NamedTuple):
-    """Motion at both ends of the driveline."""
-
-    motor: Rotation
-    shaft: Rotation
-
-
 class Zeros(NamedTuple):
     """The zeros in use: measured angle = counts * rad per count - zero."""
 
@@ -108,11 +103,12 @@ class Zeros(NamedTuple):
     samples: Count  # ticks averaged; 0: provisional, from the first tick alone
 
 
-class Turning(NamedTuple):
-    """An angle and its rate."""
+class Wanted(NamedTuple):
+    """What the shaft should do; that of the loop not in use is 0."""
 
     angle: Radian
     velocity: RadianPerSecond
+    torque: NewtonMetre
 
 
 class Asked(NamedTuple):
@@ -153,7 +149,7 @@ class BenchRow(NamedTuple):
     motor: Rotation
     shaft: Rotation
     tared: Zeros
-    reference: Turning  # what the shaft should do, without correction
+    reference: Wanted  # without correction and feedback
     correction: Turning  # what is added for the driveline's deflection
     demand: Asked
     command: Command
@@ -173,5 +169,8 @@ class Setpoints(NamedTuple):
     until: tuple[float, ...]  # s of the row's own clock, when it begins to fade
 
 
+# Motor and shaft from their zeros, as `rig.axis` has them: rad for m.
+Motion = tuple[Estimate, Estimate]
+
 # The bench's own part of a row, made in the tick.
-Words = tuple[Motion, Zeros, Turning, Turning, Asked]
+Words = tuple[Motion, Zeros, Wanted, Turning, Asked]

@@ -53,6 +53,11 @@ REASONS = {
     "EMERGENCY_STOP": (34, 0),
     "LIMIT_SWITCH": (35, 1),
     "STALE_PANEL": (36, 1),
+    "BRAKE_LOST": (37, 1),
+    "STALE_BRAKE": (38, 1),
+    "COUPLING_SLIP": (39, 0),
+    "LOAD_CELL_OVERLOAD": (40, 0),
+    "SHAFT_ENCODER_JUMP": (41, 0),
 }
 
 REQUESTS = {

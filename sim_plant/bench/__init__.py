@@ -1,0 +1,1 @@
+"""The OSWEC bench dynamometer: servo motor, gearbox, coupling, load cell, particle brake."""

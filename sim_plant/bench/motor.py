@@ -1,0 +1,83 @@
+"""Motor, rotor and gearbox as one inertia at the output, and what moves it. Pure.
+
+One linearly implicit step: friction holds exactly, and no stiffness of the coupling makes it ring.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from sim_plant.bench import transmission
+from sim_plant.bench.transmission import TransmissionParams
+from sim_plant.units import (
+    KilogramSquareMetre,
+    NewtonMetre,
+    NewtonMetrePerAmpere,
+    NewtonMetreSecondPerRadian,
+    Radian,
+    RadianPerSecond,
+    Second,
+)
+
+
+class MotorParams(NamedTuple):
+    """Constants at the gearbox output."""
+
+    inertia: KilogramSquareMetre
+    viscous: NewtonMetreSecondPerRadian
+    torque_per_current: NewtonMetrePerAmpere
+
+
+class Held(NamedTuple):
+    """What the shaft's side does to the motor in a step."""
+
+    ahead: Radian  # deflection at its start
+    forward: NewtonMetre  # what dry friction behind the load cell holds, both not negative
+    back: NewtonMetre
+
+
+def load_at(spring: TransmissionParams, held: Held, moved: Radian) -> NewtonMetre:
+    """Give the torque through the coupling after a movement: the spring's, or what friction holds."""
+    wound = transmission.torque(spring, held.ahead + moved)
+    return max(-held.back, min(wound, held.forward))
+
+
+def needed(
+    params: MotorParams,
+    spring: TransmissionParams,
+    held: Held,
+    now: RadianPerSecond,
+    after: RadianPerSecond,
+    friction: NewtonMetre,
+    dt: Second,
+) -> NewtonMetre:
+    """Give the motor torque that makes the velocity `after` of `now` within dt."""
+    inertial = params.inertia * (after - now) / dt + params.viscous * after
+    rubbing = friction if after > 0.0 else (-friction if after < 0.0 else 0.0)
+    return inertial + rubbing + load_at(spring, held, after * dt)
+
+
+def moved(
+    params: MotorParams,
+    spring: TransmissionParams,
+    held: Held,
+    now: RadianPerSecond,
+    torque: NewtonMetre,
+    friction: NewtonMetre,
+    dt: Second,
+) -> RadianPerSecond:
+    """Give the velocity after dt under a motor torque."""
+    before = load_at(spring, held, 0.0)
+    mass = params.inertia + dt * params.viscous
+    free = (params.inertia * now + dt * (torque - before)) / mass
+    slope = 0.0  # of the load over the way that the motor would go
+    if free != 0.0:
+        slope = (load_at(spring, held, free * dt) - before) / (free * dt)
+    mass += dt * dt * slope
+    push = params.inertia * now + dt * (torque - before)
+    rub = dt * friction
+    if push > rub:
+        return (push - rub) / mass
+    if push < -rub:
+        return (push + rub) / mass
+    return 0.0

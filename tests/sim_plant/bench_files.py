@@ -1,0 +1,106 @@
+"""Bench plants, worlds and drives through a session's set points for the tests of the bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from plant_files import mapping
+
+from sim_plant.bench.parameters import BenchPlant
+from sim_plant.bench.stepper import Stepper
+from sim_plant.bench.world import OFF, Actuation, BenchWorld
+
+DT = 0.001
+PERIOD = 1.5  # s, OSWEC thesis, 2.1
+NOMINAL_GAIN = 1.5708  # rad/s/V, OSWEC thesis, eq. 3.2
+Floats = NDArray[np.float64]
+
+
+def changed(name: str = "oswec_bench", **values: Any) -> BenchPlant:
+    """A plant with some values replaced: changed(brake__fitted=0)."""
+    text = mapping(f"{name}.yaml")
+    for path, value in values.items():
+        section, field = path.split("__")
+        text[section][field] = {**text[section][field], "value": value}
+    return BenchPlant.model_validate(text)
+
+
+def bench(
+    name: str = "oswec_bench", seed: int = 1, *, stepper: type[Stepper] = Stepper, **values: Any
+) -> BenchWorld:
+    """A bench at 1 kHz, interpreted unless told."""
+    return BenchWorld(changed(name, **values), dt=DT, seed=seed, stepper=stepper)
+
+
+class Run(NamedTuple):
+    """What a run gives, tick by tick, in time order."""
+
+    motor: Floats  # rad, out of the counts, from the start
+    shaft: Floats
+    torque: Floats  # N m, as read less what is read at rest
+    command: Floats  # as sent
+
+
+def record(
+    world: BenchWorld, ticks: int, command: Callable[[int, BenchWorld], tuple[Actuation, float]]
+) -> Run:
+    """Drive the world by a law of the tick; give what the encoders and the cell read."""
+    scale = world.params.sensors
+    reading = world.sense()
+    start, rows = (reading.motor_counts, reading.shaft_counts), []
+    for k in range(ticks):
+        actuation, sent = command(k, world)
+        world.actuate(actuation)
+        world.advance(DT)
+        reading = world.sense()
+        rows.append((reading.motor_counts, reading.shaft_counts, reading.tz, sent))
+    motor, shaft, torque, sent_all = np.array(rows, dtype=float).T
+    return Run(
+        (motor - start[0]) / scale.motor_counts,
+        (shaft - start[1]) / scale.shaft_counts,
+        torque - float(world.params.load_cell.channels[5].bias),
+        sent_all,
+    )
+
+
+def brake_current(world: BenchWorld, torque: float) -> float:
+    """Current that holds a torque on the middle of the brake's branches, A."""
+    brake = world.params.brake
+    return float(np.interp(torque, brake.torques, brake.currents))
+
+
+def oscillate(
+    world: BenchWorld, amplitude_deg: float, damping: float, periods: int, settle: int = 2
+) -> Run:
+    """One set point of Table 2.1: velocity command A w sin, brake T = R theta_dot.
+
+    theta_dot is the difference of the shaft encoder over 15 ticks. Gives whole periods.
+    """
+    omega = 2.0 * math.pi / PERIOD
+    peak = math.radians(amplitude_deg) * omega / world.params.servo.gain
+    seen = [world.sense().shaft_counts] * 15
+    scale = world.params.sensors.shaft_counts
+
+    def command(k: int, rig: BenchWorld) -> tuple[Actuation, float]:
+        seen.append(rig.sense().shaft_counts)
+        velocity = (seen[-1] - seen.pop(0)) / (15 * DT * scale)
+        ramp = min(1.0, k * DT / PERIOD)
+        volts = -peak * ramp * math.sin(omega * k * DT)
+        current = brake_current(rig, damping * abs(velocity))
+        return Actuation(1, 0, volts, 0.0, current, 0), volts
+
+    ticks = round((periods + settle) * PERIOD / DT)
+    whole = record(world, ticks, command)
+    begin = round(settle * PERIOD / DT)
+    return Run(*(channel[begin:] for channel in whole))
+
+
+def idle(world: BenchWorld, ticks: int) -> None:
+    """Let time pass with all switched off."""
+    for _ in range(ticks):
+        world.actuate(OFF)
+        world.advance(DT)

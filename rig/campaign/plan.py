@@ -14,6 +14,7 @@ from typing import NamedTuple
 from rig.campaign.order import turns
 from rig.campaign.point import Point
 from rig.campaign.points import stator_positions
+from rig.campaign.segments import Piece, cut_into_ticks
 from rig.campaign.settings import NOTHING, Setting, setting
 from rig.campaign.stability import bearable_ki
 from rig.campaign.windows import Windows, calibration, windows
@@ -64,17 +65,6 @@ class Plan(NamedTuple):
     phases: PhaseSeconds
 
 
-class _Segment(NamedTuple):
-    row: int
-    phase: Phase
-    seconds: float
-    setpoint: Setting
-    wait: int = 0
-    timeout: float = 0.0  # s
-    waves: int = 1
-    drive: int = 1
-
-
 def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Plan:
     """The plan of a campaign that passed all checks (`rig.campaign.open_campaign`).
 
@@ -103,17 +93,17 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
     return _table(rows, pieces, rig)
 
 
-def _waves_alone(campaign: CampaignFile) -> list[_Segment]:
+def _waves_alone(campaign: CampaignFile) -> list[Piece[Setting]]:
     """Lead-in and one window: the wave maker runs, the probes are read, all power is off."""
     cut = calibration(campaign.sea, campaign.timing)
     return [
-        _Segment(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, NOTHING, drive=0),
-        _Segment(NO_ROW, Phase.MEASURE, cut.measure, NOTHING, drive=0),
-        _Segment(NO_ROW, Phase.DONE, 0.0, NOTHING, waves=0, drive=0),
+        Piece(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, NOTHING, drive=0),
+        Piece(NO_ROW, Phase.MEASURE, cut.measure, NOTHING, drive=0),
+        Piece(NO_ROW, Phase.DONE, 0.0, NOTHING, waves=0, drive=0),
     ]
 
 
-def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_Segment]:
+def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[Piece[Setting]]:
     """Tare, readiness and lead-in: everything before the first row."""
     start = campaign.start
     given, gains = start.set_point, first.setting
@@ -121,7 +111,7 @@ def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_
     set_point = gains._replace(kp=kp, ki=ki)
     # Where the stator stands before its first move is not known: bearable anywhere.
     anywhere = bearable_ki(rig.stability, rig.spring.by_rate()[0], ki)
-    ready = _Segment(
+    ready = Piece(
         NO_ROW,
         Phase.MOVING,
         max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
@@ -131,14 +121,14 @@ def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[_
         waves=0,
     )
     return [
-        _Segment(NO_ROW, Phase.TARE, campaign.tare_duration, set_point, waves=0, drive=0),
+        Piece(NO_ROW, Phase.TARE, campaign.tare_duration, set_point, waves=0, drive=0),
         ready,
-        _Segment(NO_ROW, Phase.LEAD_IN, start.set_point_s, set_point),
-        _Segment(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, gains),
+        Piece(NO_ROW, Phase.LEAD_IN, start.set_point_s, set_point),
+        Piece(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, gains),
     ]
 
 
-def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Segment]:
+def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[Piece[Setting]]:
     pieces = []
     rate = rows[0].spring_rate
     for row in rows:
@@ -148,7 +138,7 @@ def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Se
             ki = bearable_ki(rig.stability, (rate, row.spring_rate), gains.ki)
             rate = row.spring_rate
             pieces.append(
-                _Segment(
+                Piece(
                     row.row,
                     Phase.MOVING,
                     max(cut.move, 1.0 / rig.rate_hz),
@@ -158,43 +148,19 @@ def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[_Se
                 )
             )
         pieces += [
-            _Segment(row.row, Phase.SETTLE, cut.settle, gains),
-            _Segment(row.row, Phase.MEASURE, cut.measure, gains),
-            _Segment(row.row, Phase.TAIL, cut.tail, gains),
+            Piece(row.row, Phase.SETTLE, cut.settle, gains),
+            Piece(row.row, Phase.MEASURE, cut.measure, gains),
+            Piece(row.row, Phase.TAIL, cut.tail, gains),
         ]
     last = rows[-1].setting._replace(ki=0.0)
-    return [*pieces, _Segment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
+    return [*pieces, Piece(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
 
 
-def _table(rows: tuple[CampaignRow, ...], pieces: list[_Segment], rig: RigFile) -> Plan:
+def _table(rows: tuple[CampaignRow, ...], pieces: list[Piece[Setting]], rig: RigFile) -> Plan:
     """Segments in ticks: ends are rounded on the plan's own clock, so nothing drifts."""
     rate = float(rig.rate_hz)
-    kept: list[_Segment] = []
-    ticks: list[int] = []
-    clock, tick = 0.0, 0
-    for piece in pieces:
-        clock += piece.seconds
-        length = round(clock * rate) - tick
-        if length > 0 or piece.phase is Phase.DONE:  # a segment of no ticks would still take one
-            kept.append(piece)
-            ticks.append(length)
-            tick += length
-    table = tuple(dict.fromkeys(piece.setpoint for piece in kept))
-    index = {setpoint: i for i, setpoint in enumerate(table)}
-    segments = Segments(
-        row=tuple(piece.row for piece in kept),
-        phase=tuple(int(piece.phase) for piece in kept),
-        ticks=tuple(ticks),
-        wait=tuple(piece.wait for piece in kept),
-        timeout=tuple(
-            max(round(piece.timeout * rate), length) if piece.wait else 0
-            for piece, length in zip(kept, ticks, strict=True)
-        ),
-        restart=_restarts(kept),
-        drive=tuple(piece.drive for piece in kept),
-        waves=tuple(piece.waves for piece in kept),
-        setpoint=tuple(index[piece.setpoint] for piece in kept),
-    )
+    segments, kept, table = cut_into_ticks(pieces, rate)
+    ticks = segments.ticks
 
     def seconds(phase: Phase) -> float:
         return sum(n for n, p in zip(ticks, kept, strict=True) if p.phase is phase) / rate
@@ -210,18 +176,15 @@ def _table(rows: tuple[CampaignRow, ...], pieces: list[_Segment], rig: RigFile) 
     waves = sum(n for n, p in zip(ticks, kept, strict=True) if p.waves) / rate
     moves = sum(1 for i in range(1, len(rows)) if rows[i].spring_rate != rows[i - 1].spring_rate)
     return Plan(
-        rows, segments, _setpoints(table, rig), 1.0 / rate, tick / rate, waves, moves, phases
+        rows,
+        segments,
+        _setpoints(table, rig),
+        1.0 / rate,
+        sum(ticks) / rate,
+        waves,
+        moves,
+        phases,
     )
-
-
-def _restarts(kept: list[_Segment]) -> tuple[int, ...]:
-    """Where each segment starts over: its row's first segment, or the first of its phase."""
-    first: dict[tuple[int, Phase | None], int] = {}
-    found = []
-    for i, piece in enumerate(kept):
-        key = (piece.row, piece.phase if piece.row == NO_ROW else None)
-        found.append(first.setdefault(key, i))
-    return tuple(found)
 
 
 def _setpoints(table: tuple[Setting, ...], rig: RigFile) -> Setpoints:

@@ -218,7 +218,10 @@ BOUNDS = {
     "newtons_per_ampere": 4.0,
 }
 SLEW, PEAK, RMS = 8.0, 64.0, 32.0  # N
-LIMITED = {"CURRENT_PEAK": 1, "CURRENT_RMS": 2, "SLEW": 4, "MODE": 8, "NOT_FINITE": 16, "GATED": 32}
+LIMITED = {
+    "CURRENT_PEAK": 1, "CURRENT_RMS": 2, "SLEW": 4, "MODE": 8, "NOT_FINITE": 16, "GATED": 32,
+    "VELOCITY": 64,
+}  # fmt: skip
 NORMAL = AxisSense(123, 0.125, 3.0, 1, 0, 0.375)  # ages stand on their bounds
 STILL = Estimate(0.5, -2.0, 7.0)  # and so does the motion
 

@@ -16,12 +16,12 @@ class Line(NamedTuple):
     middle: float  # mean of x
     spread: float  # sum of (x - middle)^2
     r_squared: float
-    count: int
+    points: int
 
     @property
     def degrees(self) -> int:
         """Degrees of freedom."""
-        return self.count - 2
+        return self.points - 2
 
 
 def line(x: Any, y: Any) -> Line:
@@ -59,7 +59,7 @@ def at(fitted: Line, x: Any) -> Any:
 def band(fitted: Line, x: Any) -> Floats:
     """Half width of the 95 % confidence band of the line at x, unit of y."""
     off = np.asarray(x, np.float64) - fitted.middle
-    variance = 1.0 / fitted.count + off * off / fitted.spread
+    variance = 1.0 / fitted.points + off * off / fitted.spread
     out: Floats = factor(fitted.degrees) * fitted.scatter * np.sqrt(variance)
     return out
 

@@ -24,7 +24,7 @@ class Cut(NamedTuple):
     dt: float  # s
 
     @property
-    def count(self) -> int:
+    def whole(self) -> int:
         """Whole periods."""
         return len(self.edges) - 1
 
@@ -57,7 +57,7 @@ def drift(values: Floats, of: Cut) -> float:
     A line through the samples themselves would take part of every sine with it: 0.7 deg at the
     ends of 26 periods of 20 deg.
     """
-    if of.count < 2:
+    if of.whole < 2:
         return 0.0
     begins = of.edges[:-1] - of.edges[0]
     sums = np.add.reduceat(values[of.edges[0] : of.edges[-1]], begins)

@@ -41,7 +41,7 @@ def quarters(command: Floats, of: Cut) -> list[Quarter]:
     first = -float(np.angle(turn)) / (0.5 * np.pi)
     begin = int(np.ceil(-first - 1e-6))
     out = []
-    for k in range(begin, begin + 4 * of.count + 1):
+    for k in range(begin, begin + 4 * of.whole + 1):
         low, high = round((first + k) * per), round((first + k + 1) * per)
         if low < 0 or high > len(command):
             continue

@@ -43,7 +43,8 @@ class Ramps(NamedTuple):
 
 def ramps(current: Floats, torque: Floats, of: Cut) -> Ramps:
     """Domains of a set point, found in signals cut to their whole periods."""
-    up, back = [], []
+    up: list[Domain] = []
+    back: list[Domain] = []
     gaps = []
     for each in quarters(current, of):
         shares = RAMP if each.growing else BACK_OFF

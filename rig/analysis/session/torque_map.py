@@ -130,12 +130,15 @@ def fit(points: list[Loaded]) -> TorqueMap:
     off = bent - np.average(bent, weights=weight)
     how = f"map of {len(points)} set points, jackknife over them"
     units = ("rad", "rad", "N*m", "N*m/rad")
-    estimates = (
+    gap, soft, knee, stiffness = (
         Estimate(float(value), float(width), unit, how)
         for value, width, unit in zip(whole, half, units, strict=True)
     )
     return TorqueMap(
-        *estimates,
+        gap,
+        soft,
+        knee,
+        stiffness,
         1.0 - left / float((weight * off * off).sum()),
         float(np.sqrt(max(0.0, left) / weight.sum())),
     )

@@ -24,7 +24,7 @@ class Tracked(NamedTuple):
 def tracked(wanted: Floats, measured: Floats, of: Cut) -> Tracked:
     """Signals cut to their whole periods, N*m."""
     by_period = np.array([rms(piece) for piece in pieces(wanted - measured, of)])
-    whole = mean(by_period, "N*m", f"rms by period, scatter of {of.count} periods")
+    whole = mean(by_period, "N*m", f"rms by period, scatter of {of.whole} periods")
     return Tracked(whole._replace(value=rms(wanted - measured)), rms(wanted), by_period)
 
 

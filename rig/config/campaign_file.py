@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     ValidationInfo,
@@ -121,12 +122,30 @@ class Tare(FileModel):
     duration_s: float = Field(default=5.0, ge=0.5, le=600)
 
 
+def _folder_name(name: str) -> str:
+    plain = all(c.isascii() and (c.isalnum() or c in "._-") for c in name)
+    if not (plain and name and len(name) <= 64 and name[0].isalnum() and name[-1] != "."):
+        raise refuse(
+            f"{value_text(name)} cannot name a run's folder; allowed 1 .. 64 letters, digits, "
+            "'-', '_', '.', beginning with a letter or digit"
+        )
+    return name
+
+
+FolderName = Annotated[str, AfterValidator(_folder_name)]
+"""What names a run's folder."""
+
+
 def _tare(value: Any) -> Any:
     if value == "none":
         return None
     if isinstance(value, (dict, Tare)):
         return value
     raise refuse(f"{value_text(value)} is not known; allowed none or a mapping with duration_s")
+
+
+TareOrNone = Annotated[Tare | None, BeforeValidator(_tare)]
+"""A tare, or None where the file says `none`."""
 
 
 def _timing(value: Any) -> Any:
@@ -145,7 +164,7 @@ class CampaignFile(FileModel):
 
     inline: ClassVar[tuple[str, ...]] = ("sea",)
 
-    name: str
+    name: FolderName
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # in place of the rig's
     seed: Whole = Field(default=1, ge=0, le=4_294_967_295)
@@ -158,20 +177,9 @@ class CampaignFile(FileModel):
     reference: Reference | None = None  # open-loop force, with the feedback of the matrix
     surge: SurgeControl = SurgeControl()
     drive: DriveSetup = DriveSetup()
-    tare: Annotated[Tare | None, BeforeValidator(_tare)] = Tare()  # None: `none`
+    tare: TareOrNone = Tare()  # None: `none`
     order: Literal["as given", "fewest spring moves", "random"] = "as given"
     repeat: Whole = Field(default=1, ge=1, le=1000)
-
-    @field_validator("name")
-    @classmethod
-    def _folder_name(cls, name: str) -> str:
-        plain = all(c.isascii() and (c.isalnum() or c in "._-") for c in name)
-        if not (plain and name and len(name) <= 64 and name[0].isalnum() and name[-1] != "."):
-            raise refuse(
-                f"{value_text(name)} cannot name a run's folder; allowed 1 .. 64 letters, digits, "
-                "'-', '_', '.', beginning with a letter or digit"
-            )
-        return name
 
     @field_validator("matrix")
     @classmethod

@@ -78,7 +78,7 @@ class ConstantsFile(FileModel):
     rig: str = Field(min_length=1, max_length=64)
     run: str = Field(min_length=1, max_length=200)
     date: str = Field(pattern=r"^\d{4}-\d{2}-\d{2}$")
-    constants: dict[str, Constant] = {}
+    constants: dict[str, Constant] = Field(default_factory=dict)
     brake_map: BrakeMap | None = None
     deflection_map: DeflectionMap | None = None
     driveline: Several[DrivelinePoint] = Field(default=(), strict=False)

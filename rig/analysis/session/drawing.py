@@ -57,7 +57,7 @@ def note(axes: Axes, text: str, where: str) -> None:
         y,
         text,
         transform=axes.transAxes,
-        ha=side,  # type: ignore[arg-type]
+        ha=side,
         va="top" if down == "upper" else "bottom",
         fontsize=8,
         color=INK,

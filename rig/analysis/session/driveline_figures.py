@@ -10,8 +10,8 @@ from matplotlib.figure import SubFigure
 from rig.analysis.picture import INK, MARK, SOFT
 from rig.analysis.session import periods, regressions, torque_map
 from rig.analysis.session.deflection import Behind
-from rig.analysis.session.driveline import DEGREE, Driven, Found
 from rig.analysis.session.drawing import BLUE, DEPTH, RED, axes_of, note, shade, trend
+from rig.analysis.session.driveline import DEGREE, Driven, Found
 from rig.analysis.session.line import Line
 from rig.analysis.session.result import Picture
 
@@ -226,7 +226,7 @@ def _over_torque(found: Found, body: SubFigure) -> None:
 def _schemes(found: Found, body: SubFigure) -> None:
     axes = axes_of(body, "amplitude, deg   /   R, N·m·s/rad", "reference less shaft, 95th, deg")
     places = sorted({one.place for scheme in found.schemes for one, _ in scheme.pairs})
-    base = {}
+    base: dict[tuple[float, float], Driven] = {}
     for scheme in found.schemes:
         base |= {other.place: other for _, other in scheme.pairs}
     level = [np.percentile(np.abs(base[p].error), 95) / DEGREE for p in places]

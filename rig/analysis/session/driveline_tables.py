@@ -87,10 +87,8 @@ def _trends(found: Found) -> Table:
     ):  # fmt: skip
         steep, level = slope(fitted, "", ""), intercept(fitted, "", "")
         numbers = (steep.value, steep.uncertainty, level.value, level.uncertainty)
-        rows.append(
-            (name, *(times * x for x in numbers), fitted.r_squared, unit, f"{unit} per {per}")
-            + (thesis,)
-        )
+        scaled = (times * x for x in numbers)
+        rows.append((name, *scaled, fitted.r_squared, unit, f"{unit} per {per}", thesis))
     heads = ("trend", "slope", "slope ±", "at zero", "at zero ±", "R²", "unit", "unit of slope")
     columns = zip(*rows, strict=True)
     return Table(

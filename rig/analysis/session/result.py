@@ -1,6 +1,7 @@
 """What a session's analysis hands to tables, figures, page and calibration file."""
 
 from collections.abc import Callable, Mapping
+from math import isnan
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -58,7 +59,7 @@ class Result(NamedTuple):
 
 def number(value: float, digits: int = 4) -> str:
     """A number as people write it."""
-    if value != value:
+    if isnan(value):
         return "–"
     return f"{value:.{digits}g}".replace("-", "−")
 
@@ -68,9 +69,9 @@ def words(of: Estimate, unit: str = "", times: float = 1.0) -> str:
     value, half = times * of.value, times * of.uncertainty
     unit = unit or of.unit
     tail = "" if unit == "1" else f" {unit.replace('*', '·')}"
-    if value != value:
+    if isnan(value):
         return "–"
-    if half != half or half == 0.0:
+    if isnan(half) or half == 0.0:
         return f"{number(value)}{tail}"
     places = max(0, 1 - _exponent(half))
     return f"{value:.{places}f} ± {half:.{places}f}{tail}".replace("-", "−")

@@ -8,6 +8,7 @@ from matplotlib.figure import SubFigure
 
 from rig.analysis.session import losses, periods
 from rig.analysis.session.drawing import BLUE, RED, axes_of, note, shade
+from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.losses import Before, Behind, Turned
 from rig.analysis.session.periods import Cut
 from rig.analysis.session.read import Point, Session
@@ -50,7 +51,7 @@ def result(session: Session) -> Result:
     free = [each for each in points if each.free]
     behind = losses.behind(*_groups(free)) if free else None
     before = losses.before(*_with_constant(points, constant))
-    named = {}
+    named: dict[str, Estimate] = {}
     if behind is not None:
         names = ("dry_positive", "dry_negative", "viscous", "inertia")
         named |= {f"bearing_{name}": each for name, each in zip(names, behind, strict=True)}
@@ -63,8 +64,9 @@ def result(session: Session) -> Result:
     ]  # fmt: skip
     if behind is not None:
         said = "The cell's torque over velocity, means over periods; red: the fit."
-        pictures.insert(0, Picture("losses_behind", "Losses behind the load cell over velocity",
-                                   said, (7.2, 4.6), partial(_draw_behind, free, behind)))  # fmt: skip
+        title = "Losses behind the load cell over velocity"
+        draw = partial(_draw_behind, free, behind)
+        pictures.insert(0, Picture("losses_behind", title, said, (7.2, 4.6), draw))
     return Result(
         (_table(points, constant),),
         _compared(behind, before),
@@ -110,7 +112,8 @@ def _table(points: list[Rubbed], constant: float) -> Table:
         (
             Column("row", "", tuple(each.point.row for each in points)),
             Column("amplitude", "deg", tuple(p.point.number("amplitude_deg") for p in points)),
-            Column("brake current", "A", tuple(p.point.number("brake_current_a", 0.0) for p in points)),
+            Column("brake current", "A",
+                   tuple(p.point.number("brake_current_a", 0.0) for p in points)),
             Column("rms velocity", "rad/s", tuple(periods.rms(w.velocity) for w in whole)),
             Column("behind the cell, positive", "N*m",
                    tuple(float(w.torque[w.velocity > 0.0].mean()) for w in whole)),
@@ -129,7 +132,8 @@ def _compared(behind: Behind | None, before: Before) -> tuple[Compared, ...]:
                      words(behind.positive), None),
             Compared("behind the cell, counter-clockwise (dry)", "larger than clockwise", "",
                      words(behind.negative), None),
-            Compared("behind the cell, viscous", "grows with speed", "", words(behind.viscous), None),
+            Compared("behind the cell, viscous", "grows with speed", "",
+                     words(behind.viscous), None),
             Compared("behind the cell, inertia", "", "", words(behind.inertia), None),
         ]  # fmt: skip
     return (

@@ -14,7 +14,7 @@ _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;color:#22303c;max-width:1080px;margin:0 auto;padding:0 18px}
 header{background:#22303c;color:#fff;margin:0 -18px 20px;padding:18px}
 header h1{margin:0;font-size:24px}header p{margin:4px 0 0;color:#c9d3db}
-.stamp{float:right;background:#ffb703;color:#22303c;font-weight:700;padding:5px 12px;border-radius:4px}
+.stamp{float:right;background:#ffb703;color:#22303c;font-weight:700;padding:5px 12px}
 h2{font-size:18px;border-bottom:1px solid #cfd6dc;padding-bottom:4px;margin-top:34px}
 table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
 th,td{padding:4px 10px;border-bottom:1px solid #e3e8ec;text-align:right;vertical-align:top}

@@ -30,7 +30,7 @@ def test_a_known_delay_and_loss_are_found() -> None:
     motor = 0.2 * np.cos(2.0 * np.pi * t / 1.5) + 0.01 * t
     shaft = 0.198 * np.cos(2.0 * np.pi * (t - 0.003) / 1.5) + 0.01 * t
     of = periods.cut(len(t), 1.5, DT)
-    assert of.count == 26
+    assert of.whole == 26
     found = deflection.behind(deflection.motion(motor, shaft, 10.0 * np.sin(t * 0.0 + 1.0), of))
     assert found.phase_shift == pytest.approx(0.002, abs=1e-6)
     assert found.amplitude_difference == pytest.approx(0.002, rel=1e-3)
@@ -53,7 +53,7 @@ def test_periods_begin_where_the_reference_is_largest() -> None:
 
 def test_periods_of_no_whole_number_of_samples() -> None:
     of = periods.cut(10_000, 0.9995, DT)
-    assert of.count == 10
+    assert of.whole == 10
     assert of.edges[-1] == 9995
     with pytest.raises(ValueError, match="no whole period"):
         periods.cut(1000, 1.5, DT)

@@ -37,7 +37,7 @@ class Held(NamedTuple):
 
 
 def load_at(spring: TransmissionParams, held: Held, moved: Radian) -> NewtonMetre:
-    """Give the torque through the coupling after a movement: the spring's, or what friction holds."""
+    """Give the torque through the coupling after a movement: the spring's, or friction's."""
     wound = transmission.torque(spring, held.ahead + moved)
     return max(-held.back, min(wound, held.forward))
 
@@ -70,9 +70,10 @@ def moved(
     before = load_at(spring, held, 0.0)
     mass = params.inertia + dt * params.viscous
     free = (params.inertia * now + dt * (torque - before)) / mass
+    way = free * dt
     slope = 0.0  # of the load over the way that the motor would go
-    if free != 0.0:
-        slope = (load_at(spring, held, free * dt) - before) / (free * dt)
+    if abs(way) > 1.0e-12:
+        slope = (load_at(spring, held, way) - before) / way
     mass += dt * dt * slope
     push = params.inertia * now + dt * (torque - before)
     rub = dt * friction

@@ -68,7 +68,9 @@ def _servo(file: sections.VelocityLoop) -> ServoParams:
         float(file.cut_in.value),
         float(file.cut_in_spread.value),
         float(file.cut_in_closing.value),
-        float(file.cut_in_load.value),
+        float(file.droop.value),
+        float(file.droop_speed.value),
+        float(file.tuned_load.value),
         float(file.load_window.value),
     )
 

@@ -37,7 +37,9 @@ class VelocityLoop(Checked):
     cut_in: Entry[Annotated[float, Field(ge=0.0, le=1.0)], Literal["rad/s"]]
     cut_in_spread: Entry[Share, Literal["1"]]
     cut_in_closing: Entry[Time, Literal["s"]]
-    cut_in_load: Entry[Positive, Literal["N m"]]
+    droop: Entry[Annotated[float, Field(ge=0.0, le=1.0)], Literal["rad/s"]]
+    droop_speed: Entry[Positive, Literal["rad/s"]]
+    tuned_load: Entry[Positive, Literal["N m"]]
     load_window: Entry[Time, Literal["s"]]
 
 

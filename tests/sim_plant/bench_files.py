@@ -99,6 +99,48 @@ def oscillate(
     return Run(*(channel[begin:] for channel in whole))
 
 
+def detrended(angle: Floats) -> Floats:
+    """An angle over whole periods less its linear drift: the line through the periods' means.
+
+    A line fitted to the samples would also take up some of the sine, and with it of the phase.
+    """
+    length = round(PERIOD / DT)
+    means = angle.reshape(-1, length).mean(axis=1)
+    centres = (np.arange(len(means)) + 0.5) * length
+    slope, level = np.polyfit(centres, means, 1)
+    return np.asarray(angle - level - slope * (np.arange(len(angle)) + 0.5))
+
+
+class Deflection(NamedTuple):
+    """What the OSWEC thesis makes of one driveline run."""
+
+    phase: float  # shift, % of the period
+    amplitude: float  # difference, deg, half of peak to peak
+    rms_torque: float  # N m
+    rms_velocity: float  # rad/s, motor
+    p95: float  # deg, 95th percentile of |motor - shaft|
+    peak_torque: float  # N m
+
+
+def deflection(run: Run) -> Deflection:
+    """Phase shift by the fundamental, amplitude difference by the extremes, means over periods."""
+    length = round(PERIOD / DT)
+    motor, shaft = detrended(run.motor), detrended(run.shaft)
+    turn = np.exp(-2j * np.pi * np.arange(length) / length)
+    periods = list(zip(motor.reshape(-1, length), shaft.reshape(-1, length), strict=True))
+    shifts = [np.angle((m @ turn) / (s @ turn)) / (2 * np.pi) for m, s in periods]
+    lost = [np.degrees(np.ptp(m) - np.ptp(s)) / 2 for m, s in periods]
+    fundamental = np.sqrt(2) / length * abs(motor[:length] @ turn) * 2 * np.pi / PERIOD
+    return Deflection(
+        100 * float(np.mean(shifts)),
+        float(np.mean(lost)),
+        float(np.sqrt(np.mean(run.torque**2))),
+        float(fundamental),
+        float(np.percentile(np.degrees(np.abs(motor - shaft)), 95)),
+        float(np.max(np.abs(run.torque))),
+    )
+
+
 def idle(world: BenchWorld, ticks: int) -> None:
     """Let time pass with all switched off."""
     for _ in range(ticks):

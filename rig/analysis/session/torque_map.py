@@ -52,6 +52,8 @@ def loaded(of: Motion) -> Loaded:
     for sign in (1.0, -1.0):
         side = there & (sign * of.torque > 0.0)
         found.append((sign * of.torque[side], sign * of.deflection[side]))
+    if min(len(torque) for torque, _ in found) == 0:
+        return Loaded(np.empty(0), np.empty(0), np.empty(0))
     top = min(np.percentile(torque, 99.5) for torque, _ in found)
     edges = np.linspace(0.0, top, BINS + 1)
     rows = []

@@ -15,6 +15,8 @@ from rig.analysis.session.quarters import Domain, domain, quarters
 
 RAMP = (0.10, 0.97)
 """Share of a quarter's largest torque between which a ramp is fitted."""
+SETTLED = (0.5, 0.97)
+"""Of that, where the teeth have settled: what breaks away at first is behind it."""
 BACK_OFF = (0.15, 0.85)
 """The same for the way back: not its plateau, where stiction holds the torque."""
 UNIT = "N*m/A"
@@ -24,6 +26,7 @@ class Ramps(NamedTuple):
     """One set point."""
 
     up: list[Domain]  # torque grows
+    settled: list[Domain]  # torque grows, its upper half
     back: list[Domain]  # torque falls
     current_amplitude: float  # A
     rms_torque: float  # N*m
@@ -44,18 +47,21 @@ class Ramps(NamedTuple):
 def ramps(current: Floats, torque: Floats, of: Cut) -> Ramps:
     """Domains of a set point, found in signals cut to their whole periods."""
     up: list[Domain] = []
+    settled: list[Domain] = []
     back: list[Domain] = []
     gaps = []
     for each in quarters(current, of):
-        shares = RAMP if each.growing else BACK_OFF
-        found = domain(each, current, torque, by=torque, low=shares[0], high=shares[1])
-        if found is not None and found.fitted.slope > 0.0:
-            (up if each.growing else back).append(found)
+        wanted = ((up, RAMP), (settled, SETTLED)) if each.growing else ((back, BACK_OFF),)
+        for into, (low, high) in wanted:
+            found = domain(each, current, torque, by=torque, low=low, high=high)
+            if found is not None and found.fitted.slope > 0.0:
+                into.append(found)
         half = np.abs(np.abs(current[each.where]) - 0.5 * np.abs(current).max())
         sign = -1.0 if each.growing else 1.0
         gaps.append(sign * each.sign * torque[each.where][int(np.argmin(half))])
     return Ramps(
         up,
+        settled,
         back,
         float(0.5 * np.ptp(current)),
         rms(torque),
@@ -90,12 +96,14 @@ def constants(points: list[Ramps]) -> Constants:
 
     together = [np.concatenate(pair) for pair in zip(every[1], every[-1], strict=True)]
     single = np.concatenate(together)
-    own = "harmonic mean of ramp-up and back-off, so without gearbox friction; by scatter of points"
+    larger = sorted(points, key=lambda each: each.rms_torque)[len(points) // 2 :]
+    own = "harmonic mean of settled ramp and back-off, so without gearbox friction; larger half of "
+    own += "the set points, by their scatter"
     return Constants(
         mean([s.mean() for s in together if len(s)], UNIT, how),
         of(1),
         of(-1),
-        mean([each.motor.mean() for each in points if len(each.motor)], UNIT, own),
+        mean([each.motor.mean() for each in larger if len(each.motor)], UNIT, own),
         spread(1),
         spread(-1),
         float(single.min()),

@@ -3,8 +3,13 @@
 Section 3.2 of the OSWEC thesis: without load the drive cuts in late and keeps behind while it
 speeds up, so lines of velocity over command are fitted where it slows down. The thesis takes the
 whole deceleration; its begin, where the motor still waits for the command to come down to it,
-bends the line at small amplitudes. The constant proper is that of the part behind the wait, with
-the drive's lag beside it: velocity = K V - K lag dV/dt + offset.
+bends the line at small amplitudes. The constant proper is fitted to what is behind the wait, of all
+set points together:
+
+    velocity = K (V - lag dV/dt) - droop tanh(V / scale) + offset
+
+A drive whose loop has no integral keeps behind by what friction takes, which saturates with speed:
+the droop, that would else be taken for a smaller constant at small amplitudes.
 """
 
 from typing import NamedTuple
@@ -12,23 +17,18 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.analysis.session import periods
-from rig.analysis.session.estimate import Estimate, Floats, mean
+from rig.analysis.session.estimate import Estimate, Floats, jackknife, mean
 from rig.analysis.session.periods import Cut
-from rig.analysis.session.quarters import Domain, Quarter, domain, quarters
+from rig.analysis.session.quarters import Domain, domain, quarters
+from rig.analysis.session.searched import Sums, search, sums
 
 DECELERATION = (0.03, 1.0)
 """Share of the largest command between which the thesis's line is fitted."""
 FOLLOWING = (0.10, 0.94)
 """Share of the largest velocity between which the motor goes as told."""
+SCALES = np.geomspace(0.02, 0.6, 25)
+"""V, within which a droop may saturate."""
 UNIT = "rad/s/V"
-
-
-class Following(NamedTuple):
-    """The motor going as told, in one deceleration."""
-
-    where: slice
-    constant: float  # rad/s/V
-    lag: float  # s
 
 
 class Slowing(NamedTuple):
@@ -36,8 +36,9 @@ class Slowing(NamedTuple):
 
     velocity: Floats  # rad/s, of the motor, drift taken out
     volts: Floats  # V
+    rate: Floats  # V/s
     down: list[Domain]  # the thesis's lines
-    following: list[Following]
+    following: list[slice]  # where it goes as told
     rms_velocity: float  # rad/s
     volts_amplitude: float  # V
 
@@ -63,30 +64,20 @@ def slowing(angle: Floats, volts: Floats, of: Cut, window: float = 0.02) -> Slow
         found = domain(each, command, speed, by=command - level, low=low, high=high)
         if found is not None:
             down.append(found)
-        told = _following(each, command, rate, speed)
+        low, high = FOLLOWING
+        told = domain(each, command, speed, by=speed, low=low, high=high)
         if told is not None:
-            following.append(told)
-    return Slowing(
-        speed, command, down, following, periods.rms(speed), float(0.5 * np.ptp(command))
-    )
-
-
-def _following(quarter: Quarter, command: Floats, rate: Floats, speed: Floats) -> Following | None:
-    low, high = FOLLOWING
-    part = domain(quarter, command, speed, by=speed, low=low, high=high)
-    if part is None:
-        return None
-    at = part.where
-    design = np.stack([command[at], rate[at], np.ones(at.stop - at.start)], axis=1)
-    found = np.linalg.lstsq(design, speed[at], rcond=None)[0]
-    return Following(at, float(found[0]), float(-found[1] / found[0]))
+            following.append(told.where)
+    amplitude = float(0.5 * np.ptp(command))
+    return Slowing(speed, command, rate, down, following, periods.rms(speed), amplitude)
 
 
 class Constants(NamedTuple):
     """What the session gives."""
 
-    constant: Estimate  # of the motor going as told
+    constant: Estimate  # of the motor going as told, droop and lag apart
     lag: Estimate  # s
+    droop: Estimate  # rad/s
     thesis: Estimate  # by the thesis's lines, over all set points
     fastest: Estimate  # the same over the three fastest
     spread: float  # (largest - smallest) / mean of single lines of the three fastest
@@ -100,16 +91,43 @@ def constants(points: list[Slowing]) -> Constants:
     lines = [np.array([d.fitted.slope for d in each.down]) for each in ordered]
     top = np.concatenate(lines[-3:])
     how = f"lines of deceleration, mean of {len(points)} set points, by their scatter"
-    own = [np.mean([f.constant for f in each.following]) for each in ordered if each.following]
-    lags = [np.mean([f.lag for f in each.following]) for each in ordered if each.following]
-    told = f"motor going as told, lag apart; mean of {len(own)} set points, by their scatter"
     every = np.concatenate(lines)
     return Constants(
-        mean(own, UNIT, told),
-        mean(lags, "s", told),
+        *_proper(points),
         mean([each.mean() for each in lines], UNIT, how),
         mean([each.mean() for each in lines[-3:]], UNIT, how.replace(str(len(points)), "the 3")),
         float(np.ptp(top) / top.mean()),
         float(every.min()),
         float(every.max()),
     )
+
+
+def _proper(points: list[Slowing]) -> tuple[Estimate, Estimate, Estimate]:
+    """Constant, lag and droop of all set points that go as told somewhere."""
+    groups = [_group(each) for each in points if each.following]
+    how = f"motor going as told, {len(groups)} set points together, jackknife over them"
+    if len(groups) < 3:
+        none = (Estimate(float("nan"), float("nan"), unit, how) for unit in (UNIT, "s", "rad/s"))
+        return tuple(none)  # type: ignore[return-value]
+    found = search(groups, SCALES)
+    whole = _named(found.whole)
+    half = jackknife(whole, np.array([_named(each) for each in found.left_out]))
+    constant, lag, droop = (
+        Estimate(float(value), float(width), unit, how)
+        for value, width, unit in zip(whole, half, (UNIT, "s", "rad/s"), strict=True)
+    )
+    return constant, lag, droop
+
+
+def _group(point: Slowing) -> Sums:
+    at = np.concatenate([np.arange(each.start, each.stop) for each in point.following])
+    volts, rate = point.volts[at], point.rate[at]
+    one = np.ones((len(SCALES), len(at)))
+    saturated = np.tanh(volts[None, :] / SCALES[:, None])
+    design = np.stack([volts * one, rate * one, saturated, one], axis=2)
+    return sums(design, point.velocity[at])
+
+
+def _named(found: Floats) -> Floats:
+    constant, rate, droop, _, _ = found
+    return np.array([constant, -rate / constant, -droop])

@@ -17,8 +17,8 @@ from rig import record
 from rig.bench.words import BenchRow
 from rig.rehearsal.compiled_bench import CompiledStepper
 from rig.runs.mcap_file import row_dtype
-from rig.safety import Mode
-from rig.sequence import Phase
+from rig.safety import Mode, Reason
+from rig.sequence import NO_ROW, Phase
 from sim_plant.bench.world import OFF, Actuation, BenchWorld
 
 DTYPE = row_dtype(record.leaves(BenchRow))
@@ -36,7 +36,9 @@ class Bench(NamedTuple):
     gain: float  # rad/s/V believed in
 
 
-def bench(name: str = "oswec_bench", *, seed: int = 1, gain: float | None = None, **values: Any) -> Bench:
+def bench(
+    name: str = "oswec_bench", *, seed: int = 1, gain: float | None = None, **values: Any
+) -> Bench:
     """A compiled bench with some plant values replaced; ``gain`` as believed, or the true one."""
     world = BenchWorld(changed(name, **values), dt=DT, seed=seed, stepper=CompiledStepper)
     for _ in range(200):
@@ -150,7 +152,10 @@ def write_session(
         law = (torque_law if kind.startswith("torque") else velocity_law)(on, asked)
         blocks.append(_driven(on, law, (settle + periods) * per, i, settle * per))
         table.append({"row": i, **asked, "periods": periods, "measure_s": periods * per * DT})
-    data = np.concatenate(blocks)
+    done = np.zeros(20, DTYPE)
+    done["plan.row"], done["plan.phase"], done["safety.mode"] = NO_ROW, Phase.DONE, Mode.STOP_1
+    done["safety.reason"] = Reason.PLAN_END
+    data = np.concatenate([*blocks, done])
     data["tick"] = data["tick_end"] = np.arange(len(data))
     data["time"] = data["tick"] * DT
     scale = on.world.params.sensors
@@ -171,6 +176,4 @@ def write_session(
 
 def driveline_rows(table: Sequence[tuple[float, float]], period: float = 1.5) -> list[Asked]:
     """Amplitudes (deg) and dampings (N*m*s/rad)."""
-    return [
-        {"amplitude_deg": a, "damping_n_m_s_per_rad": r, "period_s": period} for a, r in table
-    ]
+    return [{"amplitude_deg": a, "damping_n_m_s_per_rad": r, "period_s": period} for a, r in table]

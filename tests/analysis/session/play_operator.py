@@ -54,9 +54,7 @@ def _carried(truth: Truth, gap: Any, bent: Any) -> Any:
     beyond = np.maximum(np.abs(bent) - gap, 0.0)
     soft = truth.soft / truth.knee + 1.0 / truth.stiffness  # rad/(N*m), up to the knee
     bend = truth.knee * soft
-    size = np.where(
-        beyond < bend, beyond / soft, truth.knee + (beyond - bend) * truth.stiffness
-    )
+    size = np.where(beyond < bend, beyond / soft, truth.knee + (beyond - bend) * truth.stiffness)
     return np.sign(bent) * size
 
 

@@ -23,7 +23,7 @@ TIME = {
     "rig/ring.py": "a full ring is waited for on the virtual clock",
     "rig/logger.py": "flushes by the second, retries a stalled disk",
     "rig/supervisor.py": "looks at its children now and then; ties a run to UTC",
-    "rig/campaign_run.py": "dates the run and names its folder",
+    "rig/task_run.py": "dates the run and names its folder",
     "rig/child.py": "how long a child has stood still",
     "rig/companions.py": "a companion must be ready in time",
     "rig/hardware/": "when a value was asked for; processes beside the loop, and the first SYNCs",

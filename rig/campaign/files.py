@@ -1,6 +1,5 @@
 """Opening a campaign: every file it stands on, every problem in them at once."""
 
-import hashlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -8,31 +7,24 @@ from typing import Any, NamedTuple, TypeVar
 from rig.campaign.designed_sea import too_large
 from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.order import turns
-from rig.campaign.pieces import Pieces, Source, pieces, sea_of
+from rig.campaign.pieces import Pieces, pieces, sea_of
 from rig.campaign.point import MOST_ROWS, Point
 from rig.campaign.points import count, outside_map, points, stator_positions
 from rig.campaign.settings import foreign_to_drive
+from rig.campaign.sources import ReadFile, Source, in_order, named_source, read_file, read_files
 from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, calibration, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import LimitsFile
-from rig.config.problems import ConfigError, Problem, key_text, shown
+from rig.config.problems import ConfigError, Problem
 from rig.config.rig_file import RigFile
 from rig.config.sea import RecordedSea
-from rig.config.source import KeyPath, Locate, load_mapping
+from rig.config.source import Locate, load_mapping
 from rig.config.translate import validate
 
 T = TypeVar("T")
 
 _OWN = ("rig", "sea", "matrix")  # keys without which a file is not even a broken campaign
-
-
-class ReadFile(NamedTuple):
-    """A file a campaign stands on."""
-
-    role: str  # campaign, sea, rig, limits, plant, matrix, elevation
-    path: Path
-    sha256: str
 
 
 class Campaign(NamedTuple):
@@ -78,14 +70,14 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(
-        lambda: _named(top, ("rig",)) if rig_path is None else Source(*load_mapping(rig_path))
+        lambda: named_source(top, ("rig",)) if rig_path is None else Source(*load_mapping(rig_path))
     )
     limits_source = plant_source = None
     if rig_source is not None:
-        limits_source = attempt(lambda: _named(rig_source, ("limits",)))
+        limits_source = attempt(lambda: named_source(rig_source, ("limits",)))
     owner = rig_source if top.mapping.get("plant") is None else top
     if owner is not None:
-        plant_source = attempt(lambda: _named(owner, ("plant",)))
+        plant_source = attempt(lambda: named_source(owner, ("plant",)))
 
     campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
     rig = limits = found = elevation = None
@@ -94,10 +86,10 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
     if limits_source is not None:
         limits = attempt(lambda: validate(limits_source.mapping, limits_source.locate, LimitsFile))
     files = [
-        *_files("campaign", top),
-        *_files("rig", rig_source),
-        *_files("limits", limits_source),
-        *_files("plant", plant_source),
+        *read_files("campaign", top),
+        *read_files("rig", rig_source),
+        *read_files("limits", limits_source),
+        *read_files("plant", plant_source),
     ]
     rows = 0
     if campaign is not None:
@@ -105,13 +97,13 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
         rows = _rows(campaign, found)
         problems += _own_rules(campaign, rows, top.locate)
         if campaign.matrix is not None and campaign.matrix.csv is not None and found:
-            files.append(_file("matrix", found[0].at["kp"].place.path))
+            files.append(read_file("matrix", found[0].at["kp"].place.path))
     sea = sea_of(top)
     if isinstance(sea, RecordedSea):
         record = top.locate.file(("sea", "file"), sea.file)
         elevation = attempt(lambda: _elevation(record, sea, top.locate))
         if elevation is not None:
-            files.append(_file("elevation", record))
+            files.append(read_file("elevation", record))
     if rig is not None and found is not None:
         outside = outside_map(found, rig.spring)
         problems += (
@@ -124,7 +116,7 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
             problems += unstable_set_point(campaign, first, rig.stability, top.locate)
     problems += also(pieces(top, rig_source, plant_source, sea, elevation))
     if problems:
-        raise ConfigError(_in_order(problems, (top, rig_source, limits_source, plant_source)))
+        raise ConfigError(in_order(problems, (top, rig_source, limits_source, plant_source)))
     assert campaign is not None
     assert rig is not None
     assert limits is not None
@@ -143,13 +135,6 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
     )
 
 
-def _in_order(problems: list[Problem], sources: tuple[Source | None, ...]) -> list[Problem]:
-    """File by file, the campaign's first, and down each file."""
-    files = [shown(path) for opened in sources if opened for path in opened.locate.files]
-    rank = {file: i for i, file in reversed(list(enumerate(files)))}
-    return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
-
-
 def _top(path: Path) -> Source:
     """The campaign's own file; of a file of another kind only that is said."""
     found = Source(*load_mapping(path, inline=CampaignFile.inline))
@@ -157,15 +142,6 @@ def _top(path: Path) -> Source:
         message = f"no campaign: it has none of {', '.join(_OWN)}"
         raise ConfigError([found.locate.problem((), None, message)])
     return found
-
-
-def _named(owner: Source, key: KeyPath) -> Source | None:
-    """The file another one names; None where the name itself is a problem told elsewhere."""
-    name = owner.mapping.get(str(key[-1]))
-    if not isinstance(name, str) or not name:
-        return None
-    path = owner.locate.file(key, name)
-    return Source(*load_mapping(path, owner.locate(key), key_text(key)))
 
 
 def _points(campaign: CampaignFile, locate: Locate) -> tuple[Point, ...] | None:
@@ -206,14 +182,3 @@ def _elevation(record: Path, sea: RecordedSea, locate: Locate) -> Elevation:
         key = ("sea", "file")
         raise ConfigError([locate.problem(key, sea.file, f"{sea.file!r} is not there")])
     return read_elevation(record, sea)
-
-
-def _files(role: str, opened: Source | None) -> list[ReadFile]:
-    if opened is None:
-        return []
-    inlined = opened.locate.inlined
-    return [_file("sea" if path in inlined else role, path) for path in opened.locate.files]
-
-
-def _file(role: str, path: Path) -> ReadFile:
-    return ReadFile(role, path, hashlib.sha256(path.read_bytes()).hexdigest())

@@ -4,27 +4,20 @@ The simulated plant is such a check: it is told of plant, sea and rig even when 
 same file is wrong, so that all problems come at once.
 """
 
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
 from rig.campaign.elevation import Elevation
+from rig.campaign.sources import Source
 from rig.config.rig_file import Axis, Rate
 from rig.config.sea import AnySea, Sea
-from rig.config.source import Locate
 
 T = TypeVar("T")
 
 _SEA: TypeAdapter[AnySea] = TypeAdapter(Sea)
 _RATE: TypeAdapter[int] = TypeAdapter(Rate)
 _HEAVE: TypeAdapter[Axis] = TypeAdapter(Axis)
-
-
-class Source(NamedTuple):
-    """A file as read, not validated, and where each of its values stands."""
-
-    mapping: dict[str, Any]
-    locate: Locate
 
 
 class Pieces(NamedTuple):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from rig import cli
 from rig.campaign import Campaign
-from rig.campaign_run import Ended, Rung, carry_out, rehearsal, wired
+from rig.campaign_run import carry_out, rehearsal, wired
 from rig.cli.check import complain, examine
 from rig.cli.failure import fail
 from rig.cli.progress import Progress
@@ -19,6 +19,7 @@ from rig.limits import Limited, Warned
 from rig.runs import RunError, create
 from rig.safety import Mode, Reason
 from rig.sequence import Phase
+from rig.task_run import Ended, Rung
 
 _NAMES: dict[str, type[IntEnum]] = {
     "safety.mode": Mode,

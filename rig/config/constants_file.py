@@ -16,6 +16,7 @@ UNITS = {
     "torque_constant_positive": "N*m/A",  # currents above zero
     "torque_constant_negative": "N*m/A",
     "velocity_constant": "rad/s/V",
+    "velocity_constant_loaded": "rad/s/V",  # of driveline runs
 }
 """Constants that a plan reads, each with its one unit; a file may hold others."""
 

@@ -15,8 +15,9 @@ from rig.assemble import estimator_params, zc_sections
 from rig.campaign.designed_sea import DesignedSea, designed
 from rig.campaign.elevation import Elevation
 from rig.campaign.files import Campaign
-from rig.campaign.pieces import Pieces, Source
+from rig.campaign.pieces import Pieces
 from rig.campaign.reference import table
+from rig.campaign.sources import Source
 from rig.config.campaign_file import Law
 from rig.config.problems import Problem, number_text, shown
 from rig.config.reference import AnyReference, Reference

@@ -27,6 +27,7 @@ class Constant(FileModel):
     value: float = Field(ge=-1e9, le=1e9)
     unit: str = Field(min_length=1, max_length=32)
     uncertainty: float = Field(ge=0, le=1e9)  # half width of the interval that holds it, 95 %
+    method: str = Field(default="", max_length=300)  # how it was found, what the interval rests on
 
 
 class Branch(FileModel):
@@ -34,10 +35,15 @@ class Branch(FileModel):
 
     current_a: Several[float] = Field(min_length=2, strict=False)
     torque_n_m: Several[float] = Field(min_length=2, strict=False)
+    uncertainty_n_m: Several[float] = Field(default=(), strict=False)  # half widths, 95 %
 
     def broken_rules(self) -> Iterator[Broken]:
         """Equally long; currents and torques rise."""
         yield from _paired(self.current_a, self.torque_n_m, "current_a", "torque_n_m")
+        if self.uncertainty_n_m:
+            yield from _as_long(
+                self.current_a, self.uncertainty_n_m, "current_a", "uncertainty_n_m"
+            )
         yield from _rising(self.torque_n_m, "torque_n_m")
 
 
@@ -112,10 +118,16 @@ class ConstantsFile(FileModel):
 def _paired(
     first: tuple[float, ...], second: tuple[float, ...], rising: str, other: str
 ) -> Iterator[Broken]:
-    if len(first) != len(second):
-        message = f"{len(second)} entries; allowed {len(first)}, as in {rising}"
-        yield Broken((other,), message)
+    yield from _as_long(first, second, rising, other)
     yield from _rising(first, rising)
+
+
+def _as_long(
+    first: tuple[float, ...], second: tuple[float, ...], key: str, other: str
+) -> Iterator[Broken]:
+    if len(first) != len(second):
+        message = f"{len(second)} entries; allowed {len(first)}, as in {key}"
+        yield Broken((other,), message)
 
 
 def _rising(values: tuple[float, ...], key: str) -> Iterator[Broken]:

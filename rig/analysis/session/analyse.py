@@ -1,0 +1,146 @@
+"""The door: a session's run in, its tables, figures, page and calibration file out."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig.analysis import picture
+from rig.analysis.session import (
+    brake_report,
+    driveline_report,
+    losses_report,
+    torque_report,
+    tracking_report,
+    velocity_report,
+)
+from rig.analysis.session.constants import write_constants
+from rig.analysis.session.page import notes, write_page
+from rig.analysis.session.read import Session, open_session, session_of
+from rig.analysis.session.result import Picture, Result, words
+from rig.analysis.session.tables import as_json, write_tables
+from rig.runs import RunError
+from rig.runs.folder import facts, list_runs
+
+_ALONE: dict[str, Callable[[Session], Result]] = {
+    "torque_constant": torque_report.result,
+    "velocity_constant": velocity_report.result,
+    "brake_map": brake_report.result,
+    "losses": losses_report.result,
+}
+_AGAINST: dict[str, Callable[[Session, Session | None], Result]] = {
+    "driveline": driveline_report.result,
+    "torque_tracking": tracking_report.result,
+}
+KINDS = (*_ALONE, *_AGAINST)
+"""Sessions that have an analysis."""
+
+
+class Summary(NamedTuple):
+    """What came of it, for a terminal and for programs."""
+
+    session: str
+    run: str
+    result: Result
+    notes: tuple[str, ...]
+    written: tuple[Path, ...]
+
+    @property
+    def held(self) -> bool:
+        """Whether everything that was asked of the run holds."""
+        return all(each.held is not False for each in self.result.compared)
+
+    def as_text(self) -> str:
+        """Lines for a terminal."""
+        marks = {True: "ok  ", False: "NOT ", None: "    "}
+        wide = max((len(each.quantity) for each in self.result.compared), default=0)
+        lines = [f"session {self.session}, run {self.run}"]
+        for each in self.result.compared:
+            told = [f"{each.found}"]
+            told += [f"thesis: {each.thesis}"] if each.thesis else []
+            told += [f"wanted: {each.wanted}"] if each.wanted else []
+            lines.append(f"  {marks[each.held]}{each.quantity:<{wide}}  {'; '.join(told)}")
+        lines += [f"  {name} = {words(c)}" for name, c in self.result.constants.items()]
+        lines += [f"  note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The same as JSON can hold it, without tables' columns."""
+        told = as_json(self.result)
+        told.pop("tables")
+        return {
+            "session": self.session,
+            "run": self.run,
+            "held": self.held,
+            **told,
+            "notes": list(self.notes),
+            "written": [str(path) for path in self.written],
+        }
+
+
+def analyse(
+    run_folder: str | os.PathLike[str], against: str | os.PathLike[str] | None = None
+) -> Summary:
+    """Analyse a session's run and write everything into its folder.
+
+    ``against``: the run without correction, or in open loop, by which a corrected or closed-loop
+    one is judged; if not given, the newest such run beside it. RunError for a run that is no
+    session's, or of which nothing can be made; the message says why.
+    """
+    run = Path(run_folder)
+    session = open_session(run)
+    try:
+        result = _result(session, run, against)
+    except ValueError as error:
+        raise RunError(f"{run}: {error}") from error
+    folder = run if run.is_dir() else run.parent
+    told = {"session": session.kind, **session.known.attributes()}
+    pictures = [_draw(each, told, folder) for each in result.pictures]
+    written = [
+        *write_tables(result, told, folder),
+        *write_constants(result, session, folder),
+        *pictures,
+        write_page(result, session, pictures, folder),
+    ]
+    said = tuple(notes(result, session))
+    return Summary(session.kind, session.known.run, result, said, tuple(written))
+
+
+def _result(session: Session, run: Path, against: str | os.PathLike[str] | None) -> Result:
+    if session.kind in _ALONE:
+        if against is not None:
+            raise ValueError(f"a session {session.kind} is not judged against another run")
+        return _ALONE[session.kind](session)
+    if session.kind not in _AGAINST:
+        raise ValueError(f"session {session.kind!r} has no analysis; there are {', '.join(KINDS)}")
+    if against is not None:
+        return _AGAINST[session.kind](session, open_session(against))
+    other = None if _plain(session_of(session.known)) else _beside(session, run)
+    return _AGAINST[session.kind](session, open_session(other) if other else None)
+
+
+def _plain(told: dict[str, Any]) -> bool:
+    """Whether a session file asks for neither correction nor feedback."""
+    correction = told.get("correction") or "none"
+    kind = correction.get("kind") if isinstance(correction, dict) else correction
+    return kind == "none" and told.get("control", "open loop") == "open loop"
+
+
+def _beside(session: Session, run: Path) -> Path | None:
+    """The newest complete run of this kind beside a run, neither corrected nor fed back."""
+    mine = session_of(session.known)
+    regular = mine.get("irregular") is None
+    for each in list_runs(run.resolve().parent)[::-1]:
+        if each.status != "complete" or each.path == run.resolve():
+            continue
+        told = session_of(facts(each.path, ()))
+        same = told.get("session") == session.kind and (told.get("irregular") is None) == regular
+        if same and _plain(told):
+            return each.path
+    return None
+
+
+def _draw(of: Picture, told: dict[str, Any], folder: Path) -> Path:
+    figure, body = picture.framed(*of.size, of.title, told, "", of.caption)
+    of.draw(body)
+    return picture.save(figure, folder / f"{of.name}.png")

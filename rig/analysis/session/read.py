@@ -1,0 +1,170 @@
+"""A bench run as set points of evenly sampled arrays: what every session's analysis begins with.
+
+Angles are the measured ones, counts times the encoder's scale less the tared zero; never the
+filtered estimates, whose lag would be taken for the driveline's.
+"""
+
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rig.analysis.session import periods
+from rig.analysis.session.deflection import Motion, motion
+from rig.analysis.session.estimate import Floats
+from rig.analysis.session.periods import Cut
+from rig.analysis.windows import Window, windows
+from rig.runs import RunError, reader
+from rig.runs.folder import Facts, facts
+
+FIELDS = (
+    *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
+    *("brake.current", "tared.motor", "tared.shaft", "tared.torque"),
+    *("reference.angle", "reference.velocity", "reference.torque"),
+    *("correction.angle", "command.velocity", "command.volts", "command.torque"),
+    *("command.current", "command.brake_torque", "command.limited", "demand.torque", "time"),
+)
+
+
+class Point(NamedTuple):
+    """The measured ticks of one set point, (samples,) each."""
+
+    row: int
+    asked: dict[str, Any]  # its columns in the plan
+    cut_short: str  # why it is not whole; empty if it is
+    lost: int  # ticks that were not logged: interpolated
+    limited: int  # ticks whose command was not granted in full
+    dt: float  # s
+    start: float  # s from run start
+    motor: Floats  # rad
+    shaft: Floats  # rad
+    torque: Floats  # N*m, of the load cell, tared
+    current: Floats  # A, of the motor, measured
+    current_command: Floats  # A
+    volts: Floats  # V
+    brake_current: Floats  # A, measured
+    wanted_angle: Floats  # rad, uncorrected reference
+    wanted_velocity: Floats  # rad/s
+    wanted_torque: Floats  # N*m
+    correction: Floats  # rad, added by the position correction
+
+    def number(self, column: str, otherwise: float = float("nan")) -> float:
+        """A column of the plan as a number."""
+        value = self.asked.get(column)
+        return float(value) if isinstance(value, int | float) else otherwise
+
+    @property
+    def period(self) -> float:
+        """Of its oscillation, s."""
+        return self.number("period_s")
+
+    @property
+    def correction_name(self) -> str:
+        """none, offline, online or instantaneous."""
+        return str(self.asked.get("correction") or "none")
+
+    def cut(self, command: Floats) -> Cut:
+        """Its whole periods, from a maximum of a command on where that leaves as many."""
+        samples = len(self.motor)
+        first = periods.begin(command, self.period, self.dt)
+        whole = periods.cut(samples, self.period, self.dt)
+        try:
+            aligned = periods.cut(samples, self.period, self.dt, first)
+        except ValueError:
+            return whole
+        return aligned if aligned.whole >= max(2, whole.whole - 1) else whole
+
+    def motion(self) -> Motion:
+        """Motor, shaft and torque over the whole periods of the reference angle."""
+        return motion(self.motor, self.shaft, self.torque, self.cut(self.wanted_angle))
+
+    def over(self, values: Floats, of: Cut) -> Floats:
+        """A signal cut to whole periods."""
+        return values[of.edges[0] : of.edges[-1]]
+
+
+class Session(NamedTuple):
+    """A run of a session."""
+
+    known: Facts
+    kind: str  # driveline, torque_constant, ...
+    name: str
+    points: list[Point]  # in the order of the run
+    torque_constant: float  # N*m/A, in use in the run
+    velocity_constant: float  # rad/s/V, in use in the run
+
+    @property
+    def whole(self) -> list[Point]:
+        """Set points that were measured to their end."""
+        return [point for point in self.points if not point.cut_short]
+
+
+def session_of(known: Facts) -> dict[str, Any]:
+    """The session file of a run, as resolved; empty for a run that is no session's."""
+    told = known.config.get("session")
+    return told if isinstance(told, dict) else {}
+
+
+def open_session(run: str | os.PathLike[str]) -> Session:
+    """Read a run; RunError if it is no session's or nothing was measured."""
+    source = reader.source(run)
+    known = facts(run, source.contents)
+    told = session_of(known)
+    if not told:
+        raise RunError(f"{run}: no run of a bench session (its configuration names none)")
+    scales = known.plan.get("scales") or {}
+    dt = float(known.plan["dt"])
+    rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
+    latest: dict[int, Point] = {}
+    for window in windows(source, list(FIELDS)):
+        if window.row >= 0:
+            latest.pop(window.row, None)  # a later attempt takes the place of an earlier one
+            latest[window.row] = _point(window, rows.get(window.row, {}), scales, dt)
+    if not latest:
+        raise RunError(f"{run}: no set point was measured")
+    return Session(
+        known,
+        str(told.get("session") or ""),
+        str(told.get("name") or told.get("session") or ""),
+        list(latest.values()),
+        float(scales.get("torque_constant_n_m_per_a") or np.nan),
+        float(scales.get("velocity_constant_rad_per_s_per_v") or np.nan),
+    )
+
+
+def _point(window: Window, asked: dict[str, Any], scales: dict[str, Any], dt: float) -> Point:
+    data = window.data
+    ticks = data["tick"]
+    grid = np.arange(ticks[0], ticks[-1] + 1)
+    gaps = len(grid) != len(ticks)
+
+    def field(name: str) -> Floats:
+        values = np.asarray(data[name], np.float64)
+        return np.interp(grid, ticks, values) if gaps else values
+
+    length = asked.get("measure_s")
+    short = window.cut_short
+    if not short and isinstance(length, int | float) and len(grid) < 0.99 * length / dt - 1.0:
+        short = "shorter than planned"
+    motor = field("encoders.motor_counts") * float(scales["motor_rad_per_count"])
+    shaft = field("encoders.shaft_counts") * float(scales["shaft_rad_per_count"])
+    return Point(
+        window.row,
+        asked,
+        short,
+        len(grid) - len(ticks),
+        int((data["command.limited"] != 0).sum()),
+        dt,
+        float(data["time"][0]),
+        motor - field("tared.motor"),
+        shaft - field("tared.shaft"),
+        field("load.tz") - field("tared.torque"),
+        field("servo.current"),
+        field("command.current"),
+        field("command.volts"),
+        field("brake.current"),
+        field("reference.angle"),
+        field("reference.velocity"),
+        field("reference.torque"),
+        field("correction.angle"),
+    )

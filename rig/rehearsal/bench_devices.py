@@ -21,6 +21,9 @@ class BenchDevices:
         self._dt = dt
         self._ticks = 0
 
+    def warm_up(self, dt: float) -> None:
+        """A plant in the same process needs none."""
+
     def read(self, now: float) -> Sense:
         tick = round(now / self._dt)
         while self._ticks < tick:

@@ -76,13 +76,13 @@ class Identity(NamedTuple):
 class Service:
     """The service end of one bus. Its callbacks run in a thread of the library."""
 
-    def __init__(self, bus: Bus) -> None:
-        """Open the bus; LinkError if it cannot be."""
+    def __init__(self, bus: Bus, patience: float = _SDO_PATIENCE) -> None:
+        """Open the bus; LinkError if it cannot be. ``patience``: s for one answer."""
         self._can: can.BusABC = open_bus(bus)
         self._network = _NETWORK()
         self._network.bus = self._can
         self._network.NOTIFIER_CYCLE = _CLOSING
-        self._bus_off = BusOff()
+        self._patience, self._bus_off = patience, BusOff()
         self._network.connect()
         self._network.notifier.add_listener(self._bus_off)
         self._lock = threading.Lock()
@@ -254,7 +254,7 @@ class Service:
     def _remote(self, node: int) -> Any:
         if node not in self._nodes:
             remote = self._network.add_node(node, _NO_DICTIONARY())
-            remote.sdo.RESPONSE_TIMEOUT = _SDO_PATIENCE
+            remote.sdo.RESPONSE_TIMEOUT = self._patience
             self._nodes[node] = remote
         return self._nodes[node]
 

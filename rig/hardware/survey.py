@@ -22,6 +22,7 @@ SCAN = 0.4  # s in which every node of the bus has answered a first question
 _BEATS = 2.5  # periods of a heartbeat in which one must have come
 _LONGEST = 3.0  # s that are waited for heartbeats
 _LOOK = 0.02  # s
+_PATIENCE = 2.0  # s for one answer: beside a run it waits behind process data that we must read too
 _MASTER_LOST = 0x11  # generic and communication, in the error register
 
 
@@ -140,7 +141,7 @@ def _bus(config: dict[str, Any], load: float) -> BusFound:
     if why := bus_trouble(bus):
         return BusFound(bus, load, why, absent, ())
     try:
-        service = Service(bus)
+        service = Service(bus, _PATIENCE)
     except LinkError as error:
         return BusFound(bus, load, str(error), absent, ())
     try:

@@ -20,6 +20,7 @@ from drivers.canopen.torque_axis import TORQUE_MODE, Settings, layouts
 
 OWN = 0x7F  # our node
 SCALE = scaling.CurrentScale(100.0, 0.01, 4000)  # 0.01 A a step, 40 A at most
+SLOW = 5  # SYNCs from one mode display of an emulated drive to the next
 TICKS = 2000  # deadline of every transition
 MACHINE = cia402.Params(
     stale=0.5,
@@ -74,7 +75,7 @@ def drive_steps(node: int, watch: int = 2000, deadline: int = 2000, **changes: i
         *parameter_steps({**DRIVE_OBJECTS, **watched, **changes}),
         *rpdo_steps(1, made.command, 1, deadline),
         *tpdo_steps(1, made.status, 1),
-        *tpdo_steps(2, made.slow, 5),
+        *tpdo_steps(2, made.slow, SLOW),
     ]
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -51,12 +49,6 @@ class Kill(Trigger):
             return time.monotonic()
 
         super().__init__(deed, 1.0)
-
-
-def rig(*words: str | Path) -> subprocess.Popen[str]:
-    """`rig ...` in a process of its own."""
-    command = [sys.executable, "-m", "rig", *map(str, words)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
 def emulated(

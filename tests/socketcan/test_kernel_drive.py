@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 from can_rig import HEAVE, SURGE, LiveRig, live, waited
-from canopen_drives import MACHINE, OWN, axis_settings, drive_steps
+from canopen_drives import MACHINE, OWN, SLOW, axis_settings, drive_steps
 from kernel_can import BUS, NAME, HubBridge, needs_kernel, switch
 
 from drivers.canopen import arming, scaling
@@ -55,7 +55,7 @@ class Cycle:
     def __init__(self) -> None:
         scale = scaling.amc_current(1000, 40.0)
         self.axis = TorqueAxis(
-            axis_settings(HEAVE, scale=scale, machine=MACHINE._replace(stale=0.9))
+            axis_settings(HEAVE, scale=scale, machine=MACHINE._replace(stale=0.9), slow_every=SLOW)
         )
         self.link = Link(BUS, self.axis.each_sync)
         self.bus = BusCycle(self.link, [self.axis], OWN, 0.05)

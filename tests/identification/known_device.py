@@ -34,6 +34,16 @@ def impedances(frequency: Any, spring_rate: float) -> tuple[Any, Any]:
     return hull_alone, hull_alone + pto["drivetrain_viscous"]["value"] + spring_rate / s
 
 
+def surge_impedance(frequency: Any) -> Any:
+    """Z (N*s/m) of surge with its mooring at frequencies (Hz), by the plant's file."""
+    plant = linear_plant()["surge"]
+    s = 2j * np.pi * np.asarray(frequency)
+    top = np.polyval([*plant["radiation"]["numerator"]["value"], 0.0], s)
+    radiation = top / np.polyval([1.0, *plant["radiation"]["denominator"]["value"]], s)
+    mass = plant["mass"]["value"] + plant["added_mass_infinite"]["value"]
+    return mass * s + plant["viscous_linear"]["value"] + radiation + plant["stiffness"]["value"] / s
+
+
 def experiment(
     seed: int,
     periods: int = 2,

@@ -82,14 +82,15 @@ def test_every_model_is_passive_and_stable(
     found = poles(model)
     assert len(found) == 2 + 2 * len(made)
     assert found.real.max() <= 1e-6
-    # They are the zeros of Z.
-    for pole in found:
-        total = 1500.0 * pole + damping + 20000.0 / pole
-        size = abs(1500.0 * pole) + damping + abs(20000.0 / pole)
-        for a, b, c, d in made:
-            total += (c * pole + d) / (pole * pole + a * pole + b)
-            size += abs((c * pole + d) / (pole * pole + a * pole + b))
-        assert abs(total) < 1e-5 * size
+    # They are the zeros of Z: M prod(s - pole) = s Z prod(s^2 + a s + b).
+    s = 2j * np.pi * frequency
+    whole = s * z
+    for a, b, _, _ in made:
+        whole = whole * (s * s + a * s + b)
+    product = 1500.0 * np.prod(s[:, None] - found[None, :], axis=1)
+    size = 1500.0 * np.prod(np.abs(s[:, None]) + np.abs(found)[None, :], axis=1)
+    assert np.abs(product - whole).max() <= 1e-6 * size.max()
+    assert (np.abs(product - whole) <= 1e-5 * size).all()
 
 
 @settings(max_examples=10, deadline=None)

@@ -93,7 +93,7 @@ def test_every_model_is_passive_and_stable(
     assert (np.abs(product - whole) <= 1e-5 * size).all()
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(st.integers(0, 10**6))
 def test_a_fit_to_active_data_is_passive_still(seed: int) -> None:
     """Negative real parts, as noise gives them at the ends of a band."""

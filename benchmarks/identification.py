@@ -85,7 +85,11 @@ def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
     ended = carry_out(
-        report.campaign, report.plan, folder / "runs", _Silent(), rehearsal(report.campaign)
+        report.campaign,
+        report.plan,
+        folder / "runs",
+        _Silent(),
+        rehearsal(report.campaign, real_clock=False),
     )
     if ended.outcome.status != "complete":
         raise RuntimeError(f"{name}: {ended.outcome.reason}")

@@ -88,9 +88,10 @@ def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
             curves.append(Curve(label, model.frequency, r.value, band, colour, style))
     for name, several in fits.items():
         best = several[-1]
-        made = 1.0 / impedance(best, model.frequency)
+        fine = np.linspace(model.frequency[0], model.frequency[-1], 201)
+        made = 1.0 / impedance(best, fine)
         label = f"{name.replace('Z', 'Y')}, order {best.order}"
-        curves.append(Curve(label, model.frequency, made, None, picture.TICK, "-."))
+        curves.append(Curve(label, fine, made, None, picture.TICK, "-."))
     return curves
 
 
@@ -182,9 +183,11 @@ def write_comparison(told: "Comparison", path: Path) -> Path:
     """The pair of the largest amplitude, response by response: A and B over one another."""
     last = told.differences[-1]
     pair = [d for d in told.differences if (d.a, d.b) == (last.a, last.b)]
-    names = {"run": "", "rung": ""}
-    title = "Two identifications compared"
-    figure, body = picture.framed(9.0, 3.2 * len(pair), title, names, f"A {told.a}; B {told.b}")
+    one, other = told.rungs
+    attributes = {"run": told.b, "rung": other if one == other else f"{one} and {other}"}
+    said = f"compared with {told.a}"
+    title = "Two identifications, A and B"
+    figure, body = picture.framed(9.0, 2.6 * len(pair), title, attributes, said)
     panels: Any = body.subplots(len(pair), 2, sharex=True, squeeze=False)
     for d, line in zip(pair, panels, strict=True):
         for axes, part, of in zip(line, ("Re", "Im"), (np.real, np.imag), strict=True):

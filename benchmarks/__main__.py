@@ -8,7 +8,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import crash, cycle, faults, hil, lateness, reading, rehearsal, ring, start
+from benchmarks import (
+    crash,
+    cycle,
+    faults,
+    hil,
+    identification,
+    lateness,
+    reading,
+    rehearsal,
+    ring,
+    start,
+)
 from benchmarks.support import host, report
 from benchmarks.support.result import Result, text
 
@@ -17,6 +28,7 @@ RESULTS = Path(__file__).parent / "results"
 MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "cycle": cycle.measure,
     "rehearsal": rehearsal.measure,
+    "identification": identification.measure,
     "lateness": lateness.measure,
     "hil": hil.measure,
     "ring": ring.measure,
@@ -32,7 +44,7 @@ def _arguments() -> argparse.Namespace:
         prog="python -m benchmarks",
         description="Measure the numbers this project holds; the figures go to "
         "benchmarks/results/ unless the run is a short one.",
-        epilog="\n".join(f"  {n:10} {_first_line(m)}" for n, m in MEASUREMENTS.items()),
+        epilog="\n".join(f"  {n:14} {_first_line(m)}" for n, m in MEASUREMENTS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("names", nargs="*", metavar="NAME", help="what to measure (default: all)")

@@ -43,7 +43,7 @@ def expanded(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         if not value:
             raise refuse("the list is empty; allowed at least 1 entry")
-        return value
+        return tuple(value)
     return (value,)
 
 

@@ -46,6 +46,7 @@ class Comparison(NamedTuple):
 
     a: str
     b: str
+    rungs: tuple[str, str]
     differences: tuple[Difference, ...]
     unpaired: tuple[str, ...]
 
@@ -58,7 +59,8 @@ def read(path: Path) -> Told:
         raise RunError(f"{path}: cannot be read: {error}") from None
     if not isinstance(content, dict) or "models" not in content:
         raise RunError(f"{path}: no {JSON} of rig identify")
-    return Told(" ".join(content.get("runs", [])) or str(path), content)
+    first, *more = content.get("runs", []) or [str(path)]
+    return Told(f"{first} and {len(more)} more" if more else first, content)
 
 
 def compare(a: Told, b: Told) -> Comparison:
@@ -88,7 +90,8 @@ def compare(a: Told, b: Told) -> Comparison:
         ]
     if not found:
         raise RunError("the two identifications have no axis and amplitude in common")
-    return Comparison(a.name, b.name, tuple(found), tuple(unpaired))
+    rungs = (str(a.content.get("rung", "")), str(b.content.get("rung", "")))
+    return Comparison(a.name, b.name, rungs, tuple(found), tuple(unpaired))
 
 
 def _difference(name: str, a: dict[str, Any], b: dict[str, Any]) -> Difference:

@@ -91,8 +91,8 @@ def excitation(experiments: Sequence[Experiment], seas: Sequence[Sea], model: Mo
     power = total / len(seas)
     good = (power >= GUARD * np.median(power)) & inside & ~np.any([s.weak for s in seas], axis=0)
     return Excitation(
-        model.axis,
-        model.spring_rate,
+        experiments[0].axis,
+        experiments[0].spring_rate,
         first.probe,
         len({sea.run for sea in seas}),
         len(experiments),

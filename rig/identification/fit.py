@@ -21,6 +21,7 @@ ORDERS = (2, 4, 6, 8)
 """Orders of a model; each two above the second are a section."""
 
 _FIRST = 2.0 * np.pi * np.array([0.45, 0.8, 0.25])  # rad/s, where sections begin to look
+_GLANCE = 25  # evaluations to choose a beginning by
 _LARGEST = 40.0  # of logarithms: what is beyond is no number of physics
 
 
@@ -126,18 +127,24 @@ def _with_section(frequency: Floats, z: Complexes, before: Fitted, count: int) -
         for size in (0.1, 0.5):
             force = size * before.damping * middle
             added = [np.log(middle), np.log(middle * middle), np.log(force), 0.0]
-            made = _nearest(frequency, z, np.array([*known, *added]), count)
-            if made.fit_percent > best.fit_percent:
-                best = made
-    return best if best is not before else _nearest(frequency, z, known, count - 1)
+            made = _nearest(frequency, z, np.array([*known, *added]), count, _GLANCE)
+            best = made if made.fit_percent > best.fit_percent else best
+    if best is before:  # a section of no weight, so that the order is what was asked for
+        return _with_none(before)
+    return _nearest(frequency, z, _logarithms(best), count)
+
+
+def _with_none(model: Fitted) -> Fitted:
+    nothing = Section(float(_FIRST[0]), float(_FIRST[0] * _FIRST[0]), 0.0, 0.0)
+    return model._replace(sections=(*model.sections, nothing))
 
 
 def _logarithms(model: Fitted) -> Floats:
     """The model as free numbers: logarithms, and d/(a c) by its logit."""
     out = [np.log(model.mass), np.log(max(model.damping, 1e-9)), np.log(model.stiffness)]
     for a, b, c, d in model.sections:
-        share = min(max(d / (a * c), 1e-9), 1.0 - 1e-9)
-        out += [np.log(a), np.log(b), np.log(c), np.log(share / (1.0 - share))]
+        share = min(max(d / (a * c), 1e-9), 1.0 - 1e-9) if c > 0.0 else 0.5
+        out += [np.log(a), np.log(b), np.log(max(c, 1e-9)), np.log(share / (1.0 - share))]
     return np.array(out)
 
 
@@ -152,7 +159,9 @@ def _model(numbers: Floats, count: int) -> Fitted:
     return Fitted(mass, damping, stiffness, tuple(sections), np.nan, np.nan)
 
 
-def _nearest(frequency: Floats, z: Complexes, start: Floats, count: int) -> Fitted:
+def _nearest(
+    frequency: Floats, z: Complexes, start: Floats, count: int, evaluations: int = 300
+) -> Fitted:
     admittance = 1.0 / z
     scale = float(np.sqrt(np.mean(np.abs(admittance) ** 2)))
 
@@ -160,7 +169,9 @@ def _nearest(frequency: Floats, z: Complexes, start: Floats, count: int) -> Fitt
         error = (1.0 / impedance(_model(numbers, count), frequency) - admittance) / scale
         return np.concatenate([error.real, error.imag])
 
-    solved = optimize.least_squares(misfit, start, xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=400)
+    solved = optimize.least_squares(
+        misfit, start, xtol=1e-10, ftol=1e-10, gtol=1e-12, max_nfev=evaluations
+    )
     found = _model(solved.x, count)
     made = impedance(found, frequency)
     spread = np.linalg.norm(admittance - admittance.mean())

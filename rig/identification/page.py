@@ -14,6 +14,7 @@ from rig.identification import report
 from rig.identification.identify import Identification
 from rig.identification.pictures import (
     COLOURS,
+    PER_KILONEWTON,
     Curve,
     admittances,
     excitation_curves,
@@ -104,7 +105,7 @@ def _pictures(figure: Figure, found: Identification, bottom: float, top: float) 
     first = largest(found.models)[0]
     fits = found.fits[found.models.index(first)]
     told: list[tuple[str, list[Curve], str, str]] = [
-        (f"Admittance, {first.name}", admittances(first, fits), "Y", "m/s/N")
+        (f"Admittance, {first.name}", admittances(first, fits), "Y", PER_KILONEWTON)
     ]
     if found.excitations:
         curves = excitation_curves(found.excitations[0], found.bem)
@@ -115,7 +116,7 @@ def _pictures(figure: Figure, found: Identification, bottom: float, top: float) 
         ]
         pairs = zip(family, COLOURS * 4, strict=False)
         curves = [inverse(m, "Z_d", f"{m.peak_a:.3g} A", c) for m, c in pairs]
-        told.append(("Drivetrain admittance by amplitude", curves, "Y_d", "m/s/N"))
+        told.append(("Drivetrain admittance by amplitude", curves, "Y_d", PER_KILONEWTON))
     heights = [1.0 - top, *[(top - bottom) / len(told)] * len(told), bottom]
     bands: Any = figure.subfigures(
         len(heights), 3, height_ratios=heights, width_ratios=[0.03, 0.94, 0.03]

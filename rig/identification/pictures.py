@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from rig.identification.comparison import Comparison
 
 COLOURS = ("#00798c", "#d1495b", "#4f772d", "#22303c", "#9a5b13", "#6a4c93", "#8d99ae", "#c77dff")
+PER_KILONEWTON = "m/s per kN"
+"""The unit that admittances are drawn in."""
+
 _BANDED = 0.18  # opacity of a band
 
 
@@ -35,6 +38,7 @@ class Curve(NamedTuple):
 
 def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> None:
     """Real part, magnitude, imaginary part and phase of responses, with their bands."""
+    scale = 1e3 if unit == PER_KILONEWTON else 1.0
     panels: Any = body.subplots(2, 2, sharex=True)
     parts = (
         (panels[0, 0], f"Re {what}, {unit}", np.real),
@@ -43,16 +47,17 @@ def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> N
         (panels[1, 1], f"phase of {what}, °", lambda z: np.degrees(np.angle(z))),
     )
     for axes, label, of in parts:
+        is_phase = axes is panels[1, 1]
         for curve in curves:
-            values = of(curve.value)
+            values = of(curve.value) if is_phase else scale * of(curve.value)
             few = curve.style == "-" and curve.frequency.size < 60
             axes.plot(
                 curve.frequency, values, curve.style, color=curve.colour, label=curve.label,
                 lw=1.3 if curve.style == "-" else 1.0, marker="." if few else None, ms=4,
             )  # fmt: skip
             if curve.band is not None and np.isfinite(curve.band).any():
-                wide = curve.band
-                if of is not np.real and of is not np.imag and of is not np.abs:
+                wide = scale * curve.band
+                if is_phase:
                     share = np.minimum(curve.band / np.abs(curve.value), 1.0)
                     wide = np.degrees(np.arcsin(share))
                 axes.fill_between(
@@ -64,7 +69,7 @@ def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> N
         picture.quiet(axes)
     for axes in panels[1]:
         axes.set_xlabel("frequency, Hz", fontsize=8, color=picture.INK)
-    panels[0, 1].legend(fontsize=7, frameon=False)
+    panels[1, 1].legend(fontsize=6.5, frameon=False)
 
 
 def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
@@ -83,9 +88,10 @@ def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
             curves.append(Curve(label, model.frequency, r.value, band, colour, style))
     for name, several in fits.items():
         best = several[-1]
-        made = 1.0 / impedance(best, model.frequency)
+        fine = np.linspace(model.frequency[0], model.frequency[-1], 201)
+        made = 1.0 / impedance(best, fine)
         label = f"{name.replace('Z', 'Y')}, order {best.order}"
-        curves.append(Curve(label, model.frequency, made, None, picture.TICK, "-."))
+        curves.append(Curve(label, fine, made, None, picture.TICK, "-."))
     return curves
 
 
@@ -115,7 +121,9 @@ def write_pictures(found: Identification, folder: Path) -> list[Path]:
         fits = found.fits[found.models.index(first)]
         title = f"Admittance of {axis} at {first.spring_rate:g} N/m, {first.peak_a:.3g} A"
         curves = admittances(first, fits)
-        made.append(_figure(found, folder / f"admittance_{axis}.png", title, curves, "Y", _Y))
+        made.append(
+            _figure(found, folder / f"admittance_{axis}.png", title, curves, "Y", PER_KILONEWTON)
+        )
         if "Z_d" not in first.responses:
             continue
         by_spring = [(m, f"{m.spring_rate:g} N/m", c) for m, c in zip(main, _cycle(), strict=False)]
@@ -123,7 +131,7 @@ def write_pictures(found: Identification, folder: Path) -> list[Path]:
             curves = [inverse(m, key, label, colour) for m, label, colour in by_spring]
             title = f"{name.capitalize()} admittance at the largest amplitude, by spring rate"
             what = key.replace("Z", "Y")
-            made.append(_figure(found, folder / f"{name}.png", title, curves, what, _Y))
+            made.append(_figure(found, folder / f"{name}.png", title, curves, what))
         family = [m for m in of_axis if m.spring_rate == first.spring_rate]
         if len(family) > 1:
             curves = [
@@ -131,16 +139,15 @@ def write_pictures(found: Identification, folder: Path) -> list[Path]:
                 for m, c in zip(family, _cycle(), strict=False)
             ]
             title = f"Drivetrain admittance by amplitude, {first.spring_rate:g} N/m"
-            made.append(_figure(found, folder / "amplitudes.png", title, curves, "Y_d", _Y))
+            made.append(
+                _figure(found, folder / "amplitudes.png", title, curves, "Y_d", PER_KILONEWTON)
+            )
     for i, one in enumerate(found.excitations):
         path = folder / f"excitation{'' if i == 0 else f'_{i + 1}'}.png"
         title = f"Wave excitation, {one.experiments} experiments in {one.seas} seas"
         curves = excitation_curves(one, found.bem)
         made.append(_figure(found, path, title, curves, "f_exc", "N/m"))
     return made
-
-
-_Y = "m/s/N"
 
 
 def _cycle() -> list[str]:
@@ -159,7 +166,12 @@ def excitation_curves(one: Excitation, bem: bem_file.Bem | None) -> list[Curve]:
 
 
 def _figure(
-    found: Identification, path: Path, title: str, curves: list[Curve], what: str, unit: str
+    found: Identification,
+    path: Path,
+    title: str,
+    curves: list[Curve],
+    what: str,
+    unit: str = PER_KILONEWTON,
 ) -> Path:
     said = "force on the body; e^(+iωt); bands 95 %"
     figure, body = picture.framed(9.0, 5.6, title, found.attributes, said)
@@ -171,9 +183,11 @@ def write_comparison(told: "Comparison", path: Path) -> Path:
     """The pair of the largest amplitude, response by response: A and B over one another."""
     last = told.differences[-1]
     pair = [d for d in told.differences if (d.a, d.b) == (last.a, last.b)]
-    names = {"run": "", "rung": ""}
-    title = "Two identifications compared"
-    figure, body = picture.framed(9.0, 3.2 * len(pair), title, names, f"A {told.a}; B {told.b}")
+    one, other = told.rungs
+    attributes = {"run": told.b, "rung": other if one == other else f"{one} and {other}"}
+    said = f"compared with {told.a}"
+    title = "Two identifications, A and B"
+    figure, body = picture.framed(9.0, 2.6 * len(pair), title, attributes, said)
     panels: Any = body.subplots(len(pair), 2, sharex=True, squeeze=False)
     for d, line in zip(pair, panels, strict=True):
         for axes, part, of in zip(line, ("Re", "Im"), (np.real, np.imag), strict=True):

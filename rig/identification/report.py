@@ -178,8 +178,8 @@ def as_text(found: Identification) -> str:
 
 
 MODEL_HEADS = (
-    "axis", "spring N/m", "peak A", "", "order", "mass kg", "damping N·s/m", "stiffness N/m",
-    "f0 Hz", "fit %", "band %",
+    "axis", "spring N/m", "peak A", "", "order", "M kg", "B N·s/m", "K N/m", "f0 Hz", "fit %",
+    "band %",
 )  # fmt: skip
 
 

@@ -1,0 +1,179 @@
+"""The linear plant, rehearsed and identified: through loop, log and report, against closed form."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray
+from known_device import impedances, surge_impedance
+from rehearsing import CONFIGS, campaign_file, run
+from rig_command import rig_here
+
+from rig.identification.bem import read_bem
+from rig.identification.identify import Asked, Identification, identify
+
+pytestmark = pytest.mark.slow
+
+BEM = CONFIGS / "plants" / "wavebot_bem.npz"
+RATE = -5715.0
+SEA = {"kind": "pink", "hm0_m": 0.1, "repeat_s": 20, "seed": 3}
+PUSH = {"kind": "multisine", "repeat_s": 20, "amplitude_a": 20, "seed": 5}
+
+
+def campaign(folder: Path, name: str, **keys: Any) -> Path:
+    """On the linear plant."""
+    plant = str(CONFIGS / "plants" / "wavebot_linear.yaml")
+    return campaign_file(folder / name, name=name, plant=plant, seed=4, **keys)
+
+
+def matrix(rate: float, **more: Any) -> dict[str, Any]:
+    return {"grid": [{"spring_n_per_m": rate, "kp_n_s_per_m": 0, "ki_n_per_m": 0, **more}]}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Calm water with two realisations, the same in waves at another spring rate, the sea alone."""
+    folder = tmp_path_factory.mktemp("identification")
+    timing = {"settle_s": 15, "periods": 2}
+    start = {"set_point_s": 0, "lead_in_s": 20}
+    two = {"realisation": [1, 2]}
+    told = {
+        "calm": {
+            "sea": {"kind": "calm"},
+            "reference": PUSH,
+            "matrix": matrix(RATE, **two),
+            "timing": timing,
+            "start": {"set_point_s": 0, "lead_in_s": 2},
+        },
+        "waves": {
+            "sea": SEA,
+            "reference": PUSH,
+            "matrix": matrix(490.9, **two),
+            "timing": {"settle_s": 15, "periods": 1},
+            "start": start,
+        },
+        "sea": {"sea": SEA, "device": "absent", "timing": {"periods": 2}, "start": start},
+    }
+    made = {}
+    for name, keys in told.items():
+        ended = run(campaign(folder, name, **keys), folder / "runs")
+        assert ended.outcome.status == "complete"
+        made[name] = ended.folder
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(runs: dict[str, Path]) -> Identification:
+    return identify(list(runs.values()), Asked(order=4, bem=read_bem(BEM)))
+
+
+def test_the_impedances_are_those_of_the_plant_within_a_percent(found: Identification) -> None:
+    (model,) = found.models
+    assert (model.realisations, model.periods, model.frequency.size) == (2, 4, 17)
+    expected = dict(zip(("Z_i", "Z_id"), impedances(model.frequency, RATE), strict=True))
+    for name, true in expected.items():
+        off = np.abs(model.responses[name].value / true - 1.0)
+        assert off.max() < 0.01, (name, off.max())
+    drivetrain = model.responses["Z_d"].value
+    true = expected["Z_id"] - expected["Z_i"]
+    assert np.abs(drivetrain / true - 1.0).max() < 0.03  # a difference of large numbers
+    (member,) = found.family
+    assert member.drivetrain_damping == pytest.approx(724.0, rel=0.01)
+    assert member.drivetrain_stiffness == pytest.approx(RATE, rel=0.01)
+    assert member.distortion < 1e-3
+
+
+def test_command_current_and_torque_sensor_say_nearly_the_same(found: Identification) -> None:
+    """Fig. 4-5: they differ by the drive's current loop and the loop's delay, 3.5 ms at most."""
+    (model,) = found.models
+    trs = model.responses["Y_id_trs"].value
+    late = 2 * np.pi * model.frequency * 0.0035
+    assert np.abs(model.responses["Y_id_current"].value / trs - 1.0).max() < 0.005
+    off = np.abs(model.responses["Y_id_command"].value / trs - 1.0)
+    assert np.all(off < late + 0.005)
+
+
+def test_the_models_fit(found: Identification) -> None:
+    second, fourth = found.fits[0]["Z_i"]
+    assert (second.order, fourth.order) == (2, 4)
+    assert fourth.fit_percent > 98.0 > second.fit_percent
+    assert second.natural_frequency == pytest.approx(0.63, rel=0.01)
+
+
+def test_the_excitation_is_that_of_bem_within_three_percent(found: Identification) -> None:
+    """At another spring rate than Z_i was identified at: the hull is the same."""
+    (one,) = found.excitations
+    assert (one.spring_rate, one.seas, one.experiments) == (490.9, 1, 2)
+    assert one.good.all()
+    from rig.identification.bem import at
+
+    off = np.abs(one.value / at(read_bem(BEM), one.frequency) - 1.0)
+    assert off.max() < 0.03
+    assert not found.notes
+
+
+def test_probes_of_the_run_itself_are_no_eta(runs: dict[str, Path]) -> None:
+    made = identify([runs["calm"], runs["waves"]])
+    assert made.excitations == ()
+    assert len(made.notes) == 2
+    assert "refused as eta" in made.notes[0]
+
+
+def test_the_command_writes_what_it_says(runs: dict[str, Path], tmp_path: Path) -> None:
+    paths = [runs["calm"], runs["waves"], runs["sea"]]
+    code, out, _ = rig_here("identify", *paths, "--bem", BEM, "-o", tmp_path, "--probe", "probe_2")
+    assert code == 0
+    assert "eta from probe_2" in out
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {
+        "identification.json", "identification.nc", "identification.pdf", "identification.png",
+        "admittance_heave.png", "intrinsic.png", "drivetrain.png", "excitation.png",
+    }  # fmt: skip
+    told = json.loads((tmp_path / "identification.json").read_text())
+    (model,) = told["models"]
+    quotient = np.array(model["published_ratio"]["re"])
+    with xarray.open_dataset(tmp_path / "identification.nc", engine="h5netcdf") as table:
+        assert table["Z_i_0_re"].values == pytest.approx(model["responses"]["Z_i"]["re"])
+        assert table["Z_i_0_re"].attrs["units"] == "N*s/m"
+        series = table["Z_id_0_re"] + 1j * table["Z_id_0_im"]
+        intrinsic = table["Z_i_0_re"] + 1j * table["Z_i_0_im"]
+        assert (series / intrinsic).values.real == pytest.approx(quotient)
+    code, out, _ = rig_here("identify", "--compare", tmp_path, tmp_path, "--json")
+    assert code == 0
+    for pair in json.loads(out)["differences"]:
+        assert pair["worst"] < 1e-12
+        assert pair["share_of_lines_apart"] == 0.0
+
+
+def test_a_run_without_what_is_needed_is_refused(runs: dict[str, Path]) -> None:
+    for words, said in (
+        (("identify",), "no run named"),
+        (("identify", runs["waves"]), "no rows in calm water"),
+        (("identify", runs["calm"], runs["sea"], "--probe", "probe_9"), "probe_1 | probe_2"),
+        (("identify", runs["calm"], "--order", "5", "--no-pictures"), "allowed 2, 4, 6, 8"),
+    ):
+        code, _, told = rig_here(*words)
+        assert code == 2, told
+        assert said in told
+
+
+def test_surge_is_pushed_and_identified_by_its_own_current(tmp_path: Path) -> None:
+    path = campaign(
+        tmp_path,
+        "surge",
+        sea={"kind": "calm"},
+        reference={**PUSH, "axis": "surge"},
+        surge={"kp_n_s_per_m": -500},  # feedback does no harm
+        matrix=matrix(490.9),
+        timing={"settle_s": 30, "periods": 2},
+        start={"set_point_s": 0, "lead_in_s": 2},
+    )
+    ended = run(path, tmp_path / "runs")
+    (model,) = identify([ended.folder]).models
+    assert (model.axis, set(model.responses)) == ("surge", {"Z_id", "Y_id_command", "Y_id_current"})
+    true = surge_impedance(model.frequency)
+    assert np.abs(model.responses["Z_id"].value / true - 1.0).max() < 0.01

@@ -107,8 +107,8 @@ def test_the_optimum_is_that_of_brute_force_over_the_simulated_surface(
     kind: str, tmp_path: Path
 ) -> None:
     """Nothing on a grid of 11 x 12 gains around them absorbs more than our optima, as simulated,
-    by more than 0.1 W (0.3 W for DC in many waves: mean |i| of the record is not quite Gaussian), and
-    the simulated power there is the predicted one within 1 % of the AC optimum.
+    by more than 0.1 W (0.3 W for DC in many waves: mean |i| of the record is not quite Gaussian),
+    and the simulated power there is the predicted one within 1 % of the AC optimum.
     """
     of, told = _waves(kind)
     one, loss = device(of, loop(of.omega)), drive()

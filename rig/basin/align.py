@@ -19,7 +19,7 @@ DISAGREE = 0.025  # s, between edge and sine: more than half a step of 50 Hz eit
 LAGS_DISAGREE = 0.005  # s, between the correlation's lag and the fit at the record's middle
 FAST = 200e-6  # drift beyond which the rate of the file is not what it says
 POOR_DB = 10.0  # signal to noise of a sine below which it is not to be trusted
-CORRELATED_AT = 100.0  # Hz; between its samples a parabola is good to 10 us
+CORRELATED_AT = 50.0  # Hz; between its samples a parabola is good to 10 us
 
 
 class Reference(NamedTuple):

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from rig.config.columns import END_MARK
 from rig.exchange.mask4_fields import OWN
-from rig.legacy.mask4_rows import structure
+from rig.legacy.mask4_rows import Found, structure
 from rig.sequence import NO_ROW, Phase
 
 Floats = npt.NDArray[np.float64]
@@ -54,11 +54,41 @@ def by_time(
     ``columns`` begins with kp, ki, spring_rate. A window in which a setting changes is left as it
     is, but for its end, so that it counts as cut short. ValueError if there is no first row.
     """
+    first, count = _extent(time, counter, settings[:, 0], timing)
+    begun = np.asarray(first + timing.interval * np.arange(count + 1), dtype=np.float64)
+    edges, begins = _at(time, begun), _at(time, begun[:-1] + timing.settle)
+    ends = _at(time, begun[:-1] + timing.settle + timing.measure)
+    held = [tuple(settings[i].tolist()) for i in begins]
+    kinds = structure(held, columns.index("kp"), columns.index("spring_rate"), 0)
+    row, attempt = np.full(len(time), NO_ROW, np.int64), np.zeros(len(time), np.int64)
+    phase = np.full(len(time), int(Phase.DONE), np.int64)
+    phase[: edges[0]] = Phase.LEAD_IN
+    remarks = _remarks(settings[:, 0], kinds)
+    number = 0
+    for k in range(count):
+        row[edges[k] : edges[k + 1]] = number
+        if k in kinds.doubled:
+            phase[edges[k] : edges[k + 1]] = Phase.MOVING
+            continue
+        window = settings[begins[k] : ends[k]]
+        changed = np.flatnonzero((window != window[0]).any(axis=1))
+        if changed.size:
+            remarks.append(f"row {number}: a setting changes {changed[0]} samples into its window")
+        last = begins[k] + int(changed[0]) if changed.size else ends[k]
+        phase[edges[k] : begins[k]] = Phase.SETTLE
+        phase[begins[k] : last] = Phase.MEASURE
+        phase[last : edges[k + 1]] = Phase.TAIL
+        number += 1
+    return Windows(row, phase, attempt, tuple(remarks))
+
+
+def _extent(time: Floats, counter: Floats, kp: Floats, timing: Timing) -> tuple[float, int]:
+    """When the first row's interval begins (s), and how many whole ones there are."""
     ones = np.flatnonzero(counter == 1.0)
     if ones.size == 0:
         raise ValueError("expCtrl.runCounter is never 1: the run was not begun")
-    start = time[ones[0]] + timing.lead
-    ended = np.flatnonzero(settings[:, 0] == END_MARK)
+    start = float(time[ones[0]]) + timing.lead
+    ended = np.flatnonzero(kp == END_MARK)
     end = float(time[ended[0]]) if ended.size else float(time[-1])
     count = int((end - start) / timing.interval + 1e-6)
     if count < 1:
@@ -66,38 +96,19 @@ def by_time(
             f"no row of {timing.interval:g} s between {start:.1f} s, where rows begin, and "
             f"{end:.1f} s, where the gains end"
         )
-    edges = _at(time, start + timing.interval * np.arange(count + 1))
-    begins = _at(time, start + timing.interval * np.arange(count) + timing.settle)
-    ends = _at(time, start + timing.interval * np.arange(count) + timing.settle + timing.measure)
-    held = [tuple(settings[i].tolist()) for i in begins]
-    kinds = structure(held, columns.index("kp"), columns.index("spring_rate"), 0)
-    row, phase, attempt = (np.full(len(time), label, np.int64) for label in (NO_ROW, 0, 0))
-    phase[:] = Phase.DONE
-    phase[: edges[0]] = Phase.LEAD_IN
-    remarks = [] if ended.size else ["no end mark (Kp = -999): rows go on to the end of the record"]
-    number = 0
-    for k in range(count):
-        inside = slice(edges[k], edges[k + 1])
-        row[inside] = number
-        if k in kinds.doubled:
-            phase[inside] = Phase.MOVING
-            continue
-        phase[inside] = Phase.TAIL
-        phase[edges[k] : begins[k]] = Phase.SETTLE
-        window = settings[begins[k] : ends[k]]
-        still = np.flatnonzero((window != window[0]).any(axis=1))
-        last = begins[k] + int(still[0]) if still.size else ends[k]
-        phase[begins[k] : last] = Phase.MEASURE
-        if still.size:
-            remarks.append(f"row {number}: a setting changes {still[0]} samples into its window")
-        number += 1
+    return start, count
+
+
+def _remarks(kp: Floats, kinds: Found) -> list[str]:
+    """What is remarkable about the intervals, apart from what changes in them."""
+    said = []
+    if not (kp == END_MARK).any():
+        said.append("no end mark (Kp = -999): rows go on to the end of the record")
     if kinds.doubled:
-        remarks.append(f"{len(kinds.doubled)} intervals were held while the spring moved, left out")
+        said.append(f"{len(kinds.doubled)} intervals were held while the spring moved, left out")
     if kinds.undoubled:
-        remarks.append(
-            f"the spring changes {len(kinds.undoubled)} times without an interval for it"
-        )
-    return Windows(row, phase, attempt, tuple(remarks))
+        said.append(f"the spring changes {len(kinds.undoubled)} times without an interval for it")
+    return said
 
 
 def _at(time: Floats, moments: Floats) -> Labels:

@@ -97,46 +97,48 @@ def _read(data: bytes) -> dict[str, Any]:
 
 
 def _read_signals(path: str) -> bytes:
-    import h5py  # noqa: PLC0415 - only the child needs them
-    import numpy as np  # noqa: PLC0415
-    from scipy.io import loadmat  # noqa: PLC0415
+    import numpy as np  # noqa: PLC0415 - only the child needs it
 
+    whole = _variables(path)
+    alone = len(whole) == 1 and _members(next(iter(whole.values()))) is not None
     found: dict[str, Any] = {}
-
-    def take(name: str, value: Any) -> None:
-        """A vector, or the members of a structure."""
-        if isinstance(value, h5py.Dataset):
-            value = np.asarray(value)
-        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-            members = {part: value.reshape(-1)[0][part] for part in value.dtype.names}
-        elif isinstance(value, h5py.Group):
-            members = dict(value.items())
-        else:
-            good = isinstance(value, np.ndarray) and value.dtype.kind in "fiub"
-            if good and value.size == max(value.shape, default=0) and value.size:
-                found[name] = value.reshape(-1)
-            return
-        for part, member in members.items():
-            take(f"{name}.{part}" if name else part, member)
-
-    with Path(path).open("rb") as file:
-        newer = b"MATLAB 7.3" in file.read(128)
-    whole: Any
-    if newer:
-        whole = {name: one for name, one in h5py.File(path).items() if not name.startswith("#")}
-    else:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            whole = loadmat(path, mat_dtype=True)
-        whole = {name: one for name, one in whole.items() if not name.startswith("__")}
-    structures = isinstance(next(iter(whole.values()), None), h5py.Group) or any(
-        getattr(one, "dtype", None) is not None and one.dtype.names for one in whole.values()
-    )
-    for name, value in whole.items():
-        take("" if len(whole) == 1 and structures else name, value)
+    waiting = [("" if alone else name, value) for name, value in whole.items()]
+    while waiting:
+        name, value = waiting.pop()
+        members = _members(value)
+        if members is not None:
+            inside = ((f"{name}.{part}" if name else part, one) for part, one in members.items())
+            waiting.extend(inside)
+            continue
+        vector = np.asarray(value)
+        if vector.dtype.kind in "fiub" and vector.size and vector.size == max(vector.shape):
+            found[name] = vector.reshape(-1)
     packed = io.BytesIO()
     np.savez(packed, **found)
     return packed.getvalue()
+
+
+def _variables(path: str) -> dict[str, Any]:
+    """What stands at the top of a file, of either format."""
+    import h5py  # noqa: PLC0415 - only the child needs them
+    from scipy.io import loadmat  # noqa: PLC0415
+
+    with Path(path).open("rb") as file:
+        newer = b"MATLAB 7.3" in file.read(128)
+    if newer:
+        return {name: one for name, one in h5py.File(path).items() if not name.startswith("#")}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        whole: dict[str, Any] = loadmat(path, mat_dtype=True)
+    return {name: one for name, one in whole.items() if not name.startswith("__")}
+
+
+def _members(value: Any) -> dict[str, Any] | None:
+    """The fields of a structure; None for anything else."""
+    names = getattr(getattr(value, "dtype", None), "names", None)
+    if names:
+        return {name: value.reshape(-1)[0][name] for name in names} if value.size == 1 else None
+    return dict(value.items()) if hasattr(value, "items") else None
 
 
 if __name__ == "__main__":

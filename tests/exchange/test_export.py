@@ -100,6 +100,19 @@ def test_a_lead_in_that_is_too_short_for_their_scripts_is_told(run: Path) -> Non
     assert said.startswith("the first row begins 1 s into the record, not after 120 s")
 
 
+def test_the_custom_drive_has_its_own_channels(tmp_path: Path) -> None:
+    power = {"mechanical_1": -60.0, "mechanical_2": -50.0, "ac": -40.0, "dc": -20.0}
+    rows = [Row(0, 0, 490.9, -1000.0, 0.0, power, {"bus_voltage": 75.0, "switching_period": 1e-4})]
+    shape, config = Shape(), {"rig": {"name": "w", "drive": {"kind": "custom"}}}
+    folder = write_run(
+        tmp_path / "run", run_rows(rows, shape), plan_json(rows, shape), config=config
+    )
+    buses = structure(folder, RATE).buses
+    assert "heaveDriveInP" not in buses["hbmSignals"]
+    assert buses["hbmSignals"]["expDriveInP"].mean() < 0.0
+    assert buses["toDriveSGSignals"]["switchingPeriod_s"].max() == 1e-4
+
+
 def test_netcdf_and_csv(run: Path, tmp_path: Path) -> None:
     nc, text = tmp_path / "x.nc", tmp_path / "x.csv"
     assert rig("export", run, "--as", "netcdf", "-o", nc).returncode == 0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plant_files import mapping
 from pydantic import ValidationError
 
+from rig.rehearsal.compiled_bench import CompiledFlapStepper
 from sim_plant import waves
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
@@ -60,7 +61,7 @@ def test_free_decay() -> None:
 
 def test_static_spring() -> None:
     """Held by a steady current, the cell reads C theta; the motor's torque is the same."""
-    world = flap(**SMOOTH, flap__viscous_linear=60.0)
+    world = flap(**SMOOTH, flap__viscous_linear=60.0, stepper=CompiledFlapStepper)
     buoyancy = world.params.body.buoyancy
     for current in (0.5, 1.0, -0.5):
         for _ in range(9000):
@@ -100,7 +101,7 @@ def expected(world: FlapWorld, plant: FlapPlant, frequency: NDArray[np.float64])
 def test_response_to_regular_waves(frequency: float) -> None:
     """The free flap's response amplitude operator, complex, to 1e-3."""
     sea = waves.regular(0.05, frequency)
-    world = flap(sea, "oswec_flap_free", **DAMPED)
+    world = flap(sea, "oswec_flap_free", stepper=CompiledFlapStepper, **DAMPED)
     told = response(world, sea.cycles.tolist(), sea.repeat)
     wanted = expected(world, changed("oswec_flap_free"), np.array([frequency]))
     np.testing.assert_allclose(told, wanted, rtol=1e-3)
@@ -110,7 +111,7 @@ def test_response_to_irregular_waves() -> None:
     """Every line of an irregular sea is answered as a regular wave of its frequency."""
     cycles, repeat = [5, 7, 11, 13, 17, 20], 20.0
     sea = waves.components(repeat, cycles, [0.01] * 6, [0.0, 1.0, 4.0, 2.0, 5.0, 3.0])
-    world = flap(sea, "oswec_flap_free", **DAMPED)
+    world = flap(sea, "oswec_flap_free", stepper=CompiledFlapStepper, **DAMPED)
     told = response(world, cycles, repeat)
     wanted = expected(world, changed("oswec_flap_free"), np.array(cycles) / repeat)
     np.testing.assert_allclose(told, wanted, rtol=1.5e-3)
@@ -128,7 +129,7 @@ STIFF = {
 def absorbed(damping: float, frequency: float, amplitude: float) -> float:
     """Mean power that the motor takes as a linear damper of its own angle, W."""
     sea = waves.regular(amplitude, frequency)
-    world = flap(sea, **STIFF)
+    world = flap(sea, stepper=CompiledFlapStepper, **STIFF)
     world.make_waves(1)
     per_current = world.params.driveline.motor.torque_per_current
     period = round(1 / frequency / DT)

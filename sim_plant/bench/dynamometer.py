@@ -151,9 +151,8 @@ def move_motor(
         current = _current_of_velocity(params, state, held, set_point.wanted, friction, dt)
     elif mode != TORQUE:
         current = command  # the drive refuses what is no number
-    driven = drive.drive_step(
-        params.drive, state.drive, current, enable, fresh, 1, 0, drive.NO_CEILING, dt
-    )
+    most = motor.ceiling(params.motor, params.drive.current_limit, current, state.motor_velocity)
+    driven = drive.drive_step(params.drive, state.drive, current, enable, fresh, 1, 0, most, dt)
     torque = params.motor.torque_per_current * driven.current
     velocity = motor.moved(
         params.motor, params.transmission, held, state.motor_velocity, torque, friction, dt

@@ -260,6 +260,40 @@ def test_a_lost_brake_and_a_slipped_coupling_show_in_the_readings() -> None:
     assert world.truth().brake_torque < 3.0
 
 
+def test_the_motor_runs_no_faster_than_its_voltage_allows() -> None:
+    """37.5 rev/s at the motor, 15.7 rad/s at the output, unbraked under full current."""
+    world = bench("oswec_bench_unbraked", stepper=CompiledStepper, sensors__travel=360.0)
+    hold(world, torque(11.0, locked=0), 400)
+    assert 0.95 * 15.708 < world.truth().motor_velocity < 15.708
+
+
+def test_any_bench_keeps_to_the_laws() -> None:
+    """Other gaps, stiffnesses, inertias: everything stays finite, and nothing gives energy."""
+    draw = random.Random(5)
+    for seed in range(6):
+        world = bench(
+            seed=seed,
+            stepper=CompiledStepper,
+            transmission__gearbox_stiffness=draw.uniform(1.0e4, 3.0e5),
+            transmission__half_gap=draw.uniform(0.0, 0.2),
+            transmission__soft_deflection=draw.uniform(0.0, 0.1),
+            transmission__soft_torque=draw.uniform(1.0, 30.0),
+            gearbox__dry=draw.uniform(0.0, 4.0),
+            motor__inertia=draw.uniform(5.0e-5, 2.0e-3),
+        )
+        for _ in range(10):
+            volts, amps = draw.uniform(-1.0, 1.0), draw.uniform(-6.0, 6.0)
+            held, locked = draw.choice([0.0, 0.2, 1.0]), draw.choice([0, 0, 1])
+            actuation = Actuation(1, draw.randrange(2), volts, amps, held, locked)
+            for _ in range(150):
+                world.actuate(actuation)
+                world.advance(DT)
+                truth = world.truth()
+                assert all(map(math.isfinite, truth))
+                assert truth.brake_power >= 0.0
+                assert abs(truth.motor_velocity) < 16.0
+
+
 def test_current_limit_holds_the_velocity_loop() -> None:
     """A clamped shaft: the loop pushes with all it has, and no more."""
     world = bench(stepper=CompiledStepper)

@@ -80,7 +80,7 @@ def control(
     torque = load.tz - tared.zeros.torque
     if mode == RUN:
         laws, wanted, turned, asked = _laws(
-            params, laws, held, in_shaft, torque, motor.short, clock, dt
+            params, laws, held, motion, torque, motor.short, clock, dt
         )
     else:  # at rest they start afresh
         laws, wanted, turned, asked = LAWS_AT_REST, _NOWHERE, _STRAIGHT, _NOTHING
@@ -109,7 +109,7 @@ def _laws(
     params: Params,
     laws: Laws,
     held: Held,
-    shaft: Estimate,
+    motion: Motion,
     torque: float,
     short: float,
     clock: float,
@@ -128,10 +128,10 @@ def _laws(
     angle, velocity = plain_turn
     if clock < 0.0:  # between rows: home, so that drift does not add up from row to row
         rate, most = params.homing
-        asked = Asked(0.0, clamp(-rate * shaft.position, -most, most))
+        asked = Asked(0.0, clamp(-rate * motion[1].position, -most, most))
     else:
-        held_back = params.feedback * (angle - shaft.position)
-        asked = Asked(0.0, velocity + correction.velocity + held_back)
+        astray = angle + correction.angle - motion[0].position
+        asked = Asked(0.0, velocity + correction.velocity + params.feedback * astray)
     return Laws(position, laws.torque), Wanted(angle, velocity, 0.0), correction, asked
 
 

@@ -55,7 +55,7 @@ class Params(NamedTuple):
     shaft: ShaftParams
     speed: speed.Params
     homing: Homing
-    feedback: float  # 1/s, from the shaft's angle to the velocity command; 0: the shaft may drift
+    feedback: float  # 1/s, from the motor's angle to the velocity command; 0: it may drift
     position: oswec_position.Params
     torque: torque_tracking.Params
     brake: brake_damping.Params

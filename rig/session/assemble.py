@@ -36,6 +36,7 @@ def scales(session: Session) -> dict[str, Any]:
         "torque_constant_positive_n_m_per_a": constants.torque_positive,
         "torque_constant_negative_n_m_per_a": constants.torque_negative,
         "velocity_constant_rad_per_s_per_v": constants.velocity,
+        "velocity_loop_lag_s": constants.lag,
         "origin": constants.origin,
     }
 

@@ -25,15 +25,20 @@ class Params(NamedTuple):
 
 
 class Braked(NamedTuple):
-    """What is asked of the brake."""
+    """What is asked of the brake, and all that is remembered of it."""
 
     torque: NewtonMetre  # >= 0
     current: Ampere  # >= 0
 
 
+def start() -> Braked:
+    """The brake let go."""
+    return Braked(0.0, 0.0)
+
+
 def step(
     params: Params,
-    before: Ampere,
+    state: Braked,
     damping: float,
     held: Ampere,
     velocity: RadianPerSecond,
@@ -41,10 +46,10 @@ def step(
 ) -> Braked:
     """Torque and current for a ``damping`` R (N*m*s/rad) and a current ``held`` beside it (A).
 
-    ``before`` is the current of the last tick: the only memory. The greater of both currents is
-    asked.
+    The greater of both currents is asked; the current changes by the slew at most.
     """
     torques, currents, slew = params
+    before = state.current
     last = len(torques) - 1
     wanted = held
     if damping > 0.0 and finite(velocity):

@@ -85,7 +85,7 @@ def control(
     else:  # at rest they start afresh
         laws, wanted, turned, asked = LAWS_AT_REST, _NOWHERE, _STRAIGHT, _NOTHING
     motor, told, drive = _driven(params, motor, told, sense, in_motor, asked, mode, dt)
-    braked = _braked(params, brake.current, held, in_shaft.velocity, mode, dt)
+    braked = _braked(params, brake.told, held, in_shaft.velocity, mode, dt)
     if phase == TARE or tared.samples > 0 or tared.seeded == 0:
         before, tared = tared, tare.step(tared, *angles(params, encoders), load.tz, phase)
         if before.seeded == 1:
@@ -97,7 +97,7 @@ def control(
         ShaftState(in_shaft, encoders.age),
         told,
         laws,
-        BrakeState(braked.current, _astray(params, brake, brake_sense.current)),
+        BrakeState(braked, _astray(params, brake, brake_sense.current)),
         tared,
         held,
     )
@@ -178,18 +178,18 @@ def _driven(
 
 
 def _braked(
-    params: Params, before: float, held: Held, velocity: float, mode: int, dt: float
+    params: Params, before: brake_damping.Braked, held: Held, velocity: float, mode: int, dt: float
 ) -> brake_damping.Braked:
     """Torque and current of the brake; it takes part in a stop, and is let go with the power."""
     if not RUN <= mode <= STOP_1:
-        return brake_damping.Braked(0.0, 0.0)
+        return brake_damping.start()
     return brake_damping.step(params.brake, before, held.damping, held.brake_current, velocity, dt)
 
 
 def _astray(params: Params, brake: BrakeState, measured: float) -> int:
     """Ticks in a row in which the brake did not have the current it was told before."""
     most = params.limits.brake_difference_stop
-    return 0 if -most <= measured - brake.current <= most else brake.astray + 1
+    return 0 if -most <= measured - brake.told.current <= most else brake.astray + 1
 
 
 def row(

@@ -74,7 +74,7 @@ class ShaftState(NamedTuple):
 class BrakeState(NamedTuple):
     """What the brake was told, and since when it has not obeyed."""
 
-    current: float  # A
+    told: brake_damping.Braked
     astray: int  # ticks in a row
 
 
@@ -117,7 +117,7 @@ def start(params: Params) -> State:
         ShaftState(Estimate(0.0, 0.0, 0.0), 0.0),
         speed.start(),
         LAWS_AT_REST,
-        BrakeState(0.0, 0),
+        BrakeState(brake_damping.start(), 0),
         tare.start(),
         Held(-1, (), Span(0.0, 0.0), 0.0, 0.0),
     )

@@ -127,17 +127,20 @@ def _plain(told: dict[str, Any]) -> bool:
 
 
 def _beside(session: Session, run: Path) -> Path | None:
-    """The newest complete run of this kind beside a run, neither corrected nor fed back."""
+    """The run that a correction was made from; else the newest plain one of this kind beside it."""
     mine = session_of(session.known)
+    named = (session.known.config.get("calibration_runs") or {}).values()
     regular = mine.get("irregular") is None
+    found = []
     for each in list_runs(run.resolve().parent)[::-1]:
-        if each.status != "complete" or each.path == run.resolve():
+        if each.status != "complete" or each.path.resolve() == run.resolve():
             continue
         told = session_of(facts(each.path, ()))
         same = told.get("session") == session.kind and (told.get("irregular") is None) == regular
         if same and _plain(told):
-            return each.path
-    return None
+            found.append(each)
+    found.sort(key=lambda each: each.run not in named)
+    return found[0].path if found else None
 
 
 def _draw(of: Picture, told: dict[str, Any], folder: Path) -> Path:

@@ -82,7 +82,7 @@ def result(session: Session) -> Result:
 
 
 def _rubbed(point: Point) -> Rubbed:
-    of = point.cut(point.wanted_velocity)
+    of = point.cut()
     speed = periods.velocity(periods.detrended(point.motor, of), of.dt, WINDOW)
     rate = periods.velocity(speed, of.dt, WINDOW)
     good = losses.moving(speed, round(WINDOW / of.dt))

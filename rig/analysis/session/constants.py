@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from rig.analysis.session.read import Session
 from rig.analysis.session.result import Result
@@ -42,7 +42,7 @@ def write_constants(result: Result, session: Session, folder: Path) -> list[Path
         **{key: _rounded(value) for key, value in result.maps.items()},
     }
     yaml = YAML()
-    yaml.width = 120
+    yaml.width = 400  # a constant a line
     path = folder / FILE
     with path.open("w", encoding="utf-8") as file:
         yaml.dump(_short(told), file)
@@ -66,5 +66,8 @@ def _short(value: Any) -> Any:
             made.fa.set_flow_style()
         return made
     if isinstance(value, list):
-        return [_short(each) for each in value]
+        row = CommentedSeq([_short(each) for each in value])
+        if all(isinstance(each, float | int) for each in value):
+            row.fa.set_flow_style()
+        return row
     return value

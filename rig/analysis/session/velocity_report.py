@@ -141,7 +141,8 @@ def _pictures(points: Sequence[Free], constant: float) -> tuple[Picture, ...]:
                 "Mean, least and largest of the decelerations of each set point.", (7.2, 5.8),
                 partial(_constants, points, constant)),
         Picture("fig_3_8", "Fig. 3.8: torque of the bearing over the phase",
-                "Means over periods and 15 ms; darker: faster.", (7.2, 4.4), partial(_torque, points)),
+                "Means over periods and 15 ms; darker: faster.", (7.2, 4.4),
+                partial(_torque, points)),
     )  # fmt: skip
 
 

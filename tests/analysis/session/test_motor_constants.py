@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_trapezoid
 
 from rig.analysis.session import periods, torque_constant, velocity_constant
 from rig.analysis.session.quarters import quarters
 
-BENCHES = 100
+BENCHES = 60
 T = 0.01 * np.arange(3 * 2000)  # s, three periods of 20 s at 100 Hz
 CURRENTS = (1.12, 1.96, 2.79, 3.35, 3.91, 4.47)
 VOLTS = (0.35, 0.47, 0.58, 0.70, 0.81, 0.93)
@@ -19,44 +20,50 @@ def stiction(current: Any, constant: Any, share: Any, dry: float) -> Any:
     """Torque of a motor behind dry friction that grows with the load, on a locked shaft.
 
     It follows on the line with friction against it, stands on the way back until friction with it
-    gives way. ``share`` (oscillations, two directions) is drawn anew each time the sign changes.
+    gives way. ``current`` (samples, ...); ``share`` (oscillations, 2 directions, ...) is what the
+    gearbox takes of the load in each.
     """
-    torque = np.zeros_like(current)
-    here = 0.0
+    torque = np.zeros(current.shape)
+    here = np.zeros(current.shape[1:])
     per = len(current) // len(share)
     for i, amperes in enumerate(current):
-        lost = share[i // per][int(here > 0.0 or (here == 0.0 and amperes > 0.0))]
+        forward = (here > 0.0) | ((here == 0.0) & (amperes > 0.0))
+        lost = np.where(forward, share[i // per][1], share[i // per][0])
         drive = constant * amperes
-        up = (drive - np.sign(drive) * dry) / (1.0 + lost)
-        if abs(drive) < dry:
-            up = 0.0
-        down = (drive + np.sign(here) * dry) / (1.0 - lost)
-        if here == 0.0 or abs(up) > abs(here) or up * here < 0.0:
-            here = up
-        elif down * here < abs(here) * abs(here):
-            here = down if down * here > 0.0 else 0.0
+        up = np.where(np.abs(drive) < dry, 0.0, (drive - np.sign(drive) * dry) / (1.0 + lost))
+        down = np.sign(here) * np.maximum(np.sign(here) * drive + dry, 0.0) / (1.0 - lost)
+        grows = (here == 0.0) | ((up * here > 0.0) & (np.abs(up) > np.abs(here)))
+        here = np.where(grows, up, np.where(np.abs(down) < np.abs(here), down, here))
         torque[i] = here
     return torque
 
 
 def test_the_motors_constant_is_recovered_with_friction_taken_out() -> None:
+    """Each set point has its own gain, each flank its own friction."""
     random = np.random.default_rng(11)
+    of = periods.cut(len(T), 20.0, 0.01)
+    truth = random.uniform(15.0, 20.0, BENCHES)
+    wide = (BENCHES, len(CURRENTS))
+    share = random.normal(0.08, 0.015, (3, 2, *wide))
+    share[:, 1] -= 0.03
+    current = np.sin(2.0 * np.pi * T / 20.0)[:, None, None] * np.array(CURRENTS)
+    current = np.broadcast_to(current, (len(T), *wide))
+    torque = stiction(current, truth[:, None], share, 0.5)
+    torque *= 1.0 + random.normal(0.0, 0.004, wide)  # temperature, mounting
     held, widths = [], []
-    for _ in range(BENCHES // 2):
-        truth = random.uniform(15.0, 20.0)
-        points = []
-        for amplitude in CURRENTS:
-            share = random.normal((0.08, 0.05), 0.015, (3, 2))
-            current = amplitude * np.sin(2.0 * np.pi * T / 20.0)
-            torque = stiction(current, truth, share, 0.5) + random.normal(0.0, 0.05, len(T))
-            torque *= 1.0 + random.normal(0.0, 0.004)  # of the set point: temperature, mounting
-            points.append(torque_constant.ramps(current, torque, periods.cut(len(T), 20.0, 0.01)))
-        found = torque_constant.constants(points)
-        held.append(found.motor.holds(truth))
-        widths.append(found.motor.uncertainty / truth)
+    for i in range(BENCHES):
+        noise = random.normal(0.0, 0.05, (len(T), len(CURRENTS)))
+        found = torque_constant.constants(
+            [
+                torque_constant.ramps(current[:, i, j], torque[:, i, j] + noise[:, j], of)
+                for j in range(len(CURRENTS))
+            ]
+        )
+        held.append(found.motor.holds(truth[i]))
+        widths.append(found.motor.uncertainty / truth[i])
         assert found.positive.value > found.negative.value
-        assert found.both.value == pytest.approx(truth / 1.065, rel=0.03)
-    assert np.mean(held) > 0.84  # of 50; 0.95 less three and a half standard deviations
+        assert found.both.value == pytest.approx(truth[i] / 1.065, rel=0.03)
+    assert np.mean(held) >= 0.85  # of 60; 0.95 less three and a half standard deviations
     assert np.median(widths) < 0.03
 
 
@@ -104,7 +111,7 @@ def slow_drive(random: Any, volts: Any, gain: float, droop: float, lag: float, l
         speed[i] = last
     t = DT * np.arange(len(volts))
     speed = np.interp(t - lag, t, speed)
-    angle = np.cumsum(speed) * DT + 1e-3 * t
+    angle = cumulative_trapezoid(speed, dx=DT, initial=0.0) + 1e-3 * t
     return angle + random.normal(0.0, 5e-6, len(t))
 
 
@@ -123,7 +130,7 @@ def _velocity_runs(random: Any, gain: float) -> list[velocity_constant.Slowing]:
 def test_the_velocity_constant_is_recovered_behind_wait_droop_and_lag() -> None:
     random = np.random.default_rng(12)
     held, biased = [], []
-    for _ in range(BENCHES // 4):
+    for _ in range(25):
         truth = random.uniform(1.3, 1.7)
         found = velocity_constant.constants(_velocity_runs(random, truth))
         held.append(found.constant.holds(truth))
@@ -139,7 +146,7 @@ def test_the_thesis_lines_are_lower_at_low_speed() -> None:
     assert slopes[0] < 0.97 * slopes[-1]
     found = velocity_constant.constants(points)
     assert found.thesis.value < found.fastest.value < found.constant.value
-    assert found.lag.value == pytest.approx(0.004, abs=0.001)
+    assert found.lag.value == pytest.approx(0.004, abs=0.0008)
 
 
 def test_too_few_set_points_have_no_proper_constant() -> None:

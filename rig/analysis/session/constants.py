@@ -7,6 +7,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.read import Session
 from rig.analysis.session.result import Result
 
@@ -47,6 +48,18 @@ def write_constants(result: Result, session: Session, folder: Path) -> list[Path
     with path.open("w", encoding="utf-8") as file:
         yaml.dump(_short(told), file)
     return [path]
+
+
+def known_constant(run: Path, name: str) -> Estimate:
+    """A constant that an analysed run found; ValueError if its file has none of that name."""
+    path = run / FILE
+    if not path.is_file():
+        raise ValueError(f"{run}: no {FILE}; analyse that run first")
+    found = (YAML(typ="safe").load(path.read_text(encoding="utf-8"))["constants"] or {}).get(name)
+    if found is None:
+        raise ValueError(f"{path}: no {name}")
+    method = f"of run {run.name}"
+    return Estimate(float(found["value"]), float(found["uncertainty"]), found["unit"], method)
 
 
 def _rounded(value: Any) -> Any:

@@ -73,6 +73,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
                 session.constants.brake_torques,
                 session.constants.brake_currents,
                 rig.brake.slew_a_per_s,
+                rig.brake.velocity_filter_s,
             ),
             locked=1 if file.shaft == "clamped" else 0,
             limits=_limits(bounds, dt),

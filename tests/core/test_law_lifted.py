@@ -180,7 +180,7 @@ LAWS = {
     ),
     "brake": Law(
         brake_damping,
-        brake_damping.Params((2.0, 30.0, 95.0), (0.0, 0.3, 1.0), 50.0),
+        brake_damping.Params((2.0, 30.0, 95.0), (0.0, 0.3, 1.0), 50.0, 0.0075),
         brake_damping.start(),
         of_brake,
         gives="state",

@@ -14,7 +14,7 @@ from rig.analysis.session import (
     tracking_report,
     velocity_report,
 )
-from rig.analysis.session.constants import write_constants
+from rig.analysis.session.constants import FILE, known_constant, write_constants
 from rig.analysis.session.page import notes, write_page
 from rig.analysis.session.read import Session, open_session, session_of
 from rig.analysis.session.result import Picture, Result, words
@@ -26,13 +26,13 @@ _ALONE: dict[str, Callable[[Session], Result]] = {
     "torque_constant": torque_report.result,
     "velocity_constant": velocity_report.result,
     "brake_map": brake_report.result,
-    "losses": losses_report.result,
 }
 _AGAINST: dict[str, Callable[[Session, Session | None], Result]] = {
     "driveline": driveline_report.result,
     "torque_tracking": tracking_report.result,
 }
-KINDS = (*_ALONE, *_AGAINST)
+_LOSSES, MOTOR = "losses", "torque_constant_motor"
+KINDS = (*_ALONE, *_AGAINST, _LOSSES)
 """Sessions that have an analysis."""
 
 
@@ -84,7 +84,8 @@ def analyse(
     """Analyse a session's run and write everything into its folder.
 
     ``against``: the run without correction, or in open loop, by which a corrected or closed-loop
-    one is judged; if not given, the newest such run beside it. RunError for a run that is no
+    one is judged; for losses, the analysed torque constant run whose constant of the motor they
+    rest on. If not given, the newest such run beside it. RunError for a run that is no
     session's, or of which nothing can be made; the message says why.
     """
     run = Path(run_folder)
@@ -111,6 +112,9 @@ def _result(session: Session, run: Path, against: str | os.PathLike[str] | None)
         if against is not None:
             raise ValueError(f"a session {session.kind} is not judged against another run")
         return _ALONE[session.kind](session)
+    if session.kind == _LOSSES:
+        other = Path(against) if against is not None else _with_constants(run)
+        return losses_report.result(session, known_constant(other, MOTOR) if other else None)
     if session.kind not in _AGAINST:
         raise ValueError(f"session {session.kind!r} has no analysis; there are {', '.join(KINDS)}")
     if against is not None:
@@ -127,16 +131,29 @@ def _plain(told: dict[str, Any]) -> bool:
 
 
 def _beside(session: Session, run: Path) -> Path | None:
-    """The newest complete run of this kind beside a run, neither corrected nor fed back."""
+    """The run that a correction was made from; else the newest plain one of this kind beside it."""
     mine = session_of(session.known)
+    named = (session.known.config.get("calibration_runs") or {}).values()
     regular = mine.get("irregular") is None
+    found = []
     for each in list_runs(run.resolve().parent)[::-1]:
-        if each.status != "complete" or each.path == run.resolve():
+        if each.status != "complete" or each.path.resolve() == run.resolve():
             continue
         told = session_of(facts(each.path, ()))
         same = told.get("session") == session.kind and (told.get("irregular") is None) == regular
         if same and _plain(told):
-            return each.path
+            found.append(each)
+    found.sort(key=lambda each: each.run not in named)
+    return found[0].path if found else None
+
+
+def _with_constants(run: Path) -> Path | None:
+    """The newest analysed torque constant run beside a run."""
+    for each in list_runs(run.resolve().parent)[::-1]:
+        if (each.path / FILE).is_file():
+            told = session_of(facts(each.path, ()))
+            if told.get("session") == "torque_constant":
+                return each.path
     return None
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.read import Session
 from rig.analysis.session.result import Result
 
@@ -42,11 +43,23 @@ def write_constants(result: Result, session: Session, folder: Path) -> list[Path
         **{key: _rounded(value) for key, value in result.maps.items()},
     }
     yaml = YAML()
-    yaml.width = 120
+    yaml.width = 400  # a constant a line
     path = folder / FILE
     with path.open("w", encoding="utf-8") as file:
         yaml.dump(_short(told), file)
     return [path]
+
+
+def known_constant(run: Path, name: str) -> Estimate:
+    """A constant that an analysed run found; ValueError if its file has none of that name."""
+    path = run / FILE
+    if not path.is_file():
+        raise ValueError(f"{run}: no {FILE}; analyse that run first")
+    found = (YAML(typ="safe").load(path.read_text(encoding="utf-8"))["constants"] or {}).get(name)
+    if found is None:
+        raise ValueError(f"{path}: no {name}")
+    method = f"of run {run.name}"
+    return Estimate(float(found["value"]), float(found["uncertainty"]), found["unit"], method)
 
 
 def _rounded(value: Any) -> Any:
@@ -66,5 +79,8 @@ def _short(value: Any) -> Any:
             made.fa.set_flow_style()
         return made
     if isinstance(value, list):
-        return [_short(each) for each in value]
+        row = CommentedSeq([_short(each) for each in value])
+        if all(isinstance(each, float | int) for each in value):
+            row.fa.set_flow_style()
+        return row
     return value

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.analysis.session import periods, regressions, torque_map
-from rig.analysis.session.deflection import Behind, Motion, behind, judged, pooled
+from rig.analysis.session.deflection import WINDOW, Behind, Motion, behind, judged, pooled
 from rig.analysis.session.estimate import Floats
 from rig.analysis.session.read import Point, Session
 from rig.analysis.session.regressions import Correction, Regressions
@@ -91,12 +91,15 @@ def driven(point: Point) -> Driven:
 def find(session: Session, against: Session | None = None) -> Found:
     """Analyse a run; ``against`` holds the uncorrected set points where this run has none."""
     every = [driven(point) for point in session.whole]
+    if session.irregular:
+        every = [each._replace(behind=_by_delay(each)) for each in every]
     plain = [each for each in every if each.point.correction_name == "none"]
     others = [driven(p) for p in against.whole] if against else []
     base = {each.place: each for each in others if each.point.correction_name == "none"}
     base |= {each.place: each for each in plain}
     corrected = [each for each in every if each.point.correction_name != "none"]
-    trends = regressions.regress([each.behind for each in plain]) if len(plain) >= 3 else None
+    sinusoids = [] if session.irregular else plain
+    trends = regressions.regress([e.behind for e in sinusoids]) if len(sinusoids) >= 3 else None
     loads = [torque_map.loaded(each.motion) for each in plain]
     loads = [each for each in loads if len(each.torque) >= 4]
     names = dict.fromkeys(each.point.correction_name for each in corrected)
@@ -119,6 +122,21 @@ def find(session: Session, against: Session | None = None) -> Found:
         torque_map.fit(loads) if len(loads) >= 3 else None,
         schemes,
     )
+
+
+def _by_delay(of: Driven) -> Behind:
+    """An irregular set point has no one phase: its delay as a share of its repeat period.
+
+    s(t) = m(t - d) is m - d m' to first order, so d = sum (m - s) m' / sum m'^2.
+    """
+    motor, cut = of.motion.motor, of.motion.of
+    rate = periods.velocity(motor, cut.dt, WINDOW)
+    bent = of.motion.deflection
+    delays = [
+        float((d * v).sum() / (v * v).sum())
+        for d, v in zip(periods.pieces(bent, cut), periods.pieces(rate, cut), strict=True)
+    ]
+    return of.behind._replace(phase_shift=np.array(delays) / cut.period)
 
 
 def _offline(plain: list[Driven], trends: Regressions | None) -> Offline | None:

@@ -21,17 +21,16 @@ WIDE = (7.2, 4.4)
 def pictures(found: Found) -> tuple[Picture, ...]:
     """What the run has data for."""
     made = []
-    if found.plain:
+    if found.trends is not None:
         one = _nearest(found, 15.0, 83.3)
         told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad"
         made += [
             Picture("fig_2_2", "Fig. 2.2: motor and shaft over a period",
-                    f"{told}; the difference of both drawn 25 times as large.",
+                    f"{told}; the difference of both drawn 10 times as large.",
                     WIDE, partial(_parameters, one)),
             Picture("fig_2_3", "Fig. 2.3: deflection and torque, period by period",
                     f"{told}; later periods darker.", (7.2, 5.6), partial(_by_period, one)),
         ]  # fmt: skip
-    if found.trends is not None:
         made += _trends(found)
     if found.offline is not None:
         made += _offline(found)
@@ -63,7 +62,7 @@ def _parameters(one: Driven, body: SubFigure) -> None:
     of = one.motion.of
     mean = {n: periods.mean_period(getattr(one.motion, n), of) / DEGREE for n in ("motor", "shaft")}
     t = of.dt * np.arange(len(mean["motor"]))
-    shown = mean["motor"] - 25.0 * (mean["motor"] - mean["shaft"])
+    shown = mean["motor"] - 10.0 * (mean["motor"] - mean["shaft"])
     axes.plot(t, mean["motor"], color=BLUE, lw=1.8, label="motor")
     axes.plot(t, shown, color=RED, lw=1.8, label="shaft")
     axes.axhline(mean["motor"].max(), color=SOFT, lw=0.6, ls=":")

@@ -1,11 +1,13 @@
 """What rubs in the driveline: behind the load cell by its torque, before it by the current.
 
-    T_cell            = c+ [v > 0] - c- [v < 0] + b v + J a
+    T_cell            = c+ [v > 0] - c- [v < 0] + b v + J a + z t + z' t^2
     K i - T_cell      = (d + s |T_cell|) sign(v) + b' v + J' a
 
-Inertia is told apart by the acceleration. The first is the bearing and, where there is one, the
-seal (OSWEC thesis, section 3.2.2 and chapter 4); the second the motor and its gearbox. Intervals
-are by leaving out one group of samples (a set point, or a period where there are few) at a time.
+Inertia is told apart by the acceleration, and what differs between directions from a drift of the
+cell's zero by the time t since its tare: the zero was right then, the bearing stays as it is. The
+first is the bearing and, where there is one, the seal (OSWEC thesis, section 3.2.2 and chapter 4);
+the second the motor and its gearbox. Intervals are by leaving out one group of samples (a set
+point, or a period where there are few) at a time.
 """
 
 from typing import NamedTuple
@@ -25,6 +27,7 @@ class Turned(NamedTuple):
     acceleration: Floats  # rad/s^2
     torque: Floats  # N*m, of the load cell
     current: Floats  # A, of the motor
+    time: Floats  # s since the tare
 
 
 class Behind(NamedTuple):
@@ -34,6 +37,7 @@ class Behind(NamedTuple):
     negative: Estimate  # N*m, dry, the other way
     viscous: Estimate  # N*m*s/rad
     inertia: Estimate  # kg*m^2
+    drift: Estimate  # N*m, of the cell's zero from the tare to the last sample
 
 
 class Before(NamedTuple):
@@ -79,20 +83,39 @@ def _fitted(
 
 def behind(groups: list[Turned], kind: str) -> Behind:
     """Losses behind the cell; ``kind`` names what a group is."""
+    last = max(float(each.time.max()) for each in groups)
     rows = []
-    for v, a, torque, _ in groups:
-        design = np.stack([(v > 0.0) * 1.0, -1.0 * (v < 0.0), v, a], axis=1)
-        rows.append((design, torque))
-    units = ("N*m", "N*m", "N*m*s/rad", "kg*m^2")
-    return Behind(*_fitted(rows, units, kind))
+    for v, a, torque, _, time in groups:
+        t = time / last
+        columns = [(v > 0.0) * 1.0, -1.0 * (v < 0.0), v, a, t, t * t - t]
+        rows.append((np.stack(columns, axis=1), torque))
+    units = ("N*m", "N*m", "N*m*s/rad", "kg*m^2", "N*m", "N*m")
+    return Behind(*_fitted(rows, units, kind)[:5])
 
 
-def before(groups: list[Turned], torque_constant: float, kind: str) -> Before:
-    """Losses before the cell; ``torque_constant`` (N*m/A) is the motor's own at the output."""
+def before(groups: list[Turned], torque_constant: Estimate, kind: str) -> Before:
+    """Losses before the cell.
+
+    ``torque_constant`` (N*m/A) is the motor's own at the output; what its uncertainty makes of the
+    losses is in their intervals.
+    """
+    plain = _before(groups, torque_constant.value, kind)
+    half = torque_constant.uncertainty
+    if not half > 0.0:
+        return plain
+    other = _before(groups, torque_constant.value + half, kind)
+    both = (
+        one._replace(uncertainty=float(np.hypot(one.uncertainty, two.value - one.value)))
+        for one, two in zip(plain, other, strict=True)
+    )
+    return Before(*both)
+
+
+def _before(groups: list[Turned], torque_constant: float, kind: str) -> Before:
     loads = [float(np.median(np.abs(each.torque))) for each in groups]
     loaded = max(loads) - min(loads) > 2.0  # N*m: less does not tell dry friction from its share
     rows = []
-    for v, a, torque, current in groups:
+    for v, a, torque, current, _ in groups:
         sign = np.sign(v)
         columns = [sign, v, a, *([np.abs(torque) * sign] if loaded else [])]
         rows.append((np.stack(columns, axis=1), torque_constant * current - torque))

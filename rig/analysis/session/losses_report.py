@@ -8,7 +8,7 @@ from matplotlib.figure import SubFigure
 
 from rig.analysis.session import losses, periods
 from rig.analysis.session.drawing import BLUE, RED, axes_of, note, shade
-from rig.analysis.session.estimate import Estimate
+from rig.analysis.session.estimate import Estimate, Floats
 from rig.analysis.session.losses import Before, Behind, Turned
 from rig.analysis.session.periods import Cut
 from rig.analysis.session.read import Point, Session
@@ -42,25 +42,26 @@ class Rubbed(NamedTuple):
         return point.number("brake_current_a", 0.0) + point.number("damping_n_m_s_per_rad", 0.0) > 0
 
 
-def result(session: Session) -> Result:
-    """Analyse a run."""
+def result(session: Session, constant: Estimate | None = None) -> Result:
+    """Analyse a run; ``constant`` is the motor's own (N*m/A), as a torque constant session has it.
+
+    Without one the constant in use in the run is taken, and its error is not in the intervals.
+    """
     points = [each for p in session.whole if (each := _rubbed(p)).groups]
     if not points:
         raise ValueError("no set point turned")
-    constant = session.torque_constant
+    known = constant or Estimate(session.torque_constant, 0.0, "N*m/A", "in use in the run")
     free = [each for each in points if each.free]
     behind = losses.behind(*_groups(free)) if free else None
-    before = losses.before(*_with_constant(points, constant))
+    before = losses.before(*_with_constant(points, known))
     named: dict[str, Estimate] = {}
     if behind is not None:
-        names = ("dry_positive", "dry_negative", "viscous", "inertia")
-        named |= {f"bearing_{name}": each for name, each in zip(names, behind, strict=True)}
-    names = ("dry", "load_share", "viscous", "inertia")
-    named |= {f"gearbox_{name}": each for name, each in zip(names, before, strict=True)}
+        named |= {f"bearing_{name}": each for name, each in behind._asdict().items()}
+    named |= {f"gearbox_{name}": each for name, each in before._asdict().items()}
     pictures = [
         Picture("losses_before", "Losses before the load cell over velocity",
-                f"Current times {constant:.2f} N·m/A less the cell's torque, means over periods.",
-                (7.2, 4.6), partial(_draw_before, points, constant, before)),
+                f"Current times {known.value:.2f} N·m/A less the cell's torque and inertia.",
+                (7.2, 4.6), partial(_draw_before, points, known.value, before)),
     ]  # fmt: skip
     if behind is not None:
         said = "The cell's torque over velocity, means over periods; red: the fit."
@@ -68,27 +69,31 @@ def result(session: Session) -> Result:
         draw = partial(_draw_behind, free, behind)
         pictures.insert(0, Picture("losses_behind", title, said, (7.2, 4.6), draw))
     return Result(
-        (_table(points, constant),),
+        (_table(points, known.value),),
         _compared(behind, before),
         named,
         tuple(pictures),
         (
-            f"Losses before the cell rest on the torque constant in use, {constant:.3f} N·m/A: "
-            "its error times the current is not in their intervals.",
-            "What differs between directions cannot be told from a zero of the load cell that has "
-            "drifted since its tare.",
+            f"Losses before the cell rest on the torque constant {words(known)}, {known.method}"
+            + ("." if constant else "; its error is not in their intervals."),
+            "What differs between directions is told from a drift of the cell's zero by its being "
+            "constant over the run, and the zero right at the tare.",
         ),
     )
 
 
 def _rubbed(point: Point) -> Rubbed:
-    of = point.cut(point.wanted_velocity)
+    of = point.cut()
     speed = periods.velocity(periods.detrended(point.motor, of), of.dt, WINDOW)
     rate = periods.velocity(speed, of.dt, WINDOW)
     good = losses.moving(speed, round(WINDOW / of.dt))
-    columns = (speed, rate, point.over(point.torque, of), point.over(point.current, of))
-    parts = [periods.pieces(each, of) for each in (*columns, good)]
-    groups = [Turned(v[g], a[g], t[g], i[g]) for v, a, t, i, g in zip(*parts, strict=True)]
+    time = point.start + of.dt * np.arange(len(speed))
+    torque, current = point.over(point.torque, of), point.over(point.current, of)
+    columns: tuple[Floats, ...] = (speed, rate, torque, current, time, good)
+    parts = [periods.pieces(each, of) for each in columns]
+    groups = [
+        Turned(*(each[good] for each in signals)) for *signals, good in zip(*parts, strict=True)
+    ]
     return Rubbed(point, of, [each for each in groups if len(each.velocity) > 20])
 
 
@@ -98,7 +103,7 @@ def _groups(points: list[Rubbed]) -> tuple[list[Turned], str]:
     return [group for each in points for group in each.groups], "periods"
 
 
-def _with_constant(points: list[Rubbed], constant: float) -> tuple[list[Turned], float, str]:
+def _with_constant(points: list[Rubbed], constant: Estimate) -> tuple[list[Turned], Estimate, str]:
     groups, kind = _groups(points)
     return groups, constant, kind
 
@@ -134,6 +139,7 @@ def _compared(behind: Behind | None, before: Before) -> tuple[Compared, ...]:
                      words(behind.negative), None),
             Compared("behind the cell, viscous", "grows with speed", "",
                      words(behind.viscous), None),
+            Compared("drift of the cell's zero", "", "", words(behind.drift), None),
             Compared("behind the cell, inertia", "", "", words(behind.inertia), None),
         ]  # fmt: skip
     return (

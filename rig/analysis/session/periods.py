@@ -106,7 +106,8 @@ def begin(reference: Floats, period: float, dt: float) -> int:
     found = np.mean((here - here.mean()) * np.exp(-2j * np.pi * t / period))
     if not abs(found) > 1e-9:
         return 0
-    return round(float(-np.angle(found) / (2.0 * np.pi) % 1.0) * period / dt) % samples
+    first = round(float(-np.angle(found) / (2.0 * np.pi) % 1.0) * period / dt)
+    return first if first < 0.99 * samples else 0  # rounding shall not cost a period
 
 
 def velocity(angle: Floats, dt: float, window: float) -> Floats:

@@ -34,6 +34,7 @@ class Point(NamedTuple):
     cut_short: str  # why it is not whole; empty if it is
     lost: int  # ticks that were not logged: interpolated
     limited: int  # ticks whose command was not granted in full
+    period: float  # s, after which its reference repeats
     dt: float  # s
     start: float  # s from run start
     motor: Floats  # rad
@@ -54,29 +55,25 @@ class Point(NamedTuple):
         return float(value) if isinstance(value, int | float) else otherwise
 
     @property
-    def period(self) -> float:
-        """Of its oscillation, s."""
-        return self.number("period_s")
-
-    @property
     def correction_name(self) -> str:
         """none, offline, online or instantaneous."""
         return str(self.asked.get("correction") or "none")
 
-    def cut(self, command: Floats) -> Cut:
-        """Its whole periods, from a maximum of a command on where that leaves as many."""
-        samples = len(self.motor)
+    def cut(self) -> Cut:
+        """All its whole periods, whatever phase they begin with."""
+        return periods.cut(len(self.motor), self.period, self.dt)
+
+    def aligned(self, command: Floats) -> Cut:
+        """Its whole periods from a maximum of a command on, as the thesis's figures have them."""
         first = periods.begin(command, self.period, self.dt)
-        whole = periods.cut(samples, self.period, self.dt)
-        try:
-            aligned = periods.cut(samples, self.period, self.dt, first)
-        except ValueError:
+        whole = self.cut()
+        if whole.whole < 2:
             return whole
-        return aligned if aligned.whole >= max(2, whole.whole - 1) else whole
+        return periods.cut(len(self.motor), self.period, self.dt, first)
 
     def motion(self) -> Motion:
         """Motor, shaft and torque over the whole periods of the reference angle."""
-        return motion(self.motor, self.shaft, self.torque, self.cut(self.wanted_angle))
+        return motion(self.motor, self.shaft, self.torque, self.aligned(self.wanted_angle))
 
     def over(self, values: Floats, of: Cut) -> Floats:
         """A signal cut to whole periods."""
@@ -92,6 +89,7 @@ class Session(NamedTuple):
     points: list[Point]  # in the order of the run
     torque_constant: float  # N*m/A, in use in the run
     velocity_constant: float  # rad/s/V, in use in the run
+    irregular: bool  # the reference is no sinusoid
 
     @property
     def whole(self) -> list[Point]:
@@ -115,11 +113,12 @@ def open_session(run: str | os.PathLike[str]) -> Session:
     scales = known.plan.get("scales") or {}
     dt = float(known.plan["dt"])
     rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
+    repeat = float((told.get("irregular") or {}).get("repeat_s") or np.nan)
     latest: dict[int, Point] = {}
     for window in windows(source, list(FIELDS)):
         if window.row >= 0:
             latest.pop(window.row, None)  # a later attempt takes the place of an earlier one
-            latest[window.row] = _point(window, rows.get(window.row, {}), scales, dt)
+            latest[window.row] = _point(window, rows.get(window.row, {}), scales, repeat, dt)
     if not latest:
         raise RunError(f"{run}: no set point was measured")
     return Session(
@@ -129,10 +128,13 @@ def open_session(run: str | os.PathLike[str]) -> Session:
         list(latest.values()),
         float(scales.get("torque_constant_n_m_per_a") or np.nan),
         float(scales.get("velocity_constant_rad_per_s_per_v") or np.nan),
+        bool(told.get("irregular")),
     )
 
 
-def _point(window: Window, asked: dict[str, Any], scales: dict[str, Any], dt: float) -> Point:
+def _point(
+    window: Window, asked: dict[str, Any], scales: dict[str, Any], repeat: float, dt: float
+) -> Point:
     data = window.data
     ticks = data["tick"]
     grid = np.arange(ticks[0], ticks[-1] + 1)
@@ -154,6 +156,7 @@ def _point(window: Window, asked: dict[str, Any], scales: dict[str, Any], dt: fl
         short,
         len(grid) - len(ticks),
         int((data["command.limited"] != 0).sum()),
+        float(asked.get("period_s") or repeat),
         dt,
         float(data["time"][0]),
         motor - field("tared.motor"),

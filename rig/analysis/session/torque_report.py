@@ -63,7 +63,7 @@ def result(session: Session) -> Result:
 
 
 def _locked(point: Point) -> Locked:
-    of = point.cut(point.current_command)
+    of = point.cut()
     current = point.over(point.current_command, of)
     torque = point.over(point.torque, of)
     return Locked(point, of, current, torque, torque_constant.ramps(current, torque, of))

@@ -60,7 +60,7 @@ def _loop(session: Session) -> str:
 
 
 def _followed(point: Point) -> Followed:
-    of = point.cut(point.wanted_torque)
+    of = point.cut()
     wanted, measured = (point.over(each, of) for each in (point.wanted_torque, point.torque))
     return Followed(point, of, wanted, measured, tracking.tracked(wanted, measured, of))
 

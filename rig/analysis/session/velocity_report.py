@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import SubFigure
+from scipy.ndimage import uniform_filter1d
 
 from rig.analysis.session import periods, thesis, velocity_constant
 from rig.analysis.session.deflection import Behind, Motion, behind
@@ -65,7 +66,7 @@ def result(session: Session) -> Result:
 
 
 def _free(point: Point) -> Free:
-    of = point.cut(point.volts)
+    of = point.aligned(point.volts)
     motion = point.motion()
     return Free(
         point, of, velocity_constant.slowing(point.motor, point.volts, of), motion, behind(motion)
@@ -140,7 +141,8 @@ def _pictures(points: Sequence[Free], constant: float) -> tuple[Picture, ...]:
                 "Mean, least and largest of the decelerations of each set point.", (7.2, 5.8),
                 partial(_constants, points, constant)),
         Picture("fig_3_8", "Fig. 3.8: torque of the bearing over the phase",
-                "Means over periods; darker: faster.", (7.2, 4.4), partial(_torque, points)),
+                "Means over periods and 15 ms; darker: faster.", (7.2, 4.4),
+                partial(_torque, points)),
     )  # fmt: skip
 
 
@@ -200,8 +202,8 @@ def _constants(points: Sequence[Free], constant: float, body: SubFigure) -> None
         bars(lower, places, [[f.r_squared for f in e] for e in fits], colour, way, 0.004 * sign)
     upper.axhline(constant, color=BLUE, lw=0.9)
     upper.axhline(thesis.VELOCITY_FASTEST, color=RED, lw=0.9, ls="--")
-    note(upper, "red: thesis, three fastest; blue: going as told", "lower right")
-    upper.legend(frameon=False, fontsize=8, loc="lower center")
+    note(upper, "red: thesis, three fastest; blue: going as told", "upper left")
+    upper.legend(frameon=False, fontsize=8, loc="lower right")
 
 
 def _torque(points: Sequence[Free], body: SubFigure) -> None:
@@ -209,7 +211,8 @@ def _torque(points: Sequence[Free], body: SubFigure) -> None:
     for i, each in enumerate(points):
         torque = periods.mean_period(each.motion.torque, each.motion.of)
         share = np.arange(len(torque)) / len(torque)
-        axes.plot(share, torque, color=shade(i + 1, len(points) + 1), lw=1.0)
+        smooth = uniform_filter1d(torque, 15, mode="wrap")
+        axes.plot(share, smooth, color=shade(i + 1, len(points) + 1), lw=1.0)
     axes.axhline(0.0, color=COUNTER, lw=0.6)
     axes.axhline(0.4, color=CLOCKWISE, lw=0.6, ls=":")
     axes.axhline(-0.4, color=CLOCKWISE, lw=0.6, ls=":")

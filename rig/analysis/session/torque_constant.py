@@ -21,6 +21,8 @@ RAMP = (0.10, 0.97)
 """Share of a quarter's largest torque between which a ramp is fitted."""
 BACK_OFF = (0.15, 0.85)
 """The same for the way back: not its plateau, where stiction holds the torque."""
+RELEASE = (0.70, 0.95)
+"""Where the way back has just begun: its line is followed back to the peak's torque."""
 PEAK = 0.1
 """Share of the way back in which stiction surely holds the torque."""
 UNIT = "N*m/A"
@@ -52,8 +54,11 @@ def ramps(current: Floats, torque: Floats, of: Cut) -> Ramps:
         found = domain(each, current, torque, by=torque, low=low, high=high)
         if found is not None and found.fitted.slope > 0.0:
             (up if each.growing else back).append(found)
-            if not each.growing:
-                own.append(_own(found, current, torque))
+        if not each.growing:
+            low, high = RELEASE
+            begun = domain(each, current, torque, by=torque, low=low, high=high)
+            if begun is not None and begun.fitted.slope > 0.0:
+                own.append(_own(begun, current, torque))
         half = np.abs(np.abs(current[each.where]) - 0.5 * np.abs(current).max())
         sign = -1.0 if each.growing else 1.0
         gaps.append(sign * each.sign * torque[each.where][int(np.argmin(half))])

@@ -113,7 +113,8 @@ def test_the_terminal_and_json_say_the_same(driveline: Summary) -> None:
 
 def test_the_torque_constant_of_a_hidden_motor(torque: Summary) -> None:
     found = torque.result.constants
-    assert found["torque_constant_motor"].holds(15.75)
+    proper = found["torque_constant_motor"]
+    assert abs(proper.value - 15.75) < proper.uncertainty + 0.001 * 15.75  # cross-talk of the cell
     assert found["torque_constant"].value < 15.75  # friction is in it
     assert found["torque_hysteresis"].value > 1.0
     assert calibration(torque).constants["torque_constant_positive"].unit == "N*m/A"

@@ -89,7 +89,7 @@ def _rubbed(point: Point) -> Rubbed:
     good = losses.moving(speed, round(WINDOW / of.dt))
     time = point.start + of.dt * np.arange(len(speed))
     torque, current = point.over(point.torque, of), point.over(point.current, of)
-    columns: tuple[Floats, ...] = (speed, rate, torque, current, time, good)
+    columns: list[Floats] = [speed, rate, torque, current, np.asarray(time, np.float64), good]
     parts = [periods.pieces(each, of) for each in columns]
     groups = [
         Turned(*(each[good] for each in signals)) for *signals, good in zip(*parts, strict=True)

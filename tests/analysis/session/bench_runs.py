@@ -91,13 +91,16 @@ def torque_law(on: Bench, asked: Asked) -> Law:
     return law
 
 
-def _homed(on: Bench, home: int) -> None:
-    """Bring the shaft back to where it was, not logged: else it drifts out of its travel."""
+def _homed(on: Bench, home: int, brake: float) -> None:
+    """Bring the shaft back to where it was, not logged: else it drifts out of its travel.
+
+    ``brake`` (A) stays on, so that a branch of the brake is not left.
+    """
     world = on.world
     scale = world.params.sensors.shaft_counts
     for _ in range(2500):
         off = (world.sense().shaft_counts - home) / scale
-        world.actuate(Actuation(1, 0, -3.0 * off / on.gain, 0.0, 0.0, 0))
+        world.actuate(Actuation(1, 0, -3.0 * off / on.gain, 0.0, brake, 0))
         world.advance(DT)
 
 
@@ -140,6 +143,7 @@ def write_session(
     *,
     periods: int,
     settle: int = 1,
+    plan_periods: int | None = None,
     **told: Any,
 ) -> Path:
     """A finished run of a session on a bench; ``told`` goes into the session's file."""
@@ -148,10 +152,10 @@ def write_session(
     for i, asked in enumerate(rows):
         per = round(asked["period_s"] / DT)
         if not kind.startswith("torque"):
-            _homed(on, home)
+            _homed(on, home, asked.get("brake_current_a", 0.0))
         law = (torque_law if kind.startswith("torque") else velocity_law)(on, asked)
         blocks.append(_driven(on, law, (settle + periods) * per, i, settle * per))
-        table.append({"row": i, **asked, "periods": periods, "measure_s": periods * per * DT})
+        table.append({"row": i, **asked, "measure_s": (plan_periods or periods) * per * DT})
     done = np.zeros(20, DTYPE)
     done["plan.row"], done["plan.phase"], done["safety.mode"] = NO_ROW, Phase.DONE, Mode.STOP_1
     done["safety.reason"] = Reason.PLAN_END

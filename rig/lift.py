@@ -38,7 +38,7 @@ def lift(modules: Iterable[ModuleType]) -> None:
     for module in modules:
         for function in vars(module).values():
             if inspect.isfunction(function) and function.__module__ == module.__name__:
-                register_jitable(function)
+                register_jitable(forceinline=True)(function)
 
 
 def load(name: str, source: str, modules: Iterable[ModuleType]) -> ModuleType:

@@ -1,0 +1,93 @@
+"""The loop and the plant as one compiled function: the rehearsal's own functions, no clock, no log.
+
+The cycle is `rig.cycle.make` of the WaveBot, the plant `sim_plant.wavebot.step`: the functions that
+a rehearsal runs, lifted (rig/lift.py). What stands here beside them is the order of a tick and
+which fields of its row are kept.
+"""
+
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+from controllers import (
+    biquads,
+    blocks,
+    drive_gating,
+    estimator,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    station_keeping,
+)
+from rig import axis, cycle, lift, limits, power, safety, sequence, tare
+from rig.batch import wires
+from rig.rehearsal.compiled import LIFTED as PLANT
+from rig.wavebot import KIND
+from sim_plant import wave_maker
+
+_CONTROL: tuple[ModuleType, ...] = (
+    biquads, blocks, drive_gating, estimator, impedance, magnetic_spring, open_loop, position_hold,
+    station_keeping, axis, limits, power, safety, sequence, tare,
+    *(sys.modules[f"rig.wavebot.{name}"] for name in ("check", "kind", "state")),
+)  # fmt: skip
+_LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, cycle)
+
+_SOURCE = '''"""Generated: ticks of loop and plant together."""
+
+from numba import njit
+from numba.extending import register_jitable
+
+from rig import cycle
+from rig.batch.wires import Machine, actuation, sense
+from rig.wavebot import KIND
+from sim_plant import wave_maker
+from sim_plant.wavebot import Excitation, sample, step as plant_step
+
+tick_of = register_jitable(forceinline=True)(cycle.make(KIND))
+NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(params, plant, tables, normals, dt, late, machine, most, first_phase, kept):
+    """Tick until the record is full, ``most`` ticks are done, or something is to be decided.
+
+    Gives the machine after it, how many rows of ``kept`` are filled, and the drive's settings."""
+    tick, loop, state, sea, line, wire, fresh, settings, linger = machine
+    filled = 0
+    until = tick + most
+    while tick < until and filled < len(kept) and linger < {linger}:
+        if tick > 0:
+            after = wave_maker.step(tables, sea, dt)
+            now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
+            state = plant_step(plant, state, wire, fresh, now, then, dt)
+            sea, fresh = after, 0
+            line = line[1:] + (sample(plant, state, tick, sea.elevation, normals),)
+        read = sense(line[0], late)
+        loop, command, row = tick_of(params, loop, read, 0, tick, NO_TIMING, 1, dt)
+        told = actuation(command)
+        if told.wave_trigger != wire.wave_trigger:
+            sea = wave_maker.switch(tables, told.wave_trigger, dt)
+        wire, fresh = told, 1
+        if row.plan.phase >= first_phase:
+            {keep}
+            filled += 1
+        if row.safety.mode == {stop_0}:
+            linger += 1
+        tick += 1
+        asked = command.drive.settings
+        if asked != settings and asked.bus_voltage > 0.0:
+            settings = asked
+            break
+    return Machine(tick, loop, state, sea, line, wire, fresh, settings, linger), filled
+'''
+
+
+def load(fields: Sequence[str]) -> Any:
+    """The compiled ``advance`` that keeps these fields of each row, in this order."""
+    from rig.loop import LINGER  # noqa: PLC0415
+
+    keep = "\n            ".join(f"kept[filled, {i}] = row.{name}" for i, name in enumerate(fields))
+    source = _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0)
+    return lift.load("batch", source, _LIFTED).advance

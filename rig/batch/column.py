@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import (
@@ -72,7 +71,9 @@ def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
         c.pyapi.decref(attribute)
     made.data = c.builder.inttoptr(numbers[0], made.data.type)
     made.length = numbers[1]
-    return NativeValue(made._getvalue(), is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred()))
+    return NativeValue(
+        made._getvalue(), is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred())
+    )
 
 
 @intrinsic

@@ -6,7 +6,7 @@ which fields of its row are kept.
 """
 
 import sys
-from collections.abc import Sequence
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -22,9 +22,10 @@ from controllers import (
     station_keeping,
 )
 from rig import axis, cycle, lift, limits, power, safety, sequence, tare
-from rig.batch import wires
+from rig.batch import column, wires
+from rig.loop import LINGER
 from rig.rehearsal.compiled import LIFTED as PLANT
-from rig.wavebot import KIND
+from rig.sequence import MEASURE
 from sim_plant import wave_maker
 
 _CONTROL: tuple[ModuleType, ...] = (
@@ -33,6 +34,7 @@ _CONTROL: tuple[ModuleType, ...] = (
     *(sys.modules[f"rig.wavebot.{name}"] for name in ("check", "kind", "state")),
 )  # fmt: skip
 _LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, cycle)
+_LOADED = column  # its type must be known before compiled code is read from the cache
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
 
@@ -40,6 +42,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 from rig import cycle
+from rig.batch import column
 from rig.batch.wires import Machine, actuation, sense
 from rig.wavebot import KIND
 from sim_plant import wave_maker
@@ -50,14 +53,9 @@ NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance(params, plant, tables, normals, dt, late, machine, most, first_phase, kept):
-    """Tick until the record is full, ``most`` ticks are done, or something is to be decided.
-
-    Gives the machine after it, how many rows of ``kept`` are filled, and the drive's settings."""
+def advance(params, plant, tables, normals, dt, late, machine, until, kept, filled):
     tick, loop, state, sea, line, wire, fresh, settings, linger = machine
-    filled = 0
-    until = tick + most
-    while tick < until and filled < len(kept) and linger < {linger}:
+    while tick < until and linger < {linger}:
         if tick > 0:
             after = wave_maker.step(tables, sea, dt)
             now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
@@ -70,7 +68,8 @@ def advance(params, plant, tables, normals, dt, late, machine, most, first_phase
         if told.wave_trigger != wire.wave_trigger:
             sea = wave_maker.switch(tables, told.wave_trigger, dt)
         wire, fresh = told, 1
-        if row.plan.phase >= first_phase:
+        measuring = row.plan.phase == {measure}
+        if measuring:
             {keep}
             filled += 1
         if row.safety.mode == {stop_0}:
@@ -80,14 +79,21 @@ def advance(params, plant, tables, normals, dt, late, machine, most, first_phase
         if asked != settings and asked.bus_voltage > 0.0:
             settings = asked
             break
+        if filled > 0 and not measuring:
+            break
     return Machine(tick, loop, state, sea, line, wire, fresh, settings, linger), filled
 '''
 
 
-def load(fields: Sequence[str]) -> Any:
-    """The compiled ``advance`` that keeps these fields of each row, in this order."""
-    from rig.loop import LINGER  # noqa: PLC0415
+@cache
+def load(fields: tuple[str, ...]) -> Any:
+    """The compiled ``advance``, which keeps these fields of each measured tick, in this order.
 
-    keep = "\n            ".join(f"kept[filled, {i}] = row.{name}" for i, name in enumerate(fields))
-    source = _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0)
+    ``advance(params, plant, tables, normals, dt, late, machine, until, kept, filled)`` ticks up to
+    tick ``until``, to a few ticks after power was removed, to the end of a window, or to a change
+    of the drive's settings, which are the caller's to make. It fills ``kept`` (one line a field)
+    from ``filled`` on and gives the machine and how many ticks are kept by then.
+    """
+    keep = "\n            ".join(f"kept[{i}, filled] = row.{name}" for i, name in enumerate(fields))
+    source = _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0, measure=MEASURE)
     return lift.load("batch", source, _LIFTED).advance

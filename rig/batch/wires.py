@@ -1,6 +1,6 @@
 """Between loop and plant in one compiled tick: what `rig.rehearsal.devices` does, as functions."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from controllers.signals import (
     AxisSense,

@@ -202,8 +202,8 @@ def row_table(
         least = 0.99 * _length(planned.get(window.row, {}), dt) - 1.0
         why = window.cut_short or ("shorter than planned" if window.span < least else "")
         data = calibrated.ticks(read, window.data)
-        reduced = reduced(window._replace(cut_short=why, data=data), period_ticks)
-        found[window.row] = reduced  # the last attempt counts
+        # the last attempt counts
+        found[window.row] = reduced(window._replace(cut_short=why, data=data), period_ticks)
     table = [
         calibrated.row(read, _with_plan(found.get(row), planned.get(row, {}), row))
         for row in sorted({*planned, *found})

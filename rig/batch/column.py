@@ -43,7 +43,7 @@ class Column:
         return number
 
 
-class _ColumnType(types.Type):  # type: ignore[misc]
+class _ColumnType(types.Type):
     def __init__(self, dtype: Any) -> None:
         self.dtype = dtype
         super().__init__(name=f"Column({dtype})")
@@ -55,7 +55,7 @@ def _typeof(value: Column, _: Any) -> _ColumnType:
 
 
 @register_model(_ColumnType)
-class _ColumnModel(models.StructModel):  # type: ignore[misc]
+class _ColumnModel(models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         members = [("data", types.CPointer(kind.dtype)), ("length", types.int64)]
         super().__init__(manager, kind, members)

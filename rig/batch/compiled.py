@@ -19,6 +19,7 @@ from controllers import (
     magnetic_spring,
     open_loop,
     position_hold,
+    signals,
     station_keeping,
 )
 from rig import axis, cycle, lift, limits, power, safety, sequence, tare
@@ -26,15 +27,18 @@ from rig.batch import column, wires
 from rig.loop import LINGER
 from rig.rehearsal.compiled import LIFTED as PLANT
 from rig.sequence import MEASURE
+from rig.wavebot import words as wavebot_words
 from sim_plant import wave_maker
+from sim_plant import words as plant_words
 
 _CONTROL: tuple[ModuleType, ...] = (
     biquads, blocks, drive_gating, estimator, impedance, magnetic_spring, open_loop, position_hold,
     station_keeping, axis, limits, power, safety, sequence, tare,
     *(sys.modules[f"rig.wavebot.{name}"] for name in ("check", "kind", "state")),
 )  # fmt: skip
-_LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, cycle)
-_LOADED = column  # its type must be known before compiled code is read from the cache
+LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, cycle)
+BESIDE = (signals, wavebot_words, plant_words, column)
+"""Not lifted, but compiled code is made of their types."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
 
@@ -94,6 +98,14 @@ def load(fields: tuple[str, ...]) -> Any:
     of the drive's settings, which are the caller's to make. It fills ``kept`` (one line a field)
     from ``filled`` on and gives the machine and how many ticks are kept by then.
     """
+    return lift.load("batch", _source(fields), LIFTED, BESIDE).advance
+
+
+def is_compiled(fields: tuple[str, ...]) -> bool:
+    """Whether this host has compiled ``advance`` before."""
+    return lift.is_compiled(lift.cache_folder(_source(fields), (*LIFTED, *BESIDE)))
+
+
+def _source(fields: tuple[str, ...]) -> str:
     keep = "\n            ".join(f"kept[{i}, filled] = row.{name}" for i, name in enumerate(fields))
-    source = _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0, measure=MEASURE)
-    return lift.load("batch", source, _LIFTED).advance
+    return _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0, measure=MEASURE)

@@ -1,6 +1,7 @@
 """What is simulated: a campaign's rig, plant and sea as the numbers that compiled code takes."""
 
 from collections.abc import Callable, Iterator
+from itertools import groupby, pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -16,14 +17,15 @@ from rig.batch import compiled
 from rig.batch.column import Column
 from rig.batch.wires import Machine
 from rig.campaign import Campaign, Plan
+from rig.loop import LINGER
 from rig.record import leaves
 from rig.rehearsal import job
 from rig.rehearsal.devices import build_world
 from rig.runs.mcap_file import Records
 from rig.safety import Reason
-from rig.sequence import MEASURE
-from rig.wavebot import KIND, WaveBotRow
-from sim_plant import custom_drive, wave_maker
+from rig.sequence import MEASURE, Segments
+from rig.wavebot import KIND, Setpoints, WaveBotRow
+from sim_plant import custom_drive, wave_maker, wavebot
 from sim_plant.parameters import Plant
 from sim_plant.words import OFF
 
@@ -36,11 +38,12 @@ _AS_LOGGED = np.dtype(
      if leaf.name in KEPT]
 )  # fmt: skip
 _AT_A_TIME = 200_000  # ticks between two looks at whether to go on: a tenth of a second
-_TICK = KEPT.index("tick")
+_TICK, _ROW = KEPT.index("tick"), KEPT.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
+_Floats = npt.NDArray[np.float64]
 
 
-class InterruptedWalk(Exception):
+class InterruptedWalkError(Exception):
     """Somebody asked to stop."""
 
 
@@ -49,11 +52,11 @@ class Kept:
 
     dtype = _AS_LOGGED
 
-    def __init__(self, columns: npt.NDArray[np.float64]) -> None:
+    def __init__(self, columns: _Floats) -> None:
         self._columns = columns
 
     def __len__(self) -> int:
-        return self._columns.shape[1]
+        return len(self._columns[0])
 
     def __getitem__(self, name: str) -> Any:
         column = self._columns[KEPT.index(name)]
@@ -61,84 +64,120 @@ class Kept:
 
 
 class Subject:
-    """One campaign's rig in its sea; every plan for it starts it anew."""
+    """One campaign's rig in its sea; every walk starts it anew, from threads at a time, too."""
 
     def __init__(self, campaign: Campaign, plan: Plan) -> None:
         """Raises ValueError where plant or sea cannot be simulated."""
         devices = job.devices_of(campaign)
-        self._plant = Plant.model_validate(devices["plant"])
-        self._dt = plan.dt
-        self._begin = begin = build_world(devices | {"compiled": False}, plan.dt).beginning()
-        self._params = wavebot_params(
+        self.plant = Plant.model_validate(devices["plant"])
+        self.dt = plan.dt
+        self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).beginning()
+        self.params = wavebot_params(
             campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
         )
         elevation, heave, surge, onset, onset_ticks = begin.tables
-        self._tables = wave_maker.Tables(
-            Column(elevation), Column(heave), Column(surge), onset, onset_ticks
-        )
-        self._normals = Column(begin.normals)
-        self._advance = compiled.load(KEPT)
-        self.reason = ""  # why the last walk ended
+        waves: Any = [Column(table) for table in (elevation, heave, surge)]
+        self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
+        self.normals = Column(begin.normals)
+        self.advance = compiled.load(KEPT)
 
-    def measured(self, plan: Plan, go_on: Callable[[], bool] = lambda: True) -> Iterator[Window]:
-        """Walk a plan from power-on to its end or a trip; its rows' windows as they are measured.
+    def walk(
+        self, plan: Plan, go_on: Callable[[], bool] = lambda: True, stator: float | None = None
+    ) -> "Walk":
+        """A plan walked from power-on to its end or a trip.
 
-        A window's data are valid until the next one is asked for. Raises `Interrupted` when
-        ``go_on`` says no.
+        ``stator`` is where it stands when power comes on (%), the plant's own start if not given.
+        ``go_on`` is asked now and then; when it says no, the walk raises `InterruptedWalkError`.
         """
-        segments = plan.segments
-        lengths = [n for n, p in zip(segments.ticks, segments.phase, strict=True) if p == MEASURE]
-        kept = np.empty((len(KEPT), max(lengths, default=0) + 1))
-        params, plant, filled = self._columns(plan), self._begin.params, 0
-        machine = self._start()
-        while machine.linger < compiled.LINGER:
-            if not go_on():
-                raise Interrupted
-            settings, until = machine.settings, machine.tick + _AT_A_TIME
-            machine, filled = self._advance(
-                params, plant, self._tables, self._normals, self._dt, self._begin.delay,
-                machine, until, kept, filled,
-            )  # fmt: skip
-            if machine.settings != settings:
-                plant = self._plant.build(
-                    custom_drive.DriveSettings(*machine.settings[:4], int(machine.settings[5]))
-                )
-            newest = kept[_TICK, filled - 1] if filled else machine.tick - 1
-            if newest != machine.tick - 1 or (filled and machine.linger == compiled.LINGER):
-                yield _window(kept[:, :filled], machine)
-                filled = 0
-        self.reason = Reason(machine.loop.safety.reason).name
+        return Walk(self, plan, go_on, stator)
 
-    def _columns(self, plan: Plan) -> cycle.Params:
+    def columns(self, plan: Plan) -> cycle.Params:
         """The loop's parameters for a plan, its tables as columns."""
-        rig = self._params.rig
-        return self._params._replace(
-            segments=type(plan.segments)(*(Column(column) for column in plan.segments)),
+        rig = self.params.rig
+        segments: Any = [Column(column) for column in plan.segments]
+        setpoints: Any = [Column(column) for column in plan.setpoints]
+        return self.params._replace(
+            segments=Segments(*segments),
             rig=rig._replace(
-                setpoints=type(plan.setpoints)(*(Column(column) for column in plan.setpoints)),
+                setpoints=Setpoints(*setpoints),
                 reference=rig.reference._replace(table=Column(rig.reference.table)),
             ),
         )
 
-    def _start(self) -> Machine:
-        begin = self._begin
-        return Machine(
-            0,
-            cycle.start(KIND, self._params, 0),
-            begin.state,
-            wave_maker.STILL,
-            begin.line,
-            OFF,
-            0,
-            _NO_SETTINGS,
-            0,
-        )
+    def start(self, stator: float | None = None) -> Machine:
+        """Loop and plant before the first tick."""
+        begin, state, line = self.begin, self.begin.state, self.begin.line
+        if stator is not None:
+            there = wavebot.initial(begin.params, float(stator), 0.0)
+            state = there._replace(probes=state.probes)
+            still = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
+            line = (still,) * len(line)
+        loop = cycle.start(KIND, self.params, 0)
+        return Machine(0, loop, state, wave_maker.STILL, line, OFF, 0, _NO_SETTINGS, 0)
+
+    def set_drive(self, settings: DriveSettings) -> wavebot.WaveBotParams:
+        """The plant's constants with the custom drive set so; ValueError where it refuses."""
+        if self.begin.params.electrics.custom == 0:
+            return self.begin.params
+        scheme, voltage, period, tolerance, _, level = settings
+        told = custom_drive.DriveSettings(scheme, voltage, period, tolerance, level)
+        custom_drive.check(told)
+        return self.plant.build(told)
 
 
-def _window(columns: npt.NDArray[np.float64], machine: Machine) -> Window:
-    data = Kept(columns)
+class Walk:
+    """The windows of a plan's rows as they are measured; ``reason`` says how it ended.
+
+    A window's data are valid until the next one is asked for.
+    """
+
+    def __init__(
+        self, subject: Subject, plan: Plan, go_on: Callable[[], bool], stator: float | None
+    ) -> None:
+        self._subject, self._plan, self._go_on = subject, plan, go_on
+        self._machine = subject.start(stator)
+        self.reason = Reason.NONE
+
+    @property
+    def seconds(self) -> float:
+        """Simulated so far."""
+        return self._machine.tick * self._subject.dt
+
+    def __iter__(self) -> Iterator[Window]:
+        subject, machine, filled = self._subject, self._machine, 0
+        kept = np.empty((len(KEPT), _longest(self._plan) + 1))
+        params, plant = subject.columns(self._plan), subject.begin.params
+        while machine.linger < LINGER:
+            if not self._go_on():
+                raise InterruptedWalkError
+            settings, until = machine.settings, machine.tick + _AT_A_TIME
+            machine, filled = subject.advance(
+                params, plant, subject.tables, subject.normals, subject.dt, subject.begin.delay,
+                machine, until, kept, filled,
+            )  # fmt: skip
+            self._machine = machine
+            if machine.settings != settings:
+                plant = subject.set_drive(machine.settings)
+            over = machine.linger == LINGER or kept[_TICK, filled - 1] != machine.tick - 1
+            if filled and over:
+                yield from _windows(kept[:, :filled], machine)
+                filled = 0
+        self.reason = Reason(machine.loop.safety.reason)
+
+
+def _longest(plan: Plan) -> int:
+    """Ticks of the longest stretch of windows that follow each other without a gap."""
+    by_phase = groupby(zip(plan.segments.phase, plan.segments.ticks, strict=True), lambda s: s[0])
+    return max((sum(n for _, n in run) for phase, run in by_phase if phase == MEASURE), default=0)
+
+
+def _windows(columns: _Floats, machine: Machine) -> Iterator[Window]:
     guard = machine.loop.safety
     stopped = guard.reason not in (Reason.NONE, Reason.PLAN_END)
-    why = f"run stopped: {Reason(guard.reason).name}" if stopped else ""
-    row, attempt = (int(data[f"plan.{name}"][0]) for name in ("row", "attempt"))
-    return Window(row, attempt, cast(Records, data), why)
+    rows = columns[_ROW]
+    edges = [0, *(np.flatnonzero(rows[1:] != rows[:-1]) + 1).tolist(), len(rows)]
+    for begin, end in pairwise(edges):
+        data = Kept(columns[:, begin:end])
+        why = f"run stopped: {Reason(guard.reason).name}" if stopped and end == len(rows) else ""
+        row, attempt = (int(data[f"plan.{name}"][0]) for name in ("row", "attempt"))
+        yield Window(row, attempt, cast(Records, data), why)

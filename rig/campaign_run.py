@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, Protocol
 from rig import process, provenance, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Campaign, Plan, resolved
+from rig.campaign.windows import repeat_period
 from rig.companions import Companion
-from rig.config.sea import RegularSea
 from rig.hardware import job as hardware
 from rig.rehearsal import emulation, job
 from rig.runs import RunError, create, join
@@ -194,7 +194,7 @@ def _write_start(
                 for r in plan.rows
             ],
             "device": campaign.file.device,
-            "repeat_s": _wave_period(campaign),
+            "repeat_s": repeat_period(sea),
             "sea": sea.model_dump(mode="json") | {"words": sea.words()},
             "spring_moves": plan.spring_moves,
             "duration_s": plan.duration,
@@ -204,15 +204,6 @@ def _write_start(
     create.write_json(folder, "code.json", provenance.code())
     create.write_json(folder, "host.json", provenance.host())
     create.write_json(folder, STATUS, _status(folder, campaign, plan, started, rung))
-
-
-def _wave_period(campaign: Campaign) -> float | None:
-    """What one whole wave period is for the standard error (s); None in calm water."""
-    sea = campaign.file.sea
-    if isinstance(sea, RegularSea):
-        return sea.period
-    repeat: float | None = getattr(sea, "repeat", None)
-    return repeat
 
 
 def _join_parts(folder: Path) -> None:

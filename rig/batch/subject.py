@@ -91,6 +91,10 @@ class Subject:
         """
         return Walk(self, plan, go_on, stator)
 
+    def prepare(self, plan: Plan) -> None:
+        """Have the loop compiled, or read from the cache, for what this subject is made of."""
+        Walk(self, plan, lambda: True, None).tick(0)
+
     def columns(self, plan: Plan) -> cycle.Params:
         """The loop's parameters for a plan, its tables as columns."""
         rig = self.params.rig
@@ -134,8 +138,10 @@ class Walk:
     def __init__(
         self, subject: Subject, plan: Plan, go_on: Callable[[], bool], stator: float | None
     ) -> None:
-        self._subject, self._plan, self._go_on = subject, plan, go_on
+        self._subject, self._go_on = subject, go_on
         self._machine = subject.start(stator)
+        self._params, self._plant = subject.columns(plan), subject.begin.params
+        self._kept = np.empty((len(KEPT), _longest(plan) + 1))
         self.reason = Reason.NONE
 
     @property
@@ -144,25 +150,27 @@ class Walk:
         return self._machine.tick * self._subject.dt
 
     def __iter__(self) -> Iterator[Window]:
-        subject, machine, filled = self._subject, self._machine, 0
-        kept = np.empty((len(KEPT), _longest(self._plan) + 1))
-        params, plant = subject.columns(self._plan), subject.begin.params
-        while machine.linger < LINGER:
+        filled = 0
+        while self._machine.linger < LINGER:
             if not self._go_on():
                 raise InterruptedWalkError
-            settings, until = machine.settings, machine.tick + _AT_A_TIME
-            machine, filled = subject.advance(
-                params, plant, subject.tables, subject.normals, subject.dt, subject.begin.delay,
-                machine, until, kept, filled,
-            )  # fmt: skip
-            self._machine = machine
-            if machine.settings != settings:
-                plant = subject.set_drive(machine.settings)
-            over = machine.linger == LINGER or kept[_TICK, filled - 1] != machine.tick - 1
-            if filled and over:
-                yield from _windows(kept[:, :filled], machine)
+            filled = self.tick(self._machine.tick + _AT_A_TIME, filled)
+            machine, last = self._machine, self._kept[_TICK, filled - 1]
+            if filled and (machine.linger == LINGER or last != machine.tick - 1):
+                yield from _windows(self._kept[:, :filled], machine)
                 filled = 0
-        self.reason = Reason(machine.loop.safety.reason)
+        self.reason = Reason(self._machine.loop.safety.reason)
+
+    def tick(self, until: int, filled: int = 0) -> int:
+        """Tick up to ``until`` or less far; gives how many ticks of windows are kept by then."""
+        subject, settings = self._subject, self._machine.settings
+        self._machine, filled = subject.advance(
+            self._params, self._plant, subject.tables, subject.normals, subject.dt,
+            subject.begin.delay, self._machine, until, self._kept, filled,
+        )  # fmt: skip
+        if self._machine.settings != settings:
+            self._plant = subject.set_drive(self._machine.settings)
+        return int(filled)
 
 
 def _longest(plan: Plan) -> int:

@@ -53,16 +53,25 @@ Also = Callable[[Pieces], Iterable[Problem]]
 """A further check of a campaign, made whatever else is wrong with it."""
 
 
+Load = Callable[..., tuple[dict[str, Any], Locate]]
+"""Reads a file as `rig.config.source.load_mapping` does."""
+
+
 def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
     """No further check."""
     return ()
 
 
-def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None = None) -> Campaign:
+def open_campaign(
+    path: Path,
+    also: Also = nothing_more,
+    rig_path: Path | None = None,
+    load: Load = load_mapping,
+) -> Campaign:
     """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
 
     ``also`` is where the simulated plant has its say, which is not known here; ``rig_path`` stands
-    in for the rig that the campaign names.
+    in for the rig that the campaign names; ``load`` reads the files, and may change what they say.
     Raises `ConfigError` with every problem of all these files.
     """
     problems: list[Problem] = []
@@ -74,18 +83,18 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
             problems.extend(error.problems)
             return None
 
-    top = attempt(lambda: _top(Path(path)))
+    top = attempt(lambda: _top(Path(path), load))
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(
-        lambda: _named(top, ("rig",)) if rig_path is None else Source(*load_mapping(rig_path))
+        lambda: _named(top, ("rig",), load) if rig_path is None else Source(*load(rig_path))
     )
     limits_source = plant_source = None
     if rig_source is not None:
-        limits_source = attempt(lambda: _named(rig_source, ("limits",)))
+        limits_source = attempt(lambda: _named(rig_source, ("limits",), load))
     owner = rig_source if top.mapping.get("plant") is None else top
     if owner is not None:
-        plant_source = attempt(lambda: _named(owner, ("plant",)))
+        plant_source = attempt(lambda: _named(owner, ("plant",), load))
 
     campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
     rig = limits = found = elevation = None
@@ -150,22 +159,22 @@ def _in_order(problems: list[Problem], sources: tuple[Source | None, ...]) -> li
     return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
 
 
-def _top(path: Path) -> Source:
+def _top(path: Path, load: Load) -> Source:
     """The campaign's own file; of a file of another kind only that is said."""
-    found = Source(*load_mapping(path, inline=CampaignFile.inline))
+    found = Source(*load(path, inline=CampaignFile.inline))
     if not any(key in found.mapping for key in _OWN):
         message = f"no campaign: it has none of {', '.join(_OWN)}"
         raise ConfigError([found.locate.problem((), None, message)])
     return found
 
 
-def _named(owner: Source, key: KeyPath) -> Source | None:
+def _named(owner: Source, key: KeyPath, load: Load) -> Source | None:
     """The file another one names; None where the name itself is a problem told elsewhere."""
     name = owner.mapping.get(str(key[-1]))
     if not isinstance(name, str) or not name:
         return None
     path = owner.locate.file(key, name)
-    return Source(*load_mapping(path, owner.locate(key), key_text(key)))
+    return Source(*load(path, owner.locate(key), key_text(key)))
 
 
 def _points(campaign: CampaignFile, locate: Locate) -> tuple[Point, ...] | None:

@@ -65,6 +65,7 @@ KINDS: dict[str, dict[str, Any]] = {
     "tripped": {
         "sea": {"kind": "regular", "amplitude_m": 0.4, "frequency_hz": 0.5},
         "matrix": {"list": [POINT, POINT | {"kp_n_s_per_m": -100, "ki_n_per_m": 3000}]},
+        "timing": {"settle_s": 0, "interval_s": 5.5},
     },
 }
 
@@ -209,7 +210,7 @@ def imported(modules: Any) -> set[str]:
 
 
 def test_all_that_compiled_code_is_made_of_names_its_folder(monkeypatch: Any) -> None:
-    """An edit anywhere below the cycle or the plant, in their words or tables, is another folder."""
+    """An edit anywhere below the cycle or the plant, or in their words, is another folder."""
     parts = {module.__name__ for module in (*LIFTED, *BESIDE)}
     packages = {"controllers", "rig", "sim_plant", "rig.wavebot"}  # they only pass names on
     assert imported(LIFTED) - parts <= packages | {"sim_plant.units"}  # which has types alone

@@ -5,7 +5,7 @@ from typing import Any
 
 from rig.assemble import newtons_per_ampere, wavebot_params
 from rig.campaign import Campaign, Plan, resolved
-from rig.config.sea import RegularSea
+from rig.campaign.windows import repeat_period
 from rig.hardware import job as hardware
 from rig.rehearsal import emulation, job
 from rig.task_run import Ended, Rung, Task, View, carry_out_task
@@ -67,7 +67,7 @@ def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
             for r in plan.rows
         ],
         "device": campaign.file.device,
-        "repeat_s": _wave_period(campaign),
+        "repeat_s": repeat_period(sea),
         "sea": sea.model_dump(mode="json") | {"words": sea.words()},
         "reference": _reference(campaign),
         "spring_moves": plan.spring_moves,
@@ -76,15 +76,6 @@ def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     if _by_lines(campaign):
         planned["asked_sea"] = job.asked_sea(campaign)
     return planned
-
-
-def _wave_period(campaign: Campaign) -> float | None:
-    """What one whole wave period is for the standard error (s); None in calm water."""
-    sea = campaign.file.sea
-    if isinstance(sea, RegularSea):
-        return sea.period
-    repeat: float | None = getattr(sea, "repeat", None)
-    return repeat
 
 
 def _by_lines(campaign: Campaign) -> bool:

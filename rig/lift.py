@@ -38,18 +38,21 @@ def lift(modules: Iterable[ModuleType]) -> None:
     for module in modules:
         for function in vars(module).values():
             if inspect.isfunction(function) and function.__module__ == module.__name__:
-                register_jitable(function)
+                register_jitable(forceinline=True)(function)
 
 
-def load(name: str, source: str, modules: Iterable[ModuleType]) -> ModuleType:
+def load(
+    name: str, source: str, modules: Iterable[ModuleType], beside: Iterable[ModuleType] = ()
+) -> ModuleType:
     """Import generated source whose compiled functions are cached on disk.
 
-    The source stands in a folder named by what it was made from, so an edit of any lifted module
-    is a new folder. Where it cannot be written, a temporary one serves: compiled anew each time.
+    The source stands in a folder named by what it was made from, so an edit of any lifted module,
+    or of those ``beside`` (types and constants that compiled code knows), is a new folder. Where
+    it cannot be written, a temporary one serves: compiled anew each time.
     """
     modules = tuple(modules)
     lift(modules)
-    path = cache_root() / _fingerprint(source, modules) / f"{name}.py"
+    path = cache_folder(source, (*modules, *beside)) / f"{name}.py"
     if not path.exists():
         try:
             _write(path, source)
@@ -131,10 +134,17 @@ def cache_root() -> Path:
     return Path(home) / "wec-rig"
 
 
-def _fingerprint(source: str, modules: tuple[ModuleType, ...]) -> str:
+def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
+    """Folder of what is compiled from a source and these modules, by this numba for this host."""
+    checked = os.environ.get("NUMBA_BOUNDSCHECK", "")  # another code, which numba does not tell
     told = [source, numba.__version__, np.__version__, sys.version, platform.machine(), _cpu()]
-    told += [inspect.getsource(module) for module in modules]
-    return hashlib.sha256("\0".join(told).encode()).hexdigest()[:24]
+    told += [checked, *(inspect.getsource(m) for m in (sys.modules[__name__], *modules))]
+    return cache_root() / hashlib.sha256("\0".join(told).encode()).hexdigest()[:24]
+
+
+def is_compiled(folder: Path) -> bool:
+    """Whether anything compiled is kept there already."""
+    return any(folder.glob("**/*.nbi"))
 
 
 def _cpu() -> str:

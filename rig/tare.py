@@ -53,14 +53,20 @@ _NOTHING = Raw(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 def start() -> State:
     """State before the first tick."""
-    return State(Zeros(*_NOTHING, 0), 0, 0, _NOTHING, 0.0, 0.0)
+    return State(_provisional(_NOTHING), 0, 0, _NOTHING, 0.0, 0.0)
+
+
+def _provisional(raw: Raw) -> Zeros:
+    """What stands for the zeros until a tare is over."""
+    position, surge, string_pot, lcb, trs, slew, stator_a, stator_b = raw
+    return Zeros(position, surge, string_pot, lcb, trs, slew, stator_a, stator_b, 0)
 
 
 def step(state: State, raw: Raw, phase: int) -> State:
     """Sum during the tare; when it is over its means become the zeros."""
     if state.seeded == 0:
         x = raw.position
-        state = State(Zeros(*raw, 0), 1, 0, _NOTHING, x, x)
+        state = State(_provisional(raw), 1, 0, _NOTHING, x, x)
     if phase == TARE:
         total, x, first_sample = state.sum, raw.position, state.samples == 0
         return State(

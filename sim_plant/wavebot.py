@@ -6,7 +6,6 @@ Force is on the body; absorbed power is negative.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -207,12 +206,3 @@ def sample(
         probes.three,
         probes.age,
     )
-
-
-def wave_ramp(wave_time: Second, duration: Second) -> float:
-    """Give the onset factor of the waves, 0..1: half a cosine over `duration`, then exactly 1."""
-    if not wave_time < duration:
-        return 1.0
-    if not wave_time > 0.0:
-        return 0.0
-    return 0.5 - 0.5 * math.cos(math.pi * wave_time / duration)

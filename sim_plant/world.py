@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from sim_plant import body, custom_drive, magnetic_spring, pto, wavebot, waves
+from sim_plant import body, custom_drive, magnetic_spring, pto, wave_maker, wavebot, waves
 from sim_plant.basin import RATE, Basin
 from sim_plant.bem import Bem
 from sim_plant.bus import BusState
@@ -26,7 +27,7 @@ from sim_plant.units import (
     NewtonPerMetre,
     Second,
 )
-from sim_plant.wavebot import FREE, Excitation, Hoist, Probes
+from sim_plant.wavebot import FREE, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 from sim_plant.waves import Sea
 from sim_plant.words import OFF, Actuation, Readings
 
@@ -55,6 +56,17 @@ class Truth(NamedTuple):
     elevation: Metre
     time: Second  # since construction
     wave_clock: Second  # since the trigger's last rising edge; 0 before the first
+
+
+class Beginning(NamedTuple):
+    """What a world starts from, for who steps it by other means."""
+
+    params: WaveBotParams
+    state: WaveBotState
+    tables: wave_maker.Tables
+    normals: Sequence[float]  # noise table
+    line: tuple[Readings, ...]  # on their way to the rig, oldest first
+    delay: Second  # that they take
 
 
 class World:
@@ -90,13 +102,15 @@ class World:
         self.sea = sea
         self._plant = plant
         self._dt = dt
-        self._elevations: list[float] = table.elevation.tolist()
-        self._heave: list[float] = table.excitation.tolist()
-        self._surge: list[float] = waves.excitation(sea, surge_bem, dt).tolist()
-        self._length = len(self._heave)
-        self._ramp = float(plant.waves.onset.value)
-        self._ramp_ticks = math.ceil(self._ramp / dt)
-        normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
+        onset = float(plant.waves.onset.value)
+        self._tables = wave_maker.Tables(
+            table.elevation.tolist(),
+            table.excitation.tolist(),
+            waves.excitation(sea, surge_bem, dt).tolist(),
+            onset,
+            math.ceil(onset / dt),
+        )
+        self._normals = normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
         self._basin = Basin(
             sea, bem, plant.probes(), plant.probe_channel(), normals, dt=dt, device=device
         )
@@ -109,10 +123,8 @@ class World:
         self._fresh = 0
         self._tick = 0
         self._looks = 0  # samples of the probes so far
-        self._wave_tick = -1  # -1: the wave maker stands
-        self._heave_now = self._surge_now = 0.0  # excitation, N
-        self._elevation = 0.0
-        self._look(1.0)
+        self._sea_now = wave_maker.STILL
+        self._look()
         self._still = self._stepper.readings(0, 0.0)
         delay = plant.sensors.delay_ticks.value
         self.delay: Second = delay * dt  # age of the readings
@@ -164,17 +176,8 @@ class World:
         if dt != self._dt:
             raise ValueError(f"this world ticks in {self._dt} s, not {dt} s")
         self._tick = tick = self._tick + 1
-        heave, surge, elevation = self._heave_now, self._surge_now, self._elevation
-        onset = 1.0
-        if self._wave_tick >= 0:
-            self._wave_tick = wave_tick = self._wave_tick + 1
-            index = wave_tick % self._length
-            elevation = self._elevations[index]
-            heave, surge = self._heave[index], self._surge[index]
-            if wave_tick < self._ramp_ticks:
-                onset = wavebot.wave_ramp(wave_tick * dt, self._ramp)
-                elevation, heave, surge = onset * elevation, onset * heave, onset * surge
-            self._elevation, self._heave_now, self._surge_now = elevation, heave, surge
+        self._sea_now = now = wave_maker.step(self._tables, self._sea_now, dt)
+        _, _, elevation, heave, surge = now
         if self._profile is not None:
             self._impose(self._profile)
         stepper = self._stepper
@@ -185,23 +188,38 @@ class World:
         self._line.append(read)
         self._fresh = 0
         if tick >= self._next_look:
-            self._look(onset)
+            self._look()
 
     def readings(self) -> Readings:
         """Give the values sampled delay_ticks ago."""
         return self._line[0]
+
+    def beginning(self) -> Beginning:
+        """Give what a device's world starts from; to be asked before the first step.
+
+        The basin's probes are not in it: they see the body but nothing sees them but the log.
+        """
+        return Beginning(
+            self.params,
+            self._stepper.state,
+            self._tables,
+            self._normals,
+            tuple(self._line),
+            self.delay,
+        )
 
     def truth(self) -> Truth:
         """Give the true motion and forces now, for tests and comparison with estimates."""
         params, state = self.params, self._stepper.state
         hull, driven = state.body, state.electrics.drive
         motor = pto.motor_force(params.pto, driven.current)
-        applied = self._heave_now + motor + state.passive + state.hoist.force
+        now = self._sea_now
+        applied = now.heave + motor + state.passive + state.hoist.force
         return Truth(
             hull.position,
             hull.velocity,
             body.acceleration(params.body, hull, applied),
-            self._heave_now,
+            now.heave,
             body.radiation(params.body, hull),
             body.drag(params.body, hull.velocity),
             motor,
@@ -210,11 +228,11 @@ class World:
             state.hoist.force,
             state.stator.rate,
             state.surge,
-            self._surge_now,
+            now.surge,
             state.electrics.bus,
-            self._elevation,
+            now.elevation,
             self._tick * self._dt,
-            max(self._wave_tick, 0) * self._dt,
+            max(now.tick, 0) * self._dt,
         )
 
     def _impose(self, profile: Profile) -> None:
@@ -222,10 +240,10 @@ class World:
         middle = profile(end - 0.5 * self._dt)
         self._stepper.hold(Hoist(1, *middle, *profile(end), 0.0))
 
-    def _look(self, onset: float) -> None:
+    def _look(self) -> None:
         """Sample the probes; the rig sees the sample one tick later."""
         _, velocity = self._stepper.motion()
-        one, two, three = self._basin.sample(self._wave_tick, onset, velocity)
+        one, two, three = self._basin.sample(self._sea_now.tick, self._sea_now.share, velocity)
         self._seen = Probes(one, two, three, 0.0)
         self._stepper.see(self._seen)
         self._looks += 1
@@ -241,8 +259,5 @@ class World:
 
     def _switch_waves(self, trigger: int) -> None:
         """Start the waves at t = 0 of their clock, or still the water at once."""
-        self._wave_tick = 0 if trigger == 1 else -1
-        onset = wavebot.wave_ramp(0.0, self._ramp) * trigger
-        self._elevation = onset * self._elevations[0]
-        self._heave_now, self._surge_now = onset * self._heave[0], onset * self._surge[0]
-        self._stepper.excitation = Excitation(self._heave_now, self._surge_now)
+        self._sea_now = now = wave_maker.switch(self._tables, trigger, self._dt)
+        self._stepper.excitation = Excitation(now.heave, now.surge)

@@ -109,7 +109,11 @@ def flags(kind: type[Limited] | type[Warned], values: Any) -> str:
     return " ".join(str(flag.name) for flag in kind if seen & flag)
 
 
-def _reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
+def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
+    """What one window gave, by the names of the row table; SI.
+
+    ``period_ticks`` is the sea's repeat period, None if it has none.
+    """
     data: Records = window.data
     out: dict[str, Any] = {
         "row": window.row,
@@ -198,8 +202,8 @@ def row_table(
         least = 0.99 * _length(planned.get(window.row, {}), dt) - 1.0
         why = window.cut_short or ("shorter than planned" if window.span < least else "")
         data = calibrated.ticks(read, window.data)
-        reduced = _reduced(window._replace(cut_short=why, data=data), period_ticks)
-        found[window.row] = reduced  # the last attempt counts
+        # the last attempt counts
+        found[window.row] = reduced(window._replace(cut_short=why, data=data), period_ticks)
     table = [
         calibrated.row(read, _with_plan(found.get(row), planned.get(row, {}), row))
         for row in sorted({*planned, *found})

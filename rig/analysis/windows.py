@@ -3,7 +3,7 @@
 One window is held at a time, so a run of many hours needs no more memory than its longest row.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -15,6 +15,7 @@ from rig.safety import Mode, Reason
 from rig.sequence import Phase
 
 PLACE = ("plan.row", "plan.phase", "plan.attempt")
+ALWAYS = (*PLACE, "tick", "safety.mode", "safety.reason")
 
 
 class Window(NamedTuple):
@@ -81,12 +82,15 @@ def windows(run: reader.Source, fields: list[str]) -> Iterator[Window]:
     Tick, place in the plan and state of the safety machine are always among the fields. KeyError
     if the run has no such fields.
     """
-    needed = [*PLACE, "tick", "safety.mode", "safety.reason", *fields]
-    names = reader.choose(run.leaves, needed)
+    names = reader.choose(run.leaves, [*ALWAYS, *fields])
     kinds = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
-    dtype = np.dtype([(name, kinds[name]) for name in names])
+    return cut(reader.blocks(run), np.dtype([(name, kinds[name]) for name in names]))
+
+
+def cut(blocks: Iterable[Records], dtype: np.dtype[Any]) -> Iterator[Window]:
+    """The windows in blocks of ticks, with the fields of ``dtype``, `ALWAYS` among them."""
     now: _Open | None = None
-    for block in reader.blocks(run):
+    for block in blocks:
         for begin, end in _stretches(block):
             first = block[begin]
             row, attempt = int(first["plan.row"]), int(first["plan.attempt"])

@@ -12,7 +12,15 @@ from rig.campaign.point import MOST_ROWS, Point
 from rig.campaign.points import count, outside_map, points, stator_positions
 from rig.campaign.reference import Record, read_record, unplayable
 from rig.campaign.settings import foreign_to_drive
-from rig.campaign.sources import ReadFile, Source, in_order, named_source, read_file, read_files
+from rig.campaign.sources import (
+    Load,
+    ReadFile,
+    Source,
+    in_order,
+    named_source,
+    read_file,
+    read_files,
+)
 from rig.campaign.stability import unstable, unstable_set_point
 from rig.campaign.windows import WindowError, calibration, windows
 from rig.config.campaign_file import CampaignFile
@@ -53,11 +61,16 @@ def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
     return ()
 
 
-def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None = None) -> Campaign:
+def open_campaign(
+    path: Path,
+    also: Also = nothing_more,
+    rig_path: Path | None = None,
+    load: Load = load_mapping,
+) -> Campaign:
     """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
 
     ``also`` is where the simulated plant has its say, which is not known here; ``rig_path`` stands
-    in for the rig that the campaign names.
+    in for the rig that the campaign names; ``load`` reads the files, and may change what they say.
     Raises `ConfigError` with every problem of all these files.
     """
     problems: list[Problem] = []
@@ -69,18 +82,18 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
             problems.extend(error.problems)
             return None
 
-    top = attempt(lambda: _top(Path(path)))
+    top = attempt(lambda: _top(Path(path), load))
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(
-        lambda: named_source(top, ("rig",)) if rig_path is None else Source(*load_mapping(rig_path))
+        lambda: named_source(top, ("rig",), load) if rig_path is None else Source(*load(rig_path))
     )
     limits_source = plant_source = None
     if rig_source is not None:
-        limits_source = attempt(lambda: named_source(rig_source, ("limits",)))
+        limits_source = attempt(lambda: named_source(rig_source, ("limits",), load))
     owner = rig_source if top.mapping.get("plant") is None else top
     if owner is not None:
-        plant_source = attempt(lambda: named_source(owner, ("plant",)))
+        plant_source = attempt(lambda: named_source(owner, ("plant",), load))
 
     campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
     rig = limits = found = recorded = None
@@ -137,9 +150,9 @@ def open_campaign(path: Path, also: Also = nothing_more, rig_path: Path | None =
     )
 
 
-def _top(path: Path) -> Source:
+def _top(path: Path, load: Load) -> Source:
     """The campaign's own file; of a file of another kind only that is said."""
-    found = Source(*load_mapping(path, inline=CampaignFile.inline))
+    found = Source(*load(path, inline=CampaignFile.inline))
     if not any(key in found.mapping for key in _OWN):
         message = f"no campaign: it has none of {', '.join(_OWN)}"
         raise ConfigError([found.locate.problem((), None, message)])

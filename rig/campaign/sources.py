@@ -1,7 +1,7 @@
 """The files that a campaign or a session stands on, as they are read."""
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +24,11 @@ class Source(NamedTuple):
     locate: Locate
 
 
-def named_source(owner: Source, key: KeyPath) -> Source | None:
+Load = Callable[..., tuple[dict[str, Any], Locate]]
+"""Reads a file as `rig.config.source.load_mapping` does; it may change what the file says."""
+
+
+def named_source(owner: Source, key: KeyPath, load: Load = load_mapping) -> Source | None:
     """The file another one names; None where the name itself is a problem told elsewhere."""
     value: Any = owner.mapping
     for part in key:
@@ -35,7 +39,7 @@ def named_source(owner: Source, key: KeyPath) -> Source | None:
             value = value[part] if inside else None
     if not isinstance(value, str) or not value:
         return None
-    return Source(*load_mapping(owner.locate.file(key, value), owner.locate(key), key_text(key)))
+    return Source(*load(owner.locate.file(key, value), owner.locate(key), key_text(key)))
 
 
 def in_order(problems: list[Problem], sources: Iterable[Source | None]) -> list[Problem]:

@@ -102,6 +102,14 @@ def calibration(sea: AnySea, timing: Timing) -> Windows:
     return Windows(0.0, cut.measure, 0.0, 0.0, cut.periods)
 
 
+def repeat_period(sea: AnySea) -> float | None:
+    """Seconds after which a sea repeats; None in calm water."""
+    if isinstance(sea, RegularSea):
+        return sea.period
+    repeat: float | None = getattr(sea, "repeat", None)
+    return repeat
+
+
 def _calm(timing: Timing) -> Windows:
     if timing.periods is not None:
         message = f"{timing.periods} periods of a calm sea; leave the key out"

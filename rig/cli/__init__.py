@@ -7,7 +7,23 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from rig.cli import calibration, identify, matrix, scan, testlog
+from rig.cli import (
+    calibration,
+    export,
+    identify,
+    import_run,
+    matrix,
+    merge,
+    options,
+    scan,
+    sweep,
+    testlog,
+)  # fmt: skip
+from rig.cli.options import RUNS, WHICH_RUN, Json, ReadBy, Rig, Run, Runs
+
+OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
+
+__all__ = ["BAD_INPUT", "FAILED", "FAULT", "LOST", "OK", "STOPPED", "app"]
 
 
 class Interruptible(TyperGroup):
@@ -30,21 +46,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Run wave-energy test rigs: campaigns, rehearsals, and what comes out of them.",
 )
-
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-_RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it), or 'last'."
-Run = Annotated[Path, typer.Argument(help=_RUN)]
-Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
-RUNS: Path = Path("runs")
-Rig = Annotated[
-    Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
-]
-_READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
-ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
-
-OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
-
-from rig.cli import export, import_run, merge  # noqa: E402 - made of the options above
 
 _CODES = """\
 Exit codes: 0 complete; 1 failed, or refused because the host did not grant what the rig \
@@ -269,7 +270,7 @@ def plot(
 
 @app.command()
 def compare(
-    a: Annotated[Path, typer.Argument(help=_RUN)],
+    a: Annotated[Path, typer.Argument(help=WHICH_RUN)],
     b: Annotated[Path, typer.Argument(help="The run to compare with it.")],
     tolerance: Annotated[
         list[str] | None,
@@ -294,6 +295,7 @@ def compare(
 
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
+app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
 app.command("export")(export.command)
 app.command("import")(import_run.command)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig import cli
+from rig.cli import options
 
 
 class Form(StrEnum):
@@ -23,7 +23,7 @@ SUFFIX = {Form.MAT: ".mat", Form.NETCDF: ".nc", Form.CSV: ".csv"}
 
 
 def command(
-    run: cli.Run,
+    run: options.Run,
     form: Annotated[
         Form,
         typer.Option("--as", help="mat: the MASK4 structure; netcdf: xarray, MHKiT; csv."),
@@ -42,8 +42,8 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="File to write (default: in the run).")
     ] = None,
-    runs: cli.Runs = cli.RUNS,
-    as_json: cli.Json = False,
+    runs: options.Runs = options.RUNS,
+    as_json: options.Json = False,
 ) -> None:
     """Write a run for other tools."""
     sys.exit(main(run, runs, form, fields or [], rows or [], rate, output, as_json=as_json))
@@ -87,7 +87,7 @@ def main(
         print(path)
         for remark in remarks:
             print(f"  {remark}")
-    return cli.OK
+    return options.OK
 
 
 def _mat(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from rig import cli
+from rig.cli import options
 
 if TYPE_CHECKING:
     from rig.exchange.mask4_windows import Timing
@@ -81,8 +81,8 @@ def command(
         str | None, typer.Option(help="When it began, ISO 8601 (else the date in its name).")
     ] = None,
     name: Annotated[str | None, typer.Option(help="Of the run (else that of the file).")] = None,
-    runs: cli.Runs = cli.RUNS,
-    as_json: cli.Json = False,
+    runs: options.Runs = options.RUNS,
+    as_json: options.Json = False,
 ) -> None:
     """Make a run of a downloaded MASK4 file, for `rig show`, `plot`, `compare` and `merge`."""
     asked = Asked(
@@ -123,7 +123,7 @@ def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
         print(f"{made.folder}: {made.rows} rows")
         for remark in made.remarks:
             print(f"  {remark}")
-    return cli.OK
+    return options.OK
 
 
 def _started(file: Path, asked: Asked) -> datetime:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig import cli
+from rig.cli import options
 
 if TYPE_CHECKING:
     from rig.basin.merge import Asked, Source
@@ -19,7 +19,7 @@ Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast: see
 
 
 def command(
-    run: cli.Run,
+    run: options.Run,
     files: Annotated[
         list[str],
         typer.Argument(help="Records (.twe, .csv), each as FILE or NAME=FILE.", metavar="FILE..."),
@@ -43,8 +43,8 @@ def command(
         float | None,
         typer.Option(min=0.1, max=10_000, help="Of the product, Hz (the fastest file's)."),
     ] = None,
-    runs: cli.Runs = cli.RUNS,
-    as_json: cli.Json = False,
+    runs: options.Runs = options.RUNS,
+    as_json: options.Json = False,
 ) -> None:
     """Bring wave data, power analyser and other records onto a run's time, by trigger and sine."""
     from rig.basin.merge import Asked
@@ -88,7 +88,7 @@ def main(
         print("\n".join(str(path) for path in written))
         for alarm in merged.alarms:
             print(f"!! {alarm}", file=sys.stderr)
-    return cli.FAILED if merged.alarms else cli.OK
+    return options.FAILED if merged.alarms else options.OK
 
 
 def _sources(files: list[str], units: list[str], offsets: list[str]) -> "list[Source]":

@@ -27,7 +27,7 @@ from sim_plant.stepper import Start, Stepper
 from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 from sim_plant.words import OFF, Actuation, Readings
 
-_LIFTED = (
+LIFTED = (
     analyser, body, bus, cots_drive, custom_drive, drive, electrics, magnetic_spring, pto, sensors,
     stator_force, surge, wavebot,
 )  # fmt: skip
@@ -166,4 +166,4 @@ def _code(start: Start) -> Any:
         store="\n    ".join(store),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Readings._fields))) + ")",
     )
-    return lift.load("plant_step", source, _LIFTED)
+    return lift.load("plant_step", source, LIFTED)

@@ -6,6 +6,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,14 @@ _UNREADABLE = (
 )  # fmt: skip
 _REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
 _SAME = 1e-6  # relative
+
+TWINS: dict[str, tuple[str, ...]] = {
+    "counts_per_revolution": ("sensors", "encoder_counts", "value"),
+    "gear_ratio_rad_per_m": ("pto", "gear_ratio", "value"),
+    "torque_constant_n_m_per_a": ("pto", "torque_constant", "value"),
+}
+"""Keys of the rig's heave and the plant's keys that must say the same."""
+
 _ANY_RATE = 1000  # Hz, where the rig's own is wrong
 _ANY_SEED = 0  # no check depends on phases or noise
 
@@ -173,16 +182,9 @@ def _mismatches(pieces: Pieces, plant: Plant, source: Source) -> Iterator[Proble
     """Scales that the rig and the plant must share, or commands and counts mean other things."""
     if pieces.rig is None or pieces.heave is None:
         return
-    heave, pto, counts = pieces.heave, plant.pto, plant.sensors.encoder_counts
-    pairs: tuple[tuple[str, float, KeyPath, float], ...] = (
-        ("counts_per_revolution", heave.counts_per_revolution,
-         ("sensors", "encoder_counts", "value"), counts.value),
-        ("gear_ratio_rad_per_m", heave.gear_ratio_rad_per_m,
-         ("pto", "gear_ratio", "value"), pto.gear_ratio.value),
-        ("torque_constant_n_m_per_a", heave.torque_constant_n_m_per_a,
-         ("pto", "torque_constant", "value"), pto.torque_constant.value),
-    )  # fmt: skip
-    for name, ours, key, theirs in pairs:
+    for name, key in TWINS.items():
+        ours = float(getattr(pieces.heave, name))
+        theirs = float(reduce(getattr, key, plant))  # type: ignore[arg-type]
         if abs(ours - theirs) > _SAME * abs(theirs):
             place = source.locate(key)
             yield pieces.rig.locate.problem(

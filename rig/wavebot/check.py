@@ -1,26 +1,36 @@
 """What trips a WaveBot: every check of a tick, those that allow no controlled stop first."""
 
 from controllers.blocks import finite
-from controllers.signals import DriveFault
 from rig import axis
 from rig.safety import CATEGORY, FINE, OFF, Reason
 from rig.wavebot.state import SURGE_OFF, Params, State, zeros
 from rig.wavebot.words import Motion, Sense
 
-# An axis says what is wrong with it; whose fault it is, is said here.
-_HEAVE = {
-    DriveFault.UNDERVOLTAGE.value: Reason.BUS_UNDERVOLTAGE.value,
-    DriveFault.OVERVOLTAGE.value: Reason.BUS_OVERVOLTAGE.value,
+# An axis says what is wrong with it; whose fault it is, is said here. By number, so that compiled
+# code can look it up, too.
+_HEAVE_FAULT = (
+    Reason.DRIVE_FAULT.value,  # NONE, never asked for
+    Reason.DRIVE_FAULT.value,
+    Reason.BUS_UNDERVOLTAGE.value,
+    Reason.BUS_OVERVOLTAGE.value,
+)
+_OF_SURGE = {
+    Reason.STALE_ENCODER: Reason.SURGE_STALE_ENCODER,
+    Reason.STALE_DRIVE: Reason.SURGE_STALE_DRIVE,
+    Reason.DRIVE_FAULT: Reason.SURGE_DRIVE_FAULT,
+    Reason.DRIVE_DROPPED: Reason.SURGE_DRIVE_DROPPED,
+    Reason.POSITION: Reason.SURGE_POSITION,
+    Reason.VELOCITY: Reason.SURGE_VELOCITY,
+    Reason.ENCODER_JUMP: Reason.SURGE_ENCODER_JUMP,
 }
-_SURGE = {
-    Reason.STALE_ENCODER.value: Reason.SURGE_STALE_ENCODER.value,
-    Reason.STALE_DRIVE.value: Reason.SURGE_STALE_DRIVE.value,
-    Reason.DRIVE_FAULT.value: Reason.SURGE_DRIVE_FAULT.value,
-    Reason.DRIVE_DROPPED.value: Reason.SURGE_DRIVE_DROPPED.value,
-    Reason.POSITION.value: Reason.SURGE_POSITION.value,
-    Reason.VELOCITY.value: Reason.SURGE_VELOCITY.value,
-    Reason.ENCODER_JUMP.value: Reason.SURGE_ENCODER_JUMP.value,
-}
+_SURGE = tuple(_OF_SURGE.get(reason, reason).value for reason in Reason)
+
+
+def _heave_drive(fault: int) -> int:
+    """The reason to stop for a fault of the heave drive; one that is not known is a fault."""
+    if 0 <= fault < len(_HEAVE_FAULT):
+        return _HEAVE_FAULT[fault]
+    return Reason.DRIVE_FAULT.value
 
 
 def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int) -> int:
@@ -36,10 +46,10 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     surge_fault = axis.check(params.surge, state.surge, surge, in_surge, surge_zero, surge_mode)
     if heave_fault != FINE and CATEGORY[heave_fault] == 0:
         if heave_fault == Reason.DRIVE_FAULT.value:
-            return _HEAVE.get(heave.fault, heave_fault)
+            return _heave_drive(heave.fault)
         return heave_fault
     if surge_fault != FINE and CATEGORY[surge_fault] == 0:
-        return _SURGE.get(surge_fault, surge_fault)
+        return _SURGE[surge_fault]
     lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, load_age = load
     stator, _, stator_age = spring
     ac, dc, bus_voltage, meter_age = meter

@@ -1,0 +1,1 @@
+"""Campaigns without a clock: loop and plant as one compiled function."""

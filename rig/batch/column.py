@@ -1,0 +1,117 @@
+"""A column of numbers that compiled code reads as the loop reads a tuple, whatever its length.
+
+A tuple's length is part of its compiled type, so every plan would be compiled anew; an array in a
+NamedTuple has its references counted at every turn, which trebles the time of a tick. A column is
+a pointer and a length. It must outlive the call, which holds it as an argument.
+"""
+
+import operator
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.core import cgutils
+from numba.extending import (
+    NativeValue,
+    intrinsic,
+    models,
+    overload,
+    register_model,
+    typeof_impl,
+    unbox,
+)
+
+CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
+
+
+class Column:
+    """Numbers of one kind, all int or all float."""
+
+    def __init__(self, numbers: Sequence[float]) -> None:
+        whole = all(isinstance(number, int | np.integer) for number in numbers) and len(numbers) > 0
+        self.array = np.array(numbers, np.int64 if whole else np.float64)
+        self.address = int(self.array.ctypes.data)
+        self.length = len(self.array)
+
+    def __len__(self) -> int:
+        return self.length
+
+    def __getitem__(self, index: int) -> float:
+        number: float = self.array[index].item()
+        return number
+
+
+class _ColumnType(types.Type):
+    def __init__(self, dtype: Any) -> None:
+        self.dtype = dtype
+        super().__init__(name=f"Column({dtype})")
+
+
+@typeof_impl.register(Column)
+def _typeof(value: Column, _: Any) -> _ColumnType:
+    return _ColumnType(types.int64 if value.array.dtype == np.int64 else types.float64)
+
+
+@register_model(_ColumnType)
+class _ColumnModel(models.StructModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        members = [("data", types.CPointer(kind.dtype)), ("length", types.int64)]
+        super().__init__(manager, kind, members)
+
+
+@unbox(_ColumnType)
+def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
+    made = cgutils.create_struct_proxy(kind)(c.context, c.builder)
+    numbers = []
+    for name in ("address", "length"):
+        attribute = c.pyapi.object_getattr_string(value, name)
+        numbers.append(c.pyapi.long_as_longlong(attribute))
+        c.pyapi.decref(attribute)
+    made.data = c.builder.inttoptr(numbers[0], made.data.type)
+    made.length = numbers[1]
+    return NativeValue(
+        made._getvalue(), is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred())
+    )
+
+
+@intrinsic
+def _length(context: Any, column: Any) -> Any:
+    def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        return made.length
+
+    return types.int64(column), code
+
+
+@intrinsic
+def _at(context: Any, column: Any, index: Any) -> Any:
+    def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        return builder.load(builder.gep(made.data, [arguments[1]]))
+
+    return column.dtype(column, types.int64), code
+
+
+@overload(len)
+def _len(column: Any) -> Any:
+    def length(column: Any) -> Any:
+        return _length(column)
+
+    return length if isinstance(column, _ColumnType) else None
+
+
+@overload(operator.getitem)
+def _getitem(column: Any, index: Any) -> Any:
+    def at(column: Any, index: Any) -> Any:
+        return _at(column, index)
+
+    def checked(column: Any, index: Any) -> Any:
+        if not 0 <= index < _length(column):
+            raise IndexError("index out of a column's range")
+        return _at(column, index)
+
+    if not isinstance(column, _ColumnType):
+        return None
+    return checked if CHECKED else at

@@ -1,0 +1,111 @@
+"""The loop and the plant as one compiled function: the rehearsal's own functions, no clock, no log.
+
+The cycle is `rig.cycle.make` of the WaveBot, the plant `sim_plant.wavebot.step`: the functions that
+a rehearsal runs, lifted (rig/lift.py). What stands here beside them is the order of a tick and
+which fields of its row are kept.
+"""
+
+import sys
+from functools import cache
+from types import ModuleType
+from typing import Any
+
+from controllers import (
+    biquads,
+    blocks,
+    drive_gating,
+    estimator,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    signals,
+    station_keeping,
+)
+from rig import axis, cycle, lift, limits, power, safety, sequence, tare
+from rig.batch import column, wires
+from rig.loop import LINGER
+from rig.rehearsal.compiled import LIFTED as PLANT
+from rig.sequence import MEASURE
+from rig.wavebot import words as wavebot_words
+from sim_plant import wave_maker
+from sim_plant import words as plant_words
+
+_CONTROL: tuple[ModuleType, ...] = (
+    biquads, blocks, drive_gating, estimator, impedance, magnetic_spring, open_loop, position_hold,
+    station_keeping, axis, limits, power, safety, sequence, tare,
+    *(sys.modules[f"rig.wavebot.{name}"] for name in ("check", "kind", "state")),
+)  # fmt: skip
+LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, cycle)
+BESIDE = (signals, wavebot_words, plant_words, column)
+"""Not lifted, but compiled code is made of their types."""
+
+_SOURCE = '''"""Generated: ticks of loop and plant together."""
+
+from numba import njit
+from numba.extending import register_jitable
+
+from rig import cycle
+from rig.batch import column
+from rig.batch.wires import Machine, actuation, sense
+from rig.wavebot import KIND
+from sim_plant import wave_maker
+from sim_plant.wavebot import Excitation, sample, step as plant_step
+
+tick_of = register_jitable(forceinline=True)(cycle.make(KIND))
+NO_TIMING = cycle.Timing(0.0, 0.0, 0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(params, plant, tables, normals, dt, late, machine, until, kept, filled):
+    tick, loop, state, sea, line, wire, fresh, settings, linger = machine
+    while tick < until and linger < {linger}:
+        if tick > 0:
+            after = wave_maker.step(tables, sea, dt)
+            now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
+            state = plant_step(plant, state, wire, fresh, now, then, dt)
+            sea, fresh = after, 0
+            line = line[1:] + (sample(plant, state, tick, sea.elevation, normals),)
+        read = sense(line[0], late)
+        loop, command, row = tick_of(params, loop, read, 0, tick, NO_TIMING, 1, dt)
+        told = actuation(command)
+        if told.wave_trigger != wire.wave_trigger:
+            sea = wave_maker.switch(tables, told.wave_trigger, dt)
+        wire, fresh = told, 1
+        measuring = row.plan.phase == {measure}
+        if measuring:
+            {keep}
+            filled += 1
+        if row.safety.mode == {stop_0}:
+            linger += 1
+        tick += 1
+        asked = command.drive.settings
+        if asked != settings and asked.bus_voltage > 0.0:
+            settings = asked
+            break
+        if filled > 0 and not measuring:
+            break
+    return Machine(tick, loop, state, sea, line, wire, fresh, settings, linger), filled
+'''
+
+
+@cache
+def load(fields: tuple[str, ...]) -> Any:
+    """The compiled ``advance``, which keeps these fields of each measured tick, in this order.
+
+    ``advance(params, plant, tables, normals, dt, late, machine, until, kept, filled)`` ticks up to
+    tick ``until``, to a few ticks after power was removed, to the end of a window, or to a change
+    of the drive's settings, which are the caller's to make. It fills ``kept`` (one line a field)
+    from ``filled`` on and gives the machine and how many ticks are kept by then.
+    """
+    return lift.load("batch", _source(fields), LIFTED, BESIDE).advance
+
+
+def is_compiled(fields: tuple[str, ...]) -> bool:
+    """Whether this host has compiled ``advance`` before."""
+    return lift.is_compiled(lift.cache_folder(_source(fields), (*LIFTED, *BESIDE)))
+
+
+def _source(fields: tuple[str, ...]) -> str:
+    keep = "\n            ".join(f"kept[{i}, filled] = row.{name}" for i, name in enumerate(fields))
+    return _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0, measure=MEASURE)

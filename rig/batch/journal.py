@@ -1,0 +1,65 @@
+"""What a sweep has finished, case by case, so that a killed one goes on where it was."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from rig.batch.cases import Outcome
+
+NAME = "cases.jsonl"
+
+
+class Journal:
+    """A file of outcomes, one a line, of which one process at a time may be the writer."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / NAME
+        self.finished: set[int] = set()  # numbers of the cases that gave something
+        whole = 0
+        for outcome, end in self._lines():
+            whole = end
+            if not outcome.failed:  # what failed may be tried again
+                self.finished.add(outcome.case)
+        self._file = self._path.open("ab")
+        self._file.truncate(whole)  # a line that a kill cut off: its case is run again
+
+    def __enter__(self) -> "Journal":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def add(self, outcome: Outcome) -> None:
+        """Keep an outcome; a kill of this process does not lose it any more."""
+        self._file.write(json.dumps(outcome._asdict()).encode() + b"\n")
+        self._file.flush()
+        if not outcome.failed:
+            self.finished.add(outcome.case)
+
+    def outcomes(self) -> Iterator[Outcome]:
+        """All that was kept, read again from the file; the last of a case counts."""
+        return (outcome for outcome, _ in self._lines())
+
+    def _lines(self) -> Iterator[tuple[Outcome, int]]:
+        """Every whole line and where it ends."""
+        if not self._path.exists():
+            return
+        end = 0
+        with self._path.open("rb") as file:
+            for line in file:
+                end += len(line)
+                try:
+                    told: dict[str, Any] = json.loads(line)
+                    outcome = Outcome(**{**told, "rows": tuple(told["rows"])})
+                except (ValueError, TypeError, KeyError):
+                    return
+                if not line.endswith(b"\n"):
+                    return
+                yield outcome, end

@@ -1,0 +1,171 @@
+"""Parameters that a sweep runs over: `--over KEY=V1,V2,...`, read, set, checked, all at once.
+
+A key is one of the campaign file (`sea.frequency_hz`) or, below `rig.`, `limits.`, `plant.`, one of
+those files. Values stand in the place of the file's own before anything is checked, so that what a
+file may not say a sweep may not either.
+"""
+
+import copy
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from rig.campaign import Campaign, open_campaign
+from rig.config import ranges
+from rig.config.problems import ConfigError, Problem, value_text
+from rig.config.source import KeyPath, Locate, Place, load_mapping
+from rig.rehearsal.job import TWINS, problems
+
+OPTION = "--over"
+_FILES = ("rig", "limits", "plant")
+_OWN = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
+_ALLOWED = ", ".join([*_OWN, *(f"{name}.*" for name in _FILES)])
+
+
+class Over(NamedTuple):
+    """One parameter and the values it takes."""
+
+    number: int  # of the option on the command line, from 1
+    key: str  # as given
+    file: str  # campaign, rig, limits, plant
+    path: KeyPath  # in that file
+    values: tuple[Any, ...]  # numbers or words
+
+
+Chosen = tuple[tuple[Over, Any], ...]
+"""A value for each parameter of a sweep, or for some."""
+
+
+def overs(words: Sequence[str]) -> tuple[Over, ...]:
+    """The parameters asked for, as they stand; raises `ConfigError` with all that is wrong."""
+    found: list[Over] = []
+    bad: list[Problem] = []
+    for number, text in enumerate(words, 1):
+        key, equals, rest = text.partition("=")
+        key = key.strip()
+        try:
+            values = _values(rest) if equals else ()
+        except YAMLError:
+            values = ()
+        message = _refusal(key, values, {one.key for one in found})
+        if message:
+            bad.append(Problem(OPTION, number, key, rest or None, message))
+            continue
+        head, _, below = key.partition(".")
+        file = head if head in _FILES else "campaign"
+        path = tuple((below if file == head else key).split("."))
+        found.append(Over(number, key, file, path, values))
+    if bad:
+        raise ConfigError(bad)
+    return tuple(found)
+
+
+def _values(text: str) -> tuple[Any, ...]:
+    return tuple(YAML(typ="safe", pure=True).load(part) for part in text.split(","))
+
+
+def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
+    head, _, below = key.partition(".")
+    if head not in (*_FILES, *_OWN) or (head in _FILES and not below):
+        if head == "matrix":
+            return "the rows of a sweep are the campaign's own; change its matrix"
+        return f"no parameter of a campaign; allowed {_ALLOWED}"
+    if key in known:
+        return "asked for twice"
+    if not values or any(value is None for value in values):
+        return f"no list of values; write {key}=V1,V2,..."
+    if any(isinstance(value, dict | list) for value in values):
+        return "a value is a number or a word, no mapping and no list"
+    same = [v for i, v in enumerate(values) if v in values[:i]]
+    return f"{value_text(same[0])} stands twice" if same else ""
+
+
+class Files:
+    """The files of a campaign, each read once, however often it is opened with other values."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._read: dict[tuple[Path, str], tuple[dict[str, Any], Locate]] = {}
+
+    def opened(self, chosen: Chosen = ()) -> Campaign:
+        """The campaign with these values; raises `ConfigError` with every problem."""
+
+        def load(
+            path: Path, asked: Place | None = None, key: str = "", inline: tuple[str, ...] = ()
+        ) -> tuple[dict[str, Any], Locate]:
+            if (path, key) not in self._read:
+                self._read[path, key] = load_mapping(path, asked, key, inline)
+            mapping, locate = copy.deepcopy(self._read[path, key])
+            for over, value in chosen:
+                if over.file == (key or "campaign"):
+                    _put(mapping, locate, over, over.path, value)
+                if key == "rig" and over.file == "plant" and over.path in TWINS.values():
+                    _tell_the_rig(mapping, locate, over, value, chosen)
+            return mapping, locate
+
+        return open_campaign(self.path, problems, load=load)
+
+
+def _tell_the_rig(
+    mapping: dict[str, Any], locate: Locate, over: Over, value: Any, chosen: Chosen
+) -> None:
+    """What the rig must know of its plant it is told, unless it is asked to believe otherwise."""
+    name = next(ours for ours, theirs in TWINS.items() if theirs == over.path)
+    twin: KeyPath = ("heave", name)
+    if not any(other.file == "rig" and other.path == twin for other, _ in chosen):
+        _put(mapping, locate, over, twin, value)
+
+
+def _put(mapping: dict[str, Any], locate: Locate, over: Over, path: KeyPath, value: Any) -> None:
+    """Set a value; its place, and that of mappings made for it, is the command line's."""
+    at = Place(Path(OPTION), over.number)
+    inside: Any = mapping
+    for depth, part in enumerate(path, 1):
+        where = int(part) if isinstance(inside, list) and str(part).isdigit() else part
+        last = depth == len(path)
+        known = isinstance(inside, dict) or (
+            isinstance(inside, list) and isinstance(where, int) and where < len(inside)
+        )
+        if not known:
+            message = f"{value_text(inside)} stands where a mapping would have to"
+            raise ConfigError([Problem(OPTION, over.number, over.key, value, message)])
+        if last:
+            inside[where] = value
+        elif isinstance(inside, dict) and inside.get(str(where)) is None:
+            inside[where] = {}
+        if last or (*path[: depth - 1], where) not in locate.places:
+            locate.places[(*path[: depth - 1], where)] = at
+        inside = inside[where]
+
+
+def checked(files: Files, found: Iterable[Over]) -> tuple[Campaign, tuple[Campaign, ...]]:
+    """The campaign as it is, and with each value of each parameter alone.
+
+    What two values make of each other is seen when their case is run. Raises `ConfigError` with
+    every problem of every value.
+    """
+    base = files.opened()
+    each: list[Campaign] = []
+    bad: list[Problem] = []
+    for over in found:
+        for value in over.values:
+            try:
+                each.append(files.opened(((over, value),)))
+            except ConfigError as error:
+                bad += error.problems
+    if bad:
+        raise ConfigError(bad)
+    return base, tuple(each)
+
+
+def unit(over: Over, campaign: Campaign) -> str:
+    """What a parameter is measured in; empty for words and bare numbers."""
+    if over.file == "plant" and over.path[-1] == "value":
+        entry: Any = campaign.plant
+        for part in over.path[:-1]:
+            entry = entry[part]
+        return str(entry.get("unit", ""))
+    return ranges.unit(ranges.last_name(over.path))

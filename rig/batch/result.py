@@ -1,0 +1,118 @@
+"""What a sweep found as one dataset: a dimension for each parameter, then the campaign's rows."""
+
+import json
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray
+
+from rig import provenance
+from rig.analysis.rows import COMPLETE, CUT_SHORT, NOT_RUN, SETTINGS, UNITS
+from rig.batch.cases import Cases, Outcome
+from rig.batch.overs import unit
+from rig.campaign import Campaign, CampaignRow, resolved
+from rig.campaign.windows import repeat_period
+
+FAILED = "failed"
+_STATES = {COMPLETE, CUT_SHORT, NOT_RUN, FAILED}
+_WORDS = ("state", "cut_short", "limits", "warned")
+_NO_RESULT = ("row", "attempt", "lost_ticks")  # of a case they say nothing
+
+Array = npt.NDArray[Any]
+
+
+def dataset(
+    cases: Cases, campaign: Campaign, outcomes: Iterable[Outcome], name: str
+) -> xarray.Dataset:
+    """Every input as a coordinate with its unit, every result over parameters and rows.
+
+    What was not run is NaN; ``state`` and ``cut_short`` say what became of each row and why.
+    """
+    rows = [row.row for row in cases.rows]
+    columns = _filled(cases, {row: i for i, row in enumerate(rows)}, outcomes)
+    shape = (*cases.shape, len(rows))
+    dims = (*(over.key for over in cases.asked.overs), "row")
+    coords: dict[str, xarray.Variable] = {"row": xarray.Variable("row", rows)}
+    for over in cases.asked.overs:
+        said = unit(over, campaign)
+        coords[over.key] = xarray.Variable(over.key, _values(over.values), _units(said))
+    for key in ("point", "repetition"):
+        coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
+    data = {}
+    for key, flat in columns.items():
+        values = flat.reshape(shape)
+        if key in SETTINGS and (same := _of_rows(values, key, cases.rows)) is not None:
+            coords[key] = xarray.Variable("row", same, _units(SETTINGS[key]))
+        else:
+            data[key] = xarray.Variable(dims, values, _units(UNITS.get(key, "")))
+    return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
+
+
+def _filled(cases: Cases, place: dict[int, int], outcomes: Iterable[Outcome]) -> dict[str, Array]:
+    """Each result by its name, one entry for each variant and row."""
+    count = int(np.prod(cases.shape, dtype=int)) * len(place)
+    columns: dict[str, Array] = {
+        "state": np.full(count, NOT_RUN, object),
+        "cut_short": np.full(count, "", object),
+    }
+    by_number = list(cases) if cases.asked.sequential else []
+    for outcome in outcomes:
+        variant, nth = divmod(outcome.case, len(place))
+        at = [outcome.case]
+        if by_number:
+            variant = by_number[outcome.case].variant
+            at = [variant * len(place) + i for i in range(len(place))]
+        if outcome.failed:
+            columns["state"][at], columns["cut_short"][at] = FAILED, outcome.failed
+        for row in outcome.rows:
+            i = variant * len(place) + (place[row["row"]] if by_number else nth)
+            for key, value in row.items():
+                if key in _NO_RESULT:
+                    continue
+                if key not in columns:
+                    words = key in _WORDS
+                    columns[key] = np.full(count, "", object) if words else np.full(count, np.nan)
+                columns[key][i] = value
+    return columns
+
+
+def _of_rows(values: Array, key: str, rows: tuple[CampaignRow, ...]) -> Array | None:
+    """A setting of the rows, where no parameter of the sweep changes it."""
+    name = "stator_position" if key == "stator" else key
+    told = [
+        getattr(row, name) if hasattr(row, name) else getattr(row.setting, name) for row in rows
+    ]
+    flat = values.reshape(-1, len(rows)).astype(float)
+    same = np.isnan(flat) | (flat == np.array(told))
+    return np.array(told) if bool(same.all()) else None
+
+
+def _values(values: tuple[Any, ...]) -> Array:
+    if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+        return np.array(values)
+    return np.array([str(value) for value in values], object)
+
+
+def _units(text: str) -> dict[str, str]:
+    return {"units": text} if text else {}
+
+
+def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
+    code = provenance.code()
+    period = repeat_period(campaign.file.sea)
+    told: dict[str, Any] = {
+        "run": name,
+        "rung": "batch",
+        "campaign": campaign.file.name,
+        "sea": campaign.file.sea.words(),
+        "sequential": int(cases.asked.sequential),
+        "config": resolved(campaign),
+        "code_version": code["version"],
+        "code_git": code["git"],
+        "overs": json.dumps({over.key: over.values for over in cases.asked.overs}),
+    }
+    if not cases.asked.sequential:
+        told["lead_in_s"] = cases.asked.lead_in
+    return told | ({"wave_period_s": period} if period else {})

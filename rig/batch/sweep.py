@@ -1,0 +1,109 @@
+"""A sweep from what is asked to its dataset: checked, resumed, run, written."""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import xarray
+
+from rig.batch.cases import Asked, Cases, Outcome
+from rig.batch.executors import Executor
+from rig.batch.journal import Journal
+from rig.batch.overs import Files, checked, overs
+from rig.batch.result import dataset
+from rig.campaign import Campaign, plan
+from rig.config.problems import ConfigError
+from rig.runs.create import Held, hold_run, write_json
+
+_ROOT = Path(__file__).resolve().parents[2]
+_PACKAGES = ("controllers", "sim_plant", "rig")
+_SAYS_NOTHING = "rig/cli/"  # what a person sees while it runs changes no number
+RESULT = "sweep.nc"
+
+
+class Sweep(NamedTuple):
+    """A sweep that was checked and has its folder."""
+
+    folder: Path
+    campaign: Campaign  # as its file has it
+    cases: Cases
+
+
+def open_sweep(
+    path: Path, words: list[str], sweeps: Path, *, sequential: bool, lead_in: float
+) -> Sweep:
+    """Check a sweep and give it the folder that is named by all that goes into it.
+
+    Raises `ConfigError` with every problem of the campaign and of every value asked for.
+    """
+    found = overs(words)
+    files = Files(path)
+    base, each = checked(files, found)
+    if base.file.device == "absent":
+        problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
+        raise ConfigError([problem])
+    planned = plan(base.file, base.rig, base.points)
+    asked = Asked(str(path), found, sequential, lead_in)
+    digest = _digest(asked, (base, *each))
+    folder = sweeps / f"{base.file.name}_{digest}"
+    folder.mkdir(parents=True, exist_ok=True)
+    return Sweep(folder, base, Cases(asked, planned.rows, files))
+
+
+def hold(sweep: Sweep) -> Held:
+    """Lock the folder; raises BusyError where the same sweep goes on already."""
+    return hold_run(sweep.folder)
+
+
+def run(
+    sweep: Sweep,
+    executor: Executor,
+    see: Callable[[Outcome], None],
+    begin: Callable[[int], None] = lambda before: None,
+) -> xarray.Dataset:
+    """Run what is not finished yet and give all of it.
+
+    ``begin`` is told how many cases were finished before, ``see`` is shown each outcome.
+
+    Raises KeyboardInterrupt when interrupted; what was finished by then is kept.
+    """
+    write_json(sweep.folder, "sweep.json", sweep.cases.asked._asdict())
+    with Journal(sweep.folder) as journal:
+        finished = frozenset(journal.finished)
+        begin(len(finished))
+        left = (case for case in sweep.cases if case.number not in finished)
+        for outcome in executor(left, sweep.cases.run):
+            journal.add(outcome)
+            see(outcome)
+        return dataset(sweep.cases, sweep.campaign, journal.outcomes(), sweep.folder.name)
+
+
+def write(table: xarray.Dataset, path: Path) -> Path:
+    """The dataset as NetCDF: the old file or the new one, never half of it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.new")
+    table.to_netcdf(part, engine="h5netcdf")
+    part.replace(path)
+    return path
+
+
+def _digest(asked: Asked, campaigns: Iterable[Campaign]) -> str:
+    """A word for the campaign's files, the parameters and the code."""
+    whole = hashlib.sha256(json.dumps([asked.overs, asked.sequential, asked.lead_in]).encode())
+    read = {}
+    for campaign in campaigns:
+        read.update({file.sha256: file.role for file in campaign.files})
+        for key in (("bem",), ("surge", "bem")):
+            named = campaign.plant if len(key) == 1 else campaign.plant["surge"]
+            path = campaign.plant_locate.file(("bem",), campaign.plant["bem"])
+            bem = path.with_name(named["bem"]).read_bytes()
+            read[hashlib.sha256(bem).hexdigest()] = ".".join(key)
+    whole.update(json.dumps(sorted(read.items())).encode())
+    for package in _PACKAGES:
+        for source in sorted((_ROOT / package).rglob("*.py")):
+            name = source.relative_to(_ROOT).as_posix()
+            if not name.startswith(_SAYS_NOTHING):
+                whole.update(name.encode() + b"\0" + source.read_bytes())
+    return whole.hexdigest()[:12]

@@ -1,0 +1,19 @@
+"""What the commands share: options, where runs are kept, exit codes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
+WHICH_RUN = "A run's folder or MCAP file, its id, its campaign (the newest run of it), or 'last'."
+Run = Annotated[Path, typer.Argument(help=WHICH_RUN)]
+Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
+RUNS: Path = Path("runs")
+Rig = Annotated[
+    Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
+]
+_READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
+ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
+
+CODES = OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5

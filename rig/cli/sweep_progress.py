@@ -1,0 +1,70 @@
+"""What a person sees while a sweep goes on: cases, rate, time left."""
+
+import sys
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from rig.batch.cases import Outcome
+from rig.cli.progress import clock_text
+
+_EVERY = 10.0  # s between lines where there is no terminal
+
+
+class SweepProgress:
+    """A bar on a terminal, a line now and then elsewhere."""
+
+    def __init__(self, name: str, total: int, *, quiet: bool) -> None:
+        self._total, self._quiet = total, quiet
+        self._before = self.done = self.failed = 0
+        self.simulated = 0.0  # s
+        console = Console(stderr=True, highlight=False)
+        self._drawn = console.is_terminal and not quiet
+        self._bar = Progress(
+            TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[said]}"),
+            console=console, transient=True, disable=not self._drawn,
+        )  # fmt: skip
+        self._task = self._bar.add_task("", total=total, said="")
+        self._began = self._said = time.monotonic()
+
+    def __enter__(self) -> "SweepProgress":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def begin(self, before: int) -> None:
+        """So many cases were finished before."""
+        self._before = before
+        self._bar.update(self._task, completed=before)
+        if before and not self._quiet:
+            print(f"{before} of {self._total} cases are finished already", file=sys.stderr)
+
+    def see(self, outcome: Outcome) -> None:
+        """One more case."""
+        self.done += 1
+        self.failed += bool(outcome.failed)
+        self.simulated += outcome.seconds
+        self._bar.update(self._task, completed=self._before + self.done, said=self._words())
+        now = time.monotonic()
+        if not self._drawn and not self._quiet and now - self._said >= _EVERY:
+            self._said = now
+            count = f"{self._before + self.done} of {self._total} cases"
+            print(f"{count}, {self._words()}", file=sys.stderr, flush=True)
+
+    def _words(self) -> str:
+        spent = max(time.monotonic() - self._began, 1e-3)
+        left = (self._total - self._before - self.done) * spent / self.done
+        failed = f", {self.failed} failed" if self.failed else ""
+        return (
+            f"{self.done / spent:.3g} a second, {self.simulated / spent:.0f} times real time, "
+            f"{clock_text(left)} left{failed}"
+        )

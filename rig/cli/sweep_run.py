@@ -1,0 +1,157 @@
+"""What `rig sweep` does: check, compile, run, write, draw, and say what came out."""
+
+import json
+import sys
+import time
+from pathlib import Path
+from threading import Timer
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rig import cli
+from rig.analysis.words import POWER_NAMES, watts
+from rig.batch import compiled, executors, sweep
+from rig.batch.cases import LEAD_IN
+from rig.batch.result import FAILED
+from rig.batch.subject import KEPT
+from rig.cli.failure import fail
+from rig.cli.refusal import REFUSED, refuse
+from rig.cli.sweep_progress import SweepProgress
+from rig.runs import RunError
+from rig.runs.create import BusyError
+
+if TYPE_CHECKING:
+    import xarray
+
+_COMPILING = "compiling the loop, about a minute, once on this machine ..."
+_SURELY_COMPILING = 8.0  # s; reading it from the cache takes one or two
+_MOST_REASONS = 5
+
+
+class Wanted(NamedTuple):
+    """What the command line asks for beside the campaign."""
+
+    overs: list[str]
+    sequential: bool
+    lead_in: float | None  # s
+    jobs: int | None
+    out: Path | None
+    measured: Path | None
+    sweeps: Path
+    runs: Path
+
+
+def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
+    """Run the sweep, write its result and pictures; gives the exit code."""
+    lead_in = LEAD_IN if wanted.lead_in is None else wanted.lead_in
+    try:
+        if wanted.sequential and wanted.lead_in is not None:
+            raise ValueError("--lead-in: in sequence the campaign's own start.lead_in_s counts")
+        opened = sweep.open_sweep(
+            path, wanted.overs, wanted.sweeps, sequential=wanted.sequential, lead_in=lead_in
+        )
+    except (*REFUSED, RunError) as error:
+        return refuse("sweep", error, as_json=as_json)
+    began = time.monotonic()
+    jobs = wanted.jobs or executors.cores()
+    try:
+        with sweep.hold(opened):
+            _compile(opened)
+            with SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json) as view:
+                table = sweep.run(opened, executors.threads(jobs), view.see, view.begin)
+            result = sweep.write(table, wanted.out or opened.folder / sweep.RESULT)
+    except BusyError as error:
+        return fail("sweep", error, as_json=as_json, code=cli.FAILED)
+    except KeyboardInterrupt:
+        return _interrupted(opened.folder, as_json=as_json)
+    except (OSError, ValueError, ArithmeticError) as error:
+        return fail("sweep", error, as_json=as_json, code=cli.FAILED)
+    pictures: list[Path] = []
+    told = _told(opened.folder, result, pictures, table) | {
+        "seconds": round(time.monotonic() - began, 3),
+        "simulated_s": view.simulated,
+        "run_now": view.done,
+    }
+    if as_json:
+        print(json.dumps(told))
+    else:
+        _say(told)
+    return cli.FAILED if told["failed"] else cli.OK
+
+
+def _compile(opened: sweep.Sweep) -> None:
+    """Compile the loop, or read it from the cache, and say so where it takes its time."""
+
+    def say() -> None:
+        print(_COMPILING, file=sys.stderr, flush=True)
+
+    late = Timer(_SURELY_COMPILING, say)  # a law of another shape is compiled, too
+    late.daemon = True
+    if compiled.is_compiled(KEPT):
+        late.start()
+    else:
+        say()
+    try:
+        opened.cases.prepare()
+    finally:
+        late.cancel()
+
+
+def _interrupted(folder: Path, *, as_json: bool) -> int:
+    message = f"interrupted; what is finished is kept in {folder}/, the same command goes on"
+    if as_json:
+        print(json.dumps({"status": "stopped", "message": message, "folder": str(folder)}))
+    else:
+        print(f"\nrig sweep: {message}", file=sys.stderr)
+    return cli.STOPPED
+
+
+def _told(
+    folder: Path, result: Path, pictures: list[Path], table: "xarray.Dataset"
+) -> dict[str, Any]:
+    state, why = table["state"].values, table["cut_short"].values
+    names, counts = np.unique(state.astype(str), return_counts=True)
+    reasons = sorted({str(text) for text in why[state == FAILED]})
+    return {
+        "status": "failed cases" if reasons else "complete",
+        "folder": str(folder),
+        "result": str(result),
+        "pictures": [str(picture) for picture in pictures],
+        "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
+        "failed": reasons,
+        "best": {kind: best for kind in POWER_NAMES if (best := _best(table, kind))},
+    }
+
+
+def _best(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
+    """The row with the least power (negative is absorbed), with all its inputs."""
+    name = f"power_{kind}"
+    if name not in table or not np.isfinite(table[name].values).any():
+        return {}
+    power = table[name].where(table["state"] == "complete")
+    if not np.isfinite(power.values).any():
+        return {}
+    place: Any = power.argmin(...)
+    found: Any = table.isel(place)
+    inputs = [*map(str, table.sizes), *(key for key in ("spring_rate", "kp", "ki") if key in found)]
+    values = {key: found[key].values.item() for key in inputs}
+    return {"power_w": found[name].values.item(), **values}
+
+
+def _say(told: dict[str, Any]) -> None:
+    rows = ", ".join(f"{count} {state}" for state, count in told["rows"].items())
+    rate = told["simulated_s"] / told["seconds"] if told["seconds"] else 0.0
+    print(f"{rows}; {told['seconds']:.1f} s, {rate:.0f} times real time")
+    print("Best rows (negative is absorbed)")
+    for kind, best in told["best"].items():
+        inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
+                  for key, value in best.items() if key != "power_w")  # fmt: skip
+        print(f"  {POWER_NAMES[kind]:<32} {watts(best['power_w']):>10}   {', '.join(inputs)}")
+    for reason in told["failed"][:_MOST_REASONS]:
+        print(f"failed: {reason}", file=sys.stderr)
+    if len(told["failed"]) > _MOST_REASONS:
+        print(f"and {len(told['failed']) - _MOST_REASONS} more reasons", file=sys.stderr)
+    print(f"\n{told['result']}")
+    for picture in told["pictures"]:
+        print(picture)

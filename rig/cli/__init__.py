@@ -2,10 +2,9 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
 from rig.cli import (
     calibration,
@@ -19,23 +18,12 @@ from rig.cli import (
     sweep,
     testlog,
 )  # fmt: skip
+from rig.cli.interrupts import Interruptible
 from rig.cli.options import RUNS, WHICH_RUN, Json, ReadBy, Rig, Run, Runs
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
 
 __all__ = ["BAD_INPUT", "FAILED", "FAULT", "LOST", "OK", "STOPPED", "app"]
-
-
-class Interruptible(TyperGroup):
-    """The commands; Ctrl-C before or after what heeds it itself ends them with a word."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the command; exit code 3 for an interrupt that nothing in it took."""
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt:
-            print(f"\nrig {ctx.invoked_subcommand}: interrupted", file=sys.stderr)
-            sys.exit(STOPPED)
 
 
 app = typer.Typer(

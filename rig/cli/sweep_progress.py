@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rig.batch.cases import Outcome
-from rig.cli.progress import clock_text
+from rig.cli.run_panel import clock_text
 
 _EVERY = 10.0  # s between lines where there is no terminal
 

@@ -15,7 +15,7 @@ from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Start, Stepper
 from sim_plant.sensors import NORMALS
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
-from sim_plant.wavebot import wave_ramp
+from sim_plant.wave_maker import ramp
 from sim_plant.waves import Sea
 
 __all__ = ["OFF", "Actuation", "FlapTruth", "FlapWorld", "Reading", "Stepper"]
@@ -90,7 +90,7 @@ class FlapWorld(Wires):
         if self._wave_tick >= 0:
             self._wave_tick += 1
             index = self._wave_tick % len(self._moments)
-            onset = wave_ramp(self._wave_tick * self._dt, self._onset)
+            onset = ramp(self._wave_tick * self._dt, self._onset)
             self._elevation = onset * self._elevations[index]
             self._moment = onset * self._moments[index]
         return self._stepper.advance(

@@ -142,7 +142,7 @@ def irregular(t: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("slip", [0.0, 0.02])
 def test_what_both_recorded_stands_in_for_a_sine(slip: float) -> None:
-    """A power or a wave, 20 dB on both sides, of a slope of 4.1 a second: a block of 10 s is good to
+    """A wave, 20 dB on both sides, with a slope of 4.1 a second: a block of 10 s is good to
     0.1 sqrt(2) / (4.1 sqrt(400)) = 1.7 ms, 87 of them to 0.2 ms and 0.8 ppm; a slip costs more.
     """
     truth, random = drawn(5, slip=slip), np.random.default_rng(6)

@@ -19,7 +19,12 @@ DISAGREE = 0.025  # s, between edge and sine: more than half a step of 50 Hz eit
 LAGS_DISAGREE = 0.005  # s, between the correlation's lag and the fit at the record's middle
 FAST = 200e-6  # drift beyond which the rate of the file is not what it says
 POOR_DB = 10.0  # signal to noise of a sine below which it is not to be trusted
-CORRELATED_AT = 50.0  # Hz; between its samples a parabola is good to 10 us
+CORRELATED_AT = 50.0  # Hz
+
+BLOCK = 10.0  # s, of which each gives one lag between twins
+WITHIN = 1.0  # s, in which it is looked for
+ALIKE = 0.8  # least correlation of a block that counts
+LEAST_BLOCKS = 5
 
 
 class Reference(NamedTuple):
@@ -29,21 +34,44 @@ class Reference(NamedTuple):
     sine: Track | None
 
 
+class Twin(NamedTuple):
+    """A channel of the record, and the run's own record of the same quantity."""
+
+    channel: str
+    time: Floats  # s of the run
+    value: Floats
+
+
+class Lags(NamedTuple):
+    """Run time less recorder time, again and again through a record."""
+
+    what: str  # they were taken from
+    time: Floats  # s of the recorder
+    lag: Floats  # s
+    snr_db: float | None = None  # of the sine, the worse of both sides
+    by_correlation: float | None = None  # s, one lag for the whole record
+
+
 class Alignment(NamedTuple):
     """A recorder's clock in run time, how it was found, and what is doubtful about it."""
 
-    method: str  # "edge and sine", "edge", "stated", "stated and sine"
+    method: str  # "edge and sine", "edge", "stated", "stated and sine", "edge and CHANNEL"
     clock: Clock
     edge_at: float | None  # s of the recorder, where its trigger rises
     by_edge: float | None  # s, offset (run less recorder) at the edge, by the edge alone
-    by_correlation: float | None  # s, offset at the middle of the sine's record
     edge_less_fit: float | None  # s, edge's offset less the clock's, at the edge
-    correlation_less_fit: float | None  # s, likewise at the middle
-    snr_db: float | None  # of the recorder's sine
-    cycles: Floats  # s of the recorder, where the sine's phase was taken
-    residual: Floats  # s, what the fit leaves there
-    alarms: tuple[str, ...]  # what should not be so
     remarks: tuple[str, ...]  # what a reader should know
+    alarms: tuple[str, ...] = ()  # what should not be so
+    by_correlation: float | None = None  # s, offset at the middle of the sine's record
+    correlation_less_fit: float | None = None  # s, likewise at the middle
+    snr_db: float | None = None  # of the sine, the worse of both sides
+    cycles: Floats = np.zeros(0)  # s of the recorder, where lags were taken
+    residual: Floats = np.zeros(0)  # s, what the fit leaves there
+
+    @property
+    def drift_known(self) -> bool:
+        """Whether more than one moment of the clock is known."""
+        return len(self.cycles) > 0
 
 
 def align(
@@ -52,54 +80,88 @@ def align(
     ttl: str | None,
     sine: str | None,
     stated: float | None = None,
+    twin: Twin | None = None,
 ) -> Alignment:
     """Align a record by its channels ``ttl`` and ``sine``, as far as it and the run have them.
 
-    ``stated``: offset (run less recorder, s) by a person; it stands in for the edge. ValueError if
-    there is neither an edge on both sides nor a stated offset.
+    ``stated``: offset (run less recorder, s) by a person; it stands in for the edge. ``twin``
+    stands in for the sine. ValueError if there is neither an edge on both sides nor a stated
+    offset, or if the twins have too little in common.
     """
     remarks: list[str] = []
     edge = rising_edge(record.time, record.channels[ttl]) if ttl else None
     first = _first_guess(edge, reference.edge, stated, ttl, remarks)
-    track = None
-    if sine and reference.sine is not None:
-        frequency = reference.sine.frequency
-        track = phase_track(record.time, record.channels[sine], frequency)
-        if track is None:
-            remarks.append(f"{sine}: less than three cycles of {frequency:g} Hz, not used")
-    at = None if edge is None else edge.time
     known = "stated" if stated is not None else "edge"
-    both = edge is not None and reference.edge is not None
-    by_edge = reference.edge.time - edge.time if both and edge and reference.edge else None
-    if track is None or reference.sine is None:
-        remarks.append("drift is not known: no sine on both sides")
-        none = np.zeros(0)
-        less = None if by_edge is None else by_edge - first.offset
-        said = tuple(remarks)
-        return Alignment(known, first, at, by_edge, None, less, None, None, none, none, (), said)
-    lag = lags(track, reference.sine, first)
-    clock, left = fitted(track.time, lag)
-    by_correlation = _correlated(record, str(sine), reference.sine, first)
-    middle = float(clock.to_run(clock.middle)) - clock.middle
+    by_edge = reference.edge.time - edge.time if edge and reference.edge else None
+    taken = (
+        twin_lags(record, twin, first)
+        if twin is not None
+        else _sine_lags(record, sine, reference.sine, first, remarks)
+    )
+    clock, left = (first, None) if taken is None else fitted(taken.time, taken.lag)
     less = None
     if by_edge is not None and edge is not None:
         less = by_edge - (float(clock.to_run(edge.time)) - edge.time)
-    snr = min(track.snr_db, reference.sine.snr_db)
-    alarms = _doubts(clock, snr, less, by_correlation - middle)
-    return Alignment(
-        f"{known} and sine",
-        clock,
-        at,
-        by_edge,
-        by_correlation,
-        less,
-        by_correlation - middle,
-        track.snr_db,
-        track.time,
-        left,
-        tuple(alarms),
-        tuple(remarks),
+    made = Alignment(known, clock, edge.time if edge else None, by_edge, less, tuple(remarks))
+    if taken is None or left is None:
+        return made._replace(remarks=(*remarks, "drift is not known: no sine on both sides"))
+    by_lag = taken.by_correlation
+    lag_less = None
+    if by_lag is not None:
+        lag_less = by_lag - (float(clock.to_run(clock.middle)) - clock.middle)
+    return made._replace(
+        method=f"{known} and {taken.what}",
+        alarms=tuple(_doubts(clock, taken.snr_db, less, lag_less)),
+        by_correlation=by_lag,
+        correlation_less_fit=lag_less,
+        snr_db=taken.snr_db,
+        cycles=taken.time,
+        residual=left,
     )
+
+
+def _sine_lags(
+    record: Recording, sine: str | None, reference: Track | None, first: Clock, remarks: list[str]
+) -> Lags | None:
+    """Lags by the phase of the sine; None where it is not on both sides."""
+    if sine is None or reference is None:
+        return None
+    track = phase_track(record.time, record.channels[sine], reference.frequency)
+    if track is None:
+        remarks.append(f"{sine}: less than three cycles of {reference.frequency:g} Hz, not used")
+        return None
+    lag = lags(track, reference, first)
+    snr = min(track.snr_db, reference.snr_db)
+    return Lags("sine", track.time, lag, snr, _correlated(record, sine, reference, first))
+
+
+def twin_lags(record: Recording, twin: Twin, first: Clock) -> Lags:
+    """Lags of greatest correlation of a channel with its twin in the run, block by block.
+
+    ``first`` must be right within a second, and within half a period of what is periodic.
+    """
+    good, own = np.isfinite(record.channels[twin.channel]), np.isfinite(twin.value)
+    there = first.to_run(record.time[good])
+    start, end = max(there[0], twin.time[0]), min(there[-1], twin.time[-1])
+    blocks = int((end - start) / BLOCK)
+    size = round(BLOCK * CORRELATED_AT)
+    time = start + np.arange(max(blocks, 0) * size) / CORRELATED_AT
+    theirs = np.interp(time, there, record.channels[twin.channel][good])
+    ours = np.interp(time, twin.time[own], twin.value[own])
+    middles, found = [], []
+    for k in range(blocks):
+        block = slice(k * size, (k + 1) * size)
+        lag, alike = correlation_lag(time[block], theirs[block], ours[block], WITHIN)
+        if alike > ALIKE:
+            middles.append(float(first.from_run(time[block].mean())))
+            found.append(lag)
+    if len(found) < LEAST_BLOCKS:
+        raise ValueError(
+            f"{twin.channel} and its twin in the run are alike in {len(found)} of {blocks} blocks "
+            f"of {BLOCK:g} s; needed {LEAST_BLOCKS}"
+        )
+    middle = np.array(middles)
+    return Lags(twin.channel, middle, np.asarray(first.to_run(middle) - middle - np.array(found)))
 
 
 def in_words(one: Alignment) -> str:
@@ -109,9 +171,9 @@ def in_words(one: Alignment) -> str:
     if np.isfinite(clock.offset_error):
         said[0] += f" ± {clock.offset_error:.4f}"
     said[0] += f" s at {clock.middle:.1f} s of the record"
-    if one.snr_db is not None:
+    if one.drift_known:
         said.append(f"drift {1e6 * clock.drift:+.2f} ± {1e6 * clock.drift_error:.2f} ppm")
-    if one.edge_less_fit is not None and one.snr_db is not None:
+    if one.edge_less_fit is not None and one.drift_known:
         said.append(f"trigger {1e3 * one.edge_less_fit:+.1f} ms from it")
     return f"{one.method}: {', '.join(said)}"
 
@@ -163,7 +225,9 @@ def _correlated(record: Recording, sine: str, reference: Track, first: Clock) ->
     return first.offset - lag
 
 
-def _doubts(clock: Clock, snr: float, edge_less: float | None, lag_less: float) -> list[str]:
+def _doubts(
+    clock: Clock, snr: float | None, edge_less: float | None, lag_less: float | None
+) -> list[str]:
     """Everything that should not be so, a sentence each."""
     said = []
     if edge_less is not None and abs(edge_less) > DISAGREE:
@@ -176,7 +240,7 @@ def _doubts(clock: Clock, snr: float, edge_less: float | None, lag_less: float) 
             f"the recorder's clock slips by {1e3 * clock.slip:+.1f} ms at "
             f"{clock.slip_at:.1f} s of its record; it is followed across the slip"
         )
-    elif abs(lag_less) > LAGS_DISAGREE:
+    elif lag_less is not None and abs(lag_less) > LAGS_DISAGREE:
         said.append(
             f"correlation of the sine and its phase disagree by {1e3 * lag_less:+.1f} ms, more "
             f"than {1e3 * LAGS_DISAGREE:g} ms"
@@ -186,6 +250,6 @@ def _doubts(clock: Clock, snr: float, edge_less: float | None, lag_less: float) 
             f"a drift of {1e6 * clock.drift:+.0f} ppm is more than clocks have: "
             "the rate of the file is not its true rate"
         )
-    if not snr > POOR_DB:
+    if snr is not None and not snr > POOR_DB:
         said.append(f"the sine stands only {snr:.1f} dB above what is beside it")
     return said

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.basin.align import Alignment, Reference, align
+from rig.basin.align import Alignment, Reference, Twin, align
 from rig.basin.recording import METRES, Floats, Recording, read_recording, refused
 from rig.basin.resample import cubic
 from rig.basin.sync import Edge, computed, phase_track, rising_edge
@@ -35,6 +35,7 @@ class Source(NamedTuple):
     path: Path
     unit: str | None = None  # of all its channels, as `METRES`; None: kept as they are
     offset: float | None = None  # s, run less recorder, in place of a trigger
+    match: tuple[str, str] | None = None  # channel and log field of one quantity, for the sine
 
 
 class Asked(NamedTuple):
@@ -72,10 +73,10 @@ def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: Asked) 
     names = [name for name in _PLACE if name in {leaf.name for leaf in opened.leaves}]
     field = None
     if asked.run_sine not in (None, OWN_CLOCK):
-        field, *more = reader.choose(opened.leaves, [str(asked.run_sine)])
-        if more:
-            raise KeyError(f"{asked.run_sine} is {1 + len(more)} fields; a sine is one of them")
-    place = reader.columns(opened, [*names, *([field] if field else [])])
+        field = _field(opened, str(asked.run_sine))
+    twins = {source.name: _field(opened, source.match[1]) for source in sources if source.match}
+    extra = [*([field] if field else []), *twins.values()]
+    place = reader.columns(opened, list(dict.fromkeys([*names, *extra])))
     if len(place["time"]) < 2:
         raise RunError(f"{run}: no ticks to merge with")
     known = _reference(Path(run), place, asked, field)
@@ -83,8 +84,16 @@ def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: Asked) 
     for source in sources:
         record = read_recording(source.path)
         ttl, sine = channels(record, asked)
+        twin = None
+        if source.match:
+            if source.match[0] not in record.channels:
+                there = ", ".join(record.channels)
+                message = f"{source.match[0]!r} is not in the record; allowed {there}"
+                raise refused(source.path, 1, source.match[0], message)
+            values = np.asarray(place[twins[source.name]], dtype=np.float64)
+            twin = Twin(source.match[0], np.asarray(place["time"]), values)
         try:
-            alignments.append(align(record, known, ttl, sine, source.offset))
+            alignments.append(align(record, known, ttl, sine, source.offset, twin))
         except ValueError as error:
             raise refused(source.path, 1, source.name, str(error)) from None
         records.append(record)
@@ -93,6 +102,14 @@ def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: Asked) 
     table = _on_one_time(place, rate, sources, records, alignments, asked)
     table = table.assign_attrs(facts(run, opened.contents).attributes())
     return Merged(table, tuple(sources), tuple(records), tuple(alignments))
+
+
+def _field(opened: reader.Source, named: str) -> str:
+    """The one log field of a name; KeyError for none, and for several."""
+    field, *more = reader.choose(opened.leaves, [named])
+    if more:
+        raise KeyError(f"{named} is {1 + len(more)} fields; name one of them")
+    return field
 
 
 def channels(record: Recording, asked: Asked) -> tuple[str | None, str | None]:
@@ -184,8 +201,8 @@ def as_json(merged: Merged) -> list[dict[str, Any]]:
                 "offset_s": clock.offset,
                 "offset_error_s": known(clock.offset_error),
                 "at_s": clock.middle,
-                "drift_ppm": None if one.snr_db is None else 1e6 * clock.drift,
-                "drift_error_ppm": None if one.snr_db is None else 1e6 * clock.drift_error,
+                "drift_ppm": 1e6 * clock.drift if one.drift_known else None,
+                "drift_error_ppm": 1e6 * clock.drift_error if one.drift_known else None,
                 "error_at_ends_s": [known(float(e)) for e in clock.error(ends)],
                 "by_edge_s": known(one.by_edge),
                 "by_correlation_s": known(one.by_correlation),

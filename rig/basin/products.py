@@ -16,7 +16,7 @@ from rig.basin.recording import Recording
 from rig.sequence import Phase
 
 LINE, EDGE = "#0b6e99", picture.MARK
-_SMOOTH = 30  # cycles, of the line through the residuals
+_SMOOTH = 30  # lags, of the line through the residuals
 
 
 def write(merged: Merged, folder: Path) -> list[Path]:
@@ -64,7 +64,7 @@ def row_means(table: xarray.Dataset) -> list[dict[str, Any]]:
 
 
 def write_picture(merged: Merged, path: Path) -> Path:
-    """Each file's sine against the fitted clock, cycle by cycle, and where its trigger stands."""
+    """Each file's lags against the fitted clock, by sine or twin, and where its trigger stands."""
     count = len(merged.sources)
     figure, body = picture.framed(
         10.0,
@@ -93,8 +93,8 @@ def _residuals(axes: Axes, record: Recording, one: Alignment) -> None:
         smooth = _shown(one, middle, np.convolve(one.residual, even, "valid"))
         size = 3.0 if len(one.cycles) < 300 else 1.5
         every = _shown(one, one.cycles, one.residual)
-        axes.plot(one.cycles, every, ".", ms=size, color=LINE, alpha=0.45, label="sine, each cycle")
-        axes.plot(middle, smooth, color=LINE, lw=1.2, label=f"mean of {width} cycles")
+        axes.plot(one.cycles, every, ".", ms=size, color=LINE, alpha=0.45, label="each lag")
+        axes.plot(middle, smooth, color=LINE, lw=1.2, label=f"mean of {width}")
     else:
         axes.text(0.5, 0.2, "no sine: one moment is known, and no drift", fontsize=8, ha="center",
                   color=picture.SOFT, transform=axes.transAxes)  # fmt: skip

@@ -14,6 +14,7 @@ from scipy import fft
 from rig.basin.recording import Floats
 
 LEAST_SAMPLES = 5  # of a cycle, for three coefficients
+_AROUND = 0.15  # s, either side of a correlation's best lag, over which its top is looked for
 
 
 class Edge(NamedTuple):
@@ -99,8 +100,8 @@ def correlation_lag(
 ) -> tuple[float, float]:
     """The one lag (s) by which ``value`` trails ``reference``, both at the even ``time``.
 
-    It is where their cross-correlation over the whole record is greatest, within +-``most`` s,
-    between samples by a parabola; and the coefficient there.
+    It is where their cross-correlation over the whole record is greatest, within +-``most`` s;
+    with it comes the coefficient there.
     """
     step = float(time[-1] - time[0]) / (len(time) - 1)
     reach = min(round(most / step), len(time) // 2 - 1)
@@ -111,12 +112,28 @@ def correlation_lag(
     room = fft.next_fast_len(len(a), real=True)
     whole = fft.irfft(fft.rfft(a, room) * np.conj(fft.rfft(alone, room)), room)
     lags: npt.NDArray[np.int64] = np.arange(-reach, reach + 1)
-    products = whole[lags]
-    best = int(np.argmax(products))
-    shift = 0.0
-    if 0 < best < len(lags) - 1:
-        before, here, after = products[best - 1 : best + 2]
-        bend = before - 2.0 * here + after
-        shift = 0.5 * float(before - after) / float(bend) if bend != 0.0 else 0.0
-    size = float(np.linalg.norm(a[inner]) * np.linalg.norm(b[inner]))
-    return (float(lags[best]) + shift) * step, float(products[best]) / size if size else 0.0
+    energy = np.concatenate([[0.0], np.cumsum(a * a)])
+    under = energy[len(a) - reach + lags] - energy[reach + lags]  # of a, where b lies over it
+    size = float(np.linalg.norm(b[inner])) * np.sqrt(np.maximum(under, 0.0))
+    alike = whole[lags] / np.where(size > 0.0, size, np.inf)
+    best = int(np.argmax(alike))
+    at = np.asarray(lags * step, dtype=np.float64)
+    return _top(at, alike, best, round(_AROUND / step)), float(alike[best])
+
+
+def _top(lag: Floats, alike: Floats, best: int, reach: int) -> float:
+    """The lag of the highest point of a polynomial through what lies around the best sample.
+
+    Of many points, because noise moves the best sample by far more than a step.
+    """
+    near = slice(max(best - reach, 0), best + reach + 1)
+    if len(lag[near]) < 6:
+        return float(lag[best])
+    middle, half = float(lag[near].mean()), 0.5 * float(np.ptp(lag[near]))
+    curve = np.polynomial.Polynomial.fit((lag[near] - middle) / half, alike[near], 4)
+    flat = curve.deriv().roots()
+    tops = flat[np.abs(flat.imag) < 1e-9].real
+    tops = tops[np.abs(tops) <= 1.0]
+    if tops.size == 0:
+        return float(lag[best])
+    return middle + half * float(tops[np.argmax(curve(tops))])

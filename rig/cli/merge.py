@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -16,6 +16,15 @@ if TYPE_CHECKING:
 CODES = """\
 Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast: see the alarms; \
 2 bad input."""
+
+
+class Told(NamedTuple):
+    """What was said of the files, as it was typed."""
+
+    files: list[str]
+    units: list[str]
+    offsets: list[str]
+    matches: list[str]
 
 
 def command(
@@ -31,6 +40,12 @@ def command(
     offset: Annotated[
         list[str] | None,
         typer.Option(help="NAME=SECONDS, run less recorder: in place of a trigger; repeatable."),
+    ] = None,
+    match: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME.CHANNEL=FIELD: what file and run both recorded, in place of a sine.",
+        ),
     ] = None,
     ttl: Annotated[str | None, typer.Option(help="Channel of the trigger.")] = None,
     sine: Annotated[str | None, typer.Option(help="Channel of the common sine.")] = None,
@@ -50,19 +65,11 @@ def command(
     from rig.basin.merge import Asked
 
     asked = Asked(ttl, sine, run_sine, frequency, rate)
-    sys.exit(main(run, files, unit or [], offset or [], asked, runs, as_json=as_json))
+    told = Told(files, unit or [], offset or [], match or [])
+    sys.exit(main(run, told, asked, runs, as_json=as_json))
 
 
-def main(
-    named: Path,
-    files: list[str],
-    units: list[str],
-    offsets: list[str],
-    asked: "Asked",
-    runs: Path,
-    *,
-    as_json: bool,
-) -> int:
+def main(named: Path, told: Told, asked: "Asked", runs: Path, *, as_json: bool) -> int:
     """Merge files into a run and say how their clocks stand to its clock."""
     from rig.basin.align import in_words
     from rig.basin.merge import as_json as in_json
@@ -73,13 +80,13 @@ def main(
 
     try:
         run = find_run(named, runs)
-        merged = merge(run, _sources(files, units, offsets), asked)
+        merged = merge(run, _sources(told), asked)
         written = write(merged, run if run.is_dir() else run.parent)
     except REFUSED as error:
         return refuse("merge", error, as_json=as_json)
     if as_json:
-        told = {"records": in_json(merged), "alarms": merged.alarms}
-        print(json.dumps({**told, "written": [str(path) for path in written]}))
+        whole = {"records": in_json(merged), "alarms": merged.alarms}
+        print(json.dumps({**whole, "written": [str(path) for path in written]}))
     else:
         for source, one in zip(merged.sources, merged.alignments, strict=True):
             print(f"{source.name}: {in_words(one)}")
@@ -91,25 +98,25 @@ def main(
     return options.FAILED if merged.alarms else options.OK
 
 
-def _sources(files: list[str], units: list[str], offsets: list[str]) -> "list[Source]":
+def _sources(told: Told) -> "list[Source]":
     """The files with what was said of each; ValueError for a word that is not understood."""
     from rig.basin.merge import Source
     from rig.basin.recording import METRES
 
     found: dict[str, Source] = {}
-    for word in files:
+    for word in told.files:
         name, _, path = word.partition("=") if "=" in word else (Path(word).stem, "", word)
         if name in found:
             raise ValueError(f"{word}: a second record named {name!r}; write NAME=FILE")
         found[name] = Source(name, Path(path))
-    for word in (*units, *offsets):
-        if word.partition("=")[0] not in found:
+    for word in (*told.units, *told.offsets, *told.matches):
+        if not _name(word, found):
             raise ValueError(f"{word}: write NAME=..., NAME one of {', '.join(found)}")
-    for name, _, unit in (word.partition("=") for word in units):
+    for name, unit in ((_name(word, found), _value(word)) for word in told.units):
         if unit not in METRES:
             raise ValueError(f"{name}={unit}: {unit!r} is no unit; allowed {', '.join(METRES)}")
         found[name] = found[name]._replace(unit=unit)
-    for name, _, text in (word.partition("=") for word in offsets):
+    for name, text in ((_name(word, found), _value(word)) for word in told.offsets):
         try:
             seconds = float(text)
         except ValueError:
@@ -117,4 +124,20 @@ def _sources(files: list[str], units: list[str], offsets: list[str]) -> "list[So
         if not math.isfinite(seconds):
             raise ValueError(f"{name}={text}: {text!r} is not a number of seconds")
         found[name] = found[name]._replace(offset=seconds)
+    for word in told.matches:
+        name = _name(word, found)
+        channel = word.partition("=")[0][len(name) + 1 :]
+        if not (channel and _value(word)):
+            raise ValueError(f"{word}: write NAME.CHANNEL=FIELD")
+        found[name] = found[name]._replace(match=(channel, _value(word)))
     return list(found.values())
+
+
+def _name(word: str, found: "dict[str, Source]") -> str:
+    """The file's name in NAME=... or NAME.CHANNEL=...; empty if no file is called so."""
+    left = word.partition("=")[0]
+    return next((name for name in found if left == name or left.startswith(f"{name}.")), "")
+
+
+def _value(word: str) -> str:
+    return word.partition("=")[2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from two_clocks import Truth, drawn, recording, reference
 
-from rig.basin.align import Alignment, Reference, align
+from rig.basin.align import Alignment, Reference, Twin, align
 from rig.basin.clock import Clock
 from rig.basin.sync import phase_track
 
@@ -131,6 +131,44 @@ def test_without_any_edge_a_person_must_state_the_offset() -> None:
         align(record, own, "TTLTrigger", "SINESIGNAL")
     one = align(record, own, "TTLTrigger", "SINESIGNAL", stated=truth.offset + 0.2)
     assert errors(one, truth)[0] < 1e-3  # the sine mends what the statement lacks
+
+
+def irregular(t: np.ndarray) -> np.ndarray:
+    """A wave of many lines, 0.2 to 1 Hz, at run time t."""
+    random = np.random.default_rng(42)
+    lines = zip(random.uniform(0.2, 1.0, 40), random.uniform(0.0, 6.28, 40), strict=True)
+    return sum((np.sin(2 * np.pi * f * t + phase) for f, phase in lines), np.zeros_like(t))
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.02])
+def test_what_both_recorded_stands_in_for_a_sine(slip: float) -> None:
+    """A wave, 20 dB on both sides, with a slope of 4.1 a second: a block of 10 s is good to
+    0.1 sqrt(2) / (4.1 sqrt(400)) = 1.7 ms, 87 of them to 0.2 ms and 0.8 ppm; a slip costs more.
+    """
+    truth, random = drawn(5, slip=slip), np.random.default_rng(6)
+    record = recording(truth, 5)
+    tau = record.time
+    noise = 0.1 * np.std(irregular(tau))
+    record.channels["wave"][:] = irregular(truth.run_time(tau)) + noise * random.normal(
+        size=tau.size
+    )
+    t = np.arange(0.0, 870.0, 0.01)
+    twin = Twin("wave", t, irregular(t) + noise * random.normal(size=t.size))
+    one = align(record, reference(truth), "TTLTrigger", None, twin=twin)
+    tau = np.array([0.0, 400.0, 500.0, 900.0])  # apart from the block in which it slips
+    assert np.abs(one.clock.to_run(tau) - truth.run_time(tau)).max() < (2e-3 if slip else 1e-3)
+    assert one.clock.drift == pytest.approx(truth.drift, abs=8e-6 if slip else 3e-6)
+    assert np.std(one.residual) == pytest.approx(1.9e-3, rel=0.3)
+    assert bool(one.alarms) == (slip != 0.0)
+    assert one.clock.slip == pytest.approx(slip, abs=4e-3)
+
+
+def test_twins_that_are_none_are_refused() -> None:
+    truth = drawn(5)
+    t = np.arange(0.0, 870.0, 0.01)
+    twin = Twin("wave", t, np.random.default_rng(1).normal(size=t.size))
+    with pytest.raises(ValueError, match="alike in 0 of 86 blocks of 10 s; needed 5"):
+        align(recording(truth, 5), reference(truth), "TTLTrigger", None, twin=twin)
 
 
 def test_a_clock_there_and_back() -> None:

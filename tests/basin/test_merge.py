@@ -117,6 +117,12 @@ def test_command(run: Path, waves: Path, power: Path, tmp_path: Path) -> None:
         (["WAVES", "--unit", "tank=m"], "NAME one of waves"),
         (["WAVES", "--offset", "waves=soon"], "'soon' is not a number of seconds"),
         (["WAVES", "--run-sine", "wave.sine"], "no field 'wave.sine' in this run"),
+        (["WAVES", "--match", "waves.BUOY=probes.probe_1"], "'BUOY' is not in the record; allowed"),
+        (
+            ["WAVES", "--match", "waves.BRIDGEPROBE01=wave"],
+            "BRIDGEPROBE01 and its twin in the run are alike in 0 of 7",
+        ),
+        (["WAVES", "--match", "waves=probes.probe_1"], "write NAME.CHANNEL=FIELD"),
         (["WAVES", "--run-sine", "plan.row"], "dB above what is beside it"),
     ],
 )
@@ -137,6 +143,14 @@ def test_a_record_without_a_trigger_is_refused_by_name(run: Path, tmp_path: Path
     merged = merge(run, [Source("x", path, offset=5.0)], CLOCK)
     at = np.flatnonzero(np.isclose(merged.table["time"].values, 6.0))[0]
     assert merged.table["x.AC"].values[at] == pytest.approx(20.0)
+
+
+def test_a_probe_that_both_recorded_stands_in_for_a_sine(run: Path, waves: Path) -> None:
+    """The basin's probe 1 is the run's probe 1: seven blocks of 10 s without noise."""
+    source = Source("waves", waves, match=("BRIDGEPROBE01", "probes.probe_1"))
+    (one,) = merge(run, [source], Asked()).alignments
+    assert (one.method, one.alarms, one.drift_known) == ("edge and BRIDGEPROBE01", (), True)
+    assert one.clock.to_run(40.0) == pytest.approx(40.0 * (1.0 + 20e-6) + 7.25, abs=5e-4)
 
 
 def test_a_recording_has_all_its_channels(waves: Path) -> None:

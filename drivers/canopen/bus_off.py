@@ -6,7 +6,7 @@ bit rate is wrong. Nothing here brings it back: that is for whoever has looked a
 
 import can
 
-_BUS_OFF = 0x040  # CAN_ERR_BUSOFF, in the identifier of an error frame
+BUS_OFF = 0x040  # CAN_ERR_BUSOFF, in the identifier of an error frame
 
 
 class BusOff(can.Listener):
@@ -17,7 +17,7 @@ class BusOff(can.Listener):
 
     def on_message_received(self, msg: can.Message) -> None:
         """Note the frame that says it."""
-        if msg.is_error_frame and msg.arbitration_id & _BUS_OFF:
+        if msg.is_error_frame and msg.arbitration_id & BUS_OFF:
             self.happened = True
 
     def explain(self) -> str:

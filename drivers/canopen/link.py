@@ -13,7 +13,9 @@ from typing import Any, NamedTuple
 import can
 
 from drivers import errors
+from drivers.canopen.bus_off import BUS_OFF
 from drivers.canopen.bus_settings import Bus
+from drivers.canopen.socketcand_bus import SocketcandBus
 
 # Half a message in a read of a socket is no news, and 1000 lines a second would be no log.
 logging.getLogger("can").setLevel(logging.ERROR)
@@ -41,6 +43,8 @@ def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
     if bus.interface in _FILTERING:
         filters = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in sorted(wanted)]
     try:
+        if bus.interface == "socketcand":
+            return SocketcandBus(channel=bus.channel, **dict(bus.options))
         return can.Bus(
             interface=bus.interface,
             channel=bus.channel,
@@ -56,6 +60,12 @@ def open_bus(bus: Bus, wanted: Iterable[int] = ()) -> can.BusABC:
         ) from error
     except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {error}") from error
+
+
+def hear_only(bus: can.BusABC, cob_ids: Iterable[int]) -> None:
+    """Let frames with these COB-IDs through from now on, and the error frame of bus-off."""
+    wanted: list[Any] = [{"can_id": i, "can_mask": 0x7FF, "extended": False} for i in cob_ids]
+    bus.set_filters([*wanted, {"can_id": BUS_OFF, "can_mask": 0x7FF}])
 
 
 class Link:

@@ -24,7 +24,7 @@ from drivers.canopen.bus_settings import Bus
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.drive_objects import Access
-from drivers.canopen.link import LinkError, open_bus
+from drivers.canopen.link import LinkError, hear_only, open_bus
 from drivers.canopen.pdo import BYTES, MAX_NODE
 from drivers.canopen.statusword import describe
 
@@ -39,8 +39,8 @@ _NETWORK: Any = canopen.Network
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
 _READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 _SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
-_HOMING_MODE = homing.MODE
-_SAFE, _ENABLED = int(Goal.SAFE), int(Goal.ENABLED)
+_BESIDE = (emcy.BASE, 0x580, heartbeat.BASE)  # what a node sends beside process data
+_ENABLED = int(Goal.ENABLED)
 _HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
 _CLOSING = 0.1  # s that the library's reader may take to see that it shall end
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
@@ -99,6 +99,10 @@ class Service:
         self._network.subscribe(heartbeat.BASE + node, self._beat)
         self._network.subscribe(emcy.BASE + node, self._emergency)
 
+    def narrow(self) -> None:
+        """No process data from now on: thousands a second make heartbeats late on a busy host."""
+        hear_only(self._can, [base + n for n in self._watched for base in _BESIDE])
+
     def set_up(self, node: int, steps: tuple[Step, ...]) -> tuple[Mismatch, ...]:
         """Write the steps in PRE-OPERATIONAL and read all back; what is not as it must be.
 
@@ -141,11 +145,10 @@ class Service:
         remote = self._remote(node)
         self._tell(node, _PRE_OPERATIONAL)
         drive, handshake = cia402.start(0, 0), homing.start(0)
-        failure = "no answer"
-        self._put(remote, 0x6060, 0, "i8", _HOMING_MODE)
+        failure, bits, acting = "no answer", 0, 0
+        self._put(remote, 0x6060, 0, "i8", homing.MODE)
         if self._is_homed(node):
             return
-        bits = acting = 0
         try:
             while True:
                 statusword = self.read(node, 0x6041, 0, "u16")
@@ -155,7 +158,7 @@ class Service:
                 drive, told = cia402.step(
                     machine,
                     drive,
-                    cia402.Inputs(statusword, 0.0, shown, _HOMING_MODE, _ENABLED, 1, 0, bits, 0),
+                    cia402.Inputs(statusword, 0.0, shown, homing.MODE, _ENABLED, 1, 0, bits, 0),
                 )
                 acting = told.acting
                 if drive.armed == 0:
@@ -182,7 +185,7 @@ class Service:
         """Whether the drive says so in homing mode, which it shows a little after it was asked."""
         end = time.monotonic() + _SDO_PATIENCE
         while time.monotonic() < end:
-            if self.read(node, 0x6061, 0, "i8") == _HOMING_MODE:
+            if self.read(node, 0x6061, 0, "i8") == homing.MODE:
                 word = self.read(node, 0x6041, 0, "u16")
                 return word is not None and homing.outcome(word) == homing.Outcome.HOMED
             time.sleep(_HOME_PERIOD)
@@ -194,9 +197,8 @@ class Service:
             data = self._remote(node).sdo.upload(index, sub)
         except _NO_ANSWER:
             return None
-        if len(data) != BYTES[kind]:
-            return None
-        return int.from_bytes(data, "little", signed=kind[0] == "i")
+        whole = len(data) == BYTES[kind]
+        return int.from_bytes(data, "little", signed=kind[0] == "i") if whole else None
 
     def identity(self, node: int) -> Identity:
         """Who a node says it is."""

@@ -40,6 +40,7 @@ def serve(job: dict[str, Any]) -> None:
     try:
         try:
             facts = _set_up(service, nodes, ended)
+            service.narrow()
             for one in nodes:
                 service.start(one["node"])
         except ServiceError as error:

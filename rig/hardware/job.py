@@ -26,6 +26,7 @@ from rig.hardware.settings import Config
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the drive has said what it is
 _RESET_TICKS = 20
 _TRIGGER_S = 0.02  # s between two posts of the outputs
+_BEATS_LOST = 5  # heartbeats that a drive may miss: process data say sooner that it is gone
 _HEALTH_AGE = 0.5  # s
 _HOME_PERIOD = 0.02  # s of a tick while homing
 _SETUP_PATIENCE = 30.0  # s, without homing
@@ -190,7 +191,9 @@ def _config(rig: RigFile, wiring: Wiring) -> Config:
         own_node=can.own_node,
         heartbeat=can.heartbeat_s,
         health_age=_HEALTH_AGE,
-        heartbeat_lost=5e-3 * max(d.heartbeat_ms for d in (wiring.heave, wiring.surge)),
+        heartbeat_lost=_BEATS_LOST
+        * 1e-3
+        * max(wiring.heave.heartbeat_ms, wiring.surge.heartbeat_ms),
         actuator_divider=can.actuator_divider,
         trigger_every=max(1, round(_TRIGGER_S / dt)),
         heave=_axis(wiring.heave, can.slow_divider, dt),

@@ -21,8 +21,7 @@ from rig.hardware.words import SLOTS
 SCAN = 0.4  # s in which every node of the bus has answered a first question
 _BEATS = 2.5  # periods of a heartbeat in which one must have come
 _LONGEST = 3.0  # s that are waited for heartbeats
-_LOOK = 0.02  # s
-_PATIENCE = 2.0  # s for one answer: beside a run it waits behind process data that we must read too
+_LOOK, _PATIENCE = 0.02, 2.0  # s; for one answer: beside a run it waits behind process data
 _MASTER_LOST = 0x11  # generic and communication, in the error register
 
 
@@ -148,6 +147,7 @@ def _bus(config: dict[str, Any], load: float) -> BusFound:
         for one in nodes:
             service.watch(one["node"])
         strangers = set(service.scan(SCAN)) - {one["node"] for one in nodes}
+        service.narrow()
         found = [_node(service, one) for one in nodes]
         _hear(service, found)
         health, now = service.health(), time.monotonic()

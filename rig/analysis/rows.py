@@ -150,6 +150,7 @@ def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
     for name, field in LOGGED.items():  # the plan's value replaces it where there is one
         here = field in (data.dtype.names or ())
         out[name] = float(data[field].mean()) if here else float("nan")
+    out["realisation"] = float("nan")  # only the plan tells
     return {**out, **quality.columns(data)}
 
 

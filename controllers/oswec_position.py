@@ -135,7 +135,7 @@ def step(
     plain = reference(components, span, clock)
     ahead = corrected(components, span, clock)
     angle, velocity = ahead.angle - plain.angle, ahead.velocity - plain.velocity
-    if len(params.torques) < 2:
+    if len(params.torques) == 0:
         return state, (plain, Turning(angle, velocity))
     before = state.angle
     state = _told(params, state, clock, torque, dt)
@@ -151,17 +151,19 @@ def _told(params: Params, state: State, clock: float, torque: float, dt: float) 
     filtered = filtered + dt * rate
     told = 0.0
     if clock >= 0.0:  # else the row's motion has not begun: back to no correction
-        told = _deflection(params, filtered)
+        told = _deflection(params.torques, params.deflections, filtered)
     told = clamp(told, -params.most_angle, params.most_angle)
     step_most = params.most_velocity * dt
     return State(filtered, rate, clamp(told, angle - step_most, angle + step_most))
 
 
-def _deflection(params: Params, torque: float) -> float:
-    """D(T), rad; not finite for a torque that is not."""
+def _deflection(torques: tuple[float, ...], deflections: tuple[float, ...], torque: float) -> float:
+    """D(T), rad; not finite for a torque that is not, none without a map."""
+    if len(torques) == 0:
+        return 0.0
     if not finite(torque):
         return torque
-    return interpolate(torque, params.torques, params.deflections)
+    return interpolate(torque, torques, deflections)
 
 
 def _added(

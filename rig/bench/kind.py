@@ -80,12 +80,12 @@ def control(
     torque = load.tz - tared.zeros.torque
     if mode == RUN:
         laws, wanted, turned, asked = _laws(
-            params, laws, held, in_shaft, torque, motor.short, clock, dt
+            params, laws, held, motion, torque, motor.short, clock, dt
         )
     else:  # at rest they start afresh
         laws, wanted, turned, asked = LAWS_AT_REST, _NOWHERE, _STRAIGHT, _NOTHING
     motor, told, drive = _driven(params, motor, told, sense, in_motor, asked, mode, dt)
-    braked = _braked(params, brake.current, held, in_shaft.velocity, mode, dt)
+    braked = _braked(params, brake.told, held, in_shaft.velocity, mode, dt)
     if phase == TARE or tared.samples > 0 or tared.seeded == 0:
         before, tared = tared, tare.step(tared, *angles(params, encoders), load.tz, phase)
         if before.seeded == 1:
@@ -97,7 +97,7 @@ def control(
         ShaftState(in_shaft, encoders.age),
         told,
         laws,
-        BrakeState(braked.current, _astray(params, brake, brake_sense.current)),
+        BrakeState(braked, _astray(params, brake, brake_sense.current)),
         tared,
         held,
     )
@@ -109,7 +109,7 @@ def _laws(
     params: Params,
     laws: Laws,
     held: Held,
-    shaft: Estimate,
+    motion: Motion,
     torque: float,
     short: float,
     clock: float,
@@ -128,10 +128,10 @@ def _laws(
     angle, velocity = plain_turn
     if clock < 0.0:  # between rows: home, so that drift does not add up from row to row
         rate, most = params.homing
-        asked = Asked(0.0, clamp(-rate * shaft.position, -most, most))
+        asked = Asked(0.0, clamp(-rate * motion[1].position, -most, most))
     else:
-        held_back = params.feedback * (angle - shaft.position)
-        asked = Asked(0.0, velocity + correction.velocity + held_back)
+        astray = angle + correction.angle - motion[0].position
+        asked = Asked(0.0, velocity + correction.velocity + params.feedback * astray)
     return Laws(position, laws.torque), Wanted(angle, velocity, 0.0), correction, asked
 
 
@@ -178,18 +178,18 @@ def _driven(
 
 
 def _braked(
-    params: Params, before: float, held: Held, velocity: float, mode: int, dt: float
+    params: Params, before: brake_damping.Braked, held: Held, velocity: float, mode: int, dt: float
 ) -> brake_damping.Braked:
     """Torque and current of the brake; it takes part in a stop, and is let go with the power."""
     if not RUN <= mode <= STOP_1:
-        return brake_damping.Braked(0.0, 0.0)
+        return brake_damping.start()
     return brake_damping.step(params.brake, before, held.damping, held.brake_current, velocity, dt)
 
 
 def _astray(params: Params, brake: BrakeState, measured: float) -> int:
     """Ticks in a row in which the brake did not have the current it was told before."""
     most = params.limits.brake_difference_stop
-    return 0 if -most <= measured - brake.current <= most else brake.astray + 1
+    return 0 if -most <= measured - brake.told.current <= most else brake.astray + 1
 
 
 def row(

@@ -55,7 +55,7 @@ class Params(NamedTuple):
     shaft: ShaftParams
     speed: speed.Params
     homing: Homing
-    feedback: float  # 1/s, from the shaft's angle to the velocity command; 0: the shaft may drift
+    feedback: float  # 1/s, from the motor's angle to the velocity command; 0: it may drift
     position: oswec_position.Params
     torque: torque_tracking.Params
     brake: brake_damping.Params
@@ -74,7 +74,7 @@ class ShaftState(NamedTuple):
 class BrakeState(NamedTuple):
     """What the brake was told, and since when it has not obeyed."""
 
-    current: float  # A
+    told: brake_damping.Braked
     astray: int  # ticks in a row
 
 
@@ -117,7 +117,7 @@ def start(params: Params) -> State:
         ShaftState(Estimate(0.0, 0.0, 0.0), 0.0),
         speed.start(),
         LAWS_AT_REST,
-        BrakeState(0.0, 0),
+        BrakeState(brake_damping.start(), 0),
         tare.start(),
         Held(-1, (), Span(0.0, 0.0), 0.0, 0.0),
     )

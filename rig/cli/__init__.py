@@ -72,16 +72,34 @@ def run(
     sys.exit(main(campaign, runs, Wanted(rig, realtime, sim), as_json=json))
 
 
+@app.command(epilog=_CODES)
+def bench(
+    session: Annotated[Path, typer.Argument(help="Session file (YAML).")],
+    realtime: Annotated[
+        bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
+    ] = False,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Run a session of the OSWEC bench, analyse it, and write its report and calibration file."""
+    from rig.cli.bench import main
+
+    sys.exit(main(session, runs, realtime=realtime, as_json=json))
+
+
 @app.command()
 def check(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")],
+    campaign: Annotated[Path, typer.Argument(help="Campaign or session file (YAML).")],
     rows: Annotated[
         bool, typer.Option("--rows", help="Every row, not only those nearest to a limit.")
     ] = False,
     rig: Rig = None,
     json: Json = False,
 ) -> None:
-    """Say everything that is wrong with a campaign, or what each of its rows is predicted to do."""
+    """Say everything that is wrong with a campaign or session, or what it will do.
+
+    Of a campaign also what each of its rows is predicted to do.
+    """
     from rig.cli.check import main
 
     sys.exit(main(campaign, rig, every_row=rows, as_json=json))

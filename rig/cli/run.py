@@ -1,9 +1,7 @@
 """`rig run CAMPAIGN`."""
 
 import json
-import math
 import sys
-from enum import IntEnum, IntFlag
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,24 +9,15 @@ from rig import cli
 from rig.campaign import Campaign
 from rig.campaign_run import carry_out, rehearsal, wired
 from rig.cli.check import complain, examine
+from rig.cli.ending import exit_code, in_words, tell_folder
 from rig.cli.failure import fail
 from rig.cli.progress import Progress
 from rig.config.problems import Problem
 from rig.hardware.job import WiringError
-from rig.limits import Limited, Warned
 from rig.runs import RunError, create
-from rig.safety import Mode, Reason
-from rig.sequence import Phase
 from rig.task_run import Ended, Rung
 
-_NAMES: dict[str, type[IntEnum]] = {
-    "safety.mode": Mode,
-    "safety.reason": Reason,
-    "plan.phase": Phase,
-}
-_FLAGS: dict[str, type[IntFlag]] = {"heave.command.limited": Limited, "heave.warned": Warned}
 _MOST_WARNINGS = 5
-_EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 
 class Wanted(NamedTuple):
@@ -66,7 +55,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
             json.dumps(
                 {
                     **outcome._asdict(),
-                    "last_row": _in_words(outcome.last_row),
+                    "last_row": in_words(outcome.last_row),
                     "optima": optima,
                     "folder": str(ended.folder),
                     "products": [str(product) for product in products],
@@ -77,11 +66,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
         )
     else:
         _tell(ended, products, trouble)
-    if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
-        return cli.LOST
-    if trouble or outcome.status == "refused":
-        return cli.FAILED
-    return _EXIT_CODES[outcome.status]
+    return exit_code(outcome, trouble)
 
 
 def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
@@ -100,19 +85,6 @@ def _rung(campaign: Campaign, wanted: Wanted) -> Rung:
             raise WiringError(f"{campaign.rig.name} has no wiring to hang emulated devices on")
         return rehearsal(campaign, real_clock=wanted.realtime)
     return wired(campaign, emulated=wanted.emulated)
-
-
-def _in_words(row: dict[str, float | int]) -> dict[str, Any]:
-    """A row for JSON: names for coded numbers, a list of them for flags, null for NaN, infinity."""
-    told: dict[str, Any] = {}
-    for name, value in row.items():
-        if name in _NAMES:
-            told[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
-        elif name in _FLAGS:
-            told[name] = [flag.name for flag in _FLAGS[name] if int(value) & flag]
-        else:
-            told[name] = value if math.isfinite(value) else None
-    return told
 
 
 def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, Any]], str]:
@@ -152,12 +124,4 @@ def _tell(ended: Ended, products: list[Path], trouble: str) -> None:
     if outcome.status in ("crashed", "refused") or not text.exists():
         ending = ENDINGS.get(outcome.status, outcome.status)
         print(f"\n{ending}: {words.reason_words(outcome.reason)}.", file=sys.stderr)
-    if outcome.dropped or outcome.unsaved:
-        lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
-        print(f"\nlost: {lost}", file=sys.stderr)
-    for what in (*outcome.said, outcome.died, trouble):
-        if what:
-            print(f"\n{what}", file=sys.stderr)
-    print(f"\n{ended.folder}/")
-    for product in products:
-        print(f"  {product.name}")
+    tell_folder(ended, products, trouble)

@@ -43,6 +43,7 @@ class Brake(FileModel):
 
     map: Several[BrakePoint] = Field(min_length=2, strict=False)
     slew_a_per_s: float = Field(gt=0, le=1e5)
+    velocity_filter_s: float = Field(ge=1e-4, le=1)  # of the shaft's velocity in T = R |v|
 
     def broken_rules(self) -> Iterator[Broken]:
         """Current and torque rise, from no current: the map can be inverted."""

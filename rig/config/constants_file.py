@@ -17,6 +17,7 @@ UNITS = {
     "torque_constant_negative": "N*m/A",
     "velocity_constant": "rad/s/V",
     "velocity_constant_loaded": "rad/s/V",  # of driveline runs
+    "velocity_loop_lag": "s",  # of the motor behind the commanded velocity
 }
 """Constants that a plan reads, each with its one unit; a file may hold others."""
 

@@ -1,5 +1,6 @@
-"""The bench's step, compiled: the same functions, the same bits, less time (see compiled.py)."""
+"""The steps of bench and flap, compiled: the same functions, the same bits (see compiled.py)."""
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -14,34 +15,37 @@ from sim_plant.bench import (
     losses,
     motor,
     servo,
+    stepper,
     transmission,
 )
 from sim_plant.bench.dynamometer import BenchState
-from sim_plant.bench.stepper import Start, Stepper
 from sim_plant.bench.words import OFF, Actuation, Reading
+from sim_plant.flap import body, oswec
+from sim_plant.flap import stepper as flap_stepper
+from sim_plant.flap.oswec import FlapState
 
-_LIFTED = (
+_CHAIN = (
     brake, drive, dynamometer, gearbox, load_cell, losses, motor, sensors, servo, transmission,
 )  # fmt: skip
 
 # One array holds all numbers: the state, the length of the step, the constants, the noise table.
-_SOURCE = '''"""Generated: one tick of the bench on an array of its numbers."""
+_SOURCE = '''"""Generated: one tick of {room} on an array of its numbers."""
 
 from numba import float64, int64, njit
 
 {imports}
 
 ACTUATION = (int64, int64, float64, float64, float64, int64)
-MOMENT = (int64, int64, int64)
+MOMENT = (int64, int64, {types}int64)
 
 
 @njit((float64[::1], *ACTUATION, *MOMENT), cache=True, error_model="numpy")
-def advance(x, a0, a1, a2, a3, a4, a5, fresh, stopped, tick):
+def advance(x, a0, a1, a2, a3, a4, a5, fresh, stopped, {more}tick):
     params = {params}
     state = {state}
     normals = x[{normals}:]
     wires = Actuation(a0, a1, a2, a3, a4, a5)
-    state = step(params, state, wires, fresh, stopped, normals, x[{dt}])
+    state = step(params, state, wires, fresh, stopped, {more}normals, x[{dt}])
     {store}
     read = sample(params, state, stopped, tick, normals)
     return {read}
@@ -52,44 +56,85 @@ def unpack(x):
 '''
 
 
-class CompiledStepper(Stepper):
-    """A `Stepper` of the bench that runs compiled, on one array."""
+class _OneArray:
+    """A compiled step and the array that it works on."""
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: Any, room: ModuleType, lifted: tuple[ModuleType, ...], more: str):
+        """`more` names the float that the step takes beside the wires, or is empty."""
+        self._code = _code(start, room, lifted, more)
         state = lift.numbers(start.state)
-        self._code = _code(start)
         self._x = np.array([*state, start.dt, *lift.numbers(start.params), *start.normals])
         self._state = self._x[: len(state)]
-        self._step = self._code.advance
-        super().__init__(start)
         # The first call of compiled code takes milliseconds; not in a tick, please.
-        self.advance(OFF, 0, 0, 0)
-        self.state = start.state
+        self.advance(*OFF, 0, 0, *([0.0] if more else []), 0)
+        self.put(start.state)
+
+    def advance(self, *wires: float) -> Reading:
+        return tuple.__new__(Reading, self._code.advance(self._x, *wires))
+
+    def put(self, state: Any) -> None:
+        self._state[:] = lift.numbers(state)
+
+    def state(self) -> Any:
+        return self._code.unpack(self._state.tolist())
+
+
+class CompiledStepper(stepper.Stepper):
+    """A `Stepper` of the bench that runs compiled, on one array."""
+
+    def __init__(self, start: stepper.Start) -> None:
+        self._array = _OneArray(start, dynamometer, _CHAIN, "")
+        super().__init__(start)
 
     @property
     def state(self) -> BenchState:
         """The bench's state, rebuilt from the array."""
-        state: BenchState = self._code.unpack(self._state.tolist())
+        state: BenchState = self._array.state()
         return state
 
     @state.setter
     def state(self, state: BenchState) -> None:
-        self._state[:] = lift.numbers(state)
+        self._array.put(state)
 
     def advance(self, actuation: Actuation, fresh: int, stopped: int, tick: int) -> Reading:
         """Step to ``tick``; give what sensors read there."""
-        return tuple.__new__(Reading, self._step(self._x, *actuation, fresh, stopped, tick))
+        return self._array.advance(*actuation, fresh, stopped, tick)
 
 
-def _code(start: Start) -> Any:
+class CompiledFlapStepper(flap_stepper.Stepper):
+    """A `Stepper` of the flap that runs compiled, on one array."""
+
+    def __init__(self, start: flap_stepper.Start) -> None:
+        self._array = _OneArray(start, oswec, (*_CHAIN, body, oswec), "excitation")
+        super().__init__(start)
+
+    @property
+    def state(self) -> FlapState:
+        """The flap's state, rebuilt from the array."""
+        state: FlapState = self._array.state()
+        return state
+
+    @state.setter
+    def state(self, state: FlapState) -> None:
+        self._array.put(state)
+
+    def advance(
+        self, actuation: Actuation, fresh: int, stopped: int, excitation: float, tick: int
+    ) -> Reading:
+        """Step to ``tick``, where the waves excite; give what sensors read there."""
+        return self._array.advance(*actuation, fresh, stopped, excitation, tick)
+
+
+def _code(start: Any, room: ModuleType, lifted: tuple[ModuleType, ...], more: str) -> Any:
     params, state = start.params, start.state
     names = lift.words(params) | lift.words(state) | {Actuation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
     moment = len(lift.numbers(state))
     source = _SOURCE.format(
-        imports="\n".join(
-            [*sorted(imports), "from sim_plant.bench.dynamometer import sample, step"]
-        ),
+        room=room.__name__,
+        imports="\n".join([*sorted(imports), f"from {room.__name__} import sample, step"]),
+        types="float64, " if more else "",
+        more=f"{more}, " if more else "",
         params=lift.unpacking(params, "x", moment + 1),
         state=lift.unpacking(state, "x"),
         normals=moment + 1 + len(lift.numbers(params)),
@@ -97,4 +142,4 @@ def _code(start: Start) -> Any:
         store="\n    ".join(lift.packing(state, "state", "x")),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Reading._fields))) + ")",
     )
-    return lift.load("bench_step", source, _LIFTED)
+    return lift.load(f"{room.__name__.rsplit('.', 1)[-1]}_step", source, lifted)

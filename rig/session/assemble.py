@@ -36,6 +36,7 @@ def scales(session: Session) -> dict[str, Any]:
         "torque_constant_positive_n_m_per_a": constants.torque_positive,
         "torque_constant_negative_n_m_per_a": constants.torque_negative,
         "velocity_constant_rad_per_s_per_v": constants.velocity,
+        "velocity_loop_lag_s": constants.lag,
         "origin": constants.origin,
     }
 
@@ -72,6 +73,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
                 session.constants.brake_torques,
                 session.constants.brake_currents,
                 rig.brake.slew_a_per_s,
+                rig.brake.velocity_filter_s,
             ),
             locked=1 if file.shaft == "clamped" else 0,
             limits=_limits(bounds, dt),

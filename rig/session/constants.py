@@ -16,6 +16,7 @@ class Constants(NamedTuple):
     torque_positive: float  # N*m/A
     torque_negative: float  # N*m/A
     velocity: float  # rad/s/V
+    lag: float  # s, of the motor behind the commanded velocity; 0 where nobody measured it
     brake_currents: tuple[float, ...]  # A
     brake_torques: tuple[float, ...]  # N*m, mean of both branches
     origin: dict[str, str]  # of each of them: the run, or the rig file
@@ -47,6 +48,7 @@ def gathered(
     negative = first(("torque_constant_negative", "torque_constant"), nominal_torque)
     loaded = ("velocity_constant_loaded",) if session.session == "driveline" else ()
     velocity = first((*loaded, "velocity_constant"), servo.velocity_constant_rad_per_s_per_v)
+    lag = first(("velocity_loop_lag",), 0.0) if loaded else 0.0
     mapped = next((one for one in files if one.brake_map is not None), None)
     if mapped is None or mapped.brake_map is None:
         origin["brake_map"] = NOMINAL
@@ -55,7 +57,7 @@ def gathered(
     else:
         origin["brake_map"] = mapped.run
         currents, torques = _mean(mapped.brake_map)
-    return Constants(positive, negative, velocity, currents, torques, origin)
+    return Constants(positive, negative, velocity, lag, currents, torques, origin)
 
 
 def _mean(brake: BrakeMap) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -154,7 +154,7 @@ def open_session(path: Path, also: Also = nothing_more) -> Session:
         plant.mapping,
         plant.locate,
         found,
-        gathered(rig, file, measured),
+        gathered(rig, file, [*(one for one in used.values() if one is not None), *measured]),
         corrected,
         tuple(opening.files),
     )

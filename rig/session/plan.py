@@ -142,8 +142,8 @@ def components(session: Session, point: SessionPoint, ahead: Ahead) -> tuple[Com
     else:
         cosines = [(math.radians(given["amplitude"]), 2.0 * PI / given["period"], 0.0)]
     equal = math.sqrt(sum(a * a for a, _, _ in cosines))  # amplitude of the sine of equal rms
-    gain = 1.0 + ahead.more / equal
-    return tuple(Component(a, w, phase, gain, ahead.advance) for a, w, phase in cosines)
+    gain, advance = 1.0 + ahead.more / equal, ahead.advance + session.constants.lag
+    return tuple(Component(a, w, phase, gain, advance) for a, w, phase in cosines)
 
 
 def _table(

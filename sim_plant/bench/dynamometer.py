@@ -81,6 +81,16 @@ class BenchState(NamedTuple):
     drift: Ratio  # of the load cell
 
 
+class Moved(NamedTuple):
+    """The motor's side after a step."""
+
+    drive: DriveState
+    servo: ServoState
+    angle: Radian
+    velocity: RadianPerSecond
+    friction: NewtonMetre  # of the gearbox, what it could hold
+
+
 def initial(params: BenchParams) -> BenchState:
     """Give the bench at rest at angle 0 with all switched off, teeth in the middle of the gap."""
     return BenchState(
@@ -103,11 +113,36 @@ def step(
     `fresh` is 1 if the actuation came since the last step; `stopped` is 1 while the hard-wired
     stop chain is open: the drive's power stage is off. `normals` is the seeded table.
     """
-    enable, mode, command, current, brake_current, locked = actuation
+    held_by = brake.step(params.brake, state.brake, actuation.brake_current_a, dt)
+    held = _held(params, state, held_by.torque, actuation.locked)
+    moved = move_motor(params, state, held, actuation, fresh, stopped, normals, dt)
+    shaft = transmission.follow(
+        params.transmission, moved.angle, state.shaft_angle, held.forward, held.back
+    )
+    load = transmission.torque(params.transmission, moved.angle - shaft)
+    turned = shaft - state.shaft_angle
+    way = moved.angle - state.motor_angle
+    return BenchState(
+        moved.drive, moved.servo, gearbox.step(params.gearbox, state.gearbox, load, way, normals),
+        held_by, moved.angle, moved.velocity, shaft, turned / dt, load, moved.friction,
+        load * turned / dt, load_cell.drifted(params.load_cell, state.drift, dt),
+    )  # fmt: skip
+
+
+def move_motor(
+    params: BenchParams,
+    state: BenchState,
+    held: Held,
+    actuation: Actuation,
+    fresh: Flag,
+    stopped: Flag,
+    normals: Sequence[float],
+    dt: Second,
+) -> Moved:
+    """Advance drive and motor by dt against what holds the shaft's side."""
+    enable, mode, command, current, _, _ = actuation
     if stopped == 1 or abs(state.shaft_angle) > params.sensors.travel:
         enable = 0
-    held_by = brake.step(params.brake, state.brake, brake_current, dt)
-    held = _held(params, state, held_by.torque, locked)
     friction = gearbox.friction(params.gearbox, state.gearbox, state.shaft_torque)
     set_point = servo.step(
         params.servo, state.servo, command, state.drive.enabled, state.shaft_torque, normals, dt
@@ -116,25 +151,14 @@ def step(
         current = _current_of_velocity(params, state, held, set_point.wanted, friction, dt)
     elif mode != TORQUE:
         current = command  # the drive refuses what is no number
-    driven = drive.drive_step(
-        params.drive, state.drive, current, enable, fresh, 1, 0, drive.NO_CEILING, dt
-    )
+    most = motor.ceiling(params.motor, params.drive.current_limit, current, state.motor_velocity)
+    driven = drive.drive_step(params.drive, state.drive, current, enable, fresh, 1, 0, most, dt)
     torque = params.motor.torque_per_current * driven.current
     velocity = motor.moved(
         params.motor, params.transmission, held, state.motor_velocity, torque, friction, dt
     )
     angle = state.motor_angle + velocity * dt
-    shaft = transmission.follow(
-        params.transmission, angle, state.shaft_angle, held.forward, held.back
-    )
-    load = transmission.torque(params.transmission, angle - shaft)
-    turned = shaft - state.shaft_angle
-    geared = gearbox.step(params.gearbox, state.gearbox, load, velocity * dt, normals)
-    drift = load_cell.drifted(params.load_cell, state.drift, dt)
-    return BenchState(
-        driven, set_point, geared, held_by, angle, velocity, shaft, turned / dt, load, friction,
-        load * turned / dt, drift,
-    )  # fmt: skip
+    return Moved(driven, set_point, angle, velocity, friction)
 
 
 def _held(params: BenchParams, state: BenchState, torque: NewtonMetre, locked: Flag) -> Held:

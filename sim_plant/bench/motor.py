@@ -10,6 +10,7 @@ from typing import NamedTuple
 from sim_plant.bench import transmission
 from sim_plant.bench.transmission import TransmissionParams
 from sim_plant.units import (
+    Ampere,
     KilogramSquareMetre,
     NewtonMetre,
     NewtonMetrePerAmpere,
@@ -26,6 +27,7 @@ class MotorParams(NamedTuple):
     inertia: KilogramSquareMetre
     viscous: NewtonMetreSecondPerRadian
     torque_per_current: NewtonMetrePerAmpere
+    top_speed: RadianPerSecond  # where the drive has no voltage left to drive it faster
 
 
 class Held(NamedTuple):
@@ -34,6 +36,14 @@ class Held(NamedTuple):
     ahead: Radian  # deflection at its start
     forward: NewtonMetre  # what dry friction behind the load cell holds, both not negative
     back: NewtonMetre
+
+
+def ceiling(params: MotorParams, limit: Ampere, asked: Ampere, speed: RadianPerSecond) -> Ampere:
+    """Give the most current that the drive's voltage allows: less in the last 5 % of the speed."""
+    if not asked * speed > 0.0:
+        return limit  # braking
+    left = (params.top_speed - abs(speed)) / (0.05 * params.top_speed)
+    return limit * max(0.0, min(left, 1.0))
 
 
 def load_at(spring: TransmissionParams, held: Held, moved: Radian) -> NewtonMetre:

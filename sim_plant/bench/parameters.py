@@ -81,6 +81,7 @@ def _motor(file: sections.Motor) -> MotorParams:
         file.inertia.value * ratio * ratio,
         float(file.viscous.value),
         file.torque_constant.value * ratio,
+        file.top_speed.value * 2.0 * pi / ratio,
     )
 
 

@@ -50,6 +50,7 @@ class Motor(Checked):
     gear_ratio: Entry[Positive, Literal["1"]]
     inertia: Entry[Annotated[float, Field(gt=0.0, le=1.0)], Literal["kg m2"]]
     viscous: Entry[Size, Literal["N m s/rad"]]
+    top_speed: Entry[Positive, Literal["rev/s"]]
 
 
 class Gearbox(Checked):

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 
 from sim_plant.bench import dynamometer
+from sim_plant.bench.dynamometer import BenchParams, BenchState
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Start, Stepper
+from sim_plant.bench.wires import Wires, checked
 from sim_plant.bench.words import OFF, Actuation, Reading, Truth
 from sim_plant.sensors import NORMALS
-from sim_plant.units import Second
+from sim_plant.units import Count, Radian, Second
 
 __all__ = ["OFF", "Actuation", "BenchWorld", "Reading", "Stepper", "Truth"]
 
 
-class BenchWorld:
-    """A dynamometer bench.
-
-    Time order of tick k: sense() gives what was sampled at tick k - delay_ticks, actuate() latches
-    a command, advance(dt) moves to tick k + 1 under it. The drive drops out when commands cease.
-    """
+class BenchWorld(Wires):
+    """A dynamometer bench."""
 
     def __init__(
         self, plant: BenchPlant, *, dt: float, seed: int, stepper: type[Stepper] = Stepper
@@ -30,57 +26,47 @@ class BenchWorld:
 
         ``stepper`` may be another execution of the same step, equal to the bit.
         """
-        if not 0.0 < dt <= 0.002:
-            raise ValueError(f"dt must be in (0, 0.002] s, got {dt}")
         self.params = plant.build()
-        self._dt = dt
         normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
-        start = dynamometer.initial(self.params)
-        self._stepper = stepper(Start(self.params, start, normals, dt))
-        self._actuation = OFF
-        self._fresh = 0
-        self._pressed = 0
-        self._tick = 0
-        delay = plant.sensors.delay_ticks.value
-        self.delay: Second = delay * dt  # age of a reading
-        still = self._stepper.reading(0, 0)
-        self._line: deque[Reading] = deque([still] * (delay + 1), maxlen=delay + 1)
+        start = Start(self.params, dynamometer.initial(self.params), normals, checked(dt))
+        self._stepper = stepper(start)
+        super().__init__(dt, plant.sensors.delay_ticks.value, self._stepper.reading(0, 0))
+        self._slipped: Count = 0
+        self._braking = True
 
-    def actuate(self, actuation: Actuation) -> None:
-        """Latch a command and reset its age."""
-        self._actuation = actuation
-        self._fresh = 1
+    def slip_coupling(self, angle: Radian) -> None:
+        """Let the shaft slip in its coupling: its encoder stands ahead of the motor for good."""
+        self._slipped += round(self.params.sensors.shaft_counts * angle)
 
-    def press_e_stop(self, pressed: bool = True) -> None:
-        """Open the hard-wired stop chain, or close it: the drive's power stage follows."""
-        self._pressed = 1 if pressed else 0
-
-    def advance(self, dt: float) -> None:
-        """Move one tick on. Raises ValueError for another dt than that of construction."""
-        if dt != self._dt:
-            raise ValueError(f"this world ticks in {self._dt} s, not {dt} s")
-        self._tick += 1
-        self._line.append(
-            self._stepper.advance(self._actuation, self._fresh, self._pressed, self._tick)
-        )
-        self._fresh = 0
-
-    def sense(self) -> Reading:
-        """Give what came over the wires last."""
-        return self._line[0]
+    def lose_brake(self, lost: bool = True) -> None:
+        """Take the brake's current away, whatever is asked for, or give it back."""
+        self._braking = not lost
 
     def truth(self) -> Truth:
         """Give what no sensor sees, for tests and comparison with estimates."""
-        params, state = self.params, self._stepper.state
-        return Truth(
-            state.motor_angle,
-            state.motor_velocity,
-            state.shaft_angle,
-            state.shaft_velocity,
-            state.shaft_torque,
-            params.motor.torque_per_current * state.drive.current,
-            state.friction,
-            state.brake.torque,
-            state.power,
-            self._tick * self._dt,
-        )
+        return true_state(self.params, self._stepper.state, self._tick * self._dt)
+
+    def _move(self) -> Reading:
+        wires = self._actuation
+        if not self._braking:
+            wires = wires._replace(brake_current_a=0.0)
+        reading = self._stepper.advance(wires, self._fresh, self._pressed, self._tick)
+        if self._slipped:
+            reading = reading._replace(shaft_counts=reading.shaft_counts + self._slipped)
+        return reading
+
+
+def true_state(params: BenchParams, state: BenchState, time: Second) -> Truth:
+    """Give what no sensor sees of a state."""
+    return Truth(
+        state.motor_angle,
+        state.motor_velocity,
+        state.shaft_angle,
+        state.shaft_velocity,
+        state.shaft_torque,
+        params.motor.torque_per_current * state.drive.current,
+        state.friction,
+        state.brake.torque,
+        state.power,
+        time,
+    )

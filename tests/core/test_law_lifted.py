@@ -16,14 +16,18 @@ from law_lifting import DT, Inputs, Law, compiled, interpreted, same, state_of
 
 from controllers import (
     blocks,
+    brake_damping,
     drive_gating,
     estimator,
     impedance,
     magnetic_spring,
     open_loop,
+    oswec_position,
     position_hold,
     station_keeping,
+    torque_tracking,
 )
+from controllers.oswec_position import Component, Span
 from controllers.signals import Estimate, Gains, SpringCommand
 from rig import lift
 from rig.impedance_design import design
@@ -75,6 +79,26 @@ def of_spring(rng: np.random.Generator, tick: int) -> Inputs:
     return rate, int(rng.integers(0, 2))
 
 
+def of_position(rng: np.random.Generator, tick: int) -> Inputs:
+    row = np.random.default_rng(tick // 500)
+    components = tuple(
+        Component(*(row.normal(size=5) * [0.2, 5.0, 3.0, 0.1, 0.01] + [0, 0, 0, 1, 0]).tolist())
+        for _ in range(3)
+    )
+    clock = DT * (tick % 500) - 0.05
+    return components, Span(0.1, 0.3), clock, float(40.0 * math.sin(0.02 * tick) + rng.normal())
+
+
+def of_tracking(rng: np.random.Generator, tick: int) -> Inputs:
+    wanted, measured = (rng.normal(size=2) * 40.0).tolist()
+    return wanted, measured, float(rng.choice([0.0, rng.normal() * 10.0]))
+
+
+def of_brake(rng: np.random.Generator, tick: int) -> Inputs:
+    damping = float(rng.choice([0.0, 42.0, 104.0]))
+    return damping, float(rng.choice([0.0, 0.4])), float(rng.normal())
+
+
 ONE = design([-800.0, -1900.0], [1.0, 0.5], DT)
 THREE = design(
     [-4594.69, -75223.29, -668098.5, -543002.2, 0.0],
@@ -83,6 +107,7 @@ THREE = design(
 )
 TABLE = tuple(np.random.default_rng(9).normal(scale=400.0, size=37).tolist())
 SPRING = magnetic_spring.Params((-1e4, -3e3, 500.0, 8e3), (67.0, 7.0, -13.0, -93.0), 0.5)
+MAP = (-0.0044, -0.0014, -0.0005, 0.0005, 0.0014, 0.0044)  # rad
 AT_REST = magnetic_spring.State(SpringCommand(0.0, 0.0, 0), 0)
 
 LAWS = {
@@ -134,6 +159,32 @@ LAWS = {
         Estimate(0.0, 0.0, 0.0),
         of_estimator,
         gives="state",
+    ),
+    "position": Law(
+        oswec_position,
+        oswec_position.Params((), (), 100.0, 0.005, 0.2),
+        oswec_position.start(),
+        of_position,
+    ),
+    "position in the instant": Law(
+        oswec_position,
+        oswec_position.Params((-90.0, -9.0, -1.0, 1.0, 9.0, 90.0), MAP, 100.0, 0.004, 0.2),
+        oswec_position.start(),
+        of_position,
+    ),
+    "torque": Law(
+        torque_tracking,
+        torque_tracking.Params(17.0, 16.0, 0.3, 20.0, 30.0),
+        torque_tracking.start(),
+        of_tracking,
+    ),
+    "brake": Law(
+        brake_damping,
+        brake_damping.Params((2.0, 30.0, 95.0), (0.0, 0.3, 1.0), 50.0, 0.0075),
+        brake_damping.start(),
+        of_brake,
+        gives="state",
+        varied=300,
     ),
     "magnetic spring": Law(
         magnetic_spring, SPRING, AT_REST, of_spring, gives="state", timed=False, varied=50

@@ -1,4 +1,4 @@
-"""The compiled step of the bench gives the interpreted one's bits, whatever is done to it."""
+"""The compiled steps of bench and flap give the interpreted ones' bits, whatever is done."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import math
 
 import pytest
 from bench_files import DT, bench
+from flap_files import flap
 
-from rig.rehearsal.compiled_bench import CompiledStepper
+from rig.rehearsal.compiled_bench import CompiledFlapStepper, CompiledStepper
+from sim_plant import waves
 from sim_plant.bench.stepper import Stepper
-from sim_plant.bench.world import Actuation, BenchWorld, Reading
+from sim_plant.bench.wires import Wires
+from sim_plant.bench.world import Actuation, Reading
+from sim_plant.flap import stepper as flap_stepper
 
 TICKS = 6000
 
@@ -33,7 +37,7 @@ def wires(k: int) -> Actuation:
     )
 
 
-def step(rig: BenchWorld, k: int) -> Reading:
+def step(rig: Wires, k: int) -> Reading:
     if not 5000 <= k < 5300:  # silence
         rig.actuate(wires(k))
     rig.press_e_stop(1500 <= k < 1600)
@@ -46,5 +50,19 @@ def test_interpreted_and_compiled_read_the_same(name: str) -> None:
     one, other = (bench(name, stepper=kind) for kind in (Stepper, CompiledStepper))
     for k in range(TICKS):
         # by repr: equal to the last bit, types too, and NaN is itself
+        assert repr(step(one, k)) == repr(step(other, k)), k
+        assert repr(one.truth()) == repr(other.truth())
+
+
+@pytest.mark.parametrize("name", ["oswec_flap", "oswec_flap_free"])
+def test_the_flap_reads_the_same(name: str) -> None:
+    sea = waves.jonswap(0.15, 1.5, 3.3, 20.0, seed=3)
+    kinds = (flap_stepper.Stepper, CompiledFlapStepper)
+    one, other = (flap(sea, name, stepper=kind) for kind in kinds)
+    for k in range(TICKS):
+        for rig in (one, other):
+            rig.make_waves(1 if k > 200 else 0)
+            if k == 5500:
+                rig.release(0.3)
         assert repr(step(one, k)) == repr(step(other, k)), k
         assert repr(one.truth()) == repr(other.truth())

@@ -50,7 +50,7 @@ def test_amplitude_difference_is_linear_in_torque() -> None:
 
 
 def test_phase_shift_falls_with_speed() -> None:
-    """R² is 0.66 where the thesis has 0.81: torsion, R/k, spreads the rows of each speed."""
+    """R² is 0.63 where the thesis has 0.81: torsion, R/k, spreads the rows of each speed."""
     velocity, phase = column("rms_velocity"), column("phase")
     slope, _ = np.polyfit(velocity, phase, 1)
     assert slope < 0

@@ -1,0 +1,100 @@
+"""`rig bench SESSION`."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rig import cli
+from rig.cli.ending import exit_code, in_words, tell_folder
+from rig.cli.failure import fail
+from rig.cli.session_progress import SessionProgress
+from rig.rehearsal.bench_job import problems_of_session
+from rig.runs import RunError, create
+from rig.session import SessionReport, check_session
+from rig.session_run import rehearsal, task_of
+from rig.task_run import Ended, carry_out_task
+
+
+def examine_session(path: Path) -> SessionReport:
+    """Check a session with all it stands on, the simulated bench included."""
+    return check_session(path, also=problems_of_session)
+
+
+def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
+    """Check, run, analyse, and say how it went; gives the exit code."""
+    report = examine_session(path)
+    if report.session is None or report.plan is None:
+        return complain(report, as_json=as_json)
+    session, plan = report.session, report.plan
+    rung = rehearsal(session, real_clock=realtime)
+    title = f"{session.file.name} on {session.rig.name}"
+    try:
+        with SessionProgress(title, rung.name, plan, quiet=as_json) as view:
+            ended = carry_out_task(task_of(session, plan), runs, view, rung)
+    except (create.BusyError, OSError, RunError) as error:
+        return fail("bench", error, as_json=as_json, code=cli.FAILED)
+    found, products, text, trouble = _analyse(ended, quiet=as_json)
+    trouble = "; ".join(filter(None, (ended.trouble, trouble)))
+    if as_json:
+        outcome = ended.outcome
+        told = {
+            **outcome._asdict(),
+            "last_row": in_words(outcome.last_row),
+            "found": found,
+            "folder": str(ended.folder),
+            "products": [str(product) for product in products],
+            "trouble": trouble,
+        }
+        print(json.dumps(told))
+    else:
+        _tell(ended, text)
+        tell_folder(ended, products, trouble)
+    return exit_code(ended.outcome, trouble)
+
+
+def complain(report: SessionReport, *, as_json: bool) -> int:
+    """Say why a session cannot be run."""
+    if as_json:
+        print(json.dumps({"status": "bad input"} | json.loads(report.to_json())))
+    else:
+        print(report.text())
+    return cli.BAD_INPUT
+
+
+def show(report: SessionReport, *, as_json: bool) -> int:
+    """Print a report, as `rig check` does; 0 if the session can be run."""
+    print(report.to_json() if as_json else report.text())
+    return cli.OK if report.ok else cli.BAD_INPUT
+
+
+def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], str, str]:
+    """What the session found, its files, both in words and, if there is nothing, why.
+
+    A run without a tick has nothing and needs no reason; nor has one that stopped early.
+    """
+    from rig.analysis.session.analyse import analyse
+
+    outcome = ended.outcome
+    if outcome.ticks == 0:
+        return {}, [], "", ""
+    if not quiet:
+        print("analysing the session ...", file=sys.stderr, flush=True)
+    try:
+        summary = analyse(ended.folder)
+    except (RunError, OSError, ValueError) as error:
+        trouble = f"no results: {error}" if outcome.status == "complete" else ""
+        return {}, [], "" if trouble else f"no results: {error}", trouble
+    return summary.as_dict(), list(summary.written), summary.as_text(), ""
+
+
+def _tell(ended: Ended, text: str) -> None:
+    from rig.analysis import words
+    from rig.analysis.summary import ENDINGS
+
+    outcome = ended.outcome
+    if text:
+        print(text)
+    if outcome.status != "complete":
+        ending = ENDINGS.get(outcome.status, outcome.status)
+        print(f"\n{ending}: {words.reason_words(outcome.reason)}.", file=sys.stderr)

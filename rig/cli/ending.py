@@ -1,0 +1,62 @@
+"""How a run ended, for people and for programs, whatever was run."""
+
+import math
+import sys
+from enum import IntEnum, IntFlag
+from pathlib import Path
+from typing import Any
+
+from rig import cli
+from rig.limits import Limited, Warned
+from rig.safety import Mode, Reason
+from rig.sequence import Phase
+from rig.supervisor import Outcome
+from rig.task_run import Ended
+
+_NAMES: dict[str, type[IntEnum]] = {
+    "safety.mode": Mode,
+    "safety.reason": Reason,
+    "plan.phase": Phase,
+}
+_FLAGS: dict[str, type[IntFlag]] = {
+    "heave.command.limited": Limited,
+    "heave.warned": Warned,
+    "command.limited": Limited,
+}
+_EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
+
+
+def exit_code(outcome: Outcome, trouble: str) -> int:
+    """The command's exit code; ``trouble`` is what could not be done afterwards."""
+    if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
+        return cli.LOST
+    if trouble or outcome.status == "refused":
+        return cli.FAILED
+    return _EXIT_CODES[outcome.status]
+
+
+def in_words(row: dict[str, float | int]) -> dict[str, Any]:
+    """A row for JSON: names for coded numbers, a list of them for flags, null for NaN, infinity."""
+    told: dict[str, Any] = {}
+    for name, value in row.items():
+        if name in _NAMES:
+            told[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
+        elif name in _FLAGS:
+            told[name] = [flag.name for flag in _FLAGS[name] if int(value) & flag]
+        else:
+            told[name] = value if math.isfinite(value) else None
+    return told
+
+
+def tell_folder(ended: Ended, products: list[Path], trouble: str) -> None:
+    """What was lost or said on the way, and where everything is."""
+    outcome = ended.outcome
+    if outcome.dropped or outcome.unsaved:
+        lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
+        print(f"\nlost: {lost}", file=sys.stderr)
+    for what in (*outcome.said, outcome.died, trouble):
+        if what:
+            print(f"\n{what}", file=sys.stderr)
+    print(f"\n{ended.folder}/")
+    for product in products:
+        print(f"  {product.name}")

@@ -1,0 +1,62 @@
+"""What an operator sees while a session of the bench runs."""
+
+from math import pi
+
+from rig.cli.run_panel import RunPanel
+from rig.safety import Reason
+from rig.sequence import NO_ROW, Phase
+from rig.session import SessionPlan
+from rig.supervisor import Snapshot
+
+_DEGREES = 180.0 / pi
+_UNITS = {
+    "amplitude_deg": "deg",
+    "torque_amplitude_n_m": "N m",
+    "current_amplitude_a": "A",
+    "period_s": "s",
+    "damping_n_m_s_per_rad": "N m s",
+    "brake_current_a": "A on the brake",
+}
+
+
+class SessionProgress(RunPanel):
+    """A session: its row, and what motor, shaft, load cell and brake do."""
+
+    def __init__(self, title: str, rung: str, plan: SessionPlan, *, quiet: bool) -> None:
+        super().__init__(title, rung, plan, quiet=quiet)
+        self._plan = plan
+
+    def at(self, snapshot: Snapshot) -> tuple[str, str]:
+        """The row and its set point."""
+        row, phase = int(snapshot.row["plan.row"]), Phase(int(snapshot.row["plan.phase"]))
+        count = len(self._plan.rows)
+        if phase is Phase.DONE:
+            ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
+            return "row", f"all {count} walked" if ended else f"- of {count}   stopped"
+        if row == NO_ROW:
+            return "row", f"- of {count}   {phase.name.lower()}"
+        given = self._plan.rows[row].given
+        point = "   ".join(f"{value:g} {_UNITS[key]}" for key, value in given.items())
+        return "row", f"{row} ({row + 1} of {count})   {phase.name.lower()}   {point}"
+
+    def scene(self, snapshot: Snapshot) -> list[tuple[str, str]]:
+        """Motion, and what the drive and the brake are told."""
+        row = snapshot.row
+        torque = row["load.tz"] - row["tared.torque"]
+        motion = (
+            f"motor {_DEGREES * row['motor.angle']:+7.2f} deg   "
+            f"shaft {_DEGREES * row['shaft.angle']:+7.2f} deg   "
+            f"{row['shaft.velocity']:+6.3f} rad/s   {torque:+7.2f} N m"
+        )
+        drive = (
+            f"{row['command.volts']:+6.3f} V   {row['command.current']:+6.2f} A   "
+            f"brake {row['command.brake_current']:5.3f} A, "
+            f"{row['command.brake_torque']:5.1f} N m"
+        )
+        return [("motion", motion), ("drive", drive)]
+
+    def told(self, snapshot: Snapshot) -> str:
+        """Shaft and torque."""
+        row = snapshot.row
+        torque = row["load.tz"] - row["tared.torque"]
+        return f"shaft {_DEGREES * row['shaft.angle']:+.2f} deg, {torque:+.2f} N m"

@@ -1,0 +1,91 @@
+"""A bench with the shipped configuration: parameters, quiet devices, the simulated bench."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from core_runs import plan
+
+from controllers.oswec_position import Component
+from controllers.signals import PanelSense
+from rig import cycle, safety, sequence
+from rig.bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, Setpoints, WrenchSense
+from rig.config import load_mapping
+from rig.rehearsal.bench_devices import BenchDevices, connect
+from rig.sequence import WAIT_DRIVE, Phase
+from rig.session import open_session, plan_session
+from rig.session.assemble import bench_params
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+DT = 0.001
+TURN = Component(math.radians(5.0), 2.0 * math.pi / 0.4, 0.0, 1.0, 0.0)
+PULL = Component(20.0, 2.0 * math.pi / 0.4, -0.5 * math.pi, 1.0, 0.0)  # N*m
+
+SHORT = plan(
+    (-1, Phase.TARE, 60, 0, 0),
+    (0, Phase.MOVING, 200, WAIT_DRIVE, 0),
+    (0, Phase.SETTLE, 400, 0, 0),
+    (0, Phase.MEASURE, 400, 0, 0),
+    (0, Phase.TAIL, 100, 0, 0),
+)
+QUICK = safety.Params(enable_ticks=300, stop_ticks=200)
+
+
+def setpoints(component: Component, damping: float = 60.0, brake_current: float = 0.0) -> Setpoints:
+    """One set point."""
+    return Setpoints(((component,),), (damping,), (brake_current,), (0.1,), (0.8,))
+
+
+@cache
+def shipped(name: str) -> cycle.Params:
+    """Parameters of a shipped session."""
+    session = open_session(CONFIGS / "sessions" / f"{name}.yaml")
+    return bench_params(session, plan_session(session))
+
+
+def params(
+    component: Component = TURN,
+    segments: sequence.Segments = SHORT,
+    name: str = "driveline_short",
+    **changes: Any,
+) -> cycle.Params:
+    """Parameters of a short run with one set point; ``changes`` replace the kind's own."""
+    made = shipped(name)
+    inner = made.rig._replace(**{"setpoints": setpoints(component), **changes})
+    return made._replace(rig=inner, segments=segments, safety=QUICK)
+
+
+class Quiet:
+    """The devices of a bench whose shaft stands still, whatever it is told."""
+
+    def __init__(self) -> None:
+        self.commands: list[Command] = []
+
+    def read(self, now: float) -> Sense:
+        enabled = self.commands[-1].enable if self.commands else 0
+        brake = self.commands[-1].brake_current if self.commands else 0.0
+        return Sense(
+            EncoderSense(31415, -2718, 0.001),
+            ServoSense(0.1, enabled, 0, 0.001),
+            WrenchSense(1.0, -2.0, 3.0, 0.1, -0.2, 0.12, 0.001),
+            BrakeSense(brake, 0.001),
+            PanelSense(0, 0, 0.001),
+        )
+
+    def write(self, command: Command) -> None:
+        self.commands.append(command)
+
+    def stop(self, reason: int) -> None:
+        """Nothing moves."""
+
+    def close(self) -> None:
+        """Nothing to release."""
+
+
+def plant(name: str = "oswec_bench") -> BenchDevices:
+    """The simulated bench as shipped, interpreted, seeded."""
+    mapping, _ = load_mapping(CONFIGS / "plants" / f"{name}.yaml")
+    return connect({"plant": mapping, "seed": 1, "compiled": False}, DT)

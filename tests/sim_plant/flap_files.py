@@ -1,0 +1,63 @@
+"""Flap plants and worlds for the tests of the flap."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from plant_files import mapping
+
+from sim_plant import waves
+from sim_plant.flap.parameters import FlapPlant
+from sim_plant.flap.stepper import Stepper
+from sim_plant.flap.world import Actuation, FlapWorld
+from sim_plant.waves import Sea
+
+DT = 0.001
+
+SMOOTH = {
+    "flap__viscous_quadratic": 0.0,
+    "flap__far_side": None,
+    "seal": None,
+    "bearing": None,
+    "gearbox__dry": 0.0,
+    "gearbox__breakaway": 0.0,
+    "gearbox__share_forward": 0.0,
+    "gearbox__share_back": 0.0,
+    "gearbox__spread_forward": 0.0,
+    "gearbox__spread_back": 0.0,
+    "motor__viscous": 0.0,
+}
+"""No dry friction anywhere and no quadratic drag: what has a closed form."""
+
+
+def changed(name: str = "oswec_flap", **values: Any) -> FlapPlant:
+    """A plant with some values replaced; None puts a section's friction to nothing."""
+    text = mapping(f"{name}.yaml")
+    for path, value in values.items():
+        *sections, field = path.split("__")
+        inner = text
+        for section in sections:
+            inner = inner[section]
+        if value is None:
+            inner[field] = {key: {**entry, "value": 0.0} for key, entry in inner[field].items()}
+        else:
+            inner[field] = {**inner[field], "value": value}
+    return FlapPlant.model_validate(text)
+
+
+def flap(
+    sea: Sea | None = None,
+    name: str = "oswec_flap",
+    *,
+    seed: int = 1,
+    stepper: type[Stepper] = Stepper,
+    **values: Any,
+) -> FlapWorld:
+    """A flap at 1 kHz in calm water, interpreted unless told."""
+    plant = changed(name, **values)
+    return FlapWorld(plant, sea or waves.calm(), dt=DT, seed=seed, stepper=stepper)
+
+
+def torque(current: float, *, locked: int = 0) -> Actuation:
+    """The motor's torque loop on."""
+    return Actuation(1, 1, 0.0, current, 0.0, locked)

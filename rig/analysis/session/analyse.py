@@ -155,7 +155,8 @@ def _beside(session: Session, run: Path) -> Path | None:
 
 def _scales(known: Facts) -> dict[str, Any]:
     """The constants that a run's drive was commanded by."""
-    return dict(known.plan.get("scales") or {})
+    told = known.plan.get("scales") or {}
+    return {key: value for key, value in told.items() if key != "origin"}
 
 
 def _with_constants(run: Path) -> Path | None:

@@ -19,7 +19,7 @@ from rig.runs.folder import Facts, facts
 
 FIELDS = (
     *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
-    *("brake.current", "tared.motor", "tared.shaft", "tared.torque"),
+    *("brake.current", "tared.motor", "tared.shaft", "tared.torque", "tared.samples"),
     *("reference.angle", "reference.velocity", "reference.torque"),
     *("correction.angle", "command.velocity", "command.volts", "command.torque"),
     *(
@@ -45,6 +45,7 @@ class Point(NamedTuple):
     dt: float  # s
     start: float  # s from run start
     age: float  # s, how old its angles are
+    tare_samples: int  # averaged for its zeros; 0: provisional zeros
     motor: Floats  # rad
     shaft: Floats  # rad
     torque: Floats  # N*m, of the load cell, tared
@@ -175,6 +176,7 @@ def _point(
         dt,
         float(data["time"][0]),
         float(data["encoders.age"].mean()),
+        int(data["tared.samples"].min()),
         motor - field("tared.motor"),
         shaft - field("tared.shaft"),
         field("load.tz") - field("tared.torque"),

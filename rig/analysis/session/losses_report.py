@@ -53,6 +53,11 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
     known = constant or Estimate(session.torque_constant, 0.0, "N*m/A", "in use in the run")
     free = [each for each in points if each.free]
     behind = losses.behind(*_groups(free)) if free else None
+    if behind is not None:
+        zero = _zero_error(free)
+        behind = behind._replace(
+            positive=_widened(behind.positive, zero), negative=_widened(behind.negative, zero)
+        )
     before = losses.before(*_with_constant(points, known))
     named: dict[str, Estimate] = {}
     if behind is not None:
@@ -82,6 +87,17 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
     )
 
 
+def _zero_error(points: list[Rubbed]) -> float:
+    """Half width, 95 %, of the cell's zero: by its noise over the ticks of the tare."""
+    noise = float(np.mean([np.std(np.diff(each.point.torque)) for each in points])) / np.sqrt(2.0)
+    samples = max(1, min(each.point.tare_samples for each in points))
+    return float(1.96 * noise / np.sqrt(samples))
+
+
+def _widened(of: Estimate, by: float) -> Estimate:
+    return of._replace(uncertainty=float(np.hypot(of.uncertainty, by)))
+
+
 def _rubbed(point: Point) -> Rubbed:
     of = point.cut()
     speed = periods.velocity(periods.detrended(point.motor, of), of.dt, WINDOW)
@@ -89,7 +105,7 @@ def _rubbed(point: Point) -> Rubbed:
     good = losses.moving(speed, round(WINDOW / of.dt))
     time = point.start + of.dt * np.arange(len(speed))
     torque, current = point.over(point.torque, of), point.over(point.current, of)
-    columns: tuple[Floats, ...] = (speed, rate, torque, current, time, good)
+    columns: list[Floats] = [speed, rate, torque, current, np.asarray(time, np.float64), good]
     parts = [periods.pieces(each, of) for each in columns]
     groups = [
         Turned(*(each[good] for each in signals)) for *signals, good in zip(*parts, strict=True)

@@ -17,7 +17,7 @@ from rig.analysis.session.periods import Cut
 class Quarter(NamedTuple):
     """A quarter of one oscillation."""
 
-    oscillation: int  # from 0
+    half: int  # which half wave, from zero through its peak to zero; from 0
     sign: int  # of the command: 1, -1
     growing: bool  # its magnitude
     where: slice  # of the signals cut to their whole periods
@@ -46,7 +46,7 @@ def quarters(command: Floats, of: Cut) -> list[Quarter]:
         if low < 0 or high > len(command):
             continue
         sign, growing = ((1, False), (-1, True), (-1, False), (1, True))[k % 4]
-        out.append(Quarter(int(low / (4.0 * per)), sign, growing, slice(low, high)))
+        out.append(Quarter((k + 1) // 2, sign, growing, slice(low, high)))
     return out
 
 

@@ -57,7 +57,7 @@ def result(session: Session) -> Result:
         _pictures(points),
         (
             "Clockwise is positive torque. The torque constant is the thesis's, of ramps: gearbox "
-            "friction is in it. torque_constant_motor has it taken out by the back-off.",
+            "friction is in it. torque_constant_motor has it taken out, by the hysteresis.",
         ),
     )
 

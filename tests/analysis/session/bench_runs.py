@@ -55,6 +55,7 @@ def velocity_law(on: Bench, asked: Asked) -> Law:
     """A cos w t grown over one period, the brake by damping or by current."""
     omega = 2.0 * math.pi / asked["period_s"]
     amplitude = math.radians(asked["amplitude_deg"])
+    more, ahead = asked.get("more_deg", 0.0), asked.get("advance_s", 0.0)
     ticks = round(asked["period_s"] / DT)
 
     def law(k: int, speed: float, torque: float) -> Any:
@@ -63,7 +64,11 @@ def velocity_law(on: Bench, asked: Asked) -> Law:
         angle = amplitude * share * math.cos(omega * k * DT)
         velocity = -amplitude * omega * share * math.sin(omega * k * DT)
         velocity += amplitude * rate * math.cos(omega * k * DT)
-        volts = velocity / on.gain
+        asked_for = velocity
+        if k >= ticks and (more or ahead):
+            larger = amplitude + math.radians(more)
+            asked_for = -larger * omega * math.sin(omega * (k * DT + ahead))
+        volts = asked_for / on.gain
         damping = asked.get("damping_n_m_s_per_rad", 0.0)
         current = asked.get("brake_current_a", 0.0)
         if damping:
@@ -91,13 +96,16 @@ def torque_law(on: Bench, asked: Asked) -> Law:
     return law
 
 
-def _homed(on: Bench, home: int) -> None:
-    """Bring the shaft back to where it was, not logged: else it drifts out of its travel."""
+def _homed(on: Bench, home: int, brake: float) -> None:
+    """Bring the shaft back to where it was, not logged: else it drifts out of its travel.
+
+    ``brake`` (A) stays on, so that a branch of the brake is not left.
+    """
     world = on.world
     scale = world.params.sensors.shaft_counts
     for _ in range(2500):
         off = (world.sense().shaft_counts - home) / scale
-        world.actuate(Actuation(1, 0, -3.0 * off / on.gain, 0.0, 0.0, 0))
+        world.actuate(Actuation(1, 0, -3.0 * off / on.gain, 0.0, brake, 0))
         world.advance(DT)
 
 
@@ -126,6 +134,8 @@ def _driven(on: Bench, law: Law, ticks: int, row: int, settle: int) -> Any:
     )
     for name, column in zip(names, told.T, strict=True):
         block[name] = column
+    block["encoders.age"] = on.world.delay
+    block["tared.samples"] = 2000
     block["plan.row"] = row
     block["plan.phase"] = np.where(np.arange(ticks) < settle, int(Phase.SETTLE), int(Phase.MEASURE))
     block["safety.mode"] = Mode.RUN
@@ -140,6 +150,7 @@ def write_session(
     *,
     periods: int,
     settle: int = 1,
+    plan_periods: int | None = None,
     **told: Any,
 ) -> Path:
     """A finished run of a session on a bench; ``told`` goes into the session's file."""
@@ -148,10 +159,10 @@ def write_session(
     for i, asked in enumerate(rows):
         per = round(asked["period_s"] / DT)
         if not kind.startswith("torque"):
-            _homed(on, home)
+            _homed(on, home, asked.get("brake_current_a", 0.0))
         law = (torque_law if kind.startswith("torque") else velocity_law)(on, asked)
         blocks.append(_driven(on, law, (settle + periods) * per, i, settle * per))
-        table.append({"row": i, **asked, "periods": periods, "measure_s": periods * per * DT})
+        table.append({"row": i, **asked, "measure_s": (plan_periods or periods) * per * DT})
     done = np.zeros(20, DTYPE)
     done["plan.row"], done["plan.phase"], done["safety.mode"] = NO_ROW, Phase.DONE, Mode.STOP_1
     done["safety.reason"] = Reason.PLAN_END

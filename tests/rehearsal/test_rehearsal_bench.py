@@ -104,7 +104,7 @@ ASKED = [
     {"amplitude_deg": float(a), "damping_n_m_s_per_rad": float(r), "period_s": 1.5}
     for a, r in ((15, 83.3), (10, 62.5), (15, 42), (20, 104))
 ]
-# Of the simulated bench (plants/oswec_bench.yaml, velocity_loop), as a driveline session finds them.
+# As a driveline session finds them on the simulated bench (plants/oswec_bench.yaml).
 LOOP = {
     "velocity_constant_loaded": {"value": 1.535, "unit": "rad/s/V", "uncertainty": 0.001},
     "velocity_loop_lag": {"value": 0.001, "unit": "s", "uncertainty": 0.0002},

@@ -20,7 +20,7 @@ from rig.analysis.session.read import Session, open_session, session_of
 from rig.analysis.session.result import Picture, Result, words
 from rig.analysis.session.tables import as_json, write_tables
 from rig.runs import RunError
-from rig.runs.folder import facts, list_runs
+from rig.runs.folder import Facts, facts, list_runs
 
 _ALONE: dict[str, Callable[[Session], Result]] = {
     "torque_constant": torque_report.result,
@@ -131,7 +131,11 @@ def _plain(told: dict[str, Any]) -> bool:
 
 
 def _beside(session: Session, run: Path) -> Path | None:
-    """The run that a correction was made from; else the newest plain one of this kind beside it."""
+    """The plain run of this kind that a run is judged by, of those beside it.
+
+    One whose drive was commanded by the same constants, or a better constant would be taken for a
+    correction; else the one that the correction was made from; else the newest.
+    """
     mine = session_of(session.known)
     named = (session.known.config.get("calibration_runs") or {}).values()
     regular = mine.get("irregular") is None
@@ -139,12 +143,20 @@ def _beside(session: Session, run: Path) -> Path | None:
     for each in list_runs(run.resolve().parent)[::-1]:
         if each.status != "complete" or each.path.resolve() == run.resolve():
             continue
-        told = session_of(facts(each.path, ()))
+        other = facts(each.path, ())
+        told = session_of(other)
         same = told.get("session") == session.kind and (told.get("irregular") is None) == regular
         if same and _plain(told):
-            found.append(each)
-    found.sort(key=lambda each: each.run not in named)
-    return found[0].path if found else None
+            driven = _scales(facts(each.path)) == _scales(session.known)
+            found.append((not driven, each.run not in named, each.path))
+    found.sort(key=lambda each: each[:2])
+    return found[0][2] if found else None
+
+
+def _scales(known: Facts) -> dict[str, Any]:
+    """The constants that a run's drive was commanded by."""
+    told = known.plan.get("scales") or {}
+    return {key: value for key, value in told.items() if key != "origin"}
 
 
 def _with_constants(run: Path) -> Path | None:

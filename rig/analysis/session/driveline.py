@@ -28,6 +28,8 @@ class Driven(NamedTuple):
     error: Floats  # rad, reference less shaft, drift taken out
     following: Floats  # rad, reference less motor
     drift: float  # rad/s, of the motor
+    gain: float  # rad/s/V, of the drive: motor's velocity over command, fundamentals
+    lag: float  # s, of the drive: the motor behind its command, the age of the readings apart
 
     @property
     def place(self) -> tuple[float, float]:
@@ -77,7 +79,7 @@ class Found(NamedTuple):
 def driven(point: Point) -> Driven:
     """One set point."""
     made = point.motion()
-    wanted = periods.detrended(point.wanted_angle, made.of)
+    wanted = periods.detrended(point.due_angle, made.of)
     return Driven(
         point,
         made,
@@ -85,7 +87,17 @@ def driven(point: Point) -> Driven:
         wanted - made.shaft,
         wanted - made.motor,
         periods.drift(point.motor, made.of),
+        *_drive(point, made),
     )
+
+
+def _drive(point: Point, of: Motion) -> tuple[float, float]:
+    """Gain and lag of the velocity loop under load; NaN where nothing was commanded."""
+    command = periods.fundamentals(point.over(point.volts, of.of), of.of).mean()
+    if not abs(command) > 1e-6:
+        return float("nan"), float("nan")
+    ratio = 1j * of.of.omega * periods.fundamentals(of.motor, of.of).mean() / command
+    return float(np.abs(ratio)), float(-np.angle(ratio) / of.of.omega) - point.age
 
 
 def find(session: Session, against: Session | None = None) -> Found:

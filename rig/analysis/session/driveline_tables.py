@@ -144,6 +144,10 @@ def _map(found: Found) -> Table:
 def constants(found: Found) -> dict[str, Estimate]:
     """Gap, stiffness and the trends, for the calibration file."""
     out: dict[str, Estimate] = {}
+    if found.trends is not None:
+        how = f"fundamentals under load, mean of {len(found.plain)} set points, by their scatter"
+        out["velocity_constant_loaded"] = mean([e.gain for e in found.plain], "rad/s/V", how)
+        out["velocity_loop_lag"] = mean([e.lag for e in found.plain], "s", how)
     if found.known is not None:
         known = found.known
         out["half_gap"] = _degrees(known.half_gap)

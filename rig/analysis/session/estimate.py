@@ -15,6 +15,10 @@ Floats = npt.NDArray[np.float64]
 SHARE = 0.95
 """Of all intervals."""
 
+CELL = 0.001
+"""Share of a torque that a six-axis load cell's cross-talk leaves unknown, however often it is
+read: what is proportional to its torque is not claimed to be known better."""
+
 
 class Estimate(NamedTuple):
     """A quantity with its uncertainty."""
@@ -42,6 +46,11 @@ def mean(values: Any, unit: str, method: str) -> Estimate:
         return Estimate(float("nan"), float("nan"), unit, method)
     error = np.std(given, ddof=1) / np.sqrt(len(given)) if len(given) > 1 else np.nan
     return Estimate(float(given.mean()), float(factor(len(given) - 1) * error), unit, method)
+
+
+def with_floor(of: Estimate, share: float) -> Estimate:
+    """The interval widened by a share of the value that no scatter tells, in quadrature."""
+    return of._replace(uncertainty=float(np.hypot(of.uncertainty, share * of.value)))
 
 
 def jackknife(whole: Floats, left_out: Floats) -> Floats:

@@ -53,6 +53,11 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
     known = constant or Estimate(session.torque_constant, 0.0, "N*m/A", "in use in the run")
     free = [each for each in points if each.free]
     behind = losses.behind(*_groups(free)) if free else None
+    if behind is not None:
+        zero = _zero_error(free)
+        behind = behind._replace(
+            positive=_widened(behind.positive, zero), negative=_widened(behind.negative, zero)
+        )
     before = losses.before(*_with_constant(points, known))
     named: dict[str, Estimate] = {}
     if behind is not None:
@@ -80,6 +85,17 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
             "constant over the run, and the zero right at the tare.",
         ),
     )
+
+
+def _zero_error(points: list[Rubbed]) -> float:
+    """Half width, 95 %, of the cell's zero: by its noise over the ticks of the tare."""
+    noise = float(np.mean([np.std(np.diff(each.point.torque)) for each in points])) / np.sqrt(2.0)
+    samples = max(1, min(each.point.tare_samples for each in points))
+    return float(1.96 * noise / np.sqrt(samples))
+
+
+def _widened(of: Estimate, by: float) -> Estimate:
+    return of._replace(uncertainty=float(np.hypot(of.uncertainty, by)))
 
 
 def _rubbed(point: Point) -> Rubbed:

@@ -51,7 +51,7 @@ def write_page(result: Result, session: Session, pictures: list[Path], folder: P
 
 def notes(result: Result, session: Session) -> list[str]:
     """What a reader has to know: of the method, and of what is missing in the run."""
-    out = [*result.notes, "The load cell's own calibration is in none of the intervals."]
+    out = [*result.notes, "Of the load cell's own calibration 0.1 % is in the intervals, no more."]
     lost = sum(point.lost for point in session.points)
     if lost:
         out.append(f"{lost} ticks were lost while measuring; they are interpolated.")

@@ -19,10 +19,17 @@ from rig.runs.folder import Facts, facts
 
 FIELDS = (
     *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
-    *("brake.current", "tared.motor", "tared.shaft", "tared.torque"),
+    *("brake.current", "tared.motor", "tared.shaft", "tared.torque", "tared.samples"),
     *("reference.angle", "reference.velocity", "reference.torque"),
     *("correction.angle", "command.velocity", "command.volts", "command.torque"),
-    *("command.current", "command.brake_torque", "command.limited", "demand.torque", "time"),
+    *(
+        "command.current",
+        "command.brake_torque",
+        "command.limited",
+        "demand.torque",
+        "encoders.age",
+        "time",
+    ),
 )
 
 
@@ -37,6 +44,8 @@ class Point(NamedTuple):
     period: float  # s, after which its reference repeats
     dt: float  # s
     start: float  # s from run start
+    age: float  # s, how old its angles are
+    tare_samples: int  # averaged for its zeros; 0: provisional zeros
     motor: Floats  # rad
     shaft: Floats  # rad
     torque: Floats  # N*m, of the load cell, tared
@@ -48,6 +57,13 @@ class Point(NamedTuple):
     wanted_velocity: Floats  # rad/s
     wanted_torque: Floats  # N*m
     correction: Floats  # rad, added by the position correction
+
+    @property
+    def due_angle(self) -> Floats:
+        """The reference as it was when the angles were read, rad."""
+        t = self.dt * np.arange(len(self.wanted_angle))
+        out: Floats = np.interp(t - self.age, t, self.wanted_angle)
+        return out
 
     def number(self, column: str, otherwise: float = float("nan")) -> float:
         """A column of the plan as a number."""
@@ -159,6 +175,8 @@ def _point(
         float(asked.get("period_s") or repeat),
         dt,
         float(data["time"][0]),
+        float(data["encoders.age"].mean()),
+        int(data["tared.samples"].min()),
         motor - field("tared.motor"),
         shaft - field("tared.shaft"),
         field("load.tz") - field("tared.torque"),

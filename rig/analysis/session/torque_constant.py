@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.analysis.session.estimate import Estimate, Floats, mean
+from rig.analysis.session.estimate import CELL, Estimate, Floats, mean, with_floor
 from rig.analysis.session.periods import Cut, rms
 from rig.analysis.session.quarters import Domain, domain, quarters
 
@@ -100,7 +100,7 @@ def constants(points: list[Ramps]) -> Constants:
     how = f"lines of ramp-up, mean of {len(points)} set points, by their scatter"
 
     def of(sign: int) -> Estimate:
-        return mean([s.mean() for s in every[sign] if len(s)], UNIT, how)
+        return with_floor(mean([s.mean() for s in every[sign] if len(s)], UNIT, how), CELL)
 
     def spread(sign: int) -> float:
         values = np.concatenate(every[sign])
@@ -108,13 +108,14 @@ def constants(points: list[Ramps]) -> Constants:
 
     together = [np.concatenate(pair) for pair in zip(every[1], every[-1], strict=True)]
     single = np.concatenate(together)
-    own = "at the peaks, where friction holds either way: without it; mean of "
-    own += f"{len(points)} set points, by their scatter"
+    peaks = "at the peaks, where friction holds either way: without it; mean of "
+    peaks += f"{len(points)} set points, by their scatter"
+    own = mean([each.motor.mean() for each in points if len(each.motor)], UNIT, peaks)
     return Constants(
-        mean([s.mean() for s in together if len(s)], UNIT, how),
+        with_floor(mean([s.mean() for s in together if len(s)], UNIT, how), CELL),
         of(1),
         of(-1),
-        mean([each.motor.mean() for each in points if len(each.motor)], UNIT, own),
+        with_floor(own, CELL),
         spread(1),
         spread(-1),
         float(single.min()),

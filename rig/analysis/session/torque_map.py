@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.analysis.session.deflection import Motion, engaged
-from rig.analysis.session.estimate import Estimate, Floats, jackknife
+from rig.analysis.session.estimate import CELL, Estimate, Floats, jackknife, with_floor
 from rig.analysis.session.searched import Sums, search, sums
 
 KNEES = np.concatenate([np.arange(3.0, 20.0, 0.25), np.arange(20.0, 40.0, 1.0)])  # N*m
@@ -99,8 +99,8 @@ def fit(points: list[Loaded]) -> TorqueMap:
     return TorqueMap(
         gap,
         soft,
-        knee,
-        stiffness,
+        with_floor(knee, CELL),
+        with_floor(stiffness, CELL),
         1.0 - found.remainder / float((weight * off * off).sum()),
         float(np.sqrt(max(0.0, found.remainder) / weight.sum())),
     )

@@ -55,6 +55,7 @@ def velocity_law(on: Bench, asked: Asked) -> Law:
     """A cos w t grown over one period, the brake by damping or by current."""
     omega = 2.0 * math.pi / asked["period_s"]
     amplitude = math.radians(asked["amplitude_deg"])
+    more, ahead = asked.get("more_deg", 0.0), asked.get("advance_s", 0.0)
     ticks = round(asked["period_s"] / DT)
 
     def law(k: int, speed: float, torque: float) -> Any:
@@ -63,7 +64,11 @@ def velocity_law(on: Bench, asked: Asked) -> Law:
         angle = amplitude * share * math.cos(omega * k * DT)
         velocity = -amplitude * omega * share * math.sin(omega * k * DT)
         velocity += amplitude * rate * math.cos(omega * k * DT)
-        volts = velocity / on.gain
+        asked_for = velocity
+        if k >= ticks and (more or ahead):
+            larger = amplitude + math.radians(more)
+            asked_for = -larger * omega * math.sin(omega * (k * DT + ahead))
+        volts = asked_for / on.gain
         damping = asked.get("damping_n_m_s_per_rad", 0.0)
         current = asked.get("brake_current_a", 0.0)
         if damping:
@@ -129,6 +134,8 @@ def _driven(on: Bench, law: Law, ticks: int, row: int, settle: int) -> Any:
     )
     for name, column in zip(names, told.T, strict=True):
         block[name] = column
+    block["encoders.age"] = on.world.delay
+    block["tared.samples"] = 2000
     block["plan.row"] = row
     block["plan.phase"] = np.where(np.arange(ticks) < settle, int(Phase.SETTLE), int(Phase.MEASURE))
     block["safety.mode"] = Mode.RUN

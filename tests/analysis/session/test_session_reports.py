@@ -111,6 +111,34 @@ def test_the_terminal_and_json_say_the_same(driveline: Summary) -> None:
     assert told["held"] == driveline.held
 
 
+def test_a_correction_is_judged_by_reference_less_shaft(runs: Path, driveline: Summary) -> None:
+    """By what the uncorrected run found, and against that run, which is found beside it."""
+    lag = driveline.result.constants["velocity_loop_lag"].value
+    rows = []
+    for row, known in zip(
+        bench.driveline_rows(TABLE), calibration(driveline).driveline, strict=True
+    ):
+        late = 0.01 * known.phase_shift_percent * known.period_s + lag
+        more = known.amplitude_difference_deg
+        rows.append({**row, "more_deg": more, "advance_s": late, "correction": "online"})
+    on = bench.bench(seed=3, **HIDDEN)
+    told = {"correction": {"kind": "online"}}
+    run = bench.write_session(runs / "online", on, "driveline", rows, periods=2, **told)
+    summary = analyse(run)
+    assert f"Uncorrected set points are those of run {driveline.run}." in summary.notes
+    (judged,) = summary.result.compared
+    assert judged.held
+    assert judged.quantity == "reference less shaft, online correction"
+    assert not written(summary, ".yaml")  # nothing to calibrate by
+
+
+def test_gain_and_lag_of_the_loaded_drive(driveline: Summary) -> None:
+    """1 ms of the loop; that of the reading is taken out by its age."""
+    found = driveline.result.constants
+    assert found["velocity_constant_loaded"].value == pytest.approx(1.61, rel=0.002)
+    assert 0.0005 < found["velocity_loop_lag"].value < 0.002
+
+
 def test_the_torque_constant_of_a_hidden_motor(torque: Summary) -> None:
     found = torque.result.constants
     proper = found["torque_constant_motor"]

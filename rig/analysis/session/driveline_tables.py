@@ -6,10 +6,12 @@ import numpy as np
 
 from rig.analysis.session.deflection import judged, pooled
 from rig.analysis.session.driveline import DEGREE, Driven, Found, highest
-from rig.analysis.session.estimate import Estimate, mean
+from rig.analysis.session.estimate import Estimate, mean, with_floor
 from rig.analysis.session.line import Line, intercept, slope
 from rig.analysis.session.result import Column, Compared, Table, number, words
 
+TICKED = 0.0005
+"""Share of a velocity constant that commands held from tick to tick leave unknown."""
 LEAST_TORQUE = 1.0  # N*m: within it the map goes from one flank's gap to the other's
 
 
@@ -146,7 +148,8 @@ def constants(found: Found) -> dict[str, Estimate]:
     out: dict[str, Estimate] = {}
     if found.trends is not None:
         how = f"fundamentals under load, mean of {len(found.plain)} set points, by their scatter"
-        out["velocity_constant_loaded"] = mean([e.gain for e in found.plain], "rad/s/V", how)
+        gain = mean([e.gain for e in found.plain], "rad/s/V", how)
+        out["velocity_constant_loaded"] = with_floor(gain, TICKED)
         out["velocity_loop_lag"] = mean([e.lag for e in found.plain], "s", how)
     if found.known is not None:
         known = found.known

@@ -69,7 +69,7 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
                 (7.2, 4.6), partial(_draw_before, points, known.value, before)),
     ]  # fmt: skip
     if behind is not None:
-        said = "The cell's torque over velocity, means over periods; red: the fit."
+        said = "Some of the samples at speed; red: the fit, the cell's zero apart."
         title = "Losses behind the load cell over velocity"
         draw = partial(_draw_behind, free, behind)
         pictures.insert(0, Picture("losses_behind", title, said, (7.2, 4.6), draw))

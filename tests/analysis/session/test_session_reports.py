@@ -21,6 +21,8 @@ DEGREE = np.pi / 180.0
 TABLE = [(5.0, 42.0), (5.0, 104.0), (10.0, 62.5), (15.0, 42.0), (15.0, 104.0)]
 HIDDEN: dict[str, Any] = {
     "transmission__half_gap": 0.031,  # deg
+    "transmission__soft_deflection": 0.045,  # deg
+    "transmission__soft_torque": 11.0,  # N*m
     "transmission__coupling_stiffness": 90e3,  # N*m/rad: 25.6e3 in all
     "velocity_loop__gain": 1.61,
     "motor__torque_constant": 1.05,  # 15.75 N*m/A at the output
@@ -61,7 +63,12 @@ def calibration(summary: Summary) -> ConstantsFile:
 def test_gap_and_stiffness_of_a_hidden_driveline(driveline: Summary) -> None:
     """Beside the statistical interval 1 % for the load cell, whose errors it cannot know."""
     found = driveline.result.constants
-    for name, truth in (("half_gap", 0.031), ("soft_zone", 0.039), ("stiffness", STIFFNESS)):
+    for name, truth in (
+        ("soft_zone_torque", 11.0),
+        ("half_gap", 0.031),
+        ("soft_zone", 0.045),
+        ("stiffness", STIFFNESS),
+    ):
         known = found[name]
         assert abs(known.value - truth) < known.uncertainty + 0.01 * truth, name
     phase = {each.quantity: each for each in driveline.result.compared}
@@ -75,7 +82,7 @@ def test_the_calibration_file_is_what_a_session_reads(driveline: Summary) -> Non
     assert [(p.amplitude_deg, p.damping_n_m_s_per_rad) for p in told.driveline] == TABLE
     assert told.deflection_map is not None
     near = np.interp(1.0, told.deflection_map.torque_n_m, told.deflection_map.deflection_deg)
-    assert near == pytest.approx(0.031 + 0.039 / 9.4 + 1.0 / STIFFNESS / DEGREE, rel=0.05)
+    assert near == pytest.approx(0.031 + 0.045 / 11.0 + 1.0 / STIFFNESS / DEGREE, rel=0.05)
     assert told.constants["stiffness"].method.startswith("map of 5 set points")
 
 

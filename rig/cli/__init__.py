@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from rig.cli import calibration, matrix, scan, sweep, testlog
+from rig.cli import calibration, matrix, replay, scan, sweep, testlog
 
 
 class Interruptible(TyperGroup):
@@ -273,6 +273,7 @@ def compare(
 
 
 app.command("matrix")(matrix.command)
+app.command("replay", epilog=replay.CODES)(replay.command)
 app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
 app.add_typer(calibration.app)

@@ -74,10 +74,9 @@ def _say(told: dict[str, Any]) -> None:
         print(f"no diff: {compared} are the same to the bit")
         return
     first = told["differences"][0]
-    print(
-        f"first difference in tick {first['first']}: {first['field']} was {_number(first['logged'])}"
-        f", is {_number(first['replayed'])} {first['unit']}"
-    )
+    was, now = _number(first["logged"]), _number(first["replayed"])
+    field = f"{first['field']} was {was}, is {now} {first['unit']}"
+    print(f"first difference in tick {first['first']}: {field}")
     print(f"{len(told['differences'])} of {compared} differ\n")
     print(f"{'field':<36} {'unit':<8} {'ticks':>8} {'first':>8} {'logged':>12} {'replayed':>12} "
           f"{'largest':>10}")  # fmt: skip

@@ -139,7 +139,7 @@ def test_an_operators_stop_is_given_again(tmp_path: Path) -> None:
 
 def test_a_run_without_its_beginning_is_refused(regular: Path, tmp_path: Path) -> None:
     (tmp_path / "config.json").write_text("{}")
-    with pytest.raises(RunError, match="no run.mcap"):
+    with pytest.raises(RunError, match=r"no run\.mcap"):
         replay(tmp_path)
     copy = doctored(regular, tmp_path, kp_n_s_per_m=-2000.0)
     config = json.loads((copy / "config.json").read_text())

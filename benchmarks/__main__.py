@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import crash, cycle, faults, hil, lateness, reading, rehearsal, ring, start
+from benchmarks import batch, crash, cycle, faults, hil, lateness, reading, rehearsal, ring, start
 from benchmarks.support import host, report
 from benchmarks.support.result import Result, text
 
@@ -23,6 +23,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "crash": crash.measure,
     "reading": reading.measure,
     "start": start.measure,
+    "batch": batch.measure,
     "faults": faults.measure,
 }
 

@@ -181,12 +181,18 @@ def _lines(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str
     axes.plot(x[order], values[order, best], "o-", color=INK, lw=1.4, ms=3.5)
     end = int(np.nanargmin(np.where(np.isfinite(values[:, best]), values[:, best], np.inf)))
     panel.mark(axes, float(x[end]), float(values[end, best]))
+    left = x[end] > 0.5 * (x.min() + x.max())
     axes.annotate(
         f"{words.watts(float(values[end, best]))}, row {int(table['row'].values[best])}",
-        (float(x[end]), float(values[end, best])), xytext=(0, 8), textcoords="offset points",
-        fontsize=7.5, color=MARK, ha="center",
-    )  # fmt: skip
-    axes.margins(0.08, 0.14)
+        (float(x[end]), float(values[end, best])),
+        xytext=(-10 if left else 10, -4),
+        textcoords="offset points",
+        fontsize=7.5,
+        color=MARK,
+        ha="right" if left else "left",
+        va="top",
+    )
+    axes.margins(0.08, 0.16)
 
 
 def _squares(axes: Axes, base: float | None, kind: str, measured: Measured) -> None:

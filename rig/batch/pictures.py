@@ -42,6 +42,8 @@ def write(table: xarray.Dataset, folder: Path, run: Path | None = None) -> list[
     best = at_best(table)
     if best is None:
         return []
+    if run is not None:  # what was measured had the values of the campaign's files
+        best |= _at_base(table)
     rows = _rows(table, best)
     measured = _measured(run, rows) if run is not None else NOTHING_MEASURED
     said = "; ".join(filter(None, (_where(table, best), measured.words)))
@@ -64,6 +66,16 @@ def at_best(table: xarray.Dataset) -> dict[str, int] | None:
         return None
     place: Any = found.argmin(...)
     return {name: int(place[name]) for name in _overs(table)}
+
+
+def _at_base(table: xarray.Dataset) -> dict[str, int]:
+    """Indices of the values nearest to those of the campaign's own files, where they are known."""
+    found = {}
+    for name in _overs(table):
+        base = _base(table, name)
+        if base is not None and _is_number(table, name):
+            found[name] = int(np.abs(table[name].values - base).argmin())
+    return found
 
 
 def _overs(table: xarray.Dataset) -> list[str]:
@@ -143,9 +155,7 @@ def _write_lines(
 ) -> Path:
     """One column of panels a parameter, one line a row, the others at their best."""
     width, title = max(6.6, 3.6 * len(swept) + 0.6), f"Power over parameters: {_name(table)}"
-    beneath = "; ".join(
-        filter(None, ("one line a row, the others where DC power is best", measured.words))
-    )
+    beneath = "; ".join(filter(None, ("one line a row", measured.words)))
     figure, body = picture.framed(width, 8.2, title, table.attrs, beneath=beneath)
     panels: Any = body.subplots(len(KINDS), len(swept), squeeze=False, sharey="row", sharex="col")
     for i, kind in enumerate(KINDS):

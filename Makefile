@@ -14,13 +14,14 @@ BIN := $(VENV)/bin
 UV_VERSION := 0.13.8
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-socketcan lint bench clean constraints
+.PHONY: help setup run test test-socketcan lint bench bench-batch clean constraints
 
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
 	@echo "make test   lint, types, import contracts and all tests"
 	@echo "make test-socketcan  the CAN driver on a kernel with SocketCAN (user-mode Linux, a minute)"
 	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"
+	@echo "make bench-batch  of these only the compiled loop and its sweeps (about 10 min)"
 	@echo "make clean  remove the virtual environment and caches (never runs/)"
 
 setup: $(VENV)/.ready
@@ -65,6 +66,9 @@ test-socketcan: setup
 
 bench: setup
 	$(BIN)/python -m benchmarks
+
+bench-batch: setup
+	$(BIN)/python -m benchmarks batch
 
 constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
 	$(BIN)/uv pip compile --quiet --extra dev --upgrade --no-header --no-annotate \

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    batch,
     crash,
     cycle,
     faults,
@@ -35,6 +36,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "crash": crash.measure,
     "reading": reading.measure,
     "start": start.measure,
+    "batch": batch.measure,
     "faults": faults.measure,
 }
 

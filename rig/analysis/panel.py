@@ -21,6 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from rig.analysis import labels, words
 from rig.analysis.mesh import Place, spans_surface, triangulation
 from rig.analysis.picture import INK, MARK, ZERO, quiet
+from rig.analysis.points import Point
 from rig.analysis.slices import LEAST_RELIEF, Optimum, Slice, remarks
 
 POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
@@ -211,6 +212,26 @@ def panel(axes: Axes, of: Slice, on: Scale | None, said: str, *, few: bool = Fal
     ticks(axes, few=few)
     axes.set_title(said, fontsize=7.5, color=MARK, pad=4)
     return drawn
+
+
+def on_top(axes: Axes, of: Slice, others: Sequence[Point], on: Scale, drawn: Drawn) -> None:
+    """Points of another table in a panel: squares, on a surface in the colours of its scale."""
+    if not others or drawn == "nothing":
+        return
+    places = [(p.setting[of.x.name], p.setting[of.y.name]) for p in others]
+    power = [p.power[of.kind] for p in others]
+    look: dict[str, Any] = {"clip_on": False, "zorder": 4}
+    if drawn == "surface":
+        x, y = zip(*shown_places(of, places), strict=True)
+        look |= {"s": 42.0, "marker": "s", "edgecolors": MARK, "linewidths": 1.1}
+        axes.scatter(x, y, c=power, cmap=on.colours, norm=on.norm, **look)
+        return
+    which = along(of)
+    line = [shown_places(of, [place])[0][which] for place in places]
+    errors = np.nan_to_num([p.error[of.kind] for p in others])
+    axes.errorbar(
+        line, power, yerr=errors, fmt="s", ms=5, mfc="none", color=MARK, capsize=2, **look
+    )
 
 
 def ticks(axes: Axes, *, few: bool = False) -> None:

@@ -16,6 +16,7 @@ INK, SOFT, MARK, ZERO = "#22303c", "#66727d", "#d1495b", "#ffb703"
 FRAME, TICK = "#b8c0c7", "#8a949d"
 _HEADING = 0.55  # in
 _SHOUTED = 11.5  # letters an inch, of a warning
+_SMALL = 14.5  # letters an inch, of what stands beneath a title
 _GAP = 0.2  # in, between the line beneath and the run beside it
 _DPI = 150
 
@@ -40,7 +41,8 @@ def framed(
     told = "; ".join(filter(None, (f"run {attributes.get('run', '')}", said)))
     own_line = _inches(beneath, 8.5) + _inches(told, 8.0) + _GAP > 0.96 * width
     calls = textwrap.wrap(warning, round(width * _SHOUTED))
-    head = _HEADING + 0.2 * own_line + (0.12 + 0.2 * len(calls) if calls else 0.0)
+    lines = textwrap.wrap(beneath, round(width * _SMALL)) if own_line else [beneath]
+    head = _HEADING + 0.2 * own_line * len(lines) + (0.12 + 0.2 * len(calls) if calls else 0.0)
     figure = Figure(figsize=(width, height + head), layout="constrained")
     parts: Any = figure.subfigures(2, 1, height_ratios=[head, height])
     top, body = parts
@@ -50,7 +52,8 @@ def framed(
 
     size = min(13.0, 118.0 * room / max(1, len(title)))
     write(0.02, 0.21, title, fontsize=size, fontweight="bold", color=INK)
-    write(0.02, 0.66 if own_line else 0.46, beneath, fontsize=8.5, color=SOFT)
+    for i, line in enumerate(lines):
+        write(0.02, (0.66 if own_line else 0.46) + 0.2 * i, line, fontsize=8.5, color=SOFT)
     stamp = words.rung_stamp(str(attributes.get("rung", "")))
     write(0.98, 0.19, stamp, fontsize=9, fontweight="bold", color=MARK, ha="right")
     write(0.98, 0.46, told, fontsize=8, color=INK, ha="right")

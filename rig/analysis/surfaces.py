@@ -10,6 +10,7 @@ import textwrap
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
@@ -17,11 +18,21 @@ from matplotlib.figure import FigureBase
 from rig.analysis import labels, panel, picture, words
 from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import INK
-from rig.analysis.points import Matrix, Setting, levels, matrix, scatter_of, varied
+from rig.analysis.points import (
+    Matrix,
+    Point,
+    Setting,
+    agrees,
+    levels,
+    matrix,
+    scatter_of,
+    varied,
+)
 from rig.analysis.slices import KI, KP, Slice, by_spring, cut, projected
 from rig.config.columns import Column
 
 KINDS = ("mechanical_1", "ac", "dc")  # of the four stations, those shown where none is asked for
+NO_OTHERS = Matrix((), ())
 _HEADING = 40  # letters of a line of a panel's heading
 _NARROWEST = 6.6  # in, so that title and stamp have room
 
@@ -65,10 +76,18 @@ def scattered(found: Matrix) -> bool:
     return most < 3 <= len(found.points) and len(varied(found)) > 3
 
 
-def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bool = False) -> None:
+def draw(
+    figure: FigureBase,
+    table: xarray.Dataset,
+    width: float,
+    *,
+    compact: bool = False,
+    others: Matrix = NO_OTHERS,
+) -> None:
     """Put the grid of surfaces into a figure or a part of one, ``width`` in wide.
 
-    ``compact`` for narrow panels beside a table of the best points.
+    ``compact`` for narrow panels beside a table of the best points; ``others`` are points to be
+    drawn on top.
     """
     found = matrix(table)
     if not found.points:
@@ -85,7 +104,7 @@ def draw(figure: FigureBase, table: xarray.Dataset, width: float, *, compact: bo
     room = (width - 1.0) / len(held) - 0.4
     for i, kind in enumerate(KINDS):
         said = [panel.caption(each, room, compact=compact, sliced=True) for each in cuts[kind]]
-        _station(figure, panels[i].tolist(), cuts[kind], said, few=compact)
+        _station(figure, panels[i].tolist(), cuts[kind], said, others, few=compact)
         if i == 0 and view.by_spring:
             for axes, text in zip(panels[i], headings, strict=True):
                 panel.above(axes, text, panel.lines_of(said), compact=compact)
@@ -104,34 +123,62 @@ def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
     panels[-1, 0].set_xlabel(labels.heading(view.x), fontsize=8)
 
 
+def of_slice(others: Matrix, of: Slice) -> list[Point]:
+    """The points of another table that lie in a slice."""
+    fixed = of.held | of.sliced
+    return [
+        p
+        for p in others.points
+        if agrees(p.setting, fixed)
+        and {of.x.name, of.y.name} <= p.setting.keys()
+        and np.isfinite(p.power[of.kind])
+    ]
+
+
 def _station(
-    figure: FigureBase, row: list[Axes], cuts: list[Slice], said: list[str], *, few: bool
+    figure: FigureBase,
+    row: list[Axes],
+    cuts: list[Slice],
+    said: list[str],
+    others: Matrix,
+    *,
+    few: bool,
 ) -> None:
     """The panels of one kind of power, with one scale and a caption each."""
     values = [value for each in cuts for value in each.values]
+    values += [p.power[each.kind] for each in cuts for p in of_slice(others, each)]
     on = panel.scale(values) if values else None
     label = f"{words.SHORT_NAMES[cuts[0].kind]}, W"
     drawn: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
     for axes, each, text in zip(row, cuts, said, strict=True):
-        drawn[panel.panel(axes, each, on, text, few=few)].append(axes)
+        became = panel.panel(axes, each, on, text, few=few)
+        drawn[became].append(axes)
+        if on is not None:
+            panel.on_top(axes, each, of_slice(others, each), on, became)
     if drawn["line"]:
         panel.one_height(drawn["line"], label, each=bool(drawn["surface"]))
     if drawn["surface"] and on is not None:
         panel.colour_bar(figure, row, on, label)
 
 
-def write_surfaces(table: xarray.Dataset, path: Path) -> Path:
-    """The run's power surfaces as one picture; says so in it where there is nothing to show."""
+def write_surfaces(
+    table: xarray.Dataset, path: Path, others: Matrix = NO_OTHERS, beneath: str = ""
+) -> Path:
+    """The run's power surfaces as one picture; says so in it where there is nothing to show.
+
+    ``others`` are points of another table, drawn on top; ``beneath`` says what they are.
+    """
     found = matrix(table)
     view = default_view(found)
     shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring else ())}
     sliced = {column.name for column in varied(found)} - shown and not scattered(found)
-    beneath = "left-out columns at each panel's own optimum" if sliced else ""
+    left_out = "left-out columns at each panel's own optimum" if sliced else ""
+    beneath = "; ".join(filter(None, (beneath, left_out)))
     said = picture.absorbed(scatter_of(found.points))
     width = max(3.6 * max(1, panels_across(table)) + 1.4, _NARROWEST)
     title = f"Power surfaces: {picture.campaign(table.attrs)}"
     figure, body = picture.framed(width, 9.0, title, table.attrs, said, beneath)
-    draw(body, table, width)
+    draw(body, table, width, others=others)
     return picture.save(figure, path)
 
 

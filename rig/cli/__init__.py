@@ -14,6 +14,7 @@ from rig.cli import (
     matrix,
     merge,
     options,
+    replay,
     scan,
     sweep,
     testlog,
@@ -283,6 +284,7 @@ def compare(
 
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
+app.command("replay", epilog=replay.CODES)(replay.command)
 app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
 app.command("export")(export.command)

@@ -16,6 +16,7 @@ from rig.batch.cases import LEAD_IN
 from rig.batch.result import FAILED
 from rig.batch.subject import KEPT
 from rig.cli.failure import fail
+from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
 from rig.cli.sweep_progress import SweepProgress
 from rig.runs import RunError
@@ -48,6 +49,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     try:
         if wanted.sequential and wanted.lead_in is not None:
             raise ValueError("--lead-in: in sequence the campaign's own start.lead_in_s counts")
+        measured = find_run(wanted.measured, wanted.runs) if wanted.measured else None
         opened = sweep.open_sweep(
             path, wanted.overs, wanted.sweeps, sequential=wanted.sequential, lead_in=lead_in
         )
@@ -67,7 +69,10 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
         return _interrupted(opened.folder, as_json=as_json)
     except (OSError, ValueError, ArithmeticError) as error:
         return fail("sweep", error, as_json=as_json, code=cli.FAILED)
-    pictures: list[Path] = []
+    try:
+        pictures = _draw(table, opened.folder, measured, quiet=as_json)
+    except (*REFUSED, RunError) as error:
+        return refuse("sweep", error, as_json=as_json)
     told = _told(opened.folder, result, pictures, table) | {
         "seconds": round(time.monotonic() - began, 3),
         "simulated_s": view.simulated,
@@ -96,6 +101,16 @@ def _compile(opened: sweep.Sweep) -> None:
         opened.cases.prepare()
     finally:
         late.cancel()
+
+
+def _draw(
+    table: "xarray.Dataset", folder: Path, measured: Path | None, *, quiet: bool
+) -> list[Path]:
+    from rig.batch.pictures import write
+
+    if not quiet:
+        print("drawing ...", file=sys.stderr, flush=True)
+    return write(table, folder, measured)
 
 
 def _interrupted(folder: Path, *, as_json: bool) -> int:

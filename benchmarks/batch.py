@@ -1,0 +1,134 @@
+"""Campaigns in the compiled loop: times real time, a long campaign, ten thousand rows, memory."""
+
+import json
+import os
+import resource
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.start import command
+from benchmarks.support.recorded import ROOT
+from benchmarks.support.result import Result, figure
+from rig.batch.executors import cores
+from rig.batch.subject import Subject
+from rig.campaign import check
+
+TIMES_REAL = 2000.0
+LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0
+
+_HEAD = """\
+name: benchmark_batch
+rig: {rig}
+tare: {{duration_s: 1}}
+"""
+_IRREGULAR = """\
+sea: {{kind: jonswap, hs_m: 0.127, tp_s: 2.5, repeat_s: {seconds}}}
+timing: {{settle_s: 10}}
+matrix:
+  grid:
+    - spring_n_per_m: [490.9, -2763, -5715]
+      kp_n_s_per_m: {{from: -1000, to: {last}, step: -100}}
+      ki_n_per_m: [0, 2000, 4000]
+"""
+_REGULAR = """\
+sea: {{kind: regular, amplitude_m: 0.127, frequency_hz: 0.5}}
+matrix:
+  grid:
+    - spring_n_per_m: -2763
+      kp_n_s_per_m: {{from: -1000, to: {last}, step: -20}}
+      ki_n_per_m: {{from: 0, to: 4950, step: {step}}}
+"""
+
+
+class Swept(NamedTuple):
+    """One `rig sweep` in a process of its own."""
+
+    seconds: float  # from its start to its end, pictures included
+    rows: int
+    simulated: float  # s
+    megabytes: float  # most memory
+
+
+def campaign_file(folder: Path, text: str) -> Path:
+    """A campaign on the WaveBot."""
+    path = folder / "benchmark_batch.yaml"
+    rig = json.dumps(str(ROOT / "configs" / "rigs" / "wavebot.yaml"))
+    path.write_text(_HEAD.format(rig=rig) + text)
+    return path
+
+
+def speed(path: Path) -> float:
+    """Simulated seconds a second of processor time, one walk through the plan, nothing analysed."""
+    report = check(path)
+    assert report.campaign is not None, report.text()
+    assert report.plan is not None
+    subject = Subject(report.campaign, report.plan)
+    subject.prepare(report.plan)
+    walk = subject.walk(report.plan)
+    began = time.process_time()
+    for _ in walk:
+        pass
+    return walk.seconds / (time.process_time() - began)
+
+
+def sweep(path: Path, folder: Path) -> Swept:
+    """`rig sweep` of a campaign from start to end."""
+    words = [*command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
+    began = time.perf_counter()
+    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        out, _ = process.communicate()
+    seconds = time.perf_counter() - began
+    if process.returncode != 0:
+        raise RuntimeError(f"the sweep ended with {process.returncode}: {out}")
+    told = json.loads(out)
+    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
+    return Swept(seconds, sum(told["rows"].values()), told["simulated_s"], most)
+
+
+def measure(short: bool) -> Result:
+    """Walks, a long campaign, many rows, and the same again, when all is finished."""
+    repeats, seconds, last, to, step = (1, 20, -1100, -1100, 1650) if short else (
+        5, 300, -2000, -2980, 50,
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        irregular = campaign_file(folder, _IRREGULAR.format(seconds=seconds, last=-1000))
+        speeds = [speed(irregular) for _ in range(repeats)]
+        few = sweep(irregular, folder / "few")
+        long = sweep(
+            campaign_file(folder, _IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
+        )
+        regular = campaign_file(folder, _REGULAR.format(last=to, step=step))
+        many = sweep(regular, folder / "many")
+        again = [sweep(regular, folder / "many").seconds for _ in range(repeats)]
+    whole = not short
+    return Result(
+        "batch",
+        "campaigns in the compiled loop, from file to NetCDF and pictures",
+        f"{repeats} walks of {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s and "
+        f"{many.rows} rows of a regular sea by `rig sweep` on {cores()} cores, once each; "
+        f"{repeats} starts when all is finished",
+        (
+            figure("one walk, by processor time", "x real time", speeds, at_least=TIMES_REAL),
+            figure(
+                f"{long.rows} irregular rows", "s", long.seconds,
+                at_most=LONG_SECONDS if whole else None,
+            ),
+            figure("  of it", "x real time", long.simulated / long.seconds),
+            figure(
+                f"{many.rows} regular rows", "s", many.seconds,
+                at_most=MANY_SECONDS if whole else None,
+            ),
+            figure("  of it", "x real time", many.simulated / many.seconds),
+            figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
+            figure(f"most memory, {many.rows} rows", "MB", many.megabytes),
+            figure("started again, all finished", "s", again, at_most=SECOND_START),
+        ),
+        (
+            f"load of the host before: {os.getloadavg()[0]:.1f}",
+            "not measured here: the same arithmetic in C, scipy's solve_ivp, a Dask cluster",
+        ),
+    )  # fmt: skip

@@ -1,0 +1,77 @@
+"""Pictures of sweeps, and a rehearsal of the same matrix on top of them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import xarray
+from rehearsing import campaign_file, run
+from test_sweep_rows import POINTS, swept
+
+from rig.batch import pictures
+from rig.batch.cases import LEAD_IN
+from rig.batch.overs import Files
+
+GRID = {
+    "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+    "tare": {"duration_s": 1},
+    "start": {"set_point_s": 1, "lead_in_s": 15},
+    "timing": {"settle_s": 4, "interval_s": 6.5},
+    "matrix": {
+        "grid": [
+            {"spring_n_per_m": 490.9, "kp_n_s_per_m": [-1500, -2500], "ki_n_per_m": [0, 4000]},
+        ]
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
+    folder = tmp_path_factory.mktemp("grid")
+    path = campaign_file(folder, **GRID)
+    own = Files(path).opened().plant["pto"]["torque_constant"]["value"]
+    overs = (f"plant.pto.torque_constant.value={own},7.5", "sea.amplitude_m=0.1,0.127")
+    return swept(path, *overs, lead_in=LEAD_IN)[1]
+
+
+@pytest.mark.slow
+def test_a_rehearsal_lies_on_what_was_simulated(
+    table: xarray.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At the campaign's own values both are the same plant: they differ by noise and onset."""
+    said: list[str] = []
+    draw = pictures.write_surfaces
+
+    def seen(rows: Any, path: Path, others: Any, beneath: str) -> Path:
+        said.append(beneath)
+        assert len(others.points) == 4
+        return draw(rows, path, others, beneath)
+
+    monkeypatch.setattr(pictures, "write_surfaces", seen)
+    ended = run(campaign_file(tmp_path, **GRID), tmp_path / "runs")
+    written = pictures.write(table, tmp_path, ended.folder)
+    assert [path.name for path in written] == [
+        "surfaces.png",
+        "parameters.png",
+        "map_plant.pto.torque_constant.value_sea.amplitude_m.png",
+    ]
+    assert all(path.stat().st_size > 20_000 for path in written)
+    assert "sea.amplitude_m 0.127 m; squares: rehearsal " in said[0]
+    off = re.findall(r"(mechanical|electrical AC|electrical DC) .?(\d\.\d) ± (\d\.\d) W", said[0])
+    assert len(off) == 3
+    assert all(float(mean) <= 0.1 and float(spread) <= 0.1 for _, mean, spread in off)
+
+
+@pytest.mark.slow
+def test_a_run_of_another_matrix_is_refused(table: xarray.Dataset, tmp_path: Path) -> None:
+    path = campaign_file(tmp_path, **GRID | {"matrix": {"list": [POINTS[2]]}})
+    with pytest.raises(ValueError, match="no complete row of it has the gains"):
+        pictures.write(table, tmp_path, run(path, tmp_path / "runs").folder)
+
+
+def test_nothing_is_drawn_where_nothing_ran(table: xarray.Dataset, tmp_path: Path) -> None:
+    nothing = table.assign(state=table["state"].where(False, "failed"))
+    assert pictures.write(nothing, tmp_path) == []

@@ -70,6 +70,8 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     position = in_heave.position
     stale = load_age > most_load_age
     gap = string_pot - tared.zeros.string_pot - position if tared.seeded == 1 else 0.0
+    # The string pot comes over a slow bus: since its value the body may have moved on.
+    apart = apart + params.heave.limits.velocity_stop * load_age
     if not (-apart <= gap <= apart or stale):
         return Reason.POSITION_DISAGREES.value
     if heave_fault != FINE:  # damping trusts the encoder, so the string pot is asked first

@@ -83,6 +83,20 @@ def test_a_stuck_encoder_disagrees_with_the_string_pot() -> None:
     assert moved == pytest.approx(bound, abs=0.005)
 
 
+@pytest.mark.parametrize(("age", "trips"), [(0.001, True), (0.08, False)])
+def test_an_old_string_pot_may_be_where_the_body_was(age: float, trips: bool) -> None:
+    """At 1.5 m/s at most, 0.08 s are worth 0.12 m: no gap of 0.1 m says that something slipped."""
+
+    def sense(tick: int, word: Sense) -> Sense:
+        load = word.load._replace(age=age)
+        if tick >= AT:
+            load = load._replace(string_pot=load.string_pot + 0.1)
+        return word._replace(load=load)
+
+    made, _ = rehearse(sense)
+    assert (reason(made) == Reason.POSITION_DISAGREES) == trips
+
+
 @pytest.mark.parametrize("jump", [-40_000, -4_000, -600, 600, 4_000, 40_000])
 def test_a_jump_of_the_encoder_removes_power_at_once(jump: int) -> None:
     """From 15 mm to 1 m: there must be no damping against a velocity that is not there."""

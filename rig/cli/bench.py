@@ -35,6 +35,7 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
     except (create.BusyError, OSError, RunError) as error:
         return fail("bench", error, as_json=as_json, code=cli.FAILED)
     found, products, text, trouble = _analyse(ended, quiet=as_json)
+    create.note_rows(ended.folder, _rows_done(ended, len(plan.rows)))
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     if as_json:
         outcome = ended.outcome
@@ -86,6 +87,13 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], 
         trouble = f"no results: {error}" if outcome.status == "complete" else ""
         return {}, [], "" if trouble else f"no results: {error}", trouble
     return summary.as_dict(), list(summary.written), summary.as_text(), ""
+
+
+def _rows_done(ended: Ended, planned: int) -> int:
+    """Rows that were walked to their end: all, or those before the one the run stopped in."""
+    if ended.outcome.status == "complete":
+        return planned
+    return max(0, int(ended.outcome.last_row.get("plan.row", 0)))
 
 
 def _tell(ended: Ended, text: str) -> None:

@@ -1,0 +1,199 @@
+"""The bench's files: one broken file for every rule, and what stands between several files."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+from ruamel.yaml import YAML
+
+from rig.config import ConfigError, load
+from rig.config.bench_limits_file import BenchLimitsFile
+from rig.config.bench_rig_file import BenchRigFile
+from rig.config.constants_file import ConstantsFile
+from rig.config.session_file import SessionFile
+from rig.rehearsal.bench_job import problems_of_session
+from rig.session import check_session, is_session
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_bench_files.yaml"))
+
+SESSION = """\
+name: test
+session: driveline
+rig: rig.yaml
+rows:
+  - {amplitude_deg: 5, damping_n_m_s_per_rad: 42, period_s: 1.5}
+timing: {rise_s: 1.5, settle_periods: 1, periods: 4}
+correction: none
+"""
+TORQUE = """\
+name: test
+session: torque_tracking
+rig: rig.yaml
+grid: [{torque_amplitude_n_m: [20, 40], period_s: 20}]
+timing: {rise_s: 5, settle_periods: 0, periods: 3}
+shaft: clamped
+"""
+CONSTANTS = """\
+name: torque_constant
+rig: OSWEC bench
+run: 20261122T110000Z_torque_constant
+date: 2026-11-22
+constants:
+  torque_constant: {value: 16.7, unit: N*m/A, uncertainty: 0.2}
+deflection_map: {torque_n_m: [-90, 0, 90], deflection_deg: [-0.2, 0, 0.2]}
+"""
+FILES: dict[str, tuple[str, type[BaseModel]]] = {
+    "session": (SESSION, SessionFile),
+    "torque": (TORQUE, SessionFile),
+    "rig": ((CONFIGS / "rigs" / "oswec_bench.yaml").read_text(), BenchRigFile),
+    "limits": ((CONFIGS / "limits" / "oswec_bench.yaml").read_text(), BenchLimitsFile),
+    "constants": (CONSTANTS, ConstantsFile),
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_unbroken_file(name: str, tmp_path: Path) -> None:
+    text, model = FILES[name]
+    (tmp_path / "x.yaml").write_text(text)
+    load(tmp_path / "x.yaml", model)
+
+
+RULES = [
+    pytest.param(name, rule, id=f"{name} {rule['key']}: {rule['says']}")
+    for name in FILES
+    for rule in BROKEN[name]
+]
+
+
+@pytest.mark.parametrize(("name", "rule"), RULES)
+def test_every_rule(name: str, rule: Any, tmp_path: Path) -> None:
+    text, model = FILES[name]
+    assert text.count(rule["old"]) == 1
+    path = tmp_path / "x.yaml"
+    path.write_text(text.replace(rule["old"], rule["new"]))
+    line = rule["line"] or text[: text.index(rule["old"])].count("\n") + 1
+    with pytest.raises(ConfigError) as caught:
+        load(path, model)
+    told = [(p.line, p.key, p.message) for p in caught.value.problems]
+    found = [one for one in told if one[1] == rule["key"]]
+    assert [one[:2] for one in found] == [(line, rule["key"])], told
+    assert rule["says"] in found[0][2]
+
+
+def point(row: int, amplitude: float, damping: float) -> dict[str, float]:
+    speed = math.radians(amplitude) * 2.0 * math.pi / 1.5 / math.sqrt(2.0)
+    return {
+        "row": row, "amplitude_deg": amplitude, "period_s": 1.5, "damping_n_m_s_per_rad": damping,
+        "rms_velocity_rad_per_s": speed, "rms_torque_n_m": damping * speed,
+        "amplitude_difference_deg": 0.03 + 5e-4 * damping * speed,
+        "phase_shift_percent": 0.5 - 0.3 * speed,
+    }  # fmt: skip
+
+
+POINTS = [point(i, a, r) for i, (a, r) in enumerate(((5, 42), (5, 104), (15, 42), (15, 104)))]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the shipped rig, and the results of earlier sessions."""
+    for kind in ("rigs", "limits"):
+        (tmp_path / kind).mkdir()
+        text = (CONFIGS / kind / "oswec_bench.yaml").read_text()
+        (tmp_path / kind / "oswec_bench.yaml").write_text(text)
+    (tmp_path / "plants").symlink_to(CONFIGS / "plants")
+    rig = (tmp_path / "rigs" / "oswec_bench.yaml").read_text()
+    (tmp_path / "rig.yaml").write_text(rig.replace("../", ""))
+    (tmp_path / "constants.yaml").write_text(CONSTANTS)
+    known = {"name": "driveline", "rig": "b", "run": "r1", "date": "2026-11-22"}
+    (tmp_path / "driveline.yaml").write_text(json.dumps(known | {"driveline": POINTS}))
+    return tmp_path
+
+
+def complaints(folder: Path, text: str, **others: str) -> list[tuple[str, str, str]]:
+    for name, content in others.items():
+        (folder / f"{name}.yaml").write_text(content)
+    (folder / "x.yaml").write_text(text)
+    report = check_session(folder / "x.yaml", also=problems_of_session)
+    return [(Path(p.file).name, p.key, p.message) for p in report.problems]
+
+
+def corrected(words: str, rows: str = "") -> str:
+    text = SESSION.replace("correction: none", f"correction: {words}")
+    return (
+        text.replace("{amplitude_deg: 5, damping_n_m_s_per_rad: 42, period_s: 1.5}", rows)
+        if (rows)
+        else text
+    )
+
+
+BETWEEN = [
+    (SESSION.replace("amplitude_deg: 5", "amplitude_deg: 32"), "rows[0].amplitude_deg",
+     "32 is more than limits and rig allow; allowed below 32 deg"),
+    (SESSION.replace("period_s", "brake_current_a: 1.1, period_s"), "rows[0].brake_current_a",
+     "1.1 is more than limits and rig allow; allowed up to 1 A"),
+    (TORQUE.replace("[20, 40]", "[20, 130]"), "grid[0].torque_amplitude_n_m[1]",
+     "130 is more than limits and rig allow; allowed below 120 N*m"),
+    (SESSION.replace("rig.yaml", "none.yaml"), "rig", "No such file"),
+    (SESSION + "calibrations: [none.yaml]\n", "calibrations[0]", "No such file"),
+    (corrected("{kind: online, regressions: none.yaml}"), "correction.regressions", "No such file"),
+    (corrected("{kind: online, regressions: constants.yaml}"), "correction.regressions",
+     "has no driveline; allowed a file that has"),
+    (corrected("{kind: instantaneous, map: driveline.yaml}"), "correction.map",
+     "has no deflection_map; allowed a file that has"),
+    (corrected("{kind: online, regressions: driveline.yaml}",
+               "{amplitude_deg: 6, damping_n_m_s_per_rad: 42, period_s: 1.5}"),
+     "rows[0].amplitude_deg", "no uncorrected row of these conditions in r1"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "key", "says"), BETWEEN)
+def test_rules_between_files(folder: Path, text: str, key: str, says: str) -> None:
+    told = complaints(folder, text)
+    assert [one[:2] for one in told] == [("x.yaml", key)], told
+    assert says in told[0][2]
+
+
+def test_too_many_rows_are_refused_before_they_are_built(folder: Path) -> None:
+    (told,) = complaints(folder, SESSION.replace("rows:\n  -", "repeat: 1000\nrows:\n  - {amplitude_deg: 4, period_s: 1}\n  -"))  # fmt: skip  # noqa: E501
+    assert told[1:] == ("repeat", "2000 rows; allowed at most 1000")
+
+
+def test_three_other_rows_make_a_line_and_two_do_not(folder: Path) -> None:
+    text = corrected("{kind: online, regressions: driveline.yaml}")
+    assert complaints(folder, text) == []
+    few = {"name": "d", "rig": "b", "run": "r2", "date": "2026-11-22", "driveline": POINTS[:3]}
+    (told,) = complaints(folder, text, driveline=json.dumps(few))
+    assert told[1:] == ("rows[0].amplitude_deg", "2 other rows in r2; a line needs 3")
+
+
+def test_scales_that_rig_and_simulated_bench_do_not_share(folder: Path) -> None:
+    rig = (folder / "rig.yaml").read_text().replace("524288", "262144")
+    (told,) = complaints(folder, SESSION, rig=rig)
+    assert told[:2] == ("rig.yaml", "shaft_encoder.counts_per_revolution")
+    assert "262144 is not the simulated bench's 524288" in told[2]
+
+
+def test_all_problems_of_all_files_at_once(folder: Path) -> None:
+    rig = (folder / "rig.yaml").read_text().replace("gear_ratio: 15", "gear_ratio: 0")
+    limits = (folder / "limits" / "oswec_bench.yaml").read_text().replace("26\n", "99\n")
+    (folder / "limits" / "oswec_bench.yaml").write_text(limits)
+    told = complaints(folder, SESSION.replace("seed", "sed").replace("5,", "95,"), rig=rig)
+    assert [one[0] for one in told] == ["x.yaml", "rig.yaml", "oswec_bench.yaml"]
+
+
+def test_every_shipped_session_can_be_run() -> None:
+    sessions = sorted((CONFIGS / "sessions").glob("*.yaml"))
+    assert len(sessions) >= 10
+    for path in sessions:
+        assert is_session(path)
+        report = check_session(path, also=problems_of_session)
+        assert report.ok, report.text()
+        assert json.loads(report.to_json())["rows"]
+    assert not is_session(CONFIGS / "campaigns" / "quick.yaml")
+    assert not is_session(CONFIGS / "none.yaml")

@@ -57,6 +57,12 @@ def hold(sweep: Sweep) -> Held:
     return hold_run(sweep.folder)
 
 
+def left(sweep: Sweep) -> int:
+    """How many cases are not finished."""
+    with Journal(sweep.folder) as journal:
+        return len(sweep.cases) - len(journal.finished)
+
+
 def run(
     sweep: Sweep,
     executor: Executor,
@@ -73,8 +79,8 @@ def run(
     with Journal(sweep.folder) as journal:
         finished = frozenset(journal.finished)
         begin(len(finished))
-        left = (case for case in sweep.cases if case.number not in finished)
-        for outcome in executor(left, sweep.cases.run):
+        waiting = (case for case in sweep.cases if case.number not in finished)
+        for outcome in executor(waiting, sweep.cases.run):
             journal.add(outcome)
             see(outcome)
         return dataset(sweep.cases, sweep.campaign, journal.outcomes(), sweep.folder.name)

@@ -59,7 +59,8 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     jobs = wanted.jobs or executors.cores()
     try:
         with sweep.hold(opened):
-            _compile(opened)
+            if sweep.left(opened):
+                _compile(opened)
             with SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json) as view:
                 table = sweep.run(opened, executors.threads(jobs), view.see, view.begin)
             result = sweep.write(table, wanted.out or opened.folder / sweep.RESULT)

@@ -123,7 +123,7 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [1000.0]
-    monkeypatch.setattr("rig.cli.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4)
     view = Progress("title", "rehearsal", plan, quiet=False)
     view._drawn = False
@@ -169,7 +169,7 @@ def test_waves_alone_have_no_row_to_show(
 ) -> None:
     """Without the device: how long of what, and what the probes see; no row, motion or power."""
     now = [1000.0]
-    monkeypatch.setattr("rig.cli.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
     plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
     view = Progress("title", "rehearsal", plan, quiet=False)

@@ -8,6 +8,7 @@ from rig.analysis.session.deflection import judged, pooled
 from rig.analysis.session.driveline import DEGREE, Driven, Found, highest
 from rig.analysis.session.estimate import Estimate, mean, with_floor
 from rig.analysis.session.line import Line, intercept, slope
+from rig.analysis.session.regressions import explained
 from rig.analysis.session.result import Column, Compared, Table, number, words
 
 TICKED = 0.0005
@@ -227,6 +228,7 @@ def _compared_trends(found: Found) -> list[Compared]:
     assert found.trends is not None
     amplitude, phase, delay = found.trends
     steep = slope(phase, "% per rad/s", "")
+    both = explained([each.behind for each in found.plain])
     return [
         Compared("amplitude difference over rms torque", "linear, R² 0.97", "R² ≥ 0.95",
                  f"R² {amplitude.r_squared:.3f}", amplitude.r_squared >= 0.95),
@@ -234,6 +236,8 @@ def _compared_trends(found: Found) -> list[Compared]:
                  f"{words(steep, times=100.0)}, R² {phase.r_squared:.2f}",
                  phase.slope < 0.0),
         Compared("phase shift over rms torque", "", "", f"R² {delay.r_squared:.2f}", None),
+        Compared("phase shift over 1/velocity and torque/velocity (gap and compliance)", "", "",
+                 f"R² {both:.3f}: what velocity alone leaves is the torque", None),
     ]  # fmt: skip
 
 

@@ -43,6 +43,20 @@ def regress(points: list[Behind]) -> Regressions:
     )
 
 
+def explained(points: list[Behind]) -> float:
+    """R^2 of the phase shift over 1/v and T/v: what gap and compliance make of it together.
+
+    Either is a deflection over a velocity. Velocity alone (Fig. 2.4) leaves out the torque, which
+    differs fourfold between dampings at one velocity.
+    """
+    v = np.array([each.rms_velocity for each in points])
+    torque = np.array([each.rms_torque for each in points])
+    phase = np.array([float(each.phase_shift.mean()) for each in points])
+    design = np.stack([1.0 / v, torque / v, np.ones(len(v))], axis=1)
+    rest = phase - design @ np.linalg.lstsq(design, phase, rcond=None)[0]
+    return 1.0 - float((rest * rest).sum() / ((phase - phase.mean()) ** 2).sum())
+
+
 def without(points: list[Behind], left_out: int) -> Regressions:
     """The trends of all set points but one, by which that one may be judged."""
     return regress([each for i, each in enumerate(points) if i != left_out])

@@ -68,6 +68,7 @@ def test_the_thesis_trends_come_out_of_backlash_and_stiffness(
     assert found.amplitude.r_squared > 0.85
     assert found.phase.slope < 0.0
     assert 0.5 < found.phase.r_squared < 0.9
+    assert regressions.explained(points) > 0.97
     worst = max(each.deflection_high for each in points) / bench.DEGREE
     assert 0.24 < worst < 0.26
 

@@ -1,6 +1,7 @@
 """From validated files to the loop's parameters: the one place where names and units are turned."""
 
 import math
+from functools import lru_cache
 
 from controllers import (
     drive_gating,
@@ -32,6 +33,8 @@ _MODULATIONS = {
 }
 
 
+_designed = lru_cache(maxsize=64)(design)  # sweeps ask for the same again and again
+
 _SURGE_USES = {
     "off": SurgeUse.OFF,
     "station keeping": SurgeUse.STATION_KEEPING,
@@ -53,7 +56,7 @@ def metres_per_count(motor: Axis) -> float:
 def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
     scale = metres_per_count(motor)
-    return design(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
+    return _designed(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
 
 
 def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 from controllers import (
     drive_gating,
@@ -34,6 +35,8 @@ _MODULATIONS = {
 }
 
 
+_designed = lru_cache(maxsize=64)(design)  # sweeps ask for the same again and again
+
 _SURGE_USES = {
     "off": SurgeUse.OFF,
     "station keeping": SurgeUse.STATION_KEEPING,
@@ -57,7 +60,7 @@ def metres_per_count(motor: Axis) -> float:
 def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
     scale = metres_per_count(motor)
-    return design(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
+    return _designed(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
 
 
 def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -61,6 +62,22 @@ def taps(bem: Bem, radius: Metre) -> Floats:
     Least squares over 0.15-1.25 Hz relative to the wanted magnitude, loosely to zero elsewhere: the
     far field alone is not quite causal, so 1.0 % remain at 3 m and 0.6 % at 5 m over 0.2-1.2 Hz.
     """
+    hull = (bem.frequency.tobytes(), bem.damping.tobytes(), bem.excitation.tobytes())
+    return _taps(*hull, radius).copy()
+
+
+@lru_cache(maxsize=16)  # worlds in one process mostly have the hull and probes of the one before
+def _taps(frequencies: bytes, damping: bytes, excitation: bytes, radius: Metre) -> Floats:
+    none = np.empty(0)
+    bem = Bem(
+        np.frombuffer(frequencies),
+        none,
+        np.frombuffer(damping),
+        np.frombuffer(excitation, complex),
+        0.0,
+        0.0,
+        math.inf,
+    )
     step = SPACING / RATE
     slowest = 2.0 * 2.0 * math.pi * 1.3 * radius / GRAVITY  # r/c_g at 1.3 Hz
     count = math.ceil((slowest + 6.0) / step)

@@ -53,16 +53,20 @@ def threads(jobs: int) -> Executor:
                     for future in done:
                         yield future.result()
             except KeyboardInterrupt:
-                stop.set()
-                for future in pending:
-                    future.cancel()
+                _end(stop, pending)
                 wait(pending)
                 yield from _finished(pending)
                 raise
             finally:
-                stop.set()
+                _end(stop, pending)
 
     return run
+
+
+def _end(stop: Event, pending: Iterable[Future[Outcome]]) -> None:
+    stop.set()
+    for future in pending:
+        future.cancel()
 
 
 def _finished(futures: Iterable[Future[Outcome]]) -> Iterator[Outcome]:

@@ -36,7 +36,7 @@ def far() -> Iterator[LiveRig]:
 
 @pytest.fixture
 def service(far: LiveRig) -> Iterator[Service]:
-    one = Service(BUS)
+    one = Service(BUS, patience=5.0)  # the first answer has all code to load in a slow kernel
     one.watch(HEAVE)
     yield one
     one.close()

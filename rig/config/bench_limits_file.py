@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from pydantic import Field
 
-from rig.config.model import Broken, FileModel, Whole
+from rig.config.limits_file import LoopLimits
+from rig.config.model import Broken, FileModel
 from rig.config.problems import number_text
 
 
@@ -85,14 +86,6 @@ class BenchTareLimits(FileModel):
     angle_span_stop_deg: float = Field(gt=0, le=45)
 
 
-class BenchLoopLimits(FileModel):
-    """Limits of the loop and of the instruments it reads beside encoders, drive and brake."""
-
-    lost_ticks_stop: Whole = Field(ge=1, le=100_000)  # in one gap
-    load_cell_age_stop_s: float = Field(gt=0, le=60)
-    panel_age_stop_s: float = Field(gt=0, le=60)
-
-
 class BenchLimitsFile(FileModel):
     """Every limit of an OSWEC bench."""
 
@@ -102,4 +95,4 @@ class BenchLimitsFile(FileModel):
     brake: BrakeLimits
     authority: Authority
     tare: BenchTareLimits
-    loop: BenchLoopLimits
+    loop: LoopLimits

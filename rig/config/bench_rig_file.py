@@ -10,7 +10,7 @@ from pydantic import Field
 
 from rig.config.model import Broken, FileModel, Several, Whole
 from rig.config.problems import number_text
-from rig.config.rig_file import Rate
+from rig.config.rig_file import Rate, StopTiming
 
 
 class Encoder(FileModel):
@@ -86,22 +86,10 @@ class Homing(FileModel):
     duration_s: float = Field(ge=0.1, le=60)
 
 
-class BenchStop(FileModel):
+class BenchStop(StopTiming):
     """A controlled stop: zero velocity, or damping in the torque loop, then power off."""
 
     damping_n_m_s_per_rad: float = Field(gt=0, le=1000)
-    duration_s: float = Field(ge=0.1, le=60)
-    ramp_s: float = Field(ge=0, le=2)
-
-    def broken_rules(self) -> Iterator[Broken]:
-        """At least half of a stop is pure damping."""
-        if self.ramp_s > 0.5 * self.duration_s:
-            yield Broken(
-                ("ramp_s",),
-                f"{number_text(self.ramp_s)} leaves too little of the stop to pure damping; "
-                f"allowed up to half of duration_s = {number_text(self.duration_s)} s",
-                self.ramp_s,
-            )
 
 
 class BenchRigFile(FileModel):

@@ -66,12 +66,17 @@ class TareLimits(FileModel):
 
 
 class LoopLimits(FileModel):
-    """Limits of the loop and of the instruments it reads beside the axes."""
+    """Limits of the loop and of the instruments that every rig reads beside its drives."""
 
     lost_ticks_stop: Whole = Field(ge=1, le=100_000)  # in one gap
     load_cell_age_stop_s: float = Field(gt=0, le=60)
-    analyser_age_stop_s: float = Field(gt=0, le=60)
     panel_age_stop_s: float = Field(gt=0, le=60)
+
+
+class WaveBotLoopLimits(LoopLimits):
+    """The same with the power analyser."""
+
+    analyser_age_stop_s: float = Field(gt=0, le=60)
 
 
 class LimitsFile(FileModel):
@@ -82,4 +87,4 @@ class LimitsFile(FileModel):
     bus: BusLimits
     spring: SpringLimits
     tare: TareLimits
-    loop: LoopLimits
+    loop: WaveBotLoopLimits

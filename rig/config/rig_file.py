@@ -149,12 +149,11 @@ class Stability(FileModel):
     least_stiffness_n_per_m: float = Field(ge=0, le=1e5)
 
 
-class Stop(FileModel):
-    """A controlled stop: passive damping for a while, then power off."""
+class StopTiming(FileModel):
+    """How long a controlled stop takes, and how soon it is pure damping."""
 
-    damping_n_s_per_m: float = Field(gt=0, le=20_000)  # of the body; the force is -damping * v
     duration_s: float = Field(ge=0.1, le=60)
-    ramp_s: float = Field(ge=0, le=2)  # from the gains of the run to pure damping
+    ramp_s: float = Field(ge=0, le=2)  # from what the run asked for to pure damping
 
     def broken_rules(self) -> Iterator[Broken]:
         """At least half of a stop is pure damping."""
@@ -165,6 +164,12 @@ class Stop(FileModel):
                 f"allowed up to half of duration_s = {number_text(self.duration_s)} s",
                 self.ramp_s,
             )
+
+
+class Stop(StopTiming):
+    """A controlled stop: passive damping for a while, then power off."""
+
+    damping_n_s_per_m: float = Field(gt=0, le=20_000)  # of the body; the force is -damping * v
 
 
 class RigFile(FileModel):

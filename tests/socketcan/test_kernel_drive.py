@@ -30,13 +30,14 @@ PATIENCE = 15.0  # s
 def far() -> Iterator[LiveRig]:
     with live() as rig:
         bridge = rig.do(lambda: HubBridge(rig.rig.hub, rig.loop))
+        waited(lambda: all(node.port.nmt == Nmt.PRE_OPERATIONAL for node in rig.rig.nodes))
         yield rig
         rig.do(bridge.close)
 
 
 @pytest.fixture
 def service(far: LiveRig) -> Iterator[Service]:
-    one = Service(BUS, patience=5.0)  # the first answer has all code to load in a slow kernel
+    one = Service(BUS, patience=5.0)  # a slow kernel
     one.watch(HEAVE)
     yield one
     one.close()

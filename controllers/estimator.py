@@ -40,3 +40,25 @@ def step(params: Params, before: Estimate, measured: float, periods: int, dt: fl
         v + gain_velocity * residual,
         a + gain_acceleration * residual,
     )
+
+
+def step_late(
+    params: Params, before: Estimate, measured: float, late: float, periods: int, dt: float
+) -> Estimate:
+    """As `step`, with a measurement of ``late`` seconds (> 0) before the moment of the estimate.
+
+    It is compared with where the estimate says the body was then. A correction that was due so
+    long ago swings up in a filter that is quicker than the delay, so the filter is made slower:
+    with its bandwidth w = gain_velocity / gain_position, as one of bandwidth w / (1 + 2 late w),
+    which decays for any constant delay. Of two such filters the gains differ by that factor, its
+    square and its cube.
+    """
+    gain_position, gain_velocity, gain_acceleration = params
+    x, v, a = predict(before, periods, dt)
+    residual = measured - (x - v * late + 0.5 * a * late * late)
+    slower = 1.0 / (1.0 + 2.0 * late * gain_velocity / gain_position)
+    return Estimate(
+        x + slower * gain_position * residual,
+        v + slower * slower * gain_velocity * residual,
+        a + slower * slower * slower * gain_acceleration * residual,
+    )

@@ -10,13 +10,12 @@ from controllers import estimator
 from controllers.blocks import clamp
 from controllers.signals import AxisCommand, AxisSense, Demand, Estimate, Flag
 from rig import limits
-from rig.safety import FINE, OFF, RUN, STOP_1, STOP_2, Reason
+from rig.safety import OFF, RUN, STOP_1, STOP_2
 
 NOTHING = Demand(0.0, 0.0, 0.0, 0.0)
 UNSEEN = -1  # no count was seen yet
-LATE = 2.0  # ticks beyond the usual age of new counts, from which they tell nothing of the motion
-_LEARN = 0.125  # ticks that new counts which came too late may come later the next time
 _ANY = 1e9  # s, more than any age
+_OLD = 1.0  # s, counts that are as late tell nothing of the motion
 
 
 class Params(NamedTuple):
@@ -38,8 +37,8 @@ class State(NamedTuple):
     fade_from: float  # N, force at the last change of that
     fade: float  # 1 .. 0, share of that force still in the demand
     short: float  # N, what was granted in the last tick less what was asked
-    age: float  # s, of the counts that the motion was last made of
-    late: float  # s, age of new counts beyond which they came too late to be used
+    age: float  # s, of the counts in the last tick
+    usual: float  # s, the least age that counts ever had: what is older came late
 
 
 class Record(NamedTuple):
@@ -64,8 +63,7 @@ def observe(
 
     Counts that are as much older as time has gone on are the same as before: taken for new they
     would look like a body that stands. New ones that are older than they usually are were held up
-    on the wire: taken for those of now they would look like a jump. The motion then goes on as it
-    was, until what it was made of is too old (`check`).
+    on the wire: taken for those of now they would look like a jump.
     """
     measured = sense.counts * params.metres_per_count - zero
     if state.acting == UNSEEN:
@@ -76,7 +74,7 @@ def observe(
         measured,
         state.age,
         sense.encoder_age,
-        state.late,
+        state.usual,
         periods,
         dt,
     )
@@ -88,13 +86,20 @@ def track(
     measured: float,
     age_before: float,
     age: float,
-    late: float,
+    usual: float,
     periods: int,
     dt: float,
 ) -> Estimate:
-    """The motion before, corrected by ``measured`` (m) unless that is the old value or too late."""
-    if age > age_before + 0.5 * periods * dt or age > late:
+    """The motion before, corrected by ``measured`` (m) unless that is the old value.
+
+    ``age`` (s) of ``measured``, ``age_before`` of the value of the last tick, ``usual``: the age
+    that a value has without delay, to which the motion belongs.
+    """
+    late = age - usual
+    if age > age_before + 0.5 * periods * dt or late >= _OLD:
         return estimator.predict(motion, periods, dt)
+    if late > 0.0:
+        return estimator.step_late(params, motion, measured, late, periods, dt)
     return estimator.step(params, motion, measured, periods, dt)
 
 
@@ -102,25 +107,17 @@ def check(
     params: Params, state: State, sense: AxisSense, motion: Estimate, zero: float, mode: int
 ) -> int:
     """The first reason to trip on this axis, or Reason.NONE; ``zero`` as in `observe`."""
-    if sense.encoder_age > state.late:
-        return _check_late(params, state, sense, motion, mode)
     measured = sense.counts * params.metres_per_count - zero
+    late = sense.encoder_age - state.usual
+    if late > 0.0:  # where the body is by now
+        measured = measured + late * (motion.velocity - 0.5 * late * motion.acceleration)
     return limits.check_axis(params.limits, state.limits, sense, measured, motion, mode)
-
-
-def _check_late(params: Params, state: State, sense: AxisSense, motion: Estimate, mode: int) -> int:
-    """As `check`; the counts are of another moment than the motion, which may itself be too old."""
-    bounds = params.limits
-    reason = limits.check_axis(bounds, state.limits, sense, motion.position, motion, mode)
-    if reason == FINE and state.age > bounds.encoder_age_stop:
-        return Reason.STALE_ENCODER.value
-    return reason
 
 
 def rezero(state: State, by: float) -> State:
     """The same motion seen from a zero that has moved up by ``by`` (m)."""
-    (x, v, a), bounded, acting, fade_from, fade, short, age, late = state
-    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short, age, late)
+    (x, v, a), bounded, acting, fade_from, fade, short, age, usual = state
+    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short, age, usual)
 
 
 def control(
@@ -138,7 +135,7 @@ def control(
     A change between the two is bumpless: the force fades over from the last one granted.
     ``conducting`` 0: the drive's power stage rests, and no force is granted in RUN.
     """
-    _, bounded, before, fade_from, fade, _, aged, late = state
+    _, bounded, before, fade_from, fade, _, _, usual = state
     acting = RUN if mode == RUN else STOP_1 if STOP_2 <= mode <= STOP_1 else OFF
     if acting != before:
         fade_from, fade = bounded.force, 1.0
@@ -158,13 +155,9 @@ def control(
     # Granted in full, nothing is short.
     short = command.force - demand.force if command.limited != 0 else 0.0
     age = sense.encoder_age
-    if age > late:
-        if age <= aged + 0.5 * dt:  # new counts, not used
-            age = aged + dt
-            late = late + _LEARN * dt
-    elif age + LATE * dt < late:
-        late = age + LATE * dt
+    if age < usual:
+        usual = age
     return (
-        State(motion, granted, acting, fade_from, fade, short, age, late),
+        State(motion, granted, acting, fade_from, fade, short, age, usual),
         Record(sense, motion, demand, command, limits.warn_axis(params.limits, motion)),
     )

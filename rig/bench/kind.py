@@ -54,7 +54,7 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
         measured,
         before.age,
         age,
-        state.motor.late,  # both encoders come in one frame
+        state.motor.usual,  # both encoders come in one frame
         periods,
         dt,
     )

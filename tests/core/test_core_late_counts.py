@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 import struct
 from collections import deque
 from collections.abc import Callable
@@ -10,7 +11,8 @@ from collections.abc import Callable
 import pytest
 from core_kinds import AXIS, DT
 
-from controllers.signals import AxisSense
+from controllers import estimator
+from controllers.signals import AxisSense, Estimate
 from drivers.canopen import cia402, scaling
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
@@ -122,23 +124,24 @@ def test_without_their_age_the_same_counts_are_a_surge() -> None:
     assert reasons & {int(Reason.VELOCITY), int(Reason.ENCODER_JUMP)}
 
 
-def test_what_comes_two_ticks_later_for_good_is_used() -> None:
-    worst, reasons = followed(stalled(2500, 2, 1), 4000, limited(0.02))
+@pytest.mark.parametrize("later", [2, 4])
+def test_a_wire_that_became_a_little_slower_for_good_is_followed(later: int) -> None:
+    """Its answers are counted as of the SYNC before when they never catch up: a step of v x 4 ms."""
+    worst, reasons = followed(stalled(2500, later, 1), 4000, limited(0.02))
     assert reasons == set()
-    assert worst < NORMAL + 0.01
+    assert worst < NORMAL + 0.06
 
 
-@pytest.mark.parametrize("later", [3, 4])
-def test_a_wire_that_became_a_little_slower_is_learned(later: int) -> None:
-    worst, reasons = followed(stalled(2500, later, 1), 4000, limited(0.03))
+@pytest.mark.parametrize("seed", range(4))
+def test_a_host_that_loses_a_quarter_of_its_time_makes_no_motion(seed: int) -> None:
+    """Stalls of 5 to 60 ms at any time, and a wire that catches up slowly: for ten seconds."""
+    rng = random.Random(seed)
+    through: list[int] = [10**6] * 2200
+    while len(through) < 12_000:
+        through += [0] * rng.randint(5, 60) + [rng.choice((3, 5))] * rng.randint(30, 200)
+    worst, reasons = followed(lambda tick: through[tick], 12_000, limited(0.2))
     assert reasons == set()
-    assert worst < NORMAL + 0.05
-
-
-def test_a_wire_on_which_everything_is_late_stops_the_rig() -> None:
-    """Each count is younger than the limit, but none could be used for longer than that."""
-    _, reasons = followed(stalled(2500, 12, 1), 3000, limited(0.02))
-    assert reasons == {int(Reason.STALE_ENCODER)}
+    assert worst < NORMAL + 0.15
 
 
 def test_nothing_at_all_stops_the_rig() -> None:
@@ -154,11 +157,24 @@ def test_a_wire_that_loses_a_status_now_and_then_is_followed(one_in: int) -> Non
     assert worst < NORMAL + 0.01
 
 
-def test_the_usual_age_is_learned_downwards_at_once() -> None:
+def test_the_usual_age_is_the_least() -> None:
     state = axis.start()
-    for age, late in ((0.06, 0.062), (0.001, 0.003), (0.001, 0.003), (0.0008, 0.0028)):
+    for age, usual in ((0.06, 0.06), (0.001, 0.001), (0.002, 0.001), (0.0008, 0.0008)):
         sense = AxisSense(0, age, 0.0, 1, 0, 0.0)
         motion = axis.observe(AXIS, state, sense, 0.0, 1, DT)
         state, _ = axis.control(AXIS, state, sense, motion, axis.NOTHING, 1, RUN, DT)
-        assert state.late == pytest.approx(late)
+        assert state.usual == usual
         assert state.age == age
+
+
+def test_a_constant_delay_never_swings_up() -> None:
+    """A filter put off the truth comes back to it, however late its measurements are.
+
+    Without a slower filter the first of these delays is the limit, and the others diverge.
+    """
+    for late in (0.005, 0.01, 0.03, 0.1, 0.3):
+        motion = Estimate(0.01, 0.2, 1.0)
+        for _ in range(round(60 * (late + 0.05) / DT)):
+            motion = estimator.step_late(AXIS.estimator, motion, 0.0, late, 1, DT)
+        assert abs(motion.position) < 1e-3
+        assert abs(motion.velocity) < 1e-3

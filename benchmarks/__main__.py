@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    arithmetic,
     batch,
     counterfactual,
     crash,
@@ -38,6 +39,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "reading": reading.measure,
     "start": start.measure,
     "batch": batch.measure,
+    "arithmetic": arithmetic.measure,
     "counterfactual": counterfactual.measure,
     "faults": faults.measure,
 }

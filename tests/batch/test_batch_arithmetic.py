@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+
 from benchmarks.arithmetic import in_c, integrated, lifted, model
 
 

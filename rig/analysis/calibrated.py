@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from rig.calibration import At, Known, OutsideError, apply, corrected
 from rig.calibration.correction import holds
-from rig.calibration.files import TORQUE_CONSTANT, Offset, Scale
+from rig.config.calibration_file import TORQUE_CONSTANT, Offset, Scale
 from rig.runs.folder import Facts
 from rig.runs.mcap_file import Records
 

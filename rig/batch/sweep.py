@@ -44,6 +44,9 @@ def open_sweep(
     if base.file.device == "absent":
         problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
         raise ConfigError([problem])
+    if base.file.hoist is not None:
+        problem = base.locate.problem(("hoist",), None, "a hoist moves no body in a sweep")
+        raise ConfigError([problem])
     planned = plan(base.file, base.rig, base.points)
     asked = Asked(str(path), found, sequential, lead_in)
     digest = _digest(asked, (base, *each))

@@ -13,7 +13,7 @@ from rig.calibration.correction import (
     invert,
     recorded,
 )
-from rig.calibration.files import CalibrationFile
+from rig.config.calibration_file import CalibrationFile
 from rig.calibration.history import History, Known, open_calibration, open_history
 
 __all__ = [

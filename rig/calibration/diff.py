@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from rig.calibration.correction import At, OutsideError, corrected, holds
-from rig.calibration.files import CalibrationFile, Offset, Scale, Table
+from rig.config.calibration_file import CalibrationFile, Offset, Scale, Table
 from rig.calibration.sources import Stood
 
 

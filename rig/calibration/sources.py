@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.calibration.correction import At
-from rig.calibration.files import TORQUE_CONSTANT
+from rig.config.calibration_file import TORQUE_CONSTANT
 from rig.legacy.testlog import Activity, Entry, Log
 from rig.runs import RunError, facts, list_runs
 from rig.runs.folder import Facts

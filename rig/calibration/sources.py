@@ -86,6 +86,11 @@ def _of_run(path: Path, known: Facts, quantity: str) -> list[Stood]:
             Stood(known.run, f"row {row['row']}", at, float(row["spring_rate"]), "", there)
             for row in known.plan.get("rows", [])
         ]
+    if quantity == "spring_map":  # a map reads the stator's position
+        return [
+            Stood(known.run, f"row {row['row']}", at, float(row["stator"]), "", there)
+            for row in known.plan.get("rows", [])
+        ]
     if quantity == "torque_constant":
         return _in_config(known, at, there)
     return _in_table(path, known, at, there)

@@ -16,6 +16,7 @@ from rig.cli import (
     options,
     replay,
     scan,
+    spring_map,
     sweep,
     testlog,
 )  # fmt: skip
@@ -285,6 +286,7 @@ def compare(
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
 app.command("replay", epilog=replay.CODES)(replay.command)
+app.command("spring-map")(spring_map.command)
 app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
 app.command("export")(export.command)

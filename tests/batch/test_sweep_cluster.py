@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import xarray
 from rehearsing import CONFIGS, yaml_file
-from rig_command import rig, rig_here
+from rig_command import rig_here
 
 from rig.batch import cluster, sweep
 from rig.batch.cases import Case, Outcome
@@ -81,6 +81,14 @@ def scheduler() -> Iterator[Node]:
     node.end()
 
 
+@pytest.fixture(scope="module")
+def first(scheduler: Node) -> Iterator[Node]:
+    node = worker(scheduler)
+    node.there()
+    yield node
+    node.end()
+
+
 def campaign(folder: Path, rows: int) -> Path:
     """Rows of 6 s of waves; all differ."""
     return yaml_file(
@@ -113,13 +121,13 @@ def journal(folder: Path) -> list[int]:
 
 @pytest.mark.slow
 def test_a_cluster_gives_what_threads_give_though_a_worker_is_killed(
-    scheduler: Node, tmp_path: Path
+    scheduler: Node, first: Node, tmp_path: Path
 ) -> None:
     """Two workers; one is killed (SIGKILL) after the first quarter of the outcomes: every case
     stands in the journal exactly once, and the result is that of threads to the last bit."""
     path = campaign(tmp_path, 60)
-    first, second = worker(scheduler), worker(scheduler)
-    first.there(), second.there()
+    second = worker(scheduler)
+    second.there()
     swept = opened(path, tmp_path / "cluster")
     gone: list[int] = []
     chunks: list[cluster.Done] = []
@@ -135,7 +143,6 @@ def test_a_cluster_gives_what_threads_give_though_a_worker_is_killed(
     try:
         table = sweep.run(swept, executor, see)
     finally:
-        first.end()
         if not gone:
             second.end()
     assert gone
@@ -151,35 +158,27 @@ def test_a_cluster_gives_what_threads_give_though_a_worker_is_killed(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("first")
 def test_the_command_runs_on_a_cluster(scheduler: Node, tmp_path: Path) -> None:
-    node = worker(scheduler)
-    node.there()
-    try:
-        words = ("sweep", campaign(tmp_path, 3), "--sweeps", tmp_path / "s", "--json")
-        done = rig(*words, "--scheduler", scheduler.there())
-        assert done.returncode == 0, done.stderr
-        told = json.loads(done.stdout)
-        assert (told["status"], told["run_now"]) == ("complete", 3)
-        again = json.loads(rig(*words, "--scheduler", scheduler.there()).stdout)
-        assert again["run_now"] == 0  # what is finished is not run again
-    finally:
-        node.end()
+    words = ("sweep", campaign(tmp_path, 3), "--sweeps", tmp_path / "s", "--json")
+    code, said, err = rig_here(*words, "--scheduler", scheduler.there())
+    assert code == 0, err
+    told = json.loads(said)
+    assert (told["status"], told["run_now"]) == ("complete", 3)
+    _, again, _ = rig_here(*words, "--scheduler", scheduler.there())
+    assert json.loads(again)["run_now"] == 0  # what is finished is not run again
     with xarray.open_dataset(told["result"]) as table:
         assert np.isfinite(table["power_dc"].values).all()
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("first")
 def test_a_worker_with_other_files_refuses(scheduler: Node, tmp_path: Path) -> None:
     """What it would compute is of something else, so it says so and the sweep ends."""
-    node = worker(scheduler)
-    node.there()
     swept = opened(campaign(tmp_path, 2), tmp_path / "s")
     executor = cluster.cluster(scheduler.there(), swept.cases.asked, "another digest")
-    try:
-        with pytest.raises(cluster.ClusterError, match="has other files for .*campaign.yaml"):
-            sweep.run(swept, executor, lambda outcome: None)
-    finally:
-        node.end()
+    with pytest.raises(cluster.ClusterError, match="has other files for .*campaign.yaml"):
+        sweep.run(swept, executor, lambda outcome: None)
     assert journal(swept.folder) == []
 
 

@@ -61,7 +61,7 @@ def test_a_stroke_that_nothing_keeps() -> None:
 
 
 def campaign(folder: Path, **keys: Any) -> Path:
-    """Five dampings in a small wave on a device whose surge stiffness and drag the rig does not
+    """Four dampings in a small wave on a device whose surge stiffness and drag the rig does not
     know."""
     plant = yaml_file(
         folder / "plant.yaml",
@@ -78,9 +78,9 @@ def campaign(folder: Path, **keys: Any) -> Path:
         "name": "damping", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), "plant": str(plant),
         "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         "surge": {"use": "station keeping"}, "tare": {"duration_s": 1},
-        "start": {"lead_in_s": 25}, "timing": {"settle_s": 8, "interval_s": 16.1},
+        "start": {"lead_in_s": 20}, "timing": {"settle_s": 8, "interval_s": 16.1},
         "matrix": {"grid": [{"spring_n_per_m": 7690, "kp_n_s_per_m": -2500, "ki_n_per_m": 0,
-                             "surge_kp_n_s_per_m": [-500, -1000, -2000, -4000, -8000]}]},
+                             "surge_kp_n_s_per_m": [-700, -1500, -3000, -6000]}]},
     }  # fmt: skip
     return yaml_file(folder / "campaign.yaml", {**whole, **keys})
 
@@ -113,14 +113,12 @@ def test_rows_are_those_of_the_bem(finished: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_tells_the_damping_and_the_key(finished: Path) -> None:
+def test_the_command_tells_the_damping(finished: Path) -> None:
     assert allowed_stroke(facts(finished)) == 0.125  # half of the soft stop's reach of 0.25 m
-    code, said, err = rig_here("surge-damping", finished, "--stroke-m", "0.08")
+    code, said, err = rig_here("surge-damping", finished, "--stroke-m", "0.08", "--json")
     assert (code, err) == (0, "")
-    assert "station_keeping: {kp_n_s_per_m: -" in said
-    code, said, _ = rig_here("surge-damping", finished, "--stroke-m", "0.08", "--json")
     told = json.loads(said)
-    assert (code, told["bound_by"]) == (0, "stroke")
+    assert told["bound_by"] == "stroke"
     rows = {row["damping"]: row["stroke"] for row in told["rows"]}
     below = max(damping for damping in rows if rows[damping] > 0.08)
     above = min(damping for damping in rows if rows[damping] <= 0.08)

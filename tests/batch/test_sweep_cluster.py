@@ -137,9 +137,7 @@ def test_a_cluster_gives_what_threads_give_though_a_worker_is_killed(
             gone.append(outcome.case)
             second.end(signal.SIGKILL)
 
-    executor = cluster.cluster(
-        scheduler.there(), swept.cases.asked, swept.digest, lambda done: chunks.append(done)
-    )
+    executor = cluster.cluster(scheduler.there(), swept.cases.asked, swept.digest, chunks.append)
     try:
         table = sweep.run(swept, executor, see)
     finally:
@@ -177,7 +175,7 @@ def test_a_worker_with_other_files_refuses(scheduler: Node, tmp_path: Path) -> N
     """What it would compute is of something else, so it says so and the sweep ends."""
     swept = opened(campaign(tmp_path, 2), tmp_path / "s")
     executor = cluster.cluster(scheduler.there(), swept.cases.asked, "another digest")
-    with pytest.raises(cluster.ClusterError, match="has other files for .*campaign.yaml"):
+    with pytest.raises(cluster.ClusterError, match="has other files for"):
         sweep.run(swept, executor, lambda outcome: None)
     assert journal(swept.folder) == []
 

@@ -2,6 +2,7 @@
 
 import csv
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import xarray
@@ -65,7 +66,7 @@ def write_calibration(
         f"  recorded: {stations}",
         f"  corrected: {rates}",
         f"stroke_m: {strokes(table)}     # {MARGIN:g} of where the stator's force reverses",
-        f"valid: {{dates: {{from: \"{str(attributes.get('started_utc', ''))[:10]}\"}}}}",
+        f'valid: {{dates: {{from: "{str(attributes.get("started_utc", ""))[:10]}"}}}}',
         "outside: refuse",
         f'source: "run {attributes.get("run", "")} ({attributes.get("rung", "")})"',
         f'reason: "spring map by hoist, {len(rates)} stator positions, slew load cell"',
@@ -80,7 +81,7 @@ def _invertible(stations: list[float], rates: list[float]) -> None:
     lost = [f"{s:g} %" for s, rate in zip(stations, rates, strict=True) if math.isnan(rate)]
     if lost:
         raise RunError(f"no rate at {', '.join(lost)}: the travel was too short there")
-    steps = [after - before for before, after in zip(rates[:-1], rates[1:], strict=True)]
+    steps = [after - before for before, after in pairwise(rates)]
     if not (all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)):
         shown = ", ".join(f"{s:g} %: {rate:g}" for s, rate in zip(stations, rates, strict=True))
         raise RunError(

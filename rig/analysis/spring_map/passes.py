@@ -5,6 +5,7 @@ spring, half their difference is what rubs. No filter is needed, and none shifts
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +43,7 @@ class Samples(NamedTuple):
 class Curve(NamedTuple):
     """What one station gave over angle, NaN where the hoist did not go both ways."""
 
-    index: Whole  # of the bins: bin i holds angles i .. i + 1 times WIDTH
+    bins: Whole  # numbers of the bins: bin i holds angles i .. i + 1 times WIDTH
     angle: Floats  # rad, mean in the bin
     torque: Floats
     column: Floats
@@ -90,9 +91,8 @@ def rate_line(samples: Samples, found: Curve, values: Floats, each: Floats) -> L
 
     ``values`` is the field by bin, ``each`` by sample. NaN where a bin of the window is empty.
     """
-    slopes = [
-        one for one in (_pass_slope(samples, each, a, b) for a, b in _passes(samples)) if one == one
-    ]
+    every = (_pass_slope(samples, each, begin, end) for begin, end in _passes(samples))
+    slopes = [slope for slope in every if not math.isnan(slope)]
     count, spread = len(slopes), math.nan
     if count > 1:
         quantile = float(stats.t.ppf(0.5 + 0.5 * _CONFIDENCE, count - 1))
@@ -102,7 +102,7 @@ def rate_line(samples: Samples, found: Curve, values: Floats, each: Floats) -> L
 
 def slope_within(found: Curve, values: Floats, half: float) -> float:
     """Least-squares slope over the bins within ``half`` rad; NaN where one of them is empty."""
-    inside = np.abs(middle(found.index)) < half
+    inside = np.abs(middle(found.bins)) < half
     angle, value = found.angle[inside], values[inside]
     wanted = 2 * round(half / WIDTH)
     if len(angle) < wanted or not np.isfinite(value).all():
@@ -119,8 +119,7 @@ def _passes(samples: Samples) -> list[tuple[int, int]]:
     """Index ranges in which the hoist kept its direction."""
     way = samples.upwards
     edges = [0, *(np.flatnonzero(np.diff(way)) + 1).tolist(), len(way)]
-    ranges = zip(edges[:-1], edges[1:], strict=True)
-    return [(begin, end) for begin, end in ranges if way[begin] != 0]
+    return [(begin, end) for begin, end in pairwise(edges) if way[begin] != 0]
 
 
 def _pass_slope(samples: Samples, each: Floats, begin: int, end: int) -> float:

@@ -96,7 +96,7 @@ def _lines(body: Any, axes: Axes, table: xarray.Dataset, name: str, title: str) 
     if name == "torque":
         axes.axvspan(-half, half, color="#eef2f5", lw=0, zorder=0)
     for i, at in enumerate(station):
-        colour: Any = colours.to_rgba(float(at))
+        colour: Any = colours.to_rgba(np.array(at))
         values = table[name].values[i]
         axes.plot(angle, values, color=colour, lw=1.3)
         if name == "torque":

@@ -103,9 +103,7 @@ def _balance(source: reader.Source) -> float:
     return total / count if count else 0.0
 
 
-def _stations(
-    source: reader.Source, known: Facts, rig: _Rig, zero: float
-) -> Iterator[_Station]:
+def _stations(source: reader.Source, known: Facts, rig: _Rig, zero: float) -> Iterator[_Station]:
     """One for each stator position; a station that was repeated is one, of all that was seen."""
     point = {row["row"]: row["point"] for row in known.plan["rows"]}
     whole: dict[int, list[Window]] = {}
@@ -158,15 +156,15 @@ def natural_frequency(rate: Any, hydrostatic: float, mass: float) -> Any:
 
 
 def _dataset(stations: list[_Station], rig: _Rig) -> xarray.Dataset:
-    low = min(int(one.curve.index[0]) for one in stations)
-    high = max(int(one.curve.index[-1]) for one in stations)
+    low = min(int(one.curve.bins[0]) for one in stations)
+    high = max(int(one.curve.bins[-1]) for one in stations)
     index = np.arange(low, high + 1)
     both, each = ("station", "angle"), ("station",)
 
     def surface(name: str) -> Any:
         made = np.full((len(stations), len(index)), np.nan)
         for i, one in enumerate(stations):
-            first = int(one.curve.index[0]) - low
+            first = int(one.curve.bins[0]) - low
             values = getattr(one.curve, name)
             made[i, first : first + len(values)] = values
         return made

@@ -10,6 +10,7 @@ from typing import Any
 
 from benchmarks import (
     batch,
+    counterfactual,
     crash,
     cycle,
     faults,
@@ -37,6 +38,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "reading": reading.measure,
     "start": start.measure,
     "batch": batch.measure,
+    "counterfactual": counterfactual.measure,
     "faults": faults.measure,
 }
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from benchmarks import (
     batch,
+    cluster,
     counterfactual,
     crash,
     cycle,
@@ -20,6 +21,7 @@ from benchmarks import (
     reading,
     rehearsal,
     ring,
+    spring_map,
     start,
 )
 from benchmarks.support import host, report
@@ -38,7 +40,9 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "reading": reading.measure,
     "start": start.measure,
     "batch": batch.measure,
+    "cluster": cluster.measure,
     "counterfactual": counterfactual.measure,
+    "spring_map": spring_map.measure,
     "faults": faults.measure,
 }
 

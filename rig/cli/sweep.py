@@ -51,7 +51,8 @@ def command(
 ) -> None:
     """Run a campaign's rows on the simulated plant, compiled, for all values of some parameters.
 
-    Rows are cases of their own, on all cores, or on a cluster. What is finished is kept and never run again.
+    Rows are cases of their own, on all cores, or on a cluster. What is finished is kept and never
+    run again.
     """
     from rig.cli.sweep_run import Wanted, main
 

@@ -11,6 +11,7 @@ from typing import Any
 from benchmarks import (
     arithmetic,
     batch,
+    cluster,
     counterfactual,
     crash,
     cycle,
@@ -21,6 +22,7 @@ from benchmarks import (
     reading,
     rehearsal,
     ring,
+    spring_map,
     start,
 )
 from benchmarks.support import host, report
@@ -40,7 +42,9 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "start": start.measure,
     "batch": batch.measure,
     "arithmetic": arithmetic.measure,
+    "cluster": cluster.measure,
     "counterfactual": counterfactual.measure,
+    "spring_map": spring_map.measure,
     "faults": faults.measure,
 }
 

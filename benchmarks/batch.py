@@ -24,7 +24,7 @@ name: benchmark_batch
 rig: {rig}
 tare: {{duration_s: 1}}
 """
-_IRREGULAR = """\
+IRREGULAR = """\
 sea: {{kind: jonswap, hs_m: 0.127, tp_s: 2.5, repeat_s: {seconds}}}
 timing: {{settle_s: 10}}
 matrix:
@@ -95,11 +95,11 @@ def measure(short: bool) -> Result:
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        irregular = campaign_file(folder, _IRREGULAR.format(seconds=seconds, last=-1000))
+        irregular = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
         speeds = [speed(irregular) for _ in range(repeats)]
         few = sweep(irregular, folder / "few")
         long = sweep(
-            campaign_file(folder, _IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
+            campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
         )
         regular = campaign_file(folder, _REGULAR.format(last=to, step=step))
         many = sweep(regular, folder / "many")
@@ -129,6 +129,6 @@ def measure(short: bool) -> Result:
         ),
         (
             f"load of the host before: {os.getloadavg()[0]:.1f}",
-            "not measured here: the same arithmetic in C, scipy's solve_ivp, a Dask cluster",
+            "not measured here: the same arithmetic in C, scipy's solve_ivp",
         ),
     )  # fmt: skip

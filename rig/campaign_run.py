@@ -70,12 +70,21 @@ def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
         "repeat_s": repeat_period(sea),
         "sea": sea.model_dump(mode="json") | {"words": sea.words()},
         "reference": _reference(campaign),
+        "hoist": _hoist(campaign),
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }
     if _by_lines(campaign):
         planned["asked_sea"] = job.asked_sea(campaign)
     return planned
+
+
+def _hoist(campaign: Campaign) -> dict[str, Any] | None:
+    """What moved the body, as the spring map's analysis needs it; None without a hoist."""
+    hoist = campaign.file.hoist
+    if hoist is None:
+        return None
+    return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.words()}
 
 
 def _by_lines(campaign: Campaign) -> bool:

@@ -44,6 +44,36 @@ def from_table(times: Sequence[Second], positions: Sequence[Metre]) -> Profile:
     return profile
 
 
+def raised_and_lowered(low: Metre, high: Metre, speed: MetrePerSecond, turn: Second) -> Profile:
+    """Give a body raised and lowered for ever: constant speed between two ends, from zero upwards.
+
+    At either end it turns round in `turn` s with constant acceleration, within the travel.
+    Raises ValueError unless low < 0 < high and there is a way at constant speed.
+    """
+    bend = 0.25 * speed * turn  # from where it begins to slow down to the end
+    reach = high - low - 2.0 * bend
+    if not (low < 0.0 < high and speed > 0.0 and turn > 0.0 and reach > 0.0):
+        raise ValueError(f"no way to raise and lower: {low} .. {high} m, {speed} m/s, {turn} s")
+    way = reach / speed  # s at constant speed, either way
+    half = way + turn  # s from the middle of one turn to that of the other
+    bottom = 0.5 * turn + (0.0 - low - bend) / speed  # from there it takes so long to zero
+
+    def profile(time: Second) -> tuple[Metre, MetrePerSecond]:
+        since = (time + bottom) % (2.0 * half)  # of the turn at the lower end
+        rising = since < half
+        left = since if rising else since - half
+        into = min(left, half - left)  # s from the nearer turn's middle
+        near = 0.5 * turn
+        if into < near:
+            gone, rate = speed * into * into / turn, 2.0 * speed * into / turn
+        else:
+            gone, rate = bend + speed * (into - near), speed
+        gone = gone if left <= 0.5 * half else (high - low) - gone
+        return (low + gone, rate) if rising else (high - gone, -rate)
+
+    return profile
+
+
 def taken_up(profile: Profile, position: Metre, velocity: MetrePerSecond, over: Second) -> Profile:
     """Give the motion that leaves a position and velocity and is the profile's after `over` s.
 

@@ -88,12 +88,13 @@ class World:
         seed: int,
         device: bool = True,
         stepper: type[Stepper] = Stepper,
+        hoist: Profile | None = None,
     ) -> None:
         """Raises ValueError if the sea's repeat period is no whole number of dt, or dt > 5 ms.
 
         ``device=False`` is the empty basin of a wave calibration: waves and probes only, all other
         readings stand at their resting values. ``stepper`` may be another execution of the same
-        step, equal to the bit.
+        step, equal to the bit. ``hoist`` moves the body while the wave trigger is on.
         """
         if not 0.0 < dt <= 0.005:
             raise ValueError(f"dt must be in (0, 0.005] s, got {dt}")
@@ -118,6 +119,7 @@ class World:
         self._stepper = stepper(Start(self.params, start, normals, dt))
         self._device = device
         self._profile: Profile | None = None
+        self._hoist = hoist
         self._held_at = 0
         self._actuation = OFF
         self._fresh = 0
@@ -261,3 +263,6 @@ class World:
         """Start the waves at t = 0 of their clock, or still the water at once."""
         self._sea_now = now = wave_maker.switch(self._tables, trigger, self._dt)
         self._stepper.excitation = Excitation(now.heave, now.surge)
+        if self._hoist is not None:
+            stopped, _ = self.motion()
+            self.prescribe(self._hoist if trigger else lambda _: (stopped, 0.0))

@@ -26,6 +26,7 @@ TIME = {
     "rig/task_run.py": "dates the run and names its folder",
     "rig/child.py": "how long a child has stood still",
     "rig/companions.py": "a companion must be ready in time",
+    "rig/batch/cluster.py": "how long a chunk of cases took, so that the next is long enough",
     "rig/hardware/": "when a value was asked for; processes beside the loop, and the first SYNCs",
     "rig/cli/": "progress for people",
     "rig/doctor/": "measures clocks and disk; no loop lives there",

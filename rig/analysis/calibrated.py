@@ -1,6 +1,7 @@
 """Rows of a run as they are read with other calibrations than it was made with.
 
-The record stays as it is. A spring rate is corrected in itself. If the torque constant was another
+The record stays as it is. A spring rate is corrected in itself, or by a spring map is that of the
+stator position. If the torque constant was another
 than the one that the run divided by, force was so many times the recorded one, and the gains were
 so many times the planned ones. A position that was a factor off makes travel, velocity and the
 power of load cells a factor larger, and the gains, which acted on it, smaller by it.
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 
 from rig.calibration import At, Known, OutsideError, apply, corrected
 from rig.calibration.correction import holds
-from rig.calibration.files import TORQUE_CONSTANT, Offset, Scale
+from rig.config.calibration_file import TORQUE_CONSTANT, Offset, Scale
 from rig.runs.folder import Facts
 from rig.runs.mcap_file import Records
 
@@ -59,10 +60,11 @@ def reading(calibrations: Sequence[Known], known: Facts) -> Reading:
     seen: dict[str, str] = {}
     for one in calibrations:
         file = one.file
-        if file.quantity in seen:
-            both = f"{seen[file.quantity]} and {file.title}"
-            raise ValueError(f"{both} both correct {file.quantity}: give one of them")
-        seen[file.quantity] = file.title
+        corrects = "spring_rate" if file.quantity == "spring_map" else file.quantity
+        if corrects in seen:
+            both = f"{seen[corrects]} and {file.title}"
+            raise ValueError(f"{both} both correct {corrects}: give one of them")
+        seen[corrects] = file.title
         try:
             inside = holds(file.valid, at)
         except OutsideError as error:
@@ -82,7 +84,7 @@ def reading(calibrations: Sequence[Known], known: Facts) -> Reading:
 
 def _with(made: Reading, one: Known, known: Facts) -> Reading:
     correction = one.file.correction
-    if one.file.quantity == "spring_rate":
+    if one.file.quantity in ("spring_rate", "spring_map"):
         return made._replace(spring_rate=one)
     if one.file.quantity == "torque_constant":
         value = known.configured(*TORQUE_CONSTANT)
@@ -120,6 +122,8 @@ def row(read: Reading, recorded: Row) -> Row:
 
     if read.spring_rate is not None:
         rate = recorded["spring_rate"]
+        if read.spring_rate.file.quantity == "spring_map":
+            rate = recorded["stator"]
         if not math.isnan(rate):  # as of a run without a plan that did not log it
             rate = corrected(read.spring_rate.file, rate, read.at).value
         setting("spring_rate", rate)

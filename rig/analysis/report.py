@@ -12,6 +12,9 @@ from rig.analysis.effects_table import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import matrix
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
+from rig.analysis.spring_map import result
+from rig.analysis.spring_map.files import write_map
+from rig.analysis.spring_map.pictures import write_pictures
 from rig.analysis.stopped import where_it_stopped
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
@@ -51,6 +54,21 @@ def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
     return found, summarise(none, known, _unfinished(contents), findings=tuple(told))
 
 
+def _read_map(
+    run: Path, mean_position_alarm: float
+) -> tuple[xarray.Dataset, xarray.Dataset | None, Summary]:
+    """Row table, and None in place of the spring map where no station was walked through."""
+    table, summary = _read(run, mean_position_alarm, ())
+    try:
+        found = result.spring_map(run)
+        told = result.findings(found)
+    except RunError as error:
+        found, told = None, [str(error)]
+    said = ("The magnetic spring, moved by a hoist", tuple(told))
+    summary = summary._replace(optima=(), effects=(), findings_of=said[0], findings=said[1])
+    return table, found, summary
+
+
 def summary_of(
     run: Path,
     mean_position_alarm: float = MEAN_POSITION_ALARM,
@@ -64,12 +82,20 @@ def summary_of(
     if wave_calibration.is_calibration(facts(run).plan):
         _no_rows(calibrations)
         return _read_calibration(Path(run))[1]
+    if result.is_hoisted(facts(run).plan):
+        _no_gains(calibrations)
+        return _read_map(Path(run), mean_position_alarm)[2]
     return _read(Path(run), mean_position_alarm, calibrations)[1]
 
 
 def _no_rows(calibrations: Sequence[Known]) -> None:
     if calibrations:
         raise ValueError("waves without the device have no rows to be read by a calibration")
+
+
+def _no_gains(calibrations: Sequence[Known]) -> None:
+    if calibrations:
+        raise ValueError("a spring map is what calibrations are made of; read it as recorded")
 
 
 def write_products(
@@ -79,7 +105,8 @@ def write_products(
 ) -> list[Path]:
     """Row table, pictures, effects and summary of a run, also of one that ended early or crashed.
 
-    A run without the device gives its wave calibration in place of rows and surfaces.
+    A run without the device gives its wave calibration in place of rows and surfaces, one with a
+    hoist its spring map in place of surfaces.
 
     They go into the run's folder, or beside the MCAP file if that is given alone; those that are
     read by ``calibrations`` (as of `row_table`) into a folder of their own in it.
@@ -100,6 +127,9 @@ def write_products(
             ]
         )
         return [*made, *write_texts(summary, folder)]
+    if result.is_hoisted(facts(run).plan):
+        _no_gains(calibrations)
+        return _write_hoisted(run, folder, mean_position_alarm)
     table, summary = _read(run, mean_position_alarm, calibrations)
     folder = products_folder(folder, calibrations)
     folder.mkdir(exist_ok=True)
@@ -109,6 +139,14 @@ def write_products(
         *write_texts(summary, folder),
         *write_page(summary, table, folder),
     ]
+
+
+def _write_hoisted(run: Path, folder: Path, mean_position_alarm: float) -> list[Path]:
+    table, found, summary = _read_map(run, mean_position_alarm)
+    made = write_rows(table, folder)
+    if found is not None:
+        made += [*write_map(found, folder), *write_pictures(found, folder)]
+    return [*made, *write_texts(summary, folder)]
 
 
 def products_folder(folder: Path, calibrations: Sequence[Known]) -> Path:

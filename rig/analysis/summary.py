@@ -51,7 +51,8 @@ class Summary(NamedTuple):
     alarms: tuple[str, ...]
     timing: str
     stopped: str = ""  # when and where, of a run that did not walk its plan to the end
-    findings: tuple[str, ...] = ()  # of a run without rows, a sentence each
+    findings: tuple[str, ...] = ()  # of a run without gains, a sentence each
+    findings_of: str = "Waves without the device"
     effects: tuple[Effects, ...] = ()  # of a designed matrix
 
     @property
@@ -215,15 +216,15 @@ def as_text(summary: Summary) -> str:
 
 
 def _rows_words(summary: Summary) -> list[str]:
-    if summary.findings:
+    if summary.findings and not summary.rows_planned:
         return []
     return [f"{summary.rows_words}."]
 
 
 def _best(summary: Summary) -> list[str]:
-    """What the run gave: best points of the matrix, or the findings of a run without rows."""
+    """What the run gave: best points of the matrix, or the findings of a run without gains."""
     if summary.findings:
-        return ["Waves without the device", *(f"  {text}" for text in summary.findings)]
+        return [summary.findings_of, *(f"  {text}" for text in summary.findings)]
     lines = [f"Best points (negative is absorbed, positive consumed{summary.errors_words})"]
     for o in summary.optima:
         lines.append(

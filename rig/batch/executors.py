@@ -1,4 +1,4 @@
-"""Who runs the cases of a sweep: threads of this process; another executor takes the same seam.
+"""Who runs the cases of a sweep: threads of this process; a cluster takes the same seam.
 
 An executor takes cases and what runs one, and gives outcomes as they come, in any order. When it is
 interrupted it first gives what is done.

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import platform
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +30,7 @@ class Sweep(NamedTuple):
     folder: Path
     campaign: Campaign  # as its file has it
     cases: Cases
+    digest: str  # of files and code, for who runs its cases elsewhere
 
 
 def open_sweep(
@@ -44,12 +46,30 @@ def open_sweep(
     if base.file.device == "absent":
         problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
         raise ConfigError([problem])
+    if base.file.hoist is not None:
+        problem = base.locate.problem(("hoist",), None, "a hoist moves no body in a sweep")
+        raise ConfigError([problem])
     planned = plan(base.file, base.rig, base.points)
     asked = Asked(str(path), found, sequential, lead_in)
     digest = _digest(asked, (base, *each))
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
-    return Sweep(folder, base, Cases(asked, planned.rows, files))
+    return Sweep(folder, base, Cases(asked, planned.rows, files), _digest(asked, (base,)))
+
+
+def same_cases(asked: Asked, digest: str) -> Cases:
+    """The cases of a sweep in another process, to which its campaign and code must be the same.
+
+    Raises ValueError where files or code differ from those of ``digest``, `ConfigError` where the
+    campaign cannot be opened.
+    """
+    files = Files(Path(asked.campaign))
+    base = files.opened()
+    if _digest(asked, (base,)) != digest:
+        raise ValueError(
+            f"{platform.node()} has other files for {asked.campaign}, or other code, than who asks"
+        )
+    return Cases(asked, plan(base.file, base.rig, base.points).rows, files)
 
 
 def hold(sweep: Sweep) -> Held:

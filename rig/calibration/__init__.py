@@ -13,8 +13,8 @@ from rig.calibration.correction import (
     invert,
     recorded,
 )
-from rig.calibration.files import CalibrationFile
 from rig.calibration.history import History, Known, open_calibration, open_history
+from rig.config.calibration_file import CalibrationFile
 
 __all__ = [
     "Applied",

@@ -9,7 +9,7 @@ from datetime import date, datetime
 from decimal import Decimal, localcontext
 from typing import NamedTuple
 
-from rig.calibration.files import CalibrationFile, Offset, Scale, Table, Valid
+from rig.config.calibration_file import CalibrationFile, Offset, Scale, Table, Valid
 from rig.config.problems import number_text
 
 DIGITS = 40  # of the arithmetic between two floats of 17

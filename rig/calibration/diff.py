@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from rig.calibration.correction import At, OutsideError, corrected, holds
-from rig.calibration.files import CalibrationFile, Offset, Scale, Table
 from rig.calibration.sources import Stood
+from rig.config.calibration_file import CalibrationFile, Offset, Scale, Table
 
 
 class Changed(NamedTuple):

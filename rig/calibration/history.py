@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.calibration.files import CalibrationFile
+from rig.config.calibration_file import CalibrationFile
 from rig.config.problems import ConfigError, Problem, shown
 from rig.config.source import Locate
 from rig.config.translate import load

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.calibration.correction import At
-from rig.calibration.files import TORQUE_CONSTANT
+from rig.config.calibration_file import TORQUE_CONSTANT
 from rig.legacy.testlog import Activity, Entry, Log
 from rig.runs import RunError, facts, list_runs
 from rig.runs.folder import Facts
@@ -84,6 +84,11 @@ def _of_run(path: Path, known: Facts, quantity: str) -> list[Stood]:
     if quantity == "spring_rate":
         return [
             Stood(known.run, f"row {row['row']}", at, float(row["spring_rate"]), "", there)
+            for row in known.plan.get("rows", [])
+        ]
+    if quantity == "spring_map":  # a map reads the stator's position
+        return [
+            Stood(known.run, f"row {row['row']}", at, float(row["stator"]), "", there)
             for row in known.plan.get("rows", [])
         ]
     if quantity == "torque_constant":

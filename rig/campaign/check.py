@@ -127,6 +127,7 @@ class Report(NamedTuple):
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
             ("sea", f"{file.sea.words()}{seed}"),
             *([] if file.reference is None else [("reference", file.reference.words())]),
+            *([] if file.hoist is None else [("hoist", file.hoist.words())]),
             ("rows", rows),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in all"),
             (
@@ -189,7 +190,7 @@ def _window(file: CampaignFile) -> tuple[int, float]:
     if file.device == "absent":
         cut = calibration(file.sea, file.timing)
     else:
-        cut = windows(file.sea, file.timing, file.reference)
+        cut = windows(file.sea, file.timing, file.reference, file.hoist)
     return cut.periods, cut.measure
 
 

@@ -9,7 +9,7 @@ from rig.campaign.elevation import Elevation, read_elevation
 from rig.campaign.order import turns
 from rig.campaign.pieces import Pieces, pieces, sea_of
 from rig.campaign.point import MOST_ROWS, Point
-from rig.campaign.points import count, outside_map, points, stator_positions
+from rig.campaign.points import count, hoisted, outside_map, points, stator_positions
 from rig.campaign.reference import Record, read_record, unplayable
 from rig.campaign.settings import foreign_to_drive
 from rig.campaign.sources import (
@@ -86,7 +86,11 @@ def open_campaign(
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(
-        lambda: named_source(top, ("rig",), load) if rig_path is None else Source(*load(rig_path))
+        lambda: (
+            named_source(top, ("rig",), load, RigFile.inline)
+            if rig_path is None
+            else Source(*load(rig_path, inline=RigFile.inline))
+        )
     )
     limits_source = plant_source = None
     if rig_source is not None:
@@ -102,14 +106,14 @@ def open_campaign(
     if limits_source is not None:
         limits = attempt(lambda: validate(limits_source.mapping, limits_source.locate, LimitsFile))
     files = [
-        *read_files("campaign", top),
-        *read_files("rig", rig_source),
+        *read_files("campaign", top, "sea"),
+        *read_files("rig", rig_source, "spring map"),
         *read_files("limits", limits_source),
         *read_files("plant", plant_source),
     ]
     rows = 0
     if campaign is not None:
-        found = attempt(lambda: _points(campaign, top.locate))
+        found = attempt(lambda: _points(campaign, rig, top.locate))
         rows = _rows(campaign, found)
         problems += _own_rules(campaign, rows, top.locate)
         if campaign.matrix is not None and campaign.matrix.csv is not None and found:
@@ -159,8 +163,12 @@ def _top(path: Path, load: Load) -> Source:
     return found
 
 
-def _points(campaign: CampaignFile, locate: Locate) -> tuple[Point, ...] | None:
+def _points(
+    campaign: CampaignFile, rig: RigFile | None, locate: Locate
+) -> tuple[Point, ...] | None:
     """None where there are too many: to build millions takes its time, only to be refused."""
+    if campaign.hoist is not None:
+        return hoisted(campaign.hoist, rig.spring, locate) if rig is not None else None
     if campaign.matrix is None:
         return ()
     return points(campaign.matrix, locate) if count(campaign.matrix) <= MOST_ROWS else None
@@ -177,7 +185,7 @@ def _own_rules(campaign: CampaignFile, rows: int, locate: Locate) -> tuple[Probl
     problems = [*too_large(campaign.sea, campaign.sea_seed, locate)]
     try:
         if campaign.device == "present":
-            windows(campaign.sea, campaign.timing, campaign.reference)
+            windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
         else:
             calibration(campaign.sea, campaign.timing)
     except WindowError as error:

@@ -9,6 +9,7 @@ Without the device (a wave calibration) there is only a lead-in and one window o
 periods; the drive is never asked for.
 """
 
+import math
 from typing import NamedTuple
 
 from rig.campaign.order import turns
@@ -73,7 +74,7 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
     """
     if campaign.device == "absent":
         return _table((), _waves_alone(campaign), rig)
-    cut = windows(campaign.sea, campaign.timing, campaign.reference)
+    cut = windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
     positions = stator_positions(points, rig.spring)
     rows = tuple(
         CampaignRow(
@@ -90,7 +91,13 @@ def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Pla
         )
     )
     pieces = [*_opening(campaign, rig, rows[0]), *_rows(rows, cut, rig)]
-    return _table(rows, pieces, rig)
+    made = _table(rows, pieces, rig)
+    if campaign.hoist is None:
+        return made
+    # Where the stator's force reverses is what the hoist is there to find; rotor and heave travel
+    # end where the rig's limits say.
+    anywhere = (math.inf,) * len(made.setpoints.stroke)
+    return made._replace(setpoints=made.setpoints._replace(stroke=anywhere))
 
 
 def _waves_alone(campaign: CampaignFile) -> list[Piece[Setting]]:

@@ -7,8 +7,9 @@ from controllers import magnetic_spring
 from rig.campaign import matrix_csv
 from rig.campaign.point import Point, Where, point
 from rig.config.columns import COLUMNS
+from rig.config.hoist import Hoist
 from rig.config.matrix import Matrix
-from rig.config.problems import Problem, key_text, number_text
+from rig.config.problems import ConfigError, Problem, key_text, number_text
 from rig.config.rig_file import MagneticSpring
 from rig.config.source import KeyPath, Locate
 
@@ -62,6 +63,29 @@ def stator_positions(found: tuple[Point, ...], spring: MagneticSpring) -> dict[f
         point.spring_rate: magnetic_spring.stator_position(params, point.spring_rate)
         for point in found
     }
+
+
+def hoisted(hoist: Hoist, spring: MagneticSpring, locate: Locate) -> tuple[Point, ...]:
+    """The hoist's stations as points without gains, each with the rate that the map in use gives.
+
+    Raises `ConfigError` for stations beyond the map: the stator could not be sent there.
+    """
+    found, bad = [], []
+    low, high = spring.map[0].stator_percent, spring.map[-1].stator_percent
+    for i, station in enumerate(hoist.stations_percent):
+        key: KeyPath = ("hoist", "stations_percent", i)
+        at = _where(key if key in locate.places else key[:2], locate)
+        rate = spring.rate(station)
+        if rate is None:
+            allowed = f"allowed {number_text(low)} .. {number_text(high)} %"
+            message = f"stator position {number_text(station)} is outside the rig's spring map"
+            bad.append(at.problem(station, f"{message}; {allowed}"))
+            continue
+        given = {"spring_rate": rate, "kp": 0.0, "ki": 0.0}
+        found.append(Point(given, dict.fromkeys(given, at)))
+    if bad:
+        raise ConfigError(bad)
+    return tuple(found)
 
 
 def outside_map(found: tuple[Point, ...], spring: MagneticSpring) -> tuple[Problem, ...]:

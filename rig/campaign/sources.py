@@ -28,8 +28,13 @@ Load = Callable[..., tuple[dict[str, Any], Locate]]
 """Reads a file as `rig.config.source.load_mapping` does; it may change what the file says."""
 
 
-def named_source(owner: Source, key: KeyPath, load: Load = load_mapping) -> Source | None:
-    """The file another one names; None where the name itself is a problem told elsewhere."""
+def named_source(
+    owner: Source, key: KeyPath, load: Load = load_mapping, inline: tuple[str, ...] = ()
+) -> Source | None:
+    """The file another one names; None where the name itself is a problem told elsewhere.
+
+    ``inline`` are its keys that may name a file with their mapping.
+    """
     value: Any = owner.mapping
     for part in key:
         if isinstance(value, dict):
@@ -39,7 +44,8 @@ def named_source(owner: Source, key: KeyPath, load: Load = load_mapping) -> Sour
             value = value[part] if inside else None
     if not isinstance(value, str) or not value:
         return None
-    return Source(*load(owner.locate.file(key, value), owner.locate(key), key_text(key)))
+    path = owner.locate.file(key, value)
+    return Source(*load(path, owner.locate(key), key_text(key), inline))
 
 
 def in_order(problems: list[Problem], sources: Iterable[Source | None]) -> list[Problem]:
@@ -49,12 +55,14 @@ def in_order(problems: list[Problem], sources: Iterable[Source | None]) -> list[
     return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
 
 
-def read_files(role: str, opened: Source | None) -> list[ReadFile]:
-    """The files of a source with those they extend; those that hold a key's mapping are seas."""
+def read_files(role: str, opened: Source | None, inlined_role: str = "") -> list[ReadFile]:
+    """The files of a source with those they extend and, by their role, those of its keys."""
     if opened is None:
         return []
     inlined = opened.locate.inlined
-    return [read_file("sea" if path in inlined else role, path) for path in opened.locate.files]
+    return [
+        read_file(inlined_role if path in inlined else role, path) for path in opened.locate.files
+    ]
 
 
 def read_file(role: str, path: Path) -> ReadFile:

@@ -4,7 +4,7 @@ Regular sea: 20 s, of which 5 s settle; the window is the largest whole number o
 that fits. Irregular and recorded: 10 s settle and exactly one repeat period. `mask4` gives the
 windows of the MASK4 report (Sandia): the same for regular seas, and for irregular ones rows of
 300 s measured from 2 s on, which is 2 s short of the repeat period. In calm water an open-loop
-reference takes the place of the sea: whole repeat periods of it.
+reference takes the place of the sea: whole repeat periods of it; with a hoist its whole cycles.
 
 A wave calibration has no rows: one window of whole periods after the lead-in.
 """
@@ -13,6 +13,7 @@ import math
 from typing import NamedTuple
 
 from rig.config.campaign_file import Timing
+from rig.config.hoist import Hoist
 from rig.config.problems import number_text
 from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
@@ -46,7 +47,9 @@ class WindowError(Exception):
         self.message = message
 
 
-def windows(sea: AnySea, timing: Timing, reference: AnyReference = None) -> Windows:
+def windows(
+    sea: AnySea, timing: Timing, reference: AnyReference = None, hoist: Hoist | None = None
+) -> Windows:
     """Windows of every row of a campaign; raises `WindowError` if nothing fits.
 
     Before a row with another spring rate its combination is held for one more interval while the
@@ -54,6 +57,9 @@ def windows(sea: AnySea, timing: Timing, reference: AnyReference = None) -> Wind
     the settling time is the least length (the plan waits for the stator anyway); `mask4` keeps
     the whole interval.
     """
+    if hoist is not None:  # wherever it stands when the row begins: whole cycles see all of it
+        settle = _given(timing.settle_s, 2.0)
+        return Windows(settle, hoist.cycles * hoist.period, 0.0, settle, hoist.cycles)
     if isinstance(sea, CalmSea):
         return _calm(timing) if reference is None else _pushed(reference, timing)
     if isinstance(sea, RegularSea):

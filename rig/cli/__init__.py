@@ -16,6 +16,8 @@ from rig.cli import (
     options,
     replay,
     scan,
+    spring_map,
+    surge_damping,
     sweep,
     testlog,
 )  # fmt: skip
@@ -285,6 +287,8 @@ def compare(
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
 app.command("replay", epilog=replay.CODES)(replay.command)
+app.command("spring-map")(spring_map.command)
+app.command("surge-damping", epilog=surge_damping.CODES)(surge_damping.command)
 app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
 app.command("export")(export.command)

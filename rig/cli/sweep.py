@@ -31,6 +31,10 @@ def command(
     jobs: Annotated[
         int | None, typer.Option("--jobs", min=1, max=1024, help="Threads (one a core).")
     ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="Run them on a Dask cluster."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="NetCDF to write (sweep.nc in the folder).")
     ] = None,
@@ -47,9 +51,12 @@ def command(
 ) -> None:
     """Run a campaign's rows on the simulated plant, compiled, for all values of some parameters.
 
-    Rows are cases of their own, on all cores. What is finished is kept and never run again.
+    Rows are cases of their own, on all cores, or on a cluster. What is finished is kept and never
+    run again.
     """
     from rig.cli.sweep_run import Wanted, main
 
-    wanted = Wanted(over or [], sequential, lead_in, jobs, out, measured, sweeps, runs)
+    if jobs is not None and scheduler is not None:
+        raise typer.BadParameter("--jobs is about this machine; with --scheduler its workers count")
+    wanted = Wanted(over or [], sequential, lead_in, jobs, scheduler, out, measured, sweeps, runs)
     sys.exit(main(campaign, wanted, as_json=json))

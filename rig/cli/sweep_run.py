@@ -37,6 +37,7 @@ class Wanted(NamedTuple):
     sequential: bool
     lead_in: float | None  # s
     jobs: int | None
+    scheduler: str | None  # of a Dask cluster
     out: Path | None
     measured: Path | None
     sweeps: Path
@@ -56,13 +57,13 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     except (*REFUSED, RunError) as error:
         return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
-    jobs = wanted.jobs or executors.cores()
+    executor = _executor(opened, wanted)
     try:
         with sweep.hold(opened):
-            if sweep.left(opened):
+            if sweep.left(opened) and wanted.scheduler is None:  # workers compile for themselves
                 _compile(opened)
             with SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json) as view:
-                table = sweep.run(opened, executors.threads(jobs), view.see, view.begin)
+                table = sweep.run(opened, executor, view.see, view.begin)
             result = sweep.write(table, wanted.out or opened.folder / sweep.RESULT)
     except BusyError as error:
         return fail("sweep", error, as_json=as_json, code=cli.FAILED)
@@ -84,6 +85,14 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     else:
         _say(told)
     return cli.FAILED if told["failed"] else cli.OK
+
+
+def _executor(opened: sweep.Sweep, wanted: Wanted) -> executors.Executor:
+    if wanted.scheduler is None:
+        return executors.threads(wanted.jobs or executors.cores())
+    from rig.batch.cluster import cluster
+
+    return cluster(wanted.scheduler, opened.cases.asked, opened.digest)
 
 
 def _compile(opened: sweep.Sweep) -> None:

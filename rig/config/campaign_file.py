@@ -26,6 +26,7 @@ from rig.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
+from rig.config.hoist import Hoist
 from rig.config.matrix import Matrix
 from rig.config.model import Broken, FileModel, Several, Whole, refuse
 from rig.config.problems import number_text, value_text
@@ -170,7 +171,8 @@ class CampaignFile(FileModel):
     seed: Whole = Field(default=1, ge=0, le=4_294_967_295)
     sea: Sea  # or a file that holds it
     device: Literal["present", "absent"] = "present"  # absent: waves and probes alone
-    matrix: Matrix | None = None  # None without the device
+    hoist: Hoist | None = None  # it moves the body through the spring map; in place of a matrix
+    matrix: Matrix | None = None  # None without the device, and with a hoist
     timing: Annotated[Timing, BeforeValidator(_timing)] = Timing()
     start: Start = Start()
     law: Law = Law()
@@ -184,11 +186,13 @@ class CampaignFile(FileModel):
     @field_validator("matrix")
     @classmethod
     def _rows_of_a_device(cls, matrix: Matrix | None, info: ValidationInfo) -> Matrix | None:
-        device = info.data.get("device")
-        if matrix is None and device == "present":
+        device, hoisted = info.data.get("device"), info.data.get("hoist", True) is not None
+        if matrix is None and device == "present" and not hoisted:
             raise PydanticCustomError("missing", "missing")
         if matrix is not None and device == "absent":
             raise refuse("device: absent has no rows; leave the key out")
+        if matrix is not None and info.data.get("hoist") is not None:
+            raise refuse("the rows are the hoist's stations; leave the key out")
         return matrix
 
     def broken_rules(self) -> Iterator[Broken]:
@@ -197,6 +201,8 @@ class CampaignFile(FileModel):
         if pushed == "surge" and self.surge.use == "off":
             message = "surge cannot be pushed while surge.use is off; allowed heave"
             yield Broken(("reference", "axis"), message, "surge")
+        if self.hoist is not None:
+            yield from self._hoist_rules()
         if self.device == "present":
             return
         if pushed:
@@ -216,6 +222,22 @@ class CampaignFile(FileModel):
         if self.timing.settle_s is not None:
             message = "device: absent has no row that settles; allowed is a longer start.lead_in_s"
             yield Broken(("timing", "settle_s"), message, self.timing.settle_s)
+
+    def _hoist_rules(self) -> Iterator[Broken]:
+        """The hoist alone moves the body, and its cycles say how long a row lasts."""
+        if self.device == "absent":
+            yield Broken(("device",), "absent leaves a hoist nothing to move", "absent")
+        if not isinstance(self.sea, CalmSea):
+            yield Broken(("sea", "kind"), "waves beside the hoist; allowed calm", self.sea.kind)
+        if self.reference is not None:
+            yield Broken(("reference",), "the hoist alone moves the body; leave the key out")
+        if self.start.set_point is not None:
+            yield Broken(("start", "set_point"), "a hoist has no gains; leave the key out")
+        for key in ("periods", "interval_s"):
+            if getattr(self.timing, key) is not None:
+                yield Broken(("timing", key), "hoist.cycles says it; leave the key out")
+        if self.timing.scheme == "mask4":
+            yield Broken(("timing",), "a hoist has no such windows; leave the key out", "mask4")
 
     @field_serializer("tare")
     def _tare_as_written(self, tare: Tare | None) -> Any:

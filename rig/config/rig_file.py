@@ -1,10 +1,12 @@
 """The file of a WaveBot rig: what is screwed together, and how its numbers are scaled."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
+from rig.config.calibration_file import CalibrationFile, Stroke, Table
 from rig.config.columns import (
     BusVoltage,
     CurrentThreshold,
@@ -56,7 +58,7 @@ class SpringPoint(FileModel):
 
     stator_percent: float = Field(ge=-100, le=100)
     rate_n_per_m: float = Field(ge=-50_000, le=50_000)
-    stroke_m: float = Field(gt=0, le=2)  # either way: beyond it the stator's force reverses
+    stroke_m: Stroke
 
 
 class MagneticSpring(FileModel):
@@ -65,6 +67,8 @@ class MagneticSpring(FileModel):
     metres_per_radian: float = Field(ge=0.01, le=10)
     arrival_tolerance_percent: float = Field(ge=0.01, le=10)
     move_timeout_s: float = Field(ge=1, le=600)
+    moving_mass_kg: float | None = Field(default=None, gt=0, le=1e6)  # with the water's: eq. 3.1
+    slew_lever_m: float | None = Field(default=None, ge=0.01, le=10)  # of its torque's load cell
     map: Several[SpringPoint] = Field(min_length=2, strict=False)
 
     def broken_rules(self) -> Iterator[Broken]:
@@ -94,6 +98,15 @@ class MagneticSpring(FileModel):
         """Rates (N/m, increasing) and the stator positions (%) that give them."""
         pairs = sorted((point.rate_n_per_m, point.stator_percent) for point in self.map)
         return tuple(rate for rate, _ in pairs), tuple(position for _, position in pairs)
+
+    def rate(self, stator: float) -> float | None:
+        """Spring rate (N/m) at a stator position (%); None beyond the ends of the map."""
+        for low, high in pairwise(self.map):
+            if low.stator_percent <= stator <= high.stator_percent:
+                span = high.stator_percent - low.stator_percent
+                share = (stator - low.stator_percent) / span
+                return low.rate_n_per_m + share * (high.rate_n_per_m - low.rate_n_per_m)
+        return None
 
     def stroke(self, rate: float) -> float:
         """Stroke (m, either way) at a spring rate (N/m): the lesser of the stations beside it."""
@@ -175,6 +188,8 @@ class Stop(StopTiming):
 class RigFile(FileModel):
     """A rig of kind `wavebot`."""
 
+    inline: ClassVar[tuple[str, ...]] = ("spring_map",)
+
     name: str = Field(min_length=1, max_length=64)
     kind: Literal["wavebot"]
     rate_hz: Rate
@@ -186,8 +201,29 @@ class RigFile(FileModel):
     station_keeping: StationKeeping
     surge_hold: Hold
     drive: Annotated[CotsDrive | CustomDrive, Field(discriminator="kind")]  # of heave
+    spring_map: CalibrationFile | None = None  # a file: as measured, in place of spring.map
     spring: MagneticSpring
     stability: Stability
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: Stop
     wiring: Wiring | None = None  # none: it can only be rehearsed
+
+    @field_validator("spring_map")
+    @classmethod
+    def _a_spring_map(cls, file: CalibrationFile | None) -> CalibrationFile | None:
+        if file is not None and file.quantity != "spring_map":
+            raise refuse(f"{file.title} corrects {file.quantity}; allowed a spring_map", "quantity")
+        return file
+
+    @field_validator("spring", mode="before")
+    @classmethod
+    def _as_measured(cls, spring: Any, info: ValidationInfo) -> Any:
+        """The stations of a measured map take the place of those in the file."""
+        measured = info.data.get("spring_map")
+        if measured is None or not isinstance(spring, dict):
+            return spring
+        assert isinstance(measured.correction, Table)
+        table = measured.correction
+        stations = zip(table.recorded, table.corrected, measured.stroke_m or (), strict=True)
+        names = ("stator_percent", "rate_n_per_m", "stroke_m")
+        return {**spring, "map": [dict(zip(names, one, strict=True)) for one in stations]}

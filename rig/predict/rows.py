@@ -162,8 +162,8 @@ def _walked(
 
 
 def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
-    """What a checked campaign will do; None without the device, which has nothing to predict."""
-    if not planned.rows:
+    """What a checked campaign will do; None without the device, and where a hoist moves it."""
+    if not planned.rows or campaign.file.hoist is not None:
         return None
     subject = subject_of(campaign)
     rows = [*_lead_in(planned), *planned.rows]

@@ -11,6 +11,7 @@ from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
+from sim_plant.prescribed import Profile, raised_and_lowered
 from sim_plant.waves import Sea
 from sim_plant.world import OFF, Actuation, Stepper, World
 
@@ -126,7 +127,8 @@ def stepper(compiled: bool) -> type[Stepper]:
 def build_world(config: dict[str, Any], dt: float) -> World:
     """The rig in its sea, for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
-    "device": "absent" is the empty basin of a wave calibration, "compiled": false interprets it.
+    "device": "absent" is the empty basin of a wave calibration, "compiled": false interprets it,
+    "hoist" raises and lowers the body from the wave trigger on.
     """
     plant = Plant.model_validate(config["plant"])
     path = Path(config["bem"])
@@ -139,7 +141,14 @@ def build_world(config: dict[str, Any], dt: float) -> World:
         seed=config["seed"],
         device=config.get("device", "present") == "present",
         stepper=stepper(config.get("compiled", True)),
+        hoist=_hoist(config.get("hoist")),
     )
+
+
+def _hoist(told: dict[str, Any] | None) -> Profile | None:
+    if told is None:
+        return None
+    return raised_and_lowered(told["low_m"], told["high_m"], told["speed_m_per_s"], told["turn_s"])
 
 
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:

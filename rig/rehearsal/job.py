@@ -19,7 +19,8 @@ from rig.campaign.files import Campaign
 from rig.campaign.pieces import Pieces
 from rig.campaign.reference import ticks_of
 from rig.campaign.sources import Source
-from rig.config.campaign_file import Law
+from rig.config.campaign_file import CampaignFile, Law
+from rig.config.hoist import TURN_S
 from rig.config.problems import Problem, number_text, shown
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
@@ -57,7 +58,15 @@ def devices_of(campaign: Campaign) -> dict[str, Any]:
         "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
+        **_hoist_of(campaign.file),
     }
+
+
+def _hoist_of(file: CampaignFile) -> dict[str, Any]:
+    """What moves the simulated body in place of a person at a chain hoist."""
+    if file.hoist is None:
+        return {}
+    return {"hoist": file.hoist.model_dump(mode="json") | {"turn_s": TURN_S}}
 
 
 def plant_of(campaign: Campaign) -> dict[str, Any]:

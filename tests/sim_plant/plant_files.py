@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 
 from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
+from sim_plant.prescribed import Profile
 from sim_plant.waves import Sea, calm
 from sim_plant.world import Actuation, Stepper, World
 
@@ -94,6 +95,7 @@ def world(
     dt: float = DT,
     device: bool = True,
     stepper: type[Stepper] = Stepper,
+    hoist: Profile | None = None,
     **values: Any,
 ) -> World:
     """A world of a plant file with some values replaced, 1 ms, calm water unless told."""
@@ -107,6 +109,7 @@ def world(
         seed=seed,
         device=device,
         stepper=stepper,
+        hoist=hoist,
     )
 
 

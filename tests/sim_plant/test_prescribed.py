@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from plant_files import DT, QUIET, command, plant, world
 
-from sim_plant.prescribed import from_table, taken_up
+from sim_plant.prescribed import from_table, raised_and_lowered, taken_up
 
 
 def test_a_table_is_followed_point_by_point() -> None:
@@ -115,3 +115,46 @@ def test_the_start_does_not_jerk_a_moving_hull() -> None:
         rig.advance(DT)
         velocities.append(rig.truth().velocity)
     assert np.abs(np.diff(velocities)).max() / DT < 1.0  # m/s2
+
+
+def test_raised_and_lowered_for_ever() -> None:
+    """From zero upwards, at one speed between the turns, within the travel; 2 (travel/speed +
+    turn/2) a cycle."""
+    profile = raised_and_lowered(-0.2, 0.3, 0.05, 1.0)
+    period = 2.0 * (0.5 / 0.05 + 0.5)
+    assert profile(0.0) == (pytest.approx(0.0), pytest.approx(0.05))
+    times = np.linspace(0.0, 2.0 * period, 84001)
+    x, v = np.array([profile(float(t)) for t in times]).T
+    assert (x.min(), x.max()) == (pytest.approx(-0.2, abs=1e-9), pytest.approx(0.3, abs=1e-9))
+    np.testing.assert_allclose(np.gradient(x, times)[1:-1], v[1:-1], atol=1e-4)
+    assert np.abs(np.diff(v)).max() / (times[1] - times[0]) < 0.101  # 2 speed / turn
+    assert np.mean(np.abs(np.abs(v) - 0.05) < 1e-9) == pytest.approx(1.0 - 2.0 / period, abs=1e-3)
+    np.testing.assert_allclose(x[:42001], x[42000:], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "travel", [(0.1, 0.3, 0.05, 1.0), (-0.1, 0.1, 0.5, 1.0), (-0.1, 0.1, 0.0, 1.0)]
+)
+def test_no_way_to_raise_and_lower(travel: tuple[float, float, float, float]) -> None:
+    with pytest.raises(ValueError, match="no way"):
+        raised_and_lowered(*travel)
+
+
+def test_a_hoist_moves_the_body_while_the_trigger_is_on() -> None:
+    profile = raised_and_lowered(-0.1, 0.1, 0.05, 0.5)
+    rig = world(hoist=profile, **QUIET)
+    for _ in range(500):
+        rig.advance(DT)
+    assert rig.motion() == (0.0, 0.0)
+    rig.actuate(command(heave_enable=0, wave_trigger=1))
+    for _ in range(5000):
+        rig.advance(DT)
+    assert rig.motion() == (pytest.approx(profile(5.0)[0]), pytest.approx(profile(5.0)[1]))
+    rig.actuate(command(heave_enable=0))
+    for _ in range(3000):
+        rig.advance(DT)
+    stopped, velocity = rig.motion()
+    assert velocity == 0.0
+    for _ in range(500):
+        rig.advance(DT)
+    assert rig.motion() == (stopped, 0.0)

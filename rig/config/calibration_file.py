@@ -13,8 +13,12 @@ UNITS = {
     "spring_rate": "N/m",
     "torque_constant": "N*m/A",
     "heave_position": "m",
+    "spring_map": "N/m",
 }
-"""Quantities that can be corrected, each with the one unit it is recorded in."""
+"""Quantities that can be corrected, each with its one unit (of a spring map that of the rates)."""
+
+Stroke = Annotated[float, Field(gt=0, le=2)]
+"""Stroke either way at a stator position, m: beyond it the stator's force reverses."""
 
 TORQUE_CONSTANT = ("rig", "heave", "torque_constant_n_m_per_a")
 """Keys of a run's configuration under which it stands."""
@@ -161,7 +165,7 @@ class CalibrationFile(FileModel):
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)
     version: Whole = Field(ge=1, le=10_000)
-    quantity: Literal["spring_rate", "torque_constant", "heave_position"]
+    quantity: Literal["spring_rate", "torque_constant", "heave_position", "spring_map"]
     unit: str
     correction: Correction
     valid: Valid
@@ -169,6 +173,7 @@ class CalibrationFile(FileModel):
     supersedes: Whole | None = Field(default=None, ge=1, le=10_000)
     source: str = Field(min_length=1)
     reason: str = Field(min_length=1)
+    stroke_m: Several[Stroke] | None = Field(default=None, strict=False)  # of a spring map
 
     def broken_rules(self) -> Iterator[Broken]:
         """The unit is the quantity's, and every version but the first supersedes an earlier one."""
@@ -187,6 +192,26 @@ class CalibrationFile(FileModel):
                 f"{self.supersedes} is no earlier version; allowed below version {self.version}",
                 self.supersedes,
             )
+        yield from self._map_rules()
+
+    def _map_rules(self) -> Iterator[Broken]:
+        """A spring map is a table of rates over stator position (%), with a stroke for each."""
+        if self.quantity != "spring_map":
+            if self.stroke_m is not None:
+                yield Broken(("stroke_m",), f"{self.quantity} has no strokes; leave the key out")
+            return
+        if not isinstance(self.correction, Table):
+            message = f"{self.correction.kind} is no spring map; allowed table"
+            yield Broken(("correction", "kind"), message, self.correction.kind)
+            return
+        stations = self.correction.recorded
+        for i, stator in enumerate(stations):
+            if not -100.0 <= stator <= 100.0:
+                message = f"{number_text(stator)} is out of range; allowed -100 .. 100 %"
+                yield Broken(("correction", "recorded", i), message, stator)
+        if len(self.stroke_m or ()) != len(stations):
+            message = f"{len(self.stroke_m or ())} strokes; allowed {len(stations)}, one a station"
+            yield Broken(("stroke_m",), message)
 
     @property
     def title(self) -> str:

@@ -1,0 +1,104 @@
+"""Sweeps on a Dask cluster on loopback: two workers against one, and what handing out costs."""
+
+import contextlib
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.batch import IRREGULAR, campaign_file
+from benchmarks.support.recorded import ROOT
+from benchmarks.support.result import Result, figure
+from rig.batch import cluster, sweep
+from rig.batch.cases import LEAD_IN, Outcome
+
+GAIN, OVERHEAD = 1.6, 10.0  # times, %
+
+
+class Walked(NamedTuple):
+    """One sweep on a cluster."""
+
+    seconds: float  # from the first case handed out to the last outcome
+    busy: float  # s that workers spent in cases
+    cases: int
+
+
+@contextlib.contextmanager
+def node(what: str, *words: str) -> Iterator[str]:
+    """A scheduler or worker in a process of its own; gives its address."""
+    command = [sys.executable, "-W", "ignore", "-m", f"distributed.cli.dask_{what}", *words]
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
+    with subprocess.Popen(
+        [*command, "--host", "127.0.0.1", "--no-dashboard"],
+        cwd=ROOT, env=env, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        try:
+            assert process.stderr is not None
+            for line in process.stderr:
+                if found := re.search(r"(?:Scheduler|worker) at: *(tcp://\S+)", line):
+                    yield found[1]
+                    break
+        finally:
+            process.terminate()
+
+
+def worker(scheduler: str) -> contextlib.AbstractContextManager[str]:
+    """One thread of work."""
+    return node("worker", scheduler, "--nthreads", "1", "--no-nanny")
+
+
+def walk(path: Path, folder: Path, scheduler: str) -> Walked:
+    """All rows of a campaign on the workers there are, nothing written but the journal."""
+    opened = sweep.open_sweep(path, [], folder, sequential=False, lead_in=LEAD_IN)
+    busy: list[float] = []
+    told: list[Outcome] = []
+    executor = cluster.cluster(
+        scheduler, opened.cases.asked, opened.digest, lambda done: busy.append(done.seconds)
+    )
+    began = time.perf_counter()
+    for outcome in executor(opened.cases, opened.cases.run):
+        told.append(outcome)
+    seconds = time.perf_counter() - began
+    if len(told) != len(opened.cases) or any(one.failed for one in told):
+        raise RuntimeError(f"{len(told)} of {len(opened.cases)} cases, not all of them whole")
+    return Walked(seconds, sum(busy), len(told))
+
+
+def measure(short: bool) -> Result:
+    """One worker and two, in turns, on the same campaign; all compiled and opened before."""
+    repeats, seconds, last = (1, 20, -1100) if short else (5, 300, -2500)
+    one: list[Walked] = []
+    two: list[Walked] = []
+    with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as nodes:
+        folder = Path(scratch)
+        path = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
+        alone = nodes.enter_context(node("scheduler", "--port", "0"))
+        pair = nodes.enter_context(node("scheduler", "--port", "0"))
+        for scheduler in (alone, pair, pair):
+            nodes.enter_context(worker(scheduler))
+        for scheduler in (alone, pair):
+            walk(path, folder / "first", scheduler)
+        for _ in range(repeats):
+            one.append(walk(path, folder / "one", alone))
+            two.append(walk(path, folder / "two", pair))
+    gains = [a.seconds / b.seconds for a, b in zip(one, two, strict=True)]
+    lost = [100.0 * (1.0 - each.busy / each.seconds) for each in one]
+    lost_of_two = [100.0 * (1.0 - each.busy / (2.0 * each.seconds)) for each in two]
+    return Result(
+        "cluster",
+        "sweeps on a Dask cluster: scheduler, client and workers of one thread on this host",
+        f"{repeats} times {one[0].cases} rows of {seconds} s on one worker and on two, in turns",
+        (
+            figure("one worker", "s", [each.seconds for each in one]),
+            figure("two workers", "s", [each.seconds for each in two]),
+            figure("two against one", "x", gains, at_least=None if short else GAIN),
+            figure("not in cases, one worker", "%", lost, at_most=None if short else OVERHEAD),
+            figure("not in cases, two workers", "%", lost_of_two),
+        ),
+        (f"load of the host before: {os.getloadavg()[0]:.1f}",),
+    )

@@ -1,0 +1,90 @@
+"""What a spring map leaves: dataset, table, and the calibration that a rig file can name."""
+
+import csv
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import xarray
+
+from rig.calibration import Known, open_calibration
+from rig.runs import RunError
+
+MARGIN = 0.95  # of the stroke at which the stator's force reverses
+NAME = "spring_map"
+_COLUMNS = (
+    "rate", "rate_interval", "rate_column", "rate_small", "passes", "peak", "departure",
+    "friction", "natural_frequency", "reversal_below", "reversal_above", "reversal_stroke",
+    "travel",
+)  # fmt: skip
+
+
+def write_map(table: xarray.Dataset, folder: Path) -> list[Path]:
+    """``spring_map.nc`` with everything and ``spring_map.csv`` with a line for each station."""
+    binary, text = folder / f"{NAME}.nc", folder / f"{NAME}.csv"
+    table.to_netcdf(binary, engine="h5netcdf")
+    units = {name: table[name].attrs.get("units", "1") for name in _COLUMNS}
+    with text.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(["station [%]", *(f"{name} [{units[name]}]" for name in _COLUMNS)])
+        columns = (table[name].values.tolist() for name in ("station", *_COLUMNS))
+        writer.writerows(zip(*columns, strict=True))
+    return [text, binary]
+
+
+def strokes(table: xarray.Dataset) -> list[float]:
+    """Stroke (m, either way) at each station: short of the reversal, and of the travel seen."""
+    reversed_at, travel = table["reversal_stroke"].values, table["travel"].values
+    return [
+        math.floor(1000.0 * min(MARGIN * float(stroke), float(seen))) / 1000.0
+        for stroke, seen in zip(reversed_at, travel, strict=True)
+    ]
+
+
+def write_calibration(
+    table: xarray.Dataset, path: Path, name: str = NAME, supersedes: int | None = None
+) -> Known:
+    """The map as a version of a calibration: stator position (%) -> spring rate (N/m), strokes.
+
+    It is read back as `rig` reads it. Raises RunError where the map cannot be inverted: a station
+    has no rate, there are fewer than two, or the rate does not rise or fall strictly.
+    """
+    stations = [round(float(one), 2) for one in table["station"].values]
+    rates = [round(float(one), 1) for one in table["rate"].values]
+    _invertible(stations, rates)
+    attributes = table.attrs
+    version = 1 if supersedes is None else supersedes + 1
+    lines = [
+        f"# Spring map of run {attributes.get('run', '')}; a rig file names it: spring_map: FILE",
+        f"name: {name}",
+        f"version: {version}",
+        *([] if supersedes is None else [f"supersedes: {supersedes}"]),
+        "quantity: spring_map",
+        "unit: N/m",
+        "correction:                    # stator position, % -> rate over ±39.27 deg, N/m",
+        "  kind: table",
+        f"  recorded: {stations}",
+        f"  corrected: {rates}",
+        f"stroke_m: {strokes(table)}     # {MARGIN:g} of where the stator's force reverses",
+        f'valid: {{dates: {{from: "{str(attributes.get("started_utc", ""))[:10]}"}}}}',
+        "outside: refuse",
+        f'source: "run {attributes.get("run", "")} ({attributes.get("rung", "")})"',
+        f'reason: "spring map by hoist, {len(rates)} stator positions, slew load cell"',
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return open_calibration(path)
+
+
+def _invertible(stations: list[float], rates: list[float]) -> None:
+    if len(rates) < 2:
+        raise RunError(f"{len(rates)} stator position: a map needs at least 2")
+    lost = [f"{s:g} %" for s, rate in zip(stations, rates, strict=True) if math.isnan(rate)]
+    if lost:
+        raise RunError(f"no rate at {', '.join(lost)}: the travel was too short there")
+    steps = [after - before for before, after in pairwise(rates)]
+    if not (all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)):
+        shown = ", ".join(f"{s:g} %: {rate:g}" for s, rate in zip(stations, rates, strict=True))
+        raise RunError(
+            f"rates (N/m) neither rise nor fall strictly over the stator ({shown}): a rate would "
+            "have two positions"
+        )

@@ -15,7 +15,7 @@ from rig.predict import bus, electrics, plant
 from rig.predict.foreseen import Foreseen
 from rig.predict.grid import Floats
 from rig.predict.heave import Heave, heave_of, heave_poles
-from rig.predict.margins import margins
+from rig.predict.margins import Margin, margins
 from rig.predict.subject import Subject, subject_of, switching
 from rig.predict.surge import surge_of
 from rig.predict.travel import orders, to_the_first
@@ -28,6 +28,8 @@ PASSES = 2  # of motion and bus, which depend on each other
 
 Row = tuple[Setting, float]
 """A setting and the stator's position (%)."""
+
+Margins = tuple[Margin, ...]
 
 
 def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[Foreseen]:
@@ -64,6 +66,39 @@ def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[
         Foreseen(**{**by_pair[pair], **_voltage(one)})
         for pair, one in zip(pairs, told, strict=True)
     ]
+
+
+def tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[Foreseen, Margins]]:
+    """What is predicted of set points that stand alone, each held for so many seconds.
+
+    The custom drive's bus starts at its supply, or at its set voltage where that is off.
+    """
+    out: list[tuple[Foreseen, Margins]] = []
+    most = max(1, MOST_SAMPLES // subject.grid.samples)
+    for i in range(0, len(rows), most):
+        part = rows[i : i + most]
+        links = [bus_of(subject, one) for one, _ in part] if subject.plant.custom else []
+        volts = np.array(
+            [one.supply_voltage if one.connected else one.set_voltage for one in links]
+            or np.zeros(len(part))
+        )
+        told: list[bus.Voltage] = []
+        for _ in range(PASSES if links else 1):
+            columns, heave = _part(subject, part, volts)
+            stretches = [
+                bus.Stretch(link, *bus.stepped(subject.grid, power), seconds)
+                for link, power in zip(links, heave.dc, strict=True)
+            ] if links else []  # fmt: skip
+            told = [bus.walk([stretch])[0] for stretch in stretches]
+            volts = np.array([one.mean for one in told]) if told else volts
+        for j, (one, _) in enumerate(part):
+            said = _voltage(told[j]) if told else {}
+            found = Foreseen(**{**columns[j], **said})
+            rest = plant.bus_at_rest(subject.plant, one)
+            link = links[j] if links else None
+            bounds = subject.campaign.limits
+            out.append((found, margins(bounds, subject.campaign.rig, one, found, link, rest)))
+    return out
 
 
 def bus_of(subject: Subject, setting: Setting) -> bus.Bus:

@@ -57,18 +57,20 @@ def advise(runs: Sequence[Path], asked: Asked, folder: Path) -> Advice:
     base = asked.campaign or _sea_of(runs)
     known = twin(runs, asked.plant, asked.probe)
     plant, *_ = plant_file.write(known, folder / plant_file.FOLDER)
-    bench = Bench(opened(base, plant), known)
+    campaign = opened(base, plant)
+    bench, quick = Bench(campaign, known), Bench(campaign, known, quick=True)
     room = room_of(bench, asked.spring)
     held = min(max(bench.first.spring_rate, room.spring[0]), room.spring[1])
-    found = optima(bench, room, held)
+    found = optima(bench, quick, room, held)
     measured = compared(known, bench)
-    told = half_widths(known, bench, [one.best for one in found], measured)
+    told = half_widths(known, quick, [one.best.gains for one in found], measured)
     at = next(i for i, o in enumerate(found)
               if (o.station, o.law) == (asked.station, "PI and spring"))  # fmt: skip
-    rows = matrix.rows(bench, room, found, asked.station, told[at][asked.station], asked.rows)
+    wanted = matrix.Wanted(room, asked.station, asked.rows)
+    rows = matrix.rows(bench, quick, found, wanted, told[at][asked.station])
     if not rows:
         raise RunError("no setting near the best is allowed by the limits of the rig")
-    intervals = half_widths(known, bench, [row.tried for row in rows], measured)
+    intervals = half_widths(known, quick, [row.tried.gains for row in rows], measured)
     return Advice(
         asked, base, bench.campaign, known, bench, tuple(found), tuple(told), tuple(rows),
         tuple(intervals), tuple(measured),

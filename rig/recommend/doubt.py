@@ -36,14 +36,14 @@ def column(one: Tried, name: str) -> float:
 
 
 def half_widths(
-    twin: Twin, bench: Bench, base: Sequence[Tried], rows: Sequence[Compared]
+    twin: Twin, quick: Bench, gains: Sequence[Gains], rows: Sequence[Compared]
 ) -> list[dict[str, float]]:
-    """Half of the 95 % interval of each column of each set point."""
-    gains = [one.gains for one in base]
+    """Half of the 95 % interval of each column of each set point; ``rows`` were measured."""
+    base = quick.tried(gains)
     total: dict[str, Floats] = {name: np.zeros(len(base)) for name in COLUMNS}
     for group in twin.groups:
         for direction in group.directions():
-            moved = Bench(bench.campaign, twin, direction).tried(gains)
+            moved = Bench(quick.campaign, twin, direction, quick=True).tried(gains)
             for name in COLUMNS:
                 change = [column(m, name) - column(b, name) for m, b in zip(moved, base, strict=True)]
                 total[name] += np.square(change)

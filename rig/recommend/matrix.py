@@ -25,6 +25,14 @@ _FINEST = 10.0  # N s/m, N/m: gains are written in steps of this
 FORMS = ("grid", "csv", "list")
 
 
+class Wanted(NamedTuple):
+    """What rows are wanted."""
+
+    room: Room
+    station: Station
+    most: int
+
+
 class Row(NamedTuple):
     """A row of the recommended matrix and why it is there."""
 
@@ -33,27 +41,27 @@ class Row(NamedTuple):
 
 
 def rows(
-    bench: Bench, room: Room, found: Sequence[Optimum], station: Station, unsure: float, most: int
+    bench: Bench, quick: Bench, found: Sequence[Optimum], asked: Wanted, unsure: float
 ) -> list[Row]:
-    """At most so many rows, the best first; ``unsure`` (W) is the half width at the best."""
+    """The rows, the best first; ``unsure`` (W) is the half width at the best."""
+    room, station, most = asked
     best = next(o for o in found if o.station == station and o.law == "PI and spring").best
     rise = min(max(unsure, LEAST_RISE), MOST_RISE)
-    made: list[Row] = []
-    for gains, why in _wanted(bench, room, found, best, station, rise):
-        if len(made) == most:
-            break
-        (one,) = bench.tried([_written(gains, room)])
-        if one.allowed and not any(_same(one.gains, row.tried.gains) for row in made):
-            made.append(Row(one, why))
-    return made
+    wanted: dict[Gains, str] = {}
+    for gains, why in _wanted(quick, room, found, best, station, rise):
+        written = _written(gains, room)
+        if not any(_same(written, other) for other in wanted):
+            wanted[written] = why
+    told = zip(bench.tried(list(wanted)), wanted.values(), strict=True)
+    return [Row(one, why) for one, why in told if one.allowed][:most]
 
 
 def _wanted(
-    bench: Bench, room: Room, found: Sequence[Optimum], best: Tried, station: Station, rise: float
+    quick: Bench, room: Room, found: Sequence[Optimum], best: Tried, station: Station, rise: float
 ) -> Iterator[tuple[Gains, str]]:
     name = words(station)
     yield best.gains, f"best {name}"
-    distances = [_distance(bench, room, best, station, axis, rise) for axis in range(3)]
+    distances = [_distance(quick, room, best.gains, station, axis, rise) for axis in range(3)]
     middle = room.place(best.gains)
     for axis, step in enumerate(distances):
         for sign in (1.0, -1.0):
@@ -79,13 +87,13 @@ def words(station: str) -> str:
 
 
 def _distance(
-    bench: Bench, room: Room, best: Tried, station: Station, axis: int, rise: float
+    quick: Bench, room: Room, best: Gains, station: Station, axis: int, rise: float
 ) -> float:
     """How far along an axis the power of a station is worse by ``rise`` (W)."""
-    middle, step = room.place(best.gains), np.zeros(3)
+    middle, step = room.place(best), np.zeros(3)
     step[axis] = 0.5 * _REACH[axis]
-    tried = bench.tried([room.gains(middle + sign * step) for sign in (1.0, -1.0)])
-    worse = float(np.mean([one.power(station) for one in tried])) - best.power(station)
+    at, *sides = quick.tried([room.gains(middle + sign * step) for sign in (0.0, 1.0, -1.0)])
+    worse = float(np.mean([one.power(station) for one in sides])) - at.power(station)
     bend = max(worse, 1e-3) / (0.25 * _REACH[axis] ** 2)
     return min(float(np.sqrt(rise / bend)), _REACH[axis])
 

@@ -74,17 +74,24 @@ def cost(one: Tried, station: Station) -> float:
     return one.power(station) + _PENALTY * over
 
 
-def optima(bench: Bench, room: Room, held: float) -> list[Optimum]:
-    """The best setting of each law for each station; P and PI have the spring at ``held`` (N/m)."""
-    grid = bench.tried(_grid(room, held))
+def optima(bench: Bench, quick: Bench, room: Room, held: float) -> list[Optimum]:
+    """The best setting of each law for each station; P and PI have the spring at ``held`` (N/m).
+
+    They are looked for on the ``quick`` bench and told as the other one predicts them.
+    """
+    grid = quick.tried(_grid(room, held))
     found = []
     for law in LAWS:
         for station in STATIONS:
             there = [one for one in grid if _belongs(one.gains, law, held)]
             start = min(there, key=lambda one: cost(one, station))
-            best = descend(bench.tried, room, start, station, law)
-            found.append(Optimum(station, law, best, _ends(best, room, law)))
-    return found
+            best = descend(quick.tried, room, start, station, law)
+            found.append((station, law, best.gains))
+    told = bench.tried([gains for _, _, gains in found])
+    return [
+        Optimum(station, law, best, _ends(best, room, law))
+        for (station, law, _), best in zip(found, told, strict=True)
+    ]
 
 
 def _grid(room: Room, held: float) -> list[Gains]:

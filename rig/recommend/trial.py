@@ -44,21 +44,36 @@ class Tried(NamedTuple):
         return float(getattr(self.foreseen, f"power_{station}"))
 
 
+GLANCE = 8.0  # Hz: samples of a quick prediction, twice what excites at most
+GLANCE_SECONDS = 60.0  # of a row in a quick prediction, for the custom drive's bus
+
+
 class Bench:
     """A device in a sea: what set points would give."""
 
-    def __init__(self, campaign: Campaign, twin: Twin, shift: Mapping[str, float] | None = None):
-        """``campaign`` is opened on the twin's plant; ``shift`` is added to its estimates."""
+    def __init__(
+        self,
+        campaign: Campaign,
+        twin: Twin,
+        shift: Mapping[str, float] | None = None,
+        *,
+        quick: bool = False,
+    ) -> None:
+        """``campaign`` is opened on the twin's plant; ``shift`` is added to its estimates.
+
+        ``quick``: coarsely sampled, for searching and for differences.
+        """
         shift = dict(shift or {})
         factor = 1.0 + shift.pop(seas.SCALE, 0.0) / twin.values[seas.SCALE]
         if shift:
             campaign = campaign._replace(plant=plant_file.mapping(twin, shift))
-        subject = subject_of(campaign)
+        subject = subject_of(campaign, GLANCE) if quick else subject_of(campaign)
         pushed = subject.heave._replace(excitation=factor * subject.heave.excitation)
         self.campaign = campaign
         self._subject: Subject = subject._replace(heave=pushed)
         self._base: Setting = setting(campaign.file, campaign.rig, campaign.points[0])
-        self._seconds = windows(campaign.file.sea, campaign.file.timing).interval
+        interval = windows(campaign.file.sea, campaign.file.timing).interval
+        self._seconds = min(interval, GLANCE_SECONDS) if quick else interval
         spring = campaign.rig.spring
         self._spring = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
 

@@ -74,7 +74,7 @@ def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }
-    if _by_lines(campaign):
+    if sea.kind != "calm":  # by lines: a wave calibration, excitation and a twin ask for them
         planned["asked_sea"] = job.asked_sea(campaign)
     return planned
 
@@ -85,12 +85,6 @@ def _hoist(campaign: Campaign) -> dict[str, Any] | None:
     if hoist is None:
         return None
     return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.words()}
-
-
-def _by_lines(campaign: Campaign) -> bool:
-    """Whether the sea's own lines matter: to a wave calibration and to what is divided by it."""
-    file = campaign.file
-    return file.device == "absent" or (file.reference is not None and file.sea.kind != "calm")
 
 
 def _reference(campaign: Campaign) -> dict[str, Any] | None:

@@ -12,6 +12,9 @@ interval is of Student's t. The error behind it is, of what the rows tell, the f
 
 The last of these is given beside the others, because neither repetitions nor periods know of
 interactions and curvature.
+
+The realisation of a reference is a name and no number: it has no effect of its own, and rows that
+differ in it alone are repetitions, whose scatter is what other phases change.
 """
 
 from typing import NamedTuple
@@ -32,6 +35,7 @@ _LEAST_REPETITIONS = 3  # degrees of freedom: with fewer the periods say more
 
 REPETITIONS, PERIODS, MISFIT = "repetitions", "wave periods", "misfit"
 _ALWAYS = {column.name for column in ALWAYS}
+_NAMES = {"realisation"}  # columns whose values have no order
 
 
 class Error(NamedTuple):
@@ -217,7 +221,9 @@ def effects(table: xarray.Dataset, kind: str, confidence: float = CONFIDENCE) ->
     power = table[f"power_{kind}"].values
     good = np.flatnonzero((table["state"].values == COMPLETE) & np.isfinite(power))
     settings = row_settings(table)
-    here = tuple(settings[i] for i in good)
+    here = tuple(
+        {name: value for name, value in settings[i].items() if name not in _NAMES} for i in good
+    )
     columns = [c for c in varied(Matrix((), here)) if all(c.name in each for each in here)]
     if not columns or len(good) < len(columns) + 1:
         return None
@@ -237,4 +243,4 @@ def effects(table: xarray.Dataset, kind: str, confidence: float = CONFIDENCE) ->
 
 def is_designed(matrix: Matrix) -> bool:
     """Whether more than spring rate, Kp and Ki varies, so that effects say more than surfaces."""
-    return bool({c.name for c in varied(matrix)} - _ALWAYS)
+    return bool({c.name for c in varied(matrix)} - _ALWAYS - _NAMES)

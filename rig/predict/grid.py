@@ -34,9 +34,9 @@ class Grid(NamedTuple):
         return self.period / self.samples
 
 
-def grid(period: float) -> Grid:
-    """The grid of a period, s."""
-    least = max(LEAST, math.ceil(RATE * period))
+def grid(period: float, rate: float = RATE) -> Grid:
+    """The grid of a period, s; ``rate`` (Hz) is the least of its samples."""
+    least = max(LEAST, math.ceil(rate * period))
     samples = 2 * int(fft.next_fast_len(math.ceil(least / 2), real=True))
     omega = np.asarray(2.0 * np.pi * np.arange(samples // 2 + 1) / period, dtype=np.float64)
     return Grid(period, samples, omega)

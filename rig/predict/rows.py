@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from rig.predict import bus, electrics, plant
 from rig.predict.foreseen import Foreseen
 from rig.predict.grid import Floats
 from rig.predict.heave import Heave, heave_of, heave_poles
-from rig.predict.margins import margins
+from rig.predict.margins import Margin, margins
+from rig.predict.sampled import Poles
 from rig.predict.subject import Subject, subject_of, switching
-from rig.predict.surge import surge_of
+from rig.predict.surge import Surge, surge_of
 from rig.predict.travel import orders, to_the_first
 from rig.predict.verdict import refused, warnings
 from rig.predict.words import Prediction, RowPrediction
@@ -28,6 +29,8 @@ PASSES = 2  # of motion and bus, which depend on each other
 
 Row = tuple[Setting, float]
 """A setting and the stator's position (%)."""
+
+Margins = tuple[Margin, ...]
 
 
 def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[Foreseen]:
@@ -40,8 +43,11 @@ def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[
     most = max(1, MOST_SAMPLES // subject.grid.samples)
     parts = [unique[i : i + most] for i in range(0, len(unique), most)]
     if not subject.plant.custom:
-        still = np.zeros(len(unique))
-        found = [one for part in parts for one in _part(subject, part, still)[0]]
+        found = [
+            one
+            for part in parts
+            for one in _part(subject, part, np.zeros(len(part)), _still(subject, part))[0]
+        ]
         by_pair = dict(zip(unique, found, strict=True))
         return [Foreseen(**by_pair[pair]) for pair in pairs]
     buses = {pair: bus_of(subject, pair[0]) for pair in unique}
@@ -49,10 +55,11 @@ def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[
              for pair, one in buses.items()}  # fmt: skip
     told: list[bus.Voltage] = []
     by_pair = {}
+    resting = [_still(subject, part) for part in parts]
     for _ in range(PASSES):
         powers: dict[Row, tuple[tuple[float, ...], float]] = {}
-        for part in parts:
-            columns, heave = _part(subject, part, np.array([volts[pair] for pair in part]))
+        for part, still in zip(parts, resting, strict=True):
+            columns, heave = _part(subject, part, np.array([volts[pair] for pair in part]), still)
             by_pair |= dict(zip(part, columns, strict=True))
             for pair, power in zip(part, heave.dc, strict=True):
                 powers[pair] = bus.stepped(subject.grid, power)
@@ -63,6 +70,47 @@ def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[
     return [
         Foreseen(**{**by_pair[pair], **_voltage(one)})
         for pair, one in zip(pairs, told, strict=True)
+    ]
+
+
+def tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[Foreseen, Margins]]:
+    """What is predicted of set points that stand alone, each held for so many seconds.
+
+    The custom drive's bus starts at its supply, or at its set voltage where that is off. Only its
+    first pass is walked: the second, at the mean voltage found, moves power by little.
+    """
+    most = max(1, MOST_SAMPLES // subject.grid.samples)
+    parts = [rows[i : i + most] for i in range(0, len(rows), most)]
+    return [one for part in parts for one in _tried(subject, part, seconds)]
+
+
+def _tried(
+    subject: Subject, rows: Sequence[Row], seconds: float
+) -> list[tuple[Foreseen, Margins]]:
+    still = _still(subject, rows)
+    bounds, rig = subject.campaign.limits, subject.campaign.rig
+    rests = [plant.bus_at_rest(subject.plant, one) for one, _ in rows]
+    if not subject.plant.custom:
+        columns, _ = _part(subject, rows, np.zeros(len(rows)), still)
+        found = [Foreseen(**each) for each in columns]
+        return [
+            (one, margins(bounds, rig, row[0], one, None, rest))
+            for one, row, rest in zip(found, rows, rests, strict=True)
+        ]
+    links = [bus_of(subject, one) for one, _ in rows]
+    first = [one.supply_voltage if one.connected else one.set_voltage for one in links]
+    _, heave = _part(subject, rows, np.array(first), still)
+    told = [
+        bus.walk([bus.Stretch(link, *bus.stepped(subject.grid, power), seconds)])[0]
+        for link, power in zip(links, heave.dc, strict=True)
+    ]
+    columns, _ = _part(subject, rows, np.array([one.mean for one in told]), still)
+    found = [
+        Foreseen(**{**each, **_voltage(one)}) for each, one in zip(columns, told, strict=True)
+    ]
+    return [
+        (one, margins(bounds, rig, row[0], one, link, rest))
+        for one, row, link, rest in zip(found, rows, links, rests, strict=True)
     ]
 
 
@@ -83,16 +131,27 @@ def _voltage(found: bus.Voltage) -> dict[str, float]:
     }
 
 
+class _Still(NamedTuple):
+    """What of some rows does not depend on the bus."""
+
+    surge: Surge
+    poles: Poles
+
+
+def _still(subject: Subject, rows: Sequence[Row]) -> _Still:
+    settings, stator = [one for one, _ in rows], [position for _, position in rows]
+    return _Still(surge_of(subject, settings), heave_poles(subject, settings, stator))
+
+
 def _part(
-    subject: Subject, rows: Sequence[Row], voltage: Floats
+    subject: Subject, rows: Sequence[Row], voltage: Floats, still: _Still
 ) -> tuple[list[dict[str, Any]], Heave]:
     """The keywords of `Foreseen` for some rows, their bus as yet unknown."""
     settings, stator = [one for one, _ in rows], [position for _, position in rows]
     campaign = subject.campaign
     rig = campaign.rig
-    surge = surge_of(subject, settings)
+    surge, poles = still
     heave = heave_of(subject, settings, stator, surge.lateral, voltage)
-    poles = heave_poles(subject, settings, stator)
     stiff = plant.stiff_bus(subject.plant, heave.dc)
     columns: dict[str, Floats] = {
         **heave.columns,

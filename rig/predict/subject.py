@@ -24,7 +24,7 @@ from rig.config.limits_file import AxisLimits
 from rig.config.rig_file import Axis as Motor
 from rig.predict import electrics, loop, plant
 from rig.predict.axis import Axis
-from rig.predict.grid import Complexes, Grid, grid, lines
+from rig.predict.grid import RATE, Complexes, Grid, grid, lines
 from rig.predict.loop import Law, Timing
 from rig.rehearsal.devices import build_sea
 from rig.rehearsal.job import devices_of
@@ -56,8 +56,11 @@ class Subject(NamedTuple):
     reference: Reference
 
 
-def subject_of(campaign: Campaign) -> Subject:
-    """The subject of a checked campaign; the same files as a rehearsal's."""
+def subject_of(campaign: Campaign, rate: float = RATE) -> Subject:
+    """The subject of a checked campaign; the same files as a rehearsal's.
+
+    ``rate`` (Hz) is the least at which a period is sampled; nothing excites above 2 Hz.
+    """
     devices = devices_of(campaign)
     given = plant.given(devices["plant"])
     sea = build_sea(devices["sea"])
@@ -67,7 +70,7 @@ def subject_of(campaign: Campaign) -> Subject:
         reference_table(campaign.file, campaign.rig, (one,), campaign.record) for one in several
     ]
     shared = _shared(sea, tables[0], 1.0 / campaign.rig.rate_hz)
-    on = grid(shared.period)
+    on = grid(shared.period, rate)
     path = Path(devices["bem"])
     rig, bounds = campaign.rig, campaign.limits
 

@@ -22,7 +22,7 @@ from rig.analysis.effects import (
     main_effects,
 )
 from rig.analysis.effects_table import all_effects, as_json, as_text, notes, write_effects
-from rig.analysis.points import matrix
+from rig.analysis.points import Matrix, matrix
 from rig.analysis.rows import row_table
 from rig.config.columns import COLUMNS
 
@@ -282,3 +282,25 @@ def test_nothing_varies_or_too_few_rows_have_no_effects(designed: xarray.Dataset
     assert effects(designed.isel(row=[]), "dc") is None
     assert all_effects(xarray.Dataset()) == ()
     assert np.isnan(half_width(1.0, 0.0))
+
+
+def test_a_realisation_is_a_name_and_no_number() -> None:
+    """Rows of other phases are repetitions: no line through realisation 1, 2, 3."""
+    kp = np.repeat([-1000.0, -2000.0], 3)
+    table = xarray.Dataset(
+        {
+            "kp": ("row", kp),
+            "realisation": ("row", np.tile([1.0, 2.0, 3.0], 2)),
+            "state": ("row", ["complete"] * 6),
+            "power_dc": ("row", 0.01 * kp + np.tile([-1.0, 0.0, 4.0], 2)),
+            "power_dc_se": ("row", [np.nan] * 6),
+            "periods": ("row", [1] * 6),
+        }
+    )
+    found = effects(table, "dc")
+    assert found is not None
+    assert [each.column.name for each in found.effects] == ["kp"]
+    assert found.effects[0].watts == pytest.approx(10.0)
+    assert found.source == REPETITIONS
+    asked = tuple({"kp": -1000.0, "realisation": float(i)} for i in (1, 2))
+    assert not is_designed(Matrix((), asked))

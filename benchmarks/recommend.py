@@ -1,0 +1,241 @@
+"""How near `rig recommend` comes to the true optimum of DC power, and in how many rows.
+
+The device is the nonlinear WaveBot with the custom drive, its sensors noisy. The true optimum is the
+continuous minimum over Kp, Ki and spring rate of the same plant without noise, walked by the compiled
+loop. A reference grid of 6 Kp x 6 Ki x 3 springs, walked alike, stands beside it. Rows spent are
+those that were run and the whole identification run, counted in rows of that sea.
+"""
+
+import math
+import tempfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from ruamel.yaml import YAML
+from scipy.optimize import minimize
+
+from benchmarks.support.result import Figure, Result, figure
+from rig.analysis.rows import COMPLETE, reduced
+from rig.batch.cases import alone
+from rig.batch.subject import Subject
+from rig.campaign import check, open_campaign, plan
+from rig.campaign.point import Point
+from rig.campaign.stability import largest_ki
+from rig.campaign.windows import repeat_period, windows
+from rig.campaign_run import carry_out, rehearsal
+from rig.recommend import report
+from rig.recommend.advice import Advice, Asked, advise
+from rig.recommend.trial import Gains
+
+CONFIGS = Path(__file__).resolve().parents[1] / "configs"
+RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"
+SEAS: dict[str, dict[str, Any]] = {
+    "0.5 Hz, 0.127 m": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+    "Hs 0.254 m, 2.5 s": {"kind": "jonswap", "hs_m": 0.254, "tp_s": 2.5},
+    "Hs 0.127 m, 3.45 s": {"kind": "jonswap", "hs_m": 0.127, "tp_s": 3.45},
+}
+SPRINGS = (490.9, -5715.0, -10013.0)
+LEAD_IN = 15.0  # s, before a walked row
+AGAIN = 10  # rows of a regular sea that are run before a second recommendation
+BUDGET = 36
+
+
+class Silent:
+    """A view of a run that draws nothing."""
+
+    notice = ""
+
+    def __call__(self, snapshot: Any) -> None:
+        """Draw nothing."""
+
+
+class Truth:
+    """The plant without noise in a sea: power of any settings, by the compiled loop."""
+
+    def __init__(self, path: Path) -> None:
+        self.campaign = open_campaign(path)
+        whole = plan(self.campaign.file, self.campaign.rig, self.campaign.points)
+        self._subject = Subject(self.campaign, whole)
+        period = repeat_period(self.campaign.file.sea)
+        self._ticks = period / whole.dt if period else None
+        self._at = self.campaign.points[0].at
+        self.known: dict[Gains, dict[str, float]] = {}
+
+    def __call__(self, gains: Gains) -> dict[str, float]:
+        """Mean power by station, W; infinite where the rig would trip."""
+        if gains not in self.known:
+            self.known[gains] = self._walked(gains)
+        return self.known[gains]
+
+    def _walked(self, gains: Gains) -> dict[str, float]:
+        nothing = {"ac": math.inf, "dc": math.inf}
+        if gains.ki > largest_ki(self.campaign.rig.stability, gains.spring_rate):
+            return nothing
+        point = Point({k: float(v) for k, v in gains._asdict().items()}, self._at)
+        planned = plan(alone(self.campaign.file, LEAD_IN), self.campaign.rig, (point,))
+        for window in self._subject.walk(planned, stator=planned.rows[0].stator_position):
+            row = reduced(window, self._ticks)
+            if row["state"] == COMPLETE:
+                return {"ac": row["power_ac"], "dc": row["power_dc"]}
+        return nothing
+
+    def least(self, start: Gains) -> Gains:
+        """The continuous minimum of DC power that a search from ``start`` ends in."""
+        scale = np.array([500.0, 1000.0, 1000.0])
+        rates, _ = self.campaign.rig.spring.by_rate()
+
+        def gains(place: Any) -> Gains:
+            kp, ki, rate = (np.array(start) + place * scale).tolist()
+            rate = min(max(rate, rates[0]), rates[-1])
+            most = largest_ki(self.campaign.rig.stability, rate)
+            return Gains(min(kp, -100.0), min(ki, most), rate)
+
+        found = minimize(
+            lambda place: min(self(gains(place))["dc"], 1e3), np.zeros(3), method="Nelder-Mead",
+            options={"xatol": 0.02, "fatol": 0.01, "maxfev": 90, "initial_simplex": _simplex()},
+        )  # fmt: skip
+        return gains(found.x)
+
+
+def _simplex() -> Any:
+    return np.concatenate([np.zeros((1, 3)), np.eye(3)])
+
+
+class Found(NamedTuple):
+    """What one sea gave."""
+
+    sea: str
+    first: Gains  # recommended from calm water alone
+    again: Gains | None  # and from its rows besides
+    true: Gains
+    watts: dict[str, float]  # true DC at these, of the grid's best row, and the best AC
+    spent: tuple[float, float]  # rows, of the identification and of the recommended campaign
+
+
+def measure(short: bool) -> Result:
+    """Identify, recommend, and compare with the truth."""
+    seas = dict(list(SEAS.items())[:1]) if short else SEAS
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        identified, seconds = _identified(folder, short)
+        found = [
+            _sea(folder / f"sea_{i}", name, keys, identified, seconds, short)
+            for i, (name, keys) in enumerate(seas.items())
+        ]
+    return Result(
+        "recommend",
+        "true DC power at recommended settings, against its continuous minimum",
+        f"custom drive, {seconds:.0f} s of identification in calm water; "
+        "reference grid 6 Kp x 6 Ki x 3 springs",
+        tuple(each for one in found for each in _figures(one)),
+    )
+
+
+def _file(path: Path, keys: dict[str, Any]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w") as file:
+        YAML(typ="safe").dump(keys, file)
+    return path
+
+
+def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
+    """The run of a campaign, and how long it took in the basin's time, s."""
+    told = check(path)
+    if told.campaign is None or told.plan is None:
+        raise RuntimeError(told.text())
+    rung = rehearsal(told.campaign, real_clock=False)
+    ended = carry_out(told.campaign, told.plan, runs, Silent(), rung)
+    if ended.outcome.status != "complete":
+        raise RuntimeError(f"{path.name}: {ended.outcome.reason}")
+    return ended.folder, told.plan.duration
+
+
+def _identified(folder: Path, short: bool) -> tuple[Path, float]:
+    keys: dict[str, Any] = {
+        "extends": str(CONFIGS / "campaigns" / "identification_short.yaml"),
+        "rig": str(RIG),
+    }
+    if short:
+        keys["matrix"] = {"grid": [{
+            "spring_n_per_m": 490.9, "kp_n_s_per_m": 0, "ki_n_per_m": 0,
+            "reference_scale": [1, 3],
+        }]}  # fmt: skip
+    return _rehearsed(_file(folder / "identification.yaml", keys), folder / "runs")
+
+
+def _sea(
+    folder: Path, name: str, sea: dict[str, Any], identified: Path, seconds: float, short: bool
+) -> Found:
+    first_row = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
+    keys = {"name": "sea", "rig": str(RIG), "sea": sea, "matrix": {"list": [first_row]}}
+    base = _file(folder / "sea.yaml", keys)
+    truth = Truth(_file(folder / "truth.yaml", {**keys, "plant": str(_quiet(folder))}))
+    timing = windows(truth.campaign.file.sea, truth.campaign.file.timing)
+    asked = Asked(campaign=base, rows=AGAIN)
+    advice = advise([identified], asked, folder / "first")
+    first, again, rows = _dc(advice), None, 0
+    if sea["kind"] == "regular" and not short:
+        path, _ = report.write(advice, folder / "first")
+        run, _ = _rehearsed(path, folder / "runs")
+        rows = len(advice.rows)
+        again = _dc(advise([identified, run], asked, folder / "again"))
+    grid = [] if short else _grid()
+    watts = {"grid": min((truth(gains)["dc"] for gains in grid), default=math.nan)}
+    starts = [first, *sorted(grid, key=lambda g: truth(g)["dc"])[:1]]
+    true = min((truth.least(start) for start in starts), key=lambda g: truth(g)["dc"])
+    watts |= {"first": truth(first)["dc"], "true": truth(true)["dc"]}
+    watts["again"] = truth(again)["dc"] if again else math.nan
+    watts["ac"] = min(each["ac"] for each in truth.known.values())
+    return Found(name, first, again, true, watts, (seconds / timing.interval, rows))
+
+
+def _dc(advice: Advice) -> Gains:
+    return advice.rows[0].tried.gains
+
+
+def _grid() -> list[Gains]:
+    """The reference grid: Ki rises from what takes the spring's rate back."""
+    return [
+        Gains(kp, rate + above, rate)
+        for rate in SPRINGS
+        for kp in np.linspace(-1000.0, -3500.0, 6).tolist()
+        for above in np.linspace(0.0, 10_000.0, 6).tolist()
+    ]
+
+
+def _quiet(folder: Path) -> Path:
+    """The plant without sensor noise."""
+    names = ("current", "string_pot", "lcb", "trs", "slew", "stator", "rotor", "probe")
+    units = {"current": "A", "rotor": "rad", "string_pot": "m", "probe": "m"}
+    silent = {
+        f"{name}_noise": {"value": 0.0, "unit": units.get(name, "N"), "source": "none"}
+        for name in names
+    }
+    return _file(folder / "quiet.yaml", {"extends": str(PLANT), "sensors": silent})
+
+
+def _figures(one: Found) -> list[Figure]:
+    watts = one.watts
+    most = max(0.02 * abs(watts["ac"]), 0.5)
+    gap = watts["first"] - watts["true"]
+    name = one.sea
+    made = [
+        figure(f"{name}: gap in DC power, from calm water alone", "W", gap, at_most=most),
+        figure("  allowed: 2 % of the best AC power, at least 0.5 W", "W", most),
+        figure("  true least DC power", "W", watts["true"]),
+        figure("  rows spent, identification included", "1", one.spent[0], at_most=BUDGET),
+    ]
+    if one.again is not None:
+        second = watts["again"] - watts["true"]
+        spent = sum(one.spent)
+        made += [
+            figure("  gap after its rows were run", "W", second, at_most=most),
+            figure("  rows spent by then", "1", spent, at_most=BUDGET),
+        ]
+    if math.isfinite(watts["grid"]):
+        made.append(figure("  gap of the best of 108 grid rows", "W", watts["grid"] - watts["true"]))
+    for label, gains in (("recommended", one.first), ("true", one.true)):
+        told = zip(gains._fields, gains, ("N*s/m", "N/m", "N/m"), strict=True)
+        made += [figure(f"  {label} {field}", unit, value) for field, value, unit in told]
+    return made

@@ -1,0 +1,152 @@
+"""The free decay session of the flap: how it swings out."""
+
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import SubFigure
+
+from rig.analysis.session import flap_decay
+from rig.analysis.session.drawing import BLUE, RED, axes_of, note, shade
+from rig.analysis.session.estimate import Estimate
+from rig.analysis.session.flap_decay import Decay, Loss, Release
+from rig.analysis.session.read import Point, Session
+from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
+
+
+class Swung(NamedTuple):
+    """A release as measured."""
+
+    point: Point
+    release: Release
+    lost: list[Loss]
+
+
+def result(session: Session, stiffness: Estimate | None = None) -> Result:
+    """Analyse a run; with the flap's ``stiffness`` (N*m/rad) also what it means in moments."""
+    whole = session.whole
+    releases = [flap_decay.release(point.shaft, point.dt) for point in whole]
+    found = flap_decay.decay(releases)
+    rest = found.rest.value
+    swung = [
+        Swung(point, each, flap_decay.losses(each, rest))
+        for point, each in zip(whole, releases, strict=True)
+    ]
+    named = {
+        "flap_natural_period": found.period,
+        "flap_decay_rate": found.rate,
+        "flap_damping_ratio": found.ratio,
+        "flap_quadratic_rate": found.quadratic,
+        "flap_friction_angle": found.friction,
+    }
+    moments = _moments(found, stiffness) if stiffness is not None else {}
+    said = [
+        "The flap alone, its rigid coupling taken out; added inertia and radiation are those at "
+        "its own period. Dry friction is that of bearings and seals.",
+    ]
+    if stiffness is None:
+        said.append("Without a flap_hydrostatic run beside this one there are no moments.")
+    return Result(
+        (_table(swung),),
+        _compared({**named, **moments}),
+        {**named, **moments},
+        (
+            Picture("flap_decay", "The flap let go", "Blue: measured; red: the fit, integrated.",
+                    (7.6, 4.8), partial(_draw, swung, found)),
+            Picture("flap_extinction", "What half a swing loses over its amplitude",
+                    "Points: turning points of each release; red: the fit, by its energy.",
+                    (7.2, 4.6), partial(_draw_losses, swung, found)),
+        ),
+        tuple(said),
+    )  # fmt: skip
+
+
+def _moments(found: Decay, stiffness: Estimate) -> dict[str, Estimate]:
+    """Inertia and damping by the spring: what the decay gives per inertia, times inertia."""
+    inertia = stiffness.value / found.spring.value
+    share = np.hypot(
+        stiffness.uncertainty / stiffness.value, found.spring.uncertainty / found.spring.value
+    )
+
+    def times(of: Estimate, factor: float, unit: str) -> Estimate:
+        value = factor * of.value * inertia
+        half = np.hypot(factor * of.uncertainty * inertia, value * share)
+        how = f"{of.method}; spring {stiffness.method}"
+        return Estimate(value, float(half), unit, how)
+
+    how = f"spring over the square of the natural frequency; spring {stiffness.method}"
+    own = Estimate(inertia, float(inertia * share), "kg*m^2", how)
+    return {
+        "flap_inertia": own,
+        "flap_linear_damping": times(found.rate, 2.0, "N*m*s/rad"),
+        "flap_quadratic_damping": times(found.quadratic, 1.0, "N*m*s^2/rad^2"),
+        "flap_dry_friction": times(found.dry, 1.0, "N*m"),
+    }
+
+
+_SAID = {
+    "flap_natural_period": "natural period",
+    "flap_decay_rate": "decay rate of small swings",
+    "flap_damping_ratio": "damping ratio, linear",
+    "flap_quadratic_rate": "quadratic damping over inertia",
+    "flap_friction_angle": "dry friction over spring",
+    "flap_inertia": "inertia with added inertia",
+    "flap_linear_damping": "linear damping, radiation included",
+    "flap_quadratic_damping": "quadratic damping",
+    "flap_dry_friction": "dry friction",
+}
+
+
+def _compared(named: dict[str, Estimate]) -> tuple[Compared, ...]:
+    return tuple(
+        Compared(_SAID[name], "not run", "", words(each), None) for name, each in named.items()
+    )
+
+
+def _table(swung: list[Swung]) -> Table:
+    return Table(
+        "flap_releases",
+        "Releases",
+        (
+            Column("row", "", tuple(each.point.row for each in swung)),
+            Column("released at", "deg", tuple(e.point.number("release_deg") for e in swung)),
+            Column("from", "deg", tuple(float(np.degrees(e.release.angle[0])) for e in swung)),
+            Column("half swings", "", tuple(len(each.lost) for each in swung)),
+            Column("top speed", "rad/s",
+                   tuple(float(np.abs(each.release.velocity).max()) for each in swung)),
+        ),
+    )  # fmt: skip
+
+
+def _draw(swung: list[Swung], found: Decay, body: SubFigure) -> None:
+    axes = axes_of(body, "time since it was let go, s", "angle, deg")
+    for each in swung:
+        t = each.release.dt * np.arange(len(each.release.angle))
+        axes.plot(t[::20], np.degrees(each.release.angle[::20]), color=BLUE, lw=1.4)
+        at, angle = flap_decay.swing(found.fitted, each.release)
+        axes.plot(at, np.degrees(angle), "--", color=RED, lw=0.9)
+    axes.set_xlim(0.0, 4.5 * found.period.value)
+    told = (
+        f"natural period {words(found.period)}",
+        f"damping ratio {words(found.ratio)}",
+        f"quadratic {words(found.quadratic)}",
+        f"friction holds within {words(found.friction, 'deg', 180.0 / np.pi)}",
+    )
+    note(axes, "\n".join(told), "upper right")
+
+
+def _draw_losses(swung: list[Swung], found: Decay, body: SubFigure) -> None:
+    axes = axes_of(body, "mean amplitude of half a swing, deg", "lost in it, deg")
+    top = 0.0
+    for i, each in enumerate(swung):
+        if each.lost:
+            mean, lost = np.degrees(np.array(each.lost)).T
+            top = max(top, float(mean.max()))
+            label = f"{each.point.number('release_deg'):g} deg"
+            axes.plot(mean, lost, "o", ms=4.5, color=shade(i + 1, len(swung) + 1), label=label)
+    mean = np.linspace(0.0, np.radians(1.05 * top), 100)
+    lost = flap_decay.expected_loss(found.fitted, mean)
+    axes.plot(np.degrees(mean), np.degrees(lost), color=RED, lw=1.3)
+    axes.set_xlim(0.0, None)
+    axes.set_ylim(0.0, None)
+    axes.legend(frameon=False, fontsize=8, title="released at", title_fontsize=8)

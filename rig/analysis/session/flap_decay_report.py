@@ -25,7 +25,7 @@ class Swung(NamedTuple):
 def result(session: Session, stiffness: Estimate | None = None) -> Result:
     """Analyse a run; with the flap's ``stiffness`` (N*m/rad) also what it means in moments."""
     whole = session.whole
-    releases = [flap_decay.release(point.shaft, point.dt) for point in whole]
+    releases = [flap_decay.release(point.shaft, point.dt, point.age) for point in whole]
     found = flap_decay.decay(releases)
     rest = found.rest.value
     swung = [
@@ -36,7 +36,7 @@ def result(session: Session, stiffness: Estimate | None = None) -> Result:
         "flap_natural_period": found.period,
         "flap_decay_rate": found.rate,
         "flap_damping_ratio": found.ratio,
-        "flap_quadratic_rate": found.quadratic,
+        "flap_quadratic_over_spring": found.quadratic,
         "flap_friction_angle": found.friction,
     }
     moments = _moments(found, stiffness) if stiffness is not None else {}
@@ -62,33 +62,28 @@ def result(session: Session, stiffness: Estimate | None = None) -> Result:
 
 
 def _moments(found: Decay, stiffness: Estimate) -> dict[str, Estimate]:
-    """Inertia and damping by the spring: what the decay gives per inertia, times inertia."""
-    inertia = stiffness.value / found.spring.value
-    share = np.hypot(
-        stiffness.uncertainty / stiffness.value, found.spring.uncertainty / found.spring.value
-    )
+    """Inertia and damping by the spring; of inertia and linear damping radiation is a part."""
 
-    def times(of: Estimate, factor: float, unit: str) -> Estimate:
-        value = factor * of.value * inertia
-        half = np.hypot(factor * of.uncertainty * inertia, value * share)
-        how = f"{of.method}; spring {stiffness.method}"
-        return Estimate(value, float(half), unit, how)
+    def times(factor: float, unit: str, *shares: Estimate) -> Estimate:
+        relative = [each.uncertainty / each.value for each in (stiffness, *shares)]
+        value = factor * stiffness.value
+        how = f"{shares[0].method}; spring {stiffness.method}"
+        return Estimate(value, abs(value) * float(np.linalg.norm(relative)), unit, how)
 
-    how = f"spring over the square of the natural frequency; spring {stiffness.method}"
-    own = Estimate(inertia, float(inertia * share), "kg*m^2", how)
+    natural, rate = found.natural, found.rate
     return {
-        "flap_inertia": own,
-        "flap_linear_damping": times(found.rate, 2.0, "N*m*s/rad"),
-        "flap_quadratic_damping": times(found.quadratic, 1.0, "N*m*s^2/rad^2"),
-        "flap_dry_friction": times(found.dry, 1.0, "N*m"),
+        "flap_inertia": times(1.0 / natural.value, "kg*m^2", natural),
+        "flap_linear_damping": times(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural),
+        "flap_quadratic_damping": times(found.quadratic.value, "N*m*s^2/rad^2", found.quadratic),
+        "flap_dry_friction": times(found.friction.value, "N*m", found.friction),
     }
 
 
 _SAID = {
-    "flap_natural_period": "natural period",
+    "flap_natural_period": "natural period of small swings",
     "flap_decay_rate": "decay rate of small swings",
     "flap_damping_ratio": "damping ratio, linear",
-    "flap_quadratic_rate": "quadratic damping over inertia",
+    "flap_quadratic_over_spring": "quadratic damping over spring",
     "flap_friction_angle": "dry friction over spring",
     "flap_inertia": "inertia with added inertia",
     "flap_linear_damping": "linear damping, radiation included",
@@ -112,8 +107,8 @@ def _table(swung: list[Swung]) -> Table:
             Column("released at", "deg", tuple(e.point.number("release_deg") for e in swung)),
             Column("from", "deg", tuple(float(np.degrees(e.release.angle[0])) for e in swung)),
             Column("half swings", "", tuple(len(each.lost) for each in swung)),
-            Column("top speed", "rad/s",
-                   tuple(float(np.abs(each.release.velocity).max()) for each in swung)),
+            Column("came to rest at", "deg",
+                   tuple(float(np.degrees(each.release.angle[-1])) for each in swung)),
         ),
     )  # fmt: skip
 
@@ -121,10 +116,10 @@ def _table(swung: list[Swung]) -> Table:
 def _draw(swung: list[Swung], found: Decay, body: SubFigure) -> None:
     axes = axes_of(body, "time since it was let go, s", "angle, deg")
     for each in swung:
-        t = each.release.dt * np.arange(len(each.release.angle))
-        axes.plot(t[::20], np.degrees(each.release.angle[::20]), color=BLUE, lw=1.4)
-        at, angle = flap_decay.swing(found.fitted, each.release)
-        axes.plot(at, np.degrees(angle), "--", color=RED, lw=0.9)
+        t, angle = each.release.time, np.degrees(each.release.angle)
+        axes.plot(t, angle, color=BLUE, lw=1.6)
+        fitted = np.degrees(flap_decay.swing(found.fit, each.release))
+        axes.plot(t, fitted, "--", color=RED, lw=0.9)
     axes.set_xlim(0.0, 4.5 * found.period.value)
     told = (
         f"natural period {words(found.period)}",
@@ -145,7 +140,7 @@ def _draw_losses(swung: list[Swung], found: Decay, body: SubFigure) -> None:
             label = f"{each.point.number('release_deg'):g} deg"
             axes.plot(mean, lost, "o", ms=4.5, color=shade(i + 1, len(swung) + 1), label=label)
     mean = np.linspace(0.0, np.radians(1.05 * top), 100)
-    lost = flap_decay.expected_loss(found.fitted, mean)
+    lost = flap_decay.expected_loss(found, mean)
     axes.plot(np.degrees(mean), np.degrees(lost), color=RED, lw=1.3)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, None)

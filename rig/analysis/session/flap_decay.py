@@ -2,12 +2,13 @@
 
 Per inertia, radiation as a memory of second order (h of v = theta', at rest when let go):
 
-    theta'' = -w (theta - theta0) - c v - b |v| v - f sign(v) - h,    h = r s / (s^2 + d s + e) v
+    theta'' = -w (theta - theta0) - c v - b |v| v - f sign(v) - r m,    m = s / (s^2 + d s + e) v
 
-is integrated and fitted to the angles of all releases at once, by least squares. The small swings'
-period and rate are those of the slow root of (s^2 + c s + w)(s^2 + d s + e) + r s^2: what the flap
-does when neither quadratic nor dry friction matters. Each of r, d and e alone is known badly, that
-root well. Intervals by leaving out one release at a time.
+The acceleration is fitted where the flap moves fast enough for dry friction to have one sign: for
+given d and e that is linear in all else, and d and e are searched. Period and rate of small swings
+are those of the slow root of (s^2 + c s + w)(s^2 + d s + e) + r s^2: what the flap does when
+neither quadratic nor dry friction matters. Each of c, r, d and e alone is known badly, that root
+well. Intervals by leaving out one release at a time.
 """
 
 import itertools
@@ -16,24 +17,30 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import argrelextrema
+from scipy.signal import argrelextrema, bilinear, lfilter, savgol_filter
 
 from rig.analysis.session.estimate import Estimate, Floats, jackknife
+from rig.analysis.session.losses import moving
 
-STEP = 0.002  # s, of the integration
-SPARSE = 10  # steps between compared angles
-_SMALL = 1e-5  # of a logarithm, for differences
+WINDOW, ORDER = 0.15, 5  # s and degree of the polynomials whose derivatives are taken
+SLOWEST = 0.1  # share of a release's top speed
+STILL = 2e-4  # rad
+_SMALL = 1e-4  # of a logarithm, for differences
 
 
 class Release(NamedTuple):
-    """One release, (samples,) every `STEP` * `SPARSE` seconds from when the flap was let go."""
+    """One release while it moves, (samples,) from when the flap was let go."""
 
+    dt: float  # s
     angle: Floats  # rad
+    velocity: Floats  # rad/s
+    acceleration: Floats  # rad/s^2
+    good: Any  # samples that are fitted
 
     @property
     def time(self) -> Floats:
         """s."""
-        out: Floats = SPARSE * STEP * np.arange(len(self.angle))
+        out: Floats = np.float64(self.dt) * np.arange(len(self.angle), dtype=np.float64)
         return out
 
 
@@ -44,10 +51,10 @@ class Fit(NamedTuple):
     linear: float  # c, 1/s
     quadratic: float  # b, 1/rad
     dry: float  # f, rad/s^2
+    offset: float  # w theta0, rad/s^2
     gain: float  # r, 1/s^2
     width: float  # d, 1/s
     square: float  # e, 1/s^2
-    rest: float  # theta0, rad
 
 
 class Decay(NamedTuple):
@@ -61,7 +68,6 @@ class Decay(NamedTuple):
     quadratic: Estimate  # b / w, s^2/rad: over the spring
     friction: Estimate  # f / w, rad: how far from rest dry friction can hold it
     rest: Estimate  # rad
-    off: float  # rad, root mean square of measured less fitted angle
 
 
 class Loss(NamedTuple):
@@ -71,92 +77,93 @@ class Loss(NamedTuple):
     lost: float  # rad
 
 
-def release(angle: Floats, dt: float, age: float) -> Release:
-    """A release of angles (rad) that were ``age`` s old when read; its first is that of the hold."""
-    last = dt * (len(angle) - 1) - age
-    t = np.arange(0.0, last, SPARSE * STEP)
-    return Release(np.interp(t + age, dt * np.arange(len(angle)), angle))
+def release(angle: Floats, dt: float) -> Release:
+    """A release of angles (rad); ValueError if the flap stays where it was."""
+    moves = np.flatnonzero(np.abs(angle - angle[-1]) > STILL)
+    if not len(moves):
+        raise ValueError("a release that does not move")
+    length = min(len(angle), int(moves[-1]) + round(0.5 / dt))
+    count = 2 * round(0.5 * WINDOW / dt) + 1
+    smooth = [savgol_filter(angle, count, ORDER, deriv=k, delta=dt)[:length] for k in range(3)]
+    good = moving(smooth[1], count // 2, SLOWEST) > 0
+    good[:count] = False  # the window would see both sides of the release
+    return Release(dt, smooth[0], smooth[1], smooth[2], good)
 
 
 def decay(releases: list[Release]) -> Decay:
-    """Fit all releases at once; ValueError for fewer than four, or none that swings."""
+    """Fit all releases at once; ValueError for fewer than four, or a flap that does not swing."""
     if len(releases) < 4:
         raise ValueError(f"{len(releases)} releases; a decay needs at least 4")
-    least = min(len(each.angle) for each in releases)
-    angles = np.array([each.angle[:least] for each in releases])
 
     def off(x: Floats) -> Floats:
-        return (_angles(x[None], angles)[0] - angles).ravel()
+        designs = [_design(each, x) for each in releases]
+        out: Floats = np.concatenate(designs) @ _linear(designs, releases) - pulls
+        return out
 
-    def slopes(x: Floats) -> Floats:
-        moved = np.concatenate([x[None], x + _SMALL * np.eye(len(x))])
-        found = _angles(moved, angles)
-        each: Floats = ((found[1:] - found[0]) / _SMALL).reshape(len(x), -1).T
-        return each
-
-    solved = least_squares(off, _start(angles), jac=slopes, x_scale=1.0, max_nfev=60)
-    jacobian = slopes(solved.x).reshape(*angles.shape, -1)
-    rest = off(solved.x).reshape(angles.shape)
-    grams = np.einsum("ijk,ijl->ikl", jacobian, jacobian)
-    rights = np.einsum("ijk,ij->ik", jacobian, rest)
-    gram, right = grams.sum(axis=0), rights.sum(axis=0)
-    fewer = np.array([
-        _told(_fit(solved.x - np.linalg.lstsq(gram - g, right - r, rcond=1e-12)[0]))
+    pulls = np.concatenate([each.acceleration[each.good] for each in releases])
+    start = _start(releases)
+    solved = least_squares(off, start, bounds=(start - 2.0, start + 2.0), diff_step=1e-5)
+    x = solved.x
+    designs = [_design(each, x) for each in releases]
+    linear = _linear(designs, releases)
+    grams, rights = [], []
+    for each, design in zip(releases, designs, strict=True):
+        bends = [
+            (_design(each, x + _SMALL * unit) - design) @ linear / _SMALL for unit in np.eye(2)
+        ]
+        whole = np.column_stack([design, *bends])
+        rest = each.acceleration[each.good] - design @ linear
+        grams.append(whole.T @ whole)
+        rights.append(whole.T @ rest)
+    gram, right = sum(grams), sum(rights)
+    unknowns = np.concatenate([linear, x])
+    fewer = [
+        _told(_fit(unknowns + np.linalg.lstsq(gram - g, right - r, rcond=1e-13)[0]))
         for g, r in zip(grams, rights, strict=True)
-    ])  # fmt: skip
-    fit = _fit(solved.x)
+    ]
+    fit = _fit(unknowns)
     values = _told(fit)
-    half = jackknife(values, fewer)
     if not np.isfinite(values).all():
         raise ValueError("the flap does not swing")
+    half = jackknife(values, np.array(fewer))
     units = ("s", "1/s", "1", "1/s^2", "s^2/rad", "rad", "rad")
-    how = f"motion by least squares, jackknife over {len(releases)} releases"
-    estimates = (
+    how = f"acceleration by least squares, jackknife over {len(releases)} releases"
+    return Decay(fit, *(
         Estimate(float(v), float(h), u, how) for v, h, u in zip(values, half, units, strict=True)
-    )
-    return Decay(fit, *estimates, float(np.sqrt(np.mean(rest * rest))))
+    ))  # fmt: skip
+
+
+def _design(of: Release, x: Floats) -> Floats:
+    """What the acceleration is linear in, for the logarithms of d and e: (samples, 6)."""
+    width, square = np.exp(x)
+    v, good = of.velocity, of.good
+    memory = lfilter(*bilinear([1.0, 0.0], [1.0, width, square], 1.0 / of.dt), v)
+    columns = [-of.angle, -v, -np.abs(v) * v, -np.sign(v), np.ones(len(v)), -memory]
+    out: Floats = np.stack(columns, axis=1)[good]
+    return out
+
+
+def _linear(designs: list[Floats], releases: list[Release]) -> Floats:
+    """w, c, b, f, w theta0 and r, by least squares."""
+    gram = sum(each.T @ each for each in designs)
+    right = sum(d.T @ r.acceleration[r.good] for d, r in zip(designs, releases, strict=True))
+    scale = 1.0 / np.sqrt(np.diag(gram))
+    out: Floats = scale * np.linalg.solve(gram * np.outer(scale, scale), scale * right)
+    return out
+
+
+def _start(releases: list[Release]) -> Floats:
+    """Logarithms of a memory some times as quick as the flap swings."""
+    turned = [
+        float(np.sqrt(-(r.acceleration * r.angle)[r.good].sum() / (r.angle**2)[r.good].sum()))
+        for r in releases
+    ]
+    own = float(np.median(turned))
+    return np.log([6.0 * own, 12.0 * own * own])
 
 
 def _fit(x: Any) -> Fit:
-    """Unknowns as they are solved for (logarithms, the angle of rest in 1/100 rad) as the fit."""
-    return Fit(*(float(each) for each in np.exp(x[:-1])), float(0.01 * x[-1]))
-
-
-def _start(angles: Floats) -> Floats:
-    """A flap that swings as often as the largest release crosses its rest."""
-    largest = angles[np.argmax(np.abs(angles[:, 0]))]
-    rest = float(angles[:, -1].mean())
-    crossed = np.flatnonzero(np.diff(np.sign(largest - rest)))
-    quarter = SPARSE * STEP * float(crossed[0] + 1) if len(crossed) else 1.0
-    own = 0.5 * np.pi / quarter
-    unknowns = [2.0 * own**2, 0.1 * own, 0.3, 0.01 * own**2, 10.0 * own**2, 6.0 * own, 12.0 * own**2]
-    return np.array([*np.log(unknowns), 100.0 * rest])
-
-
-def _angles(x: Floats, like: Floats) -> Floats:
-    """Angles of all releases for several sets of unknowns (sets, 8): (sets, releases, samples).
-
-    Half-implicit steps; dry friction holds exactly.
-    """
-    spring, linear, quadratic, dry, gain, width, square = np.exp(x[:, :-1]).T[:, :, None]
-    rest = 0.01 * x[:, -1:]
-    angle = like[None, :, 0] - rest
-    v, memory, h = (np.zeros_like(angle) for _ in range(3))
-    out = np.empty((len(x), *like.shape))
-    out[:, :, 0] = angle + rest
-    # Half a step less: velocities stand between the angles.
-    dt = 0.5 * STEP
-    for k in range(1, (like.shape[1] - 1) * SPARSE + 1):
-        memory = memory + dt * h
-        push = v - dt * (spring * angle + h) - dt * (linear + quadratic * np.abs(v)) * v
-        after = np.sign(push) * np.maximum(np.abs(push) - dt * dry, 0.0)
-        h = (h + gain * (after - v) - dt * square * memory) / (1.0 + dt * width)
-        v = after
-        dt = STEP
-        angle = angle + dt * v
-        if k % SPARSE == 0:
-            out[:, :, k // SPARSE] = angle + rest
-    return out
+    return Fit(*(float(each) for each in x[:6]), *(float(each) for each in np.exp(x[6:])))
 
 
 def root(of: Fit) -> complex:
@@ -173,14 +180,14 @@ def _told(of: Fit) -> Floats:
     own = abs(slow)
     return np.array([
         2.0 * math.pi / slow.imag, -slow.real, -slow.real / own, own * own,
-        of.quadratic / of.spring, of.dry / of.spring, of.rest,
+        of.quadratic / of.spring, of.dry / of.spring, of.offset / of.spring,
     ])  # fmt: skip
 
 
 def losses(of: Release, rest: float) -> list[Loss]:
     """Half swings by their turning points, from one side of the angle of rest to the other."""
     angle = of.angle - rest
-    near = round(0.3 / (SPARSE * STEP))
+    near = round(0.3 / of.dt)
     turns = [argrelextrema(angle, compare, order=near)[0] for compare in (np.greater, np.less)]
     tops = angle[np.sort(np.concatenate(turns))]
     return [
@@ -190,19 +197,22 @@ def losses(of: Release, rest: float) -> list[Loss]:
     ]
 
 
-def expected_loss(of: Decay, mean: Floats) -> Floats:
-    """What a half swing loses by the fit: the energy that damping takes from a cosine, rad."""
-    natural = of.natural.value
-    out: Floats = (
-        np.pi * of.ratio.value * mean
-        + 4.0 / 3.0 * natural * of.quadratic.value * mean * mean
-        + 2.0 * of.friction.value
-    )
-    return out
+def swing(of: Fit, begin: float, count: int, dt: float) -> Floats:
+    """Angles (rad) by the fit, every ``dt`` s, of a flap let go from ``begin``.
 
-
-def swing(of: Fit, like: Release) -> Floats:
-    """Angles by the fit at the times of a release, rad."""
-    x = np.array([*np.log(of[:-1]), 100.0 * of.rest])
-    out: Floats = _angles(x[None], like.angle[None])[0, 0]
+    Half-implicit steps, the velocity half a step behind; dry friction holds exactly.
+    """
+    rest = of.offset / of.spring
+    angle, v, memory, h = begin - rest, 0.0, 0.0, 0.0
+    out = np.empty(count)
+    step = 0.5 * dt
+    for k in range(count):
+        out[k] = angle + rest
+        memory += step * h
+        push = v - step * (of.spring * angle + h + (of.linear + of.quadratic * abs(v)) * v)
+        after = math.copysign(max(abs(push) - step * of.dry, 0.0), push)
+        given = step * (0.5 * of.gain * (after + v) - of.square * memory)
+        h = (h + given) / (1.0 + step * of.width)
+        v, step = after, dt
+        angle += dt * v
     return out

@@ -25,7 +25,7 @@ class Swung(NamedTuple):
 def result(session: Session, stiffness: Estimate | None = None) -> Result:
     """Analyse a run; with the flap's ``stiffness`` (N*m/rad) also what it means in moments."""
     whole = session.whole
-    releases = [flap_decay.release(point.shaft, point.dt, point.age) for point in whole]
+    releases = [flap_decay.release(point.shaft, point.dt) for point in whole]
     found = flap_decay.decay(releases)
     rest = found.rest.value
     swung = [
@@ -54,7 +54,7 @@ def result(session: Session, stiffness: Estimate | None = None) -> Result:
             Picture("flap_decay", "The flap let go", "Blue: measured; red: the fit, integrated.",
                     (7.6, 4.8), partial(_draw, swung, found)),
             Picture("flap_extinction", "What half a swing loses over its amplitude",
-                    "Points: turning points of each release; red: the fit, by its energy.",
+                    "Points: turning points of each release; red: those of the fit.",
                     (7.2, 4.6), partial(_draw_losses, swung, found)),
         ),
         tuple(said),
@@ -116,15 +116,15 @@ def _table(swung: list[Swung]) -> Table:
 def _draw(swung: list[Swung], found: Decay, body: SubFigure) -> None:
     axes = axes_of(body, "time since it was let go, s", "angle, deg")
     for each in swung:
-        t, angle = each.release.time, np.degrees(each.release.angle)
-        axes.plot(t, angle, color=BLUE, lw=1.6)
-        fitted = np.degrees(flap_decay.swing(found.fit, each.release))
-        axes.plot(t, fitted, "--", color=RED, lw=0.9)
-    axes.set_xlim(0.0, 4.5 * found.period.value)
+        t, angle, dt = each.release.time, each.release.angle, each.release.dt
+        axes.plot(t, np.degrees(angle), color=BLUE, lw=1.8)
+        fitted = flap_decay.swing(found.fit, float(angle[0]), len(angle), dt)
+        axes.plot(t, np.degrees(fitted), "--", color=RED, lw=0.9)
+    axes.set_xlim(0.0, None)
     told = (
         f"natural period {words(found.period)}",
         f"damping ratio {words(found.ratio)}",
-        f"quadratic {words(found.quadratic)}",
+        f"quadratic damping over spring {words(found.quadratic)}",
         f"friction holds within {words(found.friction, 'deg', 180.0 / np.pi)}",
     )
     note(axes, "\n".join(told), "upper right")
@@ -132,16 +132,17 @@ def _draw(swung: list[Swung], found: Decay, body: SubFigure) -> None:
 
 def _draw_losses(swung: list[Swung], found: Decay, body: SubFigure) -> None:
     axes = axes_of(body, "mean amplitude of half a swing, deg", "lost in it, deg")
-    top = 0.0
     for i, each in enumerate(swung):
-        if each.lost:
-            mean, lost = np.degrees(np.array(each.lost)).T
-            top = max(top, float(mean.max()))
-            label = f"{each.point.number('release_deg'):g} deg"
-            axes.plot(mean, lost, "o", ms=4.5, color=shade(i + 1, len(swung) + 1), label=label)
-    mean = np.linspace(0.0, np.radians(1.05 * top), 100)
-    lost = flap_decay.expected_loss(found, mean)
-    axes.plot(np.degrees(mean), np.degrees(lost), color=RED, lw=1.3)
+        told = each.release
+        angle = flap_decay.swing(found.fit, float(told.angle[0]), len(told.angle), told.dt)
+        fitted = flap_decay.losses(told._replace(angle=angle), found.rest.value)
+        if each.lost and fitted:
+            colour, label = (
+                shade(i + 1, len(swung) + 1),
+                f"{each.point.number('release_deg'):g} deg",
+            )
+            axes.plot(*np.degrees(each.lost).T, "o", ms=5, color=colour, label=label)
+            axes.plot(*np.degrees(fitted).T, "+", ms=9, color=RED)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, None)
     axes.legend(frameon=False, fontsize=8, title="released at", title_fontsize=8)

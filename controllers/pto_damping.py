@@ -2,7 +2,7 @@
 
     T = -R v
 
-with v the velocity of the motor at the gearbox output. The best R without a spring is the modulus
+with v the velocity of the shaft behind the coupling, filtered. The best R without a spring is the modulus
 of the flap's intrinsic impedance (OSWEC thesis (University of Washington), eq. 2.2, in which the
 velocity printed must be the frequency omega).
 

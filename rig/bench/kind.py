@@ -87,7 +87,7 @@ def control(
     torque = load.tz - tared.zeros.torque
     if mode == RUN:
         laws, wanted, turned, asked = _laws(
-            params, laws, held, motion, torque, motor.short, clock, dt
+            params, laws, held, motion, brake.told.velocity, torque, motor.short, clock, dt
         )
     else:  # at rest they start afresh
         laws, wanted, turned, asked = LAWS_AT_REST, _NOWHERE, _STRAIGHT, _NOTHING
@@ -117,17 +117,22 @@ def _laws(
     laws: Laws,
     held: Held,
     motion: Motion,
+    turning: float,
     torque: float,
     short: float,
     clock: float,
     dt: float,
 ) -> tuple[Laws, Wanted, Turning, Asked]:
-    """What the shaft should do, the correction, and what is asked of the drive for both."""
+    """What the shaft should do, the correction, and what is asked of the drive for both.
+
+    ``turning``: the shaft's velocity as the law of the brake filters it, rad/s; the motor's own
+    would close a loop over the coupling's resonance.
+    """
     _, components, span, _, _, flume = held
     if params.mode == TORQUE:
         plain = oswec_position.reference(components, span, clock).angle
         if flume.damping > 0.0:
-            plain += pto_damping.torque(flume.damping, motion[0].velocity)
+            plain += pto_damping.torque(flume.damping, turning)
         tracking, drawn = torque_tracking.step(params.torque, laws.torque, plain, torque, short, dt)
         wanted, asked = Wanted(0.0, 0.0, plain), Asked(drawn.torque, 0.0)
         return Laws(laws.position, tracking), wanted, _STRAIGHT, asked

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.signal import argrelextrema, bilinear, lfilter, savgol_filter
+from scipy.signal import bilinear, find_peaks, lfilter, savgol_filter
 
 from rig.analysis.session.estimate import Estimate, Floats, jackknife
 from rig.analysis.session.losses import moving
@@ -187,8 +187,7 @@ def _told(of: Fit) -> Floats:
 def losses(of: Release, rest: float) -> list[Loss]:
     """Half swings by their turning points, from one side of the angle of rest to the other."""
     angle = of.angle - rest
-    near = round(0.3 / of.dt)
-    turns = [argrelextrema(angle, compare, order=near)[0] for compare in (np.greater, np.less)]
+    turns = [find_peaks(sign * angle, prominence=5.0 * STILL)[0] for sign in (1.0, -1.0)]
     tops = angle[np.sort(np.concatenate(turns))]
     return [
         Loss(float(0.5 * (abs(a) + abs(b))), float(abs(a) - abs(b)))

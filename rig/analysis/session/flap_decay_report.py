@@ -141,8 +141,8 @@ def _draw_losses(swung: list[Swung], found: Decay, body: SubFigure) -> None:
                 shade(i + 1, len(swung) + 1),
                 f"{each.point.number('release_deg'):g} deg",
             )
-            axes.plot(*np.degrees(each.lost).T, "o", ms=5, color=colour, label=label)
-            axes.plot(*np.degrees(fitted).T, "+", ms=9, color=RED)
+            axes.plot(*np.degrees(each.lost).T, "o", ms=6, color=colour, label=label)
+            axes.plot(*np.degrees(fitted).T, "+", ms=10, color=RED)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, None)
     axes.legend(frameon=False, fontsize=8, title="released at", title_fontsize=8)

@@ -7,7 +7,8 @@ moment F gives it the power
 
 so a fit of a, b = Re Z and c = |Z + i X| over the measured R finds the best damping, c, and its
 power a / (2 (b + c)): equation 2.2 of the OSWEC thesis (University of Washington), with the
-frequency omega where the velocity is printed, the motor's own inertia in it. R is what the load
+frequency omega where the velocity is printed, the motor's own inertia in it. Where the loop's delay
+lets X grow with R, k R, the form is the same and c = |Z| / sqrt(1 + k^2). R is what the load
 cell and the shaft say, friction of the gearbox included, not what was asked. Intervals by leaving
 out one damping at a time.
 """

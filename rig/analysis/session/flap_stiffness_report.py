@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import SubFigure
-from scipy.signal import savgol_filter
+from scipy.ndimage import uniform_filter1d
 
 from rig.analysis.session import flap_stiffness, losses, periods
 from rig.analysis.session.drawing import RED, axes_of, note, shade
@@ -15,8 +15,12 @@ from rig.analysis.session.periods import Cut
 from rig.analysis.session.read import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 
-WINDOW = 0.02
-"""Of the period: over so long derivatives are taken."""
+WINDOW = 0.03
+"""Of the period: over so long signals are averaged, so that the flap's ringing on its coupling (some
+7 Hz, from the gap at each reversal of the load) is not taken for motion."""
+
+SLOWEST = 0.25
+"""Share of the top speed: below, ringing makes friction change its sign."""
 
 
 class Slow(NamedTuple):
@@ -37,10 +41,8 @@ class Slow(NamedTuple):
 def result(session: Session) -> Result:
     """Analyse a run."""
     points = [_slow(point) for point in session.whole]
-    groups, kind = [each.whole for each in points], "set points"
-    if len(groups) < losses.LEAST_GROUPS:
-        groups, kind = [group for each in points for group in each.groups], "periods"
-    found = flap_stiffness.spring(groups, kind)
+    groups = [group for each in points for group in each.groups]
+    found = flap_stiffness.spring(groups, "periods")
     named = {
         "flap_stiffness": found.stiffness,
         "flap_rest": found.rest,
@@ -70,19 +72,23 @@ def result(session: Session) -> Result:
 
 def _slow(point: Point) -> Slow:
     of = point.cut()
-    window = WINDOW * point.period
-    speed = periods.velocity(point.shaft, point.dt, window)
-    count = 2 * round(0.5 * window / point.dt) + 1
-    rate = savgol_filter(speed, count, 1, deriv=1, delta=point.dt)
-    time = point.start + point.dt * np.arange(len(point.shaft))
-    good = losses.moving(speed, count // 2).astype(np.float64)
-    signals = [point.shaft, speed, rate, point.torque, time, good]
-    parts = [periods.pieces(point.over(each, of), of) for each in signals]
+    count = 2 * round(0.5 * WINDOW * point.period / point.dt) + 1
+    angle, torque = (
+        uniform_filter1d(each, count, mode="nearest") for each in (point.shaft, point.torque)
+    )
+    speed = np.gradient(angle, point.dt)
+    rate = np.gradient(uniform_filter1d(speed, count, mode="nearest"), point.dt)
+    time = point.start + point.dt * np.arange(len(angle))
+    good = losses.moving(speed, count, SLOWEST).astype(np.float64)
+    parts = [
+        periods.pieces(point.over(each, of), of)
+        for each in (angle, speed, rate, torque, time, good)
+    ]
     groups = [
         Turned(*(each[turns > 0.5] for each in piece)) for *piece, turns in zip(*parts, strict=True)
     ]
-    angle, torque = point.over(point.shaft, of), point.over(point.torque, of)
-    return Slow(point, of, angle, torque, [each for each in groups if len(each.angle) > 100])
+    shaft, cell = (point.over(each, of) for each in (point.shaft, point.torque))
+    return Slow(point, of, shaft, cell, [each for each in groups if len(each.angle) > 100])
 
 
 def _table(points: list[Slow], found: Spring) -> Table:

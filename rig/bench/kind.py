@@ -1,6 +1,6 @@
 """The bench as a kind of rig: servo in either of its loops, driveline, load cell, brake."""
 
-from controllers import brake_damping, oswec_position, torque_tracking
+from controllers import brake_damping, oswec_position, pto_damping, torque_tracking
 from controllers.blocks import clamp
 from controllers.signals import Demand, Estimate, Turning
 from rig import axis, cycle, safety
@@ -87,7 +87,7 @@ def control(
     torque = load.tz - tared.zeros.torque
     if mode == RUN:
         laws, wanted, turned, asked = _laws(
-            params, laws, held, motion, torque, motor.short, clock, dt
+            params, laws, held, motion, brake.told.velocity, torque, motor.short, clock, dt
         )
     else:  # at rest they start afresh
         laws, wanted, turned, asked = LAWS_AT_REST, _NOWHERE, _STRAIGHT, _NOTHING
@@ -108,7 +108,7 @@ def control(
         tared,
         held,
     )
-    command = Command(*drive, braked.torque, braked.current, params.locked)
+    command = Command(*drive, braked.torque, braked.current, *_around(params, held, clock))
     return after, command, (motion, tared.zeros, wanted, turned, asked)
 
 
@@ -117,15 +117,22 @@ def _laws(
     laws: Laws,
     held: Held,
     motion: Motion,
+    turning: float,
     torque: float,
     short: float,
     clock: float,
     dt: float,
 ) -> tuple[Laws, Wanted, Turning, Asked]:
-    """What the shaft should do, the correction, and what is asked of the drive for both."""
-    _, components, span, _, _ = held
+    """What the shaft should do, the correction, and what is asked of the drive for both.
+
+    ``turning``: the shaft's velocity as the law of the brake filters it, rad/s; the motor's own
+    would close a loop over the coupling's resonance.
+    """
+    _, components, span, _, _, flume = held
     if params.mode == TORQUE:
         plain = oswec_position.reference(components, span, clock).angle
+        if flume.damping > 0.0:
+            plain += pto_damping.torque(flume.damping, turning)
         tracking, drawn = torque_tracking.step(params.torque, laws.torque, plain, torque, short, dt)
         wanted, asked = Wanted(0.0, 0.0, plain), Asked(drawn.torque, 0.0)
         return Laws(laws.position, tracking), wanted, _STRAIGHT, asked
@@ -191,6 +198,13 @@ def _braked(
     if not RUN <= mode <= STOP_1:
         return brake_damping.start()
     return brake_damping.step(params.brake, before, held.damping, held.brake_current, velocity, dt)
+
+
+def _around(params: Params, held: Held, clock: float) -> tuple[int, int, float]:
+    """What people and wave maker do: `locked`, `sea` and `clamp` of a command."""
+    sea, by_hand, angle, _ = held.flume
+    locked = 1 if params.locked == 1 or by_hand == 1 else 0
+    return locked, sea if clock >= 0.0 else -1, angle
 
 
 def _astray(params: Params, brake: BrakeState, measured: float) -> int:

@@ -7,7 +7,7 @@ from controllers.oswec_position import Component, Span
 from controllers.signals import Estimate
 from rig import axis
 from rig.bench import speed, tare
-from rig.bench.words import EncoderSense, Setpoints
+from rig.bench.words import NO_FLUME, EncoderSense, Flume, Setpoints
 
 
 class ShaftParams(NamedTuple):
@@ -93,6 +93,7 @@ class Held(NamedTuple):
     span: Span
     damping: float  # N*m*s/rad
     brake_current: float  # A
+    flume: Flume
 
 
 class State(NamedTuple):
@@ -119,7 +120,7 @@ def start(params: Params) -> State:
         LAWS_AT_REST,
         BrakeState(brake_damping.start(), 0),
         tare.start(),
-        Held(-1, (), Span(0.0, 0.0), 0.0, 0.0),
+        Held(-1, (), Span(0.0, 0.0), 0.0, 0.0, NO_FLUME),
     )
 
 
@@ -131,6 +132,7 @@ def hold(table: Setpoints, setpoint: int) -> Held:
         Span(table.rise[setpoint], table.until[setpoint]),
         table.damping[setpoint],
         table.brake_current[setpoint],
+        table.flume[setpoint],
     )
 
 

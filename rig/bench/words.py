@@ -130,7 +130,9 @@ class Command(NamedTuple):
     limited: Flag  # set of `rig.limits.Limited`: why what was asked was not granted in full
     brake_torque: NewtonMetre  # asked of the brake, >= 0 whichever way the shaft turns
     brake_current: Ampere  # of the brake's amplifier
-    locked: Flag  # 1: somebody has clamped the shaft for this session
+    locked: Flag  # 1: somebody has clamped the shaft for this session, or holds the flap
+    sea: Index = -1  # of the session's seas, what the wave maker shall run; -1: still water
+    clamp: Radian = 0.0  # where the shaft is held while it is locked
 
 
 class BenchRow(NamedTuple):
@@ -156,6 +158,19 @@ class BenchRow(NamedTuple):
     tick_end: Tick
 
 
+class Flume(NamedTuple):
+    """What a set point asks of a flap in its flume, in the brake's place."""
+
+    sea: Index  # of the session's seas; -1: still water
+    held: Flag  # 1: somebody holds the flap
+    angle: Radian  # at this angle
+    damping: float  # N*m*s/rad, of the motor as a power take-off
+
+
+NO_FLUME = Flume(-1, 0, 0.0, 0.0)
+"""A set point of the bench."""
+
+
 class Setpoints(NamedTuple):
     """Table of set points by columns, all of one length; a plan segment names its index.
 
@@ -167,6 +182,7 @@ class Setpoints(NamedTuple):
     brake_current: tuple[float, ...]  # A, beside the brake law
     rise: tuple[float, ...]  # s, in which the reference grows from nothing
     until: tuple[float, ...]  # s of the row's own clock, when it begins to fade
+    flume: tuple[Flume, ...]
 
 
 # Motor and shaft from their zeros, as `rig.axis` has them: rad for m.

@@ -16,6 +16,9 @@ _UNITS = {
     "period_s": "s",
     "damping_n_m_s_per_rad": "N m s",
     "brake_current_a": "A on the brake",
+    "release_deg": "deg let go",
+    "wave_amplitude_m": "m waves",
+    "pto_damping_n_m_s_per_rad": "N m s of the motor",
 }
 
 

@@ -5,7 +5,7 @@ shaft's angle, rows of the torque loop an amplitude of torque or of current.
 """
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BeforeValidator,
@@ -20,6 +20,7 @@ from rig.config.columns import Column
 from rig.config.matrix import Values
 from rig.config.model import Broken, FileModel, Several, Whole, refuse
 from rig.config.problems import number_text, value_text
+from rig.config.session_kinds import SESSIONS, Demand
 
 Amplitude = Annotated[float, Field(ge=0.1, le=90)]
 Period = Annotated[float, Field(ge=0.2, le=600)]
@@ -27,6 +28,8 @@ Damping = Annotated[float, Field(ge=0, le=1000)]
 BrakeCurrent = Annotated[float, Field(ge=0, le=20)]
 TorqueAmplitude = Annotated[float, Field(gt=0, le=1000)]
 CurrentAmplitude = Annotated[float, Field(gt=0, le=100)]
+ReleaseAngle = Annotated[float, Field(ge=-90, le=90)]
+WaveAmplitude = Annotated[float, Field(ge=0.001, le=0.5)]
 
 SESSION_COLUMNS = (
     Column("amplitude_deg", "amplitude", "deg", "amplitude"),
@@ -35,6 +38,9 @@ SESSION_COLUMNS = (
     Column("period_s", "period", "s", "period"),
     Column("damping_n_m_s_per_rad", "damping", "N*m*s/rad", "damping"),
     Column("brake_current_a", "brake_current", "A", "brake current"),
+    Column("release_deg", "release", "deg", "released at"),
+    Column("wave_amplitude_m", "wave_amplitude", "m", "wave amplitude"),
+    Column("pto_damping_n_m_s_per_rad", "pto_damping", "N*m*s/rad", "damping of the motor"),
 )
 """What may change from row to row."""
 
@@ -48,6 +54,9 @@ class SessionRow(FileModel):
     period_s: Period | None = None
     damping_n_m_s_per_rad: Damping | None = None
     brake_current_a: BrakeCurrent | None = None
+    release_deg: ReleaseAngle | None = None
+    wave_amplitude_m: WaveAmplitude | None = None
+    pto_damping_n_m_s_per_rad: Damping | None = None
 
     @model_serializer(mode="wrap")
     def _given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -63,6 +72,9 @@ class SessionGrid(FileModel):
     period_s: Annotated[Several[Period] | None, Values] = None
     damping_n_m_s_per_rad: Annotated[Several[Damping] | None, Values] = None
     brake_current_a: Annotated[Several[BrakeCurrent] | None, Values] = None
+    release_deg: Annotated[Several[ReleaseAngle] | None, Values] = None
+    wave_amplitude_m: Annotated[Several[WaveAmplitude] | None, Values] = None
+    pto_damping_n_m_s_per_rad: Annotated[Several[Damping] | None, Values] = None
 
     @model_serializer(mode="wrap")
     def _given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -121,7 +133,7 @@ class OnlineCorrection(FileModel):
     kind: Literal["online"]
     regressions: str = Field(min_length=1)  # file of constants with driveline points
     conditions: str | None = Field(default=None, min_length=1)  # the same file if missing
-    phase_over: Literal["velocity", "torque"] = "velocity"
+    phase_over: Literal["velocity", "torque", "both"] = "velocity"  # the line of the delay
 
 
 class InstantaneousCorrection(FileModel):
@@ -134,29 +146,25 @@ class InstantaneousCorrection(FileModel):
 AnyCorrection = NoCorrection | OnlineCorrection | InstantaneousCorrection
 
 
-class Demand(NamedTuple):
-    """What the rows of a session must and may have."""
-
-    loop: Literal["velocity", "torque"]
-    amplitude: str  # the column of the amplitude
-    columns: tuple[str, ...]  # those that may stand beside it and the period
-    irregular: bool = False  # the reference may be irregular
-    correction: bool = False  # the position may be corrected
-    feedback: bool = False  # the torque loop may be closed
+HIGHEST_WAVE = 2.0
+"""Hz; a shorter wave excites nothing of a flap's size."""
 
 
-_BRAKED = ("damping_n_m_s_per_rad", "brake_current_a")
-SESSIONS = {
-    "driveline": Demand("velocity", "amplitude_deg", _BRAKED, irregular=True, correction=True),
-    "velocity_constant": Demand("velocity", "amplitude_deg", ()),
-    "brake_map": Demand("velocity", "amplitude_deg", ("brake_current_a",)),
-    "losses": Demand("velocity", "amplitude_deg", _BRAKED),
-    "torque_constant": Demand("torque", "current_amplitude_a", ("brake_current_a",)),
-    "torque_tracking": Demand(
-        "torque", "torque_amplitude_n_m", ("brake_current_a",), feedback=True
-    ),
-}
-"""The kinds of session, each with what its rows are made of."""
+def _of_a_flap(told: Demand, at: tuple[str, int], given: dict[str, Any]) -> Iterator[Broken]:
+    """Waves that a wave maker makes, and a flap that is let go from somewhere else than rest."""
+    for key, values in given.items():
+        one = not isinstance(values, list | tuple)
+        for i, value in enumerate([values] if one else values):
+            where = (*at, key) if one else (*at, key, i)
+            if told.waves and key == "period_s" and value < 1.0 / HIGHEST_WAVE:
+                message = f"{number_text(value)} is too short for waves; allowed 0.5 s and longer"
+                yield Broken(where, message, value)
+            if key == "release_deg" and abs(value) < LEAST_RELEASE:
+                message = f"{number_text(value)} is where it rests; allowed 0.1 deg and further"
+                yield Broken(where, message, value)
+
+
+LEAST_RELEASE = 0.1  # deg
 
 
 def _one_word(value: Any) -> Any:
@@ -181,6 +189,10 @@ class SessionFile(FileModel):
         "losses",
         "torque_constant",
         "torque_tracking",
+        "flap_free_decay",
+        "flap_hydrostatic",
+        "flap_rao",
+        "flap_pto_sweep",
     ]
     rig: str = Field(min_length=1)  # file, relative to this one
     plant: str | None = Field(default=None, min_length=1)  # in place of the rig's
@@ -208,7 +220,9 @@ class SessionFile(FileModel):
             yield Broken((), f"{found}; allowed exactly one of rows, grid")
         for key, entries in (("rows", self.rows), ("grid", self.grid)):
             for i, entry in enumerate(entries or ()):
-                yield from self._row(told, (key, i), set(entry.model_dump()))
+                given = entry.model_dump()
+                yield from self._row(told, (key, i), set(given))
+                yield from _of_a_flap(told, (key, i), given)
         if self.irregular is not None and not told.irregular:
             yield Broken(("irregular",), f"a session {self.session} is regular; leave the key out")
         if self.correction.kind != "none" and not told.correction:
@@ -219,12 +233,19 @@ class SessionFile(FileModel):
             yield Broken(("control",), message, self.control)
         if self.shaft == "clamped" and told.loop == "velocity":
             yield Broken(("shaft",), "the velocity loop would turn it; allowed free", self.shaft)
+        if self.shaft == "clamped" and told.flap:
+            message = f"a session {self.session} needs it to move; allowed free"
+            yield Broken(("shaft",), message, self.shaft)
+        if self.irregular is not None and told.waves and self.irregular.high_hz > HIGHEST_WAVE:
+            message = f"{number_text(self.irregular.high_hz)} makes no waves; allowed up to 2 Hz"
+            yield Broken(("irregular", "high_hz"), message, self.irregular.high_hz)
         if self.position_feedback_per_s > 0.0 and told.loop == "torque":
             message = "the torque loop has no position; leave the key out"
             yield Broken(("position_feedback_per_s",), message, self.position_feedback_per_s)
 
     def _row(self, told: Demand, at: tuple[str, int], given: set[str]) -> Iterator[Broken]:
-        needed = [told.amplitude, *(() if self.irregular is not None else ("period_s",))]
+        period = () if self.irregular is not None else ("period_s",)
+        needed = [told.amplitude, *period, *told.needed]
         for key in needed:
             if key not in given:
                 yield Broken(at, f"{key} missing; a session {self.session} needs it in every row")

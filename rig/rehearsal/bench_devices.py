@@ -6,6 +6,7 @@ from controllers.signals import PanelSense
 from rig.bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, WrenchSense
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Stepper
+from sim_plant.bench.wires import Wires
 from sim_plant.bench.world import OFF, Actuation, BenchWorld
 
 
@@ -15,7 +16,7 @@ class BenchDevices:
     The world moves when it is read, up to the planned time of the tick, as that of the WaveBot.
     """
 
-    def __init__(self, world: BenchWorld, dt: float) -> None:
+    def __init__(self, world: Wires, dt: float) -> None:
         self._world = world
         self._delay = world.delay
         self._dt = dt
@@ -43,8 +44,16 @@ class BenchDevices:
         )
 
     def write(self, command: Command) -> None:
-        mode, _, volts, _, current, enable, _, _, brake_current, locked = command
-        self._world.actuate(Actuation(enable, mode, volts, current, brake_current, locked))
+        self._world.actuate(
+            Actuation(
+                command.enable,
+                command.mode,
+                command.volts,
+                command.current,
+                command.brake_current,
+                command.locked,
+            )
+        )
 
     def stop(self, reason: int) -> None:
         self._world.actuate(OFF)
@@ -75,5 +84,9 @@ def build_bench(config: dict[str, Any], dt: float) -> BenchWorld:
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:
-    """The simulated devices for what `build_bench` takes."""
+    """The simulated devices for what `build_bench` takes; a plant with a flap makes a flume."""
+    if "flap" in config["plant"]:
+        from rig.rehearsal.flap_devices import connect_flap  # noqa: PLC0415  (the bench needs none)
+
+        return connect_flap(config, dt)
     return BenchDevices(build_bench(config, dt), dt)

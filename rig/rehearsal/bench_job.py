@@ -6,28 +6,60 @@ from typing import Any
 from pydantic import ValidationError
 
 from rig.config.problems import Problem, number_text, shown
+from rig.config.session_kinds import SESSIONS
 from rig.config.source import KeyPath
 from rig.config.translate import problems_from
 from rig.session.files import Pieces, Session
+from rig.session.flume import as_mapping, seas
 from sim_plant.bench.parameters import BenchPlant
+from sim_plant.flap.parameters import FlapPlant
 
 _SAME = 1e-6  # relative
 
 
 def devices_of_session(session: Session) -> dict[str, Any]:
     """What `connect` needs to stand in for the bench, as JSON values."""
-    return {"plant": session.plant, "seed": session.file.seed}
+    told: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
+    found = seas(session.file, session.points)
+    return told | {"seas": [as_mapping(sea) for sea in found]} if found else told
 
 
 def problems_of_session(pieces: Pieces) -> tuple[Problem, ...]:
     """What is wrong with the simulated bench, by itself and beside the rig."""
     if pieces.plant is None:
         return ()
+    model = FlapPlant if "flap" in pieces.plant.mapping else BenchPlant
     try:
-        plant = BenchPlant.model_validate(pieces.plant.mapping)
+        plant = model.model_validate(pieces.plant.mapping)
     except ValidationError as error:
-        return problems_from(error, pieces.plant.locate, BenchPlant)
-    return tuple(_mismatches(pieces, plant))
+        return problems_from(error, pieces.plant.locate, model)
+    return (*_mismatches(pieces, plant), *_wrong_flap(pieces, plant))
+
+
+def _wrong_flap(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
+    """A session of the flap without a flap, or with its rigid coupling where it must not be."""
+    if pieces.file is None or pieces.plant is None:
+        return
+    kind = pieces.file.session
+    wanted = SESSIONS[kind].flap
+    if not wanted:
+        return
+    found = ""
+    if isinstance(plant, FlapPlant):
+        found = "coupled" if plant.flap.coupled.value == 1 else "free"
+    if found != wanted:
+        words = {
+            "": "has no flap",
+            "free": "has its coupling out",
+            "coupled": "has its coupling in",
+        }
+        coupling = "out" if wanted == "free" else "in"
+        yield pieces.session.locate.problem(
+            ("session",),
+            kind,
+            f"the simulated plant {words[found]} ({shown(pieces.plant.locate.path)}); a session "
+            f"{kind} needs a flap with its rigid coupling {coupling}",
+        )
 
 
 def _mismatches(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:

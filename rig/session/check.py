@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from rig.campaign.check import duration_text
 from rig.config.problems import ConfigError, Problem, shown
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
+from rig.config.session_kinds import SESSIONS
 from rig.session.files import Also, Session, nothing_more, open_session
 from rig.session.plan import SessionPlan, plan_session
 
@@ -105,8 +106,17 @@ def check_session(path: Path, also: Also = nothing_more) -> SessionReport:
     return SessionReport(path, (), session, plan_session(session))
 
 
+_COUPLING = {"free": "taken out", "coupled": "in"}
+
+
 def _drive(session: Session) -> str:
     file: SessionFile = session.file
+    told = SESSIONS[file.session]
+    if told.flap and file.loop == "torque":
+        drive = "as a damper" if told.needed else "without torque"
+        moved = "by hand" if not told.waves else "in waves"
+        moved += "" if file.irregular is None else ", irregular"
+        return f"torque loop, {drive}; the flap moved {moved}, its coupling {_COUPLING[told.flap]}"
     if file.loop == "torque":
         return f"torque loop, {file.control}, shaft {file.shaft}"
     motion = "sine" if file.irregular is None else "irregular"

@@ -1,9 +1,12 @@
 """Correction of the shaft's position, worked out before the run from what earlier runs found.
 
 Per component (`online`): an uncorrected run gave, row by row, how much amplitude the driveline
-loses and how late the shaft is. A line through amplitude difference over rms torque, and one
-through the delay over rms velocity (OSWEC thesis (University of Washington), Figs. 2.4 and 2.5),
-say both for the conditions of a row; the row's own point never takes part in its lines. The
+loses and how late the shaft is. A line through amplitude difference over rms torque (OSWEC thesis
+(University of Washington), Fig. 2.5) and one for the delay say both for the conditions of a row;
+the row's own point never takes part in its lines. The delay's line is one over rms velocity
+(thesis, Fig. 2.4), over rms torque, or over both: the angle by which the shaft trails, delay times
+velocity, is gap and torsion at the torque of full speed, so it is a line over torque, and the delay
+that angle over the row's velocity. Alone, velocity leaves out the torsion R/k, torque the gap. The
 conditions come from an uncorrected run, too: "experiments will need to be run without corrections,
 to capture torque" (thesis, section 2.3.2).
 
@@ -122,7 +125,13 @@ def ahead(row: DrivelinePoint, others: list[DrivelinePoint], phase_over: str) ->
     late = [0.01 * one.phase_shift_percent * one.period_s for one in others]
     lost = [one.amplitude_difference_deg for one in others]
     at = row.rms_torque_n_m if phase_over == "torque" else row.rms_velocity_rad_per_s
-    return Ahead(math.radians(line(torque, lost).at(row.rms_torque_n_m)), line(over, late).at(at))
+    more = math.radians(line(torque, lost).at(row.rms_torque_n_m))
+    if phase_over == "both":
+        speed = [one.rms_velocity_rad_per_s for one in others]
+        behind = [t * v for t, v in zip(late, speed, strict=True)]  # rad, of the rms
+        angle = line(torque, behind).at(row.rms_torque_n_m)
+        return Ahead(more, angle / row.rms_velocity_rad_per_s)
+    return Ahead(more, line(over, late).at(at))
 
 
 def line(x: list[float], y: list[float]) -> Line:

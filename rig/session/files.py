@@ -14,6 +14,7 @@ from rig.config.source import KeyPath, Locate, load_mapping
 from rig.config.translate import validate
 from rig.session.constants import Constants, gathered
 from rig.session.correction import Correction, correction
+from rig.session.flume import repeats_in_ticks
 from rig.session.rows import MOST_ROWS, SessionPoint, count, points
 
 T = TypeVar("T")
@@ -26,6 +27,7 @@ class Pieces(NamedTuple):
     rig: Source | None
     plant: Source | None
     rig_file: BenchRigFile | None
+    file: SessionFile | None
 
 
 class Session(NamedTuple):
@@ -138,7 +140,8 @@ def open_session(path: Path, also: Also = nothing_more) -> Session:
         corrected = opening.attempt(lambda: correction(file, found, used, top.locate))
         if rig is not None and limits is not None:
             opening.problems += _beyond(found, rig, limits)
-    opening.problems += also(Pieces(top, rig_source, plant, rig))
+            opening.problems += repeats_in_ticks(file, found, float(rig.rate_hz))
+    opening.problems += also(Pieces(top, rig_source, plant, rig, file))
     if opening.problems:
         raise ConfigError(in_order(opening.problems, opening.sources))
     assert file is not None
@@ -166,6 +169,7 @@ def _beyond(
     """Set points that the limits would never grant."""
     most = {
         "amplitude": limits.motor.angle_stop_deg,
+        "release": limits.shaft.slip_stop_deg,
         "torque_amplitude": limits.load_cell.twisting_stop_n_m,
         "current_amplitude": limits.motor.current_peak_a,
         "brake_current": rig.brake.map[-1].current_a,
@@ -175,8 +179,8 @@ def _beyond(
     for point in found:
         for name, bound in most.items():
             value = point.given.get(name, 0.0)
-            strict = name in ("amplitude", "torque_amplitude")
-            if value > bound or (strict and value == bound):
+            strict = name in ("amplitude", "torque_amplitude", "release")
+            if abs(value) > bound or (strict and abs(value) == bound):
                 told = "below" if strict else "up to"
                 message = (
                     f"{value:g} is more than limits and rig allow; allowed {told} {bound:g} "

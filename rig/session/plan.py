@@ -11,13 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.oswec_position import PI, Component
-from rig.bench import Setpoints
-from rig.campaign.multisine import design, scaled_to_peak
+from rig.bench import Flume, Setpoints
+from rig.bench.words import NO_FLUME
 from rig.campaign.segments import Piece, cut_into_ticks
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 from rig.session.correction import Ahead
 from rig.session.files import Session
+from rig.session.flume import flume, irregular_lines
 from rig.session.rows import SessionPoint
 
 
@@ -40,6 +41,7 @@ class BenchSetting(NamedTuple):
     brake_current: float  # A
     rise: float  # s
     until: float  # s
+    flume: Flume
 
 
 class SessionPhases(NamedTuple):
@@ -63,7 +65,7 @@ class SessionPlan(NamedTuple):
     phases: SessionPhases
 
 
-REST = BenchSetting((), 0.0, 0.0, 0.1, 0.0)
+REST = BenchSetting((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
 """Nothing is asked of motor and brake."""
 
 
@@ -88,7 +90,9 @@ def plan_session(session: Session) -> SessionPlan:
             point.given.get("brake_current", 0.0),
             rise,
             settle + measure,
+            flume(file, point, index),
         )
+        free = setting._replace(flume=setting.flume._replace(held=0))  # let go at its measurement
         given = {c.key: point.given[c.name] for c in SESSION_COLUMNS if c.name in point.given}
         rows.append(SessionRow(number, index, repetition, given, file.timing.periods, measure))
         pieces += [
@@ -98,8 +102,8 @@ def plan_session(session: Session) -> SessionPlan:
                 waves=0,
             ),
             Piece(number, Phase.SETTLE, settle, setting),
-            Piece(number, Phase.MEASURE, measure, setting),
-            Piece(number, Phase.TAIL, rise, setting),
+            Piece(number, Phase.MEASURE, measure, free),
+            Piece(number, Phase.TAIL, rise, free),
         ]  # fmt: skip
     pieces.append(Piece(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
     return _table(tuple(rows), pieces, float(rig.rate_hz))
@@ -125,15 +129,13 @@ def components(session: Session, point: SessionPoint, ahead: Ahead) -> tuple[Com
     amplitude of an irregular reference is its greatest magnitude.
     """
     file, given = session.file, point.given
+    if "wave_amplitude" in given or "release" in given:  # waves or a hand move it, not the drive
+        return ()
     if file.irregular is not None:
-        told = file.irregular
-        signal = design(
-            told.low_hz, told.high_hz, told.repeat_s, rms=1.0, seed=told.seed, draws=told.draws
-        )
-        signal = scaled_to_peak(signal, math.radians(given["amplitude"]))
+        lines, peak = irregular_lines(file.irregular), math.radians(given["amplitude"])
         cosines = [
-            (float(a), 2.0 * PI * float(k) / told.repeat_s, float(phase))
-            for a, k, phase in zip(signal.amplitude, signal.cycles, signal.phase, strict=True)
+            (peak * share, 2.0 * PI * float(k) / lines.repeat, phase)
+            for share, k, phase in zip(lines.share, lines.cycles, lines.phase, strict=True)
         ]
     elif file.loop == "torque":
         constant = session.rig.servo.torque_constant_n_m_per_a
@@ -160,6 +162,7 @@ def _table(
         tuple(one.brake_current for one in table),
         tuple(one.rise for one in table),
         tuple(one.until for one in table),
+        tuple(one.flume for one in table),
     )
     phases = SessionPhases(
         seconds(Phase.TARE),

@@ -6,6 +6,7 @@ from typing import Any
 from rig.config.problems import shown
 from rig.session.assemble import scales
 from rig.session.files import Session
+from rig.session.flume import as_mapping, seas
 from rig.session.plan import SessionPlan
 
 
@@ -30,6 +31,7 @@ def resolved_session(session: Session) -> str:
 
 def planned(session: Session, plan: SessionPlan) -> dict[str, Any]:
     """What a run says of its plan."""
+    waves = seas(session.file, session.points)
     return {
         "dt": plan.dt,
         "session": session.file.session,
@@ -39,6 +41,7 @@ def planned(session: Session, plan: SessionPlan) -> dict[str, Any]:
                 "point": row.point,
                 "repetition": row.repetition,
                 **row.given,
+                **({"sea": as_mapping(waves[row.point])} if waves else {}),
                 "correction": session.file.correction.kind,
                 "control": session.file.control,
                 "periods": row.periods,

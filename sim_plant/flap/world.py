@@ -11,12 +11,13 @@ from sim_plant.bench.wires import Wires, checked
 from sim_plant.bench.words import OFF, Actuation, Reading, Truth
 from sim_plant.bench.world import true_state
 from sim_plant.flap import oswec
+from sim_plant.flap.body import FlapBodyState
 from sim_plant.flap.parameters import FlapPlant
 from sim_plant.flap.stepper import Start, Stepper
 from sim_plant.sensors import NORMALS
 from sim_plant.units import Flag, Metre, NewtonMetre, Radian, Second
 from sim_plant.wave_maker import ramp
-from sim_plant.waves import Sea
+from sim_plant.waves import Sea, WaveTables
 
 __all__ = ["OFF", "Actuation", "FlapTruth", "FlapWorld", "Reading", "Stepper"]
 
@@ -69,6 +70,23 @@ class FlapWorld(Wires):
     def release(self, angle: Radian) -> None:
         """Let the flap go at rest from an angle, the driveline unwound and off, the water still."""
         self._stepper.state = oswec.initial(self.params, angle)
+
+    def change_waves(self, tables: WaveTables) -> None:
+        """Put another sea on the wave maker (`waves.tables`); the water is still until it runs."""
+        self._elevations, self._moments = tables.elevation.tolist(), tables.excitation.tolist()
+        self._wave_tick = -1
+
+    def place(self, angle: Radian) -> None:
+        """Put the flap to rest at an angle by hand; the driveline, uncoupled, does not notice.
+
+        Raises ValueError for a flap that is coupled to its motor.
+        """
+        if self.params.coupled == 1:
+            raise ValueError("a flap on its driveline cannot be turned by hand")
+        state = self._stepper.state
+        line = state.driveline._replace(shaft_angle=angle, shaft_velocity=0.0, shaft_torque=0.0)
+        rest = FlapBodyState(angle, 0.0, 0.0, 0.0)
+        self._stepper.state = state._replace(driveline=line, body=rest)
 
     def elevation(self) -> Metre:
         """Give the undisturbed elevation at the flap now."""

@@ -13,6 +13,7 @@ from controllers.oswec_position import Component
 from controllers.signals import PanelSense
 from rig import cycle, safety, sequence
 from rig.bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, Setpoints, WrenchSense
+from rig.bench.words import NO_FLUME
 from rig.config import load_mapping
 from rig.rehearsal.bench_devices import BenchDevices, connect
 from rig.sequence import WAIT_DRIVE, Phase
@@ -36,7 +37,7 @@ QUICK = safety.Params(enable_ticks=300, stop_ticks=200)
 
 def setpoints(component: Component, damping: float = 60.0, brake_current: float = 0.0) -> Setpoints:
     """One set point."""
-    return Setpoints(((component,),), (damping,), (brake_current,), (0.1,), (0.8,))
+    return Setpoints(((component,),), (damping,), (brake_current,), (0.1,), (0.8,), (NO_FLUME,))
 
 
 @cache

@@ -9,12 +9,17 @@ from rig.analysis import picture
 from rig.analysis.session import (
     brake_report,
     driveline_report,
+    flap_decay_report,
+    flap_pto_report,
+    flap_rao_report,
+    flap_stiffness_report,
     losses_report,
     torque_report,
     tracking_report,
     velocity_report,
 )
 from rig.analysis.session.constants import FILE, known_constant, write_constants
+from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.page import notes, write_page
 from rig.analysis.session.read import Session, open_session, session_of
 from rig.analysis.session.result import Picture, Result, words
@@ -26,13 +31,19 @@ _ALONE: dict[str, Callable[[Session], Result]] = {
     "torque_constant": torque_report.result,
     "velocity_constant": velocity_report.result,
     "brake_map": brake_report.result,
+    "flap_hydrostatic": flap_stiffness_report.result,
+    "flap_rao": flap_rao_report.result,
+    "flap_pto_sweep": flap_pto_report.result,
 }
 _AGAINST: dict[str, Callable[[Session, Session | None], Result]] = {
     "driveline": driveline_report.result,
     "torque_tracking": tracking_report.result,
 }
-_LOSSES, MOTOR = "losses", "torque_constant_motor"
-KINDS = (*_ALONE, *_AGAINST, _LOSSES)
+_WITH: dict[str, tuple[Callable[[Session, Estimate | None], Result], str, str]] = {
+    "losses": (losses_report.result, "torque_constant", "torque_constant_motor"),
+    "flap_free_decay": (flap_decay_report.result, "flap_hydrostatic", "flap_stiffness"),
+}
+KINDS = (*_ALONE, *_AGAINST, *_WITH)
 """Sessions that have an analysis."""
 
 
@@ -85,7 +96,8 @@ def analyse(
 
     ``against``: the run without correction, or in open loop, by which a corrected or closed-loop
     one is judged; for losses, the analysed torque constant run whose constant of the motor they
-    rest on. If not given, the newest such run beside it. RunError for a run that is no
+    rest on; for a free decay, the analysed hydrostatic run whose spring makes moments of it. If not
+    given, the newest such run beside it. RunError for a run that is no
     session's, or of which nothing can be made; the message says why.
     """
     run = Path(run_folder)
@@ -112,9 +124,10 @@ def _result(session: Session, run: Path, against: str | os.PathLike[str] | None)
         if against is not None:
             raise ValueError(f"a session {session.kind} is not judged against another run")
         return _ALONE[session.kind](session)
-    if session.kind == _LOSSES:
-        other = Path(against) if against is not None else _with_constants(run)
-        return losses_report.result(session, known_constant(other, MOTOR) if other else None)
+    if session.kind in _WITH:
+        make, kind, constant = _WITH[session.kind]
+        other = Path(against) if against is not None else _with_constants(run, kind)
+        return make(session, known_constant(other, constant) if other else None)
     if session.kind not in _AGAINST:
         raise ValueError(f"session {session.kind!r} has no analysis; there are {', '.join(KINDS)}")
     if against is not None:
@@ -159,12 +172,12 @@ def _scales(known: Facts) -> dict[str, Any]:
     return {key: value for key, value in told.items() if key != "origin"}
 
 
-def _with_constants(run: Path) -> Path | None:
-    """The newest analysed torque constant run beside a run."""
+def _with_constants(run: Path, kind: str) -> Path | None:
+    """The newest analysed run of a kind of session beside a run."""
     for each in list_runs(run.resolve().parent)[::-1]:
         if (each.path / FILE).is_file():
             told = session_of(facts(each.path, ()))
-            if told.get("session") == "torque_constant":
+            if told.get("session") == kind:
                 return each.path
     return None
 

@@ -28,6 +28,7 @@ FIELDS = (
         "command.limited",
         "demand.torque",
         "encoders.age",
+        "plan.wave_clock",
         "time",
     ),
 )
@@ -44,6 +45,7 @@ class Point(NamedTuple):
     period: float  # s, after which its reference repeats
     dt: float  # s
     start: float  # s from run start
+    clock: float  # s of the row's own clock, at its first tick
     age: float  # s, how old its angles are
     tare_samples: int  # averaged for its zeros; 0: provisional zeros
     motor: Floats  # rad
@@ -175,6 +177,7 @@ def _point(
         float(asked.get("period_s") or repeat),
         dt,
         float(data["time"][0]),
+        float(data["plan.wave_clock"][0]),
         float(data["encoders.age"].mean()),
         int(data["tared.samples"].min()),
         motor - field("tared.motor"),

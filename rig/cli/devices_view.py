@@ -215,7 +215,8 @@ def valued(values: tuple[ValueFound, ...]) -> Table:
     cells = []
     for value in values:
         table.add_column(no_wrap=True, overflow="fold")
-        number = f"{value.value:.4g}" + (f" {value.unit}" if value.unit != "flag" else "")
+        digits = ".0f" if value.unit == "count" else ".4g"
+        number = f"{value.value:{digits}}" + (f" {value.unit}" if value.unit != "flag" else "")
         style = "" if value.believed else BAD
         cells.append(Text.assemble((f"{value.name} ", NOTE), (number, style)))
     table.add_row(*cells)

@@ -1,6 +1,7 @@
-"""A bench's real devices behind the loop's seam: every one has a process beside the loop.
+"""A bench's real devices behind the loop's seam: encoders in the tick, the others in mailboxes.
 
-The loop reads last values and their ages, and leaves what it wants in mailboxes; it never waits.
+The tick takes what frames of the encoder bridge have come. Of every other device, which has a
+process beside the loop, it reads the last value and its age, and leaves what it wants of it.
 Only here are the words of the wires and those of the loop turned into each other.
 """
 
@@ -10,13 +11,16 @@ from typing import Any
 from controllers.blocks import clamp
 from controllers.signals import PanelSense
 from drivers.compax3 import analog_command
+from drivers.conversation import Exchange
 from rig import handover
 from rig.bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, WrenchSense
+from rig.hardware import streams
 from rig.hardware.bench_settings import Config
+from rig.hardware.streams import Stream
 from rig.hardware.words import SLOTS, Analog, SetPoint
 from rig.mailbox import Mailbox
 
-READ = ("encoders", "servo", "load_cell", "brake", "inputs")
+BESIDE = ("servo", "load_cell", "brake", "inputs")
 WARM_UP = 3.0  # s in which every device must have said something
 _SETTLED = 0.1  # s: no value is older when it has
 
@@ -24,8 +28,11 @@ _SETTLED = 0.1  # s: no value is older when it has
 class BenchDevices:
     """All devices of a bench on their wires."""
 
-    def __init__(self, config: Config, slots: dict[str, Mailbox]) -> None:
+    def __init__(self, config: Config, encoders: Stream, slots: dict[str, Mailbox]) -> None:
+        """``encoders``: opened."""
         self._config = config
+        self._encoders = encoders
+        self._bridge = Exchange(encoders.link, encoders.talk)
         self._slots = slots
         self._rest = analog_command.rest(config.output)
 
@@ -37,8 +44,12 @@ class BenchDevices:
         until = time.monotonic() + WARM_UP
         while True:
             self._release()
-            here = time.monotonic()
-            silent = [name for name in READ if self._silent(name, here)]
+            here = self._bridge.turn()
+            silent = [name for name in BESIDE if self._silent(name, here)]
+            counted = self._encoders.tell(here)
+            if counted is None or here - counted.stamp > _SETTLED:
+                why = self._encoders.talk.explain(here) or self._encoders.link.trouble
+                silent.insert(0, f"encoders ({why})")
             if not silent:
                 return
             if here > until:
@@ -50,9 +61,9 @@ class BenchDevices:
         return word is None or here - word.stamp > _SETTLED
 
     def read(self, now: float) -> Sense:
-        here = time.monotonic()
+        here = self._bridge.turn()
         slots = self._slots
-        motor, shaft, counted = slots["encoders"].read()
+        motor, shaft, counted = self._encoders.tell(here)
         current, acting, error, told = slots["servo"].read()
         fx, fy, fz, tx, ty, tz, weighed = slots["load_cell"].read()
         brake, measured = slots["brake"].read()
@@ -82,7 +93,7 @@ class BenchDevices:
         self._release()
 
     def close(self) -> None:
-        """The wires are others' and go with them."""
+        self._encoders.link.close()
 
     def _release(self) -> None:
         here = time.monotonic()
@@ -91,7 +102,9 @@ class BenchDevices:
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:
-    """The devices for what `rig.hardware.bench_job` makes."""
+    """The devices for what `rig.hardware.bench_job` makes; LinkError if the bridge is not there."""
     made: Config = handover.loads(Config, config["devices"])
     slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in config["mailboxes"].items()}
-    return BenchDevices(made, slots)
+    encoders = streams.made("encoders", config["encoders"], slots)
+    encoders.link.open()
+    return BenchDevices(made, encoders, slots)

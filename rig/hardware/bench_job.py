@@ -38,23 +38,23 @@ def job_of_bench(rig: BenchRigFile, loop: Loop = "velocity") -> Job:
             troubles.append(f"{kind}: {error}")
     if troubles:
         raise WiringError("\n".join(troubles))
-    slots = {
-        "encoders": ("encoders",),
-        "servo": ("servo", "set_point"),
-        "load_cell": ("load_cell",),
-    }
+    slots = {"servo": ("servo", "set_point"), "load_cell": ("load_cell",)}
     found = [
         Companion(
             kind.replace("_", " "),
             "rig.hardware.stream_poller",
-            {"kind": kind, "told": one},
-            slots[kind],
+            {"kind": kind, "told": told[kind]},
+            names,
         )
-        for kind, one in told.items()
+        for kind, names in slots.items()
     ]
     blocks = {name: getattr(wiring, name) for name in BENCH_WORDS}
     found += line_companions(wiring.lines, blocks, ("analog",), wiring.output_expiry_s)
-    return Job(tuple(found), {"devices": handover.dumps(_config(rig, wiring, loop))})
+    devices = {
+        "devices": handover.dumps(_config(rig, wiring, loop)),
+        "encoders": told["encoders"],
+    }
+    return Job(tuple(found), devices)
 
 
 def _told(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> dict[str, dict[str, Any]]:

@@ -56,7 +56,7 @@ class BenchFound(NamedTuple):
 
 def survey_bench(job: Job) -> BenchFound:
     """Look at every wire of a bench's job; what cannot be reached is told, never raised."""
-    found, lines = [], []
+    found, lines = [_stream("encoders", job.devices["encoders"])], []
     for companion in job.companions:
         if companion.module == "rig.hardware.stream_poller":
             found.append(_stream(companion.config["kind"], companion.config["told"]))
@@ -78,14 +78,14 @@ def _stream(kind: str, told: dict[str, Any]) -> StreamFound:
     try:
         if kind == "servo":
             return _servo(found, stream.link, ServoLook(told))
-        return _listened(found, kind, stream)
+        return _listened(found, stream)
     finally:
         if kind == "load_cell":
             stream.link.send(_STOP)
         stream.link.close()
 
 
-def _listened(found: StreamFound, kind: str, stream: streams.Stream) -> StreamFound:
+def _listened(found: StreamFound, stream: streams.Stream) -> StreamFound:
     """The first word of a device that speaks by itself."""
 
     def young(now: float) -> bool:
@@ -97,7 +97,7 @@ def _listened(found: StreamFound, kind: str, stream: streams.Stream) -> StreamFo
     if word is None:
         return found._replace(trouble=trouble or stream.link.trouble)
     *values, stamp = word
-    units = units_of(kind)
+    units = units_of(type(word))
     told = tuple(
         ValueFound(name, float(value), units[name], True)
         for name, value in zip(word._fields, values, strict=False)
@@ -116,7 +116,6 @@ def _servo(found: StreamFound, link: SerialLink | UdpLink, look: ServoLook) -> S
     values = (
         ValueFound("powered", 1.0 - status.powerless, "flag", status.powerless == 1),
         ValueFound("current", current, "A", True),
-        ValueFound("error", float(error), "", status.no_error == 1),
     )
     trouble = "" if status.no_error == 1 else f"is in error: {objects.error_name(error)}"
     return found._replace(

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 from drivers.errors import CodecError
 from drivers.modbus import registers
-from drivers.modbus.line import Line, LineError
+from drivers.modbus.line import Line, LineError, RefusedError
 from rig.hardware.poller import Polled, blocks_of, line_of
 from rig.hardware.reach import port_trouble, tcp_trouble
 from rig.hardware.words import SLOTS
@@ -87,6 +87,8 @@ def _unit(line: Line, polled: Polled) -> UnitFound:
     try:
         raw = line.read(block)
     except LineError as error:
+        if polled.written and isinstance(error, RefusedError):  # its outputs are not to be read
+            return found._replace(answers=True, took=time.monotonic() - asked)
         return found._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
     found = found._replace(answers=True, took=time.monotonic() - asked)
     if polled.written:
@@ -96,7 +98,7 @@ def _unit(line: Line, polled: Polled) -> UnitFound:
     except CodecError as error:
         return found._replace(trouble=str(error))
     wrong = registers.implausible(block, numbers)
-    units = units_of(polled.name)
+    units = units_of(SLOTS[polled.name])
     values = tuple(
         ValueFound(value.name, number, units.get(value.name, ""), value.name not in wrong)
         for value, number in zip(block.values, numbers, strict=True)
@@ -107,7 +109,7 @@ def _unit(line: Line, polled: Polled) -> UnitFound:
     )
 
 
-def units_of(name: str) -> dict[str, str]:
-    """The unit of each value in the word of a mailbox."""
-    hints = get_type_hints(SLOTS[name], include_extras=True)
+def units_of(word: type) -> dict[str, str]:
+    """The unit of each value of a word."""
+    hints = get_type_hints(word, include_extras=True)
     return {field: hint.__metadata__[0] for field, hint in hints.items()}

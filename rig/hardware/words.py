@@ -136,7 +136,6 @@ SLOTS: dict[str, type] = {
     "heave_health": NodeHealth,
     "surge_health": NodeHealth,
     "stator_health": NodeHealth,
-    "encoders": Encoders,
     "servo": Servo,
     "set_point": SetPoint,
     "load_cell": Load,

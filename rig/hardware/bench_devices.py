@@ -29,7 +29,7 @@ class BenchDevices:
     """All devices of a bench on their wires."""
 
     def __init__(self, config: Config, encoders: Stream, slots: dict[str, Mailbox]) -> None:
-        """``encoders``: opened."""
+        """``encoders``: not opened yet; frames that nobody takes would be lost in its port."""
         self._config = config
         self._encoders = encoders
         self._bridge = Exchange(encoders.link, encoders.talk)
@@ -39,8 +39,10 @@ class BenchDevices:
     def warm_up(self, dt: float) -> None:
         """Wait for a fresh value of every device; OSError names those without one.
 
-        The mailboxes for the commands are given their rest first.
+        The mailboxes for the commands are given their rest first. LinkError if the encoder bridge
+        is not there.
         """
+        self._encoders.link.open()
         until = time.monotonic() + WARM_UP
         while True:
             self._release()
@@ -102,9 +104,8 @@ class BenchDevices:
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:
-    """The devices for what `rig.hardware.bench_job` makes; LinkError if the bridge is not there."""
+    """The devices for what `rig.hardware.bench_job` makes."""
     made: Config = handover.loads(Config, config["devices"])
     slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in config["mailboxes"].items()}
     encoders = streams.made("encoders", config["encoders"], slots)
-    encoders.link.open()
     return BenchDevices(made, encoders, slots)

@@ -16,7 +16,7 @@ from rig.companions import Companion
 from rig.config.bench_rig_file import BenchRigFile
 from rig.rehearsal.addresses import impossible, taken
 from rig.rehearsal.bench_devices import build_bench
-from rig.rehearsal.bench_emulators import Terminal, brake_amplifier, bridge, cell, coupler, servo
+from rig.rehearsal.bench_emulators import Terminal, brake_amplifier, bridge, cell, couplers, servo
 from rig.rehearsal.control import Control, Stage
 from rig.rehearsal.hosting import host, modbus_line, without_delay
 from rig.session.files import Session
@@ -96,13 +96,18 @@ class EmulatedBench:
         self.servo = servo(wiring.servo, world, self._input, self._mode)
         self.cell = cell(wiring.load_cell, world)
         self.units: dict[str, ModbusUnit] = {
-            "io": coupler(wiring, world, self._input),
+            **couplers(wiring, world, self._input),
             "brake": brake_amplifier(world),
         }
-        placed = {"io": wiring.analog, "brake": wiring.brake}
+        placed = {"outputs": wiring.analog, "inputs": wiring.inputs, "brake": wiring.brake}
         lines = {
             f"line {name}": modbus_line(
-                line, {at.unit: self.units[one] for one, at in placed.items() if at.line == name}
+                line,
+                {
+                    placed[one].unit: unit
+                    for one, unit in self.units.items()
+                    if placed[one].line == name
+                },
             )
             for name, line in wiring.lines.items()
         }

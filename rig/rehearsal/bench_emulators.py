@@ -111,8 +111,11 @@ def cell(wiring: LoadCell, world: SharedBench) -> NetFt:
     return NetFt(read, settings)
 
 
-def coupler(wiring: BenchWiring, world: SharedBench, wired: Terminal) -> IoCoupler:
-    """The I/O coupler: servo command and brake out, emergency stop and limit switch in."""
+def couplers(wiring: BenchWiring, world: SharedBench, wired: Terminal) -> dict[str, IoCoupler]:
+    """The I/O couplers: one with the outputs to servo and brake, one with the inputs.
+
+    They are one where the rig file has both blocks on one unit of one line.
+    """
     volts, amperes = wiring.analog.values
 
     def levels() -> dict[str, int]:
@@ -128,7 +131,13 @@ def coupler(wiring: BenchWiring, world: SharedBench, wired: Terminal) -> IoCoupl
     outputs = (AnalogOutput("servo", volts.high, 1), AnalogOutput("brake", amperes.high))
     names = [value.name for value in wiring.inputs.values]
     inputs = tuple(DigitalInput(name, f"{name}_on", 1) for name in names)
-    return IoCoupler(CouplerSettings(outputs, inputs), read=levels, write=write)
+    if (wiring.analog.line, wiring.analog.unit) == (wiring.inputs.line, wiring.inputs.unit):
+        both = IoCoupler(CouplerSettings(outputs, inputs), read=levels, write=write)
+        return {"outputs": both}
+    return {
+        "outputs": IoCoupler(CouplerSettings(outputs), write=write),
+        "inputs": IoCoupler(CouplerSettings((), inputs), read=levels),
+    }
 
 
 def brake_amplifier(world: SharedBench) -> StrainAmplifier:

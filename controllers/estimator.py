@@ -42,6 +42,17 @@ def step(params: Params, before: Estimate, measured: float, periods: int, dt: fl
     )
 
 
+def stretched(params: Params, times: float) -> Params:
+    """The same filter for measurements that lie so many ``times`` farther apart.
+
+    With its own gains it would swing up on them: a correction acts for as long as it takes until
+    the next one. These are the same filter with all times of its motion stretched, and so as
+    stable, and slower in that proportion.
+    """
+    gain_position, gain_velocity, gain_acceleration = params
+    return Params(gain_position, gain_velocity / times, gain_acceleration / (times * times))
+
+
 def step_late(
     params: Params, before: Estimate, measured: float, late: float, periods: int, dt: float
 ) -> Estimate:

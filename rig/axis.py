@@ -16,6 +16,8 @@ NOTHING = Demand(0.0, 0.0, 0.0, 0.0)
 UNSEEN = -1  # no count was seen yet
 _ANY = 1e9  # s, more than any age
 _OLD = 1.0  # s, counts that are as late tell nothing of the motion
+_APART = 1.5  # ticks between values, beyond which the filter must be slower
+_MEMORY = 0.05  # s, of how far apart they have been
 
 
 class Params(NamedTuple):
@@ -39,6 +41,7 @@ class State(NamedTuple):
     short: float  # N, what was granted in the last tick less what was asked
     age: float  # s, of the counts in the last tick
     usual: float  # s, the least age that counts ever had: what is older came late
+    apart: float  # ticks between new counts, the most of late
 
 
 class Record(NamedTuple):
@@ -53,7 +56,7 @@ class Record(NamedTuple):
 
 def start() -> State:
     """State at switch-on."""
-    return State(Estimate(0.0, 0.0, 0.0), limits.start(), UNSEEN, 0.0, 0.0, 0.0, 0.0, _ANY)
+    return State(Estimate(0.0, 0.0, 0.0), limits.start(), UNSEEN, 0.0, 0.0, 0.0, 0.0, _ANY, 1.0)
 
 
 def observe(
@@ -75,9 +78,25 @@ def observe(
         state.age,
         sense.encoder_age,
         state.usual,
+        apart_of_late(state, sense.encoder_age, dt),
         periods,
         dt,
     )
+
+
+def apart_of_late(state: State, age: float, dt: float) -> float:
+    """How many ticks new counts have lain apart at most, of late; at least 1.
+
+    ``age`` (s) of the counts of this tick. It is forgotten slowly: gains that changed with every
+    gap would swing up by themselves.
+    """
+    if state.acting == UNSEEN:
+        return 1.0
+    apart = state.apart - state.apart * dt / _MEMORY
+    waited = state.age - age  # s; below 0 while the counts are the same as before
+    if waited > 0.0:
+        apart = max(apart, 1.0 + min(waited, _OLD) / dt)
+    return max(apart, 1.0)
 
 
 def track(
@@ -87,17 +106,20 @@ def track(
     age_before: float,
     age: float,
     usual: float,
+    apart: float,
     periods: int,
     dt: float,
 ) -> Estimate:
     """The motion before, corrected by ``measured`` (m) unless that is the old value.
 
     ``age`` (s) of ``measured``, ``age_before`` of the value of the last tick, ``usual``: the age
-    that a value has without delay, to which the motion belongs.
+    that a value has without delay, to which the motion belongs; ``apart``: as `apart_of_late`.
     """
     late = age - usual
     if age > age_before + 0.5 * periods * dt or late >= _OLD:
         return estimator.predict(motion, periods, dt)
+    if apart > _APART:
+        params = estimator.stretched(params, apart)
     if late > 0.0:
         return estimator.step_late(params, motion, measured, late, periods, dt)
     return estimator.step(params, motion, measured, periods, dt)
@@ -116,8 +138,8 @@ def check(
 
 def rezero(state: State, by: float) -> State:
     """The same motion seen from a zero that has moved up by ``by`` (m)."""
-    (x, v, a), bounded, acting, fade_from, fade, short, age, usual = state
-    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short, age, usual)
+    (x, v, a), bounded, acting, fade_from, fade, short, age, usual, apart = state
+    return State(Estimate(x - by, v, a), bounded, acting, fade_from, fade, short, age, usual, apart)
 
 
 def control(
@@ -135,7 +157,7 @@ def control(
     A change between the two is bumpless: the force fades over from the last one granted.
     ``conducting`` 0: the drive's power stage rests, and no force is granted in RUN.
     """
-    _, bounded, before, fade_from, fade, _, _, usual = state
+    _, bounded, before, fade_from, fade, _, _, usual, _ = state
     acting = RUN if mode == RUN else STOP_1 if STOP_2 <= mode <= STOP_1 else OFF
     if acting != before:
         fade_from, fade = bounded.force, 1.0
@@ -157,6 +179,16 @@ def control(
     age = sense.encoder_age
     usual = min(usual, age)
     return (
-        State(motion, granted, acting, fade_from, fade, short, age, usual),
+        State(
+            motion,
+            granted,
+            acting,
+            fade_from,
+            fade,
+            short,
+            age,
+            usual,
+            apart_of_late(state, age, dt),
+        ),
         Record(sense, motion, demand, command, limits.warn_axis(params.limits, motion)),
     )

@@ -1,6 +1,8 @@
 """One session of the bench, from its checked file to its results: what `rig bench` does."""
 
 from rig.bench import KIND
+from rig.hardware.bench_job import job_of_bench
+from rig.rehearsal import bench_emulation
 from rig.rehearsal.bench_job import devices_of_session
 from rig.session import Session, SessionPlan, planned, resolved_session
 from rig.session.assemble import bench_params
@@ -10,6 +12,18 @@ from rig.task_run import Rung, Task
 def rehearsal(session: Session, *, real_clock: bool) -> Rung:
     """The simulated bench in the loop's own process."""
     return Rung("rehearsal", real_clock, "rig.rehearsal.bench", devices_of_session(session))
+
+
+def wired(session: Session, *, emulated: bool) -> Rung:
+    """The devices on the bench's wires, or emulated ones on the far end of the same wires.
+
+    WiringError says, all at once, why these wires must not be powered.
+    """
+    made = job_of_bench(session.rig, session.file.loop)
+    if not emulated:
+        return Rung("hardware", True, "rig.hardware.bench", made.devices, made.companions)
+    companions = (bench_emulation.companion_of(session), *made.companions)
+    return Rung("hil", True, "rig.hardware.bench", made.devices, companions)
 
 
 def task_of(session: Session, plan: SessionPlan) -> Task:

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from ruamel.yaml import YAML
 
@@ -22,12 +22,14 @@ from benchmarks.support.recorded import ROOT
 from rig.campaign import Campaign, Plan, check
 from rig.campaign_run import Ended, Rung, carry_out
 from rig.child import Child
+from rig.companions import Companion
 from rig.hardware import job as hardware
 from rig.rehearsal import emulation
 from rig.rehearsal.control_client import ControlClient
 from rig.runs.create import BusyError
 from rig.safety import CATEGORY, RUN, Reason
 from rig.supervisor import Snapshot
+from rig.task_run import View
 
 PATIENCE = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
@@ -42,6 +44,25 @@ class Stage(NamedTuple):
     control: ControlClient
     devices: Child
     folder: Path
+
+    def go(self, view: View) -> Ended:
+        """One run on them, as they are."""
+        made = hardware.job_of(self.campaign.rig)
+        rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
+        return carry_out(self.campaign, self.plan, self.folder, view, rung)
+
+
+class Scene(Protocol):
+    """Emulated devices that are there, and something to run on their wires."""
+
+    @property
+    def control(self) -> ControlClient:
+        """Their control port."""
+        ...
+
+    def go(self, view: View) -> Ended:
+        """One run on them, as they are."""
+        ...
 
 
 class Finding(NamedTuple):
@@ -88,7 +109,7 @@ def rig_file(folder: Path) -> Path:
             },
         },
     }
-    return _write(folder / "rig.yaml", tree)
+    return write_yaml(folder / "rig.yaml", tree)
 
 
 def campaign_file(folder: Path, **keys: Any) -> Path:
@@ -103,7 +124,7 @@ def campaign_file(folder: Path, **keys: Any) -> Path:
         "matrix": {"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
         **keys,
     }
-    return _write(folder / "campaign.yaml", tree)
+    return write_yaml(folder / "campaign.yaml", tree)
 
 
 def checked(path: Path) -> tuple[Campaign, Plan]:
@@ -118,12 +139,18 @@ def checked(path: Path) -> tuple[Campaign, Plan]:
 def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
     """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
     campaign, plan = checked(campaign_file(folder, **keys))
-    one = emulation.companion(campaign)
+    with played(emulation.companion(campaign), folder) as (control, devices):
+        yield Stage(campaign, plan, control, devices, folder)
+
+
+@contextmanager
+def played(one: Companion, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+    """Emulated devices and their control port, for as long as the context lasts."""
     job = json.dumps({"config": one.config, "supervisor": os.getpid(), "mailboxes": {}})
     devices = Child(one.module, job, (), folder / "emulation.stderr")
     try:
         with ControlClient(_address(devices)) as control:
-            yield Stage(campaign, plan, control, devices, folder)
+            yield control, devices
     finally:
         devices.process.terminate()
         devices.end(5.0)
@@ -139,12 +166,10 @@ def _address(devices: Child) -> str:
     raise RuntimeError(f"no emulated devices: {devices.last_words()}")
 
 
-def ran(on: Stage, see: Callable[[Snapshot], None]) -> Ended:
+def ran(on: Scene, see: Callable[[Snapshot], None]) -> Ended:
     """One run on the staged devices, put to rest before."""
     on.control.ask("restart")
-    made = hardware.job_of(on.campaign.rig)
-    rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
-    return when_free(lambda: carry_out(on.campaign, on.plan, on.folder, Watcher(see), rung))
+    return when_free(lambda: on.go(Watcher(see)))
 
 
 def when_free(run: Callable[[], Ended]) -> Ended:
@@ -177,7 +202,7 @@ class Trigger:
             self.at = self._deed()
 
 
-def walk(on: Stage, row: Row) -> Finding:
+def walk(on: Scene, row: Row) -> Finding:
     """Give a device its fault, and see what comes of it."""
 
     def strike() -> float:
@@ -187,14 +212,14 @@ def walk(on: Stage, row: Row) -> Finding:
     if row.at_start:
         on.control.ask("restart")
         trigger.at = strike()
-        ended = _run_as_it_is(on)
+        ended = when_free(lambda: on.go(Watcher(lambda snapshot: None)))
     else:
         ended = ran(on, trigger)
     on.control.ask("clear")
     return judged(on, ended, trigger.at)
 
 
-def walk_fairly(on: Stage, row: Row, tries: int = 3) -> Finding:
+def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
     """Like `walk`, again when the run ended before the fault came: a loaded host does that."""
     for _ in range(tries - 1):
         found = walk(on, row)
@@ -203,14 +228,7 @@ def walk_fairly(on: Stage, row: Row, tries: int = 3) -> Finding:
     return walk(on, row)
 
 
-def _run_as_it_is(on: Stage) -> Ended:
-    made = hardware.job_of(on.campaign.rig)
-    rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
-    quiet = Watcher(lambda snapshot: None)
-    return when_free(lambda: carry_out(on.campaign, on.plan, on.folder, quiet, rung))
-
-
-def judged(on: Stage, ended: Ended, at: float | None) -> Finding:
+def judged(on: Scene, ended: Ended, at: float | None) -> Finding:
     """What came of a fault that was given ``at`` a time (s; None: it never was)."""
     outcome = ended.outcome
     said = (*outcome.said, outcome.died)
@@ -228,7 +246,7 @@ def judged(on: Stage, ended: Ended, at: float | None) -> Finding:
     return Finding(outcome.reason, told, category, seconds, lost, ended)
 
 
-def power_gone(on: Stage, patience: float = 2.0) -> float | None:
+def power_gone(on: Scene, patience: float = 2.0) -> float | None:
     """When the last motor was without power (s, monotonic); None: one still has it."""
     until = time.monotonic() + patience
     while True:
@@ -255,7 +273,7 @@ def wrong(row: Row, found: Finding) -> list[str]:
     return claims
 
 
-def _write(path: Path, tree: dict[str, Any]) -> Path:
+def write_yaml(path: Path, tree: dict[str, Any]) -> Path:
     with path.open("w") as file:
         YAML(typ="safe").dump(tree, file)
     return path

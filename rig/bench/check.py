@@ -36,6 +36,9 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return fault
     most = limits.shaft_jump_stop
     measured = encoders.shaft_counts * params.shaft.radians_per_count - shaft_zero
+    late = encoders.age - state.motor.usual
+    if late > 0.0:  # where the shaft is by now
+        measured = measured + late * (v - 0.5 * late * a)
     if not -most <= measured - x <= most:
         return Reason.SHAFT_ENCODER_JUMP.value
     most = limits.slip_stop

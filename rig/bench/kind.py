@@ -55,6 +55,7 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
         before.age,
         age,
         state.motor.usual,  # both encoders come in one frame
+        axis.apart_of_late(state.motor, age, dt),
         periods,
         dt,
     )

@@ -72,13 +72,20 @@ def bench(
     realtime: Annotated[
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
+    rig: Rig = None,
+    sim: Annotated[
+        bool, typer.Option("--sim", help="Emulated devices on the far end of the bench's wires.")
+    ] = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Run a session of the OSWEC bench, analyse it, and write its report and calibration file."""
-    from rig.cli.bench import main
+    """Run a session of the OSWEC bench, analyse it, and write its report and calibration file.
 
-    sys.exit(main(session, runs, realtime=realtime, as_json=json))
+    A bench without wiring is rehearsed; one with wiring is run on its devices.
+    """
+    from rig.cli.bench import Wanted, main
+
+    sys.exit(main(session, runs, Wanted(rig, realtime, sim), as_json=json))
 
 
 @app.command()

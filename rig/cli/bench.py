@@ -3,31 +3,46 @@
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rig import cli
 from rig.cli.ending import exit_code, in_words, tell_folder
 from rig.cli.failure import fail
 from rig.cli.session_progress import SessionProgress
+from rig.hardware.job import WiringError
 from rig.rehearsal.bench_job import problems_of_session
 from rig.runs import RunError, create
-from rig.session import SessionReport, check_session
-from rig.session_run import rehearsal, task_of
-from rig.task_run import Ended, carry_out_task
+from rig.session import Session, SessionReport, check_session
+from rig.session_run import rehearsal, task_of, wired
+from rig.task_run import Ended, Rung, carry_out_task
 
 
-def examine_session(path: Path) -> SessionReport:
-    """Check a session with all it stands on, the simulated bench included."""
-    return check_session(path, also=problems_of_session)
+class Wanted(NamedTuple):
+    """What the command line asks for beside the session."""
+
+    rig: Path | None  # in place of the session's own
+    realtime: bool
+    emulated: bool  # --sim
 
 
-def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
+def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
+    """Check a session with all it stands on, the simulated bench included.
+
+    ``rig`` stands in for the rig that the session names.
+    """
+    return check_session(path, also=problems_of_session, rig=rig)
+
+
+def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     """Check, run, analyse, and say how it went; gives the exit code."""
-    report = examine_session(path)
+    report = examine_session(path, wanted.rig)
     if report.session is None or report.plan is None:
         return complain(report, as_json=as_json)
     session, plan = report.session, report.plan
-    rung = rehearsal(session, real_clock=realtime)
+    try:
+        rung = _rung(session, wanted)
+    except WiringError as error:
+        return fail("bench", error, as_json=as_json, code=cli.BAD_INPUT)
     title = f"{session.file.name} on {session.rig.name}"
     try:
         with SessionProgress(title, rung.name, plan, quiet=as_json) as view:
@@ -52,6 +67,15 @@ def main(path: Path, runs: Path, *, realtime: bool, as_json: bool) -> int:
         _tell(ended, text)
         tell_folder(ended, products, trouble)
     return exit_code(ended.outcome, trouble)
+
+
+def _rung(session: Session, wanted: Wanted) -> Rung:
+    """On what to run: a bench with wires is run on them, or, with --sim, on emulated devices."""
+    if session.rig.wiring is None:
+        if wanted.emulated:
+            raise WiringError(f"{session.rig.name} has no wiring to hang emulated devices on")
+        return rehearsal(session, real_clock=wanted.realtime)
+    return wired(session, emulated=wanted.emulated)
 
 
 def complain(report: SessionReport, *, as_json: bool) -> int:

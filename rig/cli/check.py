@@ -23,7 +23,7 @@ def examine(path: Path, rig: Path | None = None) -> Report:
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:
     """Print the report; 0 if the campaign or session can be run."""
     if is_session(path):
-        return show(examine_session(path), as_json=as_json)
+        return show(examine_session(path, rig), as_json=as_json)
     report = examine(path, rig)
     if as_json:
         print(report.to_json())

@@ -1,15 +1,24 @@
 """`rig devices RIG`."""
 
 import json
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Group
 
 from rig import cli
+from rig.cli import bench_devices_view
 from rig.cli.console import table_console
 from rig.cli.devices_view import as_dict, drawn
 from rig.cli.failure import fail
 from rig.cli.refusal import REFUSED, refuse
-from rig.config import RigFile, load
+from rig.config.any_rig_file import load_rig
+from rig.config.bench_rig_file import BenchRigFile
+from rig.config.rig_file import RigFile
+from rig.hardware.bench_job import job_of_bench
+from rig.hardware.bench_survey import survey_bench
 from rig.hardware.job import job_of
 from rig.hardware.survey import survey
 from rig.runs import create
@@ -18,8 +27,8 @@ from rig.runs import create
 def main(path: Path, *, anyway: bool, objects: bool, as_json: bool) -> int:
     """Look at every wire and say who answers; 0 if all do and agree with the rig file."""
     try:
-        rig, _ = load(path, RigFile)
-        job = job_of(rig)
+        rig, _ = load_rig(path)
+        look = _bench(rig) if isinstance(rig, BenchRigFile) else _wavebot(rig, objects)
     except REFUSED as error:
         return refuse("devices", error, as_json=as_json)
     with ExitStack() as held:
@@ -32,11 +41,41 @@ def main(path: Path, *, anyway: bool, objects: bool, as_json: bool) -> int:
         console = table_console()
         if not as_json and console.is_terminal:
             with console.status("looking at the rig's wires ..."):
-                found = survey(job)
+                seen = look()
         else:
-            found = survey(job)
+            seen = look()
     if as_json:
-        print(json.dumps(as_dict(rig.name, found), ensure_ascii=False))
+        print(json.dumps(seen.told, ensure_ascii=False))
     else:
-        console.print(drawn(rig.name, found, every_object=objects))
-    return cli.FAILED if found.trouble else cli.OK
+        console.print(seen.drawn)
+    return cli.FAILED if seen.trouble else cli.OK
+
+
+class _Seen(NamedTuple):
+    """What a look found, for programs and for people."""
+
+    told: dict[str, Any]
+    drawn: Group
+    trouble: tuple[str, ...]
+
+
+def _wavebot(rig: RigFile, objects: bool) -> Callable[[], _Seen]:
+    job = job_of(rig)
+
+    def look() -> _Seen:
+        found = survey(job)
+        shown = drawn(rig.name, found, every_object=objects)
+        return _Seen(as_dict(rig.name, found), shown, found.trouble)
+
+    return look
+
+
+def _bench(rig: BenchRigFile) -> Callable[[], _Seen]:
+    job = job_of_bench(rig)
+
+    def look() -> _Seen:
+        found = survey_bench(job)
+        told = bench_devices_view.as_dict(rig.name, found)
+        return _Seen(told, bench_devices_view.drawn(rig.name, found), found.trouble)
+
+    return look

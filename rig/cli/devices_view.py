@@ -10,9 +10,10 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import Nmt
-from rig.hardware.survey import BusFound, Found, LineFound, NodeFound, UnitFound, register_words
+from rig.hardware.line_survey import LineFound, UnitFound, ValueFound
+from rig.hardware.survey import BusFound, Found, NodeFound, register_words
 
-_BAD, _NOTE = "bold red", "dim"
+BAD, NOTE = "bold red", "dim"
 
 
 def as_dict(rig: str, found: Found) -> dict[str, Any]:
@@ -31,10 +32,7 @@ def as_dict(rig: str, found: Found) -> dict[str, Any]:
             "nodes": [_node_dict(node) for node in can.nodes],
             "strangers": list(can.strangers),
         },
-        "lines": [
-            {**line._asdict(), "units": [_unit_dict(unit, found.at) for unit in line.units]}
-            for line in found.lines
-        ],
+        "lines": [line_dict(line, found.at) for line in found.lines],
     }
 
 
@@ -49,6 +47,11 @@ def _node_dict(node: NodeFound) -> dict[str, Any]:
     told["status_words"] = None if node.statusword is None else statusword.describe(node.statusword)
     told["trouble"] = list(node.trouble)
     return told
+
+
+def line_dict(line: LineFound, at: float) -> dict[str, Any]:
+    """A line with its units as JSON values; ``at``: when all had been looked at (s)."""
+    return {**line._asdict(), "units": [_unit_dict(unit, at) for unit in line.units]}
 
 
 def _unit_dict(unit: UnitFound, at: float) -> dict[str, Any]:
@@ -71,10 +74,10 @@ def drawn(rig: str, found: Found, *, every_object: bool) -> Group:
             numbers = ", ".join(map(str, found.can.strangers))
             parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
     parts.append(Text(""))
-    parts += [line for one in found.lines for line in _line(one, found.at)]
+    parts += [line for one in found.lines for line in drawn_line(one, found.at)]
     if every_object:
         parts += [_objects(node) for node in found.can.nodes if node.unset]
-    parts.append(_verdict(found))
+    parts.append(verdict(found.trouble))
     return Group(*parts)
 
 
@@ -85,7 +88,7 @@ def _bus_words(can: BusFound) -> Text:
         f"{100 * can.load:.0f} % full while a campaign runs"
     )
     text = Text.assemble(("CAN  ", "bold cyan"), words)
-    return text.append(f"\n  {can.trouble}", _BAD) if can.trouble else text
+    return text.append(f"\n  {can.trouble}", BAD) if can.trouble else text
 
 
 def _nodes(can: BusFound) -> Table:
@@ -102,7 +105,7 @@ def _nodes(can: BusFound) -> Table:
 
 
 def _some(value: str | None) -> Text:
-    return Text("-", _NOTE) if value is None else Text(value)
+    return Text("-", NOTE) if value is None else Text(value)
 
 
 def _hexadecimal(value: int | None) -> Text:
@@ -111,7 +114,7 @@ def _hexadecimal(value: int | None) -> Text:
 
 def _nmt(one: NodeFound) -> Text:
     if one.nmt is None:
-        return Text("not known: no heartbeat", _NOTE)
+        return Text("not known: no heartbeat", NOTE)
     return Text(Nmt(one.nmt).name.lower().replace("_", "-"))
 
 
@@ -119,14 +122,14 @@ def _heartbeat(one: NodeFound) -> Text:
     if one.heartbeat_age is not None:
         every = f" (every {one.heartbeat_every:g} s)" if one.heartbeat_every else ""
         return Text(f"{one.heartbeat_age:.2f} s ago{every}")
-    return Text("none came", _BAD) if one.heartbeat_every else Text("off until a run", _NOTE)
+    return Text("none came", BAD) if one.heartbeat_every else Text("off until a run", NOTE)
 
 
 def _status(one: NodeFound) -> Text:
     if one.statusword is None:
-        return Text("-", _BAD)
+        return Text("-", BAD)
     bad = statusword.decode(one.statusword) in (statusword.FAULT, statusword.FAULT_REACTION)
-    return Text(statusword.describe(one.statusword), _BAD if bad else "")
+    return Text(statusword.describe(one.statusword), BAD if bad else "")
 
 
 def _register(one: NodeFound) -> Text:
@@ -134,28 +137,28 @@ def _register(one: NodeFound) -> Text:
     if not value:
         return _some("clear" if value == 0 else None)
     words = f"{value:#04x} {register_words(value)}"
-    return Text(f"{words}: misses its master", "yellow") if one.waits else Text(words, _BAD)
+    return Text(f"{words}: misses its master", "yellow") if one.waits else Text(words, BAD)
 
 
 def _error(code: int | None) -> Text:
     if not code:
         return _some("none" if code == 0 else None)
-    return Text(f"{code:#06x} {emcy.meaning(code)}", _BAD)
+    return Text(f"{code:#06x} {emcy.meaning(code)}", BAD)
 
 
 def _standing(one: NodeFound) -> Text:
     if not one.wrong:
         return Text("all as wanted", "green")
-    return Text("\n".join(f"not {mismatch.name}" for mismatch in one.wrong), _BAD)
+    return Text("\n".join(f"not {mismatch.name}" for mismatch in one.wrong), BAD)
 
 
 def _unset(one: NodeFound) -> Text:
-    return Text(f"{len(one.unset)} of {one.checked} objects" if one.unset else "nothing", _NOTE)
+    return Text(f"{len(one.unset)} of {one.checked} objects" if one.unset else "nothing", NOTE)
 
 
 # A function of the node for each row.
 _ROWS: tuple[tuple[str, Callable[[NodeFound], Text]], ...] = (
-    ("answers", lambda one: Text("yes", "green") if one.answers else Text("no", _BAD)),
+    ("answers", lambda one: Text("yes", "green") if one.answers else Text("no", BAD)),
     ("device name", lambda one: _some(one.identity.name)),
     ("device type", lambda one: _hexadecimal(one.identity.device_type)),
     ("vendor", lambda one: _hexadecimal(one.identity.vendor)),
@@ -177,19 +180,20 @@ def _objects(node: NodeFound) -> Text:
     return Text.assemble((head, "bold"), text.replace("\n", "\n  ").join(("  ", "\n")))
 
 
-def _line(line: LineFound, at: float) -> list[Table | Text]:
+def drawn_line(line: LineFound, at: float) -> list[Table | Text]:
+    """A line with a row a unit."""
     kind = "Modbus TCP" if line.kind == "tcp" else "Modbus RTU"
     head = Text.assemble((f"line {line.name}  ", "bold cyan"), f"{kind} at {line.address}")
     if line.trouble:
-        return [head.append(f"\n  {line.trouble}", _BAD), Text("")]
-    table = Table(box=None, header_style=_NOTE, pad_edge=False, padding=(0, 2, 0, 0))
+        return [head.append(f"\n  {line.trouble}", BAD), Text("")]
+    table = Table(box=None, header_style=NOTE, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("  unit", no_wrap=True)
     table.add_column("", style="bold", no_wrap=True, min_width=9)
     table.add_column("answered in", justify="right", no_wrap=True)
     table.add_column("age", justify="right", no_wrap=True)
     table.add_column("")
     for unit in line.units:
-        took, age = Text("no answer", _BAD), Text("-", _NOTE)
+        took, age = Text("no answer", BAD), Text("-", NOTE)
         if unit.answers:
             took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.asked:.2f} s")
         table.add_row(f"  {unit.unit}", unit.name, took, age, _values(unit))
@@ -199,22 +203,28 @@ def _line(line: LineFound, at: float) -> list[Table | Text]:
 def _values(unit: UnitFound) -> Table | Text:
     """Name and value side by side, never cut between number and unit."""
     if not unit.answers:
-        return Text(unit.trouble, _BAD)
+        return Text(unit.trouble, BAD)
     if unit.told:
-        return Text("is told by a run, not read", _NOTE)
+        return Text("is told by a run, not read", NOTE)
+    return valued(unit.values)
+
+
+def valued(values: tuple[ValueFound, ...]) -> Table:
+    """Values in a row, each with its name and unit."""
     table = Table.grid(padding=(0, 3, 0, 0))
     cells = []
-    for value in unit.values:
+    for value in values:
         table.add_column(no_wrap=True, overflow="fold")
-        number = f"{value.value:.4g}" + (f" {value.unit}" if value.unit != "flag" else "")
-        style = "" if value.believed else _BAD
-        cells.append(Text.assemble((f"{value.name} ", _NOTE), (number, style)))
+        digits = ".0f" if value.unit == "count" else ".4g"
+        number = f"{value.value:{digits}}" + (f" {value.unit}" if value.unit != "flag" else "")
+        style = "" if value.believed else BAD
+        cells.append(Text.assemble((f"{value.name} ", NOTE), (number, style)))
     table.add_row(*cells)
     return table
 
 
-def _verdict(found: Found) -> Text:
-    trouble = found.trouble
+def verdict(trouble: tuple[str, ...]) -> Text:
+    """What it all comes to."""
     if not trouble:
         return Text("All answer, and what must stand in them does.", "bold green")
     head = "One thing is wrong:" if len(trouble) == 1 else f"{len(trouble)} things are wrong:"

@@ -1,7 +1,5 @@
 """`rig sim RIG`."""
 
-import itertools
-import json
 import signal
 import sys
 import tempfile
@@ -10,47 +8,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any, NamedTuple
-
-from rich.table import Table
-from rich.text import Text
 
 from rig import cli
-from rig.cli.console import table_console
 from rig.cli.failure import fail
 from rig.cli.refusal import REFUSED, refuse
+from rig.cli.sim_view import hanging, show
 from rig.companions import Companion, CompanionError, Companions
-from rig.config.rig_file import RigFile
-from rig.config.wiring import WORDS, Registers, TcpLine, Wiring
+from rig.config.any_rig_file import AnyRigFile
+from rig.config.bench_rig_file import BenchRigFile
+from rig.hardware.bench_job import job_of_bench
 from rig.hardware.job import WiringError, job_of
-from rig.rehearsal.addresses import can_address, impossible, taken
-from rig.rehearsal.alone import in_calm_water
+from rig.rehearsal.addresses import AnyWiring, impossible, taken
+from rig.rehearsal.alone import alone
+from rig.session.files import is_session
 
 _LOOK = 0.05  # s
 _PATIENCE = 5.0  # s for the devices to leave
-_PLAYED = {
-    "amc": "torque drive, AMC scaling",
-    "rated_torque": "torque drive, scaled by its rated torque",
-    "rated_current": "torque drive, scaled by its rated current",
-}
-_UNITS = {
-    "analyser": "power analyser",
-    "cells": "strain-gauge amplifier: load cells",
-    "probes": "strain-gauge amplifier: wave probes",
-    "inputs": "I/O coupler: digital inputs",
-    "outputs": "I/O coupler: digital outputs",
-}
-
-
-class _There(NamedTuple):
-    """One device on a wire."""
-
-    wire: str  # CAN, or the line's name
-    how: str  # protocol
-    address: str
-    number: int  # of the node or unit
-    name: str
-    what: str
 
 
 def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
@@ -76,7 +49,7 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
             why = str(error).removeprefix(f"{devices.name}: ")
             return fail("sim", RuntimeError(why), as_json=as_json, code=cli.FAILED)
         try:
-            _show(rig, _hanging(wiring), sea, as_json=as_json)
+            show(rig.name, hanging(wiring), sea, as_json=as_json)
             trouble = _stay(companions, asked)
         finally:
             companions.end(_PATIENCE)
@@ -88,11 +61,22 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
     return cli.OK
 
 
-def _devices(path: Path, campaign: Path | None) -> tuple[RigFile, Companion, str]:
-    """The rig, who plays its devices, and the sea they are in."""
+def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, Companion, str]:
+    """The rig, who plays its devices, and what they are in."""
     if campaign is None:
-        rig, devices = in_calm_water(path)
-        return rig, devices, "calm water"
+        rig, devices = alone(path)
+        bench = isinstance(rig, BenchRigFile)
+        return rig, devices, "a bench at rest, its servo drive set up for velocity" if bench else (
+            "calm water"
+        )  # fmt: skip
+    if is_session(campaign):
+        from rig.rehearsal.bench_emulation import companion_of
+        from rig.rehearsal.bench_job import problems_of_session
+        from rig.session import open_session
+
+        session = open_session(campaign, problems_of_session, path)
+        setting = f"a bench, its servo drive set up for {session.file.loop}"
+        return session.rig, companion_of(session), setting
     from rig.campaign.files import open_campaign  # scipy: seconds
     from rig.rehearsal import emulation, job
 
@@ -101,67 +85,18 @@ def _devices(path: Path, campaign: Path | None) -> tuple[RigFile, Companion, str
     return opened.rig, emulation.companion(opened), sea
 
 
-def _wiring(rig: RigFile) -> Wiring:
+def _wiring(rig: AnyRigFile) -> AnyWiring:
     """The wires of a rig whose devices can be emulated; WiringError says why not."""
     if rig.wiring is None:
         raise WiringError(f"{rig.name} has no wiring to hang emulated devices on")
     why = impossible(rig.wiring)
     if why:
         raise WiringError("\n".join(why))
-    job_of(rig)
+    if isinstance(rig, BenchRigFile):
+        job_of_bench(rig)
+    else:
+        job_of(rig)
     return rig.wiring
-
-
-def _hanging(wiring: Wiring) -> list[_There]:
-    """Every emulated device and where it is."""
-    can = wiring.can
-    bus = "{}:{}".format(*can_address(can))
-    found = [
-        _There("CAN", f"socketcand {can.channel}", bus, one.node, name, what)
-        for name, one, what in (
-            ("heave", wiring.heave, _PLAYED[wiring.heave.scaling]),
-            ("surge", wiring.surge, _PLAYED[wiring.surge.scaling]),
-            ("stator", wiring.stator, "actuator: profile position, homing"),
-        )
-    ]
-    for line_name, line in wiring.lines.items():
-        if isinstance(line, TcpLine):
-            how, address = "Modbus TCP", f"{line.host}:{line.port}"
-        else:
-            how = f"Modbus RTU, {line.baud} baud 8{line.parity}{line.stop_bits},"
-            address = line.port
-        for name in WORDS:
-            block: Registers = getattr(wiring, name)
-            if block.line == line_name:
-                found.append(_There(line_name, how, address, block.unit, name, _UNITS[name]))
-    return found
-
-
-def _show(rig: RigFile, hanging: list[_There], sea: str, *, as_json: bool) -> None:
-    if as_json:
-        told: dict[str, Any] = {
-            "status": "ready",
-            "rig": rig.name,
-            "sea": sea,
-            "devices": [one._asdict() for one in hanging],
-        }
-        print(json.dumps(told, ensure_ascii=False), flush=True)
-        return
-    console = table_console()
-    console.print(Text.assemble("\n", (rig.name, "bold"), f": emulated devices in {sea}\n"))
-    for wire, several in itertools.groupby(hanging, lambda one: (one.wire, one.how, one.address)):
-        head = f"{wire[0]}  " if wire[0] == "CAN" else f"line {wire[0]}  "
-        console.print(Text.assemble((head, "bold cyan"), f"{wire[1]} at {wire[2]}"), soft_wrap=True)
-        table = Table.grid(padding=(0, 2, 0, 0))
-        table.add_column(width=9)
-        table.add_column(width=16)
-        table.add_column()
-        for one in several:
-            kind = "node" if one.wire == "CAN" else "unit"
-            table.add_row(f"  {kind} {one.number}", Text(one.name, "bold"), Text(one.what))
-        console.print(table, "")
-    console.print("ready; Ctrl-C ends", style="bold green")
-    sys.stdout.flush()
 
 
 def _stay(companions: Companions, asked: Callable[[], bool]) -> str:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from rig.config.bench_wiring import BenchWiring, field_of
 from rig.config.model import Broken, FileModel, Several, Whole
 from rig.config.problems import number_text
 from rig.config.rig_file import Rate, StopTiming
@@ -110,3 +111,30 @@ class BenchRigFile(FileModel):
     instant_correction: InstantCorrection
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: BenchStop
+    wiring: BenchWiring | None = None  # none: it can only be rehearsed
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """An encoder's counts fit its words, and the brake's current its output."""
+        if self.wiring is None:
+            return
+        bridge = self.wiring.encoders
+        for name, word, encoder, key in (
+            ("motor", bridge.motor, self.servo.encoder, "servo.encoder"),
+            ("shaft", bridge.shaft, self.shaft_encoder, "shaft_encoder"),
+        ):
+            counts = encoder.counts_per_revolution
+            if counts > field_of(word):
+                yield Broken(
+                    ("wiring", "encoders", name, "protocol"),
+                    f"{word.protocol} carries up to {field_of(word)} counts, "
+                    f"{key}.counts_per_revolution is {counts}",
+                    word.protocol,
+                )
+        most, output = self.brake.map[-1].current_a, self.wiring.analog.values[1]
+        if output.high < most:
+            yield Broken(
+                ("wiring", "analog", "values", 1, "high"),
+                f"{number_text(output.high)} A is less than brake.map asks for; "
+                f"allowed from {number_text(most)} A",
+                output.high,
+            )

@@ -1,7 +1,7 @@
 """How a rig is wired: buses, lines and what hangs on them. A rehearsal needs none of it."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -162,14 +162,7 @@ class Wiring(FileModel):
 
     def broken_rules(self) -> Iterator[Broken]:
         """Every block has its values and its line; every drive its inputs."""
-        for name, wanted in WORDS.items():
-            block: Registers = getattr(self, name)
-            got = tuple(value.name for value in block.values)
-            if got != wanted:
-                yield Broken((name, "values"), f"must be {', '.join(wanted)} in this order", got)
-            if block.line not in self.lines:
-                known = ", ".join(self.lines) or "none"
-                yield Broken((name, "line"), f"no such line; there are {known}", block.line)
+        yield from line_rules(self, self.lines, WORDS)
         for name in ("heave", "surge"):
             scales: tuple[float, ...] = getattr(self, name).analog_per_v
             if len(scales) != 2 or not all(scales) or not all(map(math.isfinite, scales)):
@@ -177,6 +170,20 @@ class Wiring(FileModel):
         nodes = [self.can.own_node, self.heave.node, self.surge.node, self.stator.node]
         if len(set(nodes)) != len(nodes):
             yield Broken(("can", "own_node"), "two nodes have one number", nodes)
+
+
+def line_rules(
+    wiring: FileModel, lines: Mapping[str, object], words: Mapping[str, tuple[str, ...]]
+) -> Iterator[Broken]:
+    """What is wrong with blocks of registers: their values, by name, and the lines they are on."""
+    for name, wanted in words.items():
+        block: Registers = getattr(wiring, name)
+        got = tuple(value.name for value in block.values)
+        if got != wanted:
+            yield Broken((name, "values"), f"must be {', '.join(wanted)} in this order", got)
+        if block.line not in lines:
+            known = ", ".join(lines) or "none"
+            yield Broken((name, "line"), f"no such line; there are {known}", block.line)
 
 
 WORDS = {

@@ -20,7 +20,8 @@ from drivers.canopen.torque_axis import Settings as AxisSettings
 from rig import handover
 from rig.companions import Companion
 from rig.config import RigFile
-from rig.config.wiring import WORDS, Actuator, Deadlines, Drive, Registers, TorqueDrive, Wiring
+from rig.config.wiring import WORDS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
+from rig.hardware.lines import line_companions
 from rig.hardware.settings import Config
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the drive has said what it is
@@ -231,34 +232,6 @@ def _companions(wiring: Wiring, nodes: list[dict[str, Any]], bus: Bus) -> list[C
     health = tuple(f"{node['name']}_health" for node in nodes)
     service = {"bus": list(bus), "nodes": json.loads(json.dumps(nodes))}
     found = [Companion("can", "rig.hardware.can_service", service, health, patience)]
-    blocks: dict[str, list[dict[str, Any]]] = {}
-    for name in WORDS:
-        registers: Registers = getattr(wiring, name)
-        blocks.setdefault(registers.line, []).append(_block(name, registers))
-    for line, several in blocks.items():
-        settings = wiring.lines[line].model_dump()
-        kind = settings.pop("kind")
-        config = {
-            "kind": kind,
-            "settings": {key.removesuffix("_s"): value for key, value in settings.items()},
-            "blocks": several,
-            "expiry": wiring.output_expiry_s,
-        }
-        names = tuple(block["name"] for block in several)
-        found.append(Companion(f"line {line}", "rig.hardware.poller", config, names))
+    blocks = {name: getattr(wiring, name) for name in WORDS}
+    found += line_companions(wiring.lines, blocks, ("outputs",), wiring.output_expiry_s)
     return found
-
-
-def _block(name: str, registers: Registers) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unit": registers.unit,
-        "table": registers.table,
-        "first": registers.first,
-        "size": registers.size,
-        "high_first": registers.word_order == "high first",
-        "period": registers.period_s,
-        "written": name == "outputs",
-        "prepare": [list(one.model_dump().values()) for one in registers.prepare],
-        "values": [[v.name, v.at, v.kind, v.scale, v.low, v.high] for v in registers.values],
-    }

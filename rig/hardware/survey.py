@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.arming import Mismatch, Step
@@ -10,13 +10,9 @@ from drivers.canopen.bus_settings import Bus
 from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Health, Identity, Service
-from drivers.errors import CodecError
-from drivers.modbus import registers
-from drivers.modbus.line import Line, LineError
 from rig.hardware.job import Job
-from rig.hardware.poller import Polled, blocks_of, line_of
-from rig.hardware.reach import bus_trouble, port_trouble, tcp_trouble
-from rig.hardware.words import SLOTS
+from rig.hardware.line_survey import LineFound, look_at_line, unit_troubles
+from rig.hardware.reach import bus_trouble
 
 SCAN = 0.4  # s in which every node of the bus has answered a first question
 _BEATS = 2.5  # periods of a heartbeat in which one must have come
@@ -60,39 +56,6 @@ class BusFound(NamedTuple):
     strangers: tuple[int, ...]  # nodes that are not in the rig file
 
 
-class ValueFound(NamedTuple):
-    """One value as a unit gives it now."""
-
-    name: str
-    value: float
-    unit: str
-    believed: bool  # it can be
-
-
-class UnitFound(NamedTuple):
-    """One block of registers of a Modbus unit."""
-
-    name: str
-    unit: int
-    registers: str
-    answers: bool
-    took: float  # s from question to answer
-    asked: float  # s, monotonic
-    told: bool  # a run writes it: what is read is no measurement
-    values: tuple[ValueFound, ...]
-    trouble: str
-
-
-class LineFound(NamedTuple):
-    """One line."""
-
-    name: str
-    kind: str  # tcp, rtu
-    address: str
-    trouble: str  # why nobody could be asked
-    units: tuple[UnitFound, ...]
-
-
 class Found(NamedTuple):
     """All wires of a rig."""
 
@@ -112,11 +75,7 @@ class Found(NamedTuple):
             for text in node.trouble if not self.can.trouble else ():
                 yield f"{node.name} (node {node.node}) {text}"
         for line in self.lines:
-            if line.trouble:
-                yield f"line {line.name} at {line.address}: {line.trouble}"
-            for unit in line.units if not line.trouble else ():
-                if unit.trouble:
-                    yield f"{unit.name} (unit {unit.unit} on {line.name}): {unit.trouble}"
+            yield from unit_troubles(line)
 
 
 def survey(job: Job) -> Found:
@@ -127,7 +86,7 @@ def survey(job: Job) -> Found:
         if companion.module == "rig.hardware.can_service":
             can = _bus(companion.config, job.load.total)
         else:
-            lines.append(_line(companion.name.removeprefix("line "), companion.config))
+            lines.append(look_at_line(companion.name.removeprefix("line "), companion.config))
     assert can is not None
     return Found(can, tuple(lines), time.monotonic())
 
@@ -241,60 +200,3 @@ def _with_health(found: NodeFound, health: Health, now: float) -> NodeFound:
         emergency=health.code,
         trouble=tuple(trouble),
     )
-
-
-def _line(name: str, config: dict[str, Any]) -> LineFound:
-    settings = config["settings"]
-    rtu = config["kind"] == "rtu"
-    address = settings["port"] if rtu else f"{settings['host']}:{settings['port']}"
-    why = port_trouble(address) if rtu else tcp_trouble(settings["host"], settings["port"])
-    found = LineFound(name, config["kind"], address, why, ())
-    if why:
-        return found
-    units = []
-    line = line_of(config, [])
-    try:
-        for polled in blocks_of(config):
-            if not rtu:  # a unit that is silent costs the connection
-                line.close()
-                line = line_of(config, [])
-            units.append(_unit(line, polled))
-            if line.opened == 0:
-                return found._replace(trouble=units[-1].trouble)
-    finally:
-        line.close()
-    return found._replace(units=tuple(units))
-
-
-def _unit(line: Line, polled: Polled) -> UnitFound:
-    block, asked = polled.block, time.monotonic()
-    last = block.first + block.size - 1
-    where = f"{block.table} {block.first}" + (f"-{last}" if block.size > 1 else "")
-    found = UnitFound(polled.name, block.unit, where, False, 0.0, asked, polled.written, (), "")
-    try:
-        raw = line.read(block)
-    except LineError as error:
-        return found._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
-    found = found._replace(answers=True, took=time.monotonic() - asked)
-    if polled.written:
-        return found
-    try:
-        numbers = registers.decode(block, raw, polled.high_first)
-    except CodecError as error:
-        return found._replace(trouble=str(error))
-    wrong = registers.implausible(block, numbers)
-    units = units_of(polled.name)
-    values = tuple(
-        ValueFound(value.name, number, units.get(value.name, ""), value.name not in wrong)
-        for value, number in zip(block.values, numbers, strict=True)
-    )
-    text = ", ".join(f"{one.name} = {one.value:g}" for one in values if not one.believed)
-    return found._replace(
-        values=values, trouble=f"{text} cannot be; swapped words?" if text else ""
-    )
-
-
-def units_of(name: str) -> dict[str, str]:
-    """The unit of each value in the word of a mailbox."""
-    hints = get_type_hints(SLOTS[name], include_extras=True)
-    return {field: hint.__metadata__[0] for field, hint in hints.items()}

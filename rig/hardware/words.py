@@ -6,7 +6,19 @@ which it was asked for, so that its age is never told too small.
 
 from typing import NamedTuple
 
-from controllers.signals import Flag, Index, Metre, Newton, Second, Volt, Watt
+from controllers.signals import (
+    Ampere,
+    Count,
+    Flag,
+    Index,
+    Metre,
+    Newton,
+    NewtonMetre,
+    RadianPerSecond,
+    Second,
+    Volt,
+    Watt,
+)
 
 
 class Analyser(NamedTuple):
@@ -62,6 +74,59 @@ class NodeHealth(NamedTuple):
     stamp: Second  # when this was written
 
 
+class Encoders(NamedTuple):
+    """Both encoders of a bench, latched by one edge."""
+
+    motor: Count  # turns included, positive as the gearbox output's angle
+    shaft: Count
+    stamp: Second
+
+
+class Servo(NamedTuple):
+    """Servo drive, as it said last."""
+
+    current: Ampere
+    acting: Flag  # 1: powered by our request, and set-points go out
+    error: Index  # its error number while it is in error, -1: not read yet, else 0
+    stamp: Second
+
+
+class SetPoint(NamedTuple):
+    """What the loop wants of the servo drive, at the motor; that of the loop not in use is 0."""
+
+    velocity: RadianPerSecond
+    torque: NewtonMetre
+    enable: Flag
+    stamp: Second
+
+
+class Load(NamedTuple):
+    """Six-axis load cell, z along the shaft, signs as the bench has them."""
+
+    fx: Newton
+    fy: Newton
+    fz: Newton
+    tx: NewtonMetre
+    ty: NewtonMetre
+    tz: NewtonMetre
+    stamp: Second
+
+
+class BrakeCurrent(NamedTuple):
+    """What the brake's amplifier gives."""
+
+    current: Ampere
+    stamp: Second
+
+
+class Analog(NamedTuple):
+    """Analog outputs of a bench, as the loop wants them."""
+
+    servo: Volt
+    brake: Ampere
+    stamp: Second
+
+
 SLOTS: dict[str, type] = {
     "analyser": Analyser,
     "cells": Cells,
@@ -71,5 +136,10 @@ SLOTS: dict[str, type] = {
     "heave_health": NodeHealth,
     "surge_health": NodeHealth,
     "stator_health": NodeHealth,
+    "servo": Servo,
+    "set_point": SetPoint,
+    "load_cell": Load,
+    "brake": BrakeCurrent,
+    "analog": Analog,
 }
 """The word of each mailbox."""

@@ -8,21 +8,35 @@ from collections.abc import Iterator
 from contextlib import suppress
 from ipaddress import ip_address
 from pathlib import Path
+from typing import NamedTuple
 
+from rig.config.bench_wiring import BenchWiring
 from rig.config.wiring import CanBus, TcpLine, Wiring
 
 CAN_PORT = 29536  # of socketcand, where the options name none
 _PTS = 136  # first major number of pseudo-terminals
+_PROCESSES = ("rig.rehearsal.emulation", "rig.rehearsal.bench_emulation")
+
+AnyWiring = Wiring | BenchWiring
 
 
-def impossible(wiring: Wiring) -> tuple[str, ...]:
+class _Ends(NamedTuple):
+    """Where all wires of a rig lead, each by its name."""
+
+    tcp: dict[str, tuple[str, int]]
+    udp: dict[str, tuple[str, int]]
+    serial: dict[str, str]
+
+
+def impossible(wiring: AnyWiring) -> tuple[str, ...]:
     """Why these wires lead to no emulated device, each wire by its name; empty if all can."""
     return tuple(_impossible(wiring))
 
 
-def taken(wiring: Wiring) -> tuple[str, ...]:
+def taken(wiring: AnyWiring) -> tuple[str, ...]:
     """Which addresses somebody has already, each by its name; empty if all are free."""
-    return tuple(_taken(wiring))
+    ends = _ends(wiring)
+    return tuple(_taken(ends))
 
 
 def can_address(bus: CanBus) -> tuple[str, int]:
@@ -31,33 +45,45 @@ def can_address(bus: CanBus) -> tuple[str, int]:
     return str(host), int(port)
 
 
-def _impossible(wiring: Wiring) -> Iterator[str]:
-    if wiring.can.interface != "socketcand":
+def _ends(wiring: AnyWiring) -> _Ends:
+    ends = _Ends({}, {}, {})
+    if isinstance(wiring, BenchWiring):
+        ends.serial.update(encoders=wiring.encoders.port, servo=wiring.servo.port)
+        ends.udp["load cell"] = wiring.load_cell.host, wiring.load_cell.port
+    else:
+        ends.tcp["CAN"] = can_address(wiring.can)
+    for name, line in wiring.lines.items():
+        if isinstance(line, TcpLine):
+            ends.tcp[f"line {name}"] = line.host, line.port
+        else:
+            ends.serial[f"line {name}"] = line.port
+    return ends
+
+
+def _impossible(wiring: AnyWiring) -> Iterator[str]:
+    ends = _ends(wiring)
+    if isinstance(wiring, Wiring) and wiring.can.interface != "socketcand":
+        del ends.tcp["CAN"]
         yield (
             f"CAN: emulated nodes are reached over socketcand only, not {wiring.can.interface} "
             f"{wiring.can.channel}"
         )
-    elif not _here(can_address(wiring.can)[0]):
-        yield f"CAN: {can_address(wiring.can)[0]} is not this host's loopback"
-    for name, line in wiring.lines.items():
-        if isinstance(line, TcpLine):
-            if not _here(line.host):
-                yield f"line {name}: {line.host} is not this host's loopback"
-        elif Path("/dev") in Path(os.path.abspath(line.port)).parents:
-            yield f"line {name}: {line.port} is a place for devices that are there, not emulated"
+    for name, (host, _) in {**ends.tcp, **ends.udp}.items():
+        if not _here(host):
+            yield f"{name}: {host} is not this host's loopback"
+    for name, port in ends.serial.items():
+        if Path("/dev") in Path(os.path.abspath(port)).parents:
+            yield f"{name}: {port} is a place for devices that are there, not emulated"
 
 
-def _taken(wiring: Wiring) -> Iterator[str]:
-    ports = {"CAN": can_address(wiring.can)}
-    for name, line in wiring.lines.items():
-        if isinstance(line, TcpLine):
-            ports[f"line {name}"] = line.host, line.port
-    for name, (host, port) in ports.items():
-        if why := _listening(host, port):
-            yield f"{name}: {host}:{port} {why}"
-    for name, line in wiring.lines.items():
-        if not isinstance(line, TcpLine) and (why := _held(Path(line.port))):
-            yield f"line {name}: {line.port} {why}"
+def _taken(ends: _Ends) -> Iterator[str]:
+    for ports, kind in ((ends.tcp, socket.SOCK_STREAM), (ends.udp, socket.SOCK_DGRAM)):
+        for name, (host, port) in ports.items():
+            if why := _listening(host, port, kind):
+                yield f"{name}: {host}:{port} {why}"
+    for name, path in ends.serial.items():
+        if why := _held(Path(path)):
+            yield f"{name}: {path} {why}"
 
 
 def _here(host: str) -> bool:
@@ -68,9 +94,10 @@ def _here(host: str) -> bool:
     return False
 
 
-def _listening(host: str, port: int) -> str:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+def _listening(host: str, port: int, kind: socket.SocketKind) -> str:
+    with socket.socket(type=kind) as probe:
+        if kind is socket.SOCK_STREAM:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
         except OSError as error:
@@ -91,7 +118,7 @@ def _held(path: Path) -> str:
     if not (stat.S_ISCHR(seen.st_mode) and os.major(seen.st_rdev) >= _PTS):
         return f"leads to {path.resolve()}, which is no pseudo-terminal"
     holder = _master(os.minor(seen.st_rdev))
-    if holder is not None and "rig.rehearsal.emulation" not in _words(holder):
+    if holder is not None and not any(one in _words(holder) for one in _PROCESSES):
         return ""  # left behind by who was killed; since then the terminal is another's
     who = f"process {holder}" if holder else "another user's process"
     return f"is taken by emulated devices of {who}"

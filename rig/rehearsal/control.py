@@ -9,38 +9,47 @@ knows of it.
     {"ask": "clear"}                      all faults off
     {"ask": "restart"}                    all faults off, a world at rest, every node switched on
     {"ask": "world"}                      power, currents and counters now
-    {"ask": "power"}                      by axis when it was found without power, null with it
+    {"ask": "power"}                      by motor when it was found without power, null with it
 """
 
 import asyncio
 import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode
+from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.link_faults import FAULTS as LINK
 from sim_plant.emulators.link_faults import LinkFaults, Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.shared_world import SharedWorld
+from sim_plant.emulators.shared_world import Shared
 
 # A CAN controller's check sum lets no spoilt frame through, and who babbles on a bus is a node.
 CAN_LINK = ("drop", "delay", "duplicate", "freeze", "disconnect")
 _SETS = {"babble": "babble_period"}  # field of the severity that a fault's number sets
 _NUMBERLESS = ("freeze", "disconnect")
-AXES = ("heave", "surge")
+
+
+class Faulty(Protocol):
+    """A device that keeps its own list of faults."""
+
+    @property
+    def faults(self) -> DeviceFaults:
+        """The list."""
+        ...
 
 
 class Stage(NamedTuple):
     """What can be given a fault, by name."""
 
     nodes: Mapping[str, CanopenNode]
-    units: Mapping[str, ModbusUnit]
+    units: Mapping[str, Faulty]
     links: Mapping[str, LinkFaults]
-    hub: CanHub
-    world: SharedWorld
+    world: Shared[Any, Any]
     renew: Callable[[], None]  # a world at rest in place of the present one
+    powered: Mapping[str, Callable[[], bool]]  # whether each motor has power
+    told: Callable[[], dict[str, Any]]  # what else is to be known of the world
 
 
 class Control:
@@ -50,7 +59,7 @@ class Control:
         self.address = ""
         self._stage = stage
         self._server: asyncio.Server | None = None
-        self._gone: dict[str, float | None] = dict.fromkeys(AXES, 0.0)
+        self._gone: dict[str, float | None] = dict.fromkeys(stage.powered, 0.0)
         self._asks: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "faults": lambda asked: {"faults": self.listed()},
             "switch": self._switch,
@@ -74,12 +83,11 @@ class Control:
     def look(self) -> None:
         """Note which motors have power now: what is told of them is never too early."""
         now = asyncio.get_running_loop().time()
-        actuation = self._stage.world.actuation
-        for axis in AXES:
-            if getattr(actuation, f"{axis}_enable"):
-                self._gone[axis] = None
-            elif self._gone[axis] is None:
-                self._gone[axis] = now
+        for motor, powered in self._stage.powered.items():
+            if powered():
+                self._gone[motor] = None
+            elif self._gone[motor] is None:
+                self._gone[motor] = now
 
     def listed(self) -> dict[str, dict[str, Any]]:
         """Every fault by device (or link) and name: what it does, and what its number means."""
@@ -160,20 +168,19 @@ class Control:
         return {"now": asyncio.get_running_loop().time(), "gone": dict(self._gone)}
 
     def _world(self) -> dict[str, Any]:
-        world, hub = self._stage.world, self._stage.hub
-        now = world.readings()
+        world = self._stage.world
+        units = self._stage.units.items()
         return {
+            **self._stage.told(),
             "time": world.time,
             "late": world.late,
             "dropped": world.dropped,
-            "frames": hub.frames,
             "actuation": world.actuation._asdict(),
-            "currents": {axis: getattr(now, f"{axis}_current") for axis in AXES},
             "nodes": {
                 name: {"state": node.port.nmt, "errors": sorted(map(int, node.errors.active))}
                 for name, node in self._stage.nodes.items()
             },
-            "requests": {name: unit.requests for name, unit in self._stage.units.items()},
+            "requests": {name: one.requests for name, one in units if isinstance(one, ModbusUnit)},
             "struck": {name: link.counts() for name, link in self._stage.links.items()},
         }
 

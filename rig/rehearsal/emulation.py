@@ -6,28 +6,24 @@ port at which its devices are given faults.
 """
 
 import asyncio
-import os
-import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig import realtime
 from rig.companion_process import run, say
 from rig.companions import Companion
 from rig.config import RigFile
-from rig.config.wiring import Actuator, Registers, RtuLine, TcpLine, TorqueDrive
+from rig.config.wiring import Actuator, Registers, TorqueDrive
 from rig.rehearsal.addresses import impossible, taken
 from rig.rehearsal.control import Control, Stage
 from rig.rehearsal.devices import build_world
+from rig.rehearsal.hosting import host, modbus_line, without_delay
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
 from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
-from sim_plant.emulators.link_faults import LinkFaults
-from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
-from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.power_analyser import (
     AnalyserSettings,
@@ -38,8 +34,6 @@ from sim_plant.emulators.power_analyser import (
 )
 from sim_plant.emulators.power_analyser import Wiring as Terminal
 from sim_plant.emulators.running import Emulator, running
-from sim_plant.emulators.schedule import precise_loop
-from sim_plant.emulators.serial_line import LineSettings, SerialLine
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
@@ -57,6 +51,7 @@ AMC, RATED, ACTUATOR = (
     for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
 )
 NAME = "emulated devices"
+AXES = ("heave", "surge")
 PATIENCE = 30.0  # s until all devices are there: the plant is compiled first
 _CELLS, _PROBES = 20_000.0, 5.0  # N and m, ratings of the amplifiers
 _ITEMS: tuple[tuple[Block, Quantity], ...] = (
@@ -108,7 +103,15 @@ class Emulated:
         self.lines: dict[str, Emulator] = dict(self._lines())
         links = {"can": self.hub.link, **{f"line {n}": one.link for n, one in self.lines.items()}}
         self.control = Control(
-            Stage(self.nodes, self.units, links, self.hub, world, lambda: world.renew(anew()))
+            Stage(
+                self.nodes,
+                self.units,
+                links,
+                world,
+                lambda: world.renew(anew()),
+                {axis: partial(self._powered, axis) for axis in AXES},
+                self._told,
+            )
         )
 
     async def serve(self, ended: asyncio.Event) -> None:
@@ -135,6 +138,16 @@ class Emulated:
                 node.power_off()
             await self.hub.close()
 
+    def _powered(self, axis: str) -> bool:
+        return bool(getattr(self._world.actuation, f"{axis}_enable"))
+
+    def _told(self) -> dict[str, Any]:
+        now = self._world.readings()
+        return {
+            "frames": self.hub.frames,
+            "currents": {axis: getattr(now, f"{axis}_current") for axis in AXES},
+        }
+
     def _lines(self) -> dict[str, Emulator]:
         """The Modbus lines, each with the units that hang on it."""
         wiring = self._wiring
@@ -148,7 +161,7 @@ class Emulated:
         found: dict[str, Emulator] = {}
         for name, line in wiring.lines.items():
             units = {at.unit: unit for at, unit in made.values() if at.line == name}
-            found[name] = _line(line, units)
+            found[name] = modbus_line(line, units)
         return found
 
     def _analyser(self) -> PowerAnalyser:
@@ -194,23 +207,6 @@ def _actuator(actuator: Actuator) -> ActuatorParams:
     return ActuatorParams()
 
 
-def _line(line: TcpLine | RtuLine, units: Mapping[int, ModbusUnit]) -> Emulator:
-    if isinstance(line, TcpLine):
-        return TcpUnits(units, port=line.port)
-    bits = 11 if line.parity != "N" or line.stop_bits == 2 else 10
-    port = Path(line.port)
-    port.parent.mkdir(parents=True, exist_ok=True)
-    return RtuUnits(SerialLine(LineSettings(port, line.baud, bits), LinkFaults(seed=1)), units)
-
-
-def _without_delay(config: dict[str, Any]) -> dict[str, Any]:
-    """The plant with its fieldbus taken out: here the wires are real and delay by themselves."""
-    sensors = config["plant"]["sensors"]
-    at_once = {**sensors["delay_ticks"], "value": 0}
-    plant = {**config["plant"], "sensors": {**sensors, "delay_ticks": at_once}}
-    return {**config, "plant": plant}
-
-
 def _cells(read: Readings) -> tuple[float, ...]:
     return read.force_slew, read.force_stator_a, read.force_stator_b
 
@@ -219,40 +215,21 @@ def _probes(read: Readings) -> tuple[float, ...]:
     return read.probe_1, read.probe_2, read.probe_3
 
 
-async def _serve(config: dict[str, Any], supervisor: int) -> None:
-    loop, ended = asyncio.get_running_loop(), asyncio.Event()
-    loop.add_signal_handler(signal.SIGTERM, ended.set)
+def _guests(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> Emulated:
     rig = RigFile.model_validate(config["rig"])
     if rig.wiring is not None and (why := (*impossible(rig.wiring), *taken(rig.wiring))):
-        say(event="refused", why="\n".join(why))
-        return
-    dt = 1.0 / rig.rate_hz
-    plant = _without_delay(config["plant"])
+        raise OSError("\n".join(why))
+    dt, plant = 1.0 / rig.rate_hz, without_delay(config["plant"])
 
     def anew() -> World:
         return build_world(plant, dt)
 
-    world = SharedWorld(anew(), dt, loop.time)
-
-    def look() -> None:
-        if supervisor and os.getppid() != supervisor:
-            ended.set()
-        loop.call_later(0.5, look)
-
-    look()
-    refused = realtime.beside_the_loop()
-    if refused:
-        say(event="say", text=f"no priority over other work: {refused}")
-    try:
-        await Emulated(rig, world, loop, anew).serve(ended)
-    except OSError as error:  # an address is taken: another run, or another rig's devices
-        say(event="refused", why=str(error))
+    return Emulated(rig, SharedWorld(anew(), dt, loop.time), loop, anew)
 
 
 def serve(job: dict[str, Any]) -> None:
     """Serve until told to end, or left alone by the supervisor."""
-    with asyncio.Runner(loop_factory=precise_loop) as runner:
-        runner.run(_serve(job["config"], job["supervisor"]))
+    host(job, _guests)
 
 
 if __name__ == "__main__":

@@ -93,14 +93,15 @@ class SessionReport(NamedTuple):
         return json.dumps(whole, ensure_ascii=False, allow_nan=False)
 
 
-def check_session(path: Path, also: Also = nothing_more) -> SessionReport:
+def check_session(path: Path, also: Also = nothing_more, rig: Path | None = None) -> SessionReport:
     """Check a session file and all it stands on; needs no hardware and never raises for a file.
 
-    ``also`` adds the problems of a further check, such as the simulated plant's.
+    ``also`` adds the problems of a further check, such as the simulated plant's; ``rig`` stands in
+    for the rig that the session names.
     """
     path = Path(path)
     try:
-        session = open_session(path, also)
+        session = open_session(path, also, rig)
     except ConfigError as error:
         return SessionReport(path, error.problems, None, None)
     return SessionReport(path, (), session, plan_session(session))

@@ -79,11 +79,15 @@ class _Opening:
             self.problems.extend(error.problems)
             return None
 
-    def read(self, role: str, owner: Source | None, key: KeyPath) -> Source | None:
-        """The file named at a key of another."""
+    def read(
+        self, role: str, owner: Source | None, key: KeyPath, instead: Path | None = None
+    ) -> Source | None:
+        """The file named at a key of another, or ``instead``."""
         if owner is None:
             return None
-        source = self.attempt(lambda: named_source(owner, key))
+        source = self.attempt(
+            lambda: named_source(owner, key) if instead is None else Source(*load_mapping(instead))
+        )
         self.sources.append(source)
         self.files += read_files(role, source)
         return source
@@ -106,17 +110,17 @@ class _Opening:
         return [one for one in found if one is not None]
 
 
-def open_session(path: Path, also: Also = nothing_more) -> Session:
+def open_session(path: Path, also: Also = nothing_more, rig_path: Path | None = None) -> Session:
     """Read and check a session, its rig, that rig's limits, and the calibrations of both.
 
-    ``also`` is where the simulated plant has its say. Raises `ConfigError` with every problem of
-    all these files.
+    ``also`` is where the simulated plant has its say; ``rig_path`` stands in for the rig that the
+    session names. Raises `ConfigError` with every problem of all these files.
     """
     opening = _Opening()
     top = Source(*load_mapping(Path(path)))
     opening.sources.append(top)
     opening.files += read_files("session", top)
-    rig_source = opening.read("rig", top, ("rig",))
+    rig_source = opening.read("rig", top, ("rig",), rig_path)
     limits = opening.model(opening.read("limits", rig_source, ("limits",)), BenchLimitsFile)
     owner = top if top.mapping.get("plant") is not None else rig_source
     plant = opening.read("plant", owner, ("plant",))

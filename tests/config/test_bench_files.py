@@ -48,10 +48,13 @@ constants:
   torque_constant: {value: 16.7, unit: N*m/A, uncertainty: 0.2}
 deflection_map: {torque_n_m: [-90, 0, 90], deflection_deg: [-0.2, 0, 0.2]}
 """
+WIRED = (CONFIGS / "rigs" / "oswec_bench_hil.yaml").read_text()
+WIRED = WIRED.replace("extends: ", f"extends: {CONFIGS / 'rigs'}/")
 FILES: dict[str, tuple[str, type[BaseModel]]] = {
     "session": (SESSION, SessionFile),
     "torque": (TORQUE, SessionFile),
     "rig": ((CONFIGS / "rigs" / "oswec_bench.yaml").read_text(), BenchRigFile),
+    "wired": (WIRED, BenchRigFile),
     "limits": ((CONFIGS / "limits" / "oswec_bench.yaml").read_text(), BenchLimitsFile),
     "constants": (CONSTANTS, ConstantsFile),
 }

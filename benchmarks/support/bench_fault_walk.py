@@ -1,0 +1,69 @@
+"""The bench's emulated devices and a short session on their wires, to be given faults."""
+
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.support.fault_walk import free_port, played, write_yaml
+from benchmarks.support.recorded import ROOT
+from rig.child import Child
+from rig.rehearsal.bench_emulation import companion_of
+from rig.rehearsal.bench_job import problems_of_session
+from rig.rehearsal.control_client import ControlClient
+from rig.session import Session, SessionPlan, check_session
+from rig.session_run import task_of, wired
+from rig.task_run import Ended, View, carry_out_task
+
+TABLE = ROOT / "configs" / "faults" / "oswec_bench.yaml"
+
+
+class BenchStage(NamedTuple):
+    """Emulated devices that are there, and a session on their wires."""
+
+    session: Session
+    plan: SessionPlan
+    control: ControlClient
+    devices: Child
+    folder: Path
+
+    def go(self, view: View) -> Ended:
+        """One run on them, as they are."""
+        rung = wired(self.session, emulated=False)._replace(name="hil")
+        return carry_out_task(task_of(self.session, self.plan), self.folder, view, rung)
+
+
+def bench_rig_file(folder: Path) -> Path:
+    """The wired bench with addresses of its own, so that several can be on one host."""
+    lines = Path(tempfile.mkdtemp(prefix="wec-", dir=folder))
+    with socket.socket(type=socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        cell = one.getsockname()[1]
+    wiring = {
+        "encoders": {"port": str(lines / "encoders")},
+        "servo": {"port": str(lines / "servo")},
+        "load_cell": {"port": cell},
+        "lines": {"outputs": {"port": free_port()}, "io": {"port": free_port()}},
+    }
+    shipped = str(ROOT / "configs" / "rigs" / "oswec_bench_hil.yaml")
+    return write_yaml(folder / "bench_rig.yaml", {"extends": shipped, "wiring": wiring})
+
+
+@contextmanager
+def bench_stage(folder: Path) -> Iterator[BenchStage]:
+    """Emulated devices for as long as the context lasts, and a driveline of some seconds."""
+    tree = {
+        "name": "fault",
+        "session": "driveline",
+        "rig": str(bench_rig_file(folder)),
+        "rows": [{"amplitude_deg": 10, "damping_n_m_s_per_rad": 62.5, "period_s": 1.5}],
+        "tare": {"duration_s": 0.5},
+        "timing": {"rise_s": 1.5, "settle_periods": 0, "periods": 4},
+    }
+    report = check_session(write_yaml(folder / "session.yaml", tree), problems_of_session)
+    if report.session is None or report.plan is None:
+        raise ValueError(report.text())
+    with played(companion_of(report.session), folder) as (control, devices):
+        yield BenchStage(report.session, report.plan, control, devices, folder)

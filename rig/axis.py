@@ -90,10 +90,10 @@ def apart_of_late(state: State, age: float, dt: float) -> float:
     ``age`` (s) of the counts of this tick. It is forgotten slowly: gains that changed with every
     gap would swing up by themselves.
     """
-    if state.acting == UNSEEN:
+    waited = state.age - age  # s; below 0 while the counts are the same as before
+    if state.acting == UNSEEN or (waited == 0.0 and state.apart == 1.0):
         return 1.0
     apart = state.apart - state.apart * dt / _MEMORY
-    waited = state.age - age  # s; below 0 while the counts are the same as before
     if waited > 0.0:
         apart = max(apart, 1.0 + min(waited, _OLD) / dt)
     return max(apart, 1.0)

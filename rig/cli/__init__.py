@@ -8,6 +8,7 @@ import typer
 
 from rig.cli import (
     calibration,
+    compare,
     export,
     identify,
     import_run,
@@ -22,7 +23,7 @@ from rig.cli import (
     testlog,
 )  # fmt: skip
 from rig.cli.interrupts import Interruptible
-from rig.cli.options import RUNS, WHICH_RUN, Json, ReadBy, Rig, Run, Runs
+from rig.cli.options import RUNS, Json, ReadBy, Rig, Run, Runs
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
 
@@ -266,31 +267,7 @@ def plot(
     sys.exit(main(run, runs, asked, as_json=json))
 
 
-@app.command()
-def compare(
-    a: Annotated[Path, typer.Argument(help=WHICH_RUN)],
-    b: Annotated[Path, typer.Argument(help="The run to compare with it.")],
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(help="COLUMN=VALUE (SI): how far matched set points may be apart."),
-    ] = None,
-    left_out: Annotated[
-        list[str] | None,
-        typer.Option(help="COLUMN=VALUE (SI): where the picture's left-out column stands."),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="PNG to write, a CSV beside it (default: in run B)."),
-    ] = None,
-    runs: Runs = RUNS,
-    json: Json = False,
-) -> None:
-    """Compare two runs of one matrix: settings that differ, then power point by point, B less A."""
-    from rig.cli.compare import main
-
-    sys.exit(main(a, b, runs, tolerance or [], left_out or [], output, as_json=json))
-
-
+app.command("compare")(compare.command)
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
 app.command("replay", epilog=replay.CODES)(replay.command)

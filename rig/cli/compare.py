@@ -4,10 +4,36 @@ import json
 import math
 import sys
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from rig import cli
 from rig.cli.failure import fail, in_words
 from rig.cli.find_run import find_run
+from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
+
+
+def command(
+    a: Annotated[Path, typer.Argument(help=WHICH_RUN)],
+    b: Annotated[Path, typer.Argument(help="The run to compare with it.")],
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(help="COLUMN=VALUE (SI): how far matched set points may be apart."),
+    ] = None,
+    left_out: Annotated[
+        list[str] | None,
+        typer.Option(help="COLUMN=VALUE (SI): where the picture's left-out column stands."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="PNG to write, a CSV beside it (default: in run B)."),
+    ] = None,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
+    """Compare two runs of one matrix: settings that differ, then power point by point, B less A."""
+    sys.exit(main(a, b, runs, tolerance or [], left_out or [], output, as_json=json))
 
 
 def main(

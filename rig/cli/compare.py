@@ -9,8 +9,6 @@ from typing import Annotated
 import typer
 
 from rig import cli
-from rig.cli.failure import fail, in_words
-from rig.cli.find_run import find_run
 from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
 
 
@@ -51,6 +49,8 @@ def main(
     from rig.analysis.comparison_picture import write_comparison
     from rig.analysis.comparison_table import as_json as in_json
     from rig.analysis.comparison_table import as_text, write_csv
+    from rig.cli.failure import fail
+    from rig.cli.find_run import find_run
 
     try:
         one, other = find_run(a, runs), find_run(b, runs)
@@ -76,6 +76,7 @@ def main(
 def _values(given: list[str]) -> dict[str, float]:
     """COLUMN=VALUE words by the column's name."""
     from rig.analysis.labels import column
+    from rig.cli.failure import in_words
 
     found = {}
     for words in given:

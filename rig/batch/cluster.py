@@ -151,7 +151,8 @@ def _first(client: "Client", pending: Iterable["Future"], address: str) -> Any:
 
     while client.status != "closed":
         try:
-            return wait(list(pending), timeout=_LOOK, return_when="FIRST_COMPLETED").done
+            with client.as_current():
+                return wait(list(pending), timeout=_LOOK, return_when="FIRST_COMPLETED").done
         except TimeoutError:
             continue
         except CancelledError:

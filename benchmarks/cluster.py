@@ -71,18 +71,20 @@ def walk(path: Path, folder: Path, scheduler: str) -> Walked:
 
 def measure(short: bool) -> Result:
     """One worker and two, in turns, on the same campaign; all compiled and opened before."""
-    repeats, seconds, last = (1, 20, -1100) if short else (5, 300, -2500)
+    repeats, seconds, last = (1, 20, -1100) if short else (5, 300, -2000)
     one: list[Walked] = []
     two: list[Walked] = []
     with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as nodes:
         folder = Path(scratch)
+        (folder / "few").mkdir()
+        few = campaign_file(folder / "few", IRREGULAR.format(seconds=20, last=-1100))
         path = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last))
         alone = nodes.enter_context(node("scheduler", "--port", "0"))
         pair = nodes.enter_context(node("scheduler", "--port", "0"))
         for scheduler in (alone, pair, pair):
             nodes.enter_context(worker(scheduler))
         for scheduler in (alone, pair):
-            walk(path, folder / "first", scheduler)
+            walk(few, folder / "first", scheduler)
         for _ in range(repeats):
             one.append(walk(path, folder / "one", alone))
             two.append(walk(path, folder / "two", pair))

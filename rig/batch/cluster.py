@@ -8,6 +8,8 @@ refuses to run it with other files or other code: its numbers would be of someth
 
 import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
+from contextlib import suppress
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -26,6 +28,7 @@ _MOST = 500  # cases of a chunk
 _GROWTH = 4  # at most, from one chunk to the next: the first cases may be the quick ones
 _AHEAD = 2  # chunks handed out for each thread of the cluster: none waits for the client
 _PATIENCE = 30.0  # s for the scheduler to answer, and for a worker to be there
+_LOOK = 5.0  # s between two looks at whether the scheduler is still there
 _opening = Lock()
 
 
@@ -45,7 +48,7 @@ def cluster(
 ) -> Executor:
     """The executor of a scheduler (``tcp://HOST:PORT``) for the cases of one sweep.
 
-    ``digest`` is what the workers' files and code must have (`rig.batch.sweep.same_digest`);
+    ``digest`` is what the workers' files and code must have (`rig.batch.sweep.Sweep.digest`);
     ``see`` is shown each chunk. Raises ClusterError, when the cases are asked for, where dask is
     not installed, nobody answers, or a worker refuses.
     """
@@ -63,7 +66,7 @@ def cluster(
                         pending[future] = chunk
                     if not pending:
                         return
-                    for future in _first(pending):
+                    for future in _first(client, pending, address):
                         done = _taken(future, pending.pop(future), chunks, address)
                         see(done)
                         chunks.took(len(done.outcomes), done.seconds)
@@ -73,7 +76,8 @@ def cluster(
                     yield from _taken(future, pending.pop(future), chunks, address).outcomes
                 raise
             finally:
-                client.cancel(list(pending), force=True)
+                with suppress(Exception):  # of a scheduler that is gone
+                    client.cancel(list(pending), force=True)
 
     return run
 
@@ -141,22 +145,24 @@ def _client(address: str) -> "Client":
     return client
 
 
-def _first(pending: Iterable["Future"]) -> Any:
-    """The futures that are done, at least one; those of a scheduler that went away, too."""
+def _first(client: "Client", pending: Iterable["Future"], address: str) -> Any:
+    """The futures that are done, at least one; looks now and then whether the scheduler lives."""
     from distributed import wait  # noqa: PLC0415
 
-    try:
-        return wait(list(pending), return_when="FIRST_COMPLETED").done
-    except Exception:  # noqa: BLE001  whatever it is, the futures themselves will say it
-        return list(pending)
+    while client.status != "closed":
+        try:
+            with client.as_current():
+                return wait(list(pending), timeout=_LOOK, return_when="FIRST_COMPLETED").done
+        except TimeoutError:
+            continue
+        except CancelledError:
+            break
+    raise ClusterError(f"{address}: the scheduler is gone")
 
 
 def _taken(future: "Future", chunk: tuple[Case, ...], chunks: _Chunks, address: str) -> Done:
     """What a chunk gave; of one that kills its workers each case is tried alone."""
-    from concurrent.futures import CancelledError  # noqa: PLC0415
-
     from distributed import KilledWorker  # noqa: PLC0415
-    from distributed.client import FutureCancelledError  # noqa: PLC0415
 
     try:
         done: Done = future.result()
@@ -165,7 +171,7 @@ def _taken(future: "Future", chunk: tuple[Case, ...], chunks: _Chunks, address: 
             return Done((Outcome(chunk[0].number, (), 0.0, f"killed its workers: {error}"),), 0.0)
         chunks.again += [(case,) for case in chunk]
         return Done((), 0.0)
-    except (CancelledError, FutureCancelledError, TimeoutError) as error:
+    except (CancelledError, TimeoutError) as error:
         raise ClusterError(f"{address}: the scheduler is gone ({error})") from None
     except Exception as error:  # a worker's own: other code, no such file, no package
         raise ClusterError(f"a worker cannot run the cases: {error}") from error

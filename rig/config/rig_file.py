@@ -61,14 +61,20 @@ class SpringPoint(FileModel):
     stroke_m: Stroke
 
 
+class SpringMapping(FileModel):
+    """What a spring map is worked out with."""
+
+    slew_lever_m: float = Field(ge=0.01, le=10)  # of the load cell that takes the torque
+    moving_mass_kg: float = Field(ge=1, le=1e6)  # with the water's: natural frequency, eq. 3.1
+
+
 class MagneticSpring(FileModel):
     """The magnetic spring and the actuator of its stator."""
 
     metres_per_radian: float = Field(ge=0.01, le=10)
     arrival_tolerance_percent: float = Field(ge=0.01, le=10)
     move_timeout_s: float = Field(ge=1, le=600)
-    moving_mass_kg: float | None = Field(default=None, gt=0, le=1e6)  # with the water's: eq. 3.1
-    slew_lever_m: float | None = Field(default=None, ge=0.01, le=10)  # of its torque's load cell
+    mapping: SpringMapping | None = None  # none: no map can be made of it
     map: Several[SpringPoint] = Field(min_length=2, strict=False)
 
     def broken_rules(self) -> Iterator[Broken]:

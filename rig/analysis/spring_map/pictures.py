@@ -157,7 +157,7 @@ def _frequencies(axes: Axes, table: xarray.Dataset) -> None:
     frequency = table["natural_frequency"].values
     if not np.isfinite(frequency).any():
         axes.text(
-            0.5, 0.5, "the rig file says no\nspring.moving_mass_kg", ha="center", va="center",
+            0.5, 0.5, "the rig file says no\nspring.mapping", ha="center", va="center",
             transform=axes.transAxes, fontsize=9, color=SOFT,
         )  # fmt: skip
     stiffness, mass = table.attrs["hydrostatic_n_per_m"], table.attrs["moving_mass_kg"]

@@ -54,7 +54,7 @@ def is_hoisted(plan: dict[str, Any]) -> bool:
 def spring_map(run: str | os.PathLike[str]) -> xarray.Dataset:
     """The map of a run: curves by station and angle, rates by station; units in the attributes.
 
-    RunError if no hoist moved the body, the rig file lacks `spring.slew_lever_m`, or no station
+    RunError if no hoist moved the body, the rig file lacks `spring.mapping`, or no station
     was walked through to its end.
     """
     source = reader.source(run)
@@ -79,14 +79,14 @@ def _rig(known: Facts) -> _Rig:
 
     found = _Rig(
         told("spring", "metres_per_radian"),
-        told("spring", "slew_lever_m"),
+        told("spring", "mapping", "slew_lever_m"),
         told("stability", "hydrostatic_stiffness_n_per_m"),
-        told("spring", "moving_mass_kg"),
+        told("spring", "mapping", "moving_mass_kg"),
     )
     if math.isnan(found.slew_lever) or math.isnan(found.metres_per_radian):
         raise RunError(
-            f"{known.run}: its rig file does not say spring.slew_lever_m, the lever (m) of the "
-            "load cell that takes the spring's torque"
+            f"{known.run}: its rig file does not say spring.mapping.slew_lever_m, the lever (m) "
+            "of the load cell that takes the spring's torque"
         )
     return found
 

@@ -14,10 +14,13 @@ from rig.cli import (
     matrix,
     merge,
     options,
+    recommend,
     replay,
     scan,
     sweep,
     testlog,
+    twin,
+    twoport,
 )  # fmt: skip
 from rig.cli.interrupts import Interruptible
 from rig.cli.options import RUNS, WHICH_RUN, Json, ReadBy, Rig, Run, Runs
@@ -284,9 +287,12 @@ def compare(
 
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
+app.command("recommend")(recommend.command)
 app.command("replay", epilog=replay.CODES)(replay.command)
 app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
+app.command("twin")(twin.command)
+app.command("twoport")(twoport.command)
 app.command("export")(export.command)
 app.command("import")(import_run.command)
 app.command("merge", epilog=merge.CODES)(merge.command)

@@ -55,7 +55,8 @@ def least_squares(
     count, free = columns.shape
     if count <= free:
         raise ValueError(f"{count} measurements cannot tell {', '.join(names)}")
-    scale = np.maximum(np.sqrt(np.mean(columns * columns, axis=0)), 1e-300)
+    size = np.sqrt(np.mean(columns * columns, axis=0))
+    scale = np.where(size > 0.0, size, 1.0)
     values, _ = nnls(columns / scale, measured)
     left = measured - (columns / scale) @ values
     variance = float(left @ left) / (count - free)

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from rig.analysis import picture
 from rig.campaign.stability import largest_ki
 from rig.recommend.advice import Advice
-from rig.recommend.doubt import STATIONS
 from rig.recommend.matrix import words
+from rig.recommend.search import STATIONS
 from rig.recommend.trial import Bench, Gains, Tried
 
 _SIDE = 11  # points of the surface along each axis
@@ -23,8 +23,8 @@ def write_surfaces(advice: Advice, path: Path) -> Path:
     best = advice.best.gains
     kps, reaches, tried = _surface(advice, best.spring_rate)
     beneath = (
-        f"{advice.campaign.file.sea.words()}; spring {best.spring_rate:.0f} N/m; star: best for that "
-        "station there; dots: recommended rows, hollow at another spring rate; crosses: measured"
+        f"{advice.campaign.file.sea.words()}; spring {best.spring_rate:.0f} N/m; star: best for "
+        "that station there; dots: recommended rows, hollow at another spring; crosses: measured"
     )
     told = {**_attributes(advice), "campaign": advice.campaign.file.name}
     title = f"Predicted on the identified twin: {words(advice.asked.station)} looked for"

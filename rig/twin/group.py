@@ -45,9 +45,7 @@ def allowance(group: Group, name: str, deviation: float) -> Group:
     return group._replace(covariance=wider)
 
 
-def least_squares(
-    names: tuple[str, ...], columns: Floats, measured: Floats, source: str
-) -> Group:
+def least_squares(names: tuple[str, ...], columns: Floats, measured: Floats, source: str) -> Group:
     """The values, none of them negative, that explain ``measured`` best.
 
     Raises ValueError where there is less to explain than there are values.

@@ -51,5 +51,4 @@ def wrong_plant(folder: Path) -> Path:
     radiation: Any = made["body"]["radiation"]
     radiation["numerator"]["value"] = [1.3 * b for b in radiation["numerator"]["value"]]
     made["bem"] = str(CONFIGS / "plants" / made["bem"])
-    made["surge"]["bem"] = str(CONFIGS / "plants" / made["surge"]["bem"])
     return yaml_file(folder / "wrong.yaml", made)

@@ -14,8 +14,8 @@ from rig.recommend.matrix import words
 from rig.recommend.search import STATIONS
 from rig.recommend.trial import Bench, Gains, Tried
 
-_SIDE = 11  # points of the surface along each axis
-_NEAR = 1500.0  # N/m: rows whose spring is nearer to the surface's are drawn filled
+_SIDE = 15  # points of the surface along each axis
+_NEAR = 100.0  # N/m: rows whose spring is nearer to the surface's are drawn filled
 
 
 def write_surfaces(advice: Advice, path: Path) -> Path:
@@ -39,8 +39,8 @@ def write_surfaces(advice: Advice, path: Path) -> Path:
         star = advice.best if station == advice.asked.station else least
         axes.plot(star.gains.kp, star.gains.ki, "*", ms=15, mfc=picture.ZERO, mec=picture.INK)
         for one in advice.measured:
-            if abs(one.gains.spring_rate - best.spring_rate) < _NEAR:
-                axes.plot(one.gains.kp, one.gains.ki, "x", ms=7, color=picture.INK)
+            if abs(one.gains.spring_rate - best.spring_rate) < _NEAR and _inside(axes, one.gains):
+                axes.plot(one.gains.kp, one.gains.ki, "x", ms=7, mew=1.5, color="white")
         name = words(station)
         axes.set_title(f"{name}, {star.power(station):.1f} W at the star", fontsize=9, loc="left")
         axes.set_xlabel("Kp, N s/m", fontsize=8)
@@ -75,7 +75,9 @@ def _panel(axes: Axes, kps: Any, kis: Any, power: Any) -> None:
     levels = least + np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0])
     levels = np.unique([*levels[levels < float(np.nanmax(power))], float(np.nanmax(power))])
     axes.contourf(kps, kis, power, levels=levels, cmap="viridis")
-    lines = axes.contour(kps, kis, power, levels=levels[1:-1], colors="white", linewidths=0.7)
+    lines = axes.contour(
+        kps, kis, power, levels=levels[1:-1], colors="white", linewidths=0.7, linestyles="solid"
+    )
     axes.clabel(lines, fmt=lambda value: f"{value:.1f} W", fontsize=7)
 
 
@@ -83,5 +85,11 @@ def _rows(axes: Axes, rows: Sequence[Gains], rate: float) -> None:
     for gains in rows:
         near = abs(gains.spring_rate - rate) < _NEAR
         face = picture.MARK if near else "none"
-        if axes.get_xlim()[0] <= gains.kp <= axes.get_xlim()[1]:
-            axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.MARK, clip_on=True)
+        if _inside(axes, gains):
+            axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.MARK)
+
+
+def _inside(axes: Axes, gains: Gains) -> bool:
+    """Whether a set point lies on the surface."""
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    return left <= gains.kp <= right and low <= gains.ki <= high

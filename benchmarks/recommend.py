@@ -1,9 +1,9 @@
 """How near `rig recommend` comes to the true optimum of DC power, and in how many rows.
 
-The device is the nonlinear WaveBot with the custom drive, its sensors noisy. The true optimum is the
-continuous minimum over Kp, Ki and spring rate of the same plant without noise, walked by the compiled
-loop. A reference grid of 6 Kp x 6 Ki x 3 springs, walked alike, stands beside it. Rows spent are
-those that were run and the whole identification run, counted in rows of that sea.
+The device is the nonlinear WaveBot with the custom drive, its sensors noisy. The true optimum is
+the continuous minimum over Kp, Ki and spring rate of the same plant without noise, walked by the
+compiled loop. A reference grid of 6 Kp x 6 Ki x 3 springs, walked alike, stands beside it. Rows
+spent are those that were run and the whole identification run, counted in rows of that sea.
 """
 
 import math
@@ -234,7 +234,8 @@ def _figures(one: Found) -> list[Figure]:
             figure("  rows spent by then", "1", spent, at_most=BUDGET),
         ]
     if math.isfinite(watts["grid"]):
-        made.append(figure("  gap of the best of 108 grid rows", "W", watts["grid"] - watts["true"]))
+        worse = watts["grid"] - watts["true"]
+        made.append(figure("  gap of the best of 108 grid rows", "W", worse))
     for label, gains in (("recommended", one.first), ("true", one.true)):
         told = zip(gains._fields, gains, ("N*s/m", "N/m", "N/m"), strict=True)
         made += [figure(f"  {label} {field}", unit, value) for field, value, unit in told]

@@ -15,12 +15,15 @@ from rig.cli import (
     matrix,
     merge,
     options,
+    recommend,
     replay,
     scan,
     spring_map,
     surge_damping,
     sweep,
     testlog,
+    twin,
+    twoport,
 )  # fmt: skip
 from rig.cli.interrupts import Interruptible
 from rig.cli.options import RUNS, Json, ReadBy, Rig, Run, Runs
@@ -270,11 +273,14 @@ def plot(
 app.command("compare")(compare.command)
 app.command("identify")(identify.command)
 app.command("matrix")(matrix.command)
+app.command("recommend")(recommend.command)
 app.command("replay", epilog=replay.CODES)(replay.command)
 app.command("spring-map")(spring_map.command)
 app.command("surge-damping", epilog=surge_damping.CODES)(surge_damping.command)
 app.command("sweep", epilog=sweep.CODES)(sweep.command)
 app.command("testlog")(testlog.command)
+app.command("twin")(twin.command)
+app.command("twoport")(twoport.command)
 app.command("export")(export.command)
 app.command("import")(import_run.command)
 app.command("merge", epilog=merge.CODES)(merge.command)

@@ -84,9 +84,7 @@ def tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[F
     return [one for part in parts for one in _tried(subject, part, seconds)]
 
 
-def _tried(
-    subject: Subject, rows: Sequence[Row], seconds: float
-) -> list[tuple[Foreseen, Margins]]:
+def _tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[Foreseen, Margins]]:
     still = _still(subject, rows)
     bounds, rig = subject.campaign.limits, subject.campaign.rig
     rests = [plant.bus_at_rest(subject.plant, one) for one, _ in rows]
@@ -105,9 +103,7 @@ def _tried(
         for link, power in zip(links, heave.dc, strict=True)
     ]
     columns, _ = _part(subject, rows, np.array([one.mean for one in told]), still)
-    found = [
-        Foreseen(**{**each, **_voltage(one)}) for each, one in zip(columns, told, strict=True)
-    ]
+    found = [Foreseen(**{**each, **_voltage(one)}) for each, one in zip(columns, told, strict=True)]
     return [
         (one, margins(bounds, rig, row[0], one, link, rest))
         for one, row, link, rest in zip(found, rows, links, rests, strict=True)

@@ -18,7 +18,7 @@ from rig.twin.estimate import Twin
 TIMES = 1.96  # standard deviations of a 95 % interval
 STROKE = "stroke"
 COLUMNS = (*STATIONS, STROKE)
-LEAST = 0.15  # W, standard deviation: what rig.predict itself is off with a bus (docs/predictions.md)
+LEAST = 0.15  # W, standard deviation: rig.predict itself with a bus (docs/predictions.md)
 
 
 class Compared(NamedTuple):
@@ -45,7 +45,8 @@ def half_widths(
         for direction in group.directions():
             moved = Bench(quick.campaign, twin, direction, quick=True).tried(gains)
             for name in COLUMNS:
-                change = [column(m, name) - column(b, name) for m, b in zip(moved, base, strict=True)]
+                pairs = zip(moved, base, strict=True)
+                change = [column(one, name) - column(other, name) for one, other in pairs]
                 total[name] += np.square(change)
     for name in STATIONS:
         total[name] += LEAST * LEAST + _off(rows, name)
@@ -62,7 +63,7 @@ def _off(rows: Sequence[Compared], name: str) -> float:
 
 
 def compared(twin: Twin, bench: Bench) -> list[Compared]:
-    """The twin's rows in waves beside what is predicted of them, where the sea is the campaign's."""
+    """The twin's rows in the campaign's own sea beside what is predicted of them."""
     asked = bench.campaign_sea
     rows = [one for one in twin.records if one.sea == asked and not one.pushed]
     if not rows:

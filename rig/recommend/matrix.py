@@ -1,8 +1,9 @@
 """The next gain matrix: which rows tell most, and the campaign file that runs them.
 
-First the best setting for the station asked for, then points around it on each axis, as far away as
-costs about what the prediction is unsure by (so the rows see the valley's sides, and come closer as
-rows are measured); then what other stations and laws would choose; then corners, while rows are left.
+First the best setting for the station asked for, then points around it on each axis, as far away
+as costs about what the prediction is unsure by (so the rows see the valley's sides, and come closer
+as rows are measured); then what other stations and laws would choose; then corners, while rows are
+left.
 """
 
 import os
@@ -67,7 +68,7 @@ def _wanted(
         for sign in (1.0, -1.0):
             place = middle.copy()
             place[axis] += sign * step
-            yield room.gains(place), f"around it: {'less more'.split()[sign > 0]} {_AXES[axis]}"
+            yield room.gains(place), f"around it: {'more' if sign > 0.0 else 'less'} {_AXES[axis]}"
     for one in found:
         if one.law == "PI and spring" and one.station != station:
             yield one.best.gains, f"best {words(one.station)}"

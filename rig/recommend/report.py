@@ -112,7 +112,7 @@ def _optima(advice: Advice) -> list[str]:
 
 
 def _met(advice: Advice) -> list[str]:
-    found = []
+    found: list[tuple[str, ...]] = []
     for station in STATIONS:
         off = [c.measured[station] - c.predicted[station] for c in advice.measured]
         mean = sum(off) / len(off)
@@ -143,5 +143,3 @@ def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _number(cell: str) -> bool:
     return cell.replace("-", "").replace("+", "").replace(".", "").isdigit()
-
-

@@ -148,8 +148,9 @@ def _bottom(points: Floats, costs: Floats) -> Floats:
         return np.stack([np.ones(at.shape[:-1]), *np.moveaxis(at, -1, 0), *products], axis=-1)
 
     numbers = np.linalg.lstsq(terms(points), costs, rcond=None)[0]
+    reach = [(-2.0, 2.0)] * free
     found = minimize(
-        lambda at: float(terms(np.asarray(at)) @ numbers), np.zeros(free), bounds=[(-2.0, 2.0)] * free
+        lambda at: float(terms(np.asarray(at)) @ numbers), np.zeros(free), bounds=reach
     )
     return np.concatenate([found.x, np.zeros(3 - free)])
 

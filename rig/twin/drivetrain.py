@@ -2,9 +2,9 @@
 
     F_TRS - F_LCB = B v + F_c tanh(v / v_c) + e K r sin(2 x / l)
 
-line by line, with the lines of tanh and sine computed from the measured motion: B, F_c and the share
-e of the spring map's rate that acts are least squares over all rows. Waves press the guide sideways
-and add dry friction, so rows in waves have an F_c of their own, which is what a twin needs.
+line by line, with the lines of tanh and sine computed from the measured motion: B, F_c and the
+share e of the spring map's rate that acts are least squares over all rows. Waves press the guide
+sideways and add dry friction, so rows in waves have an F_c of their own: that is the twin's.
 """
 
 import math
@@ -105,9 +105,9 @@ def _columns(record: Record, shape: Shape) -> tuple[Floats, Floats, Floats]:
     rate = record.setting["spring_rate"]
     if shape.sine:
         bent = np.sin(2.0 * synthesised(record, position) / shape.lever)
-        spring = rate * shape.reach * analysed(record, bent)
+        spring: Complexes = rate * shape.reach * analysed(record, bent)
     else:
-        spring = rate * position
+        spring = np.asarray(rate * position, dtype=np.complex128)
     return _parts(record.velocity), _parts(dry), _parts(spring)
 
 

@@ -7,8 +7,8 @@ The custom drive's loss also knows the voltage of its bus, u = V / V_rated,
 
     P_DC - P_AC = (p + q u) + (a + c u) |i| + b i^2
 
-where the rows saw the bus at different voltages; else all of it stands in p and a, and holds at that
-voltage, modulation and frequency.
+where the rows saw the bus at different voltages; else all of it stands in p and a, and holds at
+that voltage, modulation and frequency.
 """
 
 from collections.abc import Sequence

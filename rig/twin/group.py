@@ -45,9 +45,7 @@ def allowance(group: Group, name: str, deviation: float) -> Group:
     return group._replace(covariance=wider)
 
 
-def least_squares(
-    names: tuple[str, ...], columns: Floats, measured: Floats, source: str
-) -> Group:
+def least_squares(names: tuple[str, ...], columns: Floats, measured: Floats, source: str) -> Group:
     """The values, none of them negative, that explain ``measured`` best.
 
     Raises ValueError where there is less to explain than there are values.
@@ -55,7 +53,8 @@ def least_squares(
     count, free = columns.shape
     if count <= free:
         raise ValueError(f"{count} measurements cannot tell {', '.join(names)}")
-    scale = np.maximum(np.sqrt(np.mean(columns * columns, axis=0)), 1e-300)
+    size = np.sqrt(np.mean(columns * columns, axis=0))
+    scale = np.where(size > 0.0, size, 1.0)
     values, _ = nnls(columns / scale, measured)
     left = measured - (columns / scale) @ values
     variance = float(left @ left) / (count - free)

@@ -5,7 +5,7 @@ In calm water the column load cell pushes the hull alone:
     F_LCB = Z_i v + c |v| v,    Z_i = M s + B + K/s + R(s)
 
 At each line, rows of other amplitude or phases differ in the share of the line of |v| v, which is
-computed from the measured motion; c is what explains the differences (least squares over all lines).
+computed from the measured motion; c is what explains the differences, least squares over all lines.
 R(s) = s (b4 s^3 + b3 s^2 + b2 s + b1)/((s^2 + a1 s + a0)(s^2 + c1 s + c0)(s + p)) is the radiation
 memory in the shape that a plant file has. For given poles it is linear in all else; poles are
 searched from several beginnings, and what would make the hull give energy is pushed out.
@@ -62,7 +62,8 @@ def hull(records: Sequence[Record]) -> Hull:
     force = np.array([one.lcb[lines] for one in used])
     drag = np.array([_drag(one)[lines] for one in used])
     quadratic = _quadratic(velocity, force, drag)
-    z = _along(force - quadratic.values[0] * drag, velocity)
+    linear = np.asarray(force - quadratic.values[0] * drag, dtype=np.complex128)
+    z = _along(linear, velocity)
     omega = used[0].omega[lines]
     numbers, poles = _fit(omega, z)
     told = _impedance(numbers, poles, omega)

@@ -31,8 +31,8 @@ COLOURS = ("#0b6e99", "#2e933c", "#d1495b", "#8d5a97", "#c77d0a", "#5c6b73")
 _SHOWN = {
     "kp": "Kp {:g} N s/m",
     "ki": "Ki {:g} N/m",
-    "spring_rate": "spring {:g} N/m",
-    "gear": "gear {:g} rad/m",
+    "spring_rate": "spring {:.5g} N/m",
+    "gear": "gear {:.3g} rad/m",
 }
 
 

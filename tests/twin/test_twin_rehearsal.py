@@ -1,0 +1,118 @@
+"""The twin of a rehearsed linear plant against the plant, through log, file and command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identified import LINEAR, SPRING, identified, wrong_plant
+from predicting import campaign_file, predicted, rows
+from rig_command import rig_here
+
+from rig.config.source import load_mapping
+from rig.recommend import report
+from rig.recommend.advice import Asked, advise
+
+pytestmark = pytest.mark.slow
+
+SEA = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}
+GAINS = [
+    (SPRING, -1200.0, 0.0), (SPRING, -2500.0, 2000.0), (SPRING, -3500.0, -3000.0),
+    (490.9, -2000.0, 6000.0),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return identified(tmp_path_factory.mktemp("twin"))
+
+
+@pytest.fixture(scope="module")
+def plant(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Made by the command, from a plant file whose numbers are wrong."""
+    folder = tmp_path_factory.mktemp("file")
+    code, out, err = rig_here(
+        "twin", run, "--plant", wrong_plant(folder), "-o", folder / "twin", "--json"
+    )
+    assert code == 0, err
+    told = json.loads(out)
+    assert "no row in waves" in told["notes"][0]
+    return folder / "twin" / "plant.yaml"
+
+
+def test_the_twin_gives_the_power_of_the_plant_it_was_identified_from(
+    plant: Path, tmp_path: Path
+) -> None:
+    """Within 0.5 % of the mechanical power, 0.3 W at least: bands of two periods, no more."""
+    asked = {"sea": SEA, "matrix": rows(*GAINS)}
+    ours = predicted(campaign_file(tmp_path / "twin", **asked, plant=str(plant)))
+    true = predicted(campaign_file(tmp_path / "true", **asked, plant=str(LINEAR)))
+    assert len(ours.rows) == len(GAINS)
+    for one, other in zip(ours.rows, true.rows, strict=True):
+        most = max(0.3, 0.005 * abs(other.foreseen.power_mechanical_1))
+        for name in ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc"):
+            gap = getattr(one.foreseen, name) - getattr(other.foreseen, name)
+            assert abs(gap) < most, (one.row.setting, name, gap)
+        assert one.foreseen.stroke == pytest.approx(other.foreseen.stroke, rel=0.005)
+
+
+def test_every_number_says_where_it_is_from(plant: Path) -> None:
+    mapping, _ = load_mapping(plant)
+    assert mapping["name"] == "twin of WaveBot, linear"
+    assert mapping["body"]["hydrostatic"]["source"].startswith("identified, ")
+    assert "standard deviation" in mapping["drive"]["linear_loss"]["source"]
+    assert mapping["drive"]["current_limit"]["source"] == "AMC 040A400 peak current"
+    assert mapping["body"]["hydrostatic"]["value"] == pytest.approx(24337.0, rel=0.005)
+    assert mapping["drive"]["linear_loss"]["value"] == pytest.approx(3.6, rel=0.01)
+    assert plant.read_text().startswith("# Identified twin of the device in ")
+
+
+def test_what_is_recommended_can_be_checked_and_holds(run: Path, tmp_path: Path) -> None:
+    """The best of the recommendation is best on the plant, too: no neighbour is better by 0.3 W."""
+    base = campaign_file(tmp_path / "base", sea=SEA, matrix=rows(GAINS[0]), plant=str(LINEAR))
+    asked = Asked(campaign=base, rows=9, plant=wrong_plant(tmp_path), spring=(-8000.0, 490.9))
+    advice = advise([run], asked, tmp_path / "advice")
+    path, numbers = report.write(advice, tmp_path / "advice")
+    told = json.loads(numbers.read_text())
+    assert len(told["rows"]) == 9
+    assert told["rows"][0]["why"] == "best DC power"
+    assert all(row["half_width_95"]["dc"] > 0.0 for row in told["rows"])
+    found = predicted(path)
+    assert not found.refused
+    assert len(found.rows) == 9
+    by_gains = {one.row.setting[1:3]: one.foreseen for one in found.rows}
+    for row in told["rows"]:
+        true = by_gains[row["kp"], row["ki"]]
+        assert true.power_dc == pytest.approx(row["power_dc_w"], abs=row["half_width_95"]["dc"])
+        assert true.stroke == pytest.approx(row["stroke_m"], abs=row["half_width_95"]["stroke"])
+    best = by_gains[told["rows"][0]["kp"], told["rows"][0]["ki"]]
+    assert best.power_dc <= min(one.power_dc for one in by_gains.values()) + 0.3
+    laws = {(o["station"], o["law"]): o for o in told["optima"]}
+    assert len(laws) == 9
+    assert laws["dc", "PI and spring"]["power_dc_w"] <= laws["dc", "PI"]["power_dc_w"]
+    assert laws["dc", "PI"]["power_dc_w"] <= laws["dc", "P"]["power_dc_w"]
+    assert laws["ac", "PI"]["power_ac_w"] <= laws["dc", "PI"]["power_ac_w"]
+    assert "± " in report.as_text(advice)
+    assert np.isfinite([row["power_ac_w"] for row in told["rows"]]).all()
+
+
+def test_what_cannot_be_told_is_said(run: Path, tmp_path: Path) -> None:
+    code, _, err = rig_here("recommend", run)
+    assert code == 2
+    assert "say which sea, --campaign" in err
+    calm = campaign_file(tmp_path, sea={"kind": "calm"}, matrix=rows(GAINS[0]))
+    code, _, err = rig_here("recommend", run, "--campaign", calm, "-o", tmp_path / "out" / "x.yaml")
+    assert code == 2
+    assert "gains are recommended for a sea" in err
+
+
+def test_two_port_pictures_of_what_was_measured(run: Path, tmp_path: Path) -> None:
+    code, out, err = rig_here("twoport", run, "-o", tmp_path, "--json")
+    assert code == 0, err
+    written = [Path(name) for name in json.loads(out)["written"]]
+    assert [path.name for path in written] == [
+        "twoport_gains.png", "twoport_spring_gear.png", "twoport_transfer.png",
+    ]  # fmt: skip
+    assert all(path.stat().st_size > 20_000 for path in written)

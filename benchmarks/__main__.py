@@ -10,6 +10,7 @@ from typing import Any
 
 from benchmarks import (
     batch,
+    coverage,
     crash,
     cycle,
     faults,
@@ -38,6 +39,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "start": start.measure,
     "batch": batch.measure,
     "faults": faults.measure,
+    "coverage": coverage.measure,
 }
 
 

@@ -13,6 +13,7 @@ from benchmarks import (
     batch,
     cluster,
     counterfactual,
+    coverage,
     crash,
     cycle,
     faults,
@@ -48,6 +49,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "counterfactual": counterfactual.measure,
     "spring_map": spring_map.measure,
     "faults": faults.measure,
+    "coverage": coverage.measure,
 }
 
 

@@ -109,7 +109,8 @@ def folder(tmp_path: Path) -> Path:
         (tmp_path / kind).mkdir()
         text = (CONFIGS / kind / "oswec_bench.yaml").read_text()
         (tmp_path / kind / "oswec_bench.yaml").write_text(text)
-    (tmp_path / "plants").symlink_to(CONFIGS / "plants")
+    for kind in ("plants", "calibrations"):
+        (tmp_path / kind).symlink_to(CONFIGS / kind)
     rig = (tmp_path / "rigs" / "oswec_bench.yaml").read_text()
     (tmp_path / "rig.yaml").write_text(rig.replace("../", ""))
     (tmp_path / "constants.yaml").write_text(CONSTANTS)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import SubFigure
 
 from rig.analysis.session import flap_pto
-from rig.analysis.session.drawing import axes_of, note, shade
+from rig.analysis.session.drawing import RED, axes_of, shade
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.flap_pto import Best, Taken
 from rig.analysis.session.read import Point, Session
@@ -119,25 +119,26 @@ def _compared(of: Waves) -> Compared:
 
 def _draw(waves: list[Waves], body: SubFigure) -> None:
     axes = axes_of(body, "damping at the load cell, N·m·s/rad", "mean power, W")
+    top = 0.0
     for i, each in enumerate(waves):
         colour = shade(i + 1, len(waves) + 1)
         damping = [row.taken.damping for row in each.rows]
         power = [row.taken.power.value for row in each.rows]
         half = np.nan_to_num([row.taken.power.uncertainty for row in each.rows])
-        axes.errorbar(damping, power, half, fmt="o", ms=4, capsize=2.5, color=colour,
-                      label=each.said)  # fmt: skip
-        axes.plot(damping, [row.taken.motor.value for row in each.rows], "x", ms=4, color=colour)
+        top = max(top, *power)
+        said = each.said
         if each.best is not None:
+            said += f": {words(each.best.damping)}, {words(each.best.power)}"
             fine = np.linspace(0.0, 1.05 * max(damping), 300)
             axes.plot(fine, flap_pto.expected_power(each.best.unknowns, fine), lw=1.2, color=colour)
-            top = each.best.damping.value, each.best.power.value
-            axes.plot(*top, "*", ms=11, color="#d1495b", zorder=5)
-    told = [f"{each.said}: {words(each.best.damping)}, {words(each.best.power)}"
-            for each in waves if each.best is not None]  # fmt: skip
-    note(axes, "\n".join(["best (red stars)", *told]), "lower right")
-    axes.axhline(0.0, color="#b8c0c7", lw=0.8)
+            best = each.best.damping.value, each.best.power.value
+            axes.plot(*best, "*", ms=11, color=RED, zorder=5)
+        axes.errorbar(damping, power, half, fmt="o", ms=4, capsize=2.5, color=colour, label=said)
+        axes.plot(damping, [row.taken.motor.value for row in each.rows], "x", ms=4, color=colour)
     axes.set_xlim(0.0, None)
-    axes.legend(frameon=False, fontsize=8, title="waves", title_fontsize=8, loc="upper right")
+    axes.set_ylim(0.0, 1.35 * top)
+    axes.legend(frameon=False, fontsize=8, title="waves: best damping and its power (stars)",
+                title_fontsize=8, loc="upper right")  # fmt: skip
 
 
 def _draw_damping(waves: list[Waves], body: SubFigure) -> None:

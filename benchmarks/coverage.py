@@ -1,0 +1,151 @@
+"""How often the intervals of the bench's sessions hold what nobody told them: coverage."""
+
+import math
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from benchmarks.support import blind_bench
+from benchmarks.support.blind_bench import NOMINAL_GAIN, OUTPUT, Row
+from benchmarks.support.result import Figure, Result, figure
+from rig.analysis.session import (
+    brake_report,
+    losses_report,
+    torque_map,
+    torque_report,
+    velocity_report,
+)
+from rig.analysis.session.estimate import Estimate
+from sim_plant.bench import brake
+
+SEEDS, SHORT = 200, 4
+WANTED = 95.0
+LEAST = WANTED - 300.0 * math.sqrt(0.95 * 0.05 / SEEDS)
+"""%: three standard deviations of a share of so many seeds below what the intervals claim."""
+
+DEGREE = math.pi / 180.0
+TURNED = (5.0, 10.0, 15.0, 20.0)  # deg
+CURRENTS = (1.12, 1.96, 2.79, 3.35, 3.91, 4.47)  # A, of Table 3.1
+BRAKED = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0)  # A
+
+Held = dict[str, tuple[bool, float]]
+"""By constant: whether its interval holds the truth, and the interval's half width over it."""
+
+
+def measure(short: bool) -> Result:
+    """Draw benches, play their sessions, analyse them, and count."""
+    every: list[Held] = []
+    seeds = SHORT if short else SEEDS
+    for seed in range(seeds):
+        every.append(blind(seed))
+        if (seed + 1) % 10 == 0:
+            print(f"coverage: {seed + 1} of {seeds} benches", file=sys.stderr, flush=True)
+    return counted(every, short=short)
+
+
+def counted(every: list[Held], *, short: bool) -> Result:
+    """The figures of benches of seeds 0, 1, 2 ..."""
+    seeds = len(every)
+    return Result(
+        "coverage",
+        "share of blind benches whose constants lie within the stated 95 % intervals",
+        f"{seeds} benches drawn from seeds 0 to {seeds - 1}; torque constant, velocity constant, "
+        "losses, driveline and brake map of each",
+        tuple(_figures(every, short=short)),
+        (
+            "Sessions are shorter than those under configs/sessions, and played without the loop.",
+            "The brake's torque is the load cell's, the bearing's in it, as the session says.",
+        ),
+    )
+
+
+def _figures(every: list[Held], *, short: bool) -> Iterator[Figure]:
+    for name in every[0]:
+        held = [each[name][0] for each in every if name in each]
+        wide = [100.0 * each[name][1] for each in every if name in each]
+        share = 100.0 * float(np.mean(held))
+        yield figure(f"{name}: held", "%", share, at_least=None if short else LEAST)
+        yield figure(f"{name}: half width", "%", wide)
+
+
+def blind(seed: int) -> Held:
+    """Which constants of one bench its sessions recover."""
+    values = blind_bench.drawn(seed)
+    every = (
+        *_torque(values, seed), *_velocity(values, seed), *_driveline(values, seed),
+        *_brake(values, seed),
+    )  # fmt: skip
+    return {
+        name: (found.holds(truth), found.uncertainty / abs(truth)) for name, found, truth in every
+    }
+
+
+Found = Iterator[tuple[str, Estimate, float]]
+
+
+def _torque(values: dict[str, float], seed: int) -> Found:
+    rows = [Row({"current_amplitude_a": a}, a, 10.0, 3) for a in CURRENTS]
+    run = blind_bench.session(values, seed, "torque_constant", rows)
+    motor = torque_report.result(run).constants["torque_constant_motor"]
+    yield "torque constant of the motor", motor, OUTPUT * values["motor.torque_constant"]
+    rows = [_turned(a, period, 10) for a in TURNED for period in (1.5, 3.0)]
+    run = blind_bench.session(values, seed, "losses", rows)
+    found = losses_report.result(run, motor).constants
+    yield "bearing, clockwise", found["bearing_positive"], values["bearing.clockwise"]
+    yield "bearing, counter-clockwise", found["bearing_negative"], values["bearing.counter"]
+    yield "bearing, viscous", found["bearing_viscous"], values["bearing.viscous"]
+    # Without a load that varies the share of the bearing's torque is part of what is dry.
+    share = 0.5 * (values["gearbox.share_forward"] + values["gearbox.share_back"])
+    load = 0.5 * (values["bearing.clockwise"] + values["bearing.counter"])
+    load += values["bearing.viscous"] * float(
+        np.mean([np.abs(p.wanted_velocity).mean() for p in run.points])
+    )
+    yield "gearbox, dry", found["gearbox_dry"], values["gearbox.dry"] + share * load
+
+
+def _velocity(values: dict[str, float], seed: int) -> Found:
+    rows = [_turned(a, 1.5, 10) for a in (5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0)]
+    run = blind_bench.session(values, seed, "velocity_constant", rows)
+    found = velocity_report.result(run).constants["velocity_constant"]
+    yield "velocity constant", found, values["velocity_loop.gain"]
+
+
+def _driveline(values: dict[str, float], seed: int) -> Found:
+    rows = [_turned(a, 1.5, 4, damping=r) for a in TURNED for r in (42.0, 83.3)]
+    run = blind_bench.session(values, seed, "driveline", rows)
+    known = torque_map.fit([torque_map.loaded(point.motion()) for point in run.points])
+    line = blind_bench.plant(values, braked=True).build().transmission
+    yield "half gap", known.half_gap, values["transmission.half_gap"] * DEGREE
+    yield "soft zone", known.soft_zone, values["transmission.soft_deflection"] * DEGREE
+    yield "stiffness", known.stiffness, line.stiffness
+
+
+def _brake(values: dict[str, float], seed: int) -> Found:
+    rows = [
+        _turned(15.0, 3.0, 3)._replace(brake=current, asked={"brake_current_a": current})
+        for current in BRAKED
+    ]
+    run = blind_bench.session(values, seed, "brake_map", rows)
+    branches: Any = brake_report.result(run).maps["brake_map"]
+    params = blind_bench.plant(values, braked=True).build()
+    for name, sign in (("rising", -1.0), ("falling", 1.0)):
+        branch = branches[name]
+        i = int(np.argmin(np.abs(np.array(branch["current_a"]) - 0.5)))
+        speed = 15.0 * DEGREE * 2.0 * math.pi / 3.0 * values["velocity_loop.gain"] / NOMINAL_GAIN
+        dry = 0.5 * (params.bearing.clockwise + params.bearing.counter)
+        # Where the shaft has at least half its top speed, its mean is 3 sqrt(3) / 2 pi of it.
+        rubs = dry + params.bearing.viscous * speed * 1.5 * math.sqrt(3.0) / math.pi
+        at = 0.5 + sign * params.brake.half_width
+        truth = brake.curve(params.brake, at) + rubs
+        half = branch["uncertainty_n_m"][i]
+        found = Estimate(branch["torque_n_m"][i], half, "N*m", "")
+        yield f"brake at 0.5 A, {name}", found, truth
+
+
+def _turned(amplitude: float, period: float, periods: int, damping: float = 0.0) -> Row:
+    """A sine of an amplitude in deg by the nominal constant."""
+    volts = amplitude * DEGREE * 2.0 * math.pi / period / NOMINAL_GAIN
+    asked = {"amplitude_deg": amplitude, "period_s": period, "damping_n_m_s_per_rad": damping}
+    return Row(asked, volts, period, periods, damping=damping)

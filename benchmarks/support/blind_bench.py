@@ -1,0 +1,156 @@
+"""Benches whose constants nobody has told the analysis, and sessions played on them.
+
+Commands are a table of ticks made beforehand, played into the compiled plant at once: no loop, no
+record. What is read is a tick old, so a command stands beside what was read a tick after it.
+"""
+
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from rig import lift
+from rig.analysis.session.read import Point, Session
+from rig.config.source import load_mapping
+from rig.rehearsal.compiled_bench import CompiledStepper
+from rig.runs.folder import Facts
+from sim_plant.bench import dynamometer
+from sim_plant.bench.parameters import BenchPlant
+from sim_plant.bench.stepper import Start
+from sim_plant.sensors import NORMALS
+
+PLANTS = Path(__file__).resolve().parents[2] / "configs" / "plants"
+DT = 0.001
+TARE = 500  # ticks
+NOMINAL_GAIN, NOMINAL_CONSTANT = 1.5708, 16.845
+OUTPUT = 15.0  # gear ratio
+TORQUE, VELOCITY = 1, 0
+_NOBODY = Facts("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
+
+Floats = npt.NDArray[np.float64]
+
+DRAWN: dict[str, tuple[float, float]] = {
+    "motor.torque_constant": (1.0, 1.35),
+    "velocity_loop.gain": (1.42, 1.66),
+    "velocity_loop.offset": (-0.0006, 0.0006),
+    "gearbox.dry": (0.4, 1.2),
+    "gearbox.share_forward": (0.05, 0.11),
+    "gearbox.share_back": (0.05, 0.11),
+    "transmission.half_gap": (0.015, 0.035),
+    "transmission.soft_deflection": (0.02, 0.05),
+    "transmission.gearbox_stiffness": (30_000.0, 60_000.0),
+    "bearing.clockwise": (0.03, 0.15),
+    "bearing.counter": (0.05, 0.2),
+    "bearing.viscous": (0.02, 0.12),
+    "brake.half_width": (0.004, 0.012),
+}
+"""Values of the plant file, and between which bounds each is drawn, evenly."""
+
+
+class Row(NamedTuple):
+    """One set point: a sine of the drive's command, its brake current, how long it is measured."""
+
+    asked: dict[str, float]
+    amplitude: float  # V or A
+    period: float  # s
+    periods: int
+    brake: float = 0.0  # A
+    damping: float = 0.0  # N*m*s/rad, of the brake
+
+
+def drawn(seed: int) -> dict[str, float]:
+    """The hidden values of a bench."""
+    random = np.random.default_rng(seed)
+    return {name: float(random.uniform(*bounds)) for name, bounds in DRAWN.items()}
+
+
+def plant(values: dict[str, float], *, braked: bool) -> BenchPlant:
+    """A shipped bench with these values in the place of its own."""
+    name = "oswec_bench" if braked else "oswec_bench_unbraked"
+    mapping, _ = load_mapping(PLANTS / f"{name}.yaml")
+    mapping["sensors"]["travel"]["value"] = 180.0  # nobody brings the shaft home between rows
+    for path, value in values.items():
+        section, field = path.split(".")
+        mapping[section][field]["value"] = value
+    return BenchPlant.model_validate(mapping)
+
+
+@njit
+def _play(advance: Any, x: Any, mode: int, wires: Any, locked: int, begin: int, out: Any) -> None:
+    for k in range(len(wires)):
+        read = advance(x, 1, mode, wires[k, 0], wires[k, 1], wires[k, 2], locked, 1, 0, begin + k)
+        out[k, 0], out[k, 1], out[k, 2] = read[0], read[1], read[2]
+        out[k, 3], out[k, 4] = read[10], read[11]
+
+
+@cache
+def _advance() -> Any:
+    """The compiled step of a bench; compiled once, the constants are in its array."""
+    params = plant({}, braked=True).build()
+    start = Start(params, dynamometer.initial(params), [0.0] * NORMALS, DT)
+    return CompiledStepper(start)._array._code.advance
+
+
+def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> Session:
+    """Play a session's rows, one after the other, and hand over what was read."""
+    braked = kind in ("driveline", "brake_map", "torque_constant")
+    params = plant(values, braked=braked).build()
+    normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
+    state = dynamometer.initial(params)
+    # The array of a compiled step (rig/rehearsal/compiled_bench.py), made anew; the code is one.
+    x = np.array([*lift.numbers(state), DT, *lift.numbers(params), *normals])
+    mode = TORQUE if kind == "torque_constant" else VELOCITY
+    locked = 1 if kind == "torque_constant" else 0
+    advance = _advance()
+    still = np.zeros((TARE, 5))
+    _play(advance, x, mode, np.zeros((TARE, 3)), locked, 1, still)
+    zero, tick, points = still.mean(axis=0), TARE + 1, []
+    for number, row in enumerate(rows):
+        settle = round(row.period / DT)
+        ticks = settle + round(row.periods * row.period / DT)
+        wires, angle = _wires(params, row, mode, ticks + 1)
+        told = np.empty((ticks + 1, 5))
+        _play(advance, x, mode, wires, locked, tick, told)
+        tick += ticks + 1
+        there, then = slice(settle, ticks), slice(settle + 1, ticks + 1)
+        columns = (told[there] - [zero[0], zero[1], 0.0, zero[3], 0.0]).T
+        points.append(_point(number, row, params, columns, wires[then], angle[then], tick - ticks))
+    return Session(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False)
+
+
+def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats]:
+    """Volts, amperes and amperes of the brake by tick, and the angle that volts ask for."""
+    t, omega = DT * np.arange(ticks), 2.0 * np.pi / row.period
+    # A cosine grown over one period: the angle then swings about where the row began.
+    grown = 0.5 - 0.5 * np.cos(0.5 * omega * np.minimum(t, row.period))
+    sine = grown * (np.sin(omega * t) if mode == TORQUE else np.cos(omega * t))
+    wires = np.zeros((ticks, 3))
+    if mode == TORQUE:
+        wires[:, 1] = row.amplitude * sine
+        return wires, np.zeros(ticks)
+    wires[:, 0] = row.amplitude * sine
+    wires[:, 2] = row.brake
+    if row.damping:
+        torque = row.damping * NOMINAL_GAIN * np.abs(wires[:, 0])
+        wires[:, 2] = np.interp(torque, params.brake.torques, params.brake.currents)
+    angle = np.asarray(row.amplitude * NOMINAL_GAIN / omega * np.sin(omega * t), np.float64)
+    return wires, angle
+
+
+def _point(
+    number: int, row: Row, params: Any, told: Floats, wires: Floats, angle: Floats, tick: int
+) -> Point:
+    motor, shaft, current, torque, brake = told
+    volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
+    nothing = np.zeros(len(motor))
+    return Point(
+        row=number, asked=row.asked, cut_short="", lost=0, limited=0, period=row.period, dt=DT,
+        start=tick * DT, clock=0.0, age=0.0, tare_samples=TARE,
+        motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
+        torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,
+        wanted_angle=angle, wanted_velocity=NOMINAL_GAIN * volts,
+        wanted_torque=NOMINAL_CONSTANT * amperes, correction=nothing,
+    )  # fmt: skip

@@ -20,7 +20,7 @@ from rig.cli import (
     testlog,
 )  # fmt: skip
 from rig.cli.interrupts import Interruptible
-from rig.cli.options import RUNS, WHICH_RUN, Json, ReadBy, Rig, Run, Runs
+from rig.cli.options import RUNS, WHICH_RUN, Json, ReadBy, Rig, Run, Runs, Sim
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
 
@@ -49,9 +49,7 @@ def run(
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
     rig: Rig = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="Emulated devices on the far end of the rig's wires.")
-    ] = False,
+    sim: Sim = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -71,9 +69,7 @@ def bench(
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
     rig: Rig = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="Emulated devices on the far end of the bench's wires.")
-    ] = False,
+    sim: Sim = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:

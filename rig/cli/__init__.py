@@ -26,7 +26,7 @@ from rig.cli import (
     twoport,
 )  # fmt: skip
 from rig.cli.interrupts import Interruptible
-from rig.cli.options import RUNS, Json, ReadBy, Rig, Run, Runs
+from rig.cli.options import RUNS, Json, ReadBy, Rig, Run, Runs, Sim
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
 
@@ -55,9 +55,7 @@ def run(
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
     rig: Rig = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="Emulated devices on the far end of the rig's wires.")
-    ] = False,
+    sim: Sim = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -77,9 +75,7 @@ def bench(
         bool, typer.Option("--realtime", help="On the real clock instead of as fast as it goes.")
     ] = False,
     rig: Rig = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="Emulated devices on the far end of the bench's wires.")
-    ] = False,
+    sim: Sim = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:

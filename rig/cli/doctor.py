@@ -10,7 +10,7 @@ from rich.text import Text
 from rig import cli
 from rig.cli.console import table_console
 from rig.cli.refusal import REFUSED, refuse
-from rig.config import RigFile, load
+from rig.config.any_rig_file import load_rig
 from rig.doctor import Asked, Examination, Finding, Use, Verdict, examine
 from rig.doctor.timing import PLAIN
 
@@ -43,7 +43,7 @@ def main(
     wanted = None
     if rig is not None:
         try:
-            wanted, _ = load(rig, RigFile)
+            wanted, _ = load_rig(rig)
         except REFUSED as error:
             return refuse("doctor", error, as_json=as_json)
     rate = rate_hz or (float(wanted.rate_hz) if wanted is not None else RATE)

@@ -13,6 +13,9 @@ RUNS: Path = Path("runs")
 Rig = Annotated[
     Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
 ]
+Sim = Annotated[
+    bool, typer.Option("--sim", help="Emulated devices on the far end of the rig's wires.")
+]
 _READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 

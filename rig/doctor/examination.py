@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import realtime
-from rig.config.rig_file import RigFile
+from rig.config.any_rig_file import AnyRigFile
 from rig.doctor import (
     clocks,
     disk,
@@ -32,7 +32,7 @@ class Asked(NamedTuple):
     seconds: float  # of each of the two measurements of wake-ups
     rate_hz: float  # of the loop
     hours: float  # of logging there must be room for
-    rig: RigFile | None = None  # whose wires are to be looked at too
+    rig: AnyRigFile | None = None  # whose wires are to be looked at too
 
 
 class Examination(NamedTuple):
@@ -100,7 +100,7 @@ def examine(asked: Asked, host: Host | None = None) -> Examination:
     return Examination(tuple(one for area, room in rooms for one in _looked_at(area, room)))
 
 
-def _of_the_rig(host: Host, rig: RigFile | None) -> list[Room]:
+def _of_the_rig(host: Host, rig: AnyRigFile | None) -> list[Room]:
     if rig is None:
         return []
     return [(rig_wires.area(rig), lambda: rig_wires.findings(host, rig))]

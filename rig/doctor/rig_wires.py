@@ -5,14 +5,17 @@ from pathlib import Path
 from typing import NamedTuple
 
 from drivers.canopen.bus_settings import Bus
-from rig.config.rig_file import RigFile
-from rig.config.wiring import RtuLine, TcpLine
+from rig.config.any_rig_file import AnyRigFile
+from rig.config.bench_rig_file import BenchRigFile
+from rig.config.bench_wiring import BenchWiring
+from rig.config.wiring import RtuLine, TcpLine, Wiring
 from rig.doctor.finding import REALTIME, Finding, Host, Verdict, forbidding
 from rig.doctor.wires import DIALOUT, backend_trouble
 from rig.hardware import reach
+from rig.hardware.bench_job import job_of_bench
 from rig.hardware.job import WiringError, job_of
 
-_EMULATED = "nothing, if `rig sim` or `rig run --sim` is to come; else switch the device on"
+_EMULATED = "nothing, if `rig sim` or a run with --sim is to come; else switch the device on"
 
 
 class _Wire(NamedTuple):
@@ -26,23 +29,26 @@ class _Wire(NamedTuple):
     emulated: bool  # it leads to this host's loopback, or to no device file
 
 
-def area(rig: RigFile) -> str:
+def area(rig: AnyRigFile) -> str:
     """The heading of a rig's findings."""
     return f"wires of {rig.name}"
 
 
-def findings(host: Host, rig: RigFile) -> list[Finding]:
+def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
     """The wiring by itself, then every wire: is there what it needs, does somebody answer."""
     where = area(rig)
     if rig.wiring is None:
         value = "none: it can only be rehearsed"
         return [Finding(where, "wiring", value, "", Verdict.NOTE)]
     try:
+        if isinstance(rig, BenchRigFile):
+            return _of_the_bench(where, host, rig, rig.wiring)
         load = job_of(rig).load.total
     except WiringError as error:
         advice = "mend the rig file"
         text = "; ".join(str(error).splitlines())
         return [Finding(where, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
+    assert isinstance(rig.wiring, Wiring)
     can = rig.wiring.can
     bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
     limit = "at most 80 % in the worst case: the rest is for what is not sent in every tick"
@@ -54,6 +60,17 @@ def findings(host: Host, rig: RigFile) -> list[Finding]:
     for name, line in rig.wiring.lines.items():
         found.append(_judged(where, _line(host, name, line)))
     return found
+
+
+def _of_the_bench(where: str, host: Host, rig: BenchRigFile, wiring: BenchWiring) -> list[Finding]:
+    """The bench's serial ports and lines; a load cell on UDP says only itself that it is there."""
+    job_of_bench(rig)
+    ports = {"encoder bridge": wiring.encoders.port, "servo drive": wiring.servo.port}
+    found = [_judged(where, _port(what, port)) for what, port in ports.items()]
+    found += [_judged(where, _line(host, name, line)) for name, line in wiring.lines.items()]
+    cell, limit = wiring.load_cell, "shown only when it is asked: `rig devices`"
+    address = f"{cell.host}:{cell.port}"
+    return [*found, Finding(where, "load cell", address, limit, Verdict.NOTE)]
 
 
 def _backend(where: str, interface: str) -> Finding:
@@ -89,10 +106,14 @@ def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _Wire:
         advice = "is it switched on, is its address right, is this host in its network?"
         value, limit = f"{line.host}:{line.port}", "somebody listens there"
         return _Wire(what, value, trouble, limit, advice, _loopback(line.host))
-    trouble = reach.port_trouble(line.port)
+    return _port(what, line.port)
+
+
+def _port(what: str, port: str) -> _Wire:
+    trouble = reach.port_trouble(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
-    emulated = Path("/dev") not in Path(line.port).parents and not Path(line.port).exists()
-    return _Wire(what, line.port, trouble, "there, and this user may open it", advice, emulated)
+    emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
+    return _Wire(what, port, trouble, "there, and this user may open it", advice, emulated)
 
 
 def _judged(where: str, wire: _Wire) -> Finding:

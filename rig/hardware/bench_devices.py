@@ -20,7 +20,7 @@ from rig.hardware.streams import Stream
 from rig.hardware.words import SLOTS, Analog, SetPoint
 from rig.mailbox import Mailbox
 
-BESIDE = ("servo", "load_cell", "brake", "inputs")
+BESIDE = ("servo", "load_cell", "brake", "inputs", "analog_done")
 WARM_UP = 3.0  # s in which every device must have said something
 _SETTLED = 0.1  # s: no value is older when it has
 
@@ -70,6 +70,8 @@ class BenchDevices:
         fx, fy, fz, tx, ty, tz, weighed = slots["load_cell"].read()
         brake, measured = slots["brake"].read()
         e_stop, limit_switch, looked = slots["inputs"].read()
+        # A brake that can no longer be told anything is as lost as one that says nothing.
+        measured = min(measured, slots["analog_done"].read().stamp)
         return Sense(
             EncoderSense(motor, shaft, here - counted),
             ServoSense(current, acting, error, here - told),

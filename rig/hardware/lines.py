@@ -5,6 +5,7 @@ from typing import Any
 
 from rig.companions import Companion
 from rig.config.wiring import AnyLine, Registers
+from rig.hardware.words import DONE, SLOTS
 
 
 def line_companions(
@@ -31,7 +32,9 @@ def line_companions(
             "blocks": several,
             "expiry": expiry,
         }
-        names = tuple(block["name"] for block in several)
+        blocks_here = tuple(block["name"] for block in several)
+        done = tuple(f"{name}{DONE}" for name in blocks_here if f"{name}{DONE}" in SLOTS)
+        names = (*blocks_here, *done)
         found.append(Companion(f"line {line}", "rig.hardware.poller", config, names))
     return found
 

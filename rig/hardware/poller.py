@@ -16,7 +16,7 @@ from drivers.modbus.line import Line, LineError, Rtu, Tcp
 from drivers.modbus.registers import Block, Value
 from rig import realtime
 from rig.companion_process import run, say, until_ended
-from rig.hardware.words import SLOTS
+from rig.hardware.words import DONE, SLOTS, Done
 from rig.mailbox import Mailbox
 
 BACK_OFF = 1.0  # s, most between two questions to a unit that does not answer
@@ -39,8 +39,12 @@ class Polled(NamedTuple):
 class _Task:
     """A block, its mailbox, and how it has gone so far."""
 
-    def __init__(self, polled: Polled, slot: Mailbox, expiry: float) -> None:
+    def __init__(
+        self, polled: Polled, slot: Mailbox, expiry: float, done: Mailbox | None = None
+    ) -> None:
+        """``done``: where the loop looks for the moment of the last write, if it does."""
         self.polled = polled
+        self._done = done
         self.due = time.monotonic()
         self.answered = False
         self._slot = slot
@@ -122,6 +126,8 @@ class _Task:
             self.polled.block,
             registers.encode(self.polled.block, values, self.polled.high_first),
         )
+        if self._done is not None:
+            self._done.post(Done(now))
 
 
 def prepared(polled: Polled) -> list[tuple[Block, int, bool]]:
@@ -154,8 +160,17 @@ def line_of(config: dict[str, Any], writable: list[Block]) -> Line:
 def poll(job: dict[str, Any]) -> None:
     """Serve one line until told to end or left alone by the supervisor."""
     config, slots = job["config"], job["mailboxes"]
+
+    def end(name: str) -> Mailbox | None:
+        return Mailbox(slots[name], SLOTS[name]) if name in slots else None
+
     tasks = [
-        _Task(one, Mailbox(slots[one.name], SLOTS[one.name]), config["expiry"])
+        _Task(
+            one,
+            Mailbox(slots[one.name], SLOTS[one.name]),
+            config["expiry"],
+            end(f"{one.name}{DONE}"),
+        )
         for one in blocks_of(config)
     ]
     writable = [t.polled.block for t in tasks if t.polled.written]

@@ -127,6 +127,13 @@ class Analog(NamedTuple):
     stamp: Second
 
 
+class Done(NamedTuple):
+    """What the loop wanted has been written, and the device has said so."""
+
+    stamp: Second  # when the newest that was acknowledged had been sent
+
+
+DONE = "_done"  # ends the name of the mailbox in which the writing of another is acknowledged
 SLOTS: dict[str, type] = {
     "analyser": Analyser,
     "cells": Cells,
@@ -141,5 +148,6 @@ SLOTS: dict[str, type] = {
     "load_cell": Load,
     "brake": BrakeCurrent,
     "analog": Analog,
+    "analog_done": Done,
 }
 """The word of each mailbox."""

@@ -18,10 +18,10 @@ from rig.hardware import bench_devices, streams
 from rig.hardware.bench_devices import BenchDevices
 from rig.hardware.bench_job import Job, Loop, job_of_bench
 from rig.hardware.job import WiringError
-from rig.hardware.words import SLOTS, BrakeCurrent, Encoders, Inputs, Load, Servo
+from rig.hardware.words import SLOTS, BrakeCurrent, Done, Encoders, Inputs, Load, Servo
 from rig.mailbox import Mailbox
 
-NAMES = ("servo", "set_point", "load_cell", "brake", "inputs", "analog")
+NAMES = ("servo", "set_point", "load_cell", "brake", "inputs", "analog", "analog_done")
 AT_WORK = Command(0, 0.0, 2.5, 0.0, 0.0, 1, 0, 30.0, 0.3, 0)
 
 
@@ -88,6 +88,7 @@ class Rig:
         self.slots["load_cell"].post(Load(1.0, 2.0, 3.0, 4.0, 5.0, 6.0, now))
         self.slots["brake"].post(BrakeCurrent(0.25, now))
         self.slots["inputs"].post(Inputs(0, 1, now))
+        self.slots["analog_done"].post(Done(now))
 
 
 def test_a_velocity_command_leaves_through_the_analog_output(
@@ -148,6 +149,8 @@ def test_every_value_comes_with_its_age(tmp_path: Path, monkeypatch: pytest.Monk
     for word in (sense.encoders, sense.servo, sense.brake, sense.panel):
         assert 0.0 <= word.age < 2.0
     assert 5.0 <= sense.load.age < 7.0
+    rig.slots["analog_done"].post(Done(now - 3.0))  # its output is no longer written
+    assert 3.0 <= rig.devices.read(0.0).brake.age < 5.0
     rig.devices.close()
     assert rig.bridge.closed
 
@@ -159,7 +162,9 @@ def test_what_says_nothing_is_named_before_the_first_tick(
     rig = Rig(job(tmp_path), monkeypatch)
     rig.say(time.monotonic() - 10.0)
     rig.slots["brake"].post(BrakeCurrent(0.0, time.monotonic() + 10.0))
-    with pytest.raises(OSError, match=r"encoders \(.*no frame\), servo, load_cell, inputs in"):
+    with pytest.raises(
+        OSError, match=r"encoders \(.*no frame\), servo, load_cell, inputs, analog_done in"
+    ):
         rig.devices.warm_up(0.001)
     assert rig.slots["set_point"].read().enable == 0  # it was given its rest
 

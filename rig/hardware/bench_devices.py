@@ -81,7 +81,7 @@ class BenchDevices:
         )
 
     def write(self, command: Command) -> None:
-        _, _, volts, _, current, enable, _, _, brake_current, _ = command
+        _, _, volts, _, current, enable, _, _, brake_current, _, _, _ = command
         config, here = self._config, time.monotonic()
         torque = current * config.torque_per_ampere
         velocity, output = 0.0, self._rest

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    arithmetic,
     batch,
+    counterfactual,
     crash,
     cycle,
     faults,
@@ -39,6 +41,8 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "reading": reading.measure,
     "start": start.measure,
     "batch": batch.measure,
+    "arithmetic": arithmetic.measure,
+    "counterfactual": counterfactual.measure,
     "faults": faults.measure,
 }
 

@@ -2,9 +2,9 @@
 
     T = -R v
 
-with v the velocity of the shaft behind the coupling, filtered. The best R without a spring is the modulus
-of the flap's intrinsic impedance (OSWEC thesis (University of Washington), eq. 2.2, in which the
-velocity printed must be the frequency omega).
+with v the velocity of the shaft behind the coupling, filtered. The best R without a spring is the
+modulus of the flap's intrinsic impedance (OSWEC thesis (University of Washington), eq. 2.2, in
+which the velocity printed must be the frequency omega).
 
 Bad input: NaN or infinity in the velocity gives a torque that is not finite, which the limits turn
 into a stop.

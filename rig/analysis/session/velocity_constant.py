@@ -27,8 +27,8 @@ DECELERATION = (0.03, 1.0)
 FOLLOWING = (0.10, 0.94)
 """Share of the largest velocity between which the motor goes as told."""
 MODEL = 0.001
-"""Share of the constant that wait, lag and droop, simplified as they are, leave unknown: blind benches
-are up to 0.09 % off whatever the scatter says (benchmarks/coverage.py)."""
+"""Share of the constant that wait, lag and droop, simplified as they are, leave unknown: blind
+benches are up to 0.09 % off whatever the scatter says (benchmarks/coverage.py)."""
 
 SCALES = np.geomspace(0.02, 0.6, 25)
 """V, within which a droop may saturate."""

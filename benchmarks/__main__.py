@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    arithmetic,
     batch,
+    counterfactual,
     coverage,
     crash,
     cycle,
@@ -38,6 +40,8 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "reading": reading.measure,
     "start": start.measure,
     "batch": batch.measure,
+    "arithmetic": arithmetic.measure,
+    "counterfactual": counterfactual.measure,
     "faults": faults.measure,
     "coverage": coverage.measure,
 }

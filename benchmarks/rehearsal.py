@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.support.live import LOGGER, LOOP, live_run, processor_time
+from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
 from benchmarks.support.recorded import Parts, campaign_file, parts, quiet
 from benchmarks.support.result import Figure, Result, figure
 from benchmarks.support.seams import PARTS, Stamps
@@ -16,6 +17,7 @@ from benchmarks.support.tick_process import tick
 from rig.clock import VirtualClock
 
 TIMES_REAL = 30.0
+PACE = 5000  # repetitions of the reference
 INTERRUPTED = 5.0  # times the median: a tick in which the host took the core away
 
 
@@ -26,10 +28,12 @@ class Speed(NamedTuple):
     times_core: float  # simulated seconds a second of processor time, loop and logger together
     loop_us: float  # processor time of the loop a tick
     logger_us: float  # processor time of the logger a row
+    reference_us: float  # the host's pace on that core, before and after
 
 
 def speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Speed:
     """Rehearse a campaign under the real supervisor; on one core, or wherever the host likes."""
+    before = _pace(core)
     with live_run(campaign, runs, real_clock=False, core=core) as run:
         logger, loop = run.pid(LOGGER), run.pid(LOOP)
         run.wait_started()
@@ -49,7 +53,18 @@ def speed(campaign: Path, runs: Path, dt: float, core: int | None) -> Speed:
         ticks * dt / sum(used.values()),
         used[loop] / ticks * 1e6,
         used[logger] / ticks * 1e6,
+        (before + _pace(core)) / 2.0,
     )
+
+
+def _pace(core: int | None) -> float:
+    """The reference's cost on a core, this process being there for a moment."""
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, allowed if core is None else {core})
+    try:
+        return reference_cost(PACE)
+    finally:
+        os.sched_setaffinity(0, allowed)
 
 
 class Tick(NamedTuple):
@@ -123,7 +138,17 @@ def measure(short: bool) -> Result:
                 "one core, loop and logger and all",
                 "x real time",
                 [each.times_real for each in one],
+            ),
+            figure(
+                f"one core, {AT_PACE}",
+                "x real time",
+                [each.times_real * each.reference_us / STANDARD for each in one],
                 at_least=TIMES_REAL,
+            ),
+            figure(
+                "100 NamedTuples (reference)",
+                "us of processor",
+                [each.reference_us for each in one],
             ),
             figure("one core, by processor time", "x real time", [each.times_core for each in one]),
             figure(f"{len(cores)} cores, as started", "x real time", [e.times_real for e in two]),

@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.cycle import on_the_real_clock
 from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
+from benchmarks.support.pace import AT_PACE, at_pace, reference_cost
 from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile, ratios
 from rig import cycle, ring
@@ -35,6 +36,7 @@ class Cost(NamedTuple):
     p99: list[float]
     cycle: list[float]  # the cycle alone
     added: list[float]  # by putting each row at once, as the loop does
+    reference: list[float]  # what the host's pace is told by
 
 
 def cost(recorded: Recorded, blocks: int) -> Cost:
@@ -43,15 +45,16 @@ def cost(recorded: Recorded, blocks: int) -> Cost:
     writer, reader = ring.Writer(fd, KIND.row_type, wait=False), ring.Reader(fd)
     os.posix_fallocate(fd, 0, os.fstat(fd).st_size)
     os.close(fd)
-    found = Cost([], [], [], [])
+    found = Cost([], [], [], [], [])
     with quiet():
         for block in range(blocks + 1):
             put, p99 = _put(recorded, writer)
             _empty(reader)
             alone, added = _walk(recorded, writer)
             _empty(reader)
+            pace = reference_cost(max(1, len(recorded.rows) // 4))
             if block:  # the first one brings the ring's pages into memory
-                for into, value in zip(found, (put, p99, alone, added), strict=True):
+                for into, value in zip(found, (put, p99, alone, added, pace), strict=True):
                     into.append(value)
     if writer.dropped:
         raise RuntimeError("the ring was full: these figures are not of puts")
@@ -193,15 +196,27 @@ def measure(short: bool) -> Result:
         f"{blocks} alternating blocks of {ticks} rows; {loops} loops at their real rate; one run "
         f"of {seconds:g} s at 1 kHz with the logger stopped for {stall:g} s in the middle",
         (
-            figure("put, row after row", "us of processor", found.put, at_most=PUT_US),
+            figure("put, row after row", "us of processor", found.put),
+            figure(
+                f"put, row after row, {AT_PACE}",
+                "us of processor",
+                at_pace(found.put, found.reference),
+                at_most=PUT_US,
+            ),
             figure("put, p99", "us", found.p99),
-            figure("put, added to the cycle", "us of processor", found.added, at_most=PUT_US),
+            figure("put, added to the cycle", "us of processor", found.added),
+            figure(
+                f"put, added to the cycle, {AT_PACE}",
+                "us of processor",
+                at_pace(found.added, found.reference),
+                at_most=PUT_US,
+            ),
+            figure("100 NamedTuples (reference)", "us of processor", found.reference),
             figure("put / cycle", "ratio", ratios(found.put, found.cycle)),
             figure(
                 "put, in a loop at its real rate, mean",
                 "us a tick",
                 [one["mean"] for one in late],
-                at_most=PUT_US,
             ),
             figure("put, in a loop at its real rate, p99", "us", [one["p99"] for one in late]),
             figure("rows lost to the stall", "rows", run.lost, at_most=0),

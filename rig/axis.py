@@ -155,8 +155,7 @@ def control(
     # Granted in full, nothing is short.
     short = command.force - demand.force if command.limited != 0 else 0.0
     age = sense.encoder_age
-    if age < usual:
-        usual = age
+    usual = min(usual, age)
     return (
         State(motion, granted, acting, fade_from, fade, short, age, usual),
         Record(sense, motion, demand, command, limits.warn_axis(params.limits, motion)),

@@ -30,8 +30,12 @@ from sim_plant.parameters import Plant
 from sim_plant.words import OFF
 
 _THERE = tuple(leaf.name for leaf in leaves(WaveBotRow))
-KEPT = tuple(dict.fromkeys([*ALWAYS, "time", *FIELDS, *LOGGED.values(), *quality.fields(_THERE)]))
-"""The fields of a tick that a row table is made of."""
+_WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
+          "wave.elevation")  # fmt: skip
+KEPT = tuple(
+    dict.fromkeys([*ALWAYS, "time", *FIELDS, *LOGGED.values(), *quality.fields(_THERE), *_WAVES])
+)
+"""The fields of a tick that a row table is made of, and those that waves are recovered from."""
 
 _AS_LOGGED = np.dtype(
     [(leaf.name, "<f8" if leaf.code == "d" else "<i8") for leaf in leaves(WaveBotRow)
@@ -66,9 +70,14 @@ class Kept:
 class Subject:
     """One campaign's rig in its sea; every walk starts it anew, from threads at a time, too."""
 
-    def __init__(self, campaign: Campaign, plan: Plan) -> None:
-        """Raises ValueError where plant or sea cannot be simulated."""
+    def __init__(self, campaign: Campaign, plan: Plan, sea: dict[str, Any] | None = None) -> None:
+        """``sea`` stands in for the campaign's own, in the words of `build_sea`.
+
+        Raises ValueError where plant or sea cannot be simulated.
+        """
         devices = job.devices_of(campaign)
+        if sea is not None:
+            devices["sea"] = sea
         self.plant = Plant.model_validate(devices["plant"])
         self.dt = plan.dt
         self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).beginning()

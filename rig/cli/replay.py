@@ -1,8 +1,9 @@
-"""`rig replay RUN`."""
+"""`rig replay RUN [--with CAMPAIGN]`."""
 
 import json
 import math
 import sys
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,9 +12,16 @@ import typer
 from rig import cli
 
 CODES = """\
-Exit codes: 0 today's cycle decides what was decided then, to the bit; 1 it does not; 2 no such \
-run, or one that cannot be replayed."""
+Exit codes: 0 today's cycle decides what was decided then, to the bit (--with: every row gets \
+through); 1 it does not; 2 no such run or file, or one that cannot be replayed."""
 _MOST = 40  # fields shown
+
+
+class Waves(Enum):
+    """Ways to recover the waves of a run (`rig.counterfactual.waves`)."""
+
+    ELEVATION = "elevation"
+    FORCES = "forces"
 
 
 def command(
@@ -22,9 +30,33 @@ def command(
         "runs"
     ),
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    other: Annotated[
+        Path | None,
+        typer.Option("--with", metavar="CAMPAIGN", help="Rows to run in the waves of the run."),
+    ] = None,
+    model: Annotated[
+        Path | None,
+        typer.Option(
+            "--model", metavar="CAMPAIGN", help="With --with: whose plant stands for the rig then."
+        ),
+    ] = None,
+    waves: Annotated[
+        Waves | None,
+        typer.Option("--waves", help="With --with: how the waves are recovered."),
+    ] = None,
 ) -> None:
-    """Feed what a run sensed to today's cycle and compare every command and mode, tick by tick."""
-    sys.exit(main(run, runs, as_json=json))
+    """Feed what a run sensed to today's cycle and compare every command and mode, tick by tick.
+
+    With a campaign: what its rows would have given in the waves of the run, with an interval.
+    """
+    if other is None and (model is not None or waves is not None):
+        raise typer.BadParameter("--model and --waves go with --with")
+    if other is None:
+        sys.exit(main(run, runs, as_json=json))
+    from rig.cli import replay_with
+
+    wanted = replay_with.Wanted(other, model, waves.value if waves else None, runs)
+    sys.exit(replay_with.main(run, wanted, as_json=json))
 
 
 def main(named: Path, runs: Path, *, as_json: bool) -> int:

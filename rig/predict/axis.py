@@ -24,12 +24,16 @@ class Axis(NamedTuple):
 
 def body_lines(axis: Axis, on: Grid) -> Complexes:
     """The linear hull without spring and drive: force per metre, N/m, by line."""
-    hull = axis.hull
-    s = np.asarray(1j * on.omega, dtype=np.complex128)
+    return hull_lines(axis.hull, axis.drivetrain, on.omega)
+
+
+def hull_lines(hull: BodyParams, drivetrain: float, omega: Floats) -> Complexes:
+    """As `body_lines`, at angular frequencies (rad/s); amplitudes of e^{+i omega t}."""
+    s = np.asarray(1j * omega, dtype=np.complex128)
     above = [hull.b4, hull.b3, hull.b2, hull.b1, 0.0]
     below = [1.0, hull.a4, hull.a3, hull.a2, hull.a1, hull.a0]
     radiation = np.polyval(above, s) / np.polyval(below, s)
-    damping = radiation + hull.viscous + axis.drivetrain
+    damping = radiation + hull.viscous + drivetrain
     return np.asarray(s * s * hull.inertia + s * damping + hull.hydrostatic, dtype=np.complex128)
 
 

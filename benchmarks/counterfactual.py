@@ -1,0 +1,186 @@
+"""How often rows foretold in the waves of a run hold what the true plant gives, over hidden plants.
+
+The run is that of a plant whose constants were drawn from a seed; the model keeps the file's. The
+waves are recovered from measured forces, because only a simulated basin knows the elevation.
+"""
+
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from benchmarks.support.recorded import ROOT
+from benchmarks.support.result import Result, figure
+from rig.analysis.rows import POWERS, reduced
+from rig.analysis.windows import Window
+from rig.batch.cases import alone
+from rig.batch.subject import Subject
+from rig.campaign import Campaign, open_campaign, plan
+from rig.campaign.windows import repeat_period
+from rig.counterfactual import FORCES, Measured, foretold
+from rig.rehearsal.job import problems
+
+LEAD_IN = 15.0  # s
+WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: what a prediction may be off by
+LEAST_INSIDE, LEAST_NEAR = 90.0, 90.0  # %
+DRAWN = {  # key of the plant file: standard deviation of the factor
+    "body.mass": 0.01,
+    "body.viscous_linear": 0.1,
+    "body.viscous_quadratic": 0.2,
+    "pto.drivetrain_coulomb": 0.2,
+    "pto.torque_constant": 0.005,
+}
+LOGGED, ASKED = 6, 3  # rows
+SPRINGS = (490.9, -2763.0)  # N/m
+KP, KI = (-4000.0, -1000.0), (0.0, 4000.0)
+SEAS: tuple[dict[str, Any], ...] = (
+    {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
+    {"kind": "jonswap", "hs_m": 0.2, "tp_s": 2.5, "gamma": 3.3, "repeat_s": 30, "seed": 1},
+)
+
+
+class Case(NamedTuple):
+    """One hidden plant: each foretold power beside the true one, rows by stations."""
+
+    foretold: np.ndarray[Any, Any]
+    half_width: np.ndarray[Any, Any]
+    true: np.ndarray[Any, Any]
+
+
+def campaign_of(folder: Path, name: str, sea: dict[str, Any], points: list[Any]) -> Campaign:
+    """A campaign of these points in a sea."""
+    keys = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
+    whole = {
+        "name": name,
+        "rig": str(ROOT / "configs" / "rigs" / "wavebot.yaml"),
+        "sea": sea,
+        "tare": {"duration_s": 1},
+        "start": {"set_point_s": 1, "lead_in_s": LEAD_IN},
+        "timing": {"settle_s": 3, "interval_s": 15 if sea["kind"] == "regular" else 34},
+        "matrix": {"list": [dict(zip(keys, point, strict=True)) for point in points]},
+    }
+    path = folder / f"{name}.yaml"
+    YAML(typ="safe", pure=True).dump(whole, path)
+    return open_campaign(path, problems)
+
+
+def drawn(rng: np.random.Generator, count: int) -> list[tuple[float, float, float]]:
+    """Points anywhere in the matrix, logged and asked ones alike."""
+    return [
+        (
+            float(rng.choice(SPRINGS)),
+            round(float(rng.uniform(*KP))),
+            round(float(rng.uniform(*KI))),
+        )
+        for _ in range(count)
+    ]
+
+
+def hidden(campaign: Campaign, rng: np.random.Generator) -> Campaign:
+    """The same campaign on a plant that nobody has a file of."""
+    plant = {**campaign.plant}
+    for key, deviation in DRAWN.items():
+        head, name = key.split(".")
+        entry = dict(plant[head][name])
+        entry["value"] = entry["value"] * float(np.clip(1.0 + deviation * rng.normal(), 0.5, 1.5))
+        plant[head] = {**plant[head], name: entry}
+    return campaign._replace(plant=plant, file=campaign.file.model_copy(
+        update={"seed": int(rng.integers(1, 2**31))}
+    ))  # fmt: skip
+
+
+def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
+    """Each point of a campaign, alone: its row of the table, and the window that it is of."""
+    file = alone(campaign.file, LEAD_IN)
+    period = repeat_period(file.sea)
+    subject = None
+    for number, point in enumerate(campaign.points):
+        planned = plan(file, campaign.rig, (point,))
+        subject = subject or Subject(campaign, planned)
+        row = planned.rows[0]
+        for window in subject.walk(planned, stator=row.stator_position):
+            told = reduced(window, period / planned.dt if period else None)
+            said = {**row.setting._asdict(), "stator": row.stator_position}
+            whole = np.array([window.data[name] for name in window.data.dtype.names])
+            yield (
+                {**told, **said, "row": number, "point": number},
+                window._replace(row=number, data=Held(window.data.dtype, whole)),  # type: ignore[arg-type]
+            )
+
+
+class Held:
+    """Ticks that stay when the next row runs."""
+
+    def __init__(self, dtype: np.dtype[Any], columns: np.ndarray[Any, Any]) -> None:
+        self.dtype = dtype
+        self._columns = columns
+
+    def __len__(self) -> int:
+        return int(self._columns.shape[1])
+
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
+        names = self.dtype.names
+        assert names is not None
+        column = self._columns[names.index(name)]
+        return column if self.dtype[name].kind == "f" else column.astype(np.int64)
+
+
+def case(folder: Path, seed: int) -> Case:
+    """One hidden plant, with gains of its own."""
+    rng = np.random.default_rng(seed)
+    sea = SEAS[seed % len(SEAS)]
+    logged = campaign_of(folder, "logged", sea, drawn(rng, LOGGED))
+    asked = campaign_of(folder, "asked", sea, drawn(rng, ASKED))
+    truth = hidden(logged, rng)
+    both = list(rows(truth))
+    measured = Measured("hidden", tuple(row for row, _ in both), [window for _, window in both])
+    found = foretold(measured, logged, asked, FORCES, LEAD_IN)
+    true = [row for row, _ in rows(truth._replace(points=asked.points))]
+    return Case(
+        np.array([[row.power[name] for name in POWERS] for row in found.rows]),
+        np.array([[row.half_width[name] for name in POWERS] for row in found.rows]),
+        np.array([[row[f"power_{name}"] for name in POWERS] for row in true]),
+    )
+
+
+def measure(short: bool) -> Result:
+    """Hidden plants by seed, in a regular and an irregular sea in turns."""
+    count = 10 if short else 200
+    with tempfile.TemporaryDirectory() as scratch:
+        cases = [case(Path(scratch), seed) for seed in range(count)]
+    error = np.abs(np.array([one.foretold - one.true for one in cases]))
+    true = np.array([one.true for one in cases])
+    half = np.array([one.half_width for one in cases])
+    inside = 100.0 * np.mean(error <= half, axis=(0, 1))
+    near = 100.0 * np.mean(error <= np.maximum(WITHIN * np.abs(true), AT_LEAST), axis=(0, 1))
+    figures = [
+        figure(
+            "all stations: true power inside the interval",
+            "%",
+            float(inside.mean()),
+            at_least=LEAST_INSIDE,
+        ),
+        *(
+            figure(f"  {name}", "%", float(share))
+            for name, share in zip(POWERS, inside, strict=True)
+        ),
+        figure(
+            "mechanical: within 5 % or 0.5 W of the true power",
+            "%",
+            float(near[0]),
+            at_least=LEAST_NEAR,
+        ),
+        *(
+            figure(f"half interval, median: {name}", "W", half[:, :, i].ravel().tolist())
+            for i, name in enumerate(POWERS)
+        ),
+    ]
+    return Result(
+        "counterfactual",
+        "other gains in the waves of a run, against a plant that the model does not know",
+        f"{count} hidden plants, {LOGGED} rows logged and {ASKED} foretold each",
+        tuple(figures),
+    )

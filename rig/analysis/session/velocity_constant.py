@@ -28,7 +28,7 @@ FOLLOWING = (0.10, 0.94)
 """Share of the largest velocity between which the motor goes as told."""
 MODEL = 0.001
 """Share of the constant that wait, lag and droop, simplified as they are, leave unknown: blind
-benches are up to 0.09 % off whatever the scatter says (benchmarks/coverage.py)."""
+benches are some 0.1 % off, and one in five further (benchmarks/coverage.py)."""
 
 SCALES = np.geomspace(0.02, 0.6, 25)
 """V, within which a droop may saturate."""

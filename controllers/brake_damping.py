@@ -5,6 +5,10 @@ filtered: v' = (v_m - v) / tau. A brake takes energy and never gives any: its to
 motion by itself, so torque and current are never negative here, whatever the sign of v. What the
 brake's map cannot give (below its residual torque, above its greatest) is not asked of it.
 
+A motor in its place (a flap's power take-off) gives the same damping with a sign, `opposing`. The
+best R without a spring is the modulus of the flap's intrinsic impedance (ibid., eq. 2.2, in which
+the velocity printed must be the frequency omega).
+
 The torque of a current has two branches, rising and falling; the map is their mean, inverted.
 
 Bad input: a velocity that is not a finite number is not heeded.
@@ -63,3 +67,8 @@ def step(
     change = slew * dt
     current = clamp(clamp(wanted, before - change, before + change), 0.0, currents[last])
     return Braked(interpolate(current, currents, torques), current, slow)
+
+
+def opposing(damping: float, velocity: RadianPerSecond) -> NewtonMetre:
+    """Torque of a motor on the shaft for a ``damping`` R >= 0 (N*m*s/rad): -R v."""
+    return -damping * velocity

@@ -1,6 +1,6 @@
 """The bench as a kind of rig: servo in either of its loops, driveline, load cell, brake."""
 
-from controllers import brake_damping, oswec_position, pto_damping, torque_tracking
+from controllers import brake_damping, oswec_position, torque_tracking
 from controllers.blocks import clamp
 from controllers.signals import Demand, Estimate, Turning
 from rig import axis, cycle, safety
@@ -133,7 +133,7 @@ def _laws(
     if params.mode == TORQUE:
         plain = oswec_position.reference(components, span, clock).angle
         if flume.damping > 0.0:
-            plain += pto_damping.torque(flume.damping, turning)
+            plain += brake_damping.opposing(flume.damping, turning)
         tracking, drawn = torque_tracking.step(params.torque, laws.torque, plain, torque, short, dt)
         wanted, asked = Wanted(0.0, 0.0, plain), Asked(drawn.torque, 0.0)
         return Laws(laws.position, tracking), wanted, _STRAIGHT, asked

@@ -86,7 +86,7 @@ def test_the_spring_and_with_it_the_decay(tmp_path: Path) -> None:
     """The shipped flap, with all its friction; the decay takes the spring of the run beside it."""
     slow = session(
         tmp_path, "flap_hydrostatic", free=False, position_feedback_per_s=1,
-        grid=[{"amplitude_deg": 15, "period_s": [8, 20]}],
+        grid=[{"amplitude_deg": 20, "period_s": [15, 40]}],
         timing={"rise_s": 2, "settle_periods": 0, "periods": 2},
     )  # fmt: skip
     found, _ = carried_out(slow, tmp_path)
@@ -200,8 +200,8 @@ WAVES = {"wave_amplitude_m": 0.02, "period_s": 1.5}
 @pytest.mark.parametrize(
     ("kind", "free", "row", "key", "says"),
     [
-        ("flap_rao", False, WAVES, "session", "has it coupled"),
-        ("flap_free_decay", False, {"release_deg": 5, "period_s": 3}, "session", "coupling out"),
+        ("flap_rao", False, WAVES, "session", "has its coupling in"),
+        ("flap_free_decay", False, {"release_deg": 1, "period_s": 3}, "session", "coupling out"),
         ("flap_hydrostatic", True, {"amplitude_deg": 5, "period_s": 20}, "session", "coupling in"),
         ("flap_rao", True, {**WAVES, "period_s": 1.0005}, "rows[0].period_s", "no whole number"),
         ("flap_rao", True, {**WAVES, "period_s": 0.4}, "rows[0].period_s", "too short for waves"),

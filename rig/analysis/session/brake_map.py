@@ -6,7 +6,7 @@ import numpy as np
 
 from rig.analysis.session import periods
 from rig.analysis.session.deflection import WINDOW, Motion
-from rig.analysis.session.estimate import Estimate, Floats, mean
+from rig.analysis.session.estimate import CELL, Estimate, Floats, mean, with_floor
 
 
 class Held(NamedTuple):
@@ -47,7 +47,7 @@ def torque_of(of: Motion) -> Estimate:
         ways = [torque[v > fast], torque[v < -fast]]
         if all(len(way) for way in ways):
             found.append(0.5 * (ways[0].mean() - ways[1].mean()))
-    return mean(found, "N*m", f"{len(found)} periods, by their scatter")
+    return with_floor(mean(found, "N*m", f"{len(found)} periods, by their scatter"), CELL)
 
 
 def held(points: list[Motion], currents: list[float]) -> list[Held]:

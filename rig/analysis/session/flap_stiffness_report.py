@@ -16,8 +16,8 @@ from rig.analysis.session.read import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 
 WINDOW = 0.03
-"""Of the period: over so long signals are averaged, so that the flap's ringing on its coupling (some
-7 Hz, from the gap at each reversal of the load) is not taken for motion."""
+"""Of the period: over so long signals are averaged, so that the flap's ringing on its coupling
+(some 7 Hz, from the gap at each reversal of the load) is not taken for motion."""
 
 SLOWEST = 0.25
 """Share of the top speed: below, ringing makes friction change its sign."""
@@ -81,7 +81,7 @@ def _slow(point: Point) -> Slow:
     time = point.start + point.dt * np.arange(len(angle))
     good = losses.moving(speed, count, SLOWEST).astype(np.float64)
     parts = [
-        periods.pieces(point.over(each, of), of)
+        periods.pieces(point.over(np.asarray(each, np.float64), of), of)
         for each in (angle, speed, rate, torque, time, good)
     ]
     groups = [

@@ -68,7 +68,7 @@ bench: setup
 	$(BIN)/python -m benchmarks
 
 bench-batch: setup
-	$(BIN)/python -m benchmarks batch cluster
+	$(BIN)/python -m benchmarks batch cluster arithmetic counterfactual
 
 constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
 	$(BIN)/uv pip compile --quiet --extra dev --upgrade --no-header --no-annotate \

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import (
+    arithmetic,
     batch,
     cluster,
     counterfactual,
@@ -41,6 +42,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "start": start.measure,
     "batch": batch.measure,
     "cluster": cluster.measure,
+    "arithmetic": arithmetic.measure,
     "counterfactual": counterfactual.measure,
     "spring_map": spring_map.measure,
     "faults": faults.measure,

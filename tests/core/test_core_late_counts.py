@@ -126,7 +126,7 @@ def test_without_their_age_the_same_counts_are_a_surge() -> None:
 
 @pytest.mark.parametrize("later", [2, 4])
 def test_a_wire_that_became_a_little_slower_for_good_is_followed(later: int) -> None:
-    """Its answers are counted as of the SYNC before when they never catch up: a step of v x 4 ms."""
+    """Answers that never catch up are counted as of the SYNC before: a step of v times 4 ms."""
     worst, reasons = followed(stalled(2500, later, 1), 4000, limited(0.02))
     assert reasons == set()
     assert worst < NORMAL + 0.06

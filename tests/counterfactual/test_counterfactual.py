@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.counterfactual import case
 from rehearsing import CONFIGS, campaign_file, run
 from rig_command import rig_here
 
+from benchmarks.counterfactual import case
 from rig.analysis.rows import POWERS
 from rig.campaign import Campaign, open_campaign
 from rig.counterfactual import FORCES, Foretold, foretell

@@ -38,6 +38,9 @@ UNBOUNDED = {
 }
 """Lists of measured values, which are checked for their order only."""
 
+WIRES = "wiring."
+"""What the wires say has rules of its own (broken_bench_files.yaml)."""
+
 
 @pytest.mark.parametrize("base", BASES)
 def test_the_base(base: str, tmp_path: Path) -> None:
@@ -92,5 +95,6 @@ def test_the_table_names_every_number() -> None:
         told |= {
             f"{group}: {re.sub(r'^constants[.]stiffness', 'constants.*', key)}" for key in keys
         }
+    wanted = {path for path in wanted if f": {WIRES}" not in path}
     assert {path for path in wanted if "from" not in path} - told == UNBOUNDED
     assert told <= wanted

@@ -11,7 +11,7 @@ from time import perf_counter_ns, process_time_ns
 from typing import Any, NamedTuple
 
 from benchmarks.support.live import wait_realtime_free
-from benchmarks.support.pace import AT_PACE, at_pace, reference_cost
+from benchmarks.support.pace import both, reference_cost
 from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile
 from rig import cycle
@@ -120,13 +120,7 @@ def measure(short: bool) -> Result:
         f"{blocks} blocks of {ticks} cycles and of {ticks // 4} references, alternating; "
         f"{loops} x {seconds:g} s on the real clock",
         (
-            figure("mean", "us of processor", found.mean),
-            figure(
-                f"mean, {AT_PACE}",
-                "us of processor",
-                at_pace(found.mean, found.reference),
-                at_most=MEAN_US,
-            ),
+            *both("mean", found.mean, found.reference, MEAN_US),
             figure("p50", "us", found.p50),
             figure("p99", "us", found.p99),
             figure("p99.9", "us", found.p999, at_most=bound),

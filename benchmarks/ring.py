@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.cycle import on_the_real_clock
 from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
-from benchmarks.support.pace import AT_PACE, at_pace, reference_cost
+from benchmarks.support.pace import both, reference_cost
 from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile, ratios
 from rig import cycle, ring
@@ -196,21 +196,9 @@ def measure(short: bool) -> Result:
         f"{blocks} alternating blocks of {ticks} rows; {loops} loops at their real rate; one run "
         f"of {seconds:g} s at 1 kHz with the logger stopped for {stall:g} s in the middle",
         (
-            figure("put, row after row", "us of processor", found.put),
-            figure(
-                f"put, row after row, {AT_PACE}",
-                "us of processor",
-                at_pace(found.put, found.reference),
-                at_most=PUT_US,
-            ),
+            *both("put, row after row", found.put, found.reference, PUT_US),
             figure("put, p99", "us", found.p99),
-            figure("put, added to the cycle", "us of processor", found.added),
-            figure(
-                f"put, added to the cycle, {AT_PACE}",
-                "us of processor",
-                at_pace(found.added, found.reference),
-                at_most=PUT_US,
-            ),
+            *both("put, added to the cycle", found.added, found.reference, PUT_US),
             figure("100 NamedTuples (reference)", "us of processor", found.reference),
             figure("put / cycle", "ratio", ratios(found.put, found.cycle)),
             figure(

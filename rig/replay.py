@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
 from rig import cycle, record, safety
 from rig.assemble import wavebot_params
@@ -229,23 +228,46 @@ class _Tally:
         return tuple(sorted(self._found.values(), key=lambda found: found.first))
 
 
-def _params(known: Facts) -> tuple[cycle.Params, float]:
-    """The loop's parameters, made by today's code of the configuration in the run."""
+class Logged(NamedTuple):
+    """The configuration in a run's record, as today's code understands it."""
+
+    file: CampaignFile
+    rig: RigFile
+    limits: LimitsFile
+    points: tuple[Point, ...]  # as the run keeps them; where they stood in a file nobody asks
+
+
+def as_logged(known: Facts) -> Logged:
+    """What a run was configured to do; RunError where its record has none that holds today."""
     config = known.config
     try:
-        campaign = CampaignFile.model_validate(config["campaign"])
-        rig = RigFile.model_validate(config["rig"])
-        limits = LimitsFile.model_validate(config["limits"])
-        points = tuple(_point(given) for given in config["points"])
+        return Logged(
+            CampaignFile.model_validate(config["campaign"]),
+            RigFile.model_validate(config["rig"]),
+            LimitsFile.model_validate(config["limits"]),
+            tuple(
+                Point({c.name: float(given[c.key]) for c in COLUMNS if c.key in given}, {})
+                for given in config["points"]
+            ),
+        )
+    except KeyError as error:
+        raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
+    except ValueError as error:
+        raise _not_of_today(known, error) from None
+
+
+def _params(known: Facts) -> tuple[cycle.Params, float]:
+    """The loop's parameters, made by today's code of the configuration in the run."""
+    campaign, rig, limits, points = as_logged(known)
+    try:
         planned: Plan = plan(campaign, rig, points)
         params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints)
     except KeyError as error:
         raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
-    except (ValidationError, ValueError) as error:
-        raise RunError(f"{known.run}: its configuration is none of today's: {error}") from None
+    except ValueError as error:
+        raise _not_of_today(known, error) from None
     return params, planned.dt
 
 
-def _point(given: dict[str, float]) -> Point:
-    """A point of the matrix as the run keeps it; where it stood in a file nobody asks here."""
-    return Point({c.name: float(given[c.key]) for c in COLUMNS if c.key in given}, {})
+def _not_of_today(known: Facts, error: ValueError) -> RunError:
+    return RunError(f"{known.run}: its configuration is none of today's: {error}")

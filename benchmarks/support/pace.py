@@ -5,9 +5,10 @@ neighbour has its twin thread. Absolute numbers to hold are therefore held at on
 core on which 100 NamedTuples take `STANDARD`. The figure as measured always stands beside it.
 """
 
-from collections.abc import Iterable
 from time import process_time_ns
 from typing import NamedTuple
+
+from benchmarks.support.result import Figure, figure
 
 STANDARD = 20.0  # us for 100 NamedTuples
 AT_PACE = "at the standard pace"  # what such a figure's name ends with
@@ -31,6 +32,11 @@ def reference_cost(times: int) -> float:
     return (process_time_ns() - began) / 1e3 / times
 
 
-def at_pace(costs: Iterable[float], references: Iterable[float]) -> list[float]:
-    """Costs (us) at the standard pace, each by the reference measured beside it."""
-    return [cost * STANDARD / reference for cost, reference in zip(costs, references, strict=True)]
+def both(name: str, costs: list[float], references: list[float], at_most: float) -> list[Figure]:
+    """Processor time (us) as measured, and at the standard pace, where it has a number to hold.
+
+    ``references`` are the reference's cost, each measured beside the cost of its place.
+    """
+    held = [cost * STANDARD / each for cost, each in zip(costs, references, strict=True)]
+    unit = "us of processor"
+    return [figure(name, unit, costs), figure(f"{name}, {AT_PACE}", unit, held, at_most=at_most)]

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, reduced
 from rig.batch.overs import Chosen, Files, Over
-from rig.batch.subject import InterruptedWalkError, Subject
+from rig.batch.subject import InterruptedWalkError, Subject, Walk
 from rig.campaign import Campaign, CampaignRow, Plan, plan
 from rig.campaign.windows import repeat_period
 from rig.config.campaign_file import CampaignFile
@@ -116,15 +116,12 @@ class Cases:
             planned = plan(alone(campaign.file, self.asked.lead_in), campaign.rig, (point,))
             stator = planned.rows[0].stator_position
         walk = variant.subject.walk(planned, go_on, stator)
-        found = {}
-        for window in walk:
-            found[window.row] = reduced(window, variant.period_ticks)  # the last attempt counts
         rows = []
-        for row in planned.rows:
+        for row, given in zip(
+            planned.rows, table(walk, planned, variant.period_ticks), strict=True
+        ):
             known = case.row if case.row >= 0 else self._known[row.point, row.repetition]
-            said = {"stator": row.stator_position, **row.setting._asdict()}
-            nothing = {"state": NOT_RUN, "cut_short": f"run stopped: {walk.reason.name}"}
-            rows.append({**found.get(row.row, nothing), **said, "row": known})
+            rows.append({**given, "row": known})
         return Outcome(case.number, tuple(rows), walk.seconds, "")
 
     def _open(self, variant: int) -> _Variant:
@@ -133,6 +130,25 @@ class Cases:
         period = repeat_period(campaign.file.sea)
         ticks = period / planned.dt if period else None
         return _Variant(campaign, planned, Subject(campaign, planned), ticks)
+
+
+def table(walk: Walk, planned: Plan, period_ticks: float | None) -> list[dict[str, Any]]:
+    """Each row of a plan as it came out of its walk, in the words of the row table.
+
+    ``period_ticks``: the sea's repeat period, None if it has none.
+    """
+    found = {}
+    for window in walk:
+        found[window.row] = reduced(window, period_ticks)  # the last attempt counts
+    nothing = {"state": NOT_RUN, "cut_short": f"run stopped: {walk.reason.name}"}
+    return [
+        {
+            **found.get(row.row, nothing),
+            "stator": row.stator_position,
+            **row.setting._asdict(),
+        }
+        for row in planned.rows
+    ]
 
 
 def alone(file: CampaignFile, lead_in: float) -> CampaignFile:

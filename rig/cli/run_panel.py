@@ -2,6 +2,7 @@
 
 import sys
 import time
+from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import Protocol
 
@@ -40,7 +41,7 @@ class Planned(Protocol):
         ...
 
 
-class RunPanel:
+class RunPanel(ABC):
     """Draws snapshots: a live panel on a terminal, a line now and then elsewhere.
 
     What is shown of the rig itself, a subclass says: `at`, `scene` and `told`.
@@ -117,17 +118,17 @@ class RunPanel:
                 parts.append(Text(text, style="bold red"))
         return Group(*parts)
 
+    @abstractmethod
     def at(self, snapshot: Snapshot) -> tuple[str, str]:
         """Where in the plan the run is: a label and words."""
-        raise NotImplementedError
 
+    @abstractmethod
     def scene(self, snapshot: Snapshot) -> list[tuple[str, str]]:
         """The rig as it moves: labels and words, for the panel."""
-        raise NotImplementedError
 
+    @abstractmethod
     def told(self, snapshot: Snapshot) -> str:
         """The same in short, for a line."""
-        raise NotImplementedError
 
     def whole(self, snapshot: Snapshot) -> float:
         """Seconds of the whole run."""

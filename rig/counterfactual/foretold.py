@@ -13,22 +13,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 from scipy.stats import t as student
 
-from rig.analysis.rows import COMPLETE, NOT_RUN, POWERS, SETTINGS, reduced, row_table
+from rig.analysis.rows import COMPLETE, POWERS, SETTINGS, row_table
 from rig.analysis.windows import Window, windows
-from rig.batch.cases import LEAD_IN, alone
+from rig.batch.cases import LEAD_IN, alone, table
 from rig.batch.subject import Subject
-from rig.campaign import Campaign, Plan, Point, plan
+from rig.campaign import Campaign, Plan, plan
 from rig.campaign.windows import repeat_period
-from rig.config.campaign_file import CampaignFile
-from rig.config.columns import COLUMNS
-from rig.config.limits_file import LimitsFile
-from rig.config.rig_file import RigFile
 from rig.counterfactual.waves import FIELDS, Waves, asked_of, recovered
 from rig.predict.device import model_of
 from rig.rehearsal import job
+from rig.replay import as_logged
 from rig.runs import RunError, reader
 from rig.runs.folder import Facts, facts
 
@@ -117,12 +113,12 @@ def foretell(
     there = {leaf.name for leaf in source.leaves}
     if missing := sorted(set(FIELDS) - there):
         raise RunError(f"{known.run}: it did not log {', '.join(missing)}")
-    was = _as_logged(known, model or campaign)
-    table = row_table(run)
-    names = [str(name) for name in table.variables]
+    was = _on_model(known, model or campaign)
+    known_rows = row_table(run)
+    names = [str(name) for name in known_rows.variables]
     rows = tuple(
-        {name: table[name].values[i].item() for name in names}
-        for i, state in enumerate(table["state"].values)
+        {name: known_rows[name].values[i].item() for name in names}
+        for i, state in enumerate(known_rows["state"].values)
         if state == COMPLETE
     )
     kept = {row["row"] for row in rows}
@@ -246,35 +242,17 @@ def _run(
     for number, point in enumerate(campaign.points):
         planned: Plan = plan(file, campaign.rig, (point,))
         subject = subject or Subject(campaign, planned, sea)
-        row = planned.rows[0]
-        walk = subject.walk(planned, stator=row.stator_position)
-        found: dict[str, Any] = {}
-        for window in walk:
-            found = reduced(window, period / planned.dt if period else None)
-        found = found or {"state": NOT_RUN, "cut_short": f"run stopped: {walk.reason.name}"}
-        said = {"stator": row.stator_position, **row.setting._asdict()}
-        yield number, {**found, **said}
+        walk = subject.walk(planned, stator=planned.rows[0].stator_position)
+        (row,) = table(walk, planned, period / planned.dt if period else None)
+        yield number, row
 
 
-def _as_logged(known: Facts, model: Campaign) -> Campaign:
+def _on_model(known: Facts, model: Campaign) -> Campaign:
     """The campaign of a run as its record has it, on the model's plant."""
-    config = known.config
-    try:
-        file = CampaignFile.model_validate(config["campaign"])
-        rig = RigFile.model_validate(config["rig"])
-        limits = LimitsFile.model_validate(config["limits"])
-        points = tuple(
-            Point({c.name: float(given[c.key]) for c in COLUMNS if c.key in given}, {})
-            for given in config["points"]
-        )
-    except KeyError as error:
-        raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
-    except (ValidationError, ValueError) as error:
-        raise RunError(f"{known.run}: its configuration is none of today's: {error}") from None
-    if rig.drive.kind != model.rig.drive.kind:
+    was = as_logged(known)
+    if was.rig.drive.kind != model.rig.drive.kind:
         raise ValueError(
-            f"{known.run} was run with a {rig.drive.kind} drive, the model has a "
+            f"{known.run} was run with a {was.rig.drive.kind} drive, the model has a "
             f"{model.rig.drive.kind} one; name the campaign of the run as its model"
         )
-    elevation = model.elevation
-    return model._replace(file=file, rig=rig, limits=limits, points=points, elevation=elevation)
+    return model._replace(**was._asdict())

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 
 from sim_plant.bench.words import OFF, Actuation, Reading
 from sim_plant.units import Flag, Second, Tick
 
 
-class Wires:
+class Wires(ABC):
     """A plant that speaks the bench's words, moved only by advance(dt).
 
     Time order of tick k: sense() gives what was sampled at tick k - delay_ticks, actuate() latches
@@ -46,9 +47,9 @@ class Wires:
         """Give what came over the wires last."""
         return self._line[0]
 
+    @abstractmethod
     def _move(self) -> Reading:
         """Move the plant to the present tick and sample it."""
-        raise NotImplementedError
 
 
 def checked(dt: Second) -> Second:

@@ -72,7 +72,9 @@ class RealClock:
         self._until = _Timespec()
         self._until_reference = ctypes.byref(self._until)
         self._tick = -1
-        self._zero = time.monotonic_ns() + self._period  # tick 0 is one period from now
+        # Tick 0 is more than one period from now, on a multiple of the period of CLOCK_MONOTONIC:
+        # what works beside the loop can keep step with it, so that its delay is the same each run.
+        self._zero = (time.monotonic_ns() // self._period + 2) * self._period
 
     def now(self) -> float:
         return (time.monotonic_ns() - self._zero) / _NS

@@ -3,8 +3,13 @@
 Each block has its own period; a unit that does not answer is asked less and less often, so it
 hardly delays the others. What the loop wants written is written on every period, changed or not,
 and is let go (all zero) when the loop has not said it again for too long.
+
+The loop's ticks are on multiples of their period of CLOCK_MONOTONIC (`rig.clock`), and every block
+has its turn at the same time after such a multiple: the delay from a tick to a written value is
+the same in every run, not whatever the two processes happened to start with.
 """
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -20,6 +25,7 @@ from rig.hardware.words import DONE, SLOTS, Done
 from rig.mailbox import Mailbox
 
 BACK_OFF = 1.0  # s, most between two questions to a unit that does not answer
+AFTER = 0.0005  # s, from the grid to a block's turn: the tick that begins there has said its word
 _TELL = 5.0  # s between two lines about the same trouble
 TRUST = 3  # answers in a row that look right, before a unit is believed: at first and after others
 READY = 5.0  # s in which every unit is asked for the first time; then its silence is told
@@ -74,7 +80,7 @@ class _Task:
         else:
             back, self.trouble = bool(self.trouble) and self.answered, ""
             self.answered, self._pause = True, self.polled.period
-            self.due = max(self.due + self._pause, time.monotonic())
+            self.due = next_turn(time.monotonic(), self._pause)
             return f"{self.polled.name} answers again" if back else ""
         self.due = time.monotonic() + self._pause
         if began - self._told < _TELL:
@@ -128,6 +134,11 @@ class _Task:
         )
         if self._done is not None:
             self._done.post(Done(now))
+
+
+def next_turn(now: float, period: float) -> float:
+    """The next multiple of a block's period (s), and `AFTER` it, that is still to come."""
+    return (math.floor((now - AFTER) / period) + 1) * period + AFTER
 
 
 def prepared(polled: Polled) -> list[tuple[Block, int, bool]]:

@@ -154,9 +154,15 @@ class EmulatedBench:
             await self.control.close()
 
     async def _tick(self) -> None:
-        """Move the world on with its time, and latch both encoders after every move."""
+        """Move the world on with its time, and latch both encoders after every move.
+
+        Its moves are on the grid of the loop's ticks (`rig.clock`): a frame is half a period on its
+        way when a tick begins, in every run.
+        """
         loop, world, dt = asyncio.get_running_loop(), self._world, self._world.dt
-        due = loop.time()
+        due = (math.floor(loop.time() / dt) + 1) * dt
+        world.start(due)
+        await asyncio.sleep(due - loop.time())
         while True:
             self.servo.drive.advance(loop.time())
             self._driveline.happen(world.world)

@@ -70,8 +70,12 @@ class Shared(Generic[W, A]):
         """What is latched now."""
         return self._actuation
 
+    def start(self, at: Second) -> None:
+        """Let time begin at a moment of the clock, instead of with the first `catch_up`."""
+        self._origin = at
+
     def catch_up(self) -> Tick:
-        """Do the whole ticks that are due by now, and give how many; the first call starts time."""
+        """Do the whole ticks that are due by now, and give how many; time starts if it has not."""
         now = self._clock()
         if self._origin is None:
             self._origin = now

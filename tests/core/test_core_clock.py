@@ -27,7 +27,7 @@ class Host:
         self.deadlines: list[int] = []
         monkeypatch.setattr(clock, "time", SimpleNamespace(monotonic_ns=lambda: self.now))
         self.clock = RealClock(PERIOD * 1e-9)
-        self.zero = start + PERIOD
+        self.zero = (start // PERIOD + 2) * PERIOD  # on the grid of the clock itself
         monkeypatch.setattr(self.clock, "_sleep", self._sleep)
 
     def _sleep(self, which: int, flags: int, until: Any, rest: Any) -> int:

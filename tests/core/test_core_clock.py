@@ -102,11 +102,19 @@ def test_a_signal_does_not_cut_a_sleep_short(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_now_counts_from_tick_zero(monkeypatch: pytest.MonkeyPatch) -> None:
     host = Host(monkeypatch)
-    assert host.clock.now() == -0.001
+    assert -0.002 <= host.clock.now() < -0.001
     host.clock.wait_next()
     assert host.clock.now() == 0.0
     host.clock.wait_next()
     assert host.clock.now() == 0.001
+
+
+@pytest.mark.parametrize("start", [0, 1, PERIOD - 1, PERIOD, 123_456_789_012])
+def test_two_clocks_tick_in_the_same_moments(monkeypatch: pytest.MonkeyPatch, start: int) -> None:
+    host = Host(monkeypatch, start)
+    host.clock.wait_next()
+    assert host.deadlines[0] % PERIOD == 0
+    assert host.deadlines[0] - start > PERIOD
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.001, 1.0 / 3.0, 1.0 / 1024.0, 1e-10])

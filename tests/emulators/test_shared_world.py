@@ -39,6 +39,17 @@ def test_the_first_call_starts_time_and_whole_ticks_follow_the_clock() -> None:
     assert one.catch_up() == 0
 
 
+def test_time_that_was_started_begins_there() -> None:
+    clock = Clock()
+    one = SharedWorld(still_world(), DT, clock)
+    one.start(clock.now + 2.0 * DT)
+    assert one.catch_up() == 0
+    clock.now += 2.9 * DT
+    assert one.catch_up() == 0
+    clock.now += 0.2 * DT
+    assert one.catch_up() == 1
+
+
 def test_ticks_done_after_their_time_are_counted() -> None:
     one, clock = shared()
     clock.now += 30 * DT

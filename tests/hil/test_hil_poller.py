@@ -10,7 +10,7 @@ import pytest
 
 from drivers.modbus.line import SilentError
 from drivers.modbus.registers import Block, Value
-from rig.hardware.poller import TRUST, Polled, _Task
+from rig.hardware.poller import AFTER, TRUST, Polled, _Task, next_turn
 from rig.hardware.words import Outputs
 
 BLOCK = Block(1, "coil", 0, 1, (Value("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
@@ -133,3 +133,12 @@ def test_a_unit_that_was_silent_is_believed_at_once() -> None:
 @pytest.mark.parametrize("odd", range(3))
 def test_right_answers_count_only_in_a_row(odd: int) -> None:
     assert heard([*[WELL] * odd, ODD, WELL, WELL, WELL])[0] == [0] * (odd + 3) + [1]
+
+
+@pytest.mark.parametrize("period", [0.002, 0.01, 0.25])
+def test_turns_come_half_a_tick_after_the_grid_whatever_the_last_one_took(period: float) -> None:
+    now = 12_345.6789
+    for took in (0.0, 0.3 * period, 0.99 * period, 3.7 * period):
+        turn = next_turn(now + took, period)
+        assert (turn - AFTER) / period == pytest.approx(round((turn - AFTER) / period), abs=1e-6)
+        assert now + took < turn <= now + took + period + 1e-9

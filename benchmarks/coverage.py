@@ -20,7 +20,7 @@ from rig.analysis.session import (
 from rig.analysis.session.estimate import Estimate
 from sim_plant.bench import brake
 
-SEEDS, SHORT = 100, 4
+SEEDS, SHORT = 200, 4
 WANTED = 95.0
 DEGREE = math.pi / 180.0
 TURNED = (5.0, 10.0, 15.0, 20.0)  # deg

@@ -4,20 +4,26 @@ Section 3.2 of the OSWEC thesis: without load the drive cuts in late and keeps b
 speeds up, so lines of velocity over command are fitted where it slows down. The thesis takes the
 whole deceleration; its begin, where the motor still waits for the command to come down to it,
 bends the line at small amplitudes. The constant proper is fitted to what is behind the wait, of all
-set points together:
+set points together, to the command V as it was a lag before and seen through the same window:
 
-    velocity = K (V - lag dV/dt) - droop tanh(V / scale) + offset
+    velocity = K V - (droop - share T) tanh(V / scale) + offset
 
 A drive whose loop has no integral keeps behind by what friction takes, which saturates with speed:
-the droop, that would else be taken for a smaller constant at small amplitudes.
+the droop, that would else be taken for a smaller constant at small amplitudes. It is the less the
+more load the motor turns (the thesis sees none of it under load, 3.2.2). T (N m) is the load cell's
+mean torque along the motion of each set point: the bearing's, which grows with speed, so that one
+droop for all set points would be taken for a larger constant, by 0.1 %. The offset, that of the
+drive's input, is one for all. A set point's own drift is not: it takes in where the motor happened
+to cut in, so velocities here keep it.
 """
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from rig.analysis.session import periods
-from rig.analysis.session.estimate import Estimate, Floats, jackknife, mean, with_floor
+from rig.analysis.session.estimate import Estimate, Floats, jackknife, mean
 from rig.analysis.session.periods import Cut
 from rig.analysis.session.quarters import Domain, domain, quarters
 from rig.analysis.session.searched import Sums, search, sums
@@ -26,12 +32,11 @@ DECELERATION = (0.03, 1.0)
 """Share of the largest command between which the thesis's line is fitted."""
 FOLLOWING = (0.10, 0.94)
 """Share of the largest velocity between which the motor goes as told."""
-MODEL = 0.001
-"""Share of the constant that wait, lag and droop, simplified as they are, leave unknown: blind
-benches are some 0.1 % off, and one in five further (benchmarks/coverage.py)."""
-
-SCALES = np.geomspace(0.02, 0.6, 25)
+SCALES = np.geomspace(0.02, 0.6, 60)
 """V, within which a droop may saturate."""
+ROUNDS = 5
+"""Fits, each with the command delayed by the lag that was found before: less than 1 us changes in
+the last."""
 UNIT = "rad/s/V"
 
 
@@ -39,8 +44,11 @@ class Slowing(NamedTuple):
     """One set point."""
 
     velocity: Floats  # rad/s, of the motor, drift taken out
+    drift: float  # rad/s
     volts: Floats  # V
-    rate: Floats  # V/s
+    torque: float  # N*m, of the load cell along the motion, mean
+    dt: float  # s
+    window: float  # s, of the differentiator
     down: list[Domain]  # the thesis's lines
     following: list[slice]  # where it goes as told
     rms_velocity: float  # rad/s
@@ -51,14 +59,16 @@ class Slowing(NamedTuple):
         return np.array([d.fitted.slope for d in self.down if d.quarter.sign == sign])
 
 
-def slowing(angle: Floats, volts: Floats, of: Cut, window: float = 0.02) -> Slowing:
-    """Domains of a set point; ``angle`` and ``volts`` (samples,) as measured.
+def slowing(angle: Floats, volts: Floats, torque: Floats, of: Cut, window: float = 0.02) -> Slowing:
+    """Domains of a set point; ``angle``, ``volts``, ``torque`` (samples,) as measured.
 
     ``window`` (s) of the moving-window differentiator.
     """
+    here = slice(of.edges[0], of.edges[-1])
     speed = periods.velocity(periods.detrended(angle, of), of.dt, window)
-    command = volts[of.edges[0] : of.edges[-1]]
-    rate = periods.velocity(command, of.dt, window)
+    command = volts[here]
+    # Over whole periods either direction lasts as long, so an error of the cell's zero falls out.
+    load = float(np.mean(torque[here] * np.sign(speed)))
     level = command.mean()
     down, following = [], []
     for each in quarters(command - level, of):
@@ -73,7 +83,9 @@ def slowing(angle: Floats, volts: Floats, of: Cut, window: float = 0.02) -> Slow
         if told is not None:
             following.append(told.where)
     amplitude = float(0.5 * np.ptp(command))
-    return Slowing(speed, command, rate, down, following, periods.rms(speed), amplitude)
+    drift = periods.drift(angle, of)
+    rms = periods.rms(speed)
+    return Slowing(speed, drift, command, load, of.dt, window, down, following, rms, amplitude)
 
 
 class Constants(NamedTuple):
@@ -108,30 +120,43 @@ def constants(points: list[Slowing]) -> Constants:
 
 def _proper(points: list[Slowing]) -> tuple[Estimate, Estimate, Estimate]:
     """Constant, lag and droop of all set points that go as told somewhere."""
-    groups = [_group(each) for each in points if each.following]
-    how = f"motor going as told, {len(groups)} set points together, jackknife over them"
-    if len(groups) < 3:
-        none = (Estimate(float("nan"), float("nan"), unit, how) for unit in (UNIT, "s", "rad/s"))
+    told = [each for each in points if each.following]
+    how = f"motor going as told, {len(told)} set points together, jackknife over them"
+    units = (UNIT, "s", "rad/s")
+    if len(told) < 3:
+        none = (Estimate(float("nan"), float("nan"), unit, how) for unit in units)
         return tuple(none)  # type: ignore[return-value]
-    found = search(groups, SCALES)
-    whole = _named(found.whole)
-    half = jackknife(whole, np.array([_named(each) for each in found.left_out]))
-    constant, lag, droop = (
+    before = lag = 0.0
+    for _ in range(ROUNDS):
+        before = lag
+        found = search([_group(each, before) for each in told], SCALES)
+        lag = float(_named(found.whole, before)[1])
+    whole = _named(found.whole, before)
+    half = jackknife(whole, np.array([_named(each, before) for each in found.left_out]))
+    constant, late, droop = (
         Estimate(float(value), float(width), unit, how)
-        for value, width, unit in zip(whole, half, (UNIT, "s", "rad/s"), strict=True)
+        for value, width, unit in zip(whole, half, units, strict=True)
     )
-    return with_floor(constant, MODEL), lag, droop
+    return constant, late, droop
 
 
-def _group(point: Slowing) -> Sums:
-    at = np.concatenate([np.arange(each.start, each.stop) for each in point.following])
-    volts, rate = point.volts[at], point.rate[at]
+def _group(point: Slowing, lag: float) -> Sums:
+    """What a set point adds, its command delayed by ``lag`` (s)."""
+    t = point.dt * np.arange(len(point.volts))
+    late = np.interp(t - lag, t, point.volts)
+    turned = cumulative_trapezoid(late, dx=point.dt, initial=0.0)
+    # Neighbours share most of their window: four samples in each tell as much as all.
+    every = max(1, round(0.25 * point.window / point.dt))
+    at = np.concatenate([np.arange(each.start, each.stop, every) for each in point.following])
+    volts = periods.velocity(turned, point.dt, point.window)[at]
+    rate = periods.velocity(late, point.dt, point.window)[at]
     one = np.ones((len(SCALES), len(at)))
     saturated = np.tanh(volts[None, :] / SCALES[:, None])
-    design = np.stack([volts * one, rate * one, saturated, one], axis=2)
-    return sums(design, point.velocity[at])
+    columns = [volts * one, rate * one, saturated, point.torque * saturated, one]
+    return sums(np.stack(columns, axis=2), point.velocity[at] + point.drift)
 
 
-def _named(found: Floats) -> Floats:
-    constant, rate, droop, _, _ = found
-    return np.array([constant, -rate / constant, -droop])
+def _named(found: Floats, delayed: float) -> Floats:
+    """Constant, lag, droop without load; ``delayed`` (s) is the lag taken out before."""
+    constant, rate, droop, *_ = found
+    return np.array([constant, delayed - rate / constant, -droop])

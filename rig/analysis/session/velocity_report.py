@@ -60,7 +60,8 @@ def result(session: Session) -> Result:
         _pictures(points, found.constant.value),
         (
             "velocity_constant is that of the motor going as told, behind the wait at the begin of "
-            "each deceleration, lag and droop of the drive apart; the thesis's lines take them in.",
+            "each deceleration, lag and droop of the drive apart; the thesis's lines take them in. "
+            "velocity_droop is that without any load; the bearing's takes some of it away.",
         ),
     )
 
@@ -68,9 +69,8 @@ def result(session: Session) -> Result:
 def _free(point: Point) -> Free:
     of = point.aligned(point.volts)
     motion = point.motion()
-    return Free(
-        point, of, velocity_constant.slowing(point.motor, point.volts, of), motion, behind(motion)
-    )
+    slow = velocity_constant.slowing(point.motor, point.volts, point.torque, of)
+    return Free(point, of, slow, motion, behind(motion))
 
 
 def _table(points: Sequence[Free]) -> Table:

@@ -17,7 +17,8 @@ from typing import Any, NamedTuple, Protocol
 
 from ruamel.yaml import YAML
 
-from benchmarks.support.fault_table import REFUSED, UNDETECTED, Row
+from benchmarks.support import process_faults
+from benchmarks.support.fault_table import GOES_ON, LOOP_LOST, NO_STOP, REFUSED, Row
 from benchmarks.support.recorded import ROOT
 from rig.campaign import Campaign, Plan, check
 from rig.campaign_run import Ended, Rung, carry_out
@@ -45,6 +46,11 @@ class Stage(NamedTuple):
     devices: Child
     folder: Path
 
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """The processes beside its loop, by name."""
+        return tuple(one.name for one in hardware.job_of(self.campaign.rig).companions)
+
     def go(self, view: View) -> Ended:
         """One run on them, as they are."""
         made = hardware.job_of(self.campaign.rig)
@@ -60,6 +66,11 @@ class Scene(Protocol):
         """Their control port."""
         ...
 
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """The processes beside its loop, by name."""
+        ...
+
     def go(self, view: View) -> Ended:
         """One run on them, as they are."""
         ...
@@ -68,10 +79,10 @@ class Scene(Protocol):
 class Finding(NamedTuple):
     """What a fault came to."""
 
-    verdict: str  # name of rig.safety.Reason, REFUSED or UNDETECTED
+    verdict: str  # name of rig.safety.Reason, REFUSED, GOES_ON, LOOP_LOST or NO_RUN
     told: str  # why it was refused, and what the processes beside the loop said
     category: int | None
-    seconds: float | None  # from the fault until both motors were without power
+    seconds: float | None  # from the fault until no motor had power
     lost: int  # rows
     ended: Ended
 
@@ -202,10 +213,19 @@ class Trigger:
             self.at = self._deed()
 
 
+def there(on: Scene) -> dict[str, tuple[str, ...]]:
+    """Every fault that can be given, by device, link or process."""
+    listed = on.control.ask("faults")["faults"]
+    devices = {device: tuple(faults) for device, faults in listed.items()}
+    return devices | process_faults.listed(on.companions)
+
+
 def walk(on: Scene, row: Row) -> Finding:
     """Give a device its fault, and see what comes of it."""
 
     def strike() -> float:
+        if row.device.startswith(process_faults.PREFIX):
+            return process_faults.strike(row.device, row.fault)
         return on.control.switch(row.device, row.fault, True, row.value, row.toward)
 
     trigger = Trigger(strike)
@@ -231,17 +251,21 @@ def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
 def judged(on: Scene, ended: Ended, at: float | None) -> Finding:
     """What came of a fault that was given ``at`` a time (s; None: it never was)."""
     outcome = ended.outcome
+    if outcome.reason in (Reason.OPERATOR_STOP.name, Reason.OPERATOR_ABORT.name):
+        raise KeyboardInterrupt  # the run takes a Ctrl-C for its own
     said = (*outcome.said, outcome.died)
     told = "; ".join(text for text in said if text)
     lost = outcome.dropped + outcome.unsaved
-    if at is None or outcome.status in ("refused", "crashed"):
+    if at is None or outcome.status == "refused":
         verdict = REFUSED if outcome.status == "refused" else NO_RUN
         return Finding(verdict, f"{outcome.reason} {told}", None, None, lost, ended)
     if outcome.reason == Reason.PLAN_END.name:
-        return Finding(UNDETECTED, told, None, None, lost, ended)
+        return Finding(GOES_ON, told, None, None, lost, ended)
     gone = power_gone(on)
     # A motor that never had any power does not count below zero.
     seconds = None if gone is None else max(0.0, gone - at)
+    if outcome.status == "crashed":
+        return Finding(LOOP_LOST, f"{outcome.reason} {told}", None, seconds, lost, ended)
     category = CATEGORY[Reason[outcome.reason]]
     return Finding(outcome.reason, told, category, seconds, lost, ended)
 
@@ -261,11 +285,11 @@ def power_gone(on: Scene, patience: float = 2.0) -> float | None:
 def wrong(row: Row, found: Finding) -> list[str]:
     """What of a finding is not as the table has it."""
     claims = []
-    if found.verdict != row.must and found.verdict not in row.also:
+    if found.verdict not in row.verdicts:
         claims.append(f"{row.must} was due, it was {found.verdict} ({found.told})")
     if found.lost:
         claims.append(f"{found.lost} rows lost")
-    if row.must not in (REFUSED, UNDETECTED):
+    if row.must not in NO_STOP and found.verdict != GOES_ON:
         if found.seconds is None or found.seconds > row.within:
             claims.append(f"safe after {found.seconds} s, not {row.within:g} s")
         if found.verdict == row.must and found.category != row.category:

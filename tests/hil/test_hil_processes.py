@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hil_processes import Kill, beside, children, emulated
+from hil_processes import Kill, children, emulated
 
 from benchmarks.support.fault_walk import (
     Stage,
@@ -23,6 +23,7 @@ from benchmarks.support.fault_walk import (
     ran,
     when_free,
 )
+from benchmarks.support.process_faults import beside
 from rig.campaign_run import Ended, carry_out, wired
 from rig.cli.devices_view import as_dict
 from rig.hardware.job import job_of

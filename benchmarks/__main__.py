@@ -76,34 +76,34 @@ def _arguments() -> argparse.Namespace:
         help="faults: only rows without a finding, kept one by one",
     )
     parser.add_argument(
-        "--rows", metavar="TEXT", help="faults: only rows with this in their name, kept one by one"
+        "--rows",
+        metavar="TEXT",
+        default="",
+        help="faults: only rows with this in their name, kept one by one",
     )
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     given = parser.parse_args()
     unknown = [name for name in given.names if name not in MEASUREMENTS]
     if unknown:
         parser.error(f"no measurement {unknown[0]!r}; there are {', '.join(MEASUREMENTS)}")
-    some = sum((given.missing, given.rows is not None, given.short))
     if (_only_faults(given) or given.rig != "wavebot") and given.names != ["faults"]:
         parser.error("--rig, --missing and --rows go with faults alone")
-    if _only_faults(given) and some > 1:
-        parser.error("of --missing, --rows and --short only one")
+    if _only_faults(given) and given.short:
+        parser.error("--missing and --rows do not go with --short")
     return given
 
 
 def _only_faults(given: argparse.Namespace) -> bool:
     """Part of a table is walked, and its findings are kept one by one."""
-    return given.missing or given.rows is not None
+    return bool(given.missing or given.rows)
 
 
 def _measure(name: str, given: argparse.Namespace) -> Result:
     if name != "faults":
         return MEASUREMENTS[name](given.short)
     rig = RIGS[given.rig]
-    if given.missing:
-        return faults.measure_missing(rig)
-    if given.rows is not None:
-        return faults.measure_some(rig, given.rows)
+    if _only_faults(given):
+        return faults.measure_some(rig, given.rows, given.missing)
     return faults.measure(given.short, rig)
 
 

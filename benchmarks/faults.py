@@ -24,18 +24,16 @@ def measure(short: bool, rig: FaultRig = WAVEBOT) -> Result:
     return _result(*_walked(rig, chosen, not short))
 
 
-def measure_missing(rig: FaultRig = WAVEBOT) -> Result:
-    """Walk the rows that have no finding yet; each is kept as soon as it is there."""
-    known = measured(rig)
-    return _result(*_walked(rig, [row for row in rig.rows() if row.name not in known], True))
+def measure_some(rig: FaultRig, text: str, missing: bool) -> Result:
+    """Walk the rows with this text in their names (``missing``: of them those without a finding).
 
-
-def measure_some(rig: FaultRig, text: str) -> Result:
-    """Walk the rows with this text in their names, anew; each is kept as soon as it is there."""
+    Each is kept as soon as it is there.
+    """
     chosen = [row for row in rig.rows() if text in row.name]
     if not chosen:
         raise ValueError(f"no row of {rig.table.name} has {text!r} in its name")
-    return _result(*_walked(rig, chosen, True))
+    known = measured(rig) if missing else {}
+    return _result(*_walked(rig, [row for row in chosen if row.name not in known], True))
 
 
 def measured(rig: FaultRig) -> dict[str, Any]:

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 from benchmarks.support.bench_fault_walk import bench_stage
 from benchmarks.support.fault_table import TABLES, Row, rows
-from benchmarks.support.fault_walk import Scene, stage
+from benchmarks.support.fault_walk import Scene
 from benchmarks.support.recorded import ROOT
+from benchmarks.support.wavebot_fault_walk import stage
 
 
 class FaultRig(NamedTuple):

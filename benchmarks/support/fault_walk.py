@@ -8,7 +8,6 @@ the waves have begun to move the body.
 import json
 import os
 import socket
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,43 +18,17 @@ from ruamel.yaml import YAML
 
 from benchmarks.support import process_faults
 from benchmarks.support.fault_table import GOES_ON, LOOP_LOST, NO_STOP, REFUSED, Row
-from benchmarks.support.recorded import ROOT
-from rig.campaign import Campaign, Plan, check
-from rig.campaign_run import Ended, Rung, carry_out
 from rig.child import Child
 from rig.companions import Companion
-from rig.hardware import job as hardware
-from rig.rehearsal import emulation
 from rig.rehearsal.control_client import ControlClient
 from rig.runs.create import BusyError
 from rig.safety import CATEGORY, RUN, Reason
 from rig.supervisor import Snapshot
-from rig.task_run import View
+from rig.task_run import Ended, View
 
 PATIENCE = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
 MOVING = 1.5  # s of rig time from power on to the fault
-
-
-class Stage(NamedTuple):
-    """Emulated devices that are there, and a campaign on their wires."""
-
-    campaign: Campaign
-    plan: Plan
-    control: ControlClient
-    devices: Child
-    folder: Path
-
-    @property
-    def companions(self) -> tuple[str, ...]:
-        """The processes beside its loop, by name."""
-        return tuple(one.name for one in hardware.job_of(self.campaign.rig).companions)
-
-    def go(self, view: View) -> Ended:
-        """One run on them, as they are."""
-        made = hardware.job_of(self.campaign.rig)
-        rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
-        return carry_out(self.campaign, self.plan, self.folder, view, rung)
 
 
 class Scene(Protocol):
@@ -85,6 +58,7 @@ class Finding(NamedTuple):
     seconds: float | None  # from the fault until no motor had power
     lost: int  # rows
     ended: Ended
+    struck: int | None = None  # pieces that a link's fault spoilt; None: no fault of a link
 
 
 class Watcher:
@@ -104,54 +78,6 @@ def free_port() -> int:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
         return port
-
-
-def rig_file(folder: Path) -> Path:
-    """The wired WaveBot with addresses of its own, so that several can be on one host."""
-    line = Path(tempfile.mkdtemp(prefix="wec-", dir=folder)) / "amplifiers"
-    tree = {
-        "extends": str(ROOT / "configs" / "rigs" / "wavebot_hil.yaml"),
-        "wiring": {
-            "can": {"options": {"port": free_port()}},
-            "lines": {
-                "analyser": {"port": free_port()},
-                "io": {"port": free_port()},
-                "amplifiers": {"port": str(line)},
-            },
-        },
-    }
-    return write_yaml(folder / "rig.yaml", tree)
-
-
-def campaign_file(folder: Path, **keys: Any) -> Path:
-    """A campaign of a few seconds on that rig."""
-    tree = {
-        "name": "fault",
-        "rig": str(rig_file(folder)),
-        "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
-        "tare": {"duration_s": 1},
-        "start": {"set_point_s": 0, "lead_in_s": 1},
-        "timing": {"settle_s": 1, "interval_s": 5},
-        "matrix": {"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
-        **keys,
-    }
-    return write_yaml(folder / "campaign.yaml", tree)
-
-
-def checked(path: Path) -> tuple[Campaign, Plan]:
-    """A campaign that may run."""
-    report = check(path)
-    if report.campaign is None or report.plan is None:
-        raise ValueError(report.text())
-    return report.campaign, report.plan
-
-
-@contextmanager
-def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
-    """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
-    campaign, plan = checked(campaign_file(folder, **keys))
-    with played(emulation.companion(campaign), folder) as (control, devices):
-        yield Stage(campaign, plan, control, devices, folder)
 
 
 @contextmanager
@@ -228,6 +154,7 @@ def walk(on: Scene, row: Row) -> Finding:
             return process_faults.strike(row.device, row.fault)
         return on.control.switch(row.device, row.fault, True, row.value, row.toward)
 
+    before = _struck(on, row)
     trigger = Trigger(strike)
     if row.at_start:
         on.control.ask("restart")
@@ -235,8 +162,18 @@ def walk(on: Scene, row: Row) -> Finding:
         ended = when_free(lambda: on.go(Watcher(lambda snapshot: None)))
     else:
         ended = ran(on, trigger)
+    after = _struck(on, row)
     on.control.ask("clear")
-    return judged(on, ended, trigger.at)
+    found = judged(on, ended, trigger.at)
+    return found if before is None or after is None else found._replace(struck=after - before)
+
+
+def _struck(on: Scene, row: Row) -> int | None:
+    """How often a link's fault has struck so far."""
+    counts = on.control.ask("world")["struck"].get(row.device)
+    if counts is None:
+        return None
+    return sum(counts.get(f"{way}.{row.fault}", 0) for way in ("host", "device"))
 
 
 def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
@@ -287,6 +224,8 @@ def wrong(row: Row, found: Finding) -> list[str]:
     claims = []
     if found.verdict not in row.verdicts:
         claims.append(f"{row.must} was due, it was {found.verdict} ({found.told})")
+    if found.verdict == GOES_ON and found.struck == 0:
+        claims.append("the fault struck nothing")
     if found.lost:
         claims.append(f"{found.lost} rows lost")
     if row.must not in NO_STOP and found.verdict != GOES_ON:

@@ -191,6 +191,8 @@ def test_a_finding_is_judged_by_the_row(tmp_path: Path) -> None:
     (goes,) = table(tmp_path, "must: goes on, and: [STALE_PANEL], why: so")
     assert wrong(goes, found(GOES_ON)) == []
     assert wrong(goes, found("STALE_PANEL", 9.0, 1)) == []
+    assert wrong(goes, found(GOES_ON)._replace(struck=3)) == []
+    assert wrong(goes, found(GOES_ON)._replace(struck=0)) == ["the fault struck nothing"]
     assert wrong(goes, found(LOOP_LOST, 0.1)) != []
     (unseen,) = table(tmp_path, f"must: {UNDETECTED}, why: so")
     assert wrong(unseen, found(GOES_ON)) == []

@@ -11,7 +11,8 @@ import pytest
 
 from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.fault_table import Row, gaps
-from benchmarks.support.fault_walk import Finding, Stage, there, walk_fairly, wrong
+from benchmarks.support.fault_walk import Finding, there, walk_fairly, wrong
+from benchmarks.support.wavebot_fault_walk import Stage
 from rig.rehearsal.control_client import ControlError
 
 pytestmark = pytest.mark.realtime

@@ -28,6 +28,7 @@ from benchmarks import (
     start,
 )
 from benchmarks.support import host, report
+from benchmarks.support.fault_rigs import RIGS
 from benchmarks.support.result import Result, text
 
 RESULTS = Path(__file__).parent / "results"
@@ -51,6 +52,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "faults": faults.measure,
     "coverage": coverage.measure,
 }
+KEPT = [*MEASUREMENTS, *(f"faults_{name}" for name in RIGS)]
 
 
 def _arguments() -> argparse.Namespace:
@@ -66,18 +68,43 @@ def _arguments() -> argparse.Namespace:
         "--short", action="store_true", help="a minute or two instead of half an hour"
     )
     parser.add_argument(
+        "--rig", choices=list(RIGS), default="wavebot", help="faults: whose table is walked"
+    )
+    parser.add_argument(
         "--missing",
         action="store_true",
         help="faults: only rows without a finding, kept one by one",
+    )
+    parser.add_argument(
+        "--rows",
+        metavar="TEXT",
+        default="",
+        help="faults: only rows with this in their name, kept one by one",
     )
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     given = parser.parse_args()
     unknown = [name for name in given.names if name not in MEASUREMENTS]
     if unknown:
         parser.error(f"no measurement {unknown[0]!r}; there are {', '.join(MEASUREMENTS)}")
-    if given.missing and (given.names != ["faults"] or given.short):
-        parser.error("--missing goes with faults alone, and not with --short")
+    if (_only_faults(given) or given.rig != "wavebot") and given.names != ["faults"]:
+        parser.error("--rig, --missing and --rows go with faults alone")
+    if _only_faults(given) and given.short:
+        parser.error("--missing and --rows do not go with --short")
     return given
+
+
+def _only_faults(given: argparse.Namespace) -> bool:
+    """Part of a table is walked, and its findings are kept one by one."""
+    return bool(given.missing or given.rows)
+
+
+def _measure(name: str, given: argparse.Namespace) -> Result:
+    if name != "faults":
+        return MEASUREMENTS[name](given.short)
+    rig = RIGS[given.rig]
+    if _only_faults(given):
+        return faults.measure_some(rig, given.rows, given.missing)
+    return faults.measure(given.short, rig)
 
 
 def _first_line(measure: Callable[[bool], Result]) -> str:
@@ -97,7 +124,7 @@ def main() -> int:
             print(f"{name} ...", file=sys.stderr, flush=True)
         before, began = host.Busy.now(), time.monotonic()
         try:
-            result = faults.measure_missing() if given.missing else MEASUREMENTS[name](given.short)
+            result = _measure(name, given)
         except Exception as error:  # noqa: BLE001  the others are measured all the same
             failed.append(f"{name}: {type(error).__name__}: {error}")
             continue
@@ -110,8 +137,9 @@ def main() -> int:
         missed += [f"{name}: {f.name.strip()}, {f.median:.3g} {f.unit}" for f in result.missed]
         if not given.json:
             print(text(result), end="\n\n", flush=True)
-        if not (given.short or given.missing):
-            report.keep(RESULTS, name, told[name], list(MEASUREMENTS))
+        if not (given.short or _only_faults(given)):
+            kept = name if given.rig == "wavebot" else f"{name}_{given.rig}"
+            report.keep(RESULTS, kept, told[name], KEPT)
     if given.json:
         print(json.dumps({"short": given.short, "results": told, "failed": failed}, indent=2))
     elif told:

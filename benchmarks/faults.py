@@ -1,47 +1,55 @@
-"""Every fault of every device on the real stacks: what the rig did, and how soon it was safe."""
+"""Every fault of a rig (--rig) on the real stacks: what was done, and how soon it was safe."""
 
 import json
 import sys
 import tempfile
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from benchmarks.support import host
 from benchmarks.support.fault_page import page
-from benchmarks.support.fault_table import REFUSED, UNDETECTED, Row, rows
-from benchmarks.support.fault_walk import NO_RUN, Finding, stage, walk_fairly, wrong
-from benchmarks.support.recorded import ROOT
+from benchmarks.support.fault_rigs import RIGS, FaultRig
+from benchmarks.support.fault_table import GOES_ON, REFUSED, Row
+from benchmarks.support.fault_walk import NO_RUN, Finding, walk_fairly, wrong
 from benchmarks.support.result import Figure, Result, figure
 
-MEASURED = ROOT / "benchmarks" / "results" / "faults_measured.json"
-PAGE = ROOT / "docs" / "faults.md"
-
 Walked = tuple[Row, Finding]
+WAVEBOT = RIGS["wavebot"]
 
 
-def measure(short: bool) -> Result:
-    """Walk the table (short: its short selection); a whole walk rewrites docs/faults.md."""
-    return _result(*_walked([row for row in rows() if row.short or not short], not short))
+def measure(short: bool, rig: FaultRig = WAVEBOT) -> Result:
+    """Walk a rig's table (short: its short selection); a whole walk rewrites its page."""
+    chosen = [row for row in rig.rows() if row.short or not short]
+    return _result(*_walked(rig, chosen, not short))
 
 
-def measure_missing() -> Result:
-    """Walk the rows that have no finding yet; each is kept as soon as it is there."""
-    known = measured()
-    return _result(*_walked([row for row in rows() if row.name not in known], True))
+def measure_some(rig: FaultRig, text: str, missing: bool) -> Result:
+    """Walk the rows with this text in their names (``missing``: of them those without a finding).
+
+    Each is kept as soon as it is there.
+    """
+    chosen = [row for row in rig.rows() if text in row.name]
+    if not chosen:
+        raise ValueError(f"no row of {rig.table.name} has {text!r} in its name")
+    known = measured(rig) if missing else {}
+    return _result(*_walked(rig, [row for row in chosen if row.name not in known], True))
 
 
-def measured() -> dict[str, Any]:
+def measured(rig: FaultRig) -> dict[str, Any]:
     """What was found so far, by the rows' names."""
-    known: dict[str, Any] = json.loads(MEASURED.read_text()) if MEASURED.exists() else {}
+    there = rig.measured.exists()
+    known: dict[str, Any] = json.loads(rig.measured.read_text()) if there else {}
     return known
 
 
-def _walked(chosen: list[Row], kept: bool) -> tuple[list[Walked], list[str]]:
+def _walked(rig: FaultRig, chosen: list[Row], kept: bool) -> tuple[list[Walked], list[str]]:
     """Walk these rows; what is not as it should be is walked again, and the second time counts."""
     walked: list[Walked] = []
     notes: list[str] = []
     if not chosen:
         return walked, notes
-    with tempfile.TemporaryDirectory() as scratch, stage(Path(scratch)) as on:
+    with tempfile.TemporaryDirectory() as scratch, rig.stage(Path(scratch)) as on:
         for number, row in enumerate(chosen, start=1):
             found = walk_fairly(on, row)
             if first := wrong(row, found):
@@ -49,9 +57,10 @@ def _walked(chosen: list[Row], kept: bool) -> tuple[list[Walked], list[str]]:
                 found = walk_fairly(on, row)
             walked.append((row, found))
             said = f"{row.name}: {found.verdict}, {found.seconds} s"
-            print(f"{number}/{len(chosen)} {said}", file=sys.stderr, flush=True)
+            amiss = "".join(f"; NOT SO: {text}" for text in wrong(row, found))
+            print(f"{number}/{len(chosen)} {said}{amiss}", file=sys.stderr, flush=True)
             if kept and found.verdict != NO_RUN:  # half a walk is half a page, and no work lost
-                keep({**measured(), row.name: noted(row, found)})
+                keep(rig, {**measured(rig), row.name: noted(row, found)})
     return walked, notes
 
 
@@ -67,17 +76,24 @@ def _result(walked: list[Walked], notes: list[str]) -> Result:
 
 
 def noted(row: Row, found: Finding) -> dict[str, Any]:
-    """A finding as JSON values."""
+    """A finding as JSON values, with the day and the machine."""
     seconds = None if found.seconds is None else round(found.seconds, 3)
-    return {"verdict": found.verdict, "seconds": seconds, "as_due": not wrong(row, found)}
+    return {
+        "verdict": found.verdict,
+        "seconds": seconds,
+        "as_due": not wrong(row, found),
+        "date": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "host": host.told(),
+    }
 
 
-def keep(known: dict[str, Any]) -> None:
-    """Put what was measured on disk, and on the page of the documentation."""
-    there = {row.name for row in rows()}
+def keep(rig: FaultRig, known: dict[str, Any]) -> None:
+    """Put what was found on disk, and on the page of the documentation."""
+    rows = rig.rows()
+    there = {row.name for row in rows}
     known = {name: one for name, one in sorted(known.items()) if name in there}
-    MEASURED.write_text(json.dumps(known, indent=1) + "\n")
-    PAGE.write_text(page(rows(), known))
+    rig.measured.write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n")
+    rig.page.write_text(page(rig, rows, known))
 
 
 def figures(walked: list[Walked]) -> list[Figure]:
@@ -92,7 +108,7 @@ def figures(walked: list[Walked]) -> list[Figure]:
         ]
         if seconds:
             made.append(figure(f"category {category}: until no motor had power", "s", seconds))
-    for verdict in (REFUSED, UNDETECTED):
+    for verdict in (REFUSED, GOES_ON):
         made.append(figure(verdict, "faults", sum(f.verdict == verdict for _, f in walked)))
     made.append(figure("rows lost", "rows", sum(f.lost for _, f in walked), at_most=0))
     return made

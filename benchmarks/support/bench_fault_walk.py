@@ -17,8 +17,6 @@ from rig.session import Session, SessionPlan, check_session
 from rig.session_run import task_of, wired
 from rig.task_run import Ended, View, carry_out_task
 
-TABLE = ROOT / "configs" / "faults" / "oswec_bench.yaml"
-
 
 class BenchStage(NamedTuple):
     """Emulated devices that are there, and a session on their wires."""
@@ -28,6 +26,11 @@ class BenchStage(NamedTuple):
     control: ControlClient
     devices: Child
     folder: Path
+
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """The processes beside its loop, by name."""
+        return tuple(one.name for one in wired(self.session, emulated=False).companions)
 
     def go(self, view: View) -> Ended:
         """One run on them, as they are."""

@@ -8,7 +8,6 @@ the waves have begun to move the body.
 import json
 import os
 import socket
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,39 +16,19 @@ from typing import Any, NamedTuple, Protocol
 
 from ruamel.yaml import YAML
 
-from benchmarks.support.fault_table import REFUSED, UNDETECTED, Row
-from benchmarks.support.recorded import ROOT
-from rig.campaign import Campaign, Plan, check
-from rig.campaign_run import Ended, Rung, carry_out
+from benchmarks.support import process_faults
+from benchmarks.support.fault_table import GOES_ON, LOOP_LOST, NO_STOP, REFUSED, Row
 from rig.child import Child
 from rig.companions import Companion
-from rig.hardware import job as hardware
-from rig.rehearsal import emulation
 from rig.rehearsal.control_client import ControlClient
 from rig.runs.create import BusyError
 from rig.safety import CATEGORY, RUN, Reason
 from rig.supervisor import Snapshot
-from rig.task_run import View
+from rig.task_run import Ended, View
 
 PATIENCE = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
 MOVING = 1.5  # s of rig time from power on to the fault
-
-
-class Stage(NamedTuple):
-    """Emulated devices that are there, and a campaign on their wires."""
-
-    campaign: Campaign
-    plan: Plan
-    control: ControlClient
-    devices: Child
-    folder: Path
-
-    def go(self, view: View) -> Ended:
-        """One run on them, as they are."""
-        made = hardware.job_of(self.campaign.rig)
-        rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
-        return carry_out(self.campaign, self.plan, self.folder, view, rung)
 
 
 class Scene(Protocol):
@@ -60,6 +39,11 @@ class Scene(Protocol):
         """Their control port."""
         ...
 
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """The processes beside its loop, by name."""
+        ...
+
     def go(self, view: View) -> Ended:
         """One run on them, as they are."""
         ...
@@ -68,12 +52,13 @@ class Scene(Protocol):
 class Finding(NamedTuple):
     """What a fault came to."""
 
-    verdict: str  # name of rig.safety.Reason, REFUSED or UNDETECTED
+    verdict: str  # name of rig.safety.Reason, REFUSED, GOES_ON, LOOP_LOST or NO_RUN
     told: str  # why it was refused, and what the processes beside the loop said
     category: int | None
-    seconds: float | None  # from the fault until both motors were without power
+    seconds: float | None  # from the fault until no motor had power
     lost: int  # rows
     ended: Ended
+    struck: int | None = None  # pieces that a link's fault spoilt; None: no fault of a link
 
 
 class Watcher:
@@ -93,54 +78,6 @@ def free_port() -> int:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
         return port
-
-
-def rig_file(folder: Path) -> Path:
-    """The wired WaveBot with addresses of its own, so that several can be on one host."""
-    line = Path(tempfile.mkdtemp(prefix="wec-", dir=folder)) / "amplifiers"
-    tree = {
-        "extends": str(ROOT / "configs" / "rigs" / "wavebot_hil.yaml"),
-        "wiring": {
-            "can": {"options": {"port": free_port()}},
-            "lines": {
-                "analyser": {"port": free_port()},
-                "io": {"port": free_port()},
-                "amplifiers": {"port": str(line)},
-            },
-        },
-    }
-    return write_yaml(folder / "rig.yaml", tree)
-
-
-def campaign_file(folder: Path, **keys: Any) -> Path:
-    """A campaign of a few seconds on that rig."""
-    tree = {
-        "name": "fault",
-        "rig": str(rig_file(folder)),
-        "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
-        "tare": {"duration_s": 1},
-        "start": {"set_point_s": 0, "lead_in_s": 1},
-        "timing": {"settle_s": 1, "interval_s": 5},
-        "matrix": {"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
-        **keys,
-    }
-    return write_yaml(folder / "campaign.yaml", tree)
-
-
-def checked(path: Path) -> tuple[Campaign, Plan]:
-    """A campaign that may run."""
-    report = check(path)
-    if report.campaign is None or report.plan is None:
-        raise ValueError(report.text())
-    return report.campaign, report.plan
-
-
-@contextmanager
-def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
-    """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
-    campaign, plan = checked(campaign_file(folder, **keys))
-    with played(emulation.companion(campaign), folder) as (control, devices):
-        yield Stage(campaign, plan, control, devices, folder)
 
 
 @contextmanager
@@ -202,12 +139,22 @@ class Trigger:
             self.at = self._deed()
 
 
+def there(on: Scene) -> dict[str, tuple[str, ...]]:
+    """Every fault that can be given, by device, link or process."""
+    listed = on.control.ask("faults")["faults"]
+    devices = {device: tuple(faults) for device, faults in listed.items()}
+    return devices | process_faults.listed(on.companions)
+
+
 def walk(on: Scene, row: Row) -> Finding:
     """Give a device its fault, and see what comes of it."""
 
     def strike() -> float:
+        if row.device.startswith(process_faults.PREFIX):
+            return process_faults.strike(row.device, row.fault)
         return on.control.switch(row.device, row.fault, True, row.value, row.toward)
 
+    before = _struck(on, row)
     trigger = Trigger(strike)
     if row.at_start:
         on.control.ask("restart")
@@ -215,8 +162,18 @@ def walk(on: Scene, row: Row) -> Finding:
         ended = when_free(lambda: on.go(Watcher(lambda snapshot: None)))
     else:
         ended = ran(on, trigger)
+    after = _struck(on, row)
     on.control.ask("clear")
-    return judged(on, ended, trigger.at)
+    found = judged(on, ended, trigger.at)
+    return found if before is None or after is None else found._replace(struck=after - before)
+
+
+def _struck(on: Scene, row: Row) -> int | None:
+    """How often a link's fault has struck so far."""
+    counts = on.control.ask("world")["struck"].get(row.device)
+    if counts is None:
+        return None
+    return sum(counts.get(f"{way}.{row.fault}", 0) for way in ("host", "device"))
 
 
 def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
@@ -231,17 +188,21 @@ def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
 def judged(on: Scene, ended: Ended, at: float | None) -> Finding:
     """What came of a fault that was given ``at`` a time (s; None: it never was)."""
     outcome = ended.outcome
+    if outcome.reason in (Reason.OPERATOR_STOP.name, Reason.OPERATOR_ABORT.name):
+        raise KeyboardInterrupt  # the run takes a Ctrl-C for its own
     said = (*outcome.said, outcome.died)
     told = "; ".join(text for text in said if text)
     lost = outcome.dropped + outcome.unsaved
-    if at is None or outcome.status in ("refused", "crashed"):
+    if at is None or outcome.status == "refused":
         verdict = REFUSED if outcome.status == "refused" else NO_RUN
         return Finding(verdict, f"{outcome.reason} {told}", None, None, lost, ended)
     if outcome.reason == Reason.PLAN_END.name:
-        return Finding(UNDETECTED, told, None, None, lost, ended)
+        return Finding(GOES_ON, told, None, None, lost, ended)
     gone = power_gone(on)
     # A motor that never had any power does not count below zero.
     seconds = None if gone is None else max(0.0, gone - at)
+    if outcome.status == "crashed":
+        return Finding(LOOP_LOST, f"{outcome.reason} {told}", None, seconds, lost, ended)
     category = CATEGORY[Reason[outcome.reason]]
     return Finding(outcome.reason, told, category, seconds, lost, ended)
 
@@ -261,11 +222,13 @@ def power_gone(on: Scene, patience: float = 2.0) -> float | None:
 def wrong(row: Row, found: Finding) -> list[str]:
     """What of a finding is not as the table has it."""
     claims = []
-    if found.verdict != row.must and found.verdict not in row.also:
+    if found.verdict not in row.verdicts:
         claims.append(f"{row.must} was due, it was {found.verdict} ({found.told})")
+    if found.verdict == GOES_ON and found.struck == 0:
+        claims.append("the fault struck nothing")
     if found.lost:
         claims.append(f"{found.lost} rows lost")
-    if row.must not in (REFUSED, UNDETECTED):
+    if row.must not in NO_STOP and found.verdict != GOES_ON:
         if found.seconds is None or found.seconds > row.within:
             claims.append(f"safe after {found.seconds} s, not {row.within:g} s")
         if found.verdict == row.must and found.category != row.category:

@@ -27,6 +27,16 @@ def facts() -> dict[str, Any]:
     }
 
 
+def told() -> str:
+    """Processor, cores, kernel and Python in one line, for people."""
+    processor = provenance.host()["processor"]
+    virtual = ", virtual machine" if "hypervisor" in _processor_flags() else ""
+    return (
+        f"{processor}, {len(os.sched_getaffinity(0))} cores{virtual}, "
+        f"Linux {platform.release()}, Python {platform.python_version()}"
+    )
+
+
 class Busy(NamedTuple):
     """Processor time of the whole machine since it was started, in seconds."""
 

@@ -6,7 +6,8 @@
 The box serves one client, whoever asked last, and says nothing to the one before: a stream that is
 taken away looks like one that was cut. The pause keeps two clients from fighting over it at full
 speed. A record's age counts from the look before the one that found it; where the sensor's sample
-rate is known, its own count of samples shows what was held up on the way as well.
+rate is known, its own count of samples shows what was held up on the way as well. A record with the
+count of the one before is no new sample: a sensor that hangs behind a box that talks grows old.
 """
 
 from typing import NamedTuple
@@ -49,6 +50,7 @@ class NetReader:
         self.starts = 0  # times that the stream came up
         self.records = self.faulty = self.saturated = self.broken = 0
         self.missing = self.repeated = self.bad_datagrams = 0  # see net_ft.State, of all streams
+        self.stood = 0  # records in which the sensor had taken no new sample; not used
         self.stray = 0  # datagrams that came while none was expected; not used
         self._settings = settings
         start = Command.START_BUFFERED if settings.buffered == 1 else Command.START
@@ -64,6 +66,8 @@ class NetReader:
         self._before = self._looked = self._sampled = self._came = _NEVER
         self._counts: Six = load.NO_BIAS
         self._railed = self._fault = self._status = 0
+        self._standing = False  # the last record had no new sample
+        self._taken = -1  # ft_sequence of the last record, -1 before the first
 
     def tare(self, records: int) -> None:
         """Take the mean of the next good records as what reads 0, on this side."""
@@ -100,7 +104,10 @@ class NetReader:
         self.repeated += self._stream.repeated - stream.repeated
         self.bad_datagrams += self._stream.bad_datagrams - stream.bad_datagrams
         for record in records:
-            self._judge(record, self._latched(record, now))
+            if self._stands(record):
+                self.stood += 1
+            else:
+                self._judge(record, self._latched(record, now))
         if records:
             self._came, self._trouble = now, ""
             if self._phase is Phase.STARTING:
@@ -146,6 +153,8 @@ class NetReader:
         said = [self._trouble] if self._trouble else []
         if self._phase is Phase.STREAMING and now - self._sampled > self._settings.silence:
             said.append(f"no good record for {self._settings.silence:g} s")
+            if self._standing:
+                said.append("the sensor's count of samples stands still")
         if self._fault:
             said.append(f"the box's status is {self._status:#010x}")
         if self._railed:
@@ -154,6 +163,12 @@ class NetReader:
 
     def _enter(self, phase: Phase) -> None:
         self._phase, self._said = phase, None
+
+    def _stands(self, record: Record) -> bool:
+        """Whether the sensor has taken no sample since the record before, as far as it tells."""
+        self._standing = self._settings.rate > 0.0 and record.ft_sequence == self._taken
+        self._taken = record.ft_sequence
+        return self._standing
 
     def _latched(self, record: Record, now: float) -> float:
         """When (s) it was measured at the latest."""

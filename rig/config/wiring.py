@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from rig.config.model import Broken, FileModel, Several, Whole
 
@@ -119,11 +119,21 @@ class RegisterValue(FileModel):
 
 
 class Written(FileModel):
-    """A register that a unit is given when its line is opened, e.g. its watchdog's time."""
+    """A register that a unit is given when its line is opened, e.g. its watchdog's time.
+
+    With ``write: false`` nothing is written: it must read so by then, e.g. the watchdog's status.
+    """
 
     first: Whole = Field(ge=0, le=65_535)
     value: Whole = Field(ge=0, le=65_535)
     read_back: bool = True  # it must then read as it was written
+    write: bool = True
+
+    @model_validator(mode="after")
+    def _for_something(self) -> Self:
+        if not (self.read_back or self.write):
+            raise ValueError("neither written nor read: one of read_back and write must be true")
+        return self
 
 
 class Registers(FileModel):

@@ -31,6 +31,15 @@ TRUST = 3  # answers in a row that look right, before a unit is believed: at fir
 READY = 5.0  # s in which every unit is asked for the first time; then its silence is told
 
 
+class Given(NamedTuple):
+    """A holding register that a unit is given before it is asked or told anything."""
+
+    first: int
+    value: int
+    read_back: bool  # it must read so
+    write: bool  # False: it must read so by itself
+
+
 class Polled(NamedTuple):
     """One block of the line."""
 
@@ -38,7 +47,7 @@ class Polled(NamedTuple):
     block: Block
     high_first: bool
     period: float  # s
-    prepare: tuple[tuple[int, int, bool], ...]  # holding register, value, whether it reads back
+    prepare: tuple["Given", ...]
     written: bool  # the loop's word goes out; otherwise the block comes in
 
 
@@ -89,10 +98,11 @@ class _Task:
         return f"{self.polled.name}: {self.trouble}"
 
     def _prepare(self, line: Line) -> None:
-        """Give the unit its registers, and read them back."""
-        for block, value, reads_back in prepared(self.polled):
-            line.write(block, [value])
-            got = line.read(block) if reads_back else [value]
+        """Give the unit its registers, and read what must then stand there."""
+        for block, (_, value, read_back, write) in prepared(self.polled):
+            if write:
+                line.write(block, [value])
+            got = line.read(block) if read_back else [value]
             if got != [value]:
                 raise CodecError(self.polled.name, f"register {block.first}", f"{value}", got[0])
         self._prepared = line.opened
@@ -141,13 +151,10 @@ def next_turn(now: float, period: float) -> float:
     return (math.floor((now - AFTER) / period) + 1) * period + AFTER
 
 
-def prepared(polled: Polled) -> list[tuple[Block, int, bool]]:
+def prepared(polled: Polled) -> list[tuple[Block, Given]]:
     """The registers a unit is given, one by one, in their order."""
     unit = polled.block.unit
-    return [
-        (Block(unit, "holding", first, 1, ()), value, reads_back)
-        for first, value, reads_back in polled.prepare
-    ]
+    return [(Block(unit, "holding", given.first, 1, ()), given) for given in polled.prepare]
 
 
 def blocks_of(config: dict[str, Any]) -> Iterator[Polled]:
@@ -158,7 +165,7 @@ def blocks_of(config: dict[str, Any]) -> Iterator[Polled]:
             Block(one["unit"], one["table"], one["first"], one["size"], values)
         )
         name = one["name"]
-        given = tuple((first, value, reads_back) for first, value, reads_back in one["prepare"])
+        given = tuple(Given(*each) for each in one["prepare"])
         yield Polled(name, block, one["high_first"], one["period"], given, one["written"])
 
 
@@ -185,7 +192,7 @@ def poll(job: dict[str, Any]) -> None:
         for one in blocks_of(config)
     ]
     writable = [t.polled.block for t in tasks if t.polled.written]
-    writable += [block for t in tasks for block, _, _ in prepared(t.polled)]
+    writable += [block for t in tasks for block, given in prepared(t.polled) if given.write]
     line = line_of(config, writable)
     if refused := realtime.at_its_service():
         say(event="say", text=f"no priority over other work: {refused}")

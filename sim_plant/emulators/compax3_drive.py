@@ -80,7 +80,7 @@ class Drive:
         }
         self._values[170, 2] = self._values[171, 2] = 1.0
         self._mode = settings.velocity
-        self._input = read()
+        self._input = self._shown = read()  # what is, and what measured objects say
         self._heard: Second | None = None
 
     def heard(self, now: Second) -> None:
@@ -116,8 +116,9 @@ class Drive:
 
     def advance(self, now: Second) -> None:
         """Read the plant, look for errors, and command the plant."""
+        self._input = self._read()
         if not self.faults.on("frozen_values"):
-            self._input = self._read()
+            self._shown = self._input
         for fault, code in ERRORS.items():
             if self.faults.on(fault):
                 self._trip(getattr(self.settings.errors, code))
@@ -163,14 +164,14 @@ class Drive:
         full = self.settings.full_speed
         if self.settings.source == "serial":
             return self._values[self.settings.velocity]
-        return max(-full, min(self._analog() / 10.0 * full, full))
+        return max(-full, min(self._analog(self._input) / 10.0 * full, full))
 
-    def _analog(self) -> Volt:
-        held = max(-10.0, min(self._input.analog, 10.0))
+    def _analog(self, seen: DriveInput) -> Volt:
+        held = max(-10.0, min(seen.analog, 10.0))
         return held * self._values[170, 2] + self._values[170, 4]
 
     def _measured(self, name: str) -> float:
-        seen = self._input
+        seen = self._shown
         errors = self.settings.errors
         standstill = self.powered and abs(seen.velocity) < 0.01
         status = (
@@ -188,7 +189,7 @@ class Drive:
             "device_temperature": seen.device_temperature,
             "motor_temperature": seen.motor_temperature,
             "bus_voltage": seen.bus_voltage,
-            "analog_0": self._analog(),
+            "analog_0": self._analog(seen),
             "last_error": float(self.error),
             "status": float(status),
             "serial_number": float(self.settings.serial_number),

@@ -240,6 +240,7 @@ class NetFtPeer:
         self.status, self.bias = 0, 0
         self.requests: list[int] = []
         self.skip = 0  # records that the network loses
+        self.hangs = False  # the sensor takes no samples; the box talks on
         self._due = 0.0
         self._rdt = self._ft = 0
 
@@ -257,7 +258,7 @@ class NetFtPeer:
         return []
 
     def tick(self, now: float) -> list[bytes]:
-        self._ft += 1
+        self._ft += 0 if self.hangs else 1
         if not self.streaming or now < self._due:
             return []
         self._due += self.period

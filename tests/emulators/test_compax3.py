@@ -220,6 +220,16 @@ def test_faults_of_the_power_part() -> None:
     assert bench.say("o680.5") == "0\r"
 
 
+def test_a_measurement_that_stands_still_does_not_hold_the_command() -> None:
+    bench = Bench(source="analog")
+    bench.seen = DriveInput(analog=4.0)
+    bench.enable()
+    bench.device.faults.switch("frozen_values")
+    bench.seen = DriveInput(analog=0.0)
+    assert bench.say("o685.3") == "4\r"
+    assert bench.written["velocity"] == 0.0
+
+
 @given(st.binary(max_size=80))
 def test_noise_breaks_nothing_and_is_over_after_a_silence(noise: bytes) -> None:
     receiver = Receiver()

@@ -9,22 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.support.fault_walk import Trigger, Watcher, when_free
+from benchmarks.support.process_faults import beside
 from rig.campaign import Campaign, Plan
 from rig.campaign_run import Ended, carry_out, wired
 from rig.supervisor import Snapshot
-
-
-def beside(stderr: str) -> int:
-    """Process id of our child that writes its errors to a file of this name."""
-    for entry in Path("/proc").iterdir():
-        try:
-            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            errors = Path(os.readlink(entry / "fd" / "2")).name
-        except (OSError, ValueError, IndexError):
-            continue
-        if parent == os.getpid() and errors == stderr:
-            return int(entry.name)
-    raise AssertionError(f"no child writes {stderr}")
 
 
 def children() -> set[str]:

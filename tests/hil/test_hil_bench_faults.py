@@ -10,14 +10,15 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.support.bench_fault_walk import TABLE, BenchStage, bench_stage
-from benchmarks.support.fault_table import UNDETECTED, Row, rows
-from benchmarks.support.fault_walk import walk_fairly, wrong
+from benchmarks.support.bench_fault_walk import BenchStage, bench_stage
+from benchmarks.support.fault_rigs import RIGS
+from benchmarks.support.fault_table import Row, gaps
+from benchmarks.support.fault_walk import there, walk_fairly, wrong
 
 pytestmark = pytest.mark.realtime
 
-ALL = rows(TABLE)
-CHOSEN = ALL if os.environ.get("FAULTS") == "all" else [row for row in ALL if row.short]
+TABLE = RIGS["oswec_bench"].rows()
+CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE if row.short]
 
 
 @pytest.fixture(scope="module")
@@ -37,14 +38,5 @@ def test_the_bench_does_what_the_table_says(on: BenchStage, row: Row) -> None:
     assert wrong(row, found) == []
 
 
-def test_every_fault_of_the_table_is_one_of_a_device(on: BenchStage) -> None:
-    listed = on.control.ask("faults")["faults"]
-    there = {(device, fault) for device, several in listed.items() for fault in several}
-    assert {(row.device, row.fault) for row in ALL} - there == set()
-
-
-def test_the_table_is_whole() -> None:
-    names = [row.name for row in ALL]
-    assert len(names) == len(set(names))
-    assert 6 <= sum(row.short for row in ALL) <= 10
-    assert all(row.why for row in ALL if row.must == UNDETECTED)
+def test_every_fault_of_the_bench_has_its_row(on: BenchStage) -> None:
+    assert gaps(TABLE, there(on)) == []

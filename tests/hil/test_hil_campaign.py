@@ -12,8 +12,8 @@ import pytest
 from hil_processes import emulated
 from rehearsing import CONFIGS, Watcher, table_of
 
-from benchmarks.support.fault_walk import campaign_file
 from benchmarks.support.host import Busy, others
+from benchmarks.support.wavebot_fault_walk import campaign_file
 from rig.campaign import check
 from rig.campaign_run import Ended, carry_out, rehearsal
 from rig.runs import open_run

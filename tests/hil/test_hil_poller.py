@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import struct
 import time
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from drivers.modbus.line import SilentError
 from drivers.modbus.registers import Block, Value
-from rig.hardware.poller import AFTER, TRUST, Polled, _Task, next_turn
+from rig.config.wiring import Written
+from rig.hardware.poller import AFTER, TRUST, Given, Polled, _Task, next_turn
 from rig.hardware.words import Outputs
 
 BLOCK = Block(1, "coil", 0, 1, (Value("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
@@ -142,3 +143,41 @@ def test_turns_come_half_a_tick_after_the_grid_whatever_the_last_one_took(period
         turn = next_turn(now + took, period)
         assert (turn - AFTER) / period == pytest.approx(round((turn - AFTER) / period), abs=1e-6)
         assert now + took < turn <= now + took + period + 1e-9
+
+
+# --- registers that a unit is given first
+
+STATUS = (Given(0x1000, 5, True, True), Given(0x1006, 1, True, False))  # a watchdog's time, status
+
+
+class Coupler(Line):
+    """A line whose unit counts down, or does not."""
+
+    def __init__(self, running: int) -> None:
+        super().__init__()
+        self.registers = {0x1006: running}
+
+    def write(self, block: Block, registers: Any) -> None:
+        super().write(block, (block.first, *registers))
+        self.registers[block.first] = registers[0]
+
+    def read(self, block: Block) -> list[int]:
+        return [self.registers[block.first]]
+
+
+@pytest.mark.parametrize("running", [1, 0])
+def test_what_must_read_so_by_itself_is_not_written(running: int) -> None:
+    polled = Polled("outputs", BLOCK, True, 0.02, STATUS, True)
+    line, slot = Coupler(running), Slot(0.0)
+    task = _Task(polled, cast(Any, slot), 0.3)
+    task.turn(cast(Any, line))
+    assert line.written[0] == [0x1000, 5]
+    assert (0x1006 in [first for first, _ in line.written]) is False
+    assert task.answered is (running == 1)
+    assert len(line.written) == 1 + running  # without it nothing is put out
+    assert ("register 4102" in task.trouble) is (running == 0)
+
+
+def test_a_register_that_is_neither_written_nor_read_is_refused() -> None:
+    with pytest.raises(ValueError, match="neither written nor read"):
+        Written(first=0, value=0, read_back=False, write=False)

@@ -12,17 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hil_processes import Kill, beside, children, emulated
+from hil_processes import Kill, children, emulated
 
-from benchmarks.support.fault_walk import (
-    Stage,
-    Trigger,
-    campaign_file,
-    checked,
-    power_gone,
-    ran,
-    when_free,
-)
+from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
+from benchmarks.support.process_faults import beside
+from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from rig.campaign_run import Ended, carry_out, wired
 from rig.cli.devices_view import as_dict
 from rig.hardware.job import job_of

@@ -254,6 +254,21 @@ def test_the_sensors_own_count_shows_what_was_held_up() -> None:
     assert bench.reading.age < 0.005  # without the rate a delay cannot be seen
 
 
+def test_a_sensor_that_hangs_behind_a_box_that_talks_on_grows_old() -> None:
+    bench = net(rate=1000.0).run(1.0)
+    assert isinstance(bench.peer, NetFtPeer)
+    assert isinstance(bench.reader, NetReader)
+    bench.peer.hangs = True
+    bench.run(1.5)
+    assert bench.reading.age >= 1.49  # also after the 0.5 s in which clocks are taken for leapt
+    assert "count of samples stands still" in bench.said
+    assert bench.reader.stood >= 700  # of a record every 2 ms
+    bench.peer.hangs = False
+    bench.run(0.1)
+    assert bench.reading.age < 0.05
+    assert bench.said == ""
+
+
 def test_datagrams_of_an_old_stream_are_not_taken_for_the_new_one() -> None:
     bench = net().run(1.0)
     assert isinstance(bench.peer, NetFtPeer)

@@ -1,0 +1,69 @@
+"""The rigs whose table of faults is walked, and where each one's findings and page are kept."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.support.bench_fault_walk import bench_stage
+from benchmarks.support.fault_table import TABLES, Row, rows
+from benchmarks.support.fault_walk import Scene
+from benchmarks.support.recorded import ROOT
+from benchmarks.support.wavebot_fault_walk import stage
+
+
+class FaultRig(NamedTuple):
+    """One rig on emulated wires, and its table."""
+
+    name: str  # of its table
+    title: str
+    stage: Callable[[Path], AbstractContextManager[Scene]]
+    page: Path  # of the documentation
+    without: str  # when it is safe, for people
+    stop: str  # what a stop of category 1 does first
+    test: str  # which walks it
+    measured: Path  # what was found
+    table: Path
+
+    def rows(self) -> list[Row]:
+        """All rows of its table."""
+        return rows(self.table)
+
+
+def _rig(
+    name: str,
+    title: str,
+    stage: Callable[[Path], AbstractContextManager[Scene]],
+    page: str,
+    without: str,
+    stop: str,
+    test: str,
+) -> FaultRig:
+    measured = ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json"
+    table = TABLES / f"{name}.yaml"
+    return FaultRig(name, title, stage, ROOT / "docs" / page, without, stop, test, measured, table)
+
+
+RIGS = {
+    one.name: one
+    for one in (
+        _rig(
+            "wavebot",
+            "Faults: what the rig does with them",
+            stage,
+            "faults.md",
+            "neither motor has power, at the drives",
+            "damps the body for 2 s",
+            "test_hil_faults.py",
+        ),
+        _rig(
+            "oswec_bench",
+            "Faults of the OSWEC bench: what the rig does with them",
+            bench_stage,
+            "bench_faults.md",
+            "the servo has no power, at the drive",
+            "brings the shaft to rest for 1 s",
+            "test_hil_bench_faults.py",
+        ),
+    )
+}

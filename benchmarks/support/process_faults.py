@@ -1,0 +1,47 @@
+"""What the processes of a run can suffer: they are killed, or stand still, from outside.
+
+The supervisor is whoever walks the table, so its own death is not among them; that of every process
+is in `python -m benchmarks crash`.
+"""
+
+import os
+import signal
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+PREFIX = "process "  # of the device's name in a table
+LOOP, LOGGER = "loop", "logger"
+_SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP}
+
+
+def listed(companions: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Every fault of a run's processes, by device: loop, logger and those beside the loop.
+
+    A logger that stands still is no fault before the ring is full, which takes a minute
+    (`python -m benchmarks ring` has one that stands for 5 s).
+    """
+    both = tuple(_SIGNALS)
+    names = {LOOP: both, LOGGER: ("killed",), **dict.fromkeys(companions, both)}
+    return {PREFIX + name: faults for name, faults in names.items()}
+
+
+def strike(device: str, fault: str) -> float:
+    """Kill or stop a process of the run; gives when (s on the monotonic clock)."""
+    pid = beside(f"{device.removeprefix(PREFIX)}.stderr")
+    at = time.monotonic()
+    os.kill(pid, _SIGNALS[fault])
+    return at
+
+
+def beside(stderr: str) -> int:
+    """Process id of our child that writes its errors to a file of this name."""
+    for entry in Path("/proc").iterdir():
+        try:
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            errors = Path(os.readlink(entry / "fd" / "2")).name
+        except (OSError, ValueError, IndexError):
+            continue
+        if parent == os.getpid() and errors == stderr:
+            return int(entry.name)
+    raise LookupError(f"no child writes {stderr}")

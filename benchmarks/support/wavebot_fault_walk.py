@@ -1,0 +1,86 @@
+"""The WaveBot's emulated devices and a short campaign on their wires, to be given faults."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks.support.fault_walk import free_port, played, write_yaml
+from benchmarks.support.recorded import ROOT
+from rig.campaign import Campaign, Plan, check
+from rig.campaign_run import Ended, Rung, carry_out
+from rig.child import Child
+from rig.hardware import job as hardware
+from rig.rehearsal import emulation
+from rig.rehearsal.control_client import ControlClient
+from rig.task_run import View
+
+
+class Stage(NamedTuple):
+    """Emulated devices that are there, and a campaign on their wires."""
+
+    campaign: Campaign
+    plan: Plan
+    control: ControlClient
+    devices: Child
+    folder: Path
+
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """The processes beside its loop, by name."""
+        return tuple(one.name for one in hardware.job_of(self.campaign.rig).companions)
+
+    def go(self, view: View) -> Ended:
+        """One run on them, as they are."""
+        made = hardware.job_of(self.campaign.rig)
+        rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
+        return carry_out(self.campaign, self.plan, self.folder, view, rung)
+
+
+def rig_file(folder: Path) -> Path:
+    """The wired WaveBot with addresses of its own, so that several can be on one host."""
+    line = Path(tempfile.mkdtemp(prefix="wec-", dir=folder)) / "amplifiers"
+    tree = {
+        "extends": str(ROOT / "configs" / "rigs" / "wavebot_hil.yaml"),
+        "wiring": {
+            "can": {"options": {"port": free_port()}},
+            "lines": {
+                "analyser": {"port": free_port()},
+                "io": {"port": free_port()},
+                "amplifiers": {"port": str(line)},
+            },
+        },
+    }
+    return write_yaml(folder / "rig.yaml", tree)
+
+
+def campaign_file(folder: Path, **keys: Any) -> Path:
+    """A campaign of a few seconds on that rig."""
+    tree = {
+        "name": "fault",
+        "rig": str(rig_file(folder)),
+        "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
+        "tare": {"duration_s": 1},
+        "start": {"set_point_s": 0, "lead_in_s": 1},
+        "timing": {"settle_s": 1, "interval_s": 5},
+        "matrix": {"list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}]},
+        **keys,
+    }
+    return write_yaml(folder / "campaign.yaml", tree)
+
+
+def checked(path: Path) -> tuple[Campaign, Plan]:
+    """A campaign that may run."""
+    report = check(path)
+    if report.campaign is None or report.plan is None:
+        raise ValueError(report.text())
+    return report.campaign, report.plan
+
+
+@contextmanager
+def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
+    """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
+    campaign, plan = checked(campaign_file(folder, **keys))
+    with played(emulation.companion(campaign), folder) as (control, devices):
+        yield Stage(campaign, plan, control, devices, folder)

@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.campaign.files import Also, Campaign, nothing_more, open_campaign
 from rig.campaign.plan import Plan, plan
+from rig.campaign.validity import out_of_date
 from rig.campaign.windows import calibration, windows
 from rig.config.campaign_file import CampaignFile
 from rig.config.problems import ConfigError, Problem, shown
@@ -56,6 +58,13 @@ class Report(NamedTuple):
     campaign: Campaign | None
     plan: Plan | None
     forecast: Forecast | None = None
+    out_of_date: tuple[Problem, ...] = ()  # calibrations that do not hold on the day asked about
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """What is told of a campaign that can be run all the same."""
+        foreseen = self.forecast.warnings if self.forecast is not None else ()
+        return (*self.out_of_date, *foreseen)
 
     @property
     def ok(self) -> bool:
@@ -99,7 +108,8 @@ class Report(NamedTuple):
             count = len(self.problems)
             lines = [problem.text() for problem in self.problems]
             return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
-        return "\n".join(f"{label:9} {text}" for label, text in self.facts() + self.sources())
+        lines = [f"{label:9} {text}" for label, text in self.facts() + self.sources()]
+        return "\n".join([*lines, *(f"warning: {one.text()}" for one in self.warnings)])
 
     def facts(self) -> list[tuple[str, str]]:
         """The summary in words: a label and what it says. Empty if its files have problems."""
@@ -157,6 +167,7 @@ class Report(NamedTuple):
             "problems": [problem.as_dict() for problem in self.problems],
             **self.summary(),
             **(self.forecast.as_dict() if self.forecast is not None else {}),
+            "warnings": [warning.as_dict() for warning in self.warnings],
         }
         return json.dumps(whole, ensure_ascii=False, allow_nan=False)
 
@@ -166,12 +177,14 @@ def check(
     also: Also = nothing_more,
     foresee: Foresee = nothing_foreseen,
     rig: Path | None = None,
+    day: date | None = None,
 ) -> Report:
     """Check a campaign file and all it stands on; needs no hardware and never raises for a file.
 
     ``also`` adds the problems of a further check, such as the simulated plant's; ``foresee`` what
     is predicted of its rows: those it refuses are problems of the campaign; ``rig`` stands in for
-    the rig that the campaign names.
+    the rig that the campaign names; ``day`` (UTC) is when it is to run: calibrations that do not
+    hold then are told as warnings.
     """
     path = Path(path)
     try:
@@ -179,10 +192,11 @@ def check(
     except ConfigError as error:
         return Report(path, error.problems, None, None)
     planned = plan(campaign.file, campaign.rig, campaign.points)
+    late = out_of_date(campaign, day) if day is not None else ()
     forecast = foresee(campaign, planned)
     if forecast is not None and forecast.refused:
-        return Report(path, forecast.refused, None, None, forecast)
-    return Report(path, (), campaign, planned, forecast)
+        return Report(path, forecast.refused, None, None, forecast, late)
+    return Report(path, (), campaign, planned, forecast, late)
 
 
 def _window(file: CampaignFile) -> tuple[int, float]:

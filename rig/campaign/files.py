@@ -43,6 +43,7 @@ class Campaign(NamedTuple):
     file: CampaignFile
     locate: Locate  # where each value of the campaign file stands
     rig: RigFile
+    rig_locate: Locate  # where each value of the rig file stands
     limits: LimitsFile
     plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
     plant_locate: Locate  # where each value of the plant file stands
@@ -137,6 +138,7 @@ def open_campaign(
         raise ConfigError(in_order(problems, (top, rig_source, limits_source, plant_source)))
     assert campaign is not None
     assert rig is not None
+    assert rig_source is not None
     assert limits is not None
     assert plant_source is not None
     assert found is not None
@@ -144,6 +146,7 @@ def open_campaign(
         campaign,
         top.locate,
         rig,
+        rig_source.locate,
         limits,
         plant_source.mapping,
         plant_source.locate,

@@ -1,6 +1,7 @@
 """`rig check FILE`."""
 
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rig.campaign import Report, check
@@ -15,9 +16,10 @@ from rig.session import is_session
 def examine(path: Path, rig: Path | None = None) -> Report:
     """Check a campaign with all it stands on, the simulated plant and its prediction included.
 
-    ``rig`` stands in for the rig that the campaign names.
+    ``rig`` stands in for the rig that the campaign names. Calibrations are to hold today.
     """
-    return check(path, also=problems, foresee=predict, rig=rig)
+    today = datetime.now(UTC).date()
+    return check(path, also=problems, foresee=predict, rig=rig, day=today)
 
 
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:

@@ -53,7 +53,7 @@ class View:
         self._facts(report, forecast)
         refused = self._by_spring(forecast)
         self._rows(forecast, refused)
-        self._told("warnings", forecast.warnings, "yellow")
+        self._told("warnings", report.warnings, "yellow")
         self._told("refused", forecast.refused, "red")
         self._verdict(forecast)
 

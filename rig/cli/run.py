@@ -34,7 +34,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     if report.campaign is None or report.plan is None:
         return complain(report, as_json=as_json)
     campaign, plan = report.campaign, report.plan
-    warnings = report.forecast.warnings if report.forecast is not None else ()
+    warnings = report.warnings
     if not as_json:
         _warn(warnings, path)
     title = f"{campaign.file.name} on {campaign.rig.name}"
@@ -70,7 +70,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
 
 
 def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
-    """What was predicted of the campaign, for who did not ask `rig check` before."""
+    """What `rig check` warns of, for who did not ask it before."""
     for warning in warnings[:_MOST_WARNINGS]:
         print(f"warning: {warning.text()}", file=sys.stderr)
     if len(warnings) > _MOST_WARNINGS:

@@ -159,12 +159,18 @@ def as_dict(twin: Twin) -> dict[str, Any]:
 
 
 def _write_bem(template: Template, twin: Twin, path: Path) -> None:
+    """The template's coefficients on the frequencies of the excitation, which takes its place.
+
+    Whoever reads the file goes straight between its frequencies, and so is added mass and damping
+    put on those that are new: they stay what they were.
+    """
     with np.load(template.heave_bem) as file:
         fields = {name: file[name] for name in file.files}
-    factor = twin.values[seas.SCALE]
-    on = fields["f_hz"]
-    if on.shape == twin.coefficient.frequency.shape:
-        fields["Fe_complex"] = factor * twin.coefficient.excitation
+    was, on = fields["f_hz"], twin.coefficient.frequency
+    for name in ("omega", "A", "B"):
+        fields[name] = np.interp(on, was, fields[name])
+    fields["f_hz"] = on
+    fields["Fe_complex"] = twin.values[seas.SCALE] * twin.coefficient.excitation
     np.savez(path, **fields)
 
 

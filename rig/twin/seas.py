@@ -32,21 +32,32 @@ class Coefficient(NamedTuple):
 
 
 def identified(bem: Coefficient, found: Sequence[Excitation]) -> Coefficient:
-    """The BEM coefficient with what was identified in its place, on the lines that are good."""
+    """The BEM coefficient with what was identified in its place, on the lines that are good.
+
+    Those lines become frequencies of it: between BEM's own the outermost would be half BEM's, and
+    the factor of all lines would make up for them.
+    """
     kept = [one for one in found if one.axis == "heave" and one.good.sum() > 3]
     if not kept:
         return bem
     best = max(kept, key=lambda one: int(one.good.sum()))
     inside, value = best.frequency[best.good], np.conj(best.value[best.good])
-    within = (bem.frequency >= inside[0]) & (bem.frequency <= inside[-1])
-    size = np.interp(bem.frequency, inside, np.abs(value))
-    phase = np.interp(bem.frequency, inside, np.unwrap(np.angle(value)))
-    made = np.where(within, size * np.exp(1j * phase), bem.excitation)
+    frequency = np.union1d(bem.frequency, inside)
+    within = (frequency >= inside[0]) & (frequency <= inside[-1])
+    known = _turning(frequency, bem.frequency, bem.excitation)
+    made = np.where(within, _turning(frequency, inside, value), known)
     source = (
         f"{best.experiments} experiments in waves from {inside[0]:.3g} to {inside[-1]:.3g} Hz, "
         f"eta from {best.probe}; beyond: {bem.source}"
     )
-    return Coefficient(bem.frequency, np.asarray(made, dtype=np.complex128), source)
+    return Coefficient(frequency, np.asarray(made, dtype=np.complex128), source)
+
+
+def _turning(frequency: Floats, known: Floats, value: Complexes) -> Complexes:
+    """Magnitude and phase each on a straight line, as readers of BEM files go."""
+    size = np.interp(frequency, known, np.abs(value))
+    phase = np.interp(frequency, known, np.unwrap(np.angle(value)))
+    return np.asarray(size * np.exp(1j * phase), dtype=np.complex128)
 
 
 def scale(records: Sequence[Record], hull: Hull, coefficient: Coefficient, doubt: float) -> Group:

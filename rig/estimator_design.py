@@ -6,8 +6,7 @@ until its gain stands still; the loop applies that gain (controllers/estimator.p
 
 filterpy brings scipy's statistics: two seconds before the first design of a process. Gains are
 therefore kept on disk, to the last bit, under all they follow from: count, noise, density, period,
-this file, filterpy's and numpy's versions and the processor. Whatever is not whole there is
-designed anew.
+this file, filterpy's and numpy's versions. Whatever is not whole there is designed anew.
 """
 
 import hashlib
@@ -21,10 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from controllers import estimator
-from rig.cache import cache_root, processor
+from rig.cache import cache_root
 
 _SETTLED = 1e-12  # relative change of the gain in one step
 _MOST_STEPS = 200_000
+_DIGITS = 10  # what a gain settled to 1e-12 has on every processor; the last bits are the BLAS's
 
 
 def design(
@@ -68,13 +68,13 @@ def designed(
         gain = filter_.K.copy()
     else:
         raise ValueError("the estimator's gain did not settle: check jerk density and noise")
-    position, velocity, acceleration = (float(k) for k in filter_.K[:, 0])
+    position, velocity, acceleration = (float(f"{k:.{_DIGITS}g}") for k in filter_.K[:, 0])
     return estimator.Params(position, velocity, acceleration)
 
 
 def _kept_at(asked: list[float]) -> Path:
     versions = [metadata.version(name) for name in ("filterpy", "numpy")]
-    told = [asked, _SETTLED, _MOST_STEPS, versions, processor(), Path(__file__).read_text()]
+    told = [asked, versions, _MOST_STEPS, Path(__file__).read_text()]
     word = hashlib.sha256(json.dumps(told).encode()).hexdigest()[:24]
     return cache_root() / f"estimator_{word}.json"
 

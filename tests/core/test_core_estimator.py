@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -107,6 +110,18 @@ def test_kept_gains_are_those_of_filterpy_to_the_last_bit(
         assert kept.read_text() == whole
     assert design(COUNT, NOISE, JERK, 2.0 * DT) != by_filterpy
     assert len(list(tmp_path.glob("wec-rig/*"))) == 2
+
+
+def test_a_gain_is_the_same_on_every_processor() -> None:
+    """OpenBLAS multiplies with and without fused operations: the last bits of filterpy's differ."""
+    asked = (COUNT, NOISE, JERK, DT)
+    code = f"from rig.estimator_design import designed; print(*designed(*{asked}))"
+    for kernels in ("Prescott", "Haswell"):
+        env = os.environ | {"OPENBLAS_CORETYPE": kernels}
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
+        )
+        assert tuple(map(float, done.stdout.split())) == tuple(PARAMS)
 
 
 def test_gains_are_designed_where_nothing_can_be_kept(

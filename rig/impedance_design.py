@@ -13,7 +13,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy import signal
 
 from controllers.biquads import Biquad
 
@@ -114,6 +113,8 @@ def _roots(polynomial: Floats) -> Complexes:
 
 
 def _sections(zeros: Complexes, poles: Complexes, gain: float, dt: float) -> tuple[Biquad, ...]:
+    from scipy import signal  # noqa: PLC0415 - half a second that no other law need pay
+
     with np.errstate(all="ignore"):
         z, p, k = signal.bilinear_zpk(zeros, poles, gain, fs=1.0 / dt)
         if not (np.all(np.isfinite(z)) and np.all(np.isfinite(p)) and np.isfinite(k)):

@@ -30,6 +30,8 @@ os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # its functions differ i
 import numba
 from numba.extending import register_jitable
 
+from rig.cache import cache_root, processor
+
 Floats = npt.NDArray[np.float64]
 
 
@@ -128,16 +130,10 @@ def _write(path: Path, source: str) -> None:
     part.replace(path)
 
 
-def cache_root() -> Path:
-    """Folder that holds compiled code from run to run."""
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / "wec-rig"
-
-
 def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
     """Folder of what is compiled from a source and these modules, by this numba for this host."""
     checked = os.environ.get("NUMBA_BOUNDSCHECK", "")  # another code, which numba does not tell
-    told = [source, numba.__version__, np.__version__, sys.version, platform.machine(), _cpu()]
+    told = [source, numba.__version__, np.__version__, sys.version, platform.machine(), processor()]
     told += [checked, *(inspect.getsource(m) for m in (sys.modules[__name__], *modules))]
     return cache_root() / hashlib.sha256("\0".join(told).encode()).hexdigest()[:24]
 
@@ -145,11 +141,3 @@ def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
 def is_compiled(folder: Path) -> bool:
     """Whether anything compiled is kept there already."""
     return any(folder.glob("**/*.nbi"))
-
-
-def _cpu() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return "".join(line for line in lines[:30] if line.startswith(("model name", "flags")))

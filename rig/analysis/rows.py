@@ -10,10 +10,9 @@ import csv
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray
 
 from rig.analysis import calibrated, quality
 from rig.analysis.calibrated import RECORDED
@@ -24,6 +23,9 @@ from rig.limits import Limited, Warned
 from rig.runs import reader
 from rig.runs.folder import Facts, facts
 from rig.runs.mcap_file import Records
+
+if TYPE_CHECKING:
+    import xarray
 
 MEAN_POSITION_ALARM = 0.005  # m; a biased encoder pushes with Ki times its bias
 
@@ -178,7 +180,7 @@ def row_table(
     run: str | os.PathLike[str],
     mean_position_alarm: float = MEAN_POSITION_ALARM,
     calibrations: Sequence[Known] = (),
-) -> xarray.Dataset:
+) -> "xarray.Dataset":
     """The row table of a run, finished or not: one entry a planned or measured row, by row id.
 
     ``mean_position_alarm`` (m): a row whose mean position, of heave or surge, is farther from zero
@@ -245,7 +247,9 @@ def _modulation(config: dict[str, Any]) -> dict[str, str]:
 _ORDER = ["row", "point", "repetition", "state", *SETTINGS]
 
 
-def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) -> xarray.Dataset:
+def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) -> "xarray.Dataset":
+    import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
+
     names = list(table[0]) if table else ["row"]
     names = [n for n in _ORDER if n in names] + [n for n in names if n not in _ORDER]
     columns = {
@@ -262,7 +266,7 @@ def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) ->
     return xarray.Dataset(columns, attrs=attributes)
 
 
-def write_rows(table: xarray.Dataset, folder: Path) -> list[Path]:
+def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
     """``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
     names = [str(name) for name in table.variables]
     units = [table[name].attrs.get("units") for name in names]

@@ -10,14 +10,17 @@ import math
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, reduced
+from rig.batch import InterruptedWalkError
 from rig.batch.overs import Chosen, Files, Over
-from rig.batch.subject import InterruptedWalkError, Subject, Walk
 from rig.campaign import Campaign, CampaignRow, Plan, plan
 from rig.campaign.windows import repeat_period
 from rig.config.campaign_file import CampaignFile
+
+if TYPE_CHECKING:
+    from rig.batch.subject import Subject, Walk
 
 _KEPT_OPEN = 4  # variants whose tables are held at a time: memory does not grow with their number
 LEAD_IN = 15.0
@@ -55,7 +58,7 @@ class Asked(NamedTuple):
 class _Variant(NamedTuple):
     campaign: Campaign
     plan: Plan  # of the whole campaign
-    subject: Subject
+    subject: "Subject"
     period_ticks: float | None
 
 
@@ -125,6 +128,8 @@ class Cases:
         return Outcome(case.number, tuple(rows), walk.seconds, "")
 
     def _open(self, variant: int) -> _Variant:
+        from rig.batch.subject import Subject  # noqa: PLC0415 - numba; who runs nothing waits not
+
         campaign = self._files.opened(self.chosen(variant))
         planned = plan(campaign.file, campaign.rig, campaign.points)
         period = repeat_period(campaign.file.sea)
@@ -132,7 +137,7 @@ class Cases:
         return _Variant(campaign, planned, Subject(campaign, planned), ticks)
 
 
-def table(walk: Walk, planned: Plan, period_ticks: float | None) -> list[dict[str, Any]]:
+def table(walk: "Walk", planned: Plan, period_ticks: float | None) -> list[dict[str, Any]]:
     """Each row of a plan as it came out of its walk, in the words of the row table.
 
     ``period_ticks``: the sea's repeat period, None if it has none.

@@ -10,8 +10,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from threading import Event
 from typing import Protocol
 
+from rig.batch import InterruptedWalkError
 from rig.batch.cases import Case, Outcome
-from rig.batch.subject import InterruptedWalkError
 
 _AHEAD = 2  # cases handed out for each one that runs: nobody waits, and memory stays flat
 

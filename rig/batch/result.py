@@ -2,11 +2,10 @@
 
 import json
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import xarray
 
 from rig import provenance
 from rig.analysis.rows import COMPLETE, CUT_SHORT, NOT_RUN, SETTINGS, UNITS
@@ -14,6 +13,9 @@ from rig.batch.cases import Cases, Outcome
 from rig.batch.overs import unit
 from rig.campaign import Campaign, CampaignRow, resolved
 from rig.campaign.windows import repeat_period
+
+if TYPE_CHECKING:
+    import xarray
 
 FAILED = "failed"
 _STATES = {COMPLETE, CUT_SHORT, NOT_RUN, FAILED}
@@ -25,11 +27,13 @@ Array = npt.NDArray[Any]
 
 def dataset(
     cases: Cases, campaign: Campaign, outcomes: Iterable[Outcome], name: str
-) -> xarray.Dataset:
+) -> "xarray.Dataset":
     """Every input as a coordinate with its unit, every result over parameters and rows.
 
     What was not run is NaN; ``state`` and ``cut_short`` say what became of each row and why.
     """
+    import xarray  # noqa: PLC0415 - a second, which who finds everything done need not wait
+
     rows = [row.row for row in cases.rows]
     columns = _filled(cases, {row: i for i, row in enumerate(rows)}, outcomes)
     shape = (*cases.shape, len(rows))

@@ -13,7 +13,7 @@ from rig.analysis import quality
 from rig.analysis.rows import FIELDS, LOGGED
 from rig.analysis.windows import ALWAYS, Window
 from rig.assemble import wavebot_params
-from rig.batch import compiled
+from rig.batch import InterruptedWalkError, compiled
 from rig.batch.column import Column
 from rig.batch.wires import Machine
 from rig.campaign import Campaign, Plan
@@ -45,10 +45,6 @@ _AT_A_TIME = 200_000  # ticks between two looks at whether to go on: a tenth of 
 _TICK, _ROW = KEPT.index("tick"), KEPT.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 _Floats = npt.NDArray[np.float64]
-
-
-class InterruptedWalkError(Exception):
-    """Somebody asked to stop."""
 
 
 class Kept:

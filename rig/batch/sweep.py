@@ -5,9 +5,7 @@ import json
 import platform
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import NamedTuple
-
-import xarray
+from typing import TYPE_CHECKING, NamedTuple
 
 from rig.batch.cases import Asked, Cases, Outcome
 from rig.batch.executors import Executor
@@ -17,6 +15,9 @@ from rig.batch.result import dataset
 from rig.campaign import Campaign, plan
 from rig.config.problems import ConfigError
 from rig.runs.create import Held, hold_run, write_json
+
+if TYPE_CHECKING:
+    import xarray
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("controllers", "sim_plant", "rig")
@@ -88,7 +89,7 @@ def run(
     executor: Executor,
     see: Callable[[Outcome], None],
     begin: Callable[[int], None] = lambda before: None,
-) -> xarray.Dataset:
+) -> "xarray.Dataset":
     """Run what is not finished yet and give all of it.
 
     ``begin`` is told how many cases were finished before, ``see`` is shown each outcome.
@@ -106,7 +107,7 @@ def run(
         return dataset(sweep.cases, sweep.campaign, journal.outcomes(), sweep.folder.name)
 
 
-def write(table: xarray.Dataset, path: Path) -> Path:
+def write(table: "xarray.Dataset", path: Path) -> Path:
     """The dataset as NetCDF: the old file or the new one, never half of it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.new")

@@ -6,11 +6,10 @@ from pathlib import Path
 
 from rig.campaign import Report, check
 from rig.cli import BAD_INPUT, OK
-from rig.cli.bench import examine_session, show
 from rig.cli.check_view import View
 from rig.predict import predict
 from rig.rehearsal.job import problems
-from rig.session import is_session
+from rig.session.files import is_session
 
 
 def examine(path: Path, rig: Path | None = None) -> Report:
@@ -25,6 +24,8 @@ def examine(path: Path, rig: Path | None = None) -> Report:
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:
     """Print the report; 0 if the campaign or session can be run."""
     if is_session(path):
+        from rig.cli.bench import examine_session, show
+
         return show(examine_session(path, rig), as_json=as_json)
     report = examine(path, rig)
     if as_json:

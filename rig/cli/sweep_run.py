@@ -11,10 +11,9 @@ import numpy as np
 
 from rig import cli
 from rig.analysis.words import POWER_NAMES, watts
-from rig.batch import compiled, executors, sweep
+from rig.batch import executors, made, sweep
 from rig.batch.cases import LEAD_IN
 from rig.batch.result import FAILED
-from rig.batch.subject import KEPT
 from rig.cli.failure import fail
 from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
@@ -58,24 +57,34 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
         return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
     executor = _executor(opened, wanted)
+    view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
+    out, table = wanted.out or opened.folder / sweep.RESULT, None
     try:
         with sweep.hold(opened):
-            if sweep.left(opened) and wanted.scheduler is None:  # workers compile for themselves
-                _compile(opened)
-            with SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json) as view:
-                table = sweep.run(opened, executor, view.see, view.begin)
-            result = sweep.write(table, wanted.out or opened.folder / sweep.RESULT)
+            left = sweep.left(opened)
+            told = made.again(opened.folder, out) if not (left or measured) else None
+            if told is not None:
+                view.begin(len(opened.cases))
+            else:
+                if left and wanted.scheduler is None:  # workers compile for themselves
+                    _compile(opened)
+                with view:
+                    table = sweep.run(opened, executor, view.see, view.begin)
+                sweep.write(table, out)
     except BusyError as error:
         return fail("sweep", error, as_json=as_json, code=cli.FAILED)
     except KeyboardInterrupt:
         return _interrupted(opened.folder, as_json=as_json)
     except (OSError, ValueError, ArithmeticError) as error:
         return fail("sweep", error, as_json=as_json, code=cli.FAILED)
-    try:
-        pictures = _draw(table, opened.folder, measured, quiet=as_json)
-    except (*REFUSED, RunError) as error:
-        return refuse("sweep", error, as_json=as_json)
-    told = _told(opened.folder, result, pictures, table) | {
+    if table is not None:
+        try:
+            pictures = _draw(table, opened.folder, measured, quiet=as_json)
+            told = _told(opened.folder, out, pictures, table)
+            made.note(opened.folder, out, measured, [out, *pictures], told)
+        except (*REFUSED, RunError) as error:
+            return refuse("sweep", error, as_json=as_json)
+    told = (told or {}) | {
         "seconds": round(time.monotonic() - began, 3),
         "simulated_s": view.simulated,
         "run_now": view.done,
@@ -100,6 +109,9 @@ def _compile(opened: sweep.Sweep) -> None:
 
     def say() -> None:
         print(_COMPILING, file=sys.stderr, flush=True)
+
+    from rig.batch import compiled  # numba
+    from rig.batch.subject import KEPT
 
     late = Timer(_SURELY_COMPILING, say)  # a law of another shape is compiled, too
     late.daemon = True
@@ -167,7 +179,8 @@ def _best(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
 def _say(told: dict[str, Any]) -> None:
     rows = ", ".join(f"{count} {state}" for state, count in told["rows"].items())
     rate = told["simulated_s"] / told["seconds"] if told["seconds"] else 0.0
-    print(f"{rows}; {told['seconds']:.1f} s, {rate:.0f} times real time")
+    pace = f"{told['seconds']:.1f} s, {rate:.0f} times real time"
+    print(f"{rows}; {pace if told['run_now'] else 'nothing was left to run'}")
     print("Best rows (negative is absorbed)")
     for kind, best in told["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"

@@ -1,5 +1,6 @@
 """The interpreter and the libraries."""
 
+import importlib
 import os
 import platform
 import re
@@ -11,6 +12,7 @@ import timeit
 from importlib import metadata
 from pathlib import Path
 
+from rig.cache import cache_root
 from rig.doctor.finding import BOTH, REALTIME, Finding, Verdict, forbidding, graded
 
 AREA = "software"
@@ -129,8 +131,7 @@ def _cache() -> Finding:
     what = "compiled code"
     limit = "a folder to keep it in: else every rehearsal compiles first, up to a minute"
     try:
-        from rig.lift import cache_root  # noqa: PLC0415  (numba: half a second, and it may fail)
-
+        importlib.import_module("rig.lift")  # numba: half a second, and it may fail
         place = cache_root()
         standing = place
         while not standing.exists() and standing != standing.parent:

@@ -16,7 +16,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
 
 from controllers.biquads import Biquad
 from rig.predict.grid import Flags, Floats
@@ -118,6 +117,8 @@ def continuous(body: Body, lag: float) -> tuple[Floats, Floats]:
 
 def discrete(body: Body, timing: Timing) -> tuple[Floats, Floats]:
     """The same after one tick with the command held: exact."""
+    from scipy import linalg  # noqa: PLC0415 - a quarter of a second that no other check pays
+
     a, b = continuous(body, timing.lag)
     both = np.zeros((9, 9))
     both[:8, :8], both[:8, 8:] = a, b

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from rig.batch import InterruptedWalkError
 from rig.batch.cases import Case, Outcome
 from rig.batch.executors import threads
-from rig.batch.subject import InterruptedWalkError
 
 
 def cases(count: int) -> list[Case]:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -82,6 +87,49 @@ def test_design_says_when_the_gain_does_not_settle(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(estimator_design, "_MOST_STEPS", 50)
     with pytest.raises(ValueError, match="did not settle"):
         design(COUNT, NOISE, JERK, DT)
+
+
+def test_kept_gains_are_those_of_filterpy_to_the_last_bit(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """And none is taken from a file that is cut off, empty or another's."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    asked = (COUNT, NOISE, JERK, DT)
+    by_filterpy = estimator_design.designed(*asked)
+    assert design(*asked) == by_filterpy
+    (kept,) = tmp_path.glob("wec-rig/estimator_*.json")
+    with monkeypatch.context() as patch:
+        patch.setattr(estimator_design, "designed", None)  # not called
+        assert design(*asked) == by_filterpy
+    whole = kept.read_text()
+    wrong = json.dumps({"asked": [1.0, 2.0, 3.0, 4.0], "gains": [0.5, 0.5, 0.5]})
+    not_finite = json.dumps({"asked": asked, "gains": [0.5, float("nan"), 0.5]})
+    for text in (whole[:-3], "", "[]", wrong, not_finite):
+        kept.write_text(text)
+        assert design(*asked) == by_filterpy
+        assert kept.read_text() == whole
+    assert design(COUNT, NOISE, JERK, 2.0 * DT) != by_filterpy
+    assert len(list(tmp_path.glob("wec-rig/*"))) == 2
+
+
+def test_a_gain_is_the_same_on_every_processor() -> None:
+    """OpenBLAS multiplies with and without fused operations: the last bits of filterpy's differ."""
+    asked = (COUNT, NOISE, JERK, DT)
+    code = f"from rig.estimator_design import designed; print(*designed(*{asked}))"
+    for kernels in ("Prescott", "Haswell"):
+        env = os.environ | {"OPENBLAS_CORETYPE": kernels}
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
+        )
+        assert tuple(map(float, done.stdout.split())) == tuple(PARAMS)
+
+
+def test_gains_are_designed_where_nothing_can_be_kept(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert design(COUNT, NOISE, JERK, DT) == PARAMS
 
 
 @pytest.mark.parametrize("f", [0.2, 0.5, 1.0])

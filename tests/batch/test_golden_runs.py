@@ -1,0 +1,66 @@
+"""Golden runs: what the loop decided when they were stored is what today's cycle decides.
+
+All that the cycle makes is compared (60 fields: estimates, demands, commands, limits, modes, power,
+zeros), bit by bit. That holds on every processor: the cycle has no function of the C library but
+the square root, which IEEE 754 fixes, and designed gains are rounded above the BLAS's last bits.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+from golden_runs import KINDS, MOST_BYTES, record
+from rig_command import rig_here
+
+from rig import replay as replays
+from rig.analysis.rows import row_table
+from rig.replay import replay
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_golden_run_comes_out_again(kind: str) -> None:
+    found = replay(record(kind))
+    assert found.differences == (), (
+        f"the cycle decides otherwise than when the golden run was stored: {found.differences}; "
+        "where that is meant, make them anew (tests/batch/golden_runs.py)"
+    )
+    assert found.requests == ()
+    assert found.absent == ()
+    assert found.ticks == 1720
+    assert found.fields >= 60
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_golden_run_is_small_and_no_run_at_rest(kind: str) -> None:
+    assert record(kind).stat().st_size <= MOST_BYTES
+    rows = row_table(record(kind))
+    assert rows["state"].values.tolist() == ["complete", "complete"]
+    assert (rows["power_mechanical_1"].values < -1.0).all()  # W: it absorbs
+    assert rows["kp"].values.tolist() == [-2000.0, -2500.0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_bit_of_one_tick_is_found(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if today's code estimated one velocity, in tick 700, by the next float."""
+    sound, tick = replays.KIND.observe, iter(range(10_000))
+
+    def observe(*given: Any) -> Any:
+        heave, surge = sound(*given)
+        if next(tick) == 700:
+            heave = heave._replace(velocity=math.nextafter(heave.velocity, math.inf))
+        return heave, surge
+
+    monkeypatch.setattr(replays, "KIND", replays.KIND._replace(observe=observe))
+    code, said, _ = rig_here("replay", record(kind), "--json")
+    assert code == 1
+    told = json.loads(said)
+    assert told["same"] is False
+    first = told["differences"][0]
+    assert (first["field"], first["first"]) == ("heave.estimate.velocity", 700)
+    assert 0.0 < first["largest"] < 1e-15  # m/s
+    tick = iter(range(10_000))
+    code, said, _ = rig_here("replay", record(kind))
+    assert said.startswith("first difference in tick 700: heave.estimate.velocity was ")

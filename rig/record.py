@@ -8,6 +8,7 @@ narrower leaf would need alignment that some readers get wrong silently, so it i
 
 import re
 import struct
+import sys
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
@@ -15,6 +16,9 @@ from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hi
 FIELD_NAME = re.compile(r"[a-z](_?[a-z0-9])*")  # ROS field names: no "__", no trailing "_"
 CDR_HEADER = b"\x00\x01\x00\x00"  # little-endian CDR, no options
 PACKAGE = "wec_rig"
+# Numbers of 8 bytes need no padding, so on a little-endian machine the native form is the same
+# bytes; it copies a float, where "<" goes through it byte by byte.
+_ORDER = "@" if sys.byteorder == "little" else "<"
 
 
 class Leaf(NamedTuple):
@@ -78,7 +82,7 @@ def leaves(row_type: type) -> tuple[Leaf, ...]:
 
 def layout(row_type: type) -> struct.Struct:
     """The packed little-endian layout of a row."""
-    return struct.Struct("<" + "".join(leaf.code for leaf in leaves(row_type)))
+    return struct.Struct(_ORDER + "".join(leaf.code for leaf in leaves(row_type)))
 
 
 def packer(row_type: type) -> Callable[[Any, int, Any], None]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
+from controllers.signals import DriveSettings as Settings
 from rig.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -58,7 +59,7 @@ class PlantDevices:
         self._delay = world.delay
         self._dt = dt
         self._ticks = 0
-        self._settings: Any = None  # of the drive, as last told
+        self._told: Settings | None = None  # of the drive, the last word
 
     def warm_up(self, dt: float) -> None:
         """Nothing to warm up."""
@@ -90,23 +91,21 @@ class PlantDevices:
         )
 
     def write(self, command: Command) -> None:
-        heave, surge, spring, drive, waves = command
-        if drive.settings != self._settings and drive.settings.bus_voltage > 0.0:
-            self._settings = drive.settings  # all zero where the drive has none
-            scheme, voltage, period, tolerance, _, level = drive.settings
-            self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
+        heave, surge, spring, (conducting, settings), waves = command
+        if settings is not self._told:
+            self._configure(settings)
+        _, current, enable, _ = heave
+        _, target, move = spring
+        _, aside, hold, _ = surge
         self._world.actuate(
-            Actuation(
-                heave.current,
-                heave.enable,
-                spring.target,
-                spring.enable,
-                waves,
-                surge.current,
-                surge.enable,
-                drive.conducting,
-            )
+            _word(Actuation, (current, enable, target, move, waves, aside, hold, conducting))
         )
+
+    def _configure(self, settings: Settings) -> None:
+        changed, self._told = settings != self._told, settings
+        if changed and settings.bus_voltage > 0.0:  # all zero where the drive has none
+            scheme, voltage, period, tolerance, _, level = settings
+            self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
 
     def stop(self, reason: int) -> None:
         self._world.actuate(OFF)

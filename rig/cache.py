@@ -11,6 +11,17 @@ def cache_root() -> Path:
     return Path(home) / "wec-rig"
 
 
+def write(path: Path, text: str) -> None:
+    """Put a file there whole or not at all, its folder too; raises OSError.
+
+    Two processes that write the same one at once do not meet.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.stem}.{os.getpid()}")
+    part.write_text(text)
+    part.replace(path)
+
+
 def processor() -> str:
     """The processor in words: arithmetic kept for one may differ in the last bit on another."""
     try:

@@ -12,7 +12,6 @@ this file, filterpy's and numpy's versions. Whatever is not whole there is desig
 import hashlib
 import json
 import math
-import os
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
@@ -20,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers import estimator
-from rig.cache import cache_root
+from rig.cache import cache_root, write
 
 _SETTLED = 1e-12  # relative change of the gain in one step
 _MOST_STEPS = 200_000
@@ -91,11 +90,8 @@ def _kept(path: Path, asked: list[float]) -> estimator.Params | None:
 
 def _keep(path: Path, asked: list[float], found: estimator.Params) -> None:
     """Best effort: where nothing can be written, the next process designs again."""
-    part = path.with_name(f".{path.name}.{os.getpid()}")
     with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps({"asked": asked, "gains": list(found)}))
-        part.replace(path)
+        write(path, json.dumps({"asked": asked, "gains": list(found)}))
 
 
 def response(

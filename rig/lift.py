@@ -30,7 +30,7 @@ os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # its functions differ i
 import numba
 from numba.extending import register_jitable
 
-from rig.cache import cache_root, processor
+from rig.cache import cache_root, processor, write
 
 Floats = npt.NDArray[np.float64]
 
@@ -57,10 +57,10 @@ def load(
     path = cache_folder(source, (*modules, *beside)) / f"{name}.py"
     if not path.exists():
         try:
-            _write(path, source)
+            write(path, source)
         except OSError:
             path = Path(tempfile.mkdtemp(prefix="wec-rig-")) / path.name
-            _write(path, source)
+            write(path, source)
     spec = importlib.util.spec_from_file_location(f"lifted_{name}", path)
     assert spec is not None
     assert spec.loader is not None
@@ -121,13 +121,6 @@ def words(tree: Any) -> set[type]:
     for member in tree:
         found |= words(member)
     return found
-
-
-def _write(path: Path, source: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.{os.getpid()}")
-    part.write_text(source)
-    part.replace(path)
 
 
 def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:

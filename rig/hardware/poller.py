@@ -47,7 +47,7 @@ class Polled(NamedTuple):
     block: Block
     high_first: bool
     period: float  # s
-    prepare: tuple["Given", ...]
+    prepare: tuple[Given, ...]
     written: bool  # the loop's word goes out; otherwise the block comes in
 
 

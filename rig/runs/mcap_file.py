@@ -4,7 +4,6 @@ A file whose writer was killed has no summary, and the stock reader yields nothi
 records are walked from the front, so finished and unfinished files are read alike.
 """
 
-import mmap
 import os
 import struct
 import zlib
@@ -32,6 +31,8 @@ _CHUNK = struct.Struct("<QQQII")  # times, size, CRC, length of the compression'
 _HEAD = struct.Struct("<BQH")  # what all messages of a file have in common
 _CHUNK_NAME = b"\x04\x00\x00\x00zstd"
 _TO_NAME = _RECORD.size + _CHUNK.size - 4  # from a chunk's start to the length of that name
+_BLOCK = 1 << 20  # bytes looked through at a time for the next whole chunk
+_CUT = _TO_NAME + len(_CHUNK_NAME) - 1  # of them may lie in the block before
 _AHEAD = 4  # chunks decompressed while one is being copied
 _RENAMED = {"safety.warned": "heave.warned"}  # fields of runs that were recorded earlier
 
@@ -73,16 +74,18 @@ class Contents(NamedTuple):
         return MESSAGE_BYTES + 8 * len(self.leaves)
 
 
-def _resync(memory: mmap.mmap, start: int) -> int:
+def _resync(fd: int, start: int, size: int) -> int:
     """Offset of the next whole chunk at or after ``start``, or the file's end."""
-    at = memory.find(_CHUNK_NAME, start + _TO_NAME)
-    while at >= 0:
-        begin = at - _TO_NAME
-        opcode, length = _RECORD.unpack_from(memory, begin)
-        if opcode == Opcode.CHUNK and begin + _RECORD.size + length <= len(memory):
-            return begin
-        at = memory.find(_CHUNK_NAME, at + 1)
-    return len(memory)
+    for at in range(start, size, _BLOCK):
+        block = os.pread(fd, _BLOCK + _CUT, at)
+        found = block.find(_CHUNK_NAME, _TO_NAME)
+        while found >= 0:
+            begin = found - _TO_NAME
+            opcode, length = _RECORD.unpack_from(block, begin)
+            if opcode == Opcode.CHUNK and at + begin + _RECORD.size + length <= size:
+                return at + begin
+            found = block.find(_CHUNK_NAME, found + 1)
+    return size
 
 
 class _Found:
@@ -177,8 +180,7 @@ def scan(path: str | os.PathLike[str]) -> Contents:
             opcode, length = _RECORD.unpack(os.pread(file.fileno(), _RECORD.size, at))
             after = at + _RECORD.size + length
             if not 1 <= opcode <= Opcode.DATA_END or after > size:
-                with mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ) as memory:
-                    after = _resync(memory, at + 1)
+                after = _resync(file.fileno(), at + 1, size)
                 unread += after - at
                 if after < size:
                     damage.append(f"{path}: bytes {at} to {after} are not a record")

@@ -14,7 +14,7 @@ import record_files as files
 from mcap.reader import make_reader
 
 from rig import runs
-from rig.runs import RunError
+from rig.runs import RunError, mcap_file
 from rig.runs.mcap_file import blocks, scan
 
 WRITER = """
@@ -124,7 +124,11 @@ def test_a_damaged_chunk_is_skipped_and_told(tmp_path: Path) -> None:
     assert joined.damage
 
 
-def test_a_destroyed_record_head_does_not_hide_what_follows(tmp_path: Path) -> None:
+@pytest.mark.parametrize("block", [1, 37, 1 << 20])  # bytes looked through at a time
+def test_a_destroyed_record_head_does_not_hide_what_follows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
+) -> None:
+    monkeypatch.setattr(mcap_file, "_BLOCK", block)
     path = files.write(tmp_path / "run.mcap", files.rows(1000), flush_every=100, finish=False)
     contents = scan(path)
     begin = contents.chunks[4].offset - 50

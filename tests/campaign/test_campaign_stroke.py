@@ -13,13 +13,12 @@ from sim_plant.stator_force import reversal
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
+PLANT = Plant.model_validate(load_mapping(CONFIGS / "plants" / "wavebot.yaml")[0]).build()
 
 
 def reverses_at(stator: float) -> float:
     """Heave (m) at which the simulated stator force changes its sign; inf: nowhere."""
-    mapping, _ = load_mapping(CONFIGS / "plants" / "wavebot.yaml")
-    params = Plant.model_validate(mapping).build()
-    return reversal(params.stator, params.spring, stator).stroke
+    return reversal(PLANT.stator, PLANT.spring, stator).stroke
 
 
 def test_no_spring_rate_lets_the_body_go_where_the_stator_force_reverses() -> None:

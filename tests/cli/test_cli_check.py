@@ -12,7 +12,7 @@ import re
 from pathlib import Path
 
 import pytest
-from rig_command import rig
+from command_here import rig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PLANTED = f"""\

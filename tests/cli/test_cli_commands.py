@@ -7,16 +7,30 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rig_command import rig
+from command_here import rig
+from made_once import made_once
+from rehearsing import yaml_file
+from rig_command import rig as process
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+SHORT = {
+    "extends": str(CONFIGS / "campaigns" / "quick.yaml"),
+    "tare": {"duration_s": 1},
+    "start": {"set_point_s": 1, "lead_in_s": 6},
+    "timing": {"settle_s": 1, "interval_s": 4},
+}
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one finished run."""
-    folder = tmp_path_factory.mktemp("cli") / "runs"
-    done = rig("run", CONFIGS / "campaigns" / "quick.yaml", "--runs", folder, "--json")
+    return made_once(tmp_path_factory, "cli_runs", one_run) / "runs"
+
+
+def one_run(place: Path) -> None:
+    """The rows of the quick campaign, one wave each."""
+    folder = place / "runs"
+    done = process("run", yaml_file(place / "quick.yaml", SHORT), "--runs", folder, "--json")
     assert done.returncode == 0, done.stderr
     said = json.loads(done.stdout)
     assert said["status"] == "complete"
@@ -29,7 +43,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for best in said["optima"]:
         (row,) = best["rows"]
         assert best["ki_n_per_m"] == (0.0, 4000.0, 4000.0, 0.0)[row]
-    return folder
 
 
 def test_check_says_what_a_campaign_will_do() -> None:
@@ -50,7 +63,7 @@ def test_bad_campaign_is_refused_with_everything_wrong(command: str, tmp_path: P
         "matrix:\n  list:\n    - {spring_n_per_m: 490.9, kp_n_s_per_m: 5, ki_n_per_m: 0}\n"
         "speed: 3\n"
     )
-    done = rig(command, path, *(["--runs", tmp_path / "runs"] if command == "run" else []))
+    done = process(command, path, *(["--runs", tmp_path / "runs"] if command == "run" else []))
     assert done.returncode == 2
     for line, key in ((3, "sea.amplitude_m"), (6, "matrix.list[0].kp_n_s_per_m"), (7, "speed")):
         assert f"bad.yaml:{line}: {key}: " in done.stdout
@@ -94,7 +107,7 @@ def test_runs_lists_the_run(runs: Path) -> None:
 
 
 def test_show_gives_the_summary(runs: Path) -> None:
-    done = rig("show", "last", "--runs", runs)
+    done = process("show", "last", "--runs", runs)
     assert done.returncode == 0
     assert "4 of 4 rows" in done.stdout
     said: dict[str, Any] = json.loads(rig("show", "last", "--runs", runs, "--json").stdout)

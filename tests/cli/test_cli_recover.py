@@ -13,8 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_here import Done, rig
+from made_once import made_once
 from mcap.reader import make_reader
-from rig_command import rig
+from rehearsing import yaml_file
+from rig_command import rig as process
 
 from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
@@ -22,21 +25,28 @@ from benchmarks.support.recorded import campaign_file
 
 @pytest.fixture(scope="module")
 def killed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run whose supervisor was killed after some rows; it is refused while the loop stops."""
-    folder = tmp_path_factory.mktemp("killed")
-    with live_run(campaign_file(folder, 2000.0), folder / "runs", real_clock=False) as run:
+    """A run whose supervisor was killed after some rows."""
+    (run,) = (made_once(tmp_path_factory, "killed", killed_run) / "runs").glob("*/")
+    return run
+
+
+def killed_run(folder: Path) -> None:
+    """It is refused while the loop stops."""
+    rows = {"extends": str(campaign_file(folder, 2000.0)),
+            "timing": {"settle_s": 1, "interval_s": 4}}  # fmt: skip
+    path = yaml_file(folder / "killed.yaml", rows)
+    with live_run(path, folder / "runs", real_clock=False) as run:
         run.wait_started()
         both = [run.pid(LOOP), run.pid(LOGGER)]
-        wait_until(lambda: run.ring.tail > 35_000, "two rows of the matrix on the disk")
+        wait_until(lambda: run.ring.tail > 18_000, "two rows of the matrix on the disk")
         run.process.kill()
         run.process.wait()
         os.kill(both[1], signal.SIGSTOP)  # it has more to write
-        refused = rig("recover", run.folder, "--json")
+        refused = process("recover", run.folder, "--json")
         assert refused.returncode == 1
         assert "still being written" in json.loads(refused.stdout)["message"]
         os.kill(both[1], signal.SIGCONT)
         wait_until(lambda: not any(map(running, both)), "the end of loop and logger")
-        return run.folder
 
 
 @pytest.fixture
@@ -45,7 +55,7 @@ def run(killed: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(killed, tmp_path / "runs" / killed.name))
 
 
-def said(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+def said(done: Done) -> dict[str, Any]:
     assert done.stderr == ""
     told: dict[str, Any] = json.loads(done.stdout)
     return told

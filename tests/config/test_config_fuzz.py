@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,12 @@ JUNK = st.recursive(
 )  # fmt: skip
 
 
+@cache
+def shipped(name: str) -> str:
+    """The mapping of a shipped file as JSON."""
+    return json.dumps(load_mapping(CONFIGS / name)[0])
+
+
 def keys(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     parts = value.items() if isinstance(value, dict) else enumerate(value)
     found = []
@@ -53,7 +60,7 @@ def test_junk_anywhere_is_a_problem_on_a_line_of_the_file(
     tmp_path_factory: Any, data: st.DataObject
 ) -> None:
     model, name = data.draw(st.sampled_from(SHIPPED))
-    mapping = json.loads(json.dumps(load_mapping(CONFIGS / name)[0]))
+    mapping = json.loads(shipped(name))
     for _ in range(data.draw(st.integers(1, 3))):
         *outer, last = data.draw(st.sampled_from(keys(mapping)))
         inner = mapping

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_here import rig
 from predicting import CONFIGS, STIFF, campaign_file, custom_rig, examined, predicted, rows
 from rich.console import Console
 
@@ -134,12 +135,7 @@ def numbers(value: Any) -> Any:
 
 def test_json_holds_everything_and_no_nan(tmp_path: Path) -> None:
     path = campaign_file(tmp_path, sea=SEA, matrix=rows((STIFF, -2000.0, 0.0)), repeat=2)
-    done = subprocess.run(
-        [sys.executable, "-m", "rig", "check", str(path), "--json"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = rig("check", path, "--json")
     assert done.returncode == 0, done.stderr
 
     def refuse(constant: str) -> None:

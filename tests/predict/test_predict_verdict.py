@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_here import rig
 from predicting import (
     CONFIGS,
     SOFT,
@@ -33,12 +32,6 @@ def limit_line(path: Path, key: str, nth: int = 0) -> int:
     """Line of a key in a shipped file."""
     found = [n for n, text in enumerate(path.read_text().splitlines(), 1) if f"{key}:" in text]
     return found[nth]
-
-
-def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "rig", *map(str, words)], capture_output=True, text=True, check=False
-    )
 
 
 def test_a_row_that_goes_too_far_is_named(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ LINEAR = CONFIGS / "plants" / "wavebot_linear.yaml"
 SPRING = -5715.0
 
 
-def identified(folder: Path) -> Path:
-    """The run: lines of a twentieth of a hertz at two amplitudes, one period each."""
+def identified(folder: Path) -> None:
+    """The run, in ``folder``/runs: lines of a twentieth of a hertz at two amplitudes, one period each."""
     rows = {
         "spring_n_per_m": SPRING, "kp_n_s_per_m": 0, "ki_n_per_m": 0, "reference_scale": [1, 2],
     }  # fmt: skip
@@ -31,7 +31,6 @@ def identified(folder: Path) -> Path:
     )
     ended = run(path, folder / "runs")
     assert ended.outcome.status == "complete"
-    return ended.folder
 
 
 def wrong_plant(folder: Path) -> Path:

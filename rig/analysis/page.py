@@ -228,6 +228,7 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     top = _effects(figure, summary, top, bottom)
     _surfaces(figure, table, bottom, top)
     paper, screen = folder / "summary.pdf", folder / "summary.png"
-    figure.savefig(paper, metadata={"Title": f"{summary.campaign}, run {summary.run}"})
-    figure.savefig(screen, dpi=130)
+    title = f"{summary.campaign}, run {summary.run}"
+    picture.save(figure, screen, 130.0)
+    picture.save(figure, paper, 100.0, metadata={"Title": title})
     return [paper, screen]

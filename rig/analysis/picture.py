@@ -89,7 +89,14 @@ def quiet(axes: Axes) -> None:
         side.set_color(FRAME)
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write the picture as PNG."""
-    figure.savefig(path, dpi=_DPI)
+def save(figure: Figure, path: Path, dpi: float = _DPI, **told: Any) -> Path:
+    """Write the picture in the format of the file's name; ``told`` is for `Figure.savefig`.
+
+    It is laid out once, here: savefig would do it for each file, and draw all in vain before.
+    """
+    if figure.axes and (engine := figure.get_layout_engine()) is not None:
+        figure.set_dpi(dpi)
+        engine.execute(figure)
+        figure.set_layout_engine(None)
+    figure.savefig(path, dpi=dpi, **told)
     return path

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from rig.analysis import words
+from rig.analysis import picture, words
 from rig.runs import reader
 from rig.runs.folder import facts
 from rig.sequence import Phase
@@ -173,5 +173,4 @@ def write_traces(
             for phase in sorted(seen)
         ]
         figure.legend(handles=patches, loc="outside lower right", ncols=len(patches), fontsize=7)
-    figure.savefig(path, dpi=140)
-    return path
+    return picture.save(figure, path, 140.0)

@@ -40,8 +40,9 @@ def write_page(found: Identification, folder: Path) -> list[Path]:
     bottom = _notes(figure, found)
     _pictures(figure, found, bottom, y - 0.01)
     out = [folder / "identification.pdf", folder / "identification.png"]
-    figure.savefig(out[0])
-    return [out[0], picture.save(figure, out[1])]
+    picture.save(figure, out[1])
+    picture.save(figure, out[0], 100.0)
+    return out
 
 
 def _header(figure: Figure, found: Identification) -> None:

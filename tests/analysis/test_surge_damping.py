@@ -78,7 +78,7 @@ def campaign(folder: Path, **keys: Any) -> Path:
         "name": "damping", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), "plant": str(plant),
         "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         "surge": {"use": "station keeping"}, "tare": {"duration_s": 1},
-        "start": {"lead_in_s": 20}, "timing": {"settle_s": 8, "interval_s": 16.1},
+        "start": {"lead_in_s": 12}, "timing": {"settle_s": 8, "interval_s": 12.1},
         "matrix": {"grid": [{"spring_n_per_m": 7690, "kp_n_s_per_m": -2500, "ki_n_per_m": 0,
                              "surge_kp_n_s_per_m": [-700, -1500, -3000, -6000]}]},
     }  # fmt: skip

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import can
 import pytest
+from command_here import rig as rig_here
 from rich.console import Console
 from wired_rig import CONFIGS, Ports, ended, free_ports, ready, rig, rig_file, running
 
@@ -302,8 +303,7 @@ def test_sim_says_when_its_devices_died(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["sim", "devices"])
-def test_a_rig_without_wires_is_bad_input(command: str, tmp_path: Path) -> None:
-    done = rig(tmp_path, command, CONFIGS / "rigs" / "wavebot.yaml", "--json")
-    out, err = done.communicate(timeout=120)
-    assert (done.returncode, err) == (BAD_INPUT, "")
-    assert "has no wiring" in json.loads(out)["message"]
+def test_a_rig_without_wires_is_bad_input(command: str) -> None:
+    done = rig_here(command, CONFIGS / "rigs" / "wavebot.yaml", "--json")
+    assert (done.returncode, done.stderr) == (BAD_INPUT, "")
+    assert "has no wiring" in json.loads(done.stdout)["message"]

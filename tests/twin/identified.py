@@ -15,7 +15,7 @@ SPRING = -5715.0
 
 
 def identified(folder: Path) -> None:
-    """The run, in ``folder``/runs: lines of a twentieth of a hertz at two amplitudes, one period each."""
+    """The run, in `runs`: lines of a twentieth of a hertz at two amplitudes, one period each."""
     rows = {
         "spring_n_per_m": SPRING, "kp_n_s_per_m": 0, "ki_n_per_m": 0, "reference_scale": [1, 2],
     }  # fmt: skip

@@ -211,28 +211,22 @@ def scan(path: str | os.PathLike[str]) -> Contents:
     )
 
 
-def row_dtype(leaves: tuple[record.Leaf, ...]) -> np.dtype[Any]:
-    """The packed numpy record of a row, fields by dotted path."""
-    return np.dtype([(leaf.name, "<f8" if leaf.code == "d" else "<i8") for leaf in leaves])
+def row_dtype(leaves: tuple[record.Leaf, ...], ahead: int = 0) -> np.dtype[Any]:
+    """The packed numpy record of a row, fields by dotted path, ``ahead`` bytes before each row."""
+    return np.dtype(
+        {
+            "names": [leaf.name for leaf in leaves],
+            "formats": ["<f8" if leaf.code == "d" else "<i8" for leaf in leaves],
+            "offsets": [ahead + 8 * i for i in range(len(leaves))],
+            "itemsize": ahead + 8 * len(leaves),
+        }
+    )
 
 
 def is_ours(contents: Contents) -> bool:
     """Whether every chunk may hold nothing but rows of one size, as our writer leaves them."""
     stride = contents.stride
     return all(c.compression == "zstd" and c.size % stride == 0 for c in contents.chunks)
-
-
-def _between_heads(contents: Contents) -> np.dtype[Any]:
-    """Rows where they lie in a chunk of our own, each behind the head of its message."""
-    fields = row_dtype(contents.leaves).fields or {}
-    return np.dtype(
-        {
-            "names": list(fields),
-            "formats": [kind for kind, _ in fields.values()],
-            "offsets": [MESSAGE_BYTES + offset for _, offset in fields.values()],
-            "itemsize": contents.stride,
-        }
-    )
 
 
 def _rows(contents: Contents, dtype: np.dtype[Any], chunk: Chunk, data: bytes) -> Records:
@@ -266,7 +260,7 @@ def blocks(
     if not is_ours(contents):
         yield _stock_rows(contents)
         return
-    dtype = row_dtype(contents.leaves) if packed else _between_heads(contents)
+    dtype = row_dtype(contents.leaves, 0 if packed else MESSAGE_BYTES)
     waiting: deque[Future[Records]] = deque()
 
     def next_block() -> Iterator[Records]:

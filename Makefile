@@ -52,14 +52,15 @@ lint: setup
 
 # First what can run beside other tests, then what needs the host to itself. A shared host stands
 # still for longer than a test can wait now and then, so what failed is run once more with nothing
-# beside it; what fails again has failed. Stolen work, not whole files: no process idles at the end,
-# and xdist 3.8 waits for ever when a process dies that was given its tests by the file.
+# beside it; what fails again has failed. A process that dies fails its test and is replaced, hence
+# one of its own (-n 1) even for tests that run alone. Work is stolen, not dealt out by the file: then
+# none idles at the end, and xdist 3.8 waits for ever for a dead one's files.
 PYTEST := $(BIN)/python -m pytest
 ONCE_MORE := --last-failed --last-failed-no-failures none
 
 test: lint
 	$(PYTEST) -m "not realtime" -n 2 --dist worksteal || $(PYTEST) -m "not realtime" $(ONCE_MORE)
-	$(PYTEST) -m realtime || $(PYTEST) -m realtime $(ONCE_MORE)
+	$(PYTEST) -m realtime -n 1 || $(PYTEST) -m realtime $(ONCE_MORE)
 
 # Ends with status 77, and says why, where no such kernel is to be had.
 test-socketcan: setup

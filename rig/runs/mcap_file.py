@@ -211,9 +211,16 @@ def scan(path: str | os.PathLike[str]) -> Contents:
     )
 
 
-def row_dtype(leaves: tuple[record.Leaf, ...]) -> np.dtype[Any]:
-    """The packed numpy record of a row, fields by dotted path."""
-    return np.dtype([(leaf.name, "<f8" if leaf.code == "d" else "<i8") for leaf in leaves])
+def row_dtype(leaves: tuple[record.Leaf, ...], ahead: int = 0) -> np.dtype[Any]:
+    """The packed numpy record of a row, fields by dotted path, ``ahead`` bytes before each row."""
+    return np.dtype(
+        {
+            "names": [leaf.name for leaf in leaves],
+            "formats": ["<f8" if leaf.code == "d" else "<i8" for leaf in leaves],
+            "offsets": [ahead + 8 * i for i in range(len(leaves))],
+            "itemsize": ahead + 8 * len(leaves),
+        }
+    )
 
 
 def is_ours(contents: Contents) -> bool:
@@ -222,7 +229,7 @@ def is_ours(contents: Contents) -> bool:
     return all(c.compression == "zstd" and c.size % stride == 0 for c in contents.chunks)
 
 
-def _rows(contents: Contents, chunk: Chunk, data: bytes) -> Records:
+def _rows(contents: Contents, dtype: np.dtype[Any], chunk: Chunk, data: bytes) -> Records:
     """The rows of a chunk; RunError if it is damaged or holds anything else."""
     where = f"{contents.path}: chunk at byte {chunk.offset}"
     try:
@@ -236,19 +243,24 @@ def _rows(contents: Contents, chunk: Chunk, data: bytes) -> Records:
     heads = messages[:, : _HEAD.size]
     if not (heads == np.frombuffer(expected, np.uint8)).all():
         raise RunError(f"{where}: messages of another kind between the rows")
-    # One copy that drops the heads makes every field aligned, and picking fields 4 times faster.
-    rows = np.ascontiguousarray(messages[:, MESSAGE_BYTES:])
-    return rows.view(row_dtype(contents.leaves))[:, 0]
+    if dtype.itemsize == contents.stride:
+        return np.frombuffer(plain, dtype)
+    return np.ascontiguousarray(messages[:, MESSAGE_BYTES:]).view(dtype)[:, 0]
 
 
-def blocks(contents: Contents, damage: list[str] | None = None) -> Iterator[Records]:
+def blocks(
+    contents: Contents, damage: list[str] | None = None, *, packed: bool = True
+) -> Iterator[Records]:
     """The rows in file order, one block a chunk, as records of `row_dtype`.
 
-    A damaged chunk raises RunError, or is skipped and told in ``damage`` if that is given.
+    A damaged chunk raises RunError, or is skipped and told in ``damage`` if that is given. With
+    ``packed`` False other bytes may lie between the rows: they are not copied, which is a quarter
+    of the time for who only picks fields.
     """
     if not is_ours(contents):
         yield _stock_rows(contents)
         return
+    dtype = row_dtype(contents.leaves, 0 if packed else MESSAGE_BYTES)
     waiting: deque[Future[Records]] = deque()
 
     def next_block() -> Iterator[Records]:
@@ -262,7 +274,7 @@ def blocks(contents: Contents, damage: list[str] | None = None) -> Iterator[Reco
     with contents.path.open("rb") as file, ThreadPoolExecutor(2) as pool:
         for chunk in contents.chunks:
             data = os.pread(file.fileno(), chunk.length, chunk.offset)
-            waiting.append(pool.submit(_rows, contents, chunk, data))
+            waiting.append(pool.submit(_rows, contents, dtype, chunk, data))
             if len(waiting) > _AHEAD:
                 yield from next_block()
         while waiting:

@@ -63,10 +63,13 @@ def choose(leaves: tuple[Leaf, ...], fields: Iterable[str] | None) -> list[str]:
 
 
 def blocks(run: Source) -> Iterator[mcap_file.Records]:
-    """All rows as numpy records, block by block, each tick once even where files overlap."""
+    """All rows as numpy records, block by block, each tick once even where files overlap.
+
+    To pick fields from: other bytes may lie between the rows.
+    """
     last = -1
     for contents in run.contents:
-        for block in mcap_file.blocks(contents):
+        for block in mcap_file.blocks(contents, packed=False):
             if len(block) == 0:
                 continue
             ticks = block["tick"]

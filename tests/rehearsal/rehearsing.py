@@ -8,6 +8,8 @@ from typing import Any
 from ruamel.yaml import YAML
 
 from rig.analysis.rows import row_table
+from rig.batch import sweep
+from rig.batch.executors import threads
 from rig.campaign import check
 from rig.campaign_run import Ended, carry_out, rehearsal
 from rig.supervisor import Snapshot
@@ -49,6 +51,15 @@ def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) ->
     assert report.plan is not None
     rung = rehearsal(report.campaign, real_clock=real_clock)
     return carry_out(report.campaign, report.plan, runs, Watcher(see), rung)
+
+
+def sequentially_swept(path: Path) -> Any:
+    """The rows of a campaign walked one after the other by the compiled loop, a line each.
+
+    It has the bits of a rehearsal (tests/batch/test_batch_bits) and takes a hundredth of its time.
+    """
+    asked = sweep.open_sweep(path, [], path.parent / "sweeps", sequential=True, lead_in=0.0)
+    return sweep.run(asked, threads(1), lambda _: None)
 
 
 def table_of(ended: Ended) -> Any:

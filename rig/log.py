@@ -31,8 +31,7 @@ CLOCK = "clock"  # metadata record with the mapping from run time to UTC
 START_KEY = "start_utc_ns"
 
 # Measured: 256 KiB to 1 MiB chunks are equally fast, smaller ones compress worse and 4 MiB leaves
-# the cache (1.8 times slower). Level 1 is 1.7 times faster than 3 for 1 % of size, -1 1.3 times
-# faster than 1 for another 1 %, and its chunks are read faster, too; -2 costs 8 %.
+# the cache (1.8 times slower). Level 1 is 1.7 times faster than 3 for 1 % of size, -1 again 1.3.
 CHUNK_BYTES = 512 * 1024
 LEVEL = -1
 

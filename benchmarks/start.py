@@ -1,5 +1,6 @@
-"""How long a person waits: `rig --help`, and `rig run` until the first tick."""
+"""How long a person waits: `rig --help`, `rig run` to its first tick, `rig sweep` to a case."""
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -10,7 +11,7 @@ from benchmarks.support.live import LiveRun, wait_realtime_free
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 
-HELP_SECONDS = 0.4
+HELP_SECONDS, CASE_SECONDS = 0.4, 2.0
 RIG = [sys.executable, "-c", "import rig.cli; rig.cli.app(prog_name='rig')"]
 
 
@@ -38,6 +39,19 @@ def first_tick(folder: Path, *, real_clock: bool, env: dict[str, str] | None = N
         return run.wait_started().at - run.began
 
 
+def first_case(folder: Path) -> float:
+    """Processor seconds of `rig sweep` until the first of its cases stands in its journal."""
+    campaign = ROOT / "configs" / "campaigns" / "quick.yaml"
+    words = [*command(), "sweep", str(campaign), "--sweeps", str(folder), "--jobs", "1", "--json"]
+    with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+        while not any(path.stat().st_size for path in folder.glob("*/cases.jsonl")):
+            if process.poll() is not None:
+                raise RuntimeError(f"the sweep ended with {process.returncode} before its cases")
+            time.sleep(0.002)
+        fields = Path(f"/proc/{process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
 def measure(short: bool) -> Result:
     """Start the command line again and again."""
     helps, runs = (3, 1) if short else (10, 5)
@@ -47,6 +61,12 @@ def measure(short: bool) -> Result:
     for _ in range(helps):
         shown.append(seconds_of(help_words))
         bare.append(seconds_of(bare_words))
+    cases = list[float]()
+    for attempt in range(1 + helps):
+        with tempfile.TemporaryDirectory() as scratch:
+            took = first_case(Path(scratch))
+        if attempt > 0:  # the first one may have compiled
+            cases.append(took)
     for _ in range(runs):
         for into, real_clock in ((virtual, False), (real, True)):
             with tempfile.TemporaryDirectory() as scratch:
@@ -54,11 +74,13 @@ def measure(short: bool) -> Result:
     return Result(
         "start",
         "waiting for the command line",
-        f"{helps} times --help, alternating with a bare interpreter; {runs} starts on each clock",
+        f"{helps} times --help, alternating with a bare interpreter; {helps} sweeps that "
+        f"compile nothing; {runs} starts on each clock",
         (
             figure("rig --help", "s", shown, at_most=HELP_SECONDS),
             figure("bare interpreter", "s", bare),
             figure("rig --help / bare interpreter", "ratio", ratios(shown, bare)),
+            figure("rig sweep to its first case", "s of processor", cases, at_most=CASE_SECONDS),
             figure("rig run to the first tick", "s", virtual),
             figure("rig run --realtime to the first tick", "s", real),
         ),

@@ -11,6 +11,7 @@ from an example of the tree.
 """
 
 import hashlib
+import importlib
 import importlib.util
 import inspect
 import os
@@ -33,6 +34,24 @@ from numba.extending import register_jitable
 from rig.cache import cache_root, processor, write
 
 Floats = npt.NDArray[np.float64]
+
+
+def _spare_blas() -> None:
+    """Load numba's array functions without scipy.linalg, which they take BLAS from.
+
+    Nothing that is lifted multiplies matrices, and scipy.linalg is a third of a second.
+    """
+    wanted = "scipy.linalg"
+    if wanted in sys.modules:
+        return
+    sys.modules[wanted] = None  # type: ignore[assignment]  # "cannot be imported", as Python says it
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        del sys.modules[wanted]
+
+
+_spare_blas()
 
 
 def lift(modules: Iterable[ModuleType]) -> None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig import cycle, record, safety
+from rig import bench, cycle, record, safety
 from rig.assemble import wavebot_params
 from rig.campaign import Plan, Point, plan
 from rig.config.campaign_file import CampaignFile
@@ -24,16 +24,19 @@ from rig.config.rig_file import RigFile
 from rig.runs import RunError, facts, reader
 from rig.runs.folder import Facts
 from rig.runs.mcap_file import Records, row_dtype
-from rig.wavebot import KIND, Sense, WaveBotRow
+from rig.session.assemble import bench_params
+from rig.session.logged import session_as_logged
+from rig.session.plan import plan_session
+from rig.wavebot import KIND, Sense
 
-_LOGGED_AS = {  # words of `Sense` by their place in a row
+_LOGGED_AS = {  # words of a WaveBot's `Sense` by their place in a row; others stand by their name
     "heave": "heave.sense",
     "surge": "surge.sense",
     "spring": "spring_sense",
     "power": "power_sense",
     "drive": "drive_sense",
 }
-_GIVEN = ("tick", "time", "timing", "tick_end", "load", "probes", "wave", "panel")
+_GIVEN = ("tick", "time", "timing", "tick_end")
 _TIMING = ("timing.lateness", "timing.work", "timing.skipped")
 _SAFETY = ("safety.mode", "safety.reason")
 _REQUESTS = {
@@ -45,6 +48,29 @@ _REQUESTS = {
     "SUPERVISOR_LOST": safety.REQUEST_SUPERVISOR_LOST,
 }
 Seen = Callable[[int], None]
+
+
+class _Subject(NamedTuple):
+    """What is replayed: a kind of rig, told what the run was told."""
+
+    kind: cycle.Kind
+    sense: Any  # type of what is read in a tick
+    places: dict[str, str]  # of its words in a row
+    params: cycle.Params
+    dt: float  # s
+
+    def fields(self) -> list[str]:
+        """The row's fields that make up a sense, in its order."""
+        found = []
+        for leaf in record.leaves(self.sense):
+            word, *rest = leaf.path
+            found.append(".".join([self.places[word], *rest]))
+        return found
+
+    def given(self, name: str) -> bool:
+        """Whether a field of the row is what the cycle is given, not what it makes of it."""
+        words = tuple(f"{each}." for each in (*_GIVEN, *self.places.values()))
+        return name in _GIVEN or name.startswith(words)
 
 
 class Difference(NamedTuple):
@@ -90,14 +116,14 @@ def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Repla
     """
     source = reader.source(run)
     known = facts(run, source.contents)
-    params, dt = _params(known)
+    subject = _subject(known)
     names = [leaf.name for leaf in source.leaves]
-    absent_senses = [name for name in (*_sense_fields(), *_TIMING, *_SAFETY) if name not in names]
+    absent_senses = [name for name in (*subject.fields(), *_TIMING, *_SAFETY) if name not in names]
     if absent_senses:
         raise RunError(f"{known.run}: it did not log {', '.join(absent_senses)}")
-    today = record.leaves(WaveBotRow)
-    compared = [leaf for leaf in today if leaf.name in names and not _given(leaf.name)]
-    tally, walk = _Tally(compared), _Walk(params, dt, known.run)
+    today = record.leaves(subject.kind.row_type)
+    compared = [leaf for leaf in today if leaf.name in names and not subject.given(leaf.name)]
+    tally, walk = _Tally(compared), _Walk(subject, known.run)
     done = 0
     for block in reader.blocks(source):
         tally.add(block, walk.through(block))
@@ -109,34 +135,19 @@ def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Repla
     )
 
 
-def _given(name: str) -> bool:
-    """Whether a field of the row is what the cycle is given, not what it makes of it."""
-    return name.startswith(tuple(f"{each}." for each in (*_GIVEN, *_LOGGED_AS.values()))) or (
-        name in _GIVEN
-    )
-
-
-def _sense_fields() -> list[str]:
-    """The row's fields that make up a `Sense`, in its order."""
-    found = []
-    for leaf in record.leaves(Sense):
-        word, *rest = leaf.path
-        found.append(".".join([_LOGGED_AS.get(word, word), *rest]))
-    return found
-
-
 class _Walk:
     """The cycle, block after block of logged ticks."""
 
-    def __init__(self, params: cycle.Params, dt: float, run: str) -> None:
-        self._params, self._dt, self._run = params, dt, run
-        self._step = cycle.make(KIND)
-        self._state = cycle.start(KIND, params, 0)
-        self._fields = _sense_fields()
-        kinds: list[Any] = list(Sense.__annotations__.values())
+    def __init__(self, subject: _Subject, run: str) -> None:
+        self._params, self._dt, self._run = subject.params, subject.dt, run
+        self._step = cycle.make(subject.kind)
+        self._state = cycle.start(subject.kind, subject.params, 0)
+        self._fields = subject.fields()
+        self._sense = subject.sense
+        kinds: list[Any] = list(subject.sense.__annotations__.values())
         self._words = [(kind, len(kind._fields)) for kind in kinds]
-        self._pack = record.packer(WaveBotRow)
-        self._dtype = row_dtype(record.leaves(WaveBotRow))
+        self._pack = record.packer(subject.kind.row_type)
+        self._dtype = row_dtype(record.leaves(subject.kind.row_type))
         self._next = self._skipped = 0
         self.requests: list[Request] = []
 
@@ -156,7 +167,7 @@ class _Walk:
         return np.frombuffer(packed, self._dtype)
 
     def _tick(
-        self, tick: int, timing: cycle.Timing, sense: Sense, told: tuple[int, int], periods: int
+        self, tick: int, timing: cycle.Timing, sense: Any, told: tuple[int, int], periods: int
     ) -> Any:
         """One row; where the log's mode or reason needs a request, with that request."""
 
@@ -177,7 +188,7 @@ class _Walk:
         self._state = state
         return row
 
-    def _given(self, block: Records) -> Iterator[tuple[int, cycle.Timing, Sense, tuple[int, int]]]:
+    def _given(self, block: Records) -> Iterator[tuple[int, cycle.Timing, Any, tuple[int, int]]]:
         """Tick, timing, sense, and mode and reason of the log."""
         columns = [block[name].tolist() for name in self._fields]
         ticks = block["tick"].tolist()
@@ -190,7 +201,7 @@ class _Walk:
             for kind, length in self._words:
                 words.append(kind(*values[at : at + length]))
                 at += length
-            yield tick, cycle.Timing(*timing), Sense(*words), safe
+            yield tick, cycle.Timing(*timing), self._sense(*words), safe
 
 
 class _Tally:
@@ -256,17 +267,29 @@ def as_logged(known: Facts) -> Logged:
         raise _not_of_today(known, error) from None
 
 
-def _params(known: Facts) -> tuple[cycle.Params, float]:
-    """The loop's parameters, made by today's code of the configuration in the run."""
-    campaign, rig, limits, points = as_logged(known)
+def _subject(known: Facts) -> _Subject:
+    """Rig and parameters, made by today's code of the configuration in the run."""
     try:
-        planned: Plan = plan(campaign, rig, points)
-        params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints)
+        return _bench(known) if "session" in known.config else _wavebot(known)
     except KeyError as error:
         raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
         raise _not_of_today(known, error) from None
-    return params, planned.dt
+
+
+def _wavebot(known: Facts) -> _Subject:
+    campaign, rig, limits, points = as_logged(known)
+    planned: Plan = plan(campaign, rig, points)
+    params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints)
+    places = {word: _LOGGED_AS.get(word, word) for word in Sense._fields}
+    return _Subject(KIND, Sense, places, params, planned.dt)
+
+
+def _bench(known: Facts) -> _Subject:
+    session = session_as_logged(known.config)
+    planned = plan_session(session)
+    places = {word: word for word in bench.Sense._fields}
+    return _Subject(bench.KIND, bench.Sense, places, bench_params(session, planned), planned.dt)
 
 
 def _not_of_today(known: Facts, error: ValueError) -> RunError:

@@ -69,6 +69,7 @@ def main(
 ) -> int:
     """Recommend, write campaign, JSON, twin and picture, print the tables."""
     from rig import cli
+    from rig.cli import dated
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
     from rig.recommend import report
@@ -87,8 +88,10 @@ def main(
             written.append(write_surfaces(found, folder / "recommendation.png"))
     except REFUSED as error:
         return refuse("recommend", error, as_json=as_json)
+    warnings = dated.warn(found.campaign, quiet=as_json)
     if as_json:
-        print(json.dumps({**report.as_dict(found), "written": [str(path) for path in written]}))
+        written_to = [str(path) for path in written]
+        print(json.dumps({**report.as_dict(found), "written": written_to, "warnings": warnings}))
         return cli.OK
     print(report.as_text(found))
     print("\n" + "\n".join(str(path) for path in written))

@@ -4,7 +4,7 @@ import sys
 import time
 from abc import ABC, abstractmethod
 from types import TracebackType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -14,7 +14,9 @@ from rich.text import Text
 
 from rig.safety import STOP_2, Mode, Reason
 from rig.sequence import NO_ROW
-from rig.supervisor import Snapshot
+
+if TYPE_CHECKING:
+    from rig.supervisor import Snapshot
 
 _EVERY = 10.0  # s between lines where there is no terminal
 _STAMP = {"rehearsal": "REHEARSAL, simulated plant", "hil": "HIL, emulated devices"}
@@ -28,7 +30,7 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"
 
 
-def _losses(snapshot: Snapshot) -> str:
+def _losses(snapshot: "Snapshot") -> str:
     return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
 
 
@@ -73,7 +75,7 @@ class RunPanel(ABC):
         if self._drawn:
             self._live.stop()
 
-    def __call__(self, snapshot: Snapshot) -> None:
+    def __call__(self, snapshot: "Snapshot") -> None:
         """Draw the run as it stands."""
         if self._quiet:
             return
@@ -90,7 +92,7 @@ class RunPanel(ABC):
             self._said, self._last_row = now, row
             print(self._line(snapshot), file=sys.stderr, flush=True)
 
-    def _panel(self, snapshot: Snapshot) -> Group:
+    def _panel(self, snapshot: "Snapshot") -> Group:
         row = snapshot.row
         done, whole = float(row["time"]), self.whole(snapshot)
         table = Table.grid(padding=(0, 2))
@@ -119,22 +121,22 @@ class RunPanel(ABC):
         return Group(*parts)
 
     @abstractmethod
-    def at(self, snapshot: Snapshot) -> tuple[str, str]:
+    def at(self, snapshot: "Snapshot") -> tuple[str, str]:
         """Where in the plan the run is: a label and words."""
 
     @abstractmethod
-    def scene(self, snapshot: Snapshot) -> list[tuple[str, str]]:
+    def scene(self, snapshot: "Snapshot") -> list[tuple[str, str]]:
         """The rig as it moves: labels and words, for the panel."""
 
     @abstractmethod
-    def told(self, snapshot: Snapshot) -> str:
+    def told(self, snapshot: "Snapshot") -> str:
         """The same in short, for a line."""
 
-    def whole(self, snapshot: Snapshot) -> float:
+    def whole(self, snapshot: "Snapshot") -> float:
         """Seconds of the whole run."""
         return self._planned
 
-    def _time_words(self, snapshot: Snapshot) -> str:
+    def _time_words(self, snapshot: "Snapshot") -> str:
         done = float(snapshot.row["time"])
         whole = max(done, self.whole(snapshot))  # the stop at the end is not in the plan
         speed = done / max(time.monotonic() - self._began, 1e-3)
@@ -143,7 +145,7 @@ class RunPanel(ABC):
             f"{clock_text((whole - done) / max(speed, 1e-6))} left at {speed:.1f} x real time"
         )
 
-    def _line(self, snapshot: Snapshot) -> str:
+    def _line(self, snapshot: "Snapshot") -> str:
         return (
             f"{self._time_words(snapshot)}  {' '.join(self.at(snapshot))}  "
             f"{self.told(snapshot)}  {_losses(snapshot)}"

@@ -1,5 +1,6 @@
 """`rig sweep CAMPAIGN --over KEY=V1,V2,...`."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -54,6 +55,8 @@ def command(
     Rows are cases of their own, on all cores, or on a cluster. What is finished is kept and never
     run again.
     """
+    # The cases have the cores; threads of BLAS beside them wait for each other, busily.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from rig.cli.sweep_run import Wanted, main
 
     if jobs is not None and scheduler is not None:

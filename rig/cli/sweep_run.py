@@ -14,6 +14,7 @@ from rig.analysis.words import POWER_NAMES, watts
 from rig.batch import executors, made, sweep
 from rig.batch.cases import LEAD_IN
 from rig.batch.result import FAILED
+from rig.cli import dated
 from rig.cli.failure import fail
 from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
@@ -56,6 +57,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     except (*REFUSED, RunError) as error:
         return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
+    warnings = dated.warn(opened.campaign, quiet=as_json)
     executor = _executor(opened, wanted)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
     out, table = wanted.out or opened.folder / sweep.RESULT, None
@@ -88,6 +90,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
         "seconds": round(time.monotonic() - began, 3),
         "simulated_s": view.simulated,
         "run_now": view.done,
+        "warnings": warnings,
     }
     if as_json:
         print(json.dumps(told))

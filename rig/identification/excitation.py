@@ -8,6 +8,12 @@ the run itself also see what the device radiates and are no eta. Over all seas a
 is least squares, sum (f eta*)/sum |eta|^2, with the phase kept: that of e^{+i omega t}. The band is
 that of `frf`, from the scatter of the experiments. Where S_eta, the mean |eta|^2, is small against
 its median, noise is divided by little: such lines are marked, and so are lines beyond those of Z_i.
+
+Z_i of calm water holds the quadratic drag of calm water, linearised for that motion; in waves the
+same hull has another one. Where calm water tells the drag (`rig.identification.drag`), it is taken
+out of both, line by line of the measured motion:
+
+    f_exc = (Z_i V + c |V| V - F_LCB)/eta       with Z_i without drag
 """
 
 from collections.abc import Sequence
@@ -15,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rig.identification.drag import Drag, lines_of_drag
 from rig.identification.experiments import LCB, VELOCITY, Experiment
 from rig.identification.frf import factor
 from rig.identification.impedances import Model
@@ -49,6 +56,7 @@ class Excitation(NamedTuple):
     band: Floats  # N/m, radius of the 95 % circle
     power: Floats  # S_eta: mean square amplitude of the line, m^2
     good: Flags  # S_eta above the guard, within the lines of Z_i
+    drag: float  # N s^2/m^2, taken out line by line; 0: it stands in Z_i
 
 
 def same_sea(one: Experiment, sea: Sea) -> bool:
@@ -65,28 +73,40 @@ def same_sea(one: Experiment, sea: Sea) -> bool:
     )
 
 
-def excitation(experiments: Sequence[Experiment], seas: Sequence[Sea], model: Model) -> Excitation:
+def excitation(
+    experiments: Sequence[Experiment],
+    seas: Sequence[Sea],
+    model: Model,
+    drag: Drag | None = None,
+) -> Excitation:
     """The excitation from experiments in waves and their seas, pair by pair, all of equal lines.
 
-    ``model`` is the calm-water model whose Z_i is used. Raises ValueError for seas of other lines.
+    ``model`` is the calm-water model whose Z_i is used, unless ``drag`` knows it without drag.
+    Raises ValueError for seas of other lines.
     """
     first = seas[0]
     if any((sea.repeat, sea.cycles) != (first.repeat, first.cycles) for sea in seas):
         raise ValueError("the seas have not the same lines; identify them one by one")
     frequency = np.array(first.cycles) / first.repeat
-    impedance, inside = _between(model, frequency)
+    known, z = model.frequency, model.responses["Z_i"].value
+    if drag is not None:
+        known, z = drag.frequency, drag.impedance
+    impedance, inside = _between(known, z, frequency)
     forces = []
     for one in experiments:
         lines = np.array(first.cycles) * round(one.period / first.repeat) - 1
-        moved = one.channels[VELOCITY].mean(axis=0)[lines]
-        forces.append(impedance * moved - one.channels[LCB].mean(axis=0)[lines])
+        moved = one.channels[VELOCITY].mean(axis=0)
+        force = impedance * moved[lines] - one.channels[LCB].mean(axis=0)[lines]
+        if drag is not None:
+            force = force + drag.coefficient * lines_of_drag(moved)[lines]
+        forces.append(force)
     eta = np.array([sea.elevation for sea in seas])
-    force = np.array(forces)
+    pushed = np.array(forces)
     total = np.sum(np.abs(eta) ** 2, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = np.sum(force * eta.conj(), axis=0) / total
+        value = np.sum(pushed * eta.conj(), axis=0) / total
         degrees = len(experiments) - 1
-        left = np.sum(np.abs(force - value * eta) ** 2, axis=0)
+        left = np.sum(np.abs(pushed - value * eta) ** 2, axis=0)
         deviation = np.sqrt(left / max(degrees, 1) / total)
     power = total / len(seas)
     good = (power >= GUARD * np.median(power)) & inside & ~np.any([s.weak for s in seas], axis=0)
@@ -102,15 +122,15 @@ def excitation(experiments: Sequence[Experiment], seas: Sequence[Sea], model: Mo
         factor(degrees) * deviation,
         np.asarray(power, dtype=np.float64),
         np.asarray(good, dtype=np.bool_),
+        drag.coefficient if drag is not None else 0.0,
     )
 
 
-def _between(model: Model, frequency: Floats) -> tuple[Complexes, Flags]:
+def _between(known: Floats, z: Complexes, frequency: Floats) -> tuple[Complexes, Flags]:
     """Z_i at frequencies (Hz), on straight lines between its own; and where those reach.
 
     Im Z_i bends as 1/omega: omega Im Z_i is what lies on a line.
     """
-    known, z = model.frequency, model.responses["Z_i"].value
     real = np.interp(frequency, known, z.real)
     imag = np.interp(frequency, known, z.imag * known) / frequency
     slack = 1e-9

@@ -8,6 +8,7 @@ import numpy as np
 
 from rig.analysis import wave_calibration
 from rig.identification.bem import Bem
+from rig.identification.drag import drag_of
 from rig.identification.excitation import Excitation, Sea, excitation, same_sea
 from rig.identification.experiments import Experiment, experiments
 from rig.identification.families import Member, family
@@ -141,14 +142,14 @@ def _excitations(
             )
             continue
         pairs.setdefault(one.spring_rate, []).append((one, sea))
-    out = []
+    out, drag = [], drag_of(found) if pairs else None
     for rate, matched in pairs.items():
         model = _nearest(made, matched[0][0])
         if model is None:
             notes.append(f"waves at {rate:g} N/m: no intrinsic impedance from calm water")
             continue
         try:
-            out.append(excitation([e for e, _ in matched], [s for _, s in matched], model))
+            out.append(excitation([e for e, _ in matched], [s for _, s in matched], model, drag))
         except ValueError as error:
             notes.append(f"waves at {rate:g} N/m: {error}")
     return tuple(out)

@@ -81,3 +81,16 @@ def excited(reference: Complexes) -> Flags:
     """Which lines a reference has."""
     size = np.abs(reference)
     return np.asarray(size > EXCITED * size.max(initial=0.0), dtype=np.bool_)
+
+
+def synthesised(lines: Complexes) -> Floats:
+    """One repeat period of a signal from its lines, 64 samples to the highest line's period."""
+    samples = 64 * len(lines)
+    whole = np.zeros(samples // 2 + 1, dtype=np.complex128)
+    whole[1 : len(lines) + 1] = 0.5 * samples * lines
+    return np.asarray(np.fft.irfft(whole, samples), dtype=np.float64)
+
+
+def analysed(samples: Floats, count: int) -> Complexes:
+    """The first ``count`` lines of a signal over one repeat period."""
+    return np.asarray(np.fft.rfft(samples)[1 : count + 1] * (2.0 / len(samples)), np.complex128)

@@ -109,6 +109,7 @@ def _of_excitation(one: Excitation, bem: bem_file.Bem | None) -> dict[str, Any]:
         "band": one.band.tolist(),
         "s_eta_m2": one.power.tolist(),
         "good": one.good.tolist(),
+        "drag_taken_out_n_s2_per_m2": one.drag,
     }
     if bem is not None:
         expected = bem_file.at(bem, one.frequency)
@@ -239,7 +240,10 @@ def _excitation_text(one: Excitation, bem: bem_file.Bem | None) -> list[str]:
     good = one.good
     told = [
         f"Excitation at {one.spring_rate:g} N/m: {one.experiments} experiments in {one.seas} "
-        f"seas, eta from {one.probe}; {int(good.sum())} of {good.size} lines good"
+        f"seas, eta from {one.probe}; {int(good.sum())} of {good.size} lines good",
+        f"quadratic drag of {one.drag:.4g} N·s²/m² taken out line by line"
+        if one.drag
+        else "no quadratic drag seen in calm water: what there is stands in Z_i",
     ]
     if bem is not None and good.any():
         expected = bem_file.at(bem, one.frequency)

@@ -11,7 +11,8 @@ from rig.session.plan import SessionPlan
 
 
 def resolved_session(session: Session) -> str:
-    """JSON text: every key of every file with its default filled in, files and sha256.
+    """JSON text: every key of every file with its default filled in, the constants and the
+    correction that come of them, files and sha256.
 
     Equal sessions give equal text.
     """
@@ -20,6 +21,8 @@ def resolved_session(session: Session) -> str:
         "rig": session.rig.model_dump(mode="json"),
         "limits": session.limits.model_dump(mode="json"),
         "plant": session.plant,
+        "constants": session.constants._asdict(),
+        "correction": session.correction._asdict(),
         "calibration_runs": session.correction.runs,
         "files": [
             {"role": file.role, "path": shown(file.path), "sha256": file.sha256}

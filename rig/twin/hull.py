@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
+from rig.identification.drag import along, coefficient, lines_of_drag
 from rig.identification.periods import Complexes, Floats
 from rig.twin.group import Group
-from rig.twin.records import Record, analysed, synthesised
+from rig.twin.records import Record
 
 NAMES = ("inertia", "viscous", "hydrostatic")
-SURE = 3.0  # standard deviations from which a quadratic drag is believed
 _BEGINNINGS = ((3.0, 4.0, 5.0, 20.0, 4.0), (2.0, 5.0, 3.0, 14.0, 2.0), (4.0, 8.0, 6.0, 40.0, 1.5))
 _SCALE = np.array([1.0e3, 3.0e2, 2.0e4, 4.0e3, 6.0e4, 5.0e5, 5.0e5])  # SI, of the linear numbers
 _WATCHED = np.geomspace(0.05, 200.0, 80)  # rad/s, where the hull must not give energy
@@ -60,10 +60,10 @@ def hull(records: Sequence[Record]) -> Hull:
         raise ValueError(f"{lines.size} lines cannot tell hull and radiation; at least 7 do")
     velocity = np.array([one.velocity[lines] for one in used])
     force = np.array([one.lcb[lines] for one in used])
-    drag = np.array([_drag(one)[lines] for one in used])
+    drag = np.array([lines_of_drag(one.velocity)[lines] for one in used])
     quadratic = _quadratic(velocity, force, drag)
     linear = np.asarray(force - quadratic.values[0] * drag, dtype=np.complex128)
-    z = _along(linear, velocity)
+    z = along(linear, velocity)
     omega = used[0].omega[lines]
     numbers, poles = _fit(omega, z)
     told = _impedance(numbers, poles, omega)
@@ -85,34 +85,14 @@ def _span(omega: Floats) -> str:
     return f"{low:.3g} to {high:.3g}"
 
 
-def _drag(record: Record) -> Complexes:
-    """Lines of |v| v (m^2/s^2)."""
-    v = synthesised(record, record.velocity)
-    return analysed(record, np.abs(v) * v)
-
-
-def _along(force: Complexes, velocity: Complexes) -> Complexes:
-    """Least-squares factor of velocity in force at each line, over the rows."""
-    square = np.sum(np.abs(velocity) ** 2, axis=0)
-    return np.asarray(np.sum(force * np.conj(velocity), axis=0) / square, dtype=np.complex128)
-
-
 def _quadratic(velocity: Complexes, force: Complexes, drag: Complexes) -> Group:
     """Drag coefficient from what velocity alone does not explain; 0 where it is not sure."""
-    left = force - _along(force, velocity) * velocity
-    other = drag - _along(drag, velocity) * velocity
-    square = float(np.sum(np.abs(other) ** 2))
-    name = ("viscous_quadratic",)
-    count = 2 * (velocity.shape[0] - 1) * velocity.shape[1] - 1
-    if count < 1 or square < 1e-9 * float(np.sum(np.abs(drag) ** 2)):
+    name, found = ("viscous_quadratic",), coefficient(velocity, force, drag)
+    if not found.told:
         return Group(name, (0.0,), np.zeros((1, 1)), "one row: drag stands in the linear damping")
-    found = float(np.sum((left * np.conj(other)).real)) / square
-    rest = left - found * other
-    deviation = float(np.sqrt(np.sum(np.abs(rest) ** 2) / count / square))
     source = f"{velocity.shape[0]} rows of one to several amplitudes, lines of |v| v"
-    if found < SURE * deviation:
-        return Group(name, (0.0,), np.array([[deviation**2]]), f"{source}: none to be seen")
-    return Group(name, (found,), np.array([[deviation**2]]), source)
+    seen = source if found.value else f"{source}: none to be seen"
+    return Group(name, (found.value,), np.array([[found.deviation**2]]), seen)
 
 
 def _denominator(poles: Floats) -> Floats:

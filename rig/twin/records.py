@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis.windows import Window, windows
+from rig.identification import periods
 from rig.identification.periods import (
     Complexes,
     Flags,
@@ -108,17 +109,14 @@ def read(run: Path) -> Read:
 
 
 def synthesised(record: Record, lines: Complexes) -> Floats:
-    """One repeat period of a signal from its lines, 64 samples to the highest line's period."""
-    samples = 64 * len(lines)
-    whole = np.zeros(samples // 2 + 1, dtype=np.complex128)
-    whole[1 : len(lines) + 1] = 0.5 * samples * lines
-    return np.asarray(np.fft.irfft(whole, samples), dtype=np.float64)
+    """One repeat period of a signal from as many lines as the record has."""
+    assert len(lines) == len(record.velocity)
+    return periods.synthesised(lines)
 
 
 def analysed(record: Record, samples: Floats) -> Complexes:
     """The record's lines of a signal over one repeat period."""
-    count = len(record.velocity)
-    return np.asarray(np.fft.rfft(samples)[1 : count + 1] * (2.0 / len(samples)), np.complex128)
+    return periods.analysed(samples, len(record.velocity))
 
 
 def _record(window: Window, row: dict[str, Any], known: Facts) -> Record:

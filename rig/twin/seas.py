@@ -13,11 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rig.identification.drag import lines_of_drag
 from rig.identification.excitation import Excitation
 from rig.identification.periods import Complexes, Floats
 from rig.twin.group import Group
 from rig.twin.hull import Hull
-from rig.twin.records import Record, analysed, synthesised
+from rig.twin.records import Record
 
 SCALE = "excitation_scale"
 BEM_DEVIATION = 0.03  # engineering choice: of a BEM excitation that nothing was measured against
@@ -77,8 +78,7 @@ def _ratio(record: Record, hull: Hull, coefficient: Coefficient) -> float:
     assert record.sea is not None
     lines = np.flatnonzero(record.excited)
     omega = record.omega[lines]
-    v = synthesised(record, record.velocity)
-    drag = analysed(record, np.abs(v) * v)[lines]
+    drag = lines_of_drag(record.velocity)[lines]
     z = _hull_impedance(hull, omega)
     force = z * record.velocity[lines] + hull.quadratic.values[0] * drag - record.lcb[lines]
     size = np.interp(omega / (2.0 * np.pi), coefficient.frequency, np.abs(coefficient.excitation))

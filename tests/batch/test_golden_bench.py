@@ -1,0 +1,111 @@
+"""Golden runs of the bench, and fresh ones, come out of today's cycle as they were logged.
+
+A fresh run does so to the bit. The golden ones are of the processor that made them: the reference
+of the bench takes sines of the C library, which may differ in the last bit on another one, and a
+loop closed on its own estimate carries that on. 1e-9 (rad, rad/s, N m, A) is far above what such
+bits become in a few seconds and far below what any change of a law does.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from golden_bench import LOOPS, record
+from rehearsing import CONFIGS, yaml_file
+from rig_command import rig_here
+
+from rig import bench
+from rig import replay as replays
+from rig.replay import replay
+from rig.runs import RunError, facts, open_run
+from rig.session import plan_session
+from rig.session.assemble import bench_params
+from rig.session.check import check_session
+from rig.session.logged import session_as_logged
+from rig.session.resolved import resolved_session
+
+LAST_BITS = 1e-9
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_a_golden_run_of_the_bench_comes_out_again(loop: str) -> None:
+    found = replay(record(loop))
+    far = [each for each in found.differences if not each.largest <= LAST_BITS]
+    assert far == [], (
+        f"the cycle decides otherwise than when the golden run was stored: {far}; "
+        "where that is meant, make them anew (tests/batch/golden_bench.py)"
+    )
+    assert (found.requests, found.absent) == ((), ())
+    assert found.fields >= 36
+    moved = open_run(record(loop), fields=["command.current", "command.volts", "motor.angle"])
+    acting = "command.current" if loop == "bench_torque" else "command.volts"
+    assert float(abs(moved[acting]).max()) > 0.1
+    assert record(loop).stat().st_size <= 600_000  # bytes
+
+
+def test_a_law_of_the_bench_that_decides_otherwise_is_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As if today's code estimated one motor velocity, in tick 900, a nanoradian a second off."""
+    sound, tick = bench.KIND.observe, iter(range(10_000))
+
+    def observe(*given: Any) -> Any:
+        motor, shaft = sound(*given)
+        off = 1e-6 if next(tick) == 900 else 0.0
+        return motor._replace(velocity=motor.velocity + off), shaft
+
+    monkeypatch.setattr(replays.bench, "KIND", bench.KIND._replace(observe=observe))
+    code, said, _ = rig_here("replay", record("bench_velocity"), "--json")
+    assert code == 1
+    first = json.loads(said)["differences"][0]
+    assert (first["field"], first["first"]) == ("motor.velocity", 900)
+    assert math.isclose(first["largest"], 1e-6, rel_tol=1e-3)
+
+
+SESSIONS: dict[str, dict[str, Any]] = {
+    "driveline": {"grid": [{"amplitude_deg": [5, 15], "damping_n_m_s_per_rad": 42, "period_s": 2}]},
+    "brake_map": {"grid": [{"amplitude_deg": 5, "brake_current_a": [0.1, 0.2], "period_s": 2}]},
+    "torque_tracking": {
+        "grid": [{"torque_amplitude_n_m": [10, 20], "period_s": 2}],
+        "shaft": "clamped",
+        "control": "closed loop",
+    },
+}
+SHIPPED = ("driveline_online", "irregular_instantaneous", "flap_rao_irregular")
+
+
+@pytest.mark.parametrize("name", [*SESSIONS, *SHIPPED])
+def test_what_a_record_keeps_of_a_session_gives_its_parameters_again(
+    name: str, tmp_path: Path
+) -> None:
+    """Every number that the cycle is given: calibrations, corrections and set points are in it."""
+    if name in SESSIONS:
+        told = {"name": "test", "session": name, **SESSIONS[name]}
+        told["rig"] = str(CONFIGS / "rigs" / "oswec_bench.yaml")
+        told["timing"] = {"rise_s": 0.5, "settle_periods": 0, "periods": 1}
+        path = yaml_file(tmp_path / "session.yaml", told)
+    else:
+        path = CONFIGS / "sessions" / f"{name}.yaml"
+    report = check_session(path)
+    assert report.session is not None, report.text()
+    again = session_as_logged(json.loads(resolved_session(report.session)))
+    ours, theirs = plan_session(report.session), plan_session(again)
+    assert bench_params(again, theirs) == bench_params(report.session, ours)
+
+
+def test_a_run_that_kept_no_constants_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As runs of the bench did before."""
+    sound = facts
+
+    def without(*given: Any) -> Any:
+        known = sound(*given)
+        kept = {key: value for key, value in known.config.items() if key != "constants"}
+        return known._replace(config=kept)
+
+    monkeypatch.setattr(replays, "facts", without)
+    with pytest.raises(RunError, match="constants"):
+        replay(record("bench_torque"))

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from rig import cli
 from rig.campaign import Campaign
 from rig.campaign_run import carry_out, rehearsal, wired
+from rig.cli import failure
 from rig.cli.check import complain, examine
 from rig.cli.ending import exit_code, in_words, tell_folder
 from rig.cli.failure import fail
@@ -106,7 +107,8 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, A
         optima = summary["optima"]
         create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
-        return products, optima, str(error) if products else f"no products: {error}"
+        said = failure.in_words(error)
+        return products, optima, said if products else f"not all products are made: {said}"
     except KeyboardInterrupt:
         again = f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
         return products, optima, again

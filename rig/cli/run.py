@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.campaign import Campaign
+from rig.campaign import Campaign, Plan
 from rig.campaign_run import carry_out, rehearsal, wired
 from rig.cli import failure
 from rig.cli.check import complain, examine
@@ -38,6 +38,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     warnings = report.warnings
     if not as_json:
         _warn(warnings, path)
+        _warn_of_room(runs, plan)
     title = f"{campaign.file.name} on {campaign.rig.name}"
     try:
         rung = _rung(campaign, wanted)
@@ -77,6 +78,14 @@ def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
     if len(warnings) > _MOST_WARNINGS:
         left = len(warnings) - _MOST_WARNINGS
         print(f"and {left} more warnings; rig check {path} says all", file=sys.stderr)
+
+
+def _warn_of_room(runs: Path, plan: Plan) -> None:
+    """A full disk stops the rig: better known before the waves than in the last row."""
+    from rig.doctor import disk
+
+    if short := disk.shortage(runs, plan.duration, 1.0 / plan.dt):
+        print(f"warning: {short}", file=sys.stderr)
 
 
 def _rung(campaign: Campaign, wanted: Wanted) -> Rung:

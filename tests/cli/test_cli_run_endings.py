@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 import signal
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,8 +12,10 @@ import pytest
 
 from rig.analysis import summary
 from rig.child import Child
+from rig.cli import failure
 from rig.cli.ending import in_words
 from rig.cli.progress import Progress
+from rig.doctor import disk
 from rig.limits import Limited, Warned
 from rig.sequence import Phase
 from rig.supervisor import Snapshot
@@ -125,3 +128,20 @@ def test_a_full_disk_leaves_no_half_of_a_summary(
         summary.write_texts(None, tmp_path)  # type: ignore[arg-type]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["summary.json", "summary.txt"]
     assert json.loads((tmp_path / "summary.json").read_bytes()) == {"status": "before"}
+
+
+def test_a_full_disk_is_told_without_a_number() -> None:
+    """A write names no file in its error, as opening one does."""
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert failure.in_words(full) == "No space left on device"
+
+
+def test_a_disk_too_small_for_the_run_is_told_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run's rows are counted as if nothing of them could be compressed."""
+    need = 1000 * disk.row_bytes()  # 10 s at 100 Hz
+    monkeypatch.setattr("os.statvfs", lambda place: SimpleNamespace(f_bavail=need, f_frsize=1))
+    assert disk.shortage(tmp_path / "not" / "yet", 10.0, 100.0) == ""
+    said = disk.shortage(tmp_path / "not" / "yet", 10.01, 100.0)
+    assert said.startswith(f"{1e-6 * need:.1f} MB free in {tmp_path}; this run may write up to")

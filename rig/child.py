@@ -2,6 +2,7 @@
 
 import json
 import queue
+import signal
 import subprocess
 import sys
 import threading
@@ -71,9 +72,21 @@ class Child:
         self._listener.join(timeout=5.0)
 
     def last_words(self) -> str:
-        """The last line the process wrote to its error file, or its exit code."""
+        """The last line the process wrote to its error file, or its signal or exit code."""
         text = self._errors.read_text(errors="replace").strip() if self._errors.exists() else ""
-        return text.splitlines()[-1] if text else f"exit code {self.process.returncode}"
+        if text:
+            return text.splitlines()[-1]
+        code = self.process.returncode
+        if code is not None and code < 0:
+            return f"killed by {_signal_name(-code)}"
+        return f"exit code {code}"
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time signal between the two that have names
+        return f"signal {number}"
 
 
 class Progress:

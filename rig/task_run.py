@@ -134,13 +134,17 @@ def _close_folder(folder: Path, task: Task, outcome: Outcome, started: datetime,
     try:
         _join_parts(folder)
     except (OSError, RunError) as error:
-        trouble.append(str(error))
+        trouble.append(f"the record stays as its writers left it, `rig recover`: {_why(error)}")
     try:
         create.write_json(folder, STATUS, status)
         (folder / PROGRESS).unlink(missing_ok=True)
     except OSError as error:
-        trouble.append(str(error))
+        trouble.append(f"{STATUS} does not tell how the run ended: {_why(error)}")
     return "; ".join(trouble)
+
+
+def _why(error: Exception) -> str:
+    return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
 def _status(folder: Path, task: Task, started: datetime, rung: Rung) -> dict[str, Any]:

@@ -242,9 +242,19 @@ def _best(summary: Summary) -> list[str]:
     return lines
 
 
+def _json(summary: Summary) -> str:
+    return json.dumps(as_json(summary), indent=2, ensure_ascii=False)
+
+
 def write_texts(summary: Summary, folder: Path) -> list[Path]:
-    """``summary.txt`` and ``summary.json``."""
+    """``summary.txt`` and ``summary.json``, each whole or not at all; raises OSError."""
     text, data = folder / "summary.txt", folder / "summary.json"
-    text.write_text(as_text(summary), encoding="utf-8")
-    data.write_text(json.dumps(as_json(summary), indent=2, ensure_ascii=False), encoding="utf-8")
+    for path, written in ((text, as_text(summary)), (data, _json(summary))):
+        part = path.with_name(f".{path.name}.new")
+        try:
+            part.write_text(written, encoding="utf-8")
+        except OSError:  # a full disk: no half of it stays behind
+            part.unlink(missing_ok=True)
+            raise
+        part.replace(path)
     return [text, data]

@@ -18,11 +18,7 @@ _NAMES: dict[str, type[IntEnum]] = {
     "safety.reason": Reason,
     "plan.phase": Phase,
 }
-_FLAGS: dict[str, type[IntFlag]] = {
-    "heave.command.limited": Limited,
-    "heave.warned": Warned,
-    "command.limited": Limited,
-}
+_FLAGS: dict[str, type[IntFlag]] = {"command.limited": Limited, "warned": Warned}  # of every axis
 _EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 
@@ -41,11 +37,16 @@ def in_words(row: dict[str, float | int]) -> dict[str, Any]:
     for name, value in row.items():
         if name in _NAMES:
             told[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
-        elif name in _FLAGS:
-            told[name] = [flag.name for flag in _FLAGS[name] if int(value) & flag]
+        elif flags := _flags_of(name):
+            told[name] = [flag.name for flag in flags if int(value) & flag]
         else:
             told[name] = value if math.isfinite(value) else None
     return told
+
+
+def _flags_of(name: str) -> type[IntFlag] | None:
+    endings = (flags for end, flags in _FLAGS.items() if f".{name}".endswith(f".{end}"))
+    return next(endings, None)
 
 
 def tell_folder(ended: Ended, products: list[Path], trouble: str) -> None:

@@ -12,12 +12,28 @@ def _probe_words(snapshot: Snapshot) -> str:
     return "   ".join(f"{n}: {1e3 * level:+6.1f} mm" for n, level in enumerate(levels, 1))
 
 
+def _mean_powers(snapshot: Snapshot) -> str:
+    row = snapshot.row
+    return (
+        f"{row['power.mean_mechanical_1']:+8.2f} W mechanical   "
+        f"{row['power.mean_ac']:+8.2f} W AC   {row['power.mean_dc']:+8.2f} W DC"
+    )
+
+
 class Progress(RunPanel):
     """A campaign: its row, motion, and power."""
 
     def __init__(self, title: str, rung: str, plan: Plan, *, quiet: bool) -> None:
         super().__init__(title, rung, plan, quiet=quiet)
         self._plan = plan
+        self._measured = ""  # the last row that was seen measuring, and its power
+
+    def __call__(self, snapshot: Snapshot) -> None:
+        """Draw the run as it stands, and keep what the row measured for when it is over."""
+        if snapshot.row and snapshot.row.get("power.samples", 0) > 0:
+            power = _mean_powers(snapshot)
+            self._measured = f"row {int(snapshot.row['plan.row'])} when last seen {power}"
+        super().__call__(snapshot)
 
     def scene(self, snapshot: Snapshot) -> list[tuple[str, str]]:
         """Motion and power of heave; without the device the probes."""
@@ -72,13 +88,9 @@ class Progress(RunPanel):
         )
 
     def _power_words(self, snapshot: Snapshot) -> str:
-        row = snapshot.row
-        if row["power.samples"] == 0:
-            return "not measuring"
-        return (
-            f"so far {row['power.mean_mechanical_1']:+8.2f} W mechanical   "
-            f"{row['power.mean_ac']:+8.2f} W AC   {row['power.mean_dc']:+8.2f} W DC"
-        )
+        if snapshot.row["power.samples"] == 0:
+            return self._measured or "not measuring"
+        return f"so far {_mean_powers(snapshot)}"
 
     def whole(self, snapshot: Snapshot) -> float:
         """Seconds of the whole run: as planned, and what was waited for before the waves."""

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.campaign import Campaign
+from rig.campaign import Campaign, Plan
 from rig.campaign_run import carry_out, rehearsal, wired
+from rig.cli import failure
 from rig.cli.check import complain, examine
 from rig.cli.ending import exit_code, in_words, tell_folder
 from rig.cli.failure import fail
@@ -37,6 +38,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     warnings = report.warnings
     if not as_json:
         _warn(warnings, path)
+        _warn_of_room(runs, plan)
     title = f"{campaign.file.name} on {campaign.rig.name}"
     try:
         rung = _rung(campaign, wanted)
@@ -78,6 +80,14 @@ def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
         print(f"and {left} more warnings; rig check {path} says all", file=sys.stderr)
 
 
+def _warn_of_room(runs: Path, plan: Plan) -> None:
+    """A full disk stops the rig: better known before the waves than in the last row."""
+    from rig.doctor import disk
+
+    if short := disk.shortage(runs, plan.duration, 1.0 / plan.dt):
+        print(f"warning: {short}", file=sys.stderr)
+
+
 def _rung(campaign: Campaign, wanted: Wanted) -> Rung:
     """On what to run: a rig with wires is run on them, or, with --sim, on emulated devices."""
     if campaign.rig.wiring is None:
@@ -106,7 +116,8 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, A
         optima = summary["optima"]
         create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
-        return products, optima, str(error) if products else f"no products: {error}"
+        said = failure.in_words(error)
+        return products, optima, said if products else f"not all products are made: {said}"
     except KeyboardInterrupt:
         again = f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
         return products, optima, again

@@ -64,9 +64,13 @@ def modbus(
     serial: Annotated[
         str | None, typer.Option("--serial", help="Serial port of an RTU line, instead.")
     ] = None,
-    baud: Annotated[int, typer.Option("--baud", min=1200, max=4_000_000)] = 19_200,
-    parity: Annotated[Parity, typer.Option("--parity")] = Parity.NONE,
-    stop_bits: Annotated[int, typer.Option("--stop-bits", min=1, max=2)] = 1,
+    baud: Annotated[
+        int, typer.Option("--baud", min=1200, max=4_000_000, help="Of the serial line, bit/s.")
+    ] = 19_200,
+    parity: Annotated[Parity, typer.Option("--parity", help="Of the serial line.")] = Parity.NONE,
+    stop_bits: Annotated[
+        int, typer.Option("--stop-bits", min=1, max=2, help="Of the serial line.")
+    ] = 1,
     first: Annotated[int, typer.Option("--first", min=1, max=247, help="First unit.")] = 1,
     last: Annotated[int, typer.Option("--last", min=1, max=247, help="Last unit.")] = 247,
     timeout: Annotated[

@@ -44,6 +44,19 @@ def findings(host: Host, runs: Path, hours: float, rate_hz: float) -> list[Findi
     ]
 
 
+def shortage(runs: Path, seconds: float, rate_hz: float) -> str:
+    """Words where so long a log may not find room in the folder of runs; empty where it does."""
+    place = _standing(runs)
+    try:
+        seen = os.statvfs(place)
+    except OSError:
+        return ""  # what is wrong with the folder is said where the run is made in it
+    free, need = seen.f_bavail * seen.f_frsize, seconds * rate_hz * row_bytes()
+    if free >= need:
+        return ""
+    return f"{1e-6 * free:.1f} MB free in {place}; this run may write up to {1e-6 * need:.1f} MB"
+
+
 def _standing(runs: Path) -> Path:
     """The folder, or the nearest one above it that is there."""
     place = runs.absolute()

@@ -85,7 +85,7 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
     outcome = ended.outcome
     assert outcome.status == "fault"
     assert outcome.reason in DEATHS[who]
-    assert outcome.died == f"{who} ended: exit code -9"
+    assert outcome.died == f"{who} ended: killed by SIGKILL"
     assert outcome.dropped == outcome.unsaved == 0
     status = json.loads((ended.folder / "run.json").read_text())
     assert status["died"] == outcome.died

@@ -3,8 +3,10 @@
 One sea is rehearsed; there the compiled loop, which gives the other seas, is shown to give the
 same powers.
 
-The oracle (tests/sim_plant/closed_form.py) works in the frequency domain and shares nothing with
-the loop but numbers of the plant file: the controller it sees is
+The oracle (tests/sim_plant/closed_form.py) works in the frequency domain. It shares with the
+rehearsal the numbers of plant and BEM file, the lines of the sea and the estimator's gains, not one
+step in time; the estimator's response is held against its steps by a test of its own. The
+controller it sees is
 C(jw) = (Kp H_v + Ki H_x / jw) exp(-jw (T_delay + T/2)) / (1 + jw tau), with the estimator's
 response H, one tick of fieldbus delay, the hold and the drive's current loop.
 """

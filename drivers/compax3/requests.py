@@ -3,7 +3,10 @@
 Answers carry no number, so an answer that is late looks like that to the next question. Therefore,
 after the line opened or an answer failed to come in time, nothing is believed until the drive has
 answered `_?` with its name: a text, which no binary answer can be mistaken for. Answers come in
-order, so whatever was late has come before it and is thrown away.
+order, so whatever was late has come before it and is thrown away. `_?` itself may be answered late:
+a name counts only when no earlier `_?` is still to be answered. If one is, nothing more is asked
+until all are answered, or until the line was quiet for ten times `answer`: then they were lost. So a
+drive later than `answer` is never believed, and one that was silent a little later.
 
 The drive gives up a record whose bytes are 5 ms apart, and so does this side: before a new start
 the line is quiet for longer than that and than the slowest answer, but it is not waited for for
@@ -19,6 +22,8 @@ from drivers.errors import CodecError
 
 GAP = 0.005  # s between two bytes of a message, at most; source: manual 192-120100, 5.2
 _BABBLE = 4.0  # times the quiet time after which a line that is never quiet is spoken on
+_LOST = 10.0  # times `answer`: after such a silence an unanswered `_?` was lost
+_TOO_LATE = "answers, but later"
 _NEVER = -1e9  # s, before any clock began
 
 
@@ -44,6 +49,8 @@ class Requests:
         self._stream = stream.start()
         self._known = False  # the drive has given its name since the last doubt
         self._asked: float | None = None  # when the outstanding question went out
+        self._names = 0  # how many `_?` have no answer yet
+        self._draining = False  # one was answered out of turn: the others are waited for
         self._heard = _NEVER
         self._doubt = _NEVER  # since when nothing is believed
         self._spoken = _NEVER
@@ -71,7 +78,7 @@ class Requests:
             bad_records=self._stream.bad_records,
             bad_lines=self._stream.bad_lines,
         )
-        self._heard = _NEVER
+        self._heard, self._names, self._draining = _NEVER, 0, False
         self._distrust(now, "has not answered yet")
 
     def take(self, data: bytes, now: float) -> Record | None:
@@ -110,7 +117,9 @@ class Requests:
         asked = self._asked
         if asked is not None and now - asked > self._timing.answer:
             self.timeouts += 1
-            self._distrust(now, f"no answer in {self._timing.answer:g} s")
+            late = self.trouble if self._names and not self._known else ""
+            why = f"no answer in {self._timing.answer:g} s"
+            self._distrust(now, late if late.startswith(_TOO_LATE) else why)
             if owed:
                 self._spoken = now
                 return owed
@@ -124,7 +133,12 @@ class Requests:
         if owed and self._spoken < self._doubt:
             self._spoken = now
             return owed
+        if self._draining:
+            if self._names and now - self._heard <= _LOST * self._timing.answer:
+                return b""
+            self._names, self._draining = 0, False
         self._asked = self._spoken = now
+        self._names += 1
         return self._identify
 
     def doubt(self, now: float, why: str) -> None:
@@ -136,11 +150,17 @@ class Requests:
         self.trouble = why
 
     def _look_for_name(self, message: Record | Reply) -> None:
+        if isinstance(message, Reply):
+            self._names = max(0, self._names - 1)  # answers come in order
         if not (isinstance(message, Reply) and message.answer is Answer.TEXT):
             self.late += 1
         elif not message.text.startswith(self._identity):
             self.trouble = f"calls itself {message.text!r}, not {self._identity!r}"
             self._asked = None  # asked again, in case it was a stray text
-        elif self._asked is not None:
+        elif self._names or self._asked is None:
+            self.late += 1
+            self._asked, self._draining = None, True
+            self.trouble = f"{_TOO_LATE} than {self._timing.answer:g} s"
+        else:
             self.name, self.trouble = message.text, ""
             self._known, self._asked = True, None

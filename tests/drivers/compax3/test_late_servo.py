@@ -1,0 +1,49 @@
+"""A drive that answers later than it may is never taken for one that answers in time."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.compax3.codec import NO_ADDRESS
+from drivers.compax3.requests import Requests, Timing
+
+NAME = b"C3S063V2F12I20T30M11\r"
+ANSWER, STEP = 0.1, 0.001  # s
+
+
+def asked_for(seconds: float, late: float, lost: frozenset[int] = frozenset()) -> Requests:
+    """A line on which every `_?` is answered ``late`` s later, but for those that are lost."""
+    line = Requests("servo", NO_ADDRESS, "C3", Timing(ANSWER, 0.02))
+    line.opened(0.0)
+    due: list[float] = []
+    said = 0
+    for tick in range(round(seconds / STEP)):
+        now = tick * STEP
+        come = NAME if due and due[0] <= now else b""
+        del due[: 1 if come else 0]
+        line.take(come, now)
+        if line.known:
+            break
+        if line.upkeep(now, b""):
+            if said not in lost:
+                due.append(now + late)
+            said += 1
+    return line
+
+
+@pytest.mark.parametrize("late", [0.102, 0.115, 0.125, 0.24, 0.5, 0.99, 1.5, 3.0])
+def test_names_that_come_too_late_are_not_believed(late: float) -> None:
+    line = asked_for(10.0, late)
+    assert not line.known
+    assert line.name == ""
+    assert line.trouble == "answers, but later than 0.1 s"
+
+
+@pytest.mark.parametrize("late", [0.0, 0.01, 0.09])
+def test_a_name_in_time_is_believed_at_once(late: float) -> None:
+    assert asked_for(0.05 + late, late).known
+
+
+def test_a_question_that_was_lost_is_written_off() -> None:
+    """A silence of ten times `answer`, and one question more."""
+    assert asked_for(16 * ANSWER, 0.01, frozenset({0, 1, 2})).known

@@ -101,16 +101,25 @@ def _roomy(column: Column, count: int, room: int, values: Column) -> Column:
     return grown
 
 
+def _ids(rows: Iterable[int]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Campaign row ids in order; TypeError names the first that is none."""
+    whole = list(rows)
+    for each in whole:
+        if isinstance(each, bool) or not isinstance(each, int | np.integer):
+            raise TypeError(f"rows are asked for by their ids, whole numbers; {each!r} is none")
+    return np.array(sorted(set(whole)), np.int64)
+
+
 def columns(run: Source, names: list[str], rows: Iterable[int] | None = None) -> dict[str, Column]:
     """The named fields as contiguous arrays; with ``rows``, only ticks of those campaign rows.
 
     Whole numbers that are labels (units `index` and `flag`) are int16 where they fit, others int64.
-    KeyError if a row id is not in the run.
+    KeyError if a row id is not in the run, TypeError if it is no whole number.
     """
     kinds = {leaf.name: _kind(leaf) for leaf in run.leaves}
     if rows is not None and ROW_FIELD not in kinds:
         raise KeyError(f"this kind of run has no campaign rows ({ROW_FIELD})")
-    wanted = None if rows is None else np.array(sorted(set(rows)), np.int64)
+    wanted = None if rows is None else _ids(rows)
     seen: set[int] = set()
     room = run.most_rows  # an upper bound for files of our own
     out: dict[str, Column] = {name: np.empty(room, kinds[name]) for name in names}
@@ -145,7 +154,8 @@ def open_run(
     given. ``rows``: campaign row ids. Units come from the schema in the file, the dataset's
     attributes from its attachments. Row ids, phases, modes and flags are int16 where they fit.
     Finished files and those of a killed writer are read alike.
-    KeyError for an unknown field or row, RunError for a file that cannot be read.
+    KeyError for an unknown field or row, TypeError for a row that is no whole number, RunError for
+    a file that cannot be read.
     """
     opened = source(run)
     names = choose(opened.leaves, fields)

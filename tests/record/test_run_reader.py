@@ -75,6 +75,8 @@ def test_rows_by_id(run: Path) -> None:
         [t * 1e-3 for t in (*range(300, 400), *range(2400, 2500))]
     )
     assert open_run(run, "load", rows=7).sizes["time"] == 100
+    with pytest.raises(TypeError, match="whole numbers; 'three' is none"):
+        open_run(run, "load", rows=[3, "three"])  # type: ignore[list-item]
     with pytest.raises(KeyError, match=r"no row 99 in this run \(rows: 0 to 24\)"):
         open_run(run, rows=99)
 

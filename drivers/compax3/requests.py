@@ -5,8 +5,8 @@ after the line opened or an answer failed to come in time, nothing is believed u
 answered `_?` with its name: a text, which no binary answer can be mistaken for. Answers come in
 order, so whatever was late has come before it and is thrown away. `_?` itself may be answered late:
 a name counts only when no earlier `_?` is still to be answered. If one is, nothing more is asked
-until all are answered, or until the line was quiet for ten times `answer`: then they were lost. A
-drive later than `answer` is never believed, and one that was silent a little later.
+until all are answered, or until the line was quiet for ten times `answer`: then they were lost. So
+a drive later than `answer` is never believed, and one that lost a `_?` a little later.
 
 The drive gives up a record whose bytes are 5 ms apart, and so does this side: before a new start
 the line is quiet for longer than that and than the slowest answer, but it is not waited for for

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from ruamel.yaml import YAML
 
-from rig.analysis.rows import row_table
+from rig.analysis.rows import COMPLETE, POWERS, row_table
 from rig.batch import sweep
 from rig.batch.executors import threads
 from rig.campaign import check
@@ -65,3 +66,13 @@ def sequentially_swept(path: Path) -> Any:
 def table_of(ended: Ended) -> Any:
     """Row table of a run."""
     return row_table(ended.folder)
+
+
+def assert_same_rows(rehearsed: Any, swept: Any) -> None:
+    """A rehearsal and the compiled loop measured the same rows, all of them whole.
+
+    To 1e-12: sums of the same bits, taken in another order.
+    """
+    assert set(rehearsed.state.values.tolist()) == set(swept.state.values.tolist()) == {COMPLETE}
+    for name in ("samples", "start", *(f"power_{kind}" for kind in POWERS)):
+        np.testing.assert_allclose(rehearsed[name], swept[name], rtol=1e-12, err_msg=name)

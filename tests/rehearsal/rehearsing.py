@@ -1,7 +1,12 @@
-"""Running small campaigns end to end, through supervisor, loop and logger, for the tests."""
+"""Running small campaigns end to end, through supervisor, loop and logger, for the tests.
+
+As a program (`python rehearsing.py CAMPAIGN RUNS`) it is a supervisor of its own, without what
+`rig run` does before and after; it says how the run ended.
+"""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -76,3 +81,7 @@ def assert_same_rows(rehearsed: Any, swept: Any) -> None:
     assert set(rehearsed.state.values.tolist()) == set(swept.state.values.tolist()) == {COMPLETE}
     for name in ("samples", "start", *(f"power_{kind}" for kind in POWERS)):
         np.testing.assert_allclose(rehearsed[name], swept[name], rtol=1e-12, err_msg=name)
+
+
+if __name__ == "__main__":
+    print(run(Path(sys.argv[1]), Path(sys.argv[2])).outcome.status)

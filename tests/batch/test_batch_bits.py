@@ -229,48 +229,52 @@ def test_all_that_compiled_code_is_made_of_names_its_folder(monkeypatch: Any) ->
     assert lift.cache_folder("x", (*LIFTED, *BESIDE)) != now
 
 
-def elsewhere(tree: Path, path: Path, **environment: str) -> list[dict[str, Any]]:
-    """Both ways in a process of its own, with the packages of a tree.
+WHERE = """
+from rig import lift
+from rig.batch.compiled import BESIDE, LIFTED
+print(lift.cache_folder("x", (*LIFTED, *BESIDE)))
+"""
+
+
+def said_in(tree: Path, *words: str, **environment: str) -> str:
+    """What a process of its own says, with the packages of a tree.
 
     Not optimised, which takes a third less time and gives the same bits.
     """
-    program = Path(__file__).with_name("both_ways.py")
     done = subprocess.run(
-        [sys.executable, str(program), str(path)],
+        [sys.executable, *words],
         env={**os.environ, "PYTHONPATH": str(tree), "NUMBA_OPT": "0", **environment},
+        cwd=tree,  # which Python looks into before anything else, or not at all
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    found: list[dict[str, Any]] = json.loads(done.stdout)
-    return found
+    return done.stdout.strip()
 
 
 @pytest.mark.slow
-def test_an_edited_law_is_seen(tmp_path: Path) -> None:
-    """The cache is the one that this process compiled into."""
-    path = campaign(tmp_path, "regular")
-    before = compiled(path).summary()
+def test_an_edited_law_is_seen_and_no_index_leaves_its_table(tmp_path: Path) -> None:
+    """Compiled once for both: the edited law, with numba's bounds checking on.
+
+    With Z_c(s) and a reference in the law. Code is cached in the folder that its sources name,
+    which without bounds checking is another than this process's own, too.
+    """
+    rig_file = str(CONFIGS / "rigs" / "wavebot.yaml")
+    whole = QUICK | {"law": ZC, "reference": {"kind": "multisine", "amplitude_a": 8}}
+    path = yaml_file(tmp_path / "zc.yaml", {"name": "zc", "rig": rig_file, **whole})
+    before = interpreted(path).summary()
     here, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
     for name in ("controllers", "rig", "sim_plant"):
         shutil.copytree(here / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+    assert said_in(tree, "-c", WHERE) == str(lift.cache_folder("x", (*LIFTED, *BESIDE)))
     law = tree / "controllers" / "impedance.py"
     text = law.read_text()
     edited = text.replace("force = kp * velocity", "force = 1.01 * kp * velocity", 1)
     assert edited != text
     law.write_text(edited)
-    ours, theirs = elsewhere(tree, path)
+    assert said_in(tree, "-c", WHERE) != str(lift.cache_folder("x", (*LIFTED, *BESIDE)))
+    program = str(Path(__file__).with_name("both_ways.py"))
+    ours, theirs = json.loads(said_in(tree, program, str(path), NUMBA_BOUNDSCHECK="1"))
     assert ours == theirs
+    assert ours["ticks"] == before["ticks"] == 8000
+    assert ours["reason"] == "PLAN_END"
     assert ours["power"] != before["power"]
     assert ours["power"] == pytest.approx(before["power"], rel=0.1)
-
-
-@pytest.mark.slow
-def test_no_index_leaves_its_table(tmp_path: Path) -> None:
-    """With numba's bounds checking on, and Z_c(s) and a reference in the law."""
-    whole = QUICK | {"law": ZC, "reference": {"kind": "multisine", "amplitude_a": 8}}
-    path = yaml_file(
-        tmp_path / "zc.yaml", {"name": "zc", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **whole}
-    )
-    ours, theirs = elsewhere(Path(rig.__file__).parents[1], path, NUMBA_BOUNDSCHECK="1")
-    assert ours == theirs
-    assert ours["ticks"] == 8000
-    assert ours["reason"] == "PLAN_END"

@@ -1,13 +1,19 @@
-"""Running small campaigns end to end, through supervisor, loop and logger, for the tests."""
+"""Running small campaigns end to end, through supervisor, loop and logger, for the tests.
+
+As a program (`python rehearsing.py CAMPAIGN RUNS`) it is a supervisor of its own, without what
+`rig run` does before and after; it says how the run ended.
+"""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from ruamel.yaml import YAML
 
-from rig.analysis.rows import row_table
+from rig.analysis.rows import COMPLETE, POWERS, row_table
 from rig.batch import sweep
 from rig.batch.executors import threads
 from rig.campaign import check
@@ -65,3 +71,17 @@ def sequentially_swept(path: Path) -> Any:
 def table_of(ended: Ended) -> Any:
     """Row table of a run."""
     return row_table(ended.folder)
+
+
+def assert_same_rows(rehearsed: Any, swept: Any) -> None:
+    """A rehearsal and the compiled loop measured the same rows, all of them whole.
+
+    To 1e-12: sums of the same bits, taken in another order.
+    """
+    assert set(rehearsed.state.values.tolist()) == set(swept.state.values.tolist()) == {COMPLETE}
+    for name in ("samples", "start", *(f"power_{kind}" for kind in POWERS)):
+        np.testing.assert_allclose(rehearsed[name], swept[name], rtol=1e-12, err_msg=name)
+
+
+if __name__ == "__main__":
+    print(run(Path(sys.argv[1]), Path(sys.argv[2])).outcome.status)

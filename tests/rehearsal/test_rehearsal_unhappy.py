@@ -25,11 +25,10 @@ from rig.supervisor import Snapshot
 FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave.command.force"]
 
 
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    """About 60 s of rig time: some seconds of the clock on the wall."""
+def rows(folder: Path, repeat: int) -> Path:
+    """As many rows of 6 s, after 10 s of rig time."""
     return campaign_file(
-        tmp_path,
+        folder,
         sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
         tare={"duration_s": 1},
         start={"lead_in_s": 8},
@@ -37,8 +36,20 @@ def campaign(tmp_path: Path) -> Path:
         matrix={
             "list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}],
         },
-        repeat=8,
+        repeat=repeat,
     )
+
+
+@pytest.fixture
+def campaign(tmp_path: Path) -> Path:
+    """About 60 s of rig time: some seconds of the clock on the wall."""
+    return rows(tmp_path, 8)
+
+
+@pytest.fixture
+def brief(tmp_path: Path) -> Path:
+    """Where nothing is done to the run midway."""
+    return rows(tmp_path, 1)
 
 
 def processes(module: str, parent: int | None = None) -> Iterator[int]:
@@ -149,19 +160,18 @@ def test_hung_loop_is_ended_and_its_rows_are_kept(
     assert np.array_equal(found, np.arange(ended.outcome.ticks))
 
 
-def test_a_view_that_breaks_does_not_end_the_run(campaign: Path, tmp_path: Path) -> None:
+def test_a_view_that_breaks_does_not_end_the_run(brief: Path, tmp_path: Path) -> None:
     def broken(snapshot: Snapshot) -> None:
         raise BrokenPipeError
 
-    ended = run(campaign, tmp_path / "runs", broken)
+    ended = run(brief, tmp_path / "runs", broken)
     assert ended.outcome.status == "complete"
 
 
-def supervised(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[str]:
-    """`rig run` as a person starts it, in a process group of its own."""
-    words = [sys.executable, "-m", "rig", "run", str(campaign), "--runs", str(runs), *options]
+def started(*words: object) -> subprocess.Popen[str]:
+    """A process in a group of its own."""
     return subprocess.Popen(
-        words,
+        [sys.executable, *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -169,7 +179,17 @@ def supervised(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[st
     )
 
 
-def wait_for_rows(runs: Path, size: int = 200_000) -> Path:
+def supervised(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[str]:
+    """`rig run` as a person starts it."""
+    return started("-m", "rig", "run", campaign, "--runs", runs, *options)
+
+
+def supervisor_alone(campaign: Path, runs: Path) -> subprocess.Popen[str]:
+    """The supervisor in another process, without what `rig run` does before and after it."""
+    return started(Path(__file__).with_name("rehearsing.py"), campaign, runs)
+
+
+def wait_for_rows(runs: Path, size: int = 100_000) -> Path:
     """The run's folder, once some rows are on disk."""
     for _ in range(600):
         for part in runs.glob("*/run.mcap.part0"):
@@ -207,7 +227,7 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     campaign: Path, tmp_path: Path
 ) -> None:
     runs = tmp_path / "runs"
-    process = supervised(campaign, runs)
+    process = supervisor_alone(campaign, runs)
     folder = wait_for_rows(runs)
     loops = list(processes("rig.rehearsal", parent=process.pid))
     assert loops
@@ -258,12 +278,12 @@ def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) 
     assert (folder / "run.mcap").exists()
 
 
-def test_two_rehearsals_at_once_get_their_own_folders(campaign: Path, tmp_path: Path) -> None:
+def test_two_rehearsals_at_once_get_their_own_folders(brief: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    both = [supervised(campaign, runs) for _ in range(2)]
+    both = [supervisor_alone(brief, runs) for _ in range(2)]
     for process in both:
-        _, err = process.communicate(timeout=300)
-        assert process.returncode == 0, err
+        out, err = process.communicate(timeout=300)
+        assert (process.returncode, out) == (0, "complete\n"), err
     assert len(list(runs.glob("*/run.mcap"))) == 2
 
 

@@ -1,6 +1,7 @@
 """A sweep whose processes are all killed goes on where it was; one that is finished waits for none.
 
-The command line in a process group of its own, and SIGKILL to the group.
+What is killed is the command line in a process group of its own, by SIGKILL to the group; what is
+left alone runs in this process.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any
 import pytest
 import xarray
 from rehearsing import campaign_file
+from rig_command import rig_here
 
 from rig.batch.journal import NAME
 
@@ -62,9 +64,9 @@ def finished(sweeps: Path) -> list[bytes]:
 
 
 def ended(campaign: Path, sweeps: Path) -> dict[str, Any]:
-    command = [sys.executable, "-m", "rig", *words(campaign, sweeps)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    told: dict[str, Any] = json.loads(done.stdout)
+    code, said, error = rig_here(*words(campaign, sweeps))
+    assert code == 0, error
+    told: dict[str, Any] = json.loads(said)
     return told
 
 

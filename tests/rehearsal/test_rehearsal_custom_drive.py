@@ -3,6 +3,9 @@
 MASK4 report (Sandia), 4.4: a lower switching frequency helps most, a higher bus voltage costs a
 little, a velocity threshold helps marginally and not always. The table has to come out of losses:
 without switching loss in the plant its order is another.
+
+The compiled loop walks the rows; it has the bits of a rehearsal (tests/batch/test_batch_bits), and
+two of the rows are rehearsed beside it.
 """
 
 from __future__ import annotations
@@ -14,7 +17,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import CONFIGS, campaign_file, run, table_of, yaml_file
+from rehearsing import (
+    CONFIGS,
+    assert_same_rows,
+    campaign_file,
+    run,
+    sequentially_swept,
+    table_of,
+    yaml_file,
+)
 
 from rig.analysis.comparison import compare, gap
 from rig.analysis.comparison_picture import write_comparison
@@ -31,13 +42,14 @@ NO_SWITCHING = {
 }
 
 
-def rehearsed(folder: Path, **keys: Any) -> Any:
-    """The row table of the short campaign, with keys changed."""
-    path = yaml_file(folder / "campaign.yaml", {"extends": str(SHORT), **QUICK, **keys})
-    ended = run(path, folder / "runs")
-    assert ended.outcome.status == "complete"
-    assert ended.outcome.dropped == ended.outcome.unsaved == 0
-    table = table_of(ended)
+def campaign(folder: Path, **keys: Any) -> Path:
+    """The short campaign, with keys changed."""
+    return yaml_file(folder / "campaign.yaml", {"extends": str(SHORT), **QUICK, **keys})
+
+
+def eight_rows(path: Path) -> Any:
+    """The rows of a campaign from the compiled loop."""
+    table = sequentially_swept(path)
     assert set(table.state.values.tolist()) == {"complete"}
     assert table.sizes["row"] == 8
     return table
@@ -62,7 +74,7 @@ def size_interval(effect: Effect) -> tuple[float, float]:
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    return rehearsed(tmp_path_factory.mktemp("run_120"))
+    return eight_rows(campaign(tmp_path_factory.mktemp("run_120")))
 
 
 def test_signs_and_ranks(table: Any, record_property: Callable[[str, object], None]) -> None:
@@ -86,6 +98,19 @@ def test_signs_and_ranks(table: Any, record_property: Callable[[str, object], No
     assert 6.0 < -frequency.watts < 12.0  # "about 10 W" at 75 V, half of that at 40 V
     assert 2.0 < voltage.watts < 8.0  # "a few watts"
     assert size_interval(threshold)[1] < 2.5
+
+
+def test_a_rehearsal_measures_the_same_rows(tmp_path: Path) -> None:
+    """Of the eight the two that differ in every setting, which is a change of all between them."""
+    fixed = {"spring_n_per_m": -8508, "kp_n_s_per_m": -2500, "ki_n_per_m": 3000}
+    names = ("bus_voltage_v", "switching_period_s", "velocity_threshold_m_per_s")
+    corners = ((40, 5.0e-5, 0), (80, 2.0e-4, 0.1))
+    grid = [fixed | dict(zip(names, corner, strict=True)) for corner in corners]
+    path = campaign(tmp_path, matrix={"grid": grid})
+    ended = run(path, tmp_path / "runs")
+    assert ended.outcome.status == "complete"
+    assert ended.outcome.dropped == ended.outcome.unsaved == 0
+    assert_same_rows(table_of(ended), sequentially_swept(path))
 
 
 def test_drive_settings_move_dc_power_alone(table: Any) -> None:
@@ -140,7 +165,8 @@ def test_against_the_commercial_drive(tmp_path: Path) -> None:
             sea={"kind": "regular", "amplitude_m": 0.0635, "frequency_hz": 0.3},
             tare={"duration_s": 1},
             surge={"use": "off"},
-            **QUICK,
+            start={"lead_in_s": 12},
+            timing={"settle_s": 5, "periods": 2},
             matrix={"list": [row]},
         )
         ended = run(path, tmp_path / "runs")
@@ -175,7 +201,7 @@ def test_without_switching_loss_the_ranking_is_another(
             "drive": NO_SWITCHING,
         },
     )
-    found, named = on_dc(rehearsed(tmp_path, plant=str(plant)))
+    found, named = on_dc(eight_rows(campaign(tmp_path, plant=str(plant))))
     for name, effect in named.items():
         record_property(name, f"{effect.watts:+.3f} +- {effect.half_width:.3f} W")
     voltage = found.effects[0]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import CONFIGS, campaign_file, run, table_of
+from rehearsing import CONFIGS, campaign_file, run, sequentially_swept, table_of, yaml_file
 
 from rig import loop
 from rig.assemble import wavebot_params
@@ -119,15 +119,32 @@ def test_every_tick_carries_row_and_phase(tmp_path: Path) -> None:
 
 
 def test_a_recorded_elevation_is_played(tmp_path: Path) -> None:
-    """The elevation logged in the measured window has the record's Hm0 and repeats."""
-    ended = run(CONFIGS / "campaigns" / "recorded.yaml", tmp_path / "runs")
+    """The elevation logged in the measured window has the record's Hm0.
+
+    20 s of the record are rehearsed; the compiled loop walks the shipped campaign whole.
+    """
+    shipped = {"extends": str(CONFIGS / "campaigns" / "recorded.yaml")}
+    whole = sequentially_swept(yaml_file(tmp_path / "whole" / "campaign.yaml", shipped))
+    assert whole.state.values.tolist() == ["complete"] * 3
+    assert (whole["samples"] == 60_000).all()
+    point = {"spring_n_per_m": -2763, "kp_n_s_per_m": -2500, "ki_n_per_m": 0}
+    keys = {
+        "sea": {"end_s": 20},
+        "tare": {"duration_s": 1},
+        "start": {"set_point_s": 1, "lead_in_s": 10},
+        "timing": {"settle_s": 1},
+        "matrix": {"grid": [point]},
+    }
+    path = yaml_file(tmp_path / "campaign.yaml", shipped | keys)
+    ended = run(path, tmp_path / "runs")
     assert ended.outcome.status == "complete"
-    campaign, plan = opened(CONFIGS / "campaigns" / "recorded.yaml")
+    campaign, plan = opened(path)
     assert campaign.elevation is not None
     data = open_run(ended.folder, fields=["plan.phase", "wave.elevation"], rows=[0])
     measured = data["wave.elevation"].values[data["plan.phase"].values == 4]
+    assert measured.size == 20_000
     assert 4 * measured.std() == pytest.approx(4 * campaign.elevation.elevation.std(), rel=0.01)
-    assert len(plan.rows) == table_of(ended).sizes["row"]
+    assert len(plan.rows) == table_of(ended).sizes["row"] == 1
 
 
 @pytest.mark.realtime

@@ -1,4 +1,8 @@
-"""The plant in time: closed form, energy balance, integrator error, free decay."""
+"""The plant in time: closed form, energy balance, integrator error, free decay.
+
+What takes minutes of the plant's time runs compiled, which gives the same bits (tests/rehearsal/
+test_compiled_plant).
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,7 @@ import pytest
 from closed_form import intrinsic_impedance
 from plant_files import DT, QUIET, bem, command, plant, surge_bem, world
 
+from rig.rehearsal.compiled import CompiledStepper
 from sim_plant import waves
 from sim_plant.wavebot import Excitation, WaveBotParams, WaveBotState, initial, step
 from sim_plant.words import Actuation
@@ -17,7 +22,7 @@ from sim_plant.words import Actuation
 @pytest.mark.parametrize("frequency", [0.25, 0.4, 0.5, 0.8])
 def test_driven_linear_plant_is_the_closed_form(frequency: float) -> None:
     """Sinusoidal current, spring at -13 %: complex v/F within 0.1 % of 1/(Z_i + Z_d)."""
-    rig = world(name="wavebot_linear", **QUIET)
+    rig = world(name="wavebot_linear", stepper=CompiledStepper, **QUIET)
     periods = 4 / frequency
     begin, end = round(80.0 / DT), round((80.0 + periods) / DT)
     velocity, force = [], []

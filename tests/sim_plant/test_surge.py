@@ -1,4 +1,7 @@
-"""The surge axis in time: closed form, drive, energy, and what it does to heave."""
+"""The surge axis in time: closed form, drive, energy, and what it does to heave.
+
+The plant mostly runs compiled, which gives the same bits (tests/rehearsal/test_compiled_plant).
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ def impedance(f_hz: float) -> complex:
 @pytest.mark.parametrize("frequency", [0.25, 0.4, 0.5, 0.8])
 def test_driven_by_its_motor_it_is_the_closed_form(frequency: float) -> None:
     """Sinusoidal current in calm water: complex v/F within 0.1 % of 1/Z, as in heave."""
-    rig = world(**QUIET)
+    rig = world(stepper=CompiledStepper, **QUIET)
     periods = 4 / frequency
     begin, end = round(40.0 / DT), round((40.0 + periods) / DT)
     velocity, force = [], []
@@ -66,7 +69,7 @@ def test_it_resonates_at_half_a_hertz() -> None:
 
 def test_waves_drive_it_as_the_closed_form_says() -> None:
     """Regular waves, drives off: surge amplitude |Fe| a / |Z| omega within 0.2 %."""
-    rig = world(waves.regular(0.05, 0.4), **QUIET)
+    rig = world(waves.regular(0.05, 0.4), stepper=CompiledStepper, **QUIET)
     positions = []
     for k in range(65000):
         rig.actuate(command(heave_enable=0, wave_trigger=1))
@@ -128,7 +131,7 @@ def test_energy_balance() -> None:
 
 def test_the_guide_carries_what_the_hull_needs() -> None:
     """Motor + mooring - carriage inertia is also hull inertia - water forces."""
-    rig = world(WAVE, **QUIET)
+    rig = world(WAVE, stepper=CompiledStepper, **QUIET)
     params = rig.params.surge
     hull = params.body
     for _ in range(8000):

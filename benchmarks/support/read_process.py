@@ -1,6 +1,6 @@
 """Opening a run in a process of its own, to see what that costs a fresh one.
 
-``python -m benchmarks.support.read_process RUN [FIELD ...]``; without fields, all of them.
+``python -m benchmarks.support.read_process [--alone] RUN [FIELD ...]``; all fields if none given.
 """
 
 import json
@@ -8,12 +8,21 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-from rig.runs import open_run
+# What the project does not need, but its tests do: pandas and xarray load it where it lies.
+NOT_NEEDED = ("dask", "distributed", "pyarrow")
 
 
 def main() -> None:
-    """Open the run named on the command line and print rows, seconds and peak memory."""
+    """Open the run named on the command line and print rows, seconds and peak memory.
+
+    With ``--alone``, as where nothing but the project and what it needs is installed.
+    """
     run, *fields = sys.argv[1:]
+    if run == "--alone":
+        run, *fields = fields
+        sys.modules.update(dict.fromkeys(NOT_NEEDED))  # type: ignore[arg-type]
+    from rig.runs import open_run  # noqa: PLC0415
+
     began = perf_counter()
     data = open_run(run, fields=fields or None)
     took = perf_counter() - began

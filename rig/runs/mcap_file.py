@@ -49,7 +49,7 @@ class Chunk(NamedTuple):
     offset: int  # of the data, bytes
     length: int
     size: int  # decompressed
-    crc: int  # of the decompressed data; 0: not given
+    crc: int  # of the decompressed data; 0: not given, as in ours: zstd's frame has its own
     compression: str
 
 

@@ -54,7 +54,8 @@ class ServoObject(FileModel):
     index: Whole = Field(ge=1, le=65_535)
     sub: Whole = Field(ge=0, le=255)
     form: Literal["INT24", "REAL48", "DINT48", "U16", "U32", "F32"]
-    per_unit: float = 1.0  # drive units per SI unit, at the motor; negative: the other way
+    # Drive units per SI unit, at the motor; negative: the other way.
+    per_unit: float = Field(default=1.0, ge=-1e9, le=1e9)
 
     def broken_rules(self) -> Iterator[Broken]:
         """A scale of nothing is none."""

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from rig.config.model import Broken, FileModel, Several, Whole
+from rig.config.problems import number_text
 
 Node = Annotated[Whole, Field(ge=1, le=127)]
 """CANopen node number."""
@@ -113,9 +114,20 @@ class RegisterValue(FileModel):
     name: str
     at: Whole = Field(ge=0, le=2000)
     kind: Literal["bit", "u16", "i16", "u32", "i32", "f32"]
-    scale: float = 1.0
-    low: float = -1e12  # what can be at all; a value outside is not believed
-    high: float = 1e12
+    scale: float = Field(default=1.0, ge=-1e9, le=1e9)
+    low: float = Field(default=-1e12, ge=-1e12, le=1e12)  # a value outside is not believed
+    high: float = Field(default=1e12, ge=-1e12, le=1e12)
+
+    def broken_rules(self) -> Iterator[Broken]:
+        """A scale of nothing is none, and some value can be believed."""
+        if self.scale == 0.0:
+            yield Broken(("scale",), "0 gives no value", 0.0)
+        if not self.low < self.high:
+            yield Broken(
+                ("low",),
+                f"{number_text(self.low)} is not below high = {number_text(self.high)}",
+                self.low,
+            )
 
 
 class Written(FileModel):

@@ -62,6 +62,20 @@ CONSTANTS = {
     }],
 }  # fmt: skip
 
+
+def wired() -> dict[str, Any]:
+    """The bench on wires, and what the shipped file has no use for."""
+    whole, _ = load_mapping(CONFIGS / "rigs" / "oswec_bench_hil.yaml")
+    wiring = whole["wiring"]
+    wiring["lines"]["amplifiers"] = {
+        "kind": "rtu", "port": "/tmp/amplifiers", "baud": 115200, "parity": "N", "stop_bits": 1,
+        "timeout_s": 0.25, "slowest_s": 0.25,
+    }  # fmt: skip
+    for name in ("inputs", "brake"):
+        wiring[name]["prepare"] = deepcopy(wiring["analog"]["prepare"])
+    return whole
+
+
 BASES: dict[str, tuple[type[BaseModel], dict[str, Any]]] = {
     "driveline": (SessionFile, DRIVELINE),
     "driveline, grid": (SessionFile, gridded(DRIVELINE)),
@@ -75,6 +89,7 @@ BASES: dict[str, tuple[type[BaseModel], dict[str, Any]]] = {
     "sweep, grid": (SessionFile, gridded(SWEEP)),
     "irregular": (SessionFile, IRREGULAR),
     "rig": (BenchRigFile, load_mapping(CONFIGS / "rigs" / "oswec_bench.yaml")[0]),
+    "wired": (BenchRigFile, wired()),
     "limits": (BenchLimitsFile, load_mapping(CONFIGS / "limits" / "oswec_bench.yaml")[0]),
     "constants": (ConstantsFile, CONSTANTS),
 }

@@ -133,7 +133,7 @@ class OnlineCorrection(FileModel):
     kind: Literal["online"]
     regressions: str = Field(min_length=1)  # file of constants with driveline points
     conditions: str | None = Field(default=None, min_length=1)  # the same file if missing
-    phase_over: Literal["velocity", "torque", "both"] = "velocity"  # the line of the delay
+    phase_over: Literal["velocity", "torque", "both"] = "both"  # the line of the delay
 
 
 class InstantaneousCorrection(FileModel):

@@ -194,8 +194,8 @@ def _before_after(found: Found, body: SubFigure) -> None:
                       va="bottom", fontsize=7.5, color=SOFT)  # fmt: skip
     ticks = [f"{a:g}\n{r:g}" for a, r in (each.place for each in found.plain)]
     axes.set_xticks(range(len(ticks)), ticks)
-    axes.set_ylim(0.0, None)
-    axes.legend(frameon=False, fontsize=8, loc="upper left")
+    axes.set_ylim(0.0, 1.15 * max(0.25, axes.get_ylim()[1]))  # room for the legend
+    axes.legend(frameon=False, fontsize=8, loc="upper left", ncols=2)
 
 
 def _over_torque(found: Found, body: SubFigure) -> None:

@@ -38,6 +38,7 @@ class Behind(NamedTuple):
     viscous: Estimate  # N*m*s/rad
     inertia: Estimate  # kg*m^2
     drift: Estimate  # N*m, of the cell's zero from the tare to the last sample
+    bend: Estimate  # N*m, four times what that drift is behind a straight line halfway
 
 
 class Before(NamedTuple):
@@ -90,7 +91,14 @@ def behind(groups: list[Turned], kind: str) -> Behind:
         columns = [(v > 0.0) * 1.0, -1.0 * (v < 0.0), v, a, t, t * t - t]
         rows.append((np.stack(columns, axis=1), torque))
     units = ("N*m", "N*m", "N*m*s/rad", "kg*m^2", "N*m", "N*m")
-    return Behind(*_fitted(rows, units, kind)[:5])
+    return Behind(*_fitted(rows, units, kind))
+
+
+def zero(of: Behind, time: Floats, last: float) -> Floats:
+    """How far (N*m) the cell's zero has drifted by ``time``; ``last`` is the run's last sample."""
+    t = time / last
+    out: Floats = of.drift.value * t + of.bend.value * (t * t - t)
+    return out
 
 
 def before(groups: list[Turned], torque_constant: Estimate, kind: str) -> Before:

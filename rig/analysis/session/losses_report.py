@@ -61,15 +61,21 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
     before = losses.before(*_with_constant(points, known))
     named: dict[str, Estimate] = {}
     if behind is not None:
-        named |= {f"bearing_{name}": each for name, each in behind._asdict().items()}
-    named |= {f"gearbox_{name}": each for name, each in before._asdict().items()}
+        named |= {
+            f"bearing_{name}": each for name, each in behind._asdict().items() if name != "bend"
+        }
+    named |= {
+        f"gearbox_{name}": each
+        for name, each in before._asdict().items()
+        if np.isfinite(each.value)
+    }
     pictures = [
         Picture("losses_before", "Losses before the load cell over velocity",
-                f"Current times {known.value:.2f} N·m/A less the cell's torque and inertia.",
+                f"Current times {known.value:.2f} N·m/A less the cell's torque and inertia; red: the fit.",
                 (7.2, 4.6), partial(_draw_before, points, known.value, before)),
     ]  # fmt: skip
     if behind is not None:
-        said = "Some of the samples at speed; red: the fit, the cell's zero apart."
+        said = "Some of the samples at speed, the cell's drift taken out; red: the fit."
         title = "Losses behind the load cell over velocity"
         draw = partial(_draw_behind, free, behind)
         pictures.insert(0, Picture("losses_behind", title, said, (7.2, 4.6), draw))
@@ -158,10 +164,12 @@ def _compared(behind: Behind | None, before: Before) -> tuple[Compared, ...]:
             Compared("drift of the cell's zero", "", "", words(behind.drift), None),
             Compared("behind the cell, inertia", "", "", words(behind.inertia), None),
         ]  # fmt: skip
+    told = np.isfinite(before.share.value)
+    share = words(before.share) if told else "in the dry part: no loads that differ"
     return (
         *out,
         Compared("before the cell, dry", "", "", words(before.dry), None),
-        Compared("before the cell, share of the load", "", "", words(before.share), None),
+        Compared("before the cell, share of the load", "", "", share, None),
         Compared("before the cell, viscous", "", "", words(before.viscous), None),
         Compared("before the cell, inertia", "", "", words(before.inertia), None),
     )
@@ -169,11 +177,13 @@ def _compared(behind: Behind | None, before: Before) -> tuple[Compared, ...]:
 
 def _draw_behind(points: list[Rubbed], fitted: Behind, body: SubFigure) -> None:
     axes = axes_of(body, "velocity, rad/s", "torque of the load cell, N·m")
+    last = max(float(each.whole.time.max()) for each in points)
     for i, each in enumerate(points):
         whole = each.whole
         pick = slice(None, None, max(1, len(whole.velocity) // 1500))
         colour = shade(i + 1, len(points) + 1)
-        axes.plot(whole.velocity[pick], whole.torque[pick], ".", ms=1.5, color=colour, alpha=0.35)
+        torque = whole.torque - losses.zero(fitted, whole.time, last)
+        axes.plot(whole.velocity[pick], torque[pick], ".", ms=1.5, color=colour, alpha=0.35)
     top = max(float(np.abs(each.whole.velocity).max()) for each in points)
     x = np.linspace(0.0, top, 50)
     slope = fitted.viscous.value
@@ -196,5 +206,12 @@ def _draw_before(points: list[Rubbed], constant: float, fitted: Before, body: Su
         y = [lost[at == k].mean() for k in full]
         axes.plot(x, y, ".", ms=4, color=shade(i + 1, len(points) + 1))
     axes.axhline(0.0, color=BLUE, lw=0.5)
-    note(axes, f"dry {words(fitted.dry)}\nshare of load {words(fitted.share)}\n"
-         f"viscous {words(fitted.viscous)}", "upper left")  # fmt: skip
+    said = f"dry {words(fitted.dry)}\nviscous {words(fitted.viscous)}"
+    if np.isfinite(fitted.share.value):
+        said += f"\nshare of load {words(fitted.share)}"
+    else:  # one line for all loads, for there is but one
+        top = max(float(np.abs(each.whole.velocity).max()) for each in points)
+        line = fitted.dry.value + fitted.viscous.value * np.array([0.0, top])
+        axes.plot([0.0, top], line, color=RED, lw=1.2)
+        axes.plot([0.0, -top], -line, color=RED, lw=1.2)
+    note(axes, said, "upper left")

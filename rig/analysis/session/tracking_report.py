@@ -111,7 +111,7 @@ def _pictures(
     mine: list[Followed], base: dict[tuple[float, float], Followed], loop: str
 ) -> tuple[Picture, ...]:
     one = max(mine, key=lambda each: each.place[0])
-    said = f"Torque amplitude {one.place[0]:g} N·m, one period; below, wanted less measured."
+    said = f"Torque amplitude {one.place[0]:g} N·m, one period; below, the error."
     return (
         Picture("torque_tracking", "Torque: wanted and measured", said, (7.2, 5.6),
                 partial(_draw, one, base.get(one.place), loop)),

@@ -69,10 +69,10 @@ def result(session: Session, constant: Estimate | None = None) -> Result:
         for name, each in before._asdict().items()
         if np.isfinite(each.value)
     }
+    less = f"Current times {known.value:.2f} N·m/A less cell's torque and inertia; red: the fit."
     pictures = [
         Picture("losses_before", "Losses before the load cell over velocity",
-                f"Current times {known.value:.2f} N·m/A less the cell's torque and inertia; red: the fit.",
-                (7.2, 4.6), partial(_draw_before, points, known.value, before)),
+                less, (7.2, 4.6), partial(_draw_before, points, known.value, before)),
     ]  # fmt: skip
     if behind is not None:
         said = "Some of the samples at speed, the cell's drift taken out; red: the fit."

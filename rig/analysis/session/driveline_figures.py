@@ -142,9 +142,9 @@ def _offline(found: Found) -> list[Picture]:
     one = _nearest(found, 20.0, 104.0)
     told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad; below, what each is off the shaft."
     return [
-        Picture("fig_2_7", "Fig. 2.7: the motor's motion corrected by equation 2.6", told,
+        Picture("fig_2_7", "Fig. 2.7: motor corrected by equation 2.6", told,
                 (7.2, 5.4), partial(_one_corrected, found, one)),
-        Picture("fig_2_8", "Fig. 2.8: deflection before and after the offline correction",
+        Picture("fig_2_8", "Fig. 2.8: deflection, offline correction",
                 "Mean, 5th and 95th percentile of each set point; the thesis says within 0.25° "
                 "before, below 0.12° after.", (7.6, 4.6), partial(_before_after, found)),
     ]  # fmt: skip

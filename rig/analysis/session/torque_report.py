@@ -105,7 +105,7 @@ def _compared(found: Constants, hysteresis: float) -> tuple[Compared, ...]:
     ways = thesis.TORQUE_SPREADS
     return (
         Compared("torque constant, mean of ramps", f"{thesis.TORQUE_CONSTANT} N·m/A",
-                 "within 2 %", f"{words(found.both)} ({100.0 * off:+.1f} %)", abs(off) <= 0.02),
+                 "within 2 %", f"{words(found.both)} ({100.0 * off:+z.1f} %)", abs(off) <= 0.02),
         Compared("single ramps", f"{low} to {high} N·m/A", "spread of the same order",
                  f"{found.least:.2f} to {found.most:.2f} N·m/A", 0.5 <= spread / theirs <= 2.0),
         Compared("clockwise", "trends higher", "", words(found.positive), None),

@@ -109,9 +109,9 @@ def _compared(found: Constants, loss: Estimate, points: Sequence[Free]) -> tuple
     torque = max(float(np.abs(p.motion.torque).max()) for p in points)
     return (
         Compared("velocity constant, mean", f"{thesis.VELOCITY_CONSTANT} rad/s/V", "within 2 %",
-                 f"{words(found.thesis)} ({100 * off:+.1f} %)", abs(off) <= 0.02),
+                 f"{words(found.thesis)} ({100 * off:+z.1f} %)", abs(off) <= 0.02),
         Compared("mean of the three fastest", f"{thesis.VELOCITY_FASTEST} rad/s/V", "within 2 %",
-                 f"{words(found.fastest)} ({100 * top:+.1f} %)", abs(top) <= 0.02),
+                 f"{words(found.fastest)} ({100 * top:+z.1f} %)", abs(top) <= 0.02),
         Compared("spread of the three fastest", f"{100 * thesis.VELOCITY_SPREAD:.1f} %", "",
                  f"{100 * found.spread:.1f} %", None),
         Compared("single lines", f"{low} to {high} rad/s/V", "",
@@ -129,7 +129,7 @@ def _compared(found: Constants, loss: Estimate, points: Sequence[Free]) -> tuple
 def _pictures(points: Sequence[Free], constant: float) -> tuple[Picture, ...]:
     said = "boxes: domains of the fits, black clockwise, grey counter-clockwise."
     return (
-        Picture("fig_2_6", "Fig. 2.6: amplitude difference of the unloaded driveline",
+        Picture("fig_2_6", "Fig. 2.6: amplitude difference, unloaded",
                 "Mean of the periods with 5th and 95th percentile; red: thesis 0.025 ± 0.015°.",
                 (7.2, 4.2), partial(_unloaded, points)),
         Picture("fig_3_5", "Fig. 3.5: commanded and measured velocity",
@@ -200,9 +200,10 @@ def _constants(points: Sequence[Free], constant: float, body: SubFigure) -> None
         places = [p.slowing.rms_velocity for p in points]
         bars(upper, places, [[f.slope for f in each] for each in fits], colour, way, 0.004 * sign)
         bars(lower, places, [[f.r_squared for f in e] for e in fits], colour, way, 0.004 * sign)
-    upper.axhline(constant, color=BLUE, lw=0.9)
-    upper.axhline(thesis.VELOCITY_FASTEST, color=RED, lw=0.9, ls="--")
-    note(upper, "red: thesis, three fastest; blue: going as told", "upper left")
+    upper.axhline(constant, color=BLUE, lw=0.9, label="going as told")
+    upper.axhline(
+        thesis.VELOCITY_FASTEST, color=RED, lw=0.9, ls="--", label="thesis, three fastest"
+    )
     upper.legend(frameon=False, fontsize=8, loc="lower right")
 
 

@@ -1,6 +1,6 @@
 """Figures 2.2 to 2.5 and 2.7 to 2.9 of the OSWEC thesis, redrawn from a driveline run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ def pictures(found: Found) -> tuple[Picture, ...]:
     """What the run has data for."""
     made = []
     if found.trends is not None:
-        one = _nearest(found, 15.0, 83.3)
+        one = _nearest(found.plain, 15.0, 83.3)
         told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad"
         made += [
             Picture("fig_2_2", "Fig. 2.2: motor and shaft over a period",
@@ -35,26 +35,62 @@ def pictures(found: Found) -> tuple[Picture, ...]:
     if found.offline is not None:
         made += _offline(found)
     if found.plain:
-        said = "Means over periods, darker for larger damping; dashed: the fitted map."
+        said = "Means over periods, darker for larger damping"
+        said += "." if found.known is None else "; dashed: the fitted map."
         made.append(
             Picture("fig_2_9", "Fig. 2.9: deflection over torque", said, (7.2, 5.0),
                     partial(_over_torque, found))
         )  # fmt: skip
     if found.schemes:
-        made.append(
-            Picture("corrections", "Corrections in the loop: reference less shaft",
-                    "95th percentile of each set point, drift taken out.", (7.2, 4.6),
-                    partial(_schemes, found))
-        )  # fmt: skip
+        made += _corrections(found)
     return tuple(made)
 
 
-def _nearest(found: Found, amplitude: float, damping: float) -> Driven:
+def _corrections(found: Found) -> list[Picture]:
+    pairs = [pair for scheme in found.schemes for pair in scheme.pairs]
+    one = _nearest([other for _, other in pairs], 15.0, 83.3)
+    told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad, mean of the periods."
+    made = [
+        Picture("corrections_in_time", "Corrections in the loop, over time", told, (7.2, 5.4),
+                partial(_in_time, found, one)),
+    ]  # fmt: skip
+    if len({other.place for _, other in pairs}) > 1:
+        made.insert(0, Picture(
+            "corrections", "Corrections in the loop: reference less shaft",
+            "95th percentile of each set point, drift taken out.", (7.2, 4.6),
+            partial(_schemes, found),
+        ))  # fmt: skip
+    return made
+
+
+def _in_time(found: Found, base: Driven, body: SubFigure) -> None:
+    upper, lower = body.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.2])
+    upper = axes_of(body, "", "reference, deg", upper)
+    lower = axes_of(body, "time in the period, s", "less shaft, deg", lower)
+    of = base.motion.of
+    wanted = periods.mean_period(base.error + base.motion.shaft, of) / DEGREE
+    t = of.dt * np.arange(len(wanted))
+    upper.plot(t, wanted, color=INK, lw=1.2)
+    lower.plot(t, periods.mean_period(base.error, of) / DEGREE, color=INK, label="uncorrected")
+    for scheme, colour in zip(found.schemes, (BLUE, RED, DEPTH), strict=False):
+        for one, other in scheme.pairs:
+            if other.place == base.place:
+                left = periods.mean_period(one.error, one.motion.of) / DEGREE
+                at = one.motion.of.dt * np.arange(len(left))
+                lower.plot(at, left, color=colour, label=scheme.name)
+    lower.axhline(0.0, color=SOFT, lw=0.5)
+    low, high = lower.get_ylim()
+    lower.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
+    lower.legend(frameon=False, fontsize=8, loc="upper right", ncols=2)
+    lower.margins(x=0.0)
+
+
+def _nearest(among: Sequence[Driven], amplitude: float, damping: float) -> Driven:
     def far(each: Driven) -> float:
         a, r = each.place
         return abs(a / amplitude - 1.0) + abs(r / damping - 1.0)
 
-    return min(found.plain, key=far)
+    return min(among, key=far)
 
 
 def _parameters(one: Driven, body: SubFigure) -> None:
@@ -139,7 +175,7 @@ def _trends(found: Found) -> list[Picture]:
 
 
 def _offline(found: Found) -> list[Picture]:
-    one = _nearest(found, 20.0, 104.0)
+    one = _nearest(found.plain, 20.0, 104.0)
     told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad; below, what each is off the shaft."
     return [
         Picture("fig_2_7", "Fig. 2.7: motor corrected by equation 2.6", told,

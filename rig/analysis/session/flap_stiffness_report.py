@@ -56,7 +56,7 @@ def result(session: Session) -> Result:
         named,
         (
             Picture("flap_moment", "Moment over angle, turned slowly",
-                    "Darker: later set points. Red: the spring.", (7.2, 4.8),
+                    "Averaged, faint as measured; darker: later. Red: the spring.", (7.2, 4.8),
                     partial(_draw, points, found)),
             Picture("flap_moment_rest", "What the spring does not explain",
                     "Cell less spring and inertia: friction behind the cell changes its sign with "
@@ -70,9 +70,14 @@ def result(session: Session) -> Result:
     )  # fmt: skip
 
 
+def _window(point: Point) -> int:
+    """Samples over which signals are averaged."""
+    return 2 * round(0.5 * WINDOW * point.period / point.dt) + 1
+
+
 def _slow(point: Point) -> Slow:
     of = point.cut()
-    count = 2 * round(0.5 * WINDOW * point.period / point.dt) + 1
+    count = _window(point)
     angle, torque = (
         uniform_filter1d(each, count, mode="nearest") for each in (point.shaft, point.torque)
     )
@@ -130,8 +135,10 @@ def _draw(points: list[Slow], found: Spring, body: SubFigure) -> None:
     for i, each in enumerate(points):
         last = slice(each.of.edges[-2] - each.of.edges[0], None, 20)
         label = f"{each.point.number('amplitude_deg'):g} deg, {each.point.period:g} s"
-        axes.plot(np.degrees(each.angle[last]), each.torque[last], lw=0.8, label=label,
-                  color=shade(i + 1, len(points) + 1))  # fmt: skip
+        colour = shade(i + 1, len(points) + 1)
+        axes.plot(np.degrees(each.angle[last]), each.torque[last], lw=0.4, alpha=0.2, color=colour)
+        smooth = [uniform_filter1d(s, _window(each.point)) for s in (each.angle, each.torque)]
+        axes.plot(np.degrees(smooth[0][last]), smooth[1][last], lw=1.0, label=label, color=colour)
     top = max(float(np.abs(each.angle).max()) for each in points)
     x = np.array([-top, top])
     line = found.stiffness.value * (x - found.rest.value)

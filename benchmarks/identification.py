@@ -22,8 +22,10 @@ from rig.identification.impedances import models
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"
 LINEAR = CONFIGS / "plants" / "wavebot_linear.yaml"
+RIG = CONFIGS / "plants" / "wavebot.yaml"  # with friction, drag and the spring's own curve
 SPRINGS = (490.9, -5715.0, 5873.0)
 PERCENT = 100.0
+SLOW = 0.7  # Hz
 
 
 class _Silent:
@@ -60,7 +62,10 @@ def measure(short: bool) -> Result:
         began = time.monotonic()
         whole = identify([calm[0], *waves, *seas], Asked(bem=bem))
         took = time.monotonic() - began
-        nonlinear = identify([_run(folder, "family", _family(scale))])
+        pushed = [_run(folder, "family", _family(scale))]
+        dragged = [_run(folder, f"dragged_{i}", _waves(scale, i, RIG)) for i in scale.seas]
+        alone = [_run(folder, f"dragged_sea_{i}", _alone(scale, i, RIG)) for i in scale.seas]
+        nonlinear = identify([*pushed, *dragged, *alone], Asked(bem=bem))
     return Result(
         "identification",
         "impedances and wave excitation of the simulated rig, from full rehearsals",
@@ -70,6 +75,7 @@ def measure(short: bool) -> Result:
             *_impedance_figures(found),
             *_excitation_figures(whole.excitations[0], bem),
             *_family_figures(nonlinear),
+            *_dragged_figures(nonlinear.excitations[0], bem),
             figure("lines within the 95 % band", "%", _coverage(scale.trials)),
             figure("identification of all runs of the excitation", "s", took),
         ),
@@ -117,7 +123,8 @@ def _calm(scale: Scale, spring: float) -> dict[str, Any]:
 def _family(scale: Scale) -> dict[str, Any]:
     matrix = _matrix(SPRINGS[0], reference_scale=[1, 2, 3])
     start = {"set_point_s": 0, "lead_in_s": 5}
-    return {**_pushed(scale, 10.0), "sea": {"kind": "calm"}, "start": start, "matrix": matrix}
+    keys = {**_pushed(scale, 10.0), "plant": str(RIG), "start": start}
+    return {**keys, "sea": {"kind": "calm"}, "matrix": matrix}
 
 
 def _sea(scale: Scale, number: int) -> dict[str, Any]:
@@ -130,16 +137,16 @@ def _sea(scale: Scale, number: int) -> dict[str, Any]:
     }
 
 
-def _waves(scale: Scale, number: int) -> dict[str, Any]:
+def _waves(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     start = {"set_point_s": 0, "lead_in_s": 60}
-    keys = {**_pushed(scale, 15.0), "plant": str(LINEAR), "start": start}
+    keys = {**_pushed(scale, 15.0), "plant": str(plant), "start": start}
     return {**keys, "sea": _sea(scale, number), "matrix": _matrix(SPRINGS[0])}
 
 
-def _alone(scale: Scale, number: int) -> dict[str, Any]:
+def _alone(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     start = {"set_point_s": 0, "lead_in_s": 60}
     told = {"sea": _sea(scale, number), "device": "absent", "timing": {"periods": 2}}
-    return {**told, "plant": str(LINEAR), "start": start}
+    return {**told, "plant": str(plant), "start": start}
 
 
 def closed_form(frequency: Any, spring: float) -> dict[str, Any]:
@@ -174,6 +181,18 @@ def _excitation_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
         figure("excitation, worst good line against BEM", "%", PERCENT * off.max(), at_most=3.0),
         figure("  median of the good lines", "%", PERCENT * float(np.median(off))),
         figure("  lines that are good", "%", PERCENT * float(one.good.mean())),
+    ]
+
+
+def _dragged_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
+    """Drag is taken out line by line: what of it stays would grow with frequency."""
+    off = PERCENT * np.abs(one.value / bem_file.at(bem, one.frequency) - 1.0)
+    low = one.frequency <= SLOW
+    title = "with drag and friction: excitation, worst good line"
+    return [
+        figure(f"{title} up to {SLOW:g} Hz", "%", off[one.good & low].max(), at_most=3.0),
+        figure(f"{title} above", "%", off[one.good & ~low].max(), at_most=3.0),
+        figure("  drag that was taken out", "N*s^2/m^2", one.drag),
     ]
 
 

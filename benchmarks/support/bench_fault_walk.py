@@ -2,8 +2,9 @@
 
 import socket
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from math import pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,9 +14,13 @@ from rig.child import Child
 from rig.rehearsal.bench_emulation import companion_of
 from rig.rehearsal.bench_job import problems_of_session
 from rig.rehearsal.control_client import ControlClient
+from rig.sequence import MEASURE
 from rig.session import Session, SessionPlan, check_session
 from rig.session_run import task_of, wired
 from rig.task_run import Ended, View, carry_out_task
+
+AMPLITUDE_DEG, PERIOD_S = 10.0, 1.5
+FAST = 0.5 * radians(AMPLITUDE_DEG) * 2.0 * pi / PERIOD_S  # rad/s: half of the highest speed
 
 
 class BenchStage(NamedTuple):
@@ -31,6 +36,10 @@ class BenchStage(NamedTuple):
     def companions(self) -> tuple[str, ...]:
         """The processes beside its loop, by name."""
         return tuple(one.name for one in wired(self.session, emulated=False).companions)
+
+    def moves(self, row: Mapping[str, float]) -> bool:
+        """Whether the shaft turns at more than half of its highest speed."""
+        return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > FAST
 
     def go(self, view: View) -> Ended:
         """One run on them, as they are."""
@@ -61,7 +70,9 @@ def bench_stage(folder: Path) -> Iterator[BenchStage]:
         "name": "fault",
         "session": "driveline",
         "rig": str(bench_rig_file(folder)),
-        "rows": [{"amplitude_deg": 10, "damping_n_m_s_per_rad": 62.5, "period_s": 1.5}],
+        "rows": [
+            {"amplitude_deg": AMPLITUDE_DEG, "damping_n_m_s_per_rad": 62.5, "period_s": PERIOD_S}
+        ],
         "tare": {"duration_s": 0.5},
         "timing": {"rise_s": 1.5, "settle_periods": 0, "periods": 4},
     }

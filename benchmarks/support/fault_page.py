@@ -13,7 +13,7 @@ Made by `python -m benchmarks faults --rig {name}` from `configs/faults/{name}.y
 Each fault is given to an emulated device, to a wire or to a process while a run is under way on the
 real drivers and wires. Measured is the time from the fault until {without}; it is never told too
 short, and up to 5 ms too long. A stop of category 0 takes the power away at once; one of category 1
-{stop} first.
+{stop} first. {motion}
 
 Limits are those of `configs/limits/{name}_hil.yaml`, for a host that stands still for 40 ms now and
 then; a rig's own computer takes those of `{name}.yaml`, and is quicker by the difference. "-" is
@@ -35,6 +35,7 @@ def page(rig: FaultRig, rows: list[Row], measured: dict[str, Any]) -> str:
         name=rig.name,
         without=rig.without,
         stop=rig.stop,
+        motion=rig.motion,
         test=rig.test,
         walked=walked(rows, measured),
     )

@@ -21,6 +21,7 @@ class FaultRig(NamedTuple):
     page: Path  # of the documentation
     without: str  # when it is safe, for people
     stop: str  # what a stop of category 1 does first
+    motion: str  # how what it moves stands when a fault comes
     test: str  # which walks it
     measured: Path  # what was found
     table: Path
@@ -37,11 +38,14 @@ def _rig(
     page: str,
     without: str,
     stop: str,
+    motion: str,
     test: str,
 ) -> FaultRig:
     measured = ROOT / "benchmarks" / "results" / f"faults_measured_{name}.json"
     table = TABLES / f"{name}.yaml"
-    return FaultRig(name, title, stage, ROOT / "docs" / page, without, stop, test, measured, table)
+    return FaultRig(
+        name, title, stage, ROOT / "docs" / page, without, stop, motion, test, measured, table
+    )
 
 
 RIGS = {
@@ -54,6 +58,7 @@ RIGS = {
             "faults.md",
             "neither motor has power, at the drives",
             "damps the body for 2 s",
+            "Faults come 1.5 s after power on, in waves.",
             "test_hil_faults.py",
         ),
         _rig(
@@ -63,6 +68,8 @@ RIGS = {
             "bench_faults.md",
             "the servo has no power, at the drive",
             "brings the shaft to rest for 1 s",
+            "Faults come 1.5 s after power on, while the shaft still stands; those in motion come "
+            "while it turns at more than half of its highest speed, 0.7 rad/s.",
             "test_hil_bench_faults.py",
         ),
     )

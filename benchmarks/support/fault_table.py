@@ -12,6 +12,8 @@ from rig.safety import CATEGORY, Reason
 TABLES = ROOT / "configs" / "faults"
 REFUSED, GOES_ON, UNDETECTED = "refused at start", "goes on", "not detected"
 LOOP_LOST = "loop lost"
+START, MOTION = "start", "motion"  # else it comes while the law acts
+_NAMED = {"": "", START: " from the start", MOTION: " in motion"}
 NO_STOP = (REFUSED, GOES_ON, UNDETECTED)  # without a category, and without a time
 _KEYS = {
     "fault", "must", "category", "within_s", "why", "value", "toward", "from", "short", "and",
@@ -29,7 +31,7 @@ class Row(NamedTuple):
     why: str  # what is behind it, for people; never empty where the run goes on
     value: float | None  # the fault's number, None: its own
     toward: str | None  # of a link's fault: host or device alone
-    at_start: bool  # there before the run, not come in it
+    since: str  # START: there before the run; MOTION: come at speed; empty: come in the run
     short: bool  # of the short selection
     also: tuple[str, ...]  # other reasons that are as good: which comes first is chance
 
@@ -38,7 +40,7 @@ class Row(NamedTuple):
         """For people."""
         told = f"{self.device}: {self.fault}"
         told += f" {self.value:g}" if self.value is not None else ""
-        return told + (" from the start" if self.at_start else "")
+        return told + _NAMED[self.since]
 
     @property
     def verdicts(self) -> tuple[str, ...]:
@@ -76,6 +78,8 @@ def _row(device: str, one: dict[str, Any]) -> Row:
     what = f"{device}: {one.get('fault')}"
     if unknown := set(one) - _KEYS:
         raise ValueError(f"{what}: unknown {', '.join(sorted(unknown))}")
+    if (since := one.get("from", "")) not in _NAMED:
+        raise ValueError(f"{what}: from {since!r}, not {START} or {MOTION}")
     must = one["must"]
     row = Row(
         device,
@@ -86,7 +90,7 @@ def _row(device: str, one: dict[str, Any]) -> Row:
         one.get("why", ""),
         one.get("value"),
         one.get("toward"),
-        one.get("from") == "start",
+        since,
         bool(one.get("short", False)),
         tuple(one.get("and", ())),
     )

@@ -1,15 +1,15 @@
 """Walking the table of faults on the real stacks: loop, companions and emulated devices.
 
 One process of emulated devices serves many runs; before each its world is put to rest and its nodes
-are switched on anew. A run tares for a second, and the fault comes when the motors have power and
-the waves have begun to move the body.
+are switched on anew. A run tares, and the fault comes when the motors have had power for some time,
+or else when what they move is moving fast.
 """
 
 import json
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -17,7 +17,15 @@ from typing import Any, NamedTuple, Protocol
 from ruamel.yaml import YAML
 
 from benchmarks.support import process_faults
-from benchmarks.support.fault_table import GOES_ON, LOOP_LOST, NO_STOP, REFUSED, Row
+from benchmarks.support.fault_table import (
+    GOES_ON,
+    LOOP_LOST,
+    MOTION,
+    NO_STOP,
+    REFUSED,
+    START,
+    Row,
+)
 from rig.child import Child
 from rig.companions import Companion
 from rig.rehearsal.control_client import ControlClient
@@ -28,7 +36,7 @@ from rig.task_run import Ended, View
 
 PATIENCE = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
-MOVING = 1.5  # s of rig time from power on to the fault
+AFTER = 1.5  # s of rig time from power on to the fault
 
 
 class Scene(Protocol):
@@ -42,6 +50,10 @@ class Scene(Protocol):
     @property
     def companions(self) -> tuple[str, ...]:
         """The processes beside its loop, by name."""
+        ...
+
+    def moves(self, row: Mapping[str, float]) -> bool:
+        """Whether what the motors move is moving fast, by a row of the record."""
         ...
 
     def go(self, view: View) -> Ended:
@@ -122,11 +134,19 @@ def when_free(run: Callable[[], Ended]) -> Ended:
 
 
 class Trigger:
-    """Does something once: when the motors have had power for so many seconds of rig time."""
+    """Does something once: when the motors have had power for so many seconds of rig time.
 
-    def __init__(self, deed: Callable[[], float], after: float = MOVING) -> None:
+    With ``ready`` not before that is so of the newest row, which is 0.1 s old at most.
+    """
+
+    def __init__(
+        self,
+        deed: Callable[[], float],
+        after: float = AFTER,
+        ready: Callable[[Mapping[str, float]], bool] = lambda row: True,
+    ) -> None:
         self.at: float | None = None  # s, monotonic, when it was done
-        self._deed, self._after = deed, after
+        self._deed, self._after, self._ready = deed, after, ready
         self._since: float | None = None
 
     def __call__(self, snapshot: Snapshot) -> None:
@@ -135,7 +155,7 @@ class Trigger:
             return
         if self._since is None:
             self._since = float(row["time"])
-        if row["time"] - self._since >= self._after:
+        if row["time"] - self._since >= self._after and self._ready(row):
             self.at = self._deed()
 
 
@@ -155,8 +175,8 @@ def walk(on: Scene, row: Row) -> Finding:
         return on.control.switch(row.device, row.fault, True, row.value, row.toward)
 
     before = _struck(on, row)
-    trigger = Trigger(strike)
-    if row.at_start:
+    trigger = Trigger(strike, ready=on.moves) if row.since == MOTION else Trigger(strike)
+    if row.since == START:
         on.control.ask("restart")
         trigger.at = strike()
         ended = when_free(lambda: on.go(Watcher(lambda snapshot: None)))

@@ -1,7 +1,7 @@
 """The WaveBot's emulated devices and a short campaign on their wires, to be given faults."""
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,8 @@ from rig.hardware import job as hardware
 from rig.rehearsal import emulation
 from rig.rehearsal.control_client import ControlClient
 from rig.task_run import View
+
+FAST = 0.05  # m/s of the body in heave
 
 
 class Stage(NamedTuple):
@@ -30,6 +32,10 @@ class Stage(NamedTuple):
     def companions(self) -> tuple[str, ...]:
         """The processes beside its loop, by name."""
         return tuple(one.name for one in hardware.job_of(self.campaign.rig).companions)
+
+    def moves(self, row: Mapping[str, float]) -> bool:
+        """Whether the body heaves."""
+        return abs(row["heave.estimate.velocity"]) > FAST
 
     def go(self, view: View) -> Ended:
         """One run on them, as they are."""

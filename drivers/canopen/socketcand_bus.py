@@ -18,6 +18,7 @@ from can.interfaces.socketcand.socketcand import convert_ascii_message_to_can_me
 _FRAME = b"< frame "
 _ID = slice(len(_FRAME), len(_FRAME) + 3)  # hexadecimal digits of an 11-bit identifier
 _ALL = 0x7FF
+_LONGEST = 256  # bytes kept of a message that has not ended; a frame has 60
 
 
 class SocketcandBus(SocketCanDaemonBus):
@@ -49,6 +50,7 @@ class SocketcandBus(SocketCanDaemonBus):
             if not data:
                 raise can.CanError("Failed to receive: the server has ended")
             *pieces, self._rest = (self._rest + data).split(b">")
+            self._rest = self._rest[-_LONGEST:]
             self._ready.extend(made for piece in pieces if (made := self._message(piece)))
         return (self._ready.popleft(), False) if self._ready else (None, False)
 

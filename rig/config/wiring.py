@@ -158,6 +158,9 @@ class Registers(FileModel):
     size: Whole = Field(ge=1, le=2000)
     word_order: Literal["high first", "low first"]
     period_s: Period
+    # Register of the same table in which the unit counts its updates, if it does: values it has
+    # shown before are no new ones.
+    counter: Whole | None = Field(default=None, ge=0, le=65_535)
     values: Several[RegisterValue] = Field(min_length=1, strict=False)
     prepare: tuple[Written, ...] = Field(default=(), strict=False)  # holding registers, in order
 

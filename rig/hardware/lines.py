@@ -48,6 +48,7 @@ def _block(name: str, registers: Registers, written: bool) -> dict[str, Any]:
         "size": registers.size,
         "high_first": registers.word_order == "high first",
         "period": registers.period_s,
+        "counter": registers.counter,
         "written": written,
         "prepare": [list(one.model_dump().values()) for one in registers.prepare],
         "values": [[v.name, v.at, v.kind, v.scale, v.low, v.high] for v in registers.values],

@@ -49,6 +49,7 @@ class Polled(NamedTuple):
     period: float  # s
     prepare: tuple[Given, ...]
     written: bool  # the loop's word goes out; otherwise the block comes in
+    counter: int | None = None  # register of the same table that counts new values
 
 
 class _Task:
@@ -68,6 +69,7 @@ class _Task:
         self._pause = polled.period
         self._told = -_TELL
         self._doubt = TRUST  # answers that must still look right before they are handed on
+        self._count: int | None = None  # of the values handed on last, where the unit counts them
         self._prepared = 0  # how often the line had been opened when the unit was prepared
         self.trouble = "not asked yet"
 
@@ -110,9 +112,11 @@ class _Task:
     def _read(self, line: Line, began: float) -> bool:
         """Ask once and hand the answer on, if the unit is believed; else False.
 
-        Swapped words of a float are a number that can be now and then: one is not enough.
+        Swapped words of a float are a number that can be now and then: one is not enough. Where
+        the unit counts its values, those it has shown before are not handed on, and grow old. The
+        count is asked for first: values that come in between are told too old, never too young.
         """
-        block = self.polled.block
+        block, count = self.polled.block, self._counted(line)
         values = registers.decode(block, line.read(block), self.polled.high_first)
         wrong = registers.implausible(block, values)
         if wrong:
@@ -126,11 +130,21 @@ class _Task:
         self._doubt = max(0, self._doubt - 1)
         if self._doubt > 0:
             return False
+        if count is not None and count == self._count:
+            return True
+        self._count = count
         numbers = (
             int(v) if d.kind == "bit" else v for d, v in zip(block.values, values, strict=True)
         )
         self._slot.post(self._word(*numbers, began))
         return True
+
+    def _counted(self, line: Line) -> int | None:
+        """How many values the unit has had so far (it may wrap), or None if it does not count."""
+        if self.polled.counter is None:
+            return None
+        here = self.polled.block
+        return line.read(Block(here.unit, here.table, self.polled.counter, 1, ()))[0]
 
     def _write(self, line: Line) -> None:
         wanted = self._slot.read()
@@ -166,7 +180,9 @@ def blocks_of(config: dict[str, Any]) -> Iterator[Polled]:
         )
         name = one["name"]
         given = tuple(Given(*each) for each in one["prepare"])
-        yield Polled(name, block, one["high_first"], one["period"], given, one["written"])
+        yield Polled(
+            name, block, one["high_first"], one["period"], given, one["written"], one["counter"]
+        )
 
 
 def line_of(config: dict[str, Any], writable: list[Block]) -> Line:

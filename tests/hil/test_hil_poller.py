@@ -145,6 +145,21 @@ def test_turns_come_half_a_tick_after_the_grid_whatever_the_last_one_took(period
         assert now + took < turn <= now + took + period + 1e-9
 
 
+def test_values_that_the_unit_has_not_counted_grow_old() -> None:
+    """Count, values, count, values, ...: what was shown before is not handed on again."""
+    answers: list[Any] = []
+    for count in (7, 7, 7, 8, 8, 9, 9, 65535, 0, 0):
+        answers += [[count], WELL]
+    posted: Any = Posted()
+    line: Any = Meter(answers)
+    task, counts = _Task(ANALYSER._replace(counter=1), posted, 0.3), []
+    for _ in range(10):
+        task.turn(line)
+        counts.append(len(posted))
+    assert counts == [0, 0, 1, 2, 2, 3, 3, 4, 5, 5]
+    assert task.trouble == ""  # it answers
+
+
 # --- registers that a unit is given first
 
 STATUS = (Given(0x1000, 5, True, True), Given(0x1006, 1, True, False))  # a watchdog's time, status

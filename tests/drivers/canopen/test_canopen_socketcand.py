@@ -5,12 +5,16 @@ from __future__ import annotations
 import socket
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 
 import can
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drivers.canopen.bus_settings import Bus
-from drivers.canopen.link import hear_only, open_bus
+from drivers.canopen.link import _GONE, hear_only, open_bus
+from drivers.canopen.socketcand_bus import SocketcandBus
 
 FRAMES = (b"< frame 705 1.5 05 >", b"< frame 185 1.6 AABB >", b"< frame 585 1.7 4300100092010200 >")
 
@@ -99,3 +103,28 @@ def test_a_server_that_ends_is_an_error(server: Server, bus: can.BusABC) -> None
     server.close()
     with pytest.raises(can.CanError, match="the server has ended"):
         bus.recv(2.0)
+
+
+def test_text_without_end_is_not_kept(server: Server, bus: can.BusABC) -> None:
+    server.send(b"x" * 200_000)
+    for _ in range(400):
+        assert bus.recv(0.001) is None
+    server.send(b">" + FRAMES[0])
+    assert heard(bus, 1) == [(0x705, b"\x05")]
+    assert len(bus._rest) <= 256  # type: ignore[attr-defined]
+
+
+PIECES = st.sampled_from(
+    (b"< ", b"<", b"frame ", b"error ", b"705 ", b"1.5 ", b"05 ", b"zz ", b"\xff", b"20000040 ")
+)
+
+
+@given(st.lists(PIECES, max_size=9), st.sampled_from((None, frozenset((b"705",)))))
+def test_no_text_raises_anything_but_what_the_link_counts(
+    pieces: list[bytes], wanted: frozenset[bytes] | None
+) -> None:
+    bus = object.__new__(SocketcandBus)
+    bus._ids = wanted
+    with suppress(*_GONE):
+        made = bus._message(b"".join(pieces))
+        assert made is None or made.is_error_frame or wanted is None or made.arbitration_id == 0x705

@@ -51,7 +51,8 @@ def switch(tables: Tables, trigger: int, dt: Second) -> Sea:
 
 def _at(tables: Tables, tick: int, dt: Second) -> Sea:
     elevations, heaves, surges, onset, onset_ticks = tables
-    i = tick % len(elevations)
+    length = len(elevations)
+    i = tick if tick < length else tick % length  # a division costs
     if tick >= onset_ticks:
         return Sea(tick, 1.0, elevations[i], heaves[i], surges[i])
     share = ramp(tick * dt, onset)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numba import types
 from numba.core import cgutils
 from numba.extending import (
@@ -29,9 +30,13 @@ CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
 class Column:
     """Numbers of one kind, all int or all float."""
 
-    def __init__(self, numbers: Sequence[float]) -> None:
-        whole = all(isinstance(number, int | np.integer) for number in numbers) and len(numbers) > 0
-        self.array = np.array(numbers, np.int64 if whole else np.float64)
+    def __init__(self, numbers: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        """An array is not copied, so that compiled code can write into it."""
+        if isinstance(numbers, np.ndarray):
+            self.array: npt.NDArray[Any] = np.ascontiguousarray(numbers, np.float64)
+        else:
+            whole = len(numbers) > 0 and all(isinstance(one, int | np.integer) for one in numbers)
+            self.array = np.array(numbers, np.int64 if whole else np.float64)
         self.address = int(self.array.ctypes.data)
         self.length = len(self.array)
 
@@ -94,6 +99,15 @@ def _at(context: Any, column: Any, index: Any) -> Any:
     return column.dtype(column, types.int64), code
 
 
+@intrinsic
+def _put(context: Any, column: Any, index: Any, number: Any) -> Any:
+    def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        builder.store(arguments[2], builder.gep(made.data, [arguments[1]]))
+
+    return types.void(column, types.int64, column.dtype), code
+
+
 @overload(len)
 def _len(column: Any) -> Any:
     def length(column: Any) -> Any:
@@ -115,3 +129,18 @@ def _getitem(column: Any, index: Any) -> Any:
     if not isinstance(column, _ColumnType):
         return None
     return checked if CHECKED else at
+
+
+@overload(operator.setitem)
+def _setitem(column: Any, index: Any, number: Any) -> Any:
+    def put(column: Any, index: Any, number: Any) -> None:
+        _put(column, index, number)
+
+    def checked(column: Any, index: Any, number: Any) -> None:
+        if not 0 <= index < _length(column):
+            raise IndexError("index out of a column's range")
+        _put(column, index, number)
+
+    if not isinstance(column, _ColumnType):
+        return None
+    return checked if CHECKED else put

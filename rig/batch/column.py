@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import (
@@ -46,6 +47,9 @@ class Column:
     def __getitem__(self, index: int) -> float:
         number: float = self.array[index].item()
         return number
+
+    def __setitem__(self, index: int, number: float) -> None:
+        self.array[index] = number
 
 
 class _ColumnType(types.Type):
@@ -108,6 +112,19 @@ def _put(context: Any, column: Any, index: Any, number: Any) -> Any:
     return types.void(column, types.int64, column.dtype), code
 
 
+@intrinsic
+def _bring(context: Any, column: Any, index: Any) -> Any:
+    def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        place = builder.bitcast(builder.gep(made.data, [arguments[1]]), cgutils.voidptr_t)
+        flag = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, flag, flag, flag])
+        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        builder.call(fetch, [place, flag(0), flag(3), flag(1)])
+
+    return types.void(column, types.int64), code
+
+
 @overload(len)
 def _len(column: Any) -> Any:
     def length(column: Any) -> Any:
@@ -144,3 +161,15 @@ def _setitem(column: Any, index: Any, number: Any) -> Any:
     if not isinstance(column, _ColumnType):
         return None
     return checked if CHECKED else put
+
+
+def read_soon(column: Any, index: int) -> None:
+    """Have an entry brought near; nothing happens where there is none."""
+
+
+@overload(read_soon)
+def _read_soon(column: Any, index: Any) -> Any:
+    def bring(column: Any, index: Any) -> None:
+        _bring(column, index)
+
+    return bring

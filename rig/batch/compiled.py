@@ -23,7 +23,7 @@ from controllers import (
     station_keeping,
 )
 from rig import axis, cycle, lift, limits, power, safety, sequence, tare
-from rig.batch import column, pages, wires
+from rig.batch import column, noise, pages, wires
 from rig.batch.pages import TICKS
 from rig.loop import LINGER
 from rig.rehearsal.compiled import LIFTED as PLANT
@@ -38,7 +38,7 @@ _CONTROL: tuple[ModuleType, ...] = (
     *(sys.modules[f"rig.wavebot.{name}"] for name in ("check", "kind", "state")),
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, pages, cycle)
-BESIDE = (signals, wavebot_words, plant_words, column)
+BESIDE = (signals, wavebot_words, plant_words, column, noise)
 """Not lifted, but compiled code is made of their types."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
@@ -48,8 +48,8 @@ from numba.extending import register_jitable
 
 from rig import cycle
 from rig.batch import column
-from rig.batch.pages import file_away
-from rig.batch.wires import Machine, actuation, sense
+from rig.batch.pages import file_away, look_ahead
+from rig.batch.wires import Machine, actuation, sense, unhoisted
 from rig.wavebot import KIND
 from sim_plant import wave_maker
 from sim_plant.wavebot import Excitation, sample, step as plant_step
@@ -64,9 +64,10 @@ def advance(params, plant, tables, normals, dt, late, machine, until, page, kept
     tick, loop, state, sea, line, wire, fresh, settings, linger = machine
     while tick < until and linger < {linger}:
         if tick > 0:
+            look_ahead(tables, normals, sea.place, tick)
             after = wave_maker.step(tables, sea, dt)
             now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
-            state = plant_step(plant, state, wire, fresh, now, then, dt)
+            state = plant_step(plant, unhoisted(state), wire, fresh, now, then, dt)
             sea, fresh = after, 0
             line = line[1:] + (sample(plant, state, tick, sea.elevation, normals),)
         read = sense(line[0], late)
@@ -81,7 +82,7 @@ def advance(params, plant, tables, normals, dt, late, machine, until, page, kept
             {keep}
             filled += 1
             if filled - first == {ticks}:
-                file_away(page, kept, first, filled)
+                file_away(page, kept, {fields}, first, filled)
                 first = filled
         if row.safety.mode == {stop_0}:
             linger += 1
@@ -92,7 +93,7 @@ def advance(params, plant, tables, normals, dt, late, machine, until, page, kept
             break
         if filled > 0 and not measuring:
             break
-    file_away(page, kept, first, filled)
+    file_away(page, kept, {fields}, first, filled)
     return Machine(tick, loop, state, sea, line, wire, fresh, settings, linger), filled
 '''
 
@@ -118,4 +119,11 @@ def is_compiled(fields: tuple[str, ...]) -> bool:
 def _source(fields: tuple[str, ...]) -> str:
     lines = (f"page[{i * TICKS} + at] = row.{name}" for i, name in enumerate(fields))
     keep = "\n            ".join(lines)
-    return _SOURCE.format(keep=keep, ticks=TICKS, linger=LINGER, stop_0=safety.STOP_0, measure=MEASURE)
+    return _SOURCE.format(
+        keep=keep,
+        fields=len(fields),
+        ticks=TICKS,
+        linger=LINGER,
+        stop_0=safety.STOP_0,
+        measure=MEASURE,
+    )

@@ -12,6 +12,8 @@ import numpy as np
 from rig.batch.column import Column
 from sim_plant.sensors import Channel, SensorParams
 
+WIDE = 16  # numbers kept for a tick: a power of two, as the table's length has to be one
+
 
 def combed(sensors: SensorParams, normals: Sequence[float]) -> tuple[SensorParams, Column]:
     """The sensors with channels that read the table given beside them, and that table.
@@ -20,13 +22,12 @@ def combed(sensors: SensorParams, normals: Sequence[float]) -> tuple[SensorParam
     as many ticks as the table is long, whatever its stride.
     """
     names = [name for name, each in sensors._asdict().items() if isinstance(each, Channel)]
-    wide = 1 << (len(names) - 1).bit_length()  # the table's length stays a power of two
     numbers, ticks = np.array(normals), np.arange(len(normals))
-    table = np.zeros((len(normals), wide))
+    table = np.zeros((len(normals), WIDE))
     told = {}
     for place, name in enumerate(names):
         channel: Channel = getattr(sensors, name)
         walk = (ticks * channel.stride + channel.offset) & (len(normals) - 1)
         table[:, place] = numbers[walk]
-        told[name] = channel._replace(stride=wide, offset=place)
+        told[name] = channel._replace(stride=WIDE, offset=place)
     return sensors._replace(**told), Column(table.ravel())

@@ -47,6 +47,7 @@ _AT_A_TIME = 200_000  # ticks between two looks at whether to go on: a tenth of 
 _TICK, _ROW = KEPT.index("tick"), KEPT.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 _Floats = npt.NDArray[np.float64]
+_SPARE: list[Any] = []  # memory of walks that are over: new one costs a tenth of a walk
 
 
 class Kept:
@@ -150,7 +151,8 @@ class Walk:
         self._machine = subject.start(stator)
         self._params, self._plant = subject.columns(plan), subject.constants
         self._page = Column(np.empty(len(KEPT) * TICKS))
-        self._kept = np.empty((len(KEPT), _longest(plan) + 1))
+        self._kept = _room(_longest(plan) + 1)
+        self._filed = Column(self._kept.ravel())
         self.reason = Reason.NONE
 
     @property
@@ -169,17 +171,30 @@ class Walk:
                 yield from _windows(self._kept[:, :filled], machine)
                 filled = 0
         self.reason = Reason(self._machine.loop.safety.reason)
+        _SPARE.append(self._kept.base)
 
     def tick(self, until: int, filled: int = 0) -> int:
         """Tick up to ``until`` or less far; gives how many ticks of windows are kept by then."""
         subject, settings = self._subject, self._machine.settings
         self._machine, filled = subject.advance(
             self._params, self._plant, subject.tables, subject.normals, subject.dt,
-            subject.begin.delay, self._machine, until, self._page, self._kept, filled,
+            subject.begin.delay, self._machine, until, self._page, self._filed, filled,
         )  # fmt: skip
         if self._machine.settings != settings:
             self._plant = subject.set_drive(self._machine.settings)
         return int(filled)
+
+
+def _room(ticks: int) -> _Floats:
+    """Room for so many ticks, of memory that a walk has left if there is as much."""
+    size = len(KEPT) * ticks
+    try:
+        spare = _SPARE.pop()
+    except IndexError:
+        spare = np.empty(0)
+    if len(spare) < size:
+        spare = np.empty(size)
+    return spare[:size].reshape(len(KEPT), ticks)
 
 
 def _longest(plan: Plan) -> int:

@@ -132,7 +132,7 @@ def test_senses_that_are_none_give_the_same_mode_reason_and_command(
     """From a running state, one spoiled sense, then ten sound ones, over and over."""
     _, plan = opened(campaign(tmp_path, "regular"))
     columns = subject.columns(plan)
-    page, kept = Column(np.empty(len(KEPT) * TICKS)), np.empty((len(KEPT), 20_000))
+    page, kept = Column(np.empty(len(KEPT) * TICKS)), Column(np.empty(len(KEPT) * 20_000))
 
     def advance(machine: Any, until: int) -> Any:
         return subject.advance(

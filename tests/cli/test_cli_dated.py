@@ -98,7 +98,9 @@ def test_a_sweep_warns_of_the_values_that_its_cases_have(
     )
     late = dated.of_cases(opened.campaign, opened.swept, date(2026, 1, 1))
     assert len(late) == len(told)
-    assert {day for day in (LATE, FINE, "2002-01-01") if day in str([p.text() for p in late])} == told
+    assert {
+        day for day in (LATE, FINE, "2002-01-01") if day in str([p.text() for p in late])
+    } == told
 
 
 @pytest.mark.parametrize(("before", "told"), [("2001-01-01", 1), ("2999-01-01", 0)])

@@ -274,7 +274,7 @@ class Run:
         elif self._refused:
             status, why = "refused", self._refused
         else:
-            status, why = "crashed", self._trouble or (loop.last_words() if loop else "")
+            status, why = "crashed", self._trouble or (f"loop: {loop.last_words()}" if loop else "")
         put = self._ring.head + self._ring.dropped
         ended = end or {"ticks": put, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(

@@ -183,11 +183,12 @@ def write_surfaces(
 
 
 def can_be_sliced(found: Matrix) -> bool:
-    """Whether Kp, Ki and spring rate vary, and slices hold enough points.
+    """Whether Kp, Ki and spring rate vary in what was measured, and slices hold enough points.
 
     At a single spring rate the surfaces by spring rate are the slices.
     """
-    names = {column.name for column in varied(found)}
+    measured = found._replace(asked=tuple(point.setting for point in found.points))
+    names = {column.name for column in varied(measured)}
     return names >= {"kp", "ki", "spring_rate"} and not scattered(found)
 
 

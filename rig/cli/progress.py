@@ -78,7 +78,7 @@ class Progress(RunPanel):
         count = len(self._plan.rows)
         if phase == Phase.DONE.name.lower():
             ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
-            return f"all {count} walked" if ended else f"- of {count}   stopped"
+            return f"all {count} walked" if ended else f"stopped before all {count} were walked"
         if row == NO_ROW:
             return f"- of {count}   {phase}"
         point = self._plan.rows[row].setting

@@ -132,7 +132,9 @@ def _tell(ended: Ended, products: list[Path], trouble: str) -> None:
     if text.exists():
         print(text.read_text().rstrip())
     outcome = ended.outcome
-    if outcome.status in ("crashed", "refused") or not text.exists():
+    # The page says it too, but to standard output: not twice on one screen.
+    told = text.exists() and (sys.stdout.isatty() or outcome.status not in ("crashed", "refused"))
+    if not told:
         ending = ENDINGS.get(outcome.status, outcome.status)
         print(f"\n{ending}: {words.reason_words(outcome.reason)}.", file=sys.stderr)
     tell_folder(ended, products, trouble)

@@ -35,7 +35,10 @@ class SessionProgress(RunPanel):
         count = len(self._plan.rows)
         if phase is Phase.DONE:
             ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
-            return "row", f"all {count} walked" if ended else f"- of {count}   stopped"
+            return (
+                "row",
+                f"all {count} walked" if ended else f"stopped before all {count} were walked",
+            )
         if row == NO_ROW:
             return "row", f"- of {count}   {phase.name.lower()}"
         given = self._plan.rows[row].given

@@ -80,6 +80,9 @@ def test_each_station_is_sliced_at_its_own_optimum() -> None:
         expected = f"sliced at spring rate {labels.quantity(SPRING_RATE, spring)}"
         assert heading(slice_).endswith(expected)
     assert can_be_sliced(found)
+    at_one_spring = tuple(p for p in found.points if p.setting["spring_rate"] == SPRINGS[0])
+    assert len(at_one_spring) > 3
+    assert not can_be_sliced(found._replace(points=at_one_spring))  # a run that ended early
 
 
 def test_a_held_column_stays_where_it_is_held() -> None:

@@ -125,6 +125,7 @@ def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None
     once = Once(20.0, lambda: kill("rig.rehearsal"))
     ended = run(campaign, tmp_path / "runs", see)
     assert ended.outcome.status == "crashed"
+    assert ended.outcome.reason == "loop: killed by SIGKILL"
     assert ended.outcome.unsaved == 0
     found = ticks(ended.folder)["tick"].values
     assert np.array_equal(found, np.arange(len(found)))

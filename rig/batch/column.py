@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import (
@@ -25,6 +24,7 @@ from numba.extending import (
     unbox,
 )
 
+_LLVM: Any = vars(cgutils)["ir"]  # what numba writes its code with
 CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
 
 
@@ -117,8 +117,8 @@ def _bring(context: Any, column: Any, index: Any) -> Any:
     def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
         place = builder.bitcast(builder.gep(made.data, [arguments[1]]), cgutils.voidptr_t)
-        flag = ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, flag, flag, flag])
+        flag = _LLVM.IntType(32)
+        kind = _LLVM.FunctionType(_LLVM.VoidType(), [cgutils.voidptr_t, flag, flag, flag])
         fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
         builder.call(fetch, [place, flag(0), flag(3), flag(1)])
 

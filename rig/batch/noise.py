@@ -6,6 +6,7 @@ other, tick after tick; they are the same numbers.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ def combed(sensors: SensorParams, normals: Sequence[float]) -> tuple[SensorParam
     names = [name for name, each in sensors._asdict().items() if isinstance(each, Channel)]
     numbers, ticks = np.array(normals), np.arange(len(normals))
     table = np.zeros((len(normals), WIDE))
-    told = {}
+    told: dict[str, Any] = {}
     for place, name in enumerate(names):
         channel: Channel = getattr(sensors, name)
         walk = (ticks * channel.stride + channel.offset) & (len(normals) - 1)

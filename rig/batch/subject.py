@@ -47,7 +47,7 @@ _AT_A_TIME = 200_000  # ticks between two looks at whether to go on: a tenth of 
 _TICK, _ROW = KEPT.index("tick"), KEPT.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 _Floats = npt.NDArray[np.float64]
-_SPARE: list[Any] = []  # memory of walks that are over: new one costs a tenth of a walk
+_SPARE: list[_Floats] = []  # memory of walks that are over: new one costs a tenth of a walk
 
 
 class Kept:
@@ -171,7 +171,7 @@ class Walk:
                 yield from _windows(self._kept[:, :filled], machine)
                 filled = 0
         self.reason = Reason(self._machine.loop.safety.reason)
-        _SPARE.append(self._kept.base)
+        _SPARE.append(cast(_Floats, self._kept.base))
 
     def tick(self, until: int, filled: int = 0) -> int:
         """Tick up to ``until`` or less far; gives how many ticks of windows are kept by then."""

@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
-from scipy.integrate import solve_ivp
 
+from benchmarks.support.integrated import Floats, Model, continuous, sampled
 from benchmarks.support.recorded import ROOT, campaign_file
-from benchmarks.support.result import Result, figure, ratios
+from benchmarks.support.result import Figure, Result, figure, ratios
 from controllers import biquads, blocks, impedance
 from rig import lift
 from rig.campaign import check
@@ -45,8 +44,6 @@ KP, KI, RAMP = -2500.0, 4000.0, 0.5
 TARGET = 20.0  # % of stator travel beyond its start, so that the table is walked
 CC = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
 FINE, LOOSEST = 1e-10, 1e-2  # relative tolerances of the integrator
-
-Floats = npt.NDArray[np.float64]
 
 _LIFTED = (
     analyser, biquads, blocks, body, bus, cots_drive, custom_drive, drive, electrics, impedance,
@@ -95,16 +92,6 @@ def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target
 '''
 
 
-class Model(NamedTuple):
-    """A WaveBot in a regular sea."""
-
-    params: wavebot.WaveBotParams
-    table: Floats  # N, excitation, one repeat period by tick
-    start: float  # %, stator
-    per_ampere: float  # N/A
-    dt: float
-
-
 def model(folder: Path) -> Model:
     """The plant of the default rig."""
     campaign = check(campaign_file(folder, 12.0)).campaign
@@ -117,7 +104,10 @@ def model(folder: Path) -> Model:
         params,
         np.array(begin.tables.heave, dtype=np.float64),
         begin.state.stator.position,
+        begin.state.stator.position + TARGET,
         params.pto.force_per_current,
+        impedance.Gains(KP, KI, 0.0),
+        RAMP,
         dt,
     )
 
@@ -126,13 +116,12 @@ def lifted(made: Model) -> Callable[[int], tuple[float, ...]]:
     """The functions of plant and law, compiled: energies (J) after so many ticks."""
     walk = lift.load("benchmark_arithmetic", _SOURCE, _LIFTED).walk
     law = impedance.Params(RAMP)
-    gains = impedance.Gains(KP, KI, 0.0)
     supplied = electrics.initial(made.params.electrics)
 
     def run(ticks: int) -> tuple[float, ...]:
         found: tuple[float, ...] = walk(
-            made.params, supplied, law, impedance.start(), gains, made.per_ampere, made.table,
-            made.start, made.start + TARGET, made.dt, ticks,
+            made.params, supplied, law, impedance.start(), made.gains, made.per_ampere, made.table,
+            made.start, made.target, made.dt, ticks,
         )  # fmt: skip
         return found
 
@@ -168,50 +157,13 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
         energy = np.zeros(4)
         walk(
             at(given), at(stations), at(rates), integer(len(stations)), at(made.table),
-            integer(len(made.table)), double(made.start), double(made.start + TARGET),
+            integer(len(made.table)), double(made.start), double(made.target),
             double(params.electrics.analyser_window), double(made.dt), ctypes.c_long(ticks),
             at(energy),
         )  # fmt: skip
         return tuple(energy.tolist())
 
     return run
-
-
-def integrated(made: Model, seconds: float, tolerance: float) -> tuple[float, ...]:
-    """Energies (J) of the continuous model by scipy: state of hull, current and three energies."""
-    params = made.params
-    hull, loop, cots, spring = (
-        params.body, params.electrics.loop, params.electrics.cots, params.spring,
-    )  # fmt: skip
-    times = np.arange(len(made.table) + 1) * made.dt
-    table = np.append(made.table, made.table[0])
-    period = times[-1]
-
-    def slope(t: float, y: Floats) -> list[float]:
-        x, v, z1, z2, z3, z4, z5, current = y[:8]
-        share = min(t / RAMP, 1.0)
-        enabled = 1.0 if t > loop.enable_delay else 0.0
-        goal = enabled * share * (KP * v + KI * x) / made.per_ampere
-        goal = min(max(goal, -loop.current_limit), loop.current_limit)
-        gone = min(made.start + spring.speed * t, made.start + TARGET)
-        rate = magnetic_spring.table_rate(spring, gone)
-        motor = made.per_ampere * current
-        between = motor + wavebot.passive_force(params, rate, x, v, 0.0)
-        state = body.BodyState(x, v, z1, z2, z3, z4, z5)
-        force = float(np.interp(t % period, times, table))
-        rise = body.acceleration(hull, state, force + between)
-        drop = v - hull.a0 * z1 - hull.a1 * z2 - hull.a2 * z3 - hull.a3 * z4 - hull.a4 * z5
-        ac = motor * v + pto.copper_loss(params.pto, motor)
-        return [
-            v, rise, z2, z3, z4, z5, drop, (goal - current) / loop.time_constant,
-            between * v, ac, ac + cots_drive.loss(cots, current),
-        ]  # fmt: skip
-
-    found = solve_ivp(
-        slope, (0.0, seconds), np.zeros(11), method="LSODA", rtol=tolerance,
-        atol=tolerance * 1e-3, max_step=0.1,
-    )  # fmt: skip
-    return tuple(found.y[8:, -1].tolist())
 
 
 def measure(short: bool) -> Result:
@@ -231,17 +183,8 @@ def measure(short: bool) -> Result:
                 seconds_c, energy_c = _timed(theirs, ticks)
                 took_c.append(seconds_c)
                 differing += sum(a != b for a, b in zip(energy, energy_c, strict=True))
-        fine = integrated(made, span, FINE)
         mine = ours(round(span / made.dt))
-        wanted = _off(mine, fine)
-        tolerance, began, slow = LOOSEST, 0.0, 0.0
-        while True:  # the loosest that is as good
-            began = time.perf_counter()
-            found = integrated(made, span, tolerance)
-            slow = time.perf_counter() - began
-            if _off(found, fine) <= wanted or tolerance <= 10.0 * FINE:
-                break
-            tolerance /= 3.0
+        same, other = (_solved(way, made, span, mine) for way in (sampled, continuous))
     per_second = [one / seconds for one in took]
     compared = (
         (
@@ -258,17 +201,48 @@ def measure(short: bool) -> Result:
         (
             figure("lifted", "x real time", [1.0 / one for one in per_second]),
             *compared,
-            figure(
-                "scipy solve_ivp / lifted, at equal accuracy",
-                "ratio",
-                slow / span / float(np.median(per_second)),
-                at_least=OF_SCIPY,
-            ),
-            figure("  error of mean AC power, lifted", "%", 100.0 * wanted),
-            figure("  error of mean AC power, scipy", "%", 100.0 * _off(found, fine)),
-            figure("  relative tolerance of scipy", "1", tolerance),
+            *_against("", same, span, per_second, OF_SCIPY),
+            *_against(", a law without ticks", other, span, per_second, None),
         ),
         () if took_c else ("no C compiler on the PATH: not compared with C",),
+    )
+
+
+class _Solved(NamedTuple):
+    """scipy at the loosest tolerance that is as good as we are."""
+
+    seconds: float  # of processor
+    tolerance: float  # relative
+    error: float  # of AC energy
+    ours: float  # error of ours
+
+
+def _solved(
+    way: Callable[[Model, float, float], tuple[float, ...]],
+    made: Model,
+    span: float,
+    mine: tuple[float, ...],
+) -> _Solved:
+    fine = way(made, span, FINE)
+    wanted, tolerance = _off(mine, fine), LOOSEST
+    while True:
+        began = time.process_time()
+        error = _off(way(made, span, tolerance), fine)
+        took = time.process_time() - began
+        if error <= wanted or tolerance <= 10.0 * FINE:
+            return _Solved(took, tolerance, error, wanted)
+        tolerance /= 3.0
+
+
+def _against(
+    which: str, found: _Solved, span: float, per_second: list[float], at_least: float | None
+) -> tuple[Figure, ...]:
+    ratio = found.seconds / span / float(np.median(per_second))
+    return (
+        figure(f"scipy solve_ivp / lifted{which}", "ratio", ratio, at_least=at_least),
+        figure("  error of mean AC power, lifted", "%", 100.0 * found.ours),
+        figure("  error of mean AC power, scipy", "%", 100.0 * found.error),
+        figure("  relative tolerance of scipy", "1", found.tolerance),
     )
 
 

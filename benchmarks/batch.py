@@ -2,7 +2,6 @@
 
 import json
 import os
-import resource
 import subprocess
 import tempfile
 import time
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.start import command
+from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.batch.executors import cores
@@ -47,6 +47,7 @@ class Swept(NamedTuple):
     """One `rig sweep` in a process of its own."""
 
     seconds: float  # from its start to its end, pictures included
+    processor: float  # s, of all threads
     rows: int
     simulated: float  # s
     megabytes: float  # most memory
@@ -60,18 +61,28 @@ def campaign_file(folder: Path, text: str) -> Path:
     return path
 
 
-def speed(path: Path) -> float:
-    """Simulated seconds a second of processor time, one walk through the plan, nothing analysed."""
+class Walked(NamedTuple):
+    """One walk through a plan, nothing analysed."""
+
+    speed: float  # simulated seconds a second of processor time
+    reference: float  # us for 100 NamedTuples, meanwhile
+
+
+def walk(path: Path) -> Walked:
+    """All rows of a campaign one after another, the host's pace taken between them."""
     report = check(path)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     subject = Subject(report.campaign, report.plan)
     subject.prepare(report.plan)
-    walk = subject.walk(report.plan)
-    began = time.process_time()
-    for _ in walk:
-        pass
-    return walk.seconds / (time.process_time() - began)
+    walked = subject.walk(report.plan)
+    windows, references, spent, more = iter(walked), list[float](), 0.0, True
+    while more:
+        references.append(reference_cost(100))
+        began = time.process_time()
+        more = next(windows, None) is not None
+        spent += time.process_time() - began
+    return Walked(walked.seconds / spent, sum(references) / len(references))
 
 
 def sweep(path: Path, folder: Path) -> Swept:
@@ -79,13 +90,16 @@ def sweep(path: Path, folder: Path) -> Swept:
     words = [*command(), "sweep", str(path), "--sweeps", str(folder), "--json"]
     began = time.perf_counter()
     with subprocess.Popen(words, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        out, _ = process.communicate()
+        assert process.stdout is not None
+        out = process.stdout.read()
+        _, status, used = os.wait4(process.pid, 0)  # this process's own use of memory
+        process.returncode = os.waitstatus_to_exitcode(status)
     seconds = time.perf_counter() - began
     if process.returncode != 0:
         raise RuntimeError(f"the sweep ended with {process.returncode}: {out}")
     told = json.loads(out)
-    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
-    return Swept(seconds, sum(told["rows"].values()), told["simulated_s"], most)
+    processor, most = used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0
+    return Swept(seconds, processor, sum(told["rows"].values()), told["simulated_s"], most)
 
 
 def measure(short: bool) -> Result:
@@ -96,7 +110,7 @@ def measure(short: bool) -> Result:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         irregular = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
-        speeds = [speed(irregular) for _ in range(repeats)]
+        walks = [walk(irregular) for _ in range(repeats)]
         few = sweep(irregular, folder / "few")
         long = sweep(
             campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
@@ -112,23 +126,28 @@ def measure(short: bool) -> Result:
         f"{many.rows} rows of a regular sea by `rig sweep` on {cores()} cores, once each; "
         f"{repeats} starts when all is finished",
         (
-            figure("one walk, by processor time", "x real time", speeds, at_least=TIMES_REAL),
+            figure("one walk, by processor time", "x real time", [one.speed for one in walks]),
+            figure(
+                f"one walk, {AT_PACE}", "x real time",
+                [one.speed * one.reference / STANDARD for one in walks], at_least=TIMES_REAL,
+            ),
+            figure("100 NamedTuples (reference)", "us", [one.reference for one in walks]),
             figure(
                 f"{long.rows} irregular rows", "s", long.seconds,
                 at_most=LONG_SECONDS if whole else None,
             ),
+            figure("  of it", "s of processor", long.processor),
             figure("  of it", "x real time", long.simulated / long.seconds),
             figure(
                 f"{many.rows} regular rows", "s", many.seconds,
                 at_most=MANY_SECONDS if whole else None,
             ),
+            figure("  of it", "s of processor", many.processor),
             figure("  of it", "x real time", many.simulated / many.seconds),
             figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
-            figure(f"most memory, {many.rows} rows", "MB", many.megabytes),
+            figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
+            figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),
             figure("started again, all finished", "s", again, at_most=SECOND_START),
         ),
-        (
-            f"load of the host before: {os.getloadavg()[0]:.1f}",
-            "not measured here: the same arithmetic in C, scipy's solve_ivp",
-        ),
+        (f"load of the host before: {os.getloadavg()[0]:.1f}",),
     )  # fmt: skip

@@ -44,11 +44,14 @@ class SensorParams(NamedTuple):
 
 
 def measure(channel: Channel, value: float, tick: int, normals: Sequence[float]) -> float:
-    """Give what the channel reads at a tick; a value that is not finite passes as it is."""
+    """Give what the channel reads at a tick; a value that is not finite passes as it is.
+
+    `normals` is as long as a power of two, so that a mask wraps the walk through it.
+    """
     if not abs(value) < FINITE:
         return value
     bias, noise, resolution, stride, offset = channel
-    read = value + bias + noise * normals[(tick * stride + offset) & MASK]
+    read = value + bias + noise * normals[(tick * stride + offset) & (len(normals) - 1)]
     if resolution > 0.0:
         return math.floor(read / resolution + 0.5) * resolution
     return read

@@ -26,36 +26,37 @@ class Sea(NamedTuple):
     """What the waves are in one tick."""
 
     tick: int  # since the wave maker was started; -1 while it stands
+    place: int  # of that tick in the repeat period
     share: Ratio  # 0 .. 1: how far the sea has come on
     elevation: Metre
     heave: Newton
     surge: Newton
 
 
-STILL = Sea(-1, 1.0, 0.0, 0.0, 0.0)
+STILL = Sea(-1, -1, 1.0, 0.0, 0.0, 0.0)
 
 
 def step(tables: Tables, sea: Sea, dt: Second) -> Sea:
     """Give the waves one tick later; still water stays still."""
     if sea.tick < 0:
         return sea
-    return _at(tables, sea.tick + 1, dt)
+    place = sea.place + 1  # not by a remainder: a division costs
+    return _at(tables, sea.tick + 1, place if place < len(tables.elevation) else 0, dt)
 
 
 def switch(tables: Tables, trigger: int, dt: Second) -> Sea:
     """Start the waves at t = 0 of their clock, or still the water at once."""
     if trigger == 0:
         return STILL
-    return _at(tables, 0, dt)
+    return _at(tables, 0, 0, dt)
 
 
-def _at(tables: Tables, tick: int, dt: Second) -> Sea:
+def _at(tables: Tables, tick: int, i: int, dt: Second) -> Sea:
     elevations, heaves, surges, onset, onset_ticks = tables
-    i = tick % len(elevations)
     if tick >= onset_ticks:
-        return Sea(tick, 1.0, elevations[i], heaves[i], surges[i])
+        return Sea(tick, i, 1.0, elevations[i], heaves[i], surges[i])
     share = ramp(tick * dt, onset)
-    return Sea(tick, share, share * elevations[i], share * heaves[i], share * surges[i])
+    return Sea(tick, i, share, share * elevations[i], share * heaves[i], share * surges[i])
 
 
 def ramp(wave_time: Second, duration: Second) -> Ratio:

@@ -179,7 +179,7 @@ class World:
             raise ValueError(f"this world ticks in {self._dt} s, not {dt} s")
         self._tick = tick = self._tick + 1
         self._sea_now = now = wave_maker.step(self._tables, self._sea_now, dt)
-        _, _, elevation, heave, surge = now
+        _, _, _, elevation, heave, surge = now
         if self._profile is not None:
             self._impose(self._profile)
         stepper = self._stepper

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numba import types
 from numba.core import cgutils
 from numba.extending import (
@@ -23,15 +24,20 @@ from numba.extending import (
     unbox,
 )
 
+_LLVM: Any = vars(cgutils)["ir"]  # what numba writes its code with
 CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
 
 
 class Column:
     """Numbers of one kind, all int or all float."""
 
-    def __init__(self, numbers: Sequence[float]) -> None:
-        whole = all(isinstance(number, int | np.integer) for number in numbers) and len(numbers) > 0
-        self.array = np.array(numbers, np.int64 if whole else np.float64)
+    def __init__(self, numbers: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        """An array is not copied, so that compiled code can write into it."""
+        if isinstance(numbers, np.ndarray):
+            self.array: npt.NDArray[Any] = np.ascontiguousarray(numbers, np.float64)
+        else:
+            whole = len(numbers) > 0 and all(isinstance(one, int | np.integer) for one in numbers)
+            self.array = np.array(numbers, np.int64 if whole else np.float64)
         self.address = int(self.array.ctypes.data)
         self.length = len(self.array)
 
@@ -41,6 +47,9 @@ class Column:
     def __getitem__(self, index: int) -> float:
         number: float = self.array[index].item()
         return number
+
+    def __setitem__(self, index: int, number: float) -> None:
+        self.array[index] = number
 
 
 class _ColumnType(types.Type):
@@ -94,6 +103,28 @@ def _at(context: Any, column: Any, index: Any) -> Any:
     return column.dtype(column, types.int64), code
 
 
+@intrinsic
+def _put(context: Any, column: Any, index: Any, number: Any) -> Any:
+    def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        builder.store(arguments[2], builder.gep(made.data, [arguments[1]]))
+
+    return types.void(column, types.int64, column.dtype), code
+
+
+@intrinsic
+def _bring(context: Any, column: Any, index: Any) -> Any:
+    def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        place = builder.bitcast(builder.gep(made.data, [arguments[1]]), cgutils.voidptr_t)
+        flag = _LLVM.IntType(32)
+        kind = _LLVM.FunctionType(_LLVM.VoidType(), [cgutils.voidptr_t, flag, flag, flag])
+        fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
+        builder.call(fetch, [place, flag(0), flag(3), flag(1)])
+
+    return types.void(column, types.int64), code
+
+
 @overload(len)
 def _len(column: Any) -> Any:
     def length(column: Any) -> Any:
@@ -115,3 +146,30 @@ def _getitem(column: Any, index: Any) -> Any:
     if not isinstance(column, _ColumnType):
         return None
     return checked if CHECKED else at
+
+
+@overload(operator.setitem)
+def _setitem(column: Any, index: Any, number: Any) -> Any:
+    def put(column: Any, index: Any, number: Any) -> None:
+        _put(column, index, number)
+
+    def checked(column: Any, index: Any, number: Any) -> None:
+        if not 0 <= index < _length(column):
+            raise IndexError("index out of a column's range")
+        _put(column, index, number)
+
+    if not isinstance(column, _ColumnType):
+        return None
+    return checked if CHECKED else put
+
+
+def read_soon(column: Any, index: int) -> None:
+    """Have an entry brought near; nothing happens where there is none."""
+
+
+@overload(read_soon)
+def _read_soon(column: Any, index: Any) -> Any:
+    def bring(column: Any, index: Any) -> None:
+        _bring(column, index)
+
+    return bring

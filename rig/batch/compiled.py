@@ -23,7 +23,8 @@ from controllers import (
     station_keeping,
 )
 from rig import axis, cycle, lift, limits, power, safety, sequence, tare
-from rig.batch import column, wires
+from rig.batch import column, noise, pages, wires
+from rig.batch.pages import TICKS
 from rig.loop import LINGER
 from rig.rehearsal.compiled import LIFTED as PLANT
 from rig.sequence import MEASURE
@@ -36,8 +37,8 @@ _CONTROL: tuple[ModuleType, ...] = (
     station_keeping, axis, limits, power, safety, sequence, tare,
     *(sys.modules[f"rig.wavebot.{name}"] for name in ("check", "kind", "state")),
 )  # fmt: skip
-LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, cycle)
-BESIDE = (signals, wavebot_words, plant_words, column)
+LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, pages, cycle)
+BESIDE = (signals, wavebot_words, plant_words, column, noise)
 """Not lifted, but compiled code is made of their types."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
@@ -47,7 +48,8 @@ from numba.extending import register_jitable
 
 from rig import cycle
 from rig.batch import column
-from rig.batch.wires import Machine, actuation, sense
+from rig.batch.pages import file_away, look_ahead
+from rig.batch.wires import Machine, actuation, sense, unhoisted
 from rig.wavebot import KIND
 from sim_plant import wave_maker
 from sim_plant.wavebot import Excitation, sample, step as plant_step
@@ -57,13 +59,15 @@ NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance(params, plant, tables, normals, dt, late, machine, until, kept, filled):
+def advance(params, plant, tables, normals, dt, late, machine, until, page, kept, filled):
+    first = filled
     tick, loop, state, sea, line, wire, fresh, settings, linger = machine
     while tick < until and linger < {linger}:
         if tick > 0:
+            look_ahead(tables, normals, sea.place, tick)
             after = wave_maker.step(tables, sea, dt)
             now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
-            state = plant_step(plant, state, wire, fresh, now, then, dt)
+            state = plant_step(plant, unhoisted(state), wire, fresh, now, then, dt)
             sea, fresh = after, 0
             line = line[1:] + (sample(plant, state, tick, sea.elevation, normals),)
         read = sense(line[0], late)
@@ -74,8 +78,12 @@ def advance(params, plant, tables, normals, dt, late, machine, until, kept, fill
         wire, fresh = told, 1
         measuring = row.plan.phase == {measure}
         if measuring:
+            at = filled - first
             {keep}
             filled += 1
+            if filled - first == {ticks}:
+                file_away(page, kept, {fields}, first, filled)
+                first = filled
         if row.safety.mode == {stop_0}:
             linger += 1
         tick += 1
@@ -85,6 +93,7 @@ def advance(params, plant, tables, normals, dt, late, machine, until, kept, fill
             break
         if filled > 0 and not measuring:
             break
+    file_away(page, kept, {fields}, first, filled)
     return Machine(tick, loop, state, sea, line, wire, fresh, settings, linger), filled
 '''
 
@@ -93,10 +102,11 @@ def advance(params, plant, tables, normals, dt, late, machine, until, kept, fill
 def load(fields: tuple[str, ...]) -> Any:
     """The compiled ``advance``, which keeps these fields of each measured tick, in this order.
 
-    ``advance(params, plant, tables, normals, dt, late, machine, until, kept, filled)`` ticks up to
-    tick ``until``, to a few ticks after power was removed, to the end of a window, or to a change
-    of the drive's settings, which are the caller's to make. It fills ``kept`` (one line a field)
-    from ``filled`` on and gives the machine and how many ticks are kept by then.
+    ``advance(params, plant, tables, normals, dt, late, machine, until, page, kept, filled)`` ticks
+    up to tick ``until``, to a few ticks after power was removed, to the end of a window, or to a
+    change of the drive's settings, which are the caller's to make. It fills ``kept`` (one line a
+    field) from ``filled`` on, by way of a ``page`` (rig/batch/pages.py), and gives the machine and
+    how many ticks are kept by then.
     """
     return lift.load("batch", _source(fields), LIFTED, BESIDE).advance
 
@@ -107,5 +117,13 @@ def is_compiled(fields: tuple[str, ...]) -> bool:
 
 
 def _source(fields: tuple[str, ...]) -> str:
-    keep = "\n            ".join(f"kept[{i}, filled] = row.{name}" for i, name in enumerate(fields))
-    return _SOURCE.format(keep=keep, linger=LINGER, stop_0=safety.STOP_0, measure=MEASURE)
+    lines = (f"page[{i * TICKS} + at] = row.{name}" for i, name in enumerate(fields))
+    keep = "\n            ".join(lines)
+    return _SOURCE.format(
+        keep=keep,
+        fields=len(fields),
+        ticks=TICKS,
+        linger=LINGER,
+        stop_0=safety.STOP_0,
+        measure=MEASURE,
+    )

@@ -141,24 +141,28 @@ def _put(mapping: dict[str, Any], locate: Locate, over: Over, path: KeyPath, val
         inside = inside[where]
 
 
-def checked(files: Files, found: Iterable[Over]) -> tuple[Campaign, tuple[Campaign, ...]]:
-    """The campaign as it is, and with each value of each parameter alone.
+def checked(
+    files: Files, found: Iterable[Over]
+) -> tuple[Campaign, tuple[tuple[Campaign, ...], ...]]:
+    """The campaign as it is, and for each parameter with each of its values alone.
 
     What two values make of each other is seen when their case is run. Raises `ConfigError` with
     every problem of every value.
     """
     base = files.opened()
-    each: list[Campaign] = []
+    swept: list[tuple[Campaign, ...]] = []
     bad: list[Problem] = []
     for over in found:
+        each: list[Campaign] = []
         for value in over.values:
             try:
                 each.append(files.opened(((over, value),)))
             except ConfigError as error:
                 bad += error.problems
+        swept.append(tuple(each))
     if bad:
         raise ConfigError(bad)
-    return base, tuple(each)
+    return base, tuple(swept)
 
 
 def unit(over: Over, campaign: Campaign) -> str:

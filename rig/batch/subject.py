@@ -15,6 +15,8 @@ from rig.analysis.windows import ALWAYS, Window
 from rig.assemble import wavebot_params
 from rig.batch import InterruptedWalkError, compiled
 from rig.batch.column import Column
+from rig.batch.noise import combed
+from rig.batch.pages import TICKS
 from rig.batch.wires import Machine
 from rig.campaign import Campaign, Plan
 from rig.loop import LINGER
@@ -45,6 +47,7 @@ _AT_A_TIME = 200_000  # ticks between two looks at whether to go on: a tenth of 
 _TICK, _ROW = KEPT.index("tick"), KEPT.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 _Floats = npt.NDArray[np.float64]
+_SPARE: list[_Floats] = []  # memory of walks that are over: new one costs a tenth of a walk
 
 
 class Kept:
@@ -83,7 +86,8 @@ class Subject:
         elevation, heave, surge, onset, onset_ticks = begin.tables
         waves: Any = [Column(table) for table in (elevation, heave, surge)]
         self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
-        self.normals = Column(begin.normals)
+        self._sensors, self.normals = combed(begin.params.sensors, begin.normals)
+        self.constants = begin.params._replace(sensors=self._sensors)  # of the plant
         self.advance = compiled.load(KEPT)
 
     def walk(
@@ -126,12 +130,12 @@ class Subject:
 
     def set_drive(self, settings: DriveSettings) -> wavebot.WaveBotParams:
         """The plant's constants with the custom drive set so; ValueError where it refuses."""
-        if self.begin.params.electrics.custom == 0:
-            return self.begin.params
+        if self.constants.electrics.custom == 0:
+            return self.constants
         scheme, voltage, period, tolerance, _, level = settings
         told = custom_drive.DriveSettings(scheme, voltage, period, tolerance, level)
         custom_drive.check(told)
-        return self.plant.build(told)
+        return self.plant.build(told)._replace(sensors=self._sensors)
 
 
 class Walk:
@@ -145,8 +149,10 @@ class Walk:
     ) -> None:
         self._subject, self._go_on = subject, go_on
         self._machine = subject.start(stator)
-        self._params, self._plant = subject.columns(plan), subject.begin.params
-        self._kept = np.empty((len(KEPT), _longest(plan) + 1))
+        self._params, self._plant = subject.columns(plan), subject.constants
+        self._page = Column(np.empty(len(KEPT) * TICKS))
+        self._kept = _room(_longest(plan) + 1)
+        self._filed = Column(self._kept.ravel())
         self.reason = Reason.NONE
 
     @property
@@ -165,17 +171,30 @@ class Walk:
                 yield from _windows(self._kept[:, :filled], machine)
                 filled = 0
         self.reason = Reason(self._machine.loop.safety.reason)
+        _SPARE.append(cast(_Floats, self._kept.base))
 
     def tick(self, until: int, filled: int = 0) -> int:
         """Tick up to ``until`` or less far; gives how many ticks of windows are kept by then."""
         subject, settings = self._subject, self._machine.settings
         self._machine, filled = subject.advance(
             self._params, self._plant, subject.tables, subject.normals, subject.dt,
-            subject.begin.delay, self._machine, until, self._kept, filled,
+            subject.begin.delay, self._machine, until, self._page, self._filed, filled,
         )  # fmt: skip
         if self._machine.settings != settings:
             self._plant = subject.set_drive(self._machine.settings)
         return int(filled)
+
+
+def _room(ticks: int) -> _Floats:
+    """Room for so many ticks, of memory that a walk has left if there is as much."""
+    size = len(KEPT) * ticks
+    try:
+        spare = _SPARE.pop()
+    except IndexError:
+        spare = np.empty(0)
+    if len(spare) < size:
+        spare = np.empty(size)
+    return spare[:size].reshape(len(KEPT), ticks)
 
 
 def _longest(plan: Plan) -> int:

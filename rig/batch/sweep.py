@@ -1,6 +1,7 @@
 """A sweep from what is asked to its dataset: checked, resumed, run, written."""
 
 import hashlib
+import itertools
 import json
 import platform
 from collections.abc import Callable, Iterable
@@ -33,6 +34,7 @@ class Sweep(NamedTuple):
     campaign: Campaign  # as its file has it
     cases: Cases
     digest: str  # of files and code, for who runs its cases elsewhere
+    swept: tuple[tuple[Campaign, ...], ...]  # for each parameter, with each of its values
 
 
 def open_sweep(
@@ -44,7 +46,7 @@ def open_sweep(
     """
     found = overs(words)
     files = Files(path)
-    base, each = checked(files, found)
+    base, swept = checked(files, found)
     if base.file.device == "absent":
         problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
         raise ConfigError([problem])
@@ -53,10 +55,11 @@ def open_sweep(
         raise ConfigError([problem])
     planned = plan(base.file, base.rig, base.points)
     asked = Asked(str(path), found, sequential, lead_in)
-    digest = _digest(asked, (base, *each))
+    digest = _digest(asked, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
-    return Sweep(folder, base, Cases(asked, planned.rows, files), _digest(asked, (base,)))
+    cases = Cases(asked, planned.rows, files)
+    return Sweep(folder, base, cases, _digest(asked, (base,)), swept)
 
 
 def same_cases(asked: Asked, digest: str) -> Cases:

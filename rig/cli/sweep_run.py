@@ -57,7 +57,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     except (*REFUSED, RunError) as error:
         return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
-    warnings = dated.warn(opened.campaign, quiet=as_json)
+    warnings = dated.warn(opened.campaign, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, wanted)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
     out, table = wanted.out or opened.folder / sweep.RESULT, None

@@ -21,7 +21,9 @@ from rehearsing import CONFIGS, campaign_file, yaml_file
 import rig
 from rig import cycle, lift
 from rig.batch import wires
+from rig.batch.column import Column
 from rig.batch.compiled import BESIDE, LIFTED
+from rig.batch.pages import TICKS
 from rig.batch.subject import KEPT, Subject
 from rig.rehearsal.devices import PlantDevices
 from rig.safety import RUN, STOP_0, Mode, Reason
@@ -130,12 +132,12 @@ def test_senses_that_are_none_give_the_same_mode_reason_and_command(
     """From a running state, one spoiled sense, then ten sound ones, over and over."""
     _, plan = opened(campaign(tmp_path, "regular"))
     columns = subject.columns(plan)
-    kept = np.empty((len(KEPT), 20_000))
+    page, kept = Column(np.empty(len(KEPT) * TICKS)), Column(np.empty(len(KEPT) * 20_000))
 
     def advance(machine: Any, until: int) -> Any:
         return subject.advance(
-            columns, subject.begin.params, subject.tables, subject.normals, subject.dt,
-            subject.begin.delay, machine, until, kept, 0,
+            columns, subject.constants, subject.tables, subject.normals, subject.dt,
+            subject.begin.delay, machine, until, page, kept, 0,
         )[0]  # fmt: skip
 
     running = advance(subject.start(), 5000)
@@ -231,7 +233,9 @@ def test_all_that_compiled_code_is_made_of_names_its_folder(monkeypatch: Any) ->
 
 WHERE = """
 from rig import lift
+from rig.batch.column import Column
 from rig.batch.compiled import BESIDE, LIFTED
+from rig.batch.pages import TICKS
 print(lift.cache_folder("x", (*LIFTED, *BESIDE)))
 """
 

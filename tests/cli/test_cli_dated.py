@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ from rig_command import rig_here
 
 from rig.batch import sweep
 from rig.campaign import open_campaign
-from rig.cli import sweep_run
+from rig.cli import dated, sweep_run
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 MAP = """\
@@ -71,6 +72,35 @@ def test_a_sweep_warns(
     _, _, err = rig_here("sweep", campaign(tmp_path, before), "--sweeps", tmp_path / "sweeps")
     assert ("spring_map v1 does not hold on" in err) is told
     assert "no case is run" in err
+
+
+LATE, FINE = "2001-01-01", "2999-01-01"
+BEFORE = "rig.spring_map.valid.dates.before"
+
+
+@pytest.mark.parametrize(
+    ("own", "swept", "told"),
+    [
+        (FINE, [LATE, FINE], {LATE}),
+        (LATE, [FINE, "2998-01-01"], set()),  # no case has the file's own
+        (LATE, [LATE, "2002-01-01"], {LATE, "2002-01-01"}),
+        (LATE, [], {LATE}),
+    ],
+)
+def test_a_sweep_warns_of_the_values_that_its_cases_have(
+    own: str, swept: list[str], told: set[str], tmp_path: Path
+) -> None:
+    """Beside a parameter that changes nothing of the map."""
+    words = ["sea.amplitude_m=0.01,0.02"]
+    words += [f"{BEFORE}=" + ",".join(f"'{day}'" for day in swept)] if swept else []
+    opened = sweep.open_sweep(
+        campaign(tmp_path, own), words, tmp_path / "sweeps", sequential=False, lead_in=15.0
+    )
+    late = dated.of_cases(opened.campaign, opened.swept, date(2026, 1, 1))
+    assert len(late) == len(told)
+    assert {
+        day for day in (LATE, FINE, "2002-01-01") if day in str([p.text() for p in late])
+    } == told
 
 
 @pytest.mark.parametrize(("before", "told"), [("2001-01-01", 1), ("2999-01-01", 0)])

@@ -73,9 +73,3 @@ def slope(fitted: Line, unit: str, method: str) -> Estimate:
 def intercept(fitted: Line, unit: str, method: str) -> Estimate:
     """The value at x = 0 with its interval."""
     return Estimate(fitted.intercept, float(band(fitted, 0.0)), unit, method)
-
-
-def without_each(x: Any, y: Any) -> list[Line]:
-    """The line of all points but one, for each point."""
-    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
-    return [line(np.delete(x, i), np.delete(y, i)) for i in range(len(x))]

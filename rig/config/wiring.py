@@ -11,6 +11,8 @@ from rig.config.problems import number_text
 
 Node = Annotated[Whole, Field(ge=1, le=127)]
 """CANopen node number."""
+Signed = Annotated[Whole, Field(ge=-(2**31), le=2**31 - 1)]
+"""An object of a drive has 32 bits at most."""
 Period = Annotated[float, Field(ge=0.002, le=60)]
 Divider = Annotated[Whole, Field(ge=1, le=240)]
 """How many SYNCs lie between two frames."""
@@ -65,12 +67,12 @@ class TorqueDrive(Drive):
 class Actuator(Drive):
     """The stator's actuator, in profile position mode."""
 
-    counts_per_percent: float
-    zero_counts: Whole  # where the stator stands at 0 %
-    low_percent: float
-    high_percent: float
-    velocity: Whole = Field(gt=0)  # 0x6081, in the drive's unit
-    window_counts: Whole = Field(ge=0)
+    counts_per_percent: float = Field(ge=-1e7, le=1e7)
+    zero_counts: Signed  # where the stator stands at 0 %
+    low_percent: float = Field(ge=-100, le=100)
+    high_percent: float = Field(ge=-100, le=100)
+    velocity: Whole = Field(ge=1, le=2**32 - 1)  # 0x6081, in the drive's unit
+    window_counts: Whole = Field(ge=0, le=2**32 - 1)
     stand_s: float = Field(ge=0, le=10)
     move_s: float = Field(gt=0, le=600)
     homing: bool  # home it before every run
@@ -81,7 +83,12 @@ class Actuator(Drive):
         if self.counts_per_percent == 0.0:
             yield Broken(("counts_per_percent",), "0 gives no position", 0.0)
         if not self.low_percent < self.high_percent:
-            yield Broken(("low_percent",), "is not below high_percent", self.low_percent)
+            yield Broken(
+                ("low_percent",),
+                f"{number_text(self.low_percent)} is not below high_percent = "
+                f"{number_text(self.high_percent)}",
+                self.low_percent,
+            )
 
 
 class TcpLine(FileModel):

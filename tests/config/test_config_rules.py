@@ -60,10 +60,16 @@ def test_the_unbroken_file(tmp_path: Path) -> None:
 
 
 def broken_files() -> list[Any]:
+    rig, limits = CONFIGS / "rigs" / "wavebot.yaml", CONFIGS / "limits" / "wavebot.yaml"
+    wired = rig.with_name("wavebot_hil.yaml").read_text()
+    sources: tuple[tuple[str, str, type[BaseModel]], ...] = (
+        ("campaign", CAMPAIGN, CampaignFile),
+        ("rigs", rig.read_text(), RigFile),
+        ("wired", wired.replace("extends: wavebot.yaml", f"extends: {rig}"), RigFile),
+        ("limits", limits.read_text(), LimitsFile),
+    )
     cases = []
-    for source, model in (("campaign", CampaignFile), ("rigs", RigFile), ("limits", LimitsFile)):
-        shipped = CONFIGS / source / "wavebot.yaml"
-        text = CAMPAIGN if source == "campaign" else shipped.read_text()
+    for source, text, model in sources:
         for rule in BROKEN[source]:
             name = f"{source} {rule['key']}: {rule['says']}"
             cases.append(pytest.param(text, model, rule, id=name))

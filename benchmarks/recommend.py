@@ -37,7 +37,7 @@ SEAS: dict[str, dict[str, Any]] = {
 }
 SPRINGS = (490.9, -5715.0, -10013.0)
 LEAD_IN = 15.0  # s, before a walked row
-AGAIN = 10  # rows of a regular sea that are run before a second recommendation
+AGAIN = 10  # rows of each sea that are run before a second recommendation
 BUDGET = 36
 
 
@@ -175,7 +175,7 @@ def _sea(
     asked = Asked(campaign=base, rows=AGAIN)
     advice = advise([identified], asked, folder / "first")
     first, again, rows = _dc(advice), None, 0
-    if sea["kind"] == "regular" and not short:
+    if not short:
         path, _ = report.write(advice, folder / "first")
         run, _ = _rehearsed(path, folder / "runs")
         rows = len(advice.rows)

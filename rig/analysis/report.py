@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import xarray
 
@@ -22,6 +23,10 @@ from rig.calibration import Known
 from rig.runs import RunError, mcap_file
 from rig.runs.folder import facts, files
 
+PUSHED = "Pushed by an open-loop reference"
+IDENTIFY = "impedances of it: rig identify"
+GAINS = ("kp", "ki", "km")
+
 
 def _unfinished(contents: list[mcap_file.Contents]) -> str:
     if all(each.finished for each in contents):
@@ -38,7 +43,21 @@ def _read(
     table = row_table(run, mean_position_alarm, calibrations)
     known = facts(run, contents)
     stopped = "" if known.status.get("status") == "complete" else where_it_stopped(run)
-    return table, summarise(table, known, _unfinished(contents), stopped)
+    summary = summarise(table, known, _unfinished(contents), stopped)
+    if is_pushed(known.plan):
+        told = (str(known.plan["reference"].get("words", "")), IDENTIFY)
+        summary = summary._replace(optima=(), effects=(), findings_of=PUSHED, findings=told)
+    return table, summary
+
+
+def is_pushed(plan: dict[str, Any]) -> bool:
+    """True for the plan of a run that was pushed to be identified: nowhere do gains differ.
+
+    Its powers are what pushing costs; there is nothing in them to be best.
+    """
+    rows = plan.get("rows") or []
+    gains = {tuple(row.get(name) for name in GAINS) for row in rows}
+    return isinstance(plan.get("reference"), dict) and len(gains) == 1
 
 
 def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
@@ -106,7 +125,7 @@ def write_products(
     """Row table, pictures, effects and summary of a run, also of one that ended early or crashed.
 
     A run without the device gives its wave calibration in place of rows and surfaces, one with a
-    hoist its spring map in place of surfaces.
+    hoist its spring map in place of surfaces, one that was pushed to be identified neither.
 
     They go into the run's folder, or beside the MCAP file if that is given alone; those that are
     read by ``calibrations`` (as of `row_table`) into a folder of their own in it.
@@ -133,6 +152,8 @@ def write_products(
     table, summary = _read(run, mean_position_alarm, calibrations)
     folder = products_folder(folder, calibrations)
     folder.mkdir(exist_ok=True)
+    if is_pushed(facts(run).plan):
+        return [*write_rows(table, folder), *write_texts(summary, folder)]
     return [
         *write_rows(table, folder),
         *_pictures(table, folder),

@@ -94,9 +94,9 @@ def _table(table: "xarray.Dataset") -> str:
             f"{float(one['station']):+8.1f} {float(one['rate']):+10.1f} "
             f"{float(one['rate_interval']):9.2g} {float(one['rate_column']):+8.0f} "
             f"{float(one['rate_small']):+8.0f} {float(one['peak']):+7.1f} "
-            f"{float(one['natural_frequency']):6.3f}  {stroke:.3f}".replace("inf", "-")
+            f"{float(one['natural_frequency']):6.3f}  {stroke:.3f}"
         )
-    return "\n".join(lines)
+    return "\n".join(lines).replace("inf", "  -").replace("nan", "  -")
 
 
 def _plain(

@@ -30,6 +30,7 @@ HIGHEST = 5.0  # Hz, of a reference
 GAINS = ("kp", "ki", "km", "surge_kp", "surge_ki")
 
 REFERENCE, CLOCK = "reference.force", "plan.wave_clock"
+SATURATED = "drive_sense.saturated"
 VELOCITY, COMMAND, CURRENT, TRS, LCB = "velocity", "command", "current", "trs", "lcb"
 
 
@@ -73,7 +74,7 @@ class Read(NamedTuple):
     """What a run gives."""
 
     experiments: tuple[Experiment, ...]
-    left_out: tuple[str, ...]  # rows that cannot be used, and why
+    notes: tuple[str, ...]  # rows that cannot be used, and why; rows that are to be doubted
 
 
 def sensors(axis: str, there: set[str]) -> dict[str, Sensor]:
@@ -105,9 +106,11 @@ def experiments(run: str | os.PathLike[str]) -> Read:
     found = sensors(told["axis"], {leaf.name for leaf in source.leaves})
     fields = {REFERENCE, CLOCK, *(s.field for s in found.values())}
     fields |= {s.age for s in found.values()} - {""}
+    fields |= {SATURATED} & {leaf.name for leaf in source.leaves}
     rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
     made: dict[int, Experiment] = {}
     left: dict[int, str] = {}
+    cut: dict[int, str] = {}
     for window in windows(source, sorted(fields)):
         if window.row not in rows:
             continue
@@ -116,7 +119,24 @@ def experiments(run: str | os.PathLike[str]) -> Read:
             left.pop(window.row, None)
         except ValueError as error:
             left[window.row] = f"{known.run}, row {window.row}: {error}"
-    return Read(tuple(made.values()), tuple(why for row, why in left.items() if row not in made))
+            continue
+        said = _saturated(window, found)
+        cut[window.row] = f"{known.run}, row {window.row}: {said}" if said else ""
+    lost = tuple(why for row, why in left.items() if row not in made)
+    return Read(tuple(made.values()), (*lost, *filter(None, cut.values())))
+
+
+def _saturated(window: Window, found: dict[str, Sensor]) -> str:
+    """What is to be said of a heave row in which the drive could not give what was asked of it."""
+    if SATURATED not in (window.data.dtype.names or ()) or TRS not in found:
+        return ""
+    share = float(np.mean(window.data[SATURATED] != 0))
+    if share == 0.0:
+        return ""
+    return (
+        f"the drive saturated in {100.0 * share:.2g} % of its ticks: the command is not the force, "
+        "so Y_id from command is off; from current, torque sensor and load cell it is not"
+    )
 
 
 def _experiment(

@@ -39,7 +39,7 @@ class Identification(NamedTuple):
     family: tuple[Member, ...]
     excitations: tuple[Excitation, ...]
     bem: Bem | None
-    notes: tuple[str, ...]  # what was left out, and why
+    notes: tuple[str, ...]  # what was left out or is to be doubted, and why
 
 
 def identify(runs: Sequence[Path], asked: Asked | None = None) -> Identification:
@@ -58,7 +58,7 @@ def identify(runs: Sequence[Path], asked: Asked | None = None) -> Identification
             continue
         read = experiments(run)
         found += read.experiments
-        notes += read.left_out
+        notes += read.notes
     made = models(found)
     if not made:
         raise RunError(_nothing(runs, notes, found))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rig.identification.comparison import Comparison
 
 COLOURS = ("#00798c", "#d1495b", "#4f772d", "#22303c", "#9a5b13", "#6a4c93", "#8d99ae", "#c77dff")
+FITTED = "#ffb703"  # of models: over the curves that they are fitted to
 PER_KILONEWTON = "m/s per kN"
 """The unit that admittances are drawn in."""
 
@@ -52,7 +53,7 @@ def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> N
             values = of(curve.value) if is_phase else scale * of(curve.value)
             few = curve.style == "-" and curve.frequency.size < 60
             axes.plot(
-                curve.frequency, values, curve.style, color=curve.colour, label=curve.label,
+                curve.frequency, values, ls=curve.style, color=curve.colour, label=curve.label,
                 lw=1.3 if curve.style == "-" else 1.0, marker="." if few else None, ms=4,
             )  # fmt: skip
             if curve.band is not None and np.isfinite(curve.band).any():
@@ -90,8 +91,8 @@ def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
         best = several[-1]
         fine = np.linspace(model.frequency[0], model.frequency[-1], 201)
         made = 1.0 / impedance(best, fine)
-        label = f"{name.replace('Z', 'Y')}, order {best.order}"
-        curves.append(Curve(label, fine, made, None, picture.TICK, "-."))
+        label = f"fit to {name.replace('Z', 'Y')}, order {best.order}"
+        curves.append(Curve(label, fine, made, None, FITTED, ":" if name == "Z_i" else "-."))
     return curves
 
 

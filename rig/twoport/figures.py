@@ -5,13 +5,12 @@ Z_in and Z_l, and both targets stay: one dotted line each. Spring and gear move 
 setting then has its own target in its colour, dashed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from rig.analysis import picture
 from rig.twoport.network import (
@@ -28,6 +27,7 @@ from rig.twoport.network import (
 )
 
 COLOURS = ("#0b6e99", "#2e933c", "#d1495b", "#8d5a97", "#c77d0a", "#5c6b73")
+SAID = "theory, on measured impedances"
 _SHOWN = {
     "kp": "Kp {:g} N s/m",
     "ki": "Ki {:g} N/m",
@@ -86,10 +86,14 @@ def write_effects(
     motor: Motor,
     cases: Sequence[Case],
     title: str,
+    attributes: Mapping[str, Any],
 ) -> Path:
-    """Draw Z_in over what matches it and Z_l over what matches it, for each case, as PNG."""
-    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    panels: Any = figure.subplots(2, 2, sharex=True)
+    """Draw Z_in over what matches it and Z_l over what matches it, for each case, as PNG.
+
+    ``attributes`` say run and rung.
+    """
+    figure, body = picture.framed(10.0, 6.4, title, attributes, SAID)
+    panels: Any = body.subplots(2, 2, sharex=True)
     f = omega / (2.0 * np.pi)
     found = [impedances(omega, z_i, drivetrain, motor, case) for case in cases]
     one_target = all(np.array_equal(each.z_out, found[0].z_out) for each in found)
@@ -109,8 +113,7 @@ def write_effects(
         _frame(axes[1], f"{part} Z_l, ohm  ({mark}: {part} Z_out*)")
         axes[1].set_xlabel("frequency, Hz", fontsize=8)
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
-    figure.suptitle(title, fontsize=12, fontweight="bold", color=picture.INK, x=0.02, ha="left")
+    body.legend(handles, labels, loc="outside lower center", ncols=6, frameon=False, fontsize=8)
     return picture.save(figure, path)
 
 

@@ -1,7 +1,7 @@
 """The two-port of a device as a run has measured it, and its pictures."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model
@@ -19,6 +19,7 @@ class Measured(NamedTuple):
     """What the theory needs of a device."""
 
     model: str  # which it is of
+    attributes: dict[str, Any]  # of the run: id and rung
     spring_rate: float  # N/m, of the rows it was measured in
     omega: Floats
     z_i: Complexes  # N s/m
@@ -52,6 +53,7 @@ def measured(found: Identification, known: Facts, records: tuple[Record, ...]) -
     spring = linear_drivetrain(model.omega, 0.0, 0.0, model.spring_rate)
     return Measured(
         model.name,
+        found.attributes,
         model.spring_rate,
         model.omega,
         model.responses["Z_i"].value,
@@ -76,11 +78,12 @@ def write_pictures(device: Measured, steps: Steps, folder: Path) -> list[Path]:
     written = [
         write_effects(
             folder / f"twoport_{name}.png", *parts, around(base, **moved),
-            f"What {' and '.join(name.split('_'))} move, around {told}",
+            f"What {' and '.join(name.split('_'))} move, around {told}", device.attributes,
         )
         for name, moved in sets.items()
     ]  # fmt: skip
     cases = [*around(base, kp=steps.kp_step, ki=steps.ki_step)]
     shares = transfers(*parts, cases)
     path = folder / "twoport_transfer.png"
-    return [*written, write_transfer(path, device.omega, shares, f"Power transfer around {told}")]
+    title = f"Power transfer around {told}"
+    return [*written, write_transfer(path, device.omega, shares, title, device.attributes)]

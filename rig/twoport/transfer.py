@@ -4,15 +4,14 @@ Share of the power available, |F_e|^2/(8 Re Z_i), at the column and at the motor
 the mismatch of both ends, |reflection|: 0 where they are conjugates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from rig.analysis import picture
-from rig.twoport.figures import COLOURS, Case
+from rig.twoport.figures import COLOURS, SAID, Case
 from rig.twoport.network import (
     Complexes,
     Floats,
@@ -74,10 +73,16 @@ def _transfer(label: str, z: TwoPort, z_i: Complexes, load: Complexes) -> Transf
     )
 
 
-def write_transfer(path: Path, omega: Floats, told: Sequence[Transfer], title: str) -> Path:
-    """Draw shares above and mismatch below, over frequency, as PNG."""
-    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    panels: Any = figure.subplots(2, 2, sharex=True)
+def write_transfer(
+    path: Path,
+    omega: Floats,
+    told: Sequence[Transfer],
+    title: str,
+    attributes: Mapping[str, Any],
+) -> Path:
+    """Draw shares above and mismatch below, over frequency, as PNG; as in `write_effects`."""
+    figure, body = picture.framed(10.0, 6.4, title, attributes, SAID)
+    panels: Any = body.subplots(2, 2, sharex=True)
     f = omega / (2.0 * np.pi)
     names = ("column", "load", "at_input", "at_output")
     titles = (
@@ -101,6 +106,5 @@ def write_transfer(path: Path, omega: Floats, told: Sequence[Transfer], title: s
     for axes in panels[1]:
         axes.set_xlabel("frequency, Hz", fontsize=8)
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
-    figure.suptitle(title, fontsize=12, fontweight="bold", color=picture.INK, x=0.02, ha="left")
+    body.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
     return picture.save(figure, path)

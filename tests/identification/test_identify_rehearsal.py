@@ -16,6 +16,7 @@ from predicting import predicted, rows
 from rehearsing import CONFIGS, campaign_file, run, yaml_file
 from rig_command import rig_here
 
+from rig.analysis.report import write_products
 from rig.config.source import load_mapping
 from rig.identification.bem import at, read_bem
 from rig.identification.identify import Asked, Identification, identify
@@ -208,6 +209,30 @@ def test_a_run_without_what_is_needed_is_refused(runs: dict[str, Path]) -> None:
         code, _, told = rig_here(*words)
         assert code == 2, told
         assert said in told
+
+
+def test_a_drive_that_could_not_give_what_was_asked_is_told(tmp_path: Path) -> None:
+    """30 A need more than the 75 V of the custom drive's bus, 5 A do not."""
+    path = campaign_file(
+        tmp_path,
+        name="saturated",
+        rig=str(CONFIGS / "rigs" / "wavebot_custom.yaml"),
+        sea={"kind": "calm"},
+        reference={"kind": "sine", "frequency_hz": 0.625, "amplitude_a": 5},
+        matrix=matrix(490.9, reference_scale=[1, 6]),
+        timing={"settle_s": 5, "periods": 1},
+        tare={"duration_s": 1},
+        start={"set_point_s": 0, "lead_in_s": 2},
+    )
+    ended = run(path, tmp_path / "runs")
+    assert ended.outcome.status == "complete"
+    (said,) = [each for each in identify([ended.folder]).notes if "saturated" in each]
+    assert "row 1: the drive saturated in " in said
+    made = {path.name for path in write_products(ended.folder)}
+    assert made == {"rows.csv", "rows.nc", "summary.txt", "summary.json"}
+    told = (ended.folder / "summary.txt").read_text()
+    assert "Best points" not in told
+    assert "impedances of it: rig identify" in told
 
 
 def test_surge_is_pushed_and_identified_by_its_own_current(tmp_path: Path) -> None:

@@ -199,5 +199,6 @@ def test_figures(tmp_path: Path) -> None:
     cases = around(base, kp=1000.0, ki=3000.0)
     assert [case.label for case in cases[1:3]] == ["Kp -3000 N s/m (n)", "Kp -1000 N s/m (p)"]
     for name, drawn in (("gains", cases), ("spring", around(base, spring_rate=5e3, gear=4.0))):
-        path = write_effects(tmp_path / f"{name}.png", OMEGA, Z_I, z11, n.WAVEBOT, drawn, name)
+        path = tmp_path / f"{name}.png"
+        write_effects(path, OMEGA, Z_I, z11, n.WAVEBOT, drawn, name, {"run": "r", "rung": "hil"})
         assert float(imread(path)[..., :3].std()) > 0.05

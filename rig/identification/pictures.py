@@ -145,7 +145,7 @@ def write_pictures(found: Identification, folder: Path) -> list[Path]:
             )
     for i, one in enumerate(found.excitations):
         path = folder / f"excitation{'' if i == 0 else f'_{i + 1}'}.png"
-        title = f"Wave excitation, {one.experiments} experiments in {one.seas} seas"
+        title = f"Wave excitation; experiments: {one.experiments}, seas: {one.seas}"
         curves = excitation_curves(one, found.bem)
         made.append(_figure(found, path, title, curves, "f_exc", "N/m"))
     return made
@@ -197,7 +197,8 @@ def write_comparison(told: "Comparison", path: Path) -> Path:
                 ("B", d.other, d.bands[1], COLOURS[1]),
             ):
                 name = f"{which}: {d.a if which == 'A' else d.b}"
-                axes.plot(d.frequency, of(z), ".-", color=c, lw=1.2, ms=4, label=name)
+                style = ".-" if which == "A" else ".--"  # A is seen beneath an equal B
+                axes.plot(d.frequency, of(z), style, color=c, lw=1.4, ms=4, label=name)
                 wide = np.nan_to_num(band)
                 axes.fill_between(
                     d.frequency, of(z) - wide, of(z) + wide, color=c, alpha=_BANDED, lw=0

@@ -152,7 +152,7 @@ def write_products(
     table, summary = _read(run, mean_position_alarm, calibrations)
     folder = products_folder(folder, calibrations)
     folder.mkdir(exist_ok=True)
-    if is_pushed(facts(run).plan):
+    if summary.findings_of == PUSHED:
         return [*write_rows(table, folder), *write_texts(summary, folder)]
     return [
         *write_rows(table, folder),

@@ -1,8 +1,7 @@
 """What an operator sees while a campaign runs."""
 
 from rig.campaign import Plan
-from rig.cli.run_panel import RunPanel, clock_text
-from rig.safety import Reason
+from rig.cli.run_panel import RunPanel, clock_text, walked_words
 from rig.sequence import NO_ROW, Phase
 from rig.supervisor import Snapshot
 
@@ -77,8 +76,7 @@ class Progress(RunPanel):
         phase = Phase(int(snapshot.row["plan.phase"])).name.lower().replace("_", "-")
         count = len(self._plan.rows)
         if phase == Phase.DONE.name.lower():
-            ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
-            return f"all {count} walked" if ended else f"stopped before all {count} were walked"
+            return walked_words(snapshot, count)
         if row == NO_ROW:
             return f"- of {count}   {phase}"
         point = self._plan.rows[row].setting

@@ -30,6 +30,12 @@ def clock_text(seconds: float) -> str:
     return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"
 
 
+def walked_words(snapshot: "Snapshot", rows: int) -> str:
+    """How a plan of so many rows ended that is done."""
+    ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
+    return f"all {rows} walked" if ended else f"stopped before all {rows} were walked"
+
+
 def _losses(snapshot: "Snapshot") -> str:
     return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
 

@@ -2,8 +2,7 @@
 
 from math import pi
 
-from rig.cli.run_panel import RunPanel
-from rig.safety import Reason
+from rig.cli.run_panel import RunPanel, walked_words
 from rig.sequence import NO_ROW, Phase
 from rig.session import SessionPlan
 from rig.supervisor import Snapshot
@@ -34,11 +33,7 @@ class SessionProgress(RunPanel):
         row, phase = int(snapshot.row["plan.row"]), Phase(int(snapshot.row["plan.phase"]))
         count = len(self._plan.rows)
         if phase is Phase.DONE:
-            ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
-            return (
-                "row",
-                f"all {count} walked" if ended else f"stopped before all {count} were walked",
-            )
+            return "row", walked_words(snapshot, count)
         if row == NO_ROW:
             return "row", f"- of {count}   {phase.name.lower()}"
         given = self._plan.rows[row].given

@@ -18,6 +18,14 @@ Divider = Annotated[Whole, Field(ge=1, le=240)]
 """How many SYNCs lie between two frames."""
 
 
+def below(model: FileModel, low: str, high: str) -> Iterator[Broken]:
+    """What is wrong where one number of a model is not below another."""
+    least, most = getattr(model, low), getattr(model, high)
+    if not least < most:
+        text = f"{number_text(least)} is not below {high} = {number_text(most)}"
+        yield Broken((low,), text, least)
+
+
 class CanBus(FileModel):
     """A CAN bus; interface names and options are python-can's."""
 
@@ -82,13 +90,7 @@ class Actuator(Drive):
         """The travel has an inside."""
         if self.counts_per_percent == 0.0:
             yield Broken(("counts_per_percent",), "0 gives no position", 0.0)
-        if not self.low_percent < self.high_percent:
-            yield Broken(
-                ("low_percent",),
-                f"{number_text(self.low_percent)} is not below high_percent = "
-                f"{number_text(self.high_percent)}",
-                self.low_percent,
-            )
+        yield from below(self, "low_percent", "high_percent")
 
 
 class TcpLine(FileModel):
@@ -129,12 +131,7 @@ class RegisterValue(FileModel):
         """A scale of nothing is none, and some value can be believed."""
         if self.scale == 0.0:
             yield Broken(("scale",), "0 gives no value", 0.0)
-        if not self.low < self.high:
-            yield Broken(
-                ("low",),
-                f"{number_text(self.low)} is not below high = {number_text(self.high)}",
-                self.low,
-            )
+        yield from below(self, "low", "high")
 
 
 class Written(FileModel):

@@ -103,10 +103,11 @@ def experiments(run: str | os.PathLike[str]) -> Read:
     told = known.plan.get("reference")
     if not isinstance(told, dict):
         raise RunError(f"{run}: no open-loop reference in its plan, so nothing to identify by")
-    found = sensors(told["axis"], {leaf.name for leaf in source.leaves})
+    there = {leaf.name for leaf in source.leaves}
+    found = sensors(told["axis"], there)
     fields = {REFERENCE, CLOCK, *(s.field for s in found.values())}
     fields |= {s.age for s in found.values()} - {""}
-    fields |= {SATURATED} & {leaf.name for leaf in source.leaves}
+    fields |= {SATURATED} & there
     rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
     made: dict[int, Experiment] = {}
     left: dict[int, str] = {}

@@ -21,7 +21,7 @@ help:
 	@echo "make test   lint, types, import contracts and all tests"
 	@echo "make test-socketcan  the CAN driver on a kernel with SocketCAN (user-mode Linux, a minute)"
 	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"
-	@echo "make bench-batch  of these only the compiled loop and its sweeps (about 10 min)"
+	@echo "make bench-batch  of these only the compiled loop and its sweeps (about 25 min)"
 	@echo "make clean  remove the virtual environment and caches (never runs/)"
 
 setup: $(VENV)/.ready
@@ -70,7 +70,7 @@ bench: setup
 	$(BIN)/python -m benchmarks
 
 bench-batch: setup
-	$(BIN)/python -m benchmarks batch arithmetic cluster counterfactual
+	$(BIN)/python -m benchmarks batch start arithmetic cluster counterfactual
 
 constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
 	$(BIN)/uv pip compile --quiet --extra dev --upgrade --no-header --no-annotate \

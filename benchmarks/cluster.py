@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Thread
 from typing import NamedTuple
 
 from benchmarks.batch import IRREGULAR, campaign_file
@@ -41,6 +42,8 @@ def node(what: str, *words: str) -> Iterator[str]:
             assert process.stderr is not None
             for line in process.stderr:
                 if found := re.search(r"(?:Scheduler|worker) at: *(tcp://\S+)", line):
+                    # It says more in an hour than a pipe holds, and would wait to be read.
+                    Thread(target=process.stderr.read, daemon=True).start()
                     yield found[1]
                     break
         finally:

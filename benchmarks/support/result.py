@@ -56,13 +56,16 @@ def figure(
     if not several or not all(math.isfinite(value) for value in several):
         raise ValueError(f"{name}: no figure from {several}")
     median = float(np.median(several))
-    limit, held = "", None
-    if at_most is not None:
-        limit = f"<= {at_most:g}"
-        held = (median if judge == "median" else max(several)) <= at_most
-    elif at_least is not None:
-        limit = f">= {at_least:g}"
+    limits: list[str] = []
+    held: bool | None = None
+    if at_least is not None:
+        limits.append(f">= {at_least:g}")
         held = (median if judge == "median" else min(several)) >= at_least
+    if at_most is not None:
+        limits.append(f"<= {at_most:g}")
+        below = (median if judge == "median" else max(several)) <= at_most
+        held = below and held is not False
+    limit = ", ".join(limits)
     if limit and judge == "worst" and len(several) > 1:
         limit += " each"
     return Figure(name, unit, median, min(several), max(several), len(several), limit, held)

@@ -194,6 +194,10 @@ def test_a_figure_is_judged_by_its_median_or_its_worst() -> None:
     assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0).held is True
     assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0, judge="worst").held is False
     assert figure("a", "x", [30.0, 40.0], at_least=31.0, judge="worst").held is False
+    assert figure("a", "%", 95.0, at_least=90.0, at_most=98.0).held is True
+    assert figure("a", "%", 99.0, at_least=90.0, at_most=98.0).held is False
+    assert figure("a", "%", 89.0, at_least=90.0, at_most=98.0).limit == ">= 90, <= 98"
+    assert figure("a", "%", 89.0, at_least=90.0, at_most=98.0).held is False
     assert figure("a", "s", 1.0).held is None
     with pytest.raises(ValueError, match="no figure"):
         figure("a", "s", [float("nan")])

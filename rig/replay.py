@@ -111,8 +111,8 @@ class Replayed(NamedTuple):
 def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Replayed:
     """Every tick of a run through today's cycle; ``see`` is told how many ticks are done.
 
-    Raises RunError for a run that cannot be replayed: no configuration of today's, no record of
-    its first tick, ticks lost from the log, or a sense that was not logged.
+    Raises RunError for a run that cannot be replayed: no configuration of today's, no tick, or no
+    record of its first tick, ticks lost from the log, or a sense that was not logged.
     """
     source = reader.source(run)
     known = facts(run, source.contents)
@@ -129,6 +129,8 @@ def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Repla
         tally.add(block, walk.through(block))
         done += len(block)
         see(done)
+    if not done:
+        raise RunError(f"{known.run}: it logged no tick")
     absent = tuple(leaf.name for leaf in today if leaf.name not in names)
     return Replayed(
         known.run, done, len(compared), tally.differences(), tuple(walk.requests), absent

@@ -11,7 +11,7 @@ from pydantic import Field
 from rig.config.bench_wiring import BenchWiring, field_of
 from rig.config.model import Broken, FileModel, Several, Whole
 from rig.config.problems import number_text
-from rig.config.rig_file import Rate, StopTiming
+from rig.config.rig_file import BenchRate, StopTiming
 
 
 class Encoder(FileModel):
@@ -98,7 +98,7 @@ class BenchRigFile(FileModel):
 
     name: str = Field(min_length=1, max_length=64)
     kind: Literal["oswec bench"]
-    rate_hz: Rate
+    rate_hz: BenchRate
     realtime: Literal["best effort", "required"]
     limits: str = Field(min_length=1)  # file, relative to this one
     plant: str = Field(min_length=1)  # file, relative to this one; stands in for the hardware

@@ -212,7 +212,8 @@ class CampaignFile(FileModel):
             message = "calm water has no waves to calibrate; allowed any other sea"
             yield Broken(("sea", "kind"), message, "calm")
         for key in ("tare", "order", "repeat"):
-            if key in self.model_fields_set:
+            # What a run's record keeps has every key: its default says nothing.
+            if getattr(self, key) != type(self).model_fields[key].default:
                 yield Broken((key,), "device: absent has no use for it; leave the key out")
         if self.start.set_point is not None:
             message = "device: absent has no gains; leave the key out"

@@ -3,6 +3,8 @@
 All that the cycle makes is compared (60 fields: estimates, demands, commands, limits, modes, power,
 zeros), bit by bit. That holds on every processor: the cycle has no function of the C library but
 the square root, which IEEE 754 fixes, and designed gains are rounded above the BLAS's last bits.
+The one exception is an open-loop reference, made by numpy's Fourier transform, whose last bits are
+the processor's: 1e-9 (A, N) is far above them and far below what any change of a law does.
 """
 
 from __future__ import annotations
@@ -12,37 +14,57 @@ import math
 from typing import Any
 
 import pytest
-from golden_runs import KINDS, MOST_BYTES, record
+from golden_runs import IN_WAVES, KINDS, MOST_BYTES, record
 from rig_command import rig_here
 
 from rig import replay as replays
 from rig.analysis.rows import row_table
 from rig.replay import replay
+from rig.runs import open_run
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_golden_run_comes_out_again(kind: str) -> None:
     found = replay(record(kind))
-    assert found.differences == (), (
-        f"the cycle decides otherwise than when the golden run was stored: {found.differences}; "
+    allowed = 1e-9 if kind == "open_loop" else 0.0
+    far = [each for each in found.differences if not each.largest <= allowed]
+    assert far == [], (
+        f"the cycle decides otherwise than when the golden run was stored: {far}; "
         "where that is meant, make them anew (tests/batch/golden_runs.py)"
     )
     assert found.requests == ()
     assert found.absent == ()
-    assert found.ticks == 1720
+    assert found.ticks >= 900
     assert found.fields >= 60
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_golden_run_is_small_and_no_run_at_rest(kind: str) -> None:
     assert record(kind).stat().st_size <= MOST_BYTES
+
+
+@pytest.mark.parametrize("kind", IN_WAVES)
+def test_a_golden_run_in_waves_absorbs_power(kind: str) -> None:
     rows = row_table(record(kind))
     assert rows["state"].values.tolist() == ["complete", "complete"]
     assert (rows["power_mechanical_1"].values < -1.0).all()  # W: it absorbs
     assert rows["kp"].values.tolist() == [-2000.0, -2500.0]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+def test_no_golden_run_is_one_at_rest() -> None:
+    pushed = open_run(
+        record("open_loop"), fields=["heave.command.current", "heave.estimate.position"]
+    )
+    assert float(abs(pushed["heave.command.current"]).max()) > 10.0  # A
+    assert float(abs(pushed["heave.estimate.position"]).max()) > 0.05  # m
+    hoisted = open_run(record("hoist"), fields=["heave.estimate.position", "load.stator_a"])
+    travel = float(
+        hoisted["heave.estimate.position"].max() - hoisted["heave.estimate.position"].min()
+    )
+    assert travel > 0.05  # m
+    assert float(hoisted["load.stator_a"].max() - hoisted["load.stator_a"].min()) > 100.0  # N
+    empty = open_run(record("calibration"), fields=["probes.probe_1", "heave.command.current"])
+    assert float(abs(empty["probes.probe_1"]).max()) > 0.1  # m
+    assert float(abs(empty["heave.command.current"]).max()) == 0.0
+
+
+@pytest.mark.parametrize("kind", IN_WAVES)
 def test_one_bit_of_one_tick_is_found(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """As if today's code estimated one velocity, in tick 700, by the next float."""
     sound, tick = replays.KIND.observe, iter(range(10_000))

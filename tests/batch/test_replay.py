@@ -145,3 +145,11 @@ def test_a_run_without_its_beginning_is_refused(regular: Path, tmp_path: Path) -
     (copy / "config.json").write_text(json.dumps(config))
     with pytest.raises(RunError, match="no configuration"):
         replay(copy)
+
+
+def test_a_run_without_a_tick_is_no_run_without_difference(
+    regular: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replays.reader, "blocks", lambda source: iter(()))
+    with pytest.raises(RunError, match="it logged no tick"):
+        replay(regular)

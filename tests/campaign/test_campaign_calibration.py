@@ -101,7 +101,7 @@ def test_a_check_tells_the_whole_sea(write: Any, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "key", "said"),
     [
-        ("tare: {duration_s: 5}\n", "tare", "device: absent has no use for it"),
+        ("tare: {duration_s: 6}\n", "tare", "device: absent has no use for it"),
         ("repeat: 2\n", "repeat", "device: absent has no use for it"),
         ("order: random\n", "order", "device: absent has no use for it"),
         ("timing: mask4\n", "timing", "device: absent has no rows to time"),

@@ -70,7 +70,7 @@ bench: setup
 	$(BIN)/python -m benchmarks
 
 bench-batch: setup
-	$(BIN)/python -m benchmarks batch start arithmetic cluster counterfactual
+	$(BIN)/python -m benchmarks batch start arithmetic bits cluster counterfactual
 
 constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
 	$(BIN)/uv pip compile --quiet --extra dev --upgrade --no-header --no-annotate \

@@ -11,6 +11,7 @@ from typing import Any
 from benchmarks import (
     arithmetic,
     batch,
+    bits,
     cluster,
     counterfactual,
     coverage,
@@ -46,6 +47,7 @@ MEASUREMENTS: dict[str, Callable[[bool], Result]] = {
     "start": start.measure,
     "batch": batch.measure,
     "arithmetic": arithmetic.measure,
+    "bits": bits.measure,
     "cluster": cluster.measure,
     "counterfactual": counterfactual.measure,
     "spring_map": spring_map.measure,

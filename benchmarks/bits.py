@@ -1,0 +1,94 @@
+"""A whole campaign both ways: rehearsed with plant and log, and in the compiled loop."""
+
+import json
+import math
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import xarray
+
+from benchmarks.start import command
+from benchmarks.support.recorded import ROOT
+from benchmarks.support.result import Result, figure
+from rig.analysis.rows import POWERS, row_table
+from rig.analysis.windows import windows
+from rig.batch.subject import KEPT, Subject
+from rig.campaign import check
+from rig.runs import reader
+
+WHOLE, SHORT = "default.yaml", "quick.yaml"
+MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)
+
+
+class Beside(NamedTuple):
+    """A rehearsal's measured ticks beside the compiled loop's."""
+
+    rows: int
+    numbers: int  # compared: fields x ticks
+    differing: int  # of them, in any bit
+    unlike: int  # windows that are of another row, or of another length
+
+
+def ran(words: list[str]) -> dict[str, object]:
+    """What a command of `rig` says in JSON."""
+    done = subprocess.run(
+        [*command(), *words, "--json"], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    told: dict[str, object] = json.loads(done.stdout)
+    return told
+
+
+def beside(campaign: Path, run: Path) -> Beside:
+    """Each measured row of a run, number by number, beside a walk through the same plan."""
+    report = check(campaign)
+    assert report.campaign is not None, report.text()
+    assert report.plan is not None
+    walk = iter(Subject(report.campaign, report.plan).walk(report.plan))
+    rows = numbers = differing = unlike = 0
+    for theirs in windows(reader.source(run), list(KEPT)):
+        ours = next(walk, None)
+        rows += 1
+        if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):
+            unlike += 1
+            continue
+        for name in KEPT:
+            a, b = (np.ascontiguousarray(window.data[name]) for window in (ours, theirs))
+            numbers += len(a)
+            differing += int((a.view(np.int64) != b.view(np.int64)).sum())
+    return Beside(rows, numbers, differing, unlike + sum(1 for _ in walk))
+
+
+def apart(swept: Path, run: Path) -> float:
+    """The greatest difference of a mean power, W, of rows alone from rows in sequence."""
+    table = row_table(run)
+    with xarray.open_dataset(swept) as alone:
+        differences = [
+            np.abs(alone[f"power_{name}"].values - table[f"power_{name}"].values) for name in POWERS
+        ]
+    return float(np.max(differences))
+
+
+def measure(short: bool) -> Result:
+    """Rehearse a campaign, walk it in the compiled loop, and sweep its rows each alone."""
+    campaign = ROOT / "configs" / "campaigns" / (SHORT if short else WHOLE)
+    with tempfile.TemporaryDirectory() as scratch:
+        run = Path(str(ran(["run", str(campaign), "--runs", f"{scratch}/runs"])["folder"]))
+        found = beside(campaign, run)
+        swept = Path(scratch) / "sweep.nc"
+        ran(["sweep", str(campaign), "--sweeps", f"{scratch}/sweeps", "--out", str(swept)])
+        most = apart(swept, run)
+    assert math.isfinite(most)
+    return Result(
+        "bits",
+        "a campaign from power-on to its end, rehearsed and in the compiled loop",
+        f"{campaign.stem}, {found.rows} rows, once; {len(KEPT)} fields of every measured tick",
+        (
+            figure("numbers compared", "1", found.numbers),
+            figure("that differ in any bit", "1", found.differing, at_most=0),
+            figure("windows of another row or length", "1", found.unlike, at_most=0),
+            figure("mean power of a row alone, greatest difference", "W", most, at_most=MOST_APART),
+        ),
+    )

@@ -6,7 +6,7 @@ file may not say a sweep may not either.
 """
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,15 +39,22 @@ Chosen = tuple[tuple[Over, Any], ...]
 """A value for each parameter of a sweep, or for some."""
 
 
-def overs(words: Sequence[str]) -> tuple[Over, ...]:
-    """The parameters asked for, as they stand; raises `ConfigError` with all that is wrong."""
+class Read(NamedTuple):
+    """What the command line asks for: parameters that can be looked at, and what is wrong."""
+
+    overs: tuple[Over, ...]
+    problems: tuple[Problem, ...]
+
+
+def overs(words: Sequence[str]) -> Read:
+    """The parameters asked for, as they stand."""
     found: list[Over] = []
     bad: list[Problem] = []
     for number, text in enumerate(words, 1):
-        key, equals, rest = text.partition("=")
+        key, _, rest = text.partition("=")
         key = key.strip()
         try:
-            values = _values(rest) if equals else ()
+            values = _values(rest)
         except YAMLError:
             values = ()
         message = _refusal(key, values, {one.key for one in found})
@@ -58,13 +65,13 @@ def overs(words: Sequence[str]) -> tuple[Over, ...]:
         file = head if head in _FILES else "campaign"
         path = tuple((below if file == head else key).split("."))
         found.append(Over(number, key, file, path, values))
-    if bad:
-        raise ConfigError(bad)
-    return tuple(found)
+    return Read(tuple(found), tuple(bad))
 
 
 def _values(text: str) -> tuple[Any, ...]:
-    return tuple(YAML(typ="safe", pure=True).load(part) for part in text.split(","))
+    """Numbers and words; nothing where one of them is a mapping or a list."""
+    values = tuple(YAML(typ="safe", pure=True).load(part) for part in text.split(","))
+    return () if any(isinstance(value, dict | list) for value in values) else values
 
 
 def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
@@ -75,10 +82,12 @@ def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
         return f"no parameter of a campaign; allowed {_ALLOWED}"
     if key in known:
         return "asked for twice"
-    if not values or any(value is None for value in values):
-        return f"no list of values; write {key}=V1,V2,..."
-    if any(isinstance(value, dict | list) for value in values):
-        return "a value is a number or a word, no mapping and no list"
+    write = f"write {key}=V1,V2,..."
+    if not values:
+        return f"a value is a number or a word, no mapping and no list; {write}"
+    if None in values:
+        place = f"value {values.index(None) + 1} of {len(values)}" if len(values) > 1 else "value"
+        return f"{place} is missing; {write}"
     same = [v for i, v in enumerate(values) if v in values[:i]]
     return f"{value_text(same[0])} stands twice" if same else ""
 
@@ -141,28 +150,44 @@ def _put(mapping: dict[str, Any], locate: Locate, over: Over, path: KeyPath, val
         inside = inside[where]
 
 
-def checked(
-    files: Files, found: Iterable[Over]
-) -> tuple[Campaign, tuple[tuple[Campaign, ...], ...]]:
+def checked(files: Files, read: Read) -> tuple[Campaign, tuple[tuple[Campaign, ...], ...]]:
     """The campaign as it is, and for each parameter with each of its values alone.
 
     What two values make of each other is seen when their case is run. Raises `ConfigError` with
     every problem of every value.
     """
-    base = files.opened()
+    try:
+        base = files.opened()
+    except ConfigError as error:
+        raise ConfigError([*read.problems, *error.problems]) from None
     swept: list[tuple[Campaign, ...]] = []
-    bad: list[Problem] = []
-    for over in found:
+    bad = list(read.problems)
+    for over in read.overs:
         each: list[Campaign] = []
         for value in over.values:
             try:
                 each.append(files.opened(((over, value),)))
             except ConfigError as error:
-                bad += error.problems
+                bad += [_as_typed(problem, over) for problem in error.problems]
         swept.append(tuple(each))
     if bad:
         raise ConfigError(bad)
     return base, tuple(swept)
+
+
+def _as_typed(problem: Problem, over: Over) -> Problem:
+    """A problem of a value with its key as it stands on the command line."""
+    if problem.file != OPTION:
+        return problem
+    key, message = problem.key, problem.message
+    if over.file != "campaign":
+        told = over.path in TWINS.values() and not key.startswith(over.path[0])
+        key = f"{'rig' if told else over.file}.{key}"
+    if over.file == "plant" and message.endswith("is not a mapping"):
+        message += f"; its number is {key}.value"
+    if message.endswith("is not a list"):
+        message += f"; its first entry is {key}.0"
+    return problem._replace(key=key, message=message)
 
 
 def unit(over: Over, campaign: Campaign) -> str:

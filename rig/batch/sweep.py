@@ -44,9 +44,8 @@ def open_sweep(
 
     Raises `ConfigError` with every problem of the campaign and of every value asked for.
     """
-    found = overs(words)
-    files = Files(path)
-    base, swept = checked(files, found)
+    read, files = overs(words), Files(path)
+    base, swept = checked(files, read)
     if base.file.device == "absent":
         problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
         raise ConfigError([problem])
@@ -54,7 +53,7 @@ def open_sweep(
         problem = base.locate.problem(("hoist",), None, "a hoist moves no body in a sweep")
         raise ConfigError([problem])
     planned = plan(base.file, base.rig, base.points)
-    asked = Asked(str(path), found, sequential, lead_in)
+    asked = Asked(str(path), read.overs, sequential, lead_in)
     digest = _digest(asked, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)

@@ -61,14 +61,18 @@ def refused(path: Path, *overs: str) -> list[str]:
 def test_what_cannot_be_swept_is_said_at_once_with_key_and_range(tmp_path: Path) -> None:
     path = campaign(tmp_path)
     said = refused(
-        path, "matrix.kp=1,2", "sea.amplitude_m", "swell=1", "drive.x={a: 1}", "seed=1,1"
-    )
-    assert len(said) == 5
+        path, "matrix.kp=1,2", "sea.amplitude_m", "swell=1", "drive.x={a: 1}", "seed=1,1",
+        "sea.frequency_hz=0.5,,0.6", "limits.nope=1", "plant.pto.torque_constant=5",
+    )  # fmt: skip
+    assert len(said) == 8
     assert said[0].startswith("--over:1: matrix.kp: the rows of a sweep are the campaign's own")
     assert "write sea.amplitude_m=V1,V2" in said[1]
     assert "--over:3: swell: no parameter of a campaign; allowed sea, law" in said[2]
     assert "no mapping" in said[3]
     assert "1 stands twice" in said[4]
+    assert "value 2 of 3 is missing" in said[5]
+    assert said[6].startswith("--over:7: limits.nope: unknown key")
+    assert said[7].endswith("not a mapping; its number is plant.pto.torque_constant.value")
     said = refused(
         path,
         "sea.amplitude_m=0.1,0.9",
@@ -78,8 +82,8 @@ def test_what_cannot_be_swept_is_said_at_once_with_key_and_range(tmp_path: Path)
     )
     text = "\n".join(said)
     assert "--over:1: sea.amplitude_m: 0.9 is out of range; allowed 0.001 .. 0.5 m" in text
-    assert "--over:2: pto.torque_constant.value: -1 is out of range; allowed above 0" in text
-    assert "--over:3: pto.torque_constnt: unknown key; did you mean torque_constant?" in text
+    assert "--over:2: plant.pto.torque_constant.value: -1 is out of range; allowed above 0" in text
+    assert "--over:3: plant.pto.torque_constnt: unknown key; did you mean torque_constant?" in text
     assert "--over:4: sea.frequency_hz: 'fast' is not a number; allowed 0.05 .. 2 Hz" in text
 
 

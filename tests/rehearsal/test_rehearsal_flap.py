@@ -49,12 +49,13 @@ def plant_file(folder: Path, name: str, values: dict[str, Any]) -> Path:
 
 
 def session(folder: Path, kind: str, *, free: bool, **keys: Any) -> Path:
-    """A session on the shipped flap; ``free``: its coupling taken out."""
-    rig = "oswec_flap_free" if free else "oswec_flap"
+    """A session on the shipped flap at half its rate; ``free``: its coupling taken out."""
+    shipped = CONFIGS / "rigs" / ("oswec_flap_free.yaml" if free else "oswec_flap.yaml")
+    rig = {"extends": str(shipped), "name": "flap at 500 Hz", "rate_hz": 500}
     whole = {
         "name": kind,
         "session": kind,
-        "rig": str(CONFIGS / "rigs" / f"{rig}.yaml"),
+        "rig": str(yaml_file(folder / f"rig_{free}.yaml", rig)),
         "tare": {"duration_s": 0.5},
         **keys,
     }
@@ -222,7 +223,8 @@ def test_what_a_flap_cannot_do_is_refused(
 
 def test_a_bench_has_no_flap(tmp_path: Path) -> None:
     path = session(tmp_path, "flap_rao", free=True, rows=[WAVES], timing=SHORT)
-    path.write_text(path.read_text().replace("oswec_flap_free", "oswec_bench"))
+    rig = tmp_path / "rig_True.yaml"
+    rig.write_text(rig.read_text().replace("oswec_flap_free", "oswec_bench"))
     ((key, message),) = complaints(path)
     assert key == "session"
     assert "has no flap" in message

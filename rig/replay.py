@@ -101,6 +101,7 @@ class Replayed(NamedTuple):
     differences: tuple[Difference, ...]  # the earliest first; empty: no difference
     requests: tuple[Request, ...]
     absent: tuple[str, ...]  # fields of today's rows that the run does not have
+    finished: bool  # its logger ended the record; else what it lost at the end is not compared
 
     @property
     def same(self) -> bool:
@@ -132,9 +133,9 @@ def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Repla
     if not done:
         raise RunError(f"{known.run}: it logged no tick")
     absent = tuple(leaf.name for leaf in today if leaf.name not in names)
-    return Replayed(
-        known.run, done, len(compared), tally.differences(), tuple(walk.requests), absent
-    )
+    finished = all(contents.finished for contents in source.contents)
+    found, requests = tally.differences(), tuple(walk.requests)
+    return Replayed(known.run, done, len(compared), found, requests, absent, finished)
 
 
 class _Walk:

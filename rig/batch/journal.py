@@ -1,6 +1,8 @@
 """What a sweep has finished, case by case, so that a killed one goes on where it was."""
 
+import errno
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -22,8 +24,10 @@ class Journal:
             whole = end
             if not outcome.failed:  # what failed may be tried again
                 self.finished.add(outcome.case)
-        self._file = self._path.open("ab")
-        self._file.truncate(whole)  # a line that a kill cut off: its case is run again
+        self._file = self._path.open("ab", buffering=0)
+        self.damaged = self._file.tell() - whole
+        """Bytes that were no whole lines, cut off by a kill, say: their cases are run again."""
+        self._file.truncate(whole)
 
     def __enter__(self) -> "Journal":
         return self
@@ -37,9 +41,16 @@ class Journal:
         self._file.close()
 
     def add(self, outcome: Outcome) -> None:
-        """Keep an outcome; a kill of this process does not lose it any more."""
-        self._file.write(json.dumps(outcome._asdict()).encode() + b"\n")
-        self._file.flush()
+        """Keep an outcome; a kill of this process does not lose it any more.
+
+        Raises OSError, with the file's name, where there is no room for it.
+        """
+        line = json.dumps(outcome._asdict()).encode() + b"\n"
+        try:
+            if self._file.write(line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self._path)) from None
         if not outcome.failed:
             self.finished.add(outcome.case)
 

@@ -21,8 +21,9 @@ from rig.rehearsal.job import TWINS, problems
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")
-_OWN = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
-_ALLOWED = ", ".join([*_OWN, *(f"{name}.*" for name in _FILES)])
+OWN = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
+"""Keys of the campaign file itself that may be swept."""
+_ALLOWED = ", ".join([*OWN, *(f"{name}.*" for name in _FILES)])
 
 
 class Over(NamedTuple):
@@ -76,7 +77,7 @@ def _values(text: str) -> tuple[Any, ...]:
 
 def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
     head, _, below = key.partition(".")
-    if head not in (*_FILES, *_OWN) or (head in _FILES and not below):
+    if head not in (*_FILES, *OWN) or (head in _FILES and not below):
         if head == "matrix":
             return "the rows of a sweep are the campaign's own; change its matrix"
         return f"no parameter of a campaign; allowed {_ALLOWED}"
@@ -181,7 +182,7 @@ def _as_typed(problem: Problem, over: Over) -> Problem:
         return problem
     key, message = problem.key, problem.message
     if over.file != "campaign":
-        told = over.path in TWINS.values() and not key.startswith(over.path[0])
+        told = over.path in TWINS.values() and not key.startswith(str(over.path[0]))
         key = f"{'rig' if told else over.file}.{key}"
     if over.file == "plant" and message.endswith("is not a mapping"):
         message += f"; its number is {key}.value"

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import panel, picture, words
 from rig.analysis.mesh import Place
@@ -19,6 +20,7 @@ from rig.analysis.picture import INK, MARK, SOFT
 from rig.analysis.points import Matrix, matrix
 from rig.analysis.rows import COMPLETE, POWERS, row_table
 from rig.analysis.surfaces import KINDS, NO_OTHERS, write_surfaces
+from rig.config import ranges
 from rig.config.problems import number_text
 
 _MANY = 40  # lines of one panel that can be told apart at all
@@ -51,7 +53,8 @@ def write(table: xarray.Dataset, folder: Path, run: Path | None = None) -> list[
     swept = [name for name in _overs(table) if _is_number(table, name)]
     if swept:
         written.append(_write_lines(table, best, swept, folder / "parameters.png", measured))
-    for x, y in itertools.combinations(swept, 2):
+    measures = [name for name in swept if not _is_seed(name)]
+    for x, y in itertools.combinations(measures, 2):
         written.append(_write_map(table, best, x, y, folder / f"map_{x}_{y}.png"))
     return written
 
@@ -84,6 +87,11 @@ def _overs(table: xarray.Dataset) -> list[str]:
 
 def _is_number(table: xarray.Dataset, name: str) -> bool:
     return table[name].dtype.kind in "if" and table.sizes[name] > 1
+
+
+def _is_seed(name: str) -> bool:
+    """A seed is no quantity: nothing lies between two of them."""
+    return name.rpartition(".")[2] == "seed"
 
 
 def _complete(table: xarray.Dataset, kind: str) -> xarray.DataArray | None:
@@ -155,7 +163,7 @@ def _write_lines(
 ) -> Path:
     """One column of panels a parameter, one line a row, the others at their best."""
     width, title = max(6.6, 3.6 * len(swept) + 0.6), f"Power over parameters: {_name(table)}"
-    beneath = "; ".join(filter(None, ("one line a row", measured.words)))
+    beneath = "; ".join(filter(None, ("one line a row, numbered from 0", measured.words)))
     figure, body = picture.framed(width, 8.2, title, table.attrs, beneath=beneath)
     panels: Any = body.subplots(len(KINDS), len(swept), squeeze=False, sharey="row", sharex="col")
     for i, kind in enumerate(KINDS):
@@ -174,21 +182,22 @@ def _write_lines(
                 held = ", ".join(_setting(table, key, index) for key, index in others.items())
                 axes.set_title(f"at {held}" if held else "", fontsize=7.5, color=MARK, pad=4)
             if i == len(KINDS) - 1:
-                unit = table[name].attrs.get("units", "")
-                axes.set_xlabel(f"{name}, {unit}" if unit else name, fontsize=8)
+                axes.set_xlabel(_axis(table, name), fontsize=8)
+            if _is_seed(name):
+                axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return picture.save(figure, path)
 
 
 def _lines(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str) -> None:
     """Every row thin, the one that absorbs most of all thick and named."""
     x, values = table[name].values, power.values
-    order = np.argsort(x)
+    order, join = np.argsort(x), "" if _is_seed(name) else "-"
     lowest = np.nanmin(np.where(np.isfinite(values), values, np.inf), axis=0)
     best = int(np.argmin(lowest))
     thinned = np.argsort(lowest)[:_MANY]
     for row in thinned:
-        axes.plot(x[order], values[order, row], "-", color=SOFT, lw=0.6, alpha=0.7)
-    axes.plot(x[order], values[order, best], "o-", color=INK, lw=1.4, ms=3.5)
+        axes.plot(x[order], values[order, row], join or ".", color=SOFT, lw=0.6, ms=3, alpha=0.7)
+    axes.plot(x[order], values[order, best], f"o{join}", color=INK, lw=1.4, ms=3.5)
     end = int(np.nanargmin(np.where(np.isfinite(values[:, best]), values[:, best], np.inf)))
     panel.mark(axes, float(x[end]), float(values[end, best]))
     left = x[end] > 0.5 * (x.min() + x.max())
@@ -248,8 +257,10 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
 
 
 def _axis(table: xarray.Dataset, name: str) -> str:
+    """A parameter's key, and its unit where the key does not say it."""
     unit = table[name].attrs.get("units", "")
-    return f"{name}, {unit}" if unit else name
+    told = ranges.unit(name.rpartition(".")[2])
+    return f"{name}, {unit}" if unit and not told else name
 
 
 def _name(table: xarray.Dataset) -> str:

@@ -1,7 +1,7 @@
 """What a sweep found as one dataset: a dimension for each parameter, then the campaign's rows."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,9 +10,10 @@ import numpy.typing as npt
 from rig import provenance
 from rig.analysis.rows import COMPLETE, CUT_SHORT, NOT_RUN, SETTINGS, UNITS
 from rig.batch.cases import Cases, Outcome
-from rig.batch.overs import unit
+from rig.batch.overs import OWN, unit
 from rig.campaign import Campaign, CampaignRow, resolved
 from rig.campaign.windows import repeat_period
+from rig.config import ranges
 
 if TYPE_CHECKING:
     import xarray
@@ -42,6 +43,11 @@ def dataset(
     for over in cases.asked.overs:
         said = unit(over, campaign)
         coords[over.key] = xarray.Variable(over.key, _values(over.values), _units(said))
+    for key, value in _as_filed(campaign):
+        if key not in coords:
+            coords[key] = xarray.Variable((), value, _units(ranges.unit(key.rpartition(".")[2])))
+    if not cases.asked.sequential:  # there the file's own counts
+        coords["start.lead_in_s"] = xarray.Variable((), cases.asked.lead_in, _units("s"))
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
     data = {}
@@ -80,6 +86,25 @@ def _filled(cases: Cases, place: dict[int, int], outcomes: Iterable[Outcome]) ->
                     columns[key] = np.full(count, "", object) if words else np.full(count, np.nan)
                 columns[key][i] = value
     return columns
+
+
+def _as_filed(campaign: Campaign) -> Iterator[tuple[str, Any]]:
+    """Keys and values of what the campaign file says beside its rows; lists by their entries."""
+    told = campaign.file.model_dump(mode="json", by_alias=True)
+
+    def leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+        inside = value.items() if isinstance(value, dict) else enumerate(value)
+        for name, each in inside:
+            if isinstance(each, dict | list):
+                yield from leaves(f"{key}.{name}", each)
+            elif each is not None:
+                yield f"{key}.{name}", each
+
+    for key in OWN:
+        if isinstance(told.get(key), dict):
+            yield from leaves(key, told[key])
+        elif told.get(key) is not None:
+            yield key, told[key]
 
 
 def _of_rows(values: Array, key: str, rows: tuple[CampaignRow, ...]) -> Array | None:

@@ -1,9 +1,12 @@
 """A sweep from what is asked to its dataset: checked, resumed, run, written."""
 
+import errno
 import hashlib
 import itertools
 import json
+import os
 import platform
+import re
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -12,11 +15,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from rig.batch.cases import Asked, Cases, Outcome
 from rig.batch.executors import Executor
 from rig.batch.journal import Journal
-from rig.batch.overs import Files, checked, overs
+from rig.batch.overs import OPTION, Files, checked, overs
 from rig.batch.result import dataset
 from rig.campaign import Campaign, plan
-from rig.config.problems import ConfigError
-from rig.runs.create import Held, hold_run, write_json
+from rig.config.problems import ConfigError, Problem
+from rig.runs.create import BusyError, Held, hold_run, write_json
 
 if TYPE_CHECKING:
     import xarray
@@ -52,6 +55,10 @@ def open_sweep(
     if base.file.hoist is not None:
         problem = base.locate.problem(("hoist",), None, "a hoist moves no body in a sweep")
         raise ConfigError([problem])
+    for over in read.overs:
+        if over.key == "start.lead_in_s" and not sequential:
+            message = "rows alone have one of their own, --lead-in; allowed with --sequential"
+            raise ConfigError([Problem(OPTION, over.number, over.key, None, message)])
     planned = plan(base.file, base.rig, base.points)
     asked = Asked(str(path), read.overs, sequential, lead_in)
     digest = _digest(asked, (base, *itertools.chain(*swept)))
@@ -78,13 +85,26 @@ def same_cases(asked: Asked, digest: str) -> Cases:
 
 def hold(sweep: Sweep) -> Held:
     """Lock the folder; raises BusyError where the same sweep goes on already."""
-    return hold_run(sweep.folder)
+    try:
+        return hold_run(sweep.folder)
+    except BusyError:
+        raise BusyError(
+            f"{sweep.folder}: the same sweep is being run by another process; wait for it, or end "
+            "it: what it has finished is kept"
+        ) from None
 
 
-def left(sweep: Sweep) -> int:
-    """How many cases are not finished."""
+class Left(NamedTuple):
+    """What a sweep's journal says before it is run."""
+
+    cases: int  # not finished
+    damaged: int  # bytes of it that could not be read
+
+
+def left(sweep: Sweep) -> Left:
+    """How many cases are not finished; what is damaged in the journal is cut off."""
     with Journal(sweep.folder) as journal:
-        return len(sweep.cases) - len(journal.finished)
+        return Left(len(sweep.cases) - len(journal.finished), journal.damaged)
 
 
 def run(
@@ -111,11 +131,19 @@ def run(
 
 
 def write(table: "xarray.Dataset", path: Path) -> Path:
-    """The dataset as NetCDF: the old file or the new one, never half of it."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """The dataset as NetCDF: the old file or the new one, never half of it.
+
+    Raises OSError, with the file's name, where it cannot be written.
+    """
     part = path.with_name(f".{path.name}.new")
-    table.to_netcdf(part, engine="h5netcdf")
-    part.replace(path)
+    try:
+        table.to_netcdf(part, engine="h5netcdf")
+        part.replace(path)
+    except OSError as error:  # HDF5 tells the system's error within a text of its own
+        part.unlink(missing_ok=True)
+        told = re.search(r"errno = (\d+)", str(error))
+        number = int(told[1]) if told else error.errno or errno.EIO
+        raise OSError(number, os.strerror(number), str(path)) from error
     return path
 
 

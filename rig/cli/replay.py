@@ -99,6 +99,9 @@ def _plain(found: dict[str, Any]) -> dict[str, Any]:
 def _say(told: dict[str, Any]) -> None:
     for request in told["requests"]:
         print(f"tick {request['tick']}: the log shows a request, {request['name']}; given again")
+    if not told["finished"]:
+        print("the record was not ended: what came after its last tick is not compared; "
+              "`rig recover` says what is missing")  # fmt: skip
     if told["absent"]:
         print(f"the run has no {', '.join(told['absent'])}: not compared")
     compared = f"{told['fields']} fields of {told['ticks']} ticks"

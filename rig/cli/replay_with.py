@@ -21,6 +21,7 @@ from rig.runs import RunError
 _SHOWN = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
 _HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
 _MILLI = 1000.0  # mm in a metre
+_LARGE = 0.1  # share of gross power: a model that errs so much is asked about another device
 
 
 class Wanted(NamedTuple):
@@ -69,6 +70,7 @@ def _plain(found: Foretold) -> dict[str, Any]:
             **waves.description(),
         },
         "checked": [one._asdict() for one in found.checked],
+        "shares": {name: share._asdict() for name, share in found.shares.items()},
         "spans": {name: span._asdict() for name, span in found.spans.items()},
         "rows": [row._asdict() for row in found.rows],
     }
@@ -87,26 +89,47 @@ def _finite(value: Any) -> Any:
 def _say(found: Foretold, console: Console) -> None:
     waves = found.waves
     console.print(
-        f"waves of {found.run}: {len(waves.asked.cycles)} lines by {waves.by}, from "
-        f"{waves.periods} periods of {waves.rows} rows"
+        f"waves of {found.run}: {_counted(len(waves.asked.cycles), 'line')} by {waves.by}, from "
+        f"{_counted(waves.periods, 'period')} of {_counted(waves.rows, 'row')}"
     )
     for why in waves.left_out:
         console.print(f"  left out: {why}")
     console.print("\nLogged rows, and the model with the same gains in these waves; W")
     console.print(_checked(found))
+    _say_error(found, console)
     console.print(f"\n{found.campaign} in these waves; W, 95 % interval from the errors above")
     console.print(_foretold(found))
     for row in found.rows:
         if row.state != COMPLETE:
             console.print(f"row {row.row} does not get through: {row.why}")
     if any(row.outside for row in found.rows):
-        spans = ", ".join(
-            f"{name} {span.least:.3g} .. {span.greatest:.3g} {span.unit}"
-            for name, span in found.spans.items()
+        stroke, velocity = found.spans["stroke"], found.spans["velocity_rms"]
+        console.print(
+            f"beyond: greater than what was logged (stroke {stroke.least * _MILLI:.0f} .. "
+            f"{stroke.greatest * _MILLI:.0f} mm, rms velocity {velocity.least:.3g} .. "
+            f"{velocity.greatest:.3g} m/s); the model was not checked there"
         )
-        console.print(f"! outside of what was logged ({spans}): the model was not checked there")
     if len(found.checked) < 2:
         console.print("one logged row tells no scatter, so there are no intervals")
+
+
+def _say_error(found: Foretold, console: Console) -> None:
+    """How far the model is off in the mean, and by how much rows differ in that."""
+    told = []
+    for name, words in _SHOWN.items():
+        share = found.shares[name]
+        scatter = "" if math.isnan(share.scatter) else f" ± {100.0 * share.scatter:.1f}"
+        told.append(f"{words} {100.0 * share.mean:+.1f}{scatter}")
+    console.print(
+        f"logged less model, % of gross power: {', '.join(told)}; the mean is added below"
+    )
+    if any(abs(found.shares[name].mean) > _LARGE for name in _SHOWN):
+        console.print("that is much: look at the model before the rows below are believed")
+
+
+def _counted(count: int, word: str) -> str:
+    """So many of something."""
+    return f"{count} {word}" if count == 1 else f"{count} {word}s"
 
 
 def _table(settings: list[str]) -> Table:
@@ -145,17 +168,23 @@ def _foretold(found: Foretold) -> Table:
     for heading in _SHOWN.values():
         table.add_column(heading, justify="right")
     table.add_column("stroke mm", justify="right")
-    table.add_column("")
+    if any(row.outside for row in found.rows):
+        table.add_column("beyond")
     for row in found.rows:
         cells = [f"{row.setting[name]:g}" for name in settings]
         cells += [_interval(row.power[name], row.half_width[name]) for name in _SHOWN]
         stroke = row.amplitude["stroke"]
         cells.append("" if math.isnan(stroke) else f"{stroke * _MILLI:.0f}")
-        table.add_row(str(row.row), *cells, "!" if row.outside else "")
+        beyond = ", ".join(name.partition("_")[0] for name in row.outside)
+        table.add_row(
+            str(row.row), *cells, *([beyond] if len(cells) < len(table.columns) - 1 else [])
+        )
     return table
 
 
 def _interval(value: float, half: float) -> str:
     if math.isnan(value):
         return "-"
-    return f"{value:.2f}" if math.isnan(half) else f"{value:.2f} ± {half:.2f}"
+    if math.isnan(half):
+        return f"{value:.2f}"
+    return f"{value:.2f} ± {'<0.01' if half < 0.005 else f'{half:.2f}'}"

@@ -1,6 +1,7 @@
 """`rig sweep CAMPAIGN --over KEY=V1,V2,...`."""
 
 import os
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ import typer
 CODES = """\
 Exit codes: 0 every case gave its rows; 1 some could not be run, or the result could not be \
 written; 2 bad input; 3 interrupted, the same command goes on where it was."""
+_ADDRESS = r"(tcp|tls)://[^/\s]+:\d{1,5}"
 
 
 def command(
@@ -61,5 +63,19 @@ def command(
 
     if jobs is not None and scheduler is not None:
         raise typer.BadParameter("--jobs is about this machine; with --scheduler its workers count")
+    if scheduler is not None and not re.fullmatch(_ADDRESS, scheduler):
+        raise typer.BadParameter(f"--scheduler {scheduler}: no address; allowed tcp://HOST:PORT")
+    if out is not None:
+        _check_out(out)
     wanted = Wanted(over or [], sequential, lead_in, jobs, scheduler, out, measured, sweeps, runs)
     sys.exit(main(campaign, wanted, as_json=json))
+
+
+def _check_out(out: Path) -> None:
+    """That the result can be written there is said before hours of work, not after."""
+    if out.suffix != ".nc":
+        raise typer.BadParameter(f"--out {out}: the result is NetCDF; allowed a name ending in .nc")
+    if out.is_dir():
+        raise typer.BadParameter(f"--out {out}: is a folder; allowed a file in it")
+    if not out.parent.is_dir():
+        raise typer.BadParameter(f"--out {out}: there is no folder {out.parent}")

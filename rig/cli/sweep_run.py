@@ -13,13 +13,14 @@ from rig import cli
 from rig.analysis.words import POWER_NAMES, watts
 from rig.batch import executors, made, sweep
 from rig.batch.cases import LEAD_IN
+from rig.batch.journal import NAME as CASES
 from rig.batch.result import FAILED
 from rig.cli import dated
-from rig.cli.failure import fail
+from rig.cli.failure import fail, in_words
 from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
 from rig.cli.sweep_progress import SweepProgress
-from rig.runs import RunError
+from rig.runs import RunError, facts
 from rig.runs.create import BusyError
 
 if TYPE_CHECKING:
@@ -51,6 +52,8 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
         if wanted.sequential and wanted.lead_in is not None:
             raise ValueError("--lead-in: in sequence the campaign's own start.lead_in_s counts")
         measured = find_run(wanted.measured, wanted.runs) if wanted.measured else None
+        if measured and "session" in facts(measured).config:
+            raise RunError(f"--measured {measured}: a run of a bench, which has no campaign's rows")
         opened = sweep.open_sweep(
             path, wanted.overs, wanted.sweeps, sequential=wanted.sequential, lead_in=lead_in
         )
@@ -63,7 +66,10 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     out, table = wanted.out or opened.folder / sweep.RESULT, None
     try:
         with sweep.hold(opened):
-            left = sweep.left(opened)
+            left, damaged = sweep.left(opened)
+            if damaged and not as_json:
+                print(f"{damaged} bytes of {opened.folder}/{CASES} are no whole cases and are left "
+                      "out", file=sys.stderr)  # fmt: skip
             told = made.again(opened.folder, out) if not (left or measured) else None
             if told is not None:
                 view.begin(len(opened.cases))
@@ -78,7 +84,9 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     except KeyboardInterrupt:
         return _interrupted(opened.folder, as_json=as_json)
     except (OSError, ValueError, ArithmeticError) as error:
-        return fail("sweep", error, as_json=as_json, code=cli.FAILED)
+        kept = f"{view.kept} are kept in {opened.folder}/, the same command goes on"
+        whole = RuntimeError(f"{in_words(error)}; {kept}")
+        return fail("sweep", whole, as_json=as_json, code=cli.FAILED)
     if table is not None:
         try:
             pictures = _draw(table, opened.folder, measured, quiet=as_json)
@@ -88,6 +96,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
             return refuse("sweep", error, as_json=as_json)
     told = (told or {}) | {
         "seconds": round(time.monotonic() - began, 3),
+        "running_s": round(view.spent, 3),
         "simulated_s": view.simulated,
         "run_now": view.done,
         "warnings": warnings,
@@ -181,9 +190,11 @@ def _best(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
 
 def _say(told: dict[str, Any]) -> None:
     rows = ", ".join(f"{count} {state}" for state, count in told["rows"].items())
-    rate = told["simulated_s"] / told["seconds"] if told["seconds"] else 0.0
-    pace = f"{told['seconds']:.1f} s, {rate:.0f} times real time"
-    print(f"{rows}; {pace if told['run_now'] else 'nothing was left to run'}")
+    pace = "nothing was left to run"
+    if told["run_now"]:
+        rate = told["simulated_s"] / told["running_s"]
+        pace = f"the cases took {told['running_s']:.1f} s of it, {rate:.0f} times real time"
+    print(f"{rows} in {told['seconds']:.1f} s; {pace}")
     print("Best rows (negative is absorbed)")
     for kind, best in told["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"

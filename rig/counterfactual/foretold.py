@@ -66,6 +66,14 @@ class Span(NamedTuple):
     unit: str
 
 
+class Share(NamedTuple):
+    """Error of one station as a share of gross power."""
+
+    mean: float
+    scatter: float  # standard deviation; NaN for fewer than two rows
+    rows: int
+
+
 class Foretold(NamedTuple):
     """A campaign in the waves of a run."""
 
@@ -73,16 +81,9 @@ class Foretold(NamedTuple):
     campaign: str
     waves: Waves
     checked: tuple[Logged, ...]  # the error of waves and model, to be looked at first
+    shares: dict[str, Share]  # the same by station: the mean corrects ``rows``
     spans: dict[str, Span]
     rows: tuple[Row, ...]
-
-
-class Share(NamedTuple):
-    """Error of one station as a share of gross power."""
-
-    mean: float
-    scatter: float  # standard deviation; NaN for fewer than two rows
-    rows: int
 
 
 class Measured(NamedTuple):
@@ -110,6 +111,8 @@ def foretell(
     """
     source = reader.source(run)
     known = facts(run, source.contents)
+    if "session" in known.config:
+        raise RunError(f"{known.run}: a run of a bench; only those of a WaveBot had waves")
     there = {leaf.name for leaf in source.leaves}
     if missing := sorted(set(FIELDS) - there):
         raise RunError(f"{known.run}: it did not log {', '.join(missing)}")
@@ -175,7 +178,7 @@ def foretold(
     for i, (point, found) in enumerate(_run(campaign, sea, lead_in), len(was.points) + 1):
         rows.append(_row(point, found, shares, spans))
         see(i, of)
-    return Foretold(measured.run, campaign.file.name, waves, checked, spans, tuple(rows))
+    return Foretold(measured.run, campaign.file.name, waves, checked, shares, spans, tuple(rows))
 
 
 def shares_of(checked: Sequence[Logged]) -> dict[str, Share]:

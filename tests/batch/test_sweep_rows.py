@@ -17,7 +17,7 @@ from rig.analysis.rows import UNITS
 from rig.batch import sweep
 from rig.batch.cases import LEAD_IN, Case, Outcome
 from rig.batch.executors import Work, threads
-from rig.batch.journal import NAME
+from rig.batch.journal import NAME, Journal
 from rig.config.problems import ConfigError
 
 POINTS = [
@@ -87,6 +87,10 @@ def test_what_cannot_be_swept_is_said_at_once_with_key_and_range(tmp_path: Path)
     assert "--over:4: sea.frequency_hz: 'fast' is not a number; allowed 0.05 .. 2 Hz" in text
 
 
+def test_a_lead_in_that_no_row_has_is_not_swept(tmp_path: Path) -> None:
+    assert "allowed with --sequential" in refused(campaign(tmp_path), "start.lead_in_s=20,30")[0]
+
+
 def test_a_calibration_has_no_rows(tmp_path: Path) -> None:
     said = refused(CONFIGS / "campaigns" / "wave_calibration.yaml")
     assert "a wave calibration has no rows" in said[0]
@@ -120,7 +124,7 @@ def test_every_input_is_a_coordinate_with_its_unit(tmp_path: Path) -> None:
         "surge.use=hold,off",
         "surge.kp_n_s_per_m=-500,-900",
     )
-    path = sweep.write(table, tmp_path / "out" / "result.nc")
+    path = sweep.write(table, tmp_path / "result.nc")
     read = xarray.load_dataset(path, engine="h5netcdf")
     assert len(opened.cases) == 24  # a repetition would give the same numbers
     assert read["power_dc"].dims == (
@@ -131,6 +135,10 @@ def test_every_input_is_a_coordinate_with_its_unit(tmp_path: Path) -> None:
     assert torque.values.tolist() == [5.0, 6.7]
     assert read["surge.use"].values.tolist() == ["hold", "off"]
     assert read["surge.kp_n_s_per_m"].attrs["units"] == "N*s/m"
+    amplitude = read["sea.amplitude_m"]  # of the campaign's file, for all cases
+    assert (amplitude.item(), amplitude.dims, amplitude.attrs["units"]) == (0.127, (), "m")
+    assert (read["start.lead_in_s"].item(), read["sea.kind"].item()) == (5.0, "regular")
+    assert set(read["power_dc"].coords) >= {"sea.frequency_hz", "tare.duration_s", "drive.supply"}
     assert read["kp"].dims == ("row",)
     assert read["kp"].values.tolist() == [-2000.0, -2500.0, -2000.0]
     assert read["kp"].attrs["units"] == "N*s/m"
@@ -218,6 +226,34 @@ def test_the_command_refuses_and_says_why(tmp_path: Path) -> None:
     code, _, error = rig_here("sweep", path, "--sequential", "--lead-in", "9")
     assert code == 2
     assert "--lead-in" in error
+
+
+def test_where_a_result_cannot_be_written_is_said_before_the_work(tmp_path: Path) -> None:
+    path = campaign(tmp_path)
+    for out, says in (
+        (tmp_path, "allowed a name ending in .nc"),
+        (tmp_path / "none" / "my.nc", "there is no folder"),
+    ):
+        code, _, error = rig_here("sweep", path, "--sweeps", tmp_path / "s", "--out", out)
+        assert code == 2
+        assert says in " ".join(error.split())
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_full_disk_is_named_and_loses_nothing(tmp_path: Path) -> None:
+    with Journal(tmp_path) as journal:
+        journal.add(Outcome(0, (), 1.0, ""))
+        with Path("/dev/full").open("ab", buffering=0) as full:
+            journal._file, file = full, journal._file
+            with pytest.raises(OSError, match="No space left") as caught:
+                journal.add(Outcome(1, (), 1.0, ""))
+            journal._file = file
+    assert caught.value.filename == str(tmp_path / NAME)
+    with (tmp_path / NAME).open("ab") as file:
+        file.write(b'{"case": 1, "ro')
+    with Journal(tmp_path) as journal:
+        assert journal.damaged == 15
+        assert journal.finished == {0}
 
 
 @pytest.mark.slow

@@ -181,7 +181,7 @@ def test_the_command_tells_the_error_first_and_as_json(logged: Path, others: Pat
     code, said, _ = rig_here("replay", logged, "--with", others, "--waves", "forces")
     assert code == 0
     assert said.index("Logged rows") < said.index("95 % interval")
-    assert "outside of what was logged" in said
+    assert "beyond: greater than what was logged" in said
     code, said, _ = rig_here("replay", logged, "--with", others, "--json")
     told = json.loads(said)
     assert code == 0

@@ -14,7 +14,7 @@ from rig.campaign import open_campaign
 from rig.cli.console import table_console
 from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
-from rig.counterfactual import Foretold, foretell
+from rig.counterfactual import Foretold, Span, foretell
 from rig.rehearsal.job import problems
 from rig.runs import RunError
 
@@ -72,6 +72,7 @@ def _plain(found: Foretold) -> dict[str, Any]:
         "checked": [one._asdict() for one in found.checked],
         "shares": {name: share._asdict() for name, share in found.shares.items()},
         "spans": {name: span._asdict() for name, span in found.spans.items()},
+        "identified": {name: span._asdict() for name, span in found.identified.items()},
         "rows": [row._asdict() for row in found.rows],
     }
     plain: dict[str, Any] = _finite(told)
@@ -103,11 +104,14 @@ def _say(found: Foretold, console: Console) -> None:
         if row.state != COMPLETE:
             console.print(f"row {row.row} does not get through: {row.why}")
     if any(row.outside for row in found.rows):
-        stroke, velocity = found.spans["stroke"], found.spans["velocity_rms"]
         console.print(
-            f"beyond: greater than what was logged (stroke {stroke.least * _MILLI:.0f} .. "
-            f"{stroke.greatest * _MILLI:.0f} mm, rms velocity {velocity.least:.3g} .. "
-            f"{velocity.greatest:.3g} m/s); the model was not checked there"
+            f"beyond: greater than what was logged ({_spans(found.spans)}); the model was not "
+            "checked there"
+        )
+    if any(row.unidentified for row in found.rows):
+        console.print(
+            f"beyond the twin: greater than what it was identified with "
+            f"({_spans(found.identified)}); it is a guess there"
         )
     if len(found.checked) < 2:
         console.print("one logged row tells no scatter, so there are no intervals")
@@ -119,12 +123,20 @@ def _say_error(found: Foretold, console: Console) -> None:
     for name, words in _SHOWN.items():
         share = found.shares[name]
         scatter = "" if math.isnan(share.scatter) else f" ± {100.0 * share.scatter:.1f}"
-        told.append(f"{words} {100.0 * share.mean:+.1f}{scatter}")
+        told.append(f"{words} {round(100.0 * share.mean, 1) + 0.0:+.1f}{scatter}")  # no -0.0
     console.print(
         f"logged less model, % of gross power: {', '.join(told)}; the mean is added below"
     )
     if any(abs(found.shares[name].mean) > _LARGE for name in _SHOWN):
         console.print("that is much: look at the model before the rows below are believed")
+
+
+def _spans(spans: dict[str, Span]) -> str:
+    stroke, velocity = spans["stroke"], spans["velocity_rms"]
+    return (
+        f"stroke {stroke.least * _MILLI:.0f} .. {stroke.greatest * _MILLI:.0f} mm, rms velocity "
+        f"{velocity.least:.3g} .. {velocity.greatest:.3g} m/s"
+    )
 
 
 def _counted(count: int, word: str) -> str:
@@ -168,17 +180,19 @@ def _foretold(found: Foretold) -> Table:
     for heading in _SHOWN.values():
         table.add_column(heading, justify="right")
     table.add_column("stroke mm", justify="right")
-    if any(row.outside for row in found.rows):
+    flagged = any(row.outside or row.unidentified for row in found.rows)
+    if flagged:
         table.add_column("beyond")
     for row in found.rows:
         cells = [f"{row.setting[name]:g}" for name in settings]
         cells += [_interval(row.power[name], row.half_width[name]) for name in _SHOWN]
         stroke = row.amplitude["stroke"]
         cells.append("" if math.isnan(stroke) else f"{stroke * _MILLI:.0f}")
-        beyond = ", ".join(name.partition("_")[0] for name in row.outside)
-        table.add_row(
-            str(row.row), *cells, *([beyond] if len(cells) < len(table.columns) - 1 else [])
-        )
+        if flagged:
+            beyond = [name.partition("_")[0] for name in row.outside]
+            beyond += ["the twin"] if row.unidentified else []
+            cells.append(", ".join(beyond))
+        table.add_row(str(row.row), *cells)
     return table
 
 

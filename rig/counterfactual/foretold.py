@@ -27,6 +27,7 @@ from rig.rehearsal import job
 from rig.replay import as_logged
 from rig.runs import RunError, reader
 from rig.runs.folder import Facts, facts
+from rig.twin.plant_file import identified_up_to
 
 CONFIDENCE = 0.95
 FLOOR = 0.5  # W, gross power below which an error is no share any more
@@ -47,6 +48,7 @@ class Row(NamedTuple):
     half_width: dict[str, float]  # W, 95 %; NaN: one logged row tells no scatter
     amplitude: dict[str, float]  # by the names of `RANGES`
     outside: tuple[str, ...]  # amplitudes beyond what was logged
+    unidentified: tuple[str, ...]  # those beyond what the twin was identified with
 
 
 class Logged(NamedTuple):
@@ -59,7 +61,7 @@ class Logged(NamedTuple):
 
 
 class Span(NamedTuple):
-    """Least and greatest amplitude among the logged rows."""
+    """Least and greatest amplitude among some rows."""
 
     least: float
     greatest: float
@@ -82,7 +84,8 @@ class Foretold(NamedTuple):
     waves: Waves
     checked: tuple[Logged, ...]  # the error of waves and model, to be looked at first
     shares: dict[str, Share]  # the same by station: the mean corrects ``rows``
-    spans: dict[str, Span]
+    spans: dict[str, Span]  # of the logged rows
+    identified: dict[str, Span]  # of the rows that the model is a twin of; none if it is no twin
     rows: tuple[Row, ...]
 
 
@@ -174,11 +177,16 @@ def foretold(
         for name, unit in RANGES.items()
         for each in ([row[name] for row in measured.rows],)
     }
+    plant = campaign.plant_locate.file(("bem",), campaign.plant["bem"])
+    known = identified_up_to(plant).items()
+    identified = {name: Span(*each, RANGES[name]) for name, each in known if name in RANGES}
     rows = []
     for i, (point, found) in enumerate(_run(campaign, sea, lead_in), len(was.points) + 1):
-        rows.append(_row(point, found, shares, spans))
+        rows.append(_row(point, found, shares, spans, identified))
         see(i, of)
-    return Foretold(measured.run, campaign.file.name, waves, checked, shares, spans, tuple(rows))
+    return Foretold(
+        measured.run, campaign.file.name, waves, checked, shares, spans, identified, tuple(rows)
+    )
 
 
 def shares_of(checked: Sequence[Logged]) -> dict[str, Share]:
@@ -213,14 +221,22 @@ def corrected(
 
 
 def _row(
-    point: int, found: dict[str, Any], shares: dict[str, Share], spans: dict[str, Span]
+    point: int,
+    found: dict[str, Any],
+    shares: dict[str, Share],
+    spans: dict[str, Span],
+    identified: dict[str, Span],
 ) -> Row:
     value, half = corrected(_powers(found), shares)
     amplitude = {name: float(found.get(name, math.nan)) for name in RANGES}
-    outside = tuple(n for n, span in spans.items() if amplitude[n] > MARGIN * span.greatest)
+
+    def beyond(known: dict[str, Span]) -> tuple[str, ...]:
+        return tuple(n for n, span in known.items() if amplitude[n] > MARGIN * span.greatest)
+
     return Row(
-        point, _setting(found), found["state"], found["cut_short"], value, half, amplitude, outside
-    )
+        point, _setting(found), found["state"], found["cut_short"], value, half, amplitude,
+        beyond(spans), beyond(identified),
+    )  # fmt: skip
 
 
 def _powers(found: dict[str, Any]) -> dict[str, float]:

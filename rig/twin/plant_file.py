@@ -153,9 +153,26 @@ def as_dict(twin: Twin) -> dict[str, Any]:
         },
         "radiation": twin.hull.radiation._asdict(),
         "worst_line_of_hull": twin.hull.worst,
+        "amplitudes": {
+            name: [min(each), max(each)]
+            for name in twin.records[0].amplitudes
+            for each in ([record.amplitudes[name] for record in twin.records],)
+        },
         "excitation": twin.coefficient.source,
         "notes": list(twin.notes),
     }
+
+
+def identified_up_to(plant: Path) -> dict[str, tuple[float, float]]:
+    """Least and greatest amplitudes that a twin was identified with; none of another plant file.
+
+    By the names of `rig.twin.records.Record.amplitudes`. Raises ValueError for a damaged file.
+    """
+    try:
+        told = json.loads(plant.with_name(NUMBERS).read_text())["amplitudes"]
+    except (FileNotFoundError, KeyError):
+        return {}
+    return {name: (float(least), float(greatest)) for name, (least, greatest) in told.items()}
 
 
 def _write_bem(template: Template, twin: Twin, path: Path) -> None:

@@ -69,6 +69,13 @@ class Record(NamedTuple):
         return angular(self.period, len(self.velocity))
 
     @property
+    def amplitudes(self) -> dict[str, float]:
+        """How far and how fast it moved, by the names of the row table: m, m/s."""
+        position = synthesised(self, self.velocity / (1j * self.omega))
+        rms = float(np.sqrt(0.5 * np.sum(np.abs(self.velocity) ** 2)))
+        return {"velocity_rms": rms, "stroke": float(np.ptp(position))}
+
+    @property
     def shaft(self) -> float:
         """Mean mechanical power at the torque sensor, W, absorbed negative."""
         return 0.5 * float(np.sum((self.trs * np.conj(self.velocity)).real))

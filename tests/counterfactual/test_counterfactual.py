@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,24 @@ def test_what_was_not_logged_like_it_is_flagged(by_forces: Foretold) -> None:
     assert inside.outside == ()
     assert "stroke" in beyond.outside
     assert beyond.amplitude["stroke"] > 1.1 * by_forces.spans["stroke"].greatest
+
+
+def test_what_a_twin_was_not_identified_with_is_flagged(logged: Path, tmp_path: Path) -> None:
+    """The plant of the rig as a twin of runs with strokes of 10 to 50 mm: each row goes farther."""
+    plants = CONFIGS / "plants"
+    for name in ("wavebot.yaml", *(path.name for path in plants.glob("*.npz"))):
+        shutil.copy(plants / name, tmp_path / name)
+    path = written(tmp_path / "asked", OTHERS[:1], plant=str(tmp_path / "wavebot.yaml"))
+    (row,) = foretell(logged, opened(path)).rows
+    assert row.unidentified == ()  # no twin
+    told = {"amplitudes": {"velocity_rms": [0.01, 9.0], "stroke": [0.01, 0.05]}}
+    (tmp_path / "twin.json").write_text(json.dumps(told))
+    (row,) = foretell(logged, opened(path)).rows
+    assert row.amplitude["stroke"] > 0.055
+    assert (row.outside, row.unidentified) == ((), ("stroke",))
+    code, said, _ = rig_here("replay", logged, "--with", path)
+    assert code == 0
+    assert "beyond the twin: greater than what it was identified with (stroke 10 .. 50 mm" in said
 
 
 @pytest.mark.parametrize("seed", [0, 1])

@@ -17,6 +17,7 @@ from rig.analysis.rows import row_table
 from rig.config.source import load_mapping
 from rig.recommend import report
 from rig.recommend.advice import Asked, advise
+from rig.twin.plant_file import identified_up_to
 
 pytestmark = pytest.mark.slow
 
@@ -61,6 +62,17 @@ def test_the_twin_gives_the_power_of_the_plant_it_was_identified_from(
             gap = getattr(one.foreseen, name) - getattr(other.foreseen, name)
             assert abs(gap) < most, (one.row.setting, name, gap)
         assert one.foreseen.stroke == pytest.approx(other.foreseen.stroke, rel=0.005)
+
+
+def test_the_twin_knows_how_far_it_was_identified(plant: Path, run: Path) -> None:
+    """Amplitudes of the rows as their table has them; the lines up to 2.5 Hz make 1 % of it."""
+    known, table = identified_up_to(plant), row_table(run)
+    assert set(known) == {"stroke", "velocity_rms"}
+    for name, (least, greatest) in known.items():
+        measured = table[name].values
+        assert least == pytest.approx(measured.min(), rel=0.01)
+        assert greatest == pytest.approx(measured.max(), rel=0.01)
+    assert identified_up_to(LINEAR) == {}
 
 
 STATIONS = ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc")

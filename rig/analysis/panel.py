@@ -220,7 +220,7 @@ def on_top(axes: Axes, of: Slice, others: Sequence[Point], on: Scale, drawn: Dra
         return
     places = [(p.setting[of.x.name], p.setting[of.y.name]) for p in others]
     power = [p.power[of.kind] for p in others]
-    look: dict[str, Any] = {"clip_on": False, "zorder": 4}
+    look: dict[str, Any] = {"clip_on": False, "zorder": 6}  # a star does not hide them
     if drawn == "surface":
         x, y = zip(*shown_places(of, places), strict=True)
         look |= {"s": 42.0, "marker": "s", "edgecolors": MARK, "linewidths": 1.1}
@@ -230,8 +230,14 @@ def on_top(axes: Axes, of: Slice, others: Sequence[Point], on: Scale, drawn: Dra
     line = [shown_places(of, [place])[0][which] for place in places]
     errors = np.nan_to_num([p.error[of.kind] for p in others])
     axes.errorbar(
-        line, power, yerr=errors, fmt="s", ms=5, mfc="none", color=MARK, capsize=2, **look
+        line, power, yerr=errors, fmt="s", ms=8, mfc="none", color=MARK, capsize=2, **look
     )
+    reach = np.array([power - errors, power + errors])
+    low, high = axes.get_ylim()  # of the panel's own points
+    least = np.min(reach, where=np.isfinite(reach), initial=low)
+    most = np.max(reach, where=np.isfinite(reach), initial=high)
+    room = 0.05 * (most - least)
+    axes.set_ylim(least - room * (least < low), most + room * (most > high))
 
 
 def ticks(axes: Axes, *, few: bool = False) -> None:

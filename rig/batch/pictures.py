@@ -137,7 +137,7 @@ def _measured(run: Path, rows: xarray.Dataset) -> Measured:
         less = [one.power[kind] - other.power[kind] for one, other in pairs]
         if np.isfinite(less).all():
             text = f"{words.signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
-            off.append(f"{words.SHORT_NAMES[kind]} {text}")
+            off.append(f"{words.SHORT_NAMES[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}"))
     rung = found.attrs.get("rung", "")
     said = f"squares: {rung} {found.attrs.get('run', run.name)}, less simulated: {', '.join(off)}"
     return Measured(points, said)

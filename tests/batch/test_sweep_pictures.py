@@ -8,9 +8,12 @@ from typing import Any
 
 import pytest
 import xarray
+from matplotlib.figure import Figure
 from rehearsing import campaign_file, run
 from test_sweep_rows import POINTS, swept
 
+from rig.analysis.points import matrix
+from rig.analysis.surfaces import KINDS, draw
 from rig.batch import pictures
 from rig.batch.cases import LEAD_IN
 from rig.batch.overs import Files
@@ -60,9 +63,25 @@ def test_a_rehearsal_lies_on_what_was_simulated(
     ]
     assert all(path.stat().st_size > 20_000 for path in written)
     assert "sea.amplitude_m 0.127 m; squares: rehearsal " in said[0]
-    off = re.findall(r"(mechanical|electrical AC|electrical DC) .?(\d\.\d) ± (\d\.\d) W", said[0])
+    plain = said[0].replace("\N{NO-BREAK SPACE}", " ")  # no line is broken within a figure
+    off = re.findall(r"(mechanical|electrical AC|electrical DC) .?(\d\.\d) ± (\d\.\d) W", plain)
     assert len(off) == 3
     assert all(float(mean) <= 0.1 and float(spread) <= 0.1 for _, mean, spread in off)
+
+
+def test_what_was_measured_lies_within_its_panel(table: xarray.Dataset) -> None:
+    """Two rows make lines; the points on top absorb 30 W less than any of them."""
+    rows = table.isel({"plant.pto.torque_constant.value": 0, "sea.amplitude_m": 1, "row": [0, 1]})
+    points = matrix(rows)
+    less = [p._replace(power={k: w + 30.0 for k, w in p.power.items()}) for p in points.points]
+    figure = Figure((8.0, 8.0))
+    draw(figure.subfigures(), rows, 8.0, others=points._replace(points=tuple(less)))
+    panels = [axes for axes in figure.axes if axes.lines]
+    assert len(panels) == 3
+    for axes, kind in zip(panels, KINDS, strict=True):
+        low, high = axes.get_ylim()
+        assert low < min(p.power[kind] for p in points.points)
+        assert high > max(p.power[kind] for p in less)
 
 
 @pytest.mark.slow

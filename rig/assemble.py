@@ -90,6 +90,14 @@ def realisations_of(numbers: Iterable[float]) -> tuple[int, ...]:
     return tuple(sorted({int(one) for one in numbers if one >= 1.0})) or (1,)
 
 
+def placed(setpoints: wavebot.Setpoints, several: Sequence[int]) -> wavebot.Setpoints:
+    """Set points with each realisation by its place in the table of ``several``."""
+    place = {number: at for at, number in enumerate(several)}
+    return setpoints._replace(
+        realisation=tuple(place.get(int(one), 0) for one in setpoints.realisation)
+    )
+
+
 def wavebot_params(
     campaign: CampaignFile,
     rig: RigFile,
@@ -101,7 +109,6 @@ def wavebot_params(
     """Everything the cycle of a WaveBot needs, designed estimators included."""
     dt = 1.0 / rig.rate_hz
     several = realisations_of(setpoints.realisation)
-    place = {number: at for at, number in enumerate(several)}
     forces = reference_table(campaign, rig, several, record)
     many = len(several) if isinstance(campaign.reference, MultisineReference) else 1
     rates, positions = rig.spring.by_rate()
@@ -152,9 +159,7 @@ def wavebot_params(
                 panel_age_stop=bounds.loop.panel_age_stop_s,
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
-            setpoints=setpoints._replace(
-                realisation=tuple(place.get(one, 0) for one in setpoints.realisation)
-            ),
+            setpoints=placed(setpoints, several),
         ),
     )
 

@@ -12,7 +12,7 @@ from rig import cycle
 from rig.analysis import quality
 from rig.analysis.rows import FIELDS, LOGGED
 from rig.analysis.windows import ALWAYS, Window
-from rig.assemble import wavebot_params
+from rig.assemble import placed, realisations_of, wavebot_params
 from rig.batch import InterruptedWalkError, compiled
 from rig.batch.column import Column
 from rig.batch.noise import combed
@@ -70,7 +70,9 @@ class Subject:
     """One campaign's rig in its sea; every walk starts it anew, from threads at a time, too."""
 
     def __init__(self, campaign: Campaign, plan: Plan, sea: dict[str, Any] | None = None) -> None:
-        """``sea`` stands in for the campaign's own, in the words of `build_sea`.
+        """``plan`` is of all points that are to be walked, whose references are in its tables.
+
+        ``sea`` stands in for the campaign's own, in the words of `build_sea`.
 
         Raises ValueError where plant or sea cannot be simulated.
         """
@@ -81,8 +83,10 @@ class Subject:
         self.dt = plan.dt
         self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).beginning()
         self.params = wavebot_params(
-            campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
-        )
+            campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
+            campaign.record,
+        )  # fmt: skip
+        self._realisations = realisations_of(plan.setpoints.realisation)
         elevation, heave, surge, onset, onset_ticks = begin.tables
         waves: Any = [Column(table) for table in (elevation, heave, surge)]
         self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
@@ -108,7 +112,8 @@ class Subject:
         """The loop's parameters for a plan, its tables as columns."""
         rig = self.params.rig
         segments: Any = [Column(column) for column in plan.segments]
-        setpoints: Any = [Column(column) for column in plan.setpoints]
+        placed_ones = placed(plan.setpoints, self._realisations)
+        setpoints: Any = [Column(column) for column in placed_ones]
         return self.params._replace(
             segments=Segments(*segments),
             rig=rig._replace(

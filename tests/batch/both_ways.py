@@ -69,8 +69,9 @@ def interpreted(path: Path) -> Given:
     """Rehearsed in this process, nothing compiled."""
     campaign, plan = opened(path)
     params = wavebot_params(
-        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
-    )
+        campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
+        campaign.record,
+    )  # fmt: skip
     devices = connect(
         json.loads(json.dumps(job.devices_of(campaign))) | {"compiled": False}, plan.dt
     )

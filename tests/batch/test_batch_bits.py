@@ -64,6 +64,15 @@ KINDS: dict[str, dict[str, Any]] = {
     "held in surge": {"surge": {"use": "hold"}},
     "surge off": {"surge": {"use": "off"}},
     "open loop": {"reference": {"kind": "multisine", "amplitude_a": 8}},
+    "realisations": {
+        "reference": {"kind": "multisine", "amplitude_a": 8},
+        "matrix": {"list": [POINT | {"realisation": 3}, POINT | {"realisation": 1}]},
+    },
+    "recorded reference": {
+        "reference": {
+            "kind": "recorded", "file": "push.csv", "channel": "push", "unit": "N", "end_s": 4,
+        },
+    },
     "tripped": {
         "sea": {"kind": "regular", "amplitude_m": 0.4, "frequency_hz": 0.5},
         "matrix": {"list": [POINT, POINT | {"kp_n_s_per_m": -100, "ki_n_per_m": 3000}]},
@@ -73,6 +82,8 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 def campaign(folder: Path, kind: str) -> Path:
+    push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
+    (folder / "push.csv").write_text("\n".join(["time,push", *push]))
     return campaign_file(folder, **QUICK | KINDS[kind])
 
 

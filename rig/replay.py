@@ -16,11 +16,8 @@ import numpy as np
 
 from rig import bench, cycle, record, safety
 from rig.assemble import wavebot_params
-from rig.campaign import Plan, Point, plan
-from rig.config.campaign_file import CampaignFile
-from rig.config.columns import COLUMNS
-from rig.config.limits_file import LimitsFile
-from rig.config.rig_file import RigFile
+from rig.campaign import Plan, plan
+from rig.campaign.logged import Logged, campaign_as_logged
 from rig.runs import RunError, facts, reader
 from rig.runs.folder import Facts
 from rig.runs.mcap_file import Records, row_dtype
@@ -242,28 +239,10 @@ class _Tally:
         return tuple(sorted(self._found.values(), key=lambda found: found.first))
 
 
-class Logged(NamedTuple):
-    """The configuration in a run's record, as today's code understands it."""
-
-    file: CampaignFile
-    rig: RigFile
-    limits: LimitsFile
-    points: tuple[Point, ...]  # as the run keeps them; where they stood in a file nobody asks
-
-
 def as_logged(known: Facts) -> Logged:
     """What a run was configured to do; RunError where its record has none that holds today."""
-    config = known.config
     try:
-        return Logged(
-            CampaignFile.model_validate(config["campaign"]),
-            RigFile.model_validate(config["rig"]),
-            LimitsFile.model_validate(config["limits"]),
-            tuple(
-                Point({c.name: float(given[c.key]) for c in COLUMNS if c.key in given}, {})
-                for given in config["points"]
-            ),
-        )
+        return campaign_as_logged(known.config)
     except KeyError as error:
         raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
@@ -281,9 +260,9 @@ def _subject(known: Facts) -> _Subject:
 
 
 def _wavebot(known: Facts) -> _Subject:
-    campaign, rig, limits, points = as_logged(known)
+    campaign, rig, limits, points, record = as_logged(known)
     planned: Plan = plan(campaign, rig, points)
-    params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints)
+    params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints, record)
     places = {word: _LOGGED_AS.get(word, word) for word in Sense._fields}
     return _Subject(KIND, Sense, places, params, planned.dt)
 
@@ -296,4 +275,4 @@ def _bench(known: Facts) -> _Subject:
 
 
 def _not_of_today(known: Facts, error: ValueError) -> RunError:
-    return RunError(f"{known.run}: its configuration is none of today's: {error}")
+    return RunError(f"{known.run}: its configuration does not hold today: {error}")

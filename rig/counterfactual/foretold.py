@@ -119,7 +119,7 @@ def foretell(
     there = {leaf.name for leaf in source.leaves}
     if missing := sorted(set(FIELDS) - there):
         raise RunError(f"{known.run}: it did not log {', '.join(missing)}")
-    was = _on_model(known, model or campaign)
+    was = _on_model(known, model or campaign)._replace(elevation=campaign.elevation)  # one sea
     known_rows = row_table(run)
     names = [str(name) for name in known_rows.variables]
     rows = tuple(
@@ -257,10 +257,9 @@ def _run(
     """Each point of a campaign and what it gives in a sea, in the words of the row table."""
     file = alone(campaign.file, lead_in)
     period = repeat_period(file.sea)
-    subject: Subject | None = None
+    subject = Subject(campaign, plan(file, campaign.rig, campaign.points), sea)
     for number, point in enumerate(campaign.points):
         planned: Plan = plan(file, campaign.rig, (point,))
-        subject = subject or Subject(campaign, planned, sea)
         walk = subject.walk(planned, stator=planned.rows[0].stator_position)
         (row,) = table(walk, planned, period / planned.dt if period else None)
         yield number, row

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -33,6 +34,11 @@ KINDS: dict[str, dict[str, Any]] = {
         "reference": {"kind": "multisine", "amplitude_a": 8},
         "surge": {"use": "hold"},
     },
+    "recorded reference": {
+        "reference": {
+            "kind": "recorded", "file": "push.csv", "channel": "push", "unit": "N", "end_s": 4,
+        },
+    },
     "custom drive": {
         "rig": str(CONFIGS / "rigs" / "wavebot_custom.yaml"),
         "matrix": {"list": [POINT, POINT | {"bus_voltage_v": 60, "discharge_level": 3}]},
@@ -46,6 +52,8 @@ KINDS: dict[str, dict[str, Any]] = {
 
 
 def golden(folder: Path, kind: str, see: Any = None) -> Path:
+    push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
+    (folder / "push.csv").write_text("\n".join(["time,push", *push]))
     ended = run(campaign_file(folder, **QUICK | KINDS[kind]), folder / "runs", see)
     return ended.folder
 
@@ -61,6 +69,17 @@ def test_a_run_of_each_kind_comes_out_again(kind: str, tmp_path: Path) -> None:
     assert found.differences == ()
     assert found.ticks > 10_000
     assert found.requests == ()
+
+
+def test_a_reference_that_is_not_what_it_was_is_told(tmp_path: Path) -> None:
+    run_folder = golden(tmp_path, "recorded reference")
+    record = tmp_path / "push.csv"
+    record.write_text(record.read_text().replace("300.0", "301.0") + "\n")
+    with pytest.raises(RunError, match=r"push\.csv is no longer what it was"):
+        replay(run_folder)
+    record.unlink()
+    with pytest.raises(RunError, match=r"push\.csv cannot be read"):
+        replay(run_folder)
 
 
 def test_a_run_comes_out_again_from_its_one_file(regular: Path, tmp_path: Path) -> None:

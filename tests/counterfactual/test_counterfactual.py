@@ -116,6 +116,44 @@ def test_what_a_twin_was_not_identified_with_is_flagged(logged: Path, tmp_path: 
     assert "beyond the twin: greater than what it was identified with (stroke 10 .. 50 mm" in said
 
 
+def test_each_row_has_the_reference_that_it_had(tmp_path: Path) -> None:
+    """Realisations 3 and 1 of a multisine on top of the waves: not each other's, not another."""
+    points = [POINTS[0] | {"realisation": 3}, POINTS[0] | {"realisation": 1}]
+    reference = {"kind": "multisine", "amplitude_a": 15, "low_hz": 0.4, "high_hz": 0.7}
+    path = written(tmp_path, points, reference=reference | {"repeat_s": 6})
+    (one, other) = foretell(run(path, tmp_path / "runs").folder, opened(path)).checked
+    assert abs(one.logged["mechanical_1"] - other.logged["mechanical_1"]) > 3.0
+    for row in (one, other):
+        for name in POWERS:
+            assert abs(row.logged[name] - row.modelled[name]) < 0.3
+
+
+def test_records_of_the_run_are_not_looked_for_in_its_model(tmp_path: Path) -> None:
+    """The model is a campaign in another sea without a reference: only its plant is taken."""
+    text = ["time,push", *(f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))]
+    (tmp_path / "push.csv").write_text("\n".join(text))
+    text = ["time,eta", *(f"{0.01 * i:.2f},{math.sin(0.0314 * i) / 10:.6f}" for i in range(700))]
+    (tmp_path / "eta.csv").write_text("\n".join(text))
+    keys: dict[str, Any] = {
+        "sea": {
+            "kind": "recorded", "file": "eta.csv", "channel": "eta", "unit": "m", "start_s": 0,
+            "end_s": 6,
+        },
+        "reference": {
+            "kind": "recorded", "file": "push.csv", "channel": "push", "unit": "N", "end_s": 3,
+        },
+        "timing": {"settle_s": 3},
+    }  # fmt: skip
+    path = written(tmp_path, POINTS, **keys)
+    model = opened(written(tmp_path / "model", POINTS))
+    found = foretell(run(path, tmp_path / "runs").folder, opened(path), model=model)
+    for one, row in zip(found.checked, found.rows, strict=True):
+        assert one.logged["mechanical_1"] < -5.0
+        for name in POWERS:
+            assert abs(one.logged[name] - one.modelled[name]) < 0.3
+            assert row.power[name] == pytest.approx(one.logged[name], abs=0.3)
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_hidden_plant_is_foretold(tmp_path: Path, seed: int) -> None:
     """Mass, damping and friction are not the model's: 5 % or half a watt of what it then gives.

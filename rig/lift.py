@@ -18,9 +18,9 @@ import os
 import platform
 import sys
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -146,8 +146,38 @@ def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
     """Folder of what is compiled from a source and these modules, by this numba for this host."""
     checked = os.environ.get("NUMBA_BOUNDSCHECK", "")  # another code, which numba does not tell
     told = [source, numba.__version__, np.__version__, sys.version, platform.machine(), processor()]
-    told += [checked, *(inspect.getsource(m) for m in (sys.modules[__name__], *modules))]
+    for module in (sys.modules[__name__], *modules):
+        told += [inspect.getsource(module), *_as_run(module)]
+    told.append(checked)
     return cache_root() / hashlib.sha256("\0".join(told).encode()).hexdigest()[:24]
+
+
+def _as_run(module: ModuleType) -> Iterator[str]:
+    """The functions and numbers of a module as this process has them.
+
+    A process that read the module before its source was edited has other ones than the source says:
+    what it compiles must not be found by those that read it afterwards.
+    """
+    for name, value in sorted(vars(module).items()):
+        if inspect.isfunction(value) and value.__module__ == module.__name__:
+            yield f"{name} {_operations(value.__code__)}"
+        elif isinstance(value, type) and issubclass(value, tuple):
+            yield f"{name} {getattr(value, '_fields', ())}"
+        elif not name.startswith("__") and _is_plain(value):
+            yield f"{name} {value!r}"
+
+
+def _operations(code: CodeType) -> str:
+    """What a function does, without where it stands."""
+    inside = [_operations(each) for each in code.co_consts if isinstance(each, CodeType)]
+    constants = [repr(each) for each in code.co_consts if _is_plain(each)]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {inside}"
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, tuple):
+        return all(map(_is_plain, value))
+    return value is None or isinstance(value, int | float | str)
 
 
 def is_compiled(folder: Path) -> bool:

@@ -42,7 +42,7 @@ def again(folder: Path, out: Path) -> dict[str, Any] | None:
 def _of(folder: Path, out: Path, measured: Path | None) -> dict[str, Any]:
     return {
         "folder": str(folder),  # as it was asked for: what is said names its files so
-        "out": str(out),
+        "out": str(out.resolve()),  # a relative one is another from elsewhere
         "measured": str(measured) if measured else None,
         "cases": hashlib.sha256((folder / CASES).read_bytes()).hexdigest(),
     }

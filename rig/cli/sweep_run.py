@@ -92,6 +92,8 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
             pictures = _draw(table, opened.folder, measured, quiet=as_json)
             told = _told(opened.folder, out, pictures, table)
             made.note(opened.folder, out, measured, [out, *pictures], told)
+        except KeyboardInterrupt:
+            return _interrupted(opened.folder, as_json=as_json)
         except (*REFUSED, RunError) as error:
             return refuse("sweep", error, as_json=as_json)
     told = (told or {}) | {

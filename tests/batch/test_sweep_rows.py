@@ -18,6 +18,7 @@ from rig.batch import sweep
 from rig.batch.cases import LEAD_IN, Case, Outcome
 from rig.batch.executors import Work, threads
 from rig.batch.journal import NAME, Journal
+from rig.cli import sweep_run
 from rig.config.problems import ConfigError
 
 POINTS = [
@@ -257,7 +258,7 @@ def test_a_full_disk_is_named_and_loses_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_writes_the_result(tmp_path: Path) -> None:
+def test_the_command_writes_the_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = campaign(tmp_path)
     out = tmp_path / "my.nc"
     words = ("--over", AMPLITUDES, "--lead-in", "5", "--sweeps", tmp_path / "s", "--out", out)
@@ -267,3 +268,18 @@ def test_the_command_writes_the_result(tmp_path: Path) -> None:
     assert told["rows"] == {"complete": 6}
     assert told["best"]["dc"]["sea.amplitude_m"] == 0.127
     assert xarray.load_dataset(out, engine="h5netcdf").sizes == {"sea.amplitude_m": 2, "row": 3}
+    for name in ("here", "there"):  # a name from elsewhere is another file
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        code, said, _ = rig_here("sweep", path, *words[:-1], "my.nc", "--json")
+        assert (code, json.loads(said)["run_now"]) == (0, 0)
+        assert Path("my.nc").is_file()
+    monkeypatch.setattr(sweep_run, "_draw", interrupted_drawing)
+    Path("my.nc").unlink()
+    code, said, _ = rig_here("sweep", path, *words[:-1], "my.nc", "--json")
+    assert (code, json.loads(said)["status"]) == (3, "stopped")
+
+
+def interrupted_drawing(*_: Any, **__: Any) -> Any:
+    """Somebody cannot wait for the pictures."""
+    raise KeyboardInterrupt

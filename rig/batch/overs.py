@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from rig.batch.inputs import DATA, inputs
 from rig.campaign import Campaign, open_campaign
 from rig.config import ranges
-from rig.config.problems import ConfigError, Problem, value_text
+from rig.config.problems import ConfigError, Problem, shown, value_text
 from rig.config.source import KeyPath, Locate, Place, load_mapping
 from rig.rehearsal.job import TWINS, problems
 
@@ -94,14 +95,21 @@ def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
 
 
 class Files:
-    """The files of a campaign, each read once, however often it is opened with other values."""
+    """The files of a campaign, the same ones however often it is opened with other values.
+
+    Texts are read once; data, which are read each time, must not change meanwhile.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._read: dict[tuple[Path, str], tuple[dict[str, Any], Locate]] = {}
+        self._data: dict[Path, str] = {}  # sha256
 
     def opened(self, chosen: Chosen = ()) -> Campaign:
-        """The campaign with these values; raises `ConfigError` with every problem."""
+        """The campaign with these values; raises `ConfigError` with every problem.
+
+        Raises ValueError where data are no longer those that it was opened with before.
+        """
 
         def load(
             path: Path, asked: Place | None = None, key: str = "", inline: tuple[str, ...] = ()
@@ -116,7 +124,11 @@ class Files:
                     _tell_the_rig(mapping, locate, over, value, chosen)
             return mapping, locate
 
-        return open_campaign(self.path, problems, load=load)
+        campaign = open_campaign(self.path, problems, load=load)
+        for role, path, sha256 in inputs(campaign):
+            if role in DATA and self._data.setdefault(path.resolve(), sha256) != sha256:
+                raise ValueError(f"{shown(path)} was changed since the sweep began")
+        return campaign
 
 
 def _tell_the_rig(
@@ -193,9 +205,9 @@ def _as_typed(problem: Problem, over: Over) -> Problem:
 
 def unit(over: Over, campaign: Campaign) -> str:
     """What a parameter is measured in; empty for words and bare numbers."""
-    if over.file == "plant" and over.path[-1] == "value":
+    if over.file == "plant" and "value" in over.path:  # the number itself, or one of its list
         entry: Any = campaign.plant
-        for part in over.path[:-1]:
+        for part in over.path[: over.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
     return ranges.unit(ranges.last_name(over.path))

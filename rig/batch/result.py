@@ -9,11 +9,12 @@ import numpy.typing as npt
 
 from rig import provenance
 from rig.analysis.rows import COMPLETE, CUT_SHORT, NOT_RUN, SETTINGS, UNITS
-from rig.batch.cases import Cases, Outcome
+from rig.batch.cases import Cases, Outcome, alone
 from rig.batch.overs import OWN, unit
 from rig.campaign import Campaign, CampaignRow, resolved
 from rig.campaign.windows import repeat_period
 from rig.config import ranges
+from rig.config.campaign_file import CampaignFile
 
 if TYPE_CHECKING:
     import xarray
@@ -43,11 +44,11 @@ def dataset(
     for over in cases.asked.overs:
         said = unit(over, campaign)
         coords[over.key] = xarray.Variable(over.key, _values(over.values), _units(said))
-    for key, value in _as_filed(campaign):
+    asked = cases.asked
+    file = campaign.file if asked.sequential else alone(campaign.file, asked.lead_in)
+    for key, value in _as_walked(file):
         if key not in coords:
             coords[key] = xarray.Variable((), value, _units(ranges.unit(key.rpartition(".")[2])))
-    if not cases.asked.sequential:  # there the file's own counts
-        coords["start.lead_in_s"] = xarray.Variable((), cases.asked.lead_in, _units("s"))
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
     data = {}
@@ -88,9 +89,9 @@ def _filled(cases: Cases, place: dict[int, int], outcomes: Iterable[Outcome]) ->
     return columns
 
 
-def _as_filed(campaign: Campaign) -> Iterator[tuple[str, Any]]:
-    """Keys and values of what the campaign file says beside its rows; lists by their entries."""
-    told = campaign.file.model_dump(mode="json", by_alias=True)
+def _as_walked(file: CampaignFile) -> Iterator[tuple[str, Any]]:
+    """Keys and values of what a campaign says beside its rows; lists by their entries."""
+    told = file.model_dump(mode="json", by_alias=True)
 
     def leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
         inside = value.items() if isinstance(value, dict) else enumerate(value)

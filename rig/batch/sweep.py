@@ -9,16 +9,18 @@ import platform
 import re
 from collections.abc import Callable, Iterable
 from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rig.batch.cases import Asked, Cases, Outcome
 from rig.batch.executors import Executor
+from rig.batch.inputs import inputs
 from rig.batch.journal import Journal
 from rig.batch.overs import OPTION, Files, checked, overs
 from rig.batch.result import dataset
 from rig.campaign import Campaign, plan
-from rig.config.problems import ConfigError, Problem
+from rig.config.problems import ConfigError, Problem, value_text
 from rig.runs.create import BusyError, Held, hold_run, write_json
 
 if TYPE_CHECKING:
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("controllers", "sim_plant", "rig")
 _SAYS_NOTHING = "rig/cli/"  # what a person sees while it runs changes no number
+_RECKON = ("numpy", "scipy", "numba", "llvmlite", "filterpy")
+"""Packages of others whose versions may change a number."""
 RESULT = "sweep.nc"
 
 
@@ -59,13 +63,23 @@ def open_sweep(
         if over.key == "start.lead_in_s" and not sequential:
             message = "rows alone have one of their own, --lead-in; allowed with --sequential"
             raise ConfigError([Problem(OPTION, over.number, over.key, None, message)])
+        most = max((v for v in over.values if isinstance(v, int | float)), default=0.0)
+        if over.key == "start.set_point_s" and not sequential and most > lead_in:
+            message = f"{value_text(most)} is longer than the lead-in; allowed up to --lead-in"
+            raise ConfigError([Problem(OPTION, over.number, over.key, most, message)])
     planned = plan(base.file, base.rig, base.points)
     asked = Asked(str(path), read.overs, sequential, lead_in)
     digest = _digest(asked, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
     cases = Cases(asked, planned.rows, files)
-    return Sweep(folder, base, cases, _digest(asked, (base,)), swept)
+    named = (
+        campaign
+        for over, each in zip(read.overs, swept, strict=True)
+        for value, campaign in zip(over.values, each, strict=True)
+        if isinstance(value, str)
+    )
+    return Sweep(folder, base, cases, _digest(asked, (base, *named)), swept)
 
 
 def same_cases(asked: Asked, digest: str) -> Cases:
@@ -76,7 +90,13 @@ def same_cases(asked: Asked, digest: str) -> Cases:
     """
     files = Files(Path(asked.campaign))
     base = files.opened()
-    if _digest(asked, (base,)) != digest:
+    named = (  # a word may be the name of a file
+        files.opened(((over, value),))
+        for over in asked.overs
+        for value in over.values
+        if isinstance(value, str)
+    )
+    if _digest(asked, (base, *named)) != digest:
         raise ValueError(
             f"{platform.node()} has other files for {asked.campaign}, or other code, than who asks"
         )
@@ -150,23 +170,18 @@ def write(table: "xarray.Dataset", path: Path) -> Path:
 def _digest(asked: Asked, campaigns: Iterable[Campaign]) -> str:
     """A word for the campaign's files, the parameters and the code."""
     whole = hashlib.sha256(json.dumps([asked.overs, asked.sequential, asked.lead_in]).encode())
-    read = {}
-    for campaign in campaigns:
-        read.update({file.sha256: file.role for file in campaign.files})
-        for key in (("bem",), ("surge", "bem")):
-            named = campaign.plant if len(key) == 1 else campaign.plant["surge"]
-            path = campaign.plant_locate.file(("bem",), campaign.plant["bem"])
-            bem = path.with_name(named["bem"]).read_bytes()
-            read[hashlib.sha256(bem).hexdigest()] = ".".join(key)
-    whole.update(json.dumps(sorted(read.items())).encode())
+    for campaign in campaigns:  # each with its own: two files may have changed places
+        read = [(file.role, file.sha256) for file in inputs(campaign)]
+        whole.update(json.dumps(read).encode())
     whole.update(_code())
     return whole.hexdigest()[:12]
 
 
 @cache
 def _code() -> bytes:
-    """A word for all sources; those of a process do not change."""
-    whole = hashlib.sha256()
+    """A word for all sources and what makes numbers of them; those of a process do not change."""
+    versions = [platform.python_version(), *(metadata.version(name) for name in _RECKON)]
+    whole = hashlib.sha256(json.dumps(versions).encode())
     for package in _PACKAGES:
         for source in sorted((_ROOT / package).rglob("*.py")):
             name = source.relative_to(_ROOT).as_posix()

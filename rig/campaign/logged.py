@@ -1,4 +1,4 @@
-"""A campaign again from the configuration in a run's record, for who asks what it was told to do."""
+"""A campaign again from the configuration in a run's record: what it was told to do."""
 
 from pathlib import Path
 from typing import Any, NamedTuple

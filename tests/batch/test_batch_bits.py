@@ -70,7 +70,11 @@ KINDS: dict[str, dict[str, Any]] = {
     },
     "recorded reference": {
         "reference": {
-            "kind": "recorded", "file": "push.csv", "channel": "push", "unit": "N", "end_s": 4,
+            "kind": "recorded",
+            "file": "push.csv",
+            "channel": "push",
+            "unit": "N",
+            "end_s": 4,
         },
     },
     "tripped": {

@@ -22,10 +22,10 @@ from benchmarks.support.integrated import Floats, Model, continuous, sampled
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, ratios
 from controllers import biquads, blocks, impedance
-from rig import lift
-from rig.campaign import check
-from rig.rehearsal import job
-from rig.rehearsal.devices import build_world
+from rig.execution.rehearsal import job
+from rig.execution.rehearsal.devices import build_world
+from rig.planning.campaign import check
+from rig.sweep import lifting
 from sim_plant import (
     analyser,
     body,
@@ -114,7 +114,7 @@ def model(folder: Path) -> Model:
 
 def lifted(made: Model) -> Callable[[int], tuple[float, ...]]:
     """The functions of plant and law, compiled: energies (J) after so many ticks."""
-    walk = lift.load("benchmark_arithmetic", _SOURCE, _LIFTED).walk
+    walk = lifting.load("benchmark_arithmetic", _SOURCE, _LIFTED).walk
     law = impedance.Params(RAMP)
     supplied = electrics.initial(made.params.electrics)
 
@@ -139,8 +139,8 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
     walk = ctypes.CDLL(str(library)).walk
     params, spring = made.params, made.params.spring
     given = np.array([
-        *lift.numbers(params.body), *lift.numbers(params.pto),
-        *lift.numbers(params.electrics.loop), *lift.numbers(params.electrics.cots),
+        *lifting.numbers(params.body), *lifting.numbers(params.pto),
+        *lifting.numbers(params.electrics.loop), *lifting.numbers(params.electrics.cots),
         spring.angle_per_metre, spring.reach, spring.sine, spring.effect, spring.speed,
         KP, KI, RAMP, made.per_ampere,
     ], dtype=np.float64)  # fmt: skip

@@ -12,9 +12,9 @@ from benchmarks.start import command
 from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
-from rig.batch.executors import cores
-from rig.batch.subject import Subject
-from rig.campaign import check
+from rig.planning.campaign import check
+from rig.sweep.executors import cores
+from rig.sweep.subject import Subject
 
 TIMES_REAL = 2000.0
 LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0

@@ -15,8 +15,8 @@ from typing import NamedTuple
 from benchmarks.batch import IRREGULAR, campaign_file
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.batch import cluster, sweep
-from rig.batch.cases import LEAD_IN, Outcome
+from rig.sweep import cluster, sweep
+from rig.sweep.cases import LEAD_IN, Outcome
 
 GAIN, OVERHEAD = 1.6, 10.0  # times, %
 

@@ -16,12 +16,12 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import POWERS, reduced
 from rig.analysis.windows import Window
-from rig.batch.cases import alone
-from rig.batch.subject import Subject
-from rig.campaign import Campaign, open_campaign, plan
-from rig.campaign.windows import repeat_period
-from rig.counterfactual import FORCES, Measured, foretold
-from rig.rehearsal.job import problems
+from rig.execution.rehearsal.job import problems
+from rig.planning.campaign import Campaign, open_campaign, plan
+from rig.planning.campaign.windows import repeat_period
+from rig.sweep.cases import alone
+from rig.sweep.counterfactual import FORCES, Measured, foretold
+from rig.sweep.subject import Subject
 
 LEAD_IN = 15.0  # s
 WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: what a prediction may be off by

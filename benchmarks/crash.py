@@ -1,75 +1,124 @@
-"""kill -9 of logger, loop and supervisor at random moments: which rows are gone."""
+"""Processes of runs killed and suspended at random moments: which rows are gone, who had power.
+
+In rehearsals on the virtual and on the real clock, and on the wires of both rigs with their
+emulated devices in a process apart.
+"""
 
 import random
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
-from benchmarks.support.kills import ALL, SUPERVISOR, Fate, plans, soak
+from benchmarks.support.kills import ALL, LEFT_ALONE, PAIRS, SUPERVISOR, Fate, plans, soak
 from benchmarks.support.live import wait_realtime_free
 from benchmarks.support.result import Figure, Result, figure
+from benchmarks.support.wired_attacks import KILLED, Outcome, attacked, attacks
+from benchmarks.support.wired_rigs import WIRED
 
 SECONDS_LOST = 1.0
 DICE = 20_240_601  # who is killed when follows from it
-WORKERS = 2  # runs at a time, each worker with a real-time place of its own
-WHOM = ("logger", "loop", SUPERVISOR, ALL)
+WHOM = ("logger", "loop", SUPERVISOR, *PAIRS, ALL)
+VIRTUAL, REAL = "rehearsal", "rehearsal on the real clock"
 
 
-def fates(folder: Path, each: int, latest: float) -> list[Fate]:
+def fates(folder: Path, each: int, latest: float, *, real_clock: bool) -> list[Fate]:
     """``each`` kills of every kind within ``latest`` s of a run's first tick, start or restart."""
-    dice = random.Random(DICE)
+    dice = random.Random(DICE + real_clock)
     todo = [kill for who in WHOM for kill in plans(dice, each, (who,), latest)]
     dice.shuffle(todo)
     wait_realtime_free()
-    return soak(folder, todo, real_clock=True, workers=WORKERS)
+    return soak(folder, todo, real_clock=real_clock, workers=1 if real_clock else 2)
 
 
-def figures(who: str, found: list[Fate]) -> list[Figure]:
-    """What became of the runs in which one kind of process was killed."""
-    name = f"{who} killed"
-    made = [
-        figure(name, "times", sum(len(fate.kill.moments) for fate in found)),
-        figure(f"{name}: rows put by then", "rows a run", [fate.put for fate in found]),
-        figure(f"{name}: rows lost", "rows a run", [fate.lost for fate in found]),
-        figure(
-            f"{name}: time lost",
-            "s",
-            [fate.seconds for fate in found],
-            at_most=SECONDS_LOST,
-            judge="worst",
-        ),
-    ]
-    stops = [fate.stopping for fate in found if fate.kill.who == SUPERVISOR and fate.put]
-    if stops:
-        made.append(figure(f"{name}: until loop and logger had ended", "s", stops))
+def on_wires(folder: Path, name: str, count: int) -> list[Outcome]:
+    """So many attacks on runs of a wired rig."""
+    with WIRED[name](folder) as rig:
+        dice = random.Random(DICE)
+        return [
+            attacked(rig, folder / f"run{number}", attack)
+            for number, attack in enumerate(attacks(dice, rig, count, 4.0))
+        ]
+
+
+def rehearsed_figures(mode: str, found: list[Fate]) -> list[Figure]:
+    """What became of rehearsals, by who was killed."""
+    most = SECONDS_LOST if mode == REAL else None  # a virtual second is gone in no time
+    made = []
+    for who in WHOM:
+        some = [fate for fate in found if fate.kill.who == who]
+        if not some:
+            continue
+        name = f"{mode}, {who} killed"
+        seconds = [fate.seconds for fate in some]
+        made += [
+            figure(name, "times", sum(len(fate.kill.moments) for fate in some)),
+            figure(f"{name}: rows lost", "rows a run", [fate.lost for fate in some]),
+            figure(f"{name}: time lost", "s", seconds, at_most=most, judge="worst"),
+        ]
+        stops = [fate.stopping for fate in some if who in LEFT_ALONE and fate.put]
+        if stops:
+            made.append(figure(f"{name}: until loop and logger had ended", "s", stops))
     wrong = sum(len(fate.wrong) for fate in found)
-    made.append(figure(f"{name}: claims that failed", "claims", wrong, at_most=0))
-    return made
+    return [*made, figure(f"{mode}: claims that failed", "claims", wrong, at_most=0)]
+
+
+def wired_figures(name: str, found: list[Outcome]) -> list[Figure]:
+    """What became of runs on wires, by who was killed or suspended."""
+    made = []
+    for attack in sorted({(one.attack.who, one.attack.how) for one in found}):
+        some = [one for one in found if (one.attack.who, one.attack.how) == attack]
+        who, how = attack
+        text = f"{name}, {' and '.join(who)} {'killed' if how == KILLED else 'suspended'}"
+        made += [
+            figure(text, "times", len(some)),
+            figure(f"{text}: rows lost", "rows a run", [one.lost for one in some]),
+        ]
+        powerless = [
+            one.powerless for one in some if one.powerless is not None and not one.attack.starting
+        ]
+        if powerless:
+            made.append(figure(f"{text}: until no motor had power", "s", powerless))
+    wrong = sum(len(one.wrong) for one in found)
+    return [*made, figure(f"{name}: claims that failed", "claims", wrong, at_most=0)]
+
+
+def _failed(mode: str, found: Iterable[tuple[object, tuple[str, ...]]]) -> list[str]:
+    return [f"{mode}: {what}: {claim}" for what, wrong in found for claim in wrong]
 
 
 def measure(short: bool) -> Result:
-    """Kill each of the three processes, and all at once, at random moments of real-time runs."""
-    each, latest = (1, 0.8) if short else (50, 2.5)
+    """Kill and suspend each process, two and all at once, at random moments, in every mode."""
+    each, wired, latest = (1, 4, 0.8) if short else (10, 60, 2.5)
+    figures, failed, times = list[Figure](), list[str](), 0
     with tempfile.TemporaryDirectory() as scratch:
-        found = fates(Path(scratch), each, latest)
-    made = [
-        one
-        for who in WHOM
-        for one in figures(who, [fate for fate in found if fate.kill.who == who])
-    ]
-    failed = sorted({f"{fate.kill.who}: {text}" for fate in found for text in fate.wrong})
+        for mode in (VIRTUAL, REAL):
+            place = Path(scratch) / mode.replace(" ", "_")
+            place.mkdir()
+            rehearsed = fates(place, each, latest, real_clock=mode == REAL)
+            figures += rehearsed_figures(mode, rehearsed)
+            failed += _failed(mode, ((one.kill.who, one.wrong) for one in rehearsed))
+            times += sum(len(one.kill.moments) for one in rehearsed)
+        for name in WIRED:
+            place = Path(scratch) / name
+            place.mkdir()
+            found = on_wires(place, name, wired)
+            figures += wired_figures(name, found)
+            failed += _failed(name, ((one.attack, one.wrong) for one in found))
+            times += len(found)
     return Result(
         "crash",
-        "kill -9 at random moments of runs at 1 kHz on the real clock, one in four in starting up; "
-        "what is left is recovered and held against the ring, which a witness kept open",
-        f"{sum(len(fate.kill.moments) for fate in found)} kills in {len(found)} runs, "
-        f"{WORKERS} at a time; the logger up to four times in one run",
-        tuple(made),
+        "processes killed (kill -9) and suspended at random moments of runs at 1 kHz, one in four "
+        "while the run starts; what is left is recovered and held against the ring, which a "
+        "witness kept open; power is asked at the emulated drives",
+        f"{times} kills and suspensions",
+        tuple(figures),
         (
             "claims: every saved row is in the ring to the bit, each once; `rig recover` states "
-            "exactly the ticks that are missing; after the supervisor's death the plant's drive is "
-            "off; no process is left, the locks are free, the next run starts",
+            "exactly the ticks that are missing; no motor has power later than its table of faults "
+            "states, and not sooner than the damping lasts where the loop outlives the supervisor; "
+            "no process is left, the locks are free, the next run starts",
             "time lost with the loop counts from the last logged tick to the kill",
             "all killed: the ring dies with its processes, what the logger flushed last is left",
-            *failed,
+            *sorted(set(failed)),
         ),
     )

@@ -1,7 +1,6 @@
 """What one pure cycle costs: estimate, law, safety, limits and the row, no plant and no ring."""
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -14,8 +13,8 @@ from benchmarks.support.live import wait_realtime_free
 from benchmarks.support.pace import both, reference_cost
 from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile
-from rig import cycle
-from rig.wavebot import KIND
+from rig.kinds.wavebot import KIND
+from rig.realtime import cycle
 
 MEAN_US = 20.0
 SHARE_OF_PERIOD = 0.2  # that the 99.9th percentile may take
@@ -82,18 +81,15 @@ def alternate(recorded: Recorded, blocks: int) -> Blocks:
     return found
 
 
-def on_the_real_clock(
-    campaign: Path, seconds: float, env: dict[str, str] | None = None
-) -> dict[str, Any]:
+def on_the_real_clock(campaign: Path, seconds: float) -> dict[str, Any]:
     """A loop at its real rate, timed at its seams: the cycle after a sleep, caches gone cold."""
-    wait_realtime_free(env)
+    wait_realtime_free()
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.support.tick_process", campaign, "real", str(seconds)],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
-        env={**os.environ, **(env or {})},
     )
     if done.returncode != 0:
         raise RuntimeError(done.stderr.strip().splitlines()[-1])

@@ -16,7 +16,7 @@ from benchmarks.ring import refusals
 from benchmarks.support.live import wait_realtime_free
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
-from rig.runs import open_run
+from rig.recording.runs import open_run
 
 EXECUTED = 99.0  # % of the periods
 AGES = {

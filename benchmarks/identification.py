@@ -10,14 +10,14 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from benchmarks.support.result import Figure, Result, figure
-from rig.campaign import check
-from rig.campaign_run import carry_out, rehearsal
 from rig.config.source import load_mapping
+from rig.execution.campaign import carry_out, rehearsal
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
 from rig.identification.identify import Asked, Identification, identify
 from rig.identification.impedances import models
+from rig.planning.campaign import check
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"

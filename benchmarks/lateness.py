@@ -18,8 +18,8 @@ from benchmarks.ring import refusals
 from benchmarks.support.live import Peek, live_run
 from benchmarks.support.recorded import campaign_file
 from benchmarks.support.result import Figure, Result, figure, quantile, ratios
-from rig.realtime import PRIORITY
-from rig.runs import open_run
+from rig.realtime.scheduling import PRIORITY
+from rig.recording.runs import open_run
 
 P50_RATIO, P99_RATIO = 2.0, 3.0
 INTERVAL_US = 1000
@@ -89,12 +89,10 @@ def cyclictest(seconds: float) -> Block:
     return histogram(done.stdout)
 
 
-def loop_block(
-    campaign: Path, runs: Path, seconds: float, env: dict[str, str] | None = None
-) -> LoopBlock:
+def loop_block(campaign: Path, runs: Path, seconds: float) -> LoopBlock:
     """One block of the loop under the supervisor, from its very first tick on."""
     peeks: list[Peek] = []
-    with live_run(campaign, runs, real_clock=True, env=env) as run:
+    with live_run(campaign, runs, real_clock=True) as run:
         start = run.wait_started()
         while time.monotonic() < start.at + seconds + 0.1:
             peeks.append(run.peek())

@@ -15,10 +15,11 @@ from mcap.reader import make_reader
 from benchmarks.support.live import live_run
 from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
-from rig.log import TOPIC, RowWriter
-from rig.record import CDR_HEADER, leaves
-from rig.runs import mcap_file, open_run
-from rig.wavebot import KIND
+from rig.kinds.wavebot import KIND
+from rig.recording.mcap_writer import RowWriter
+from rig.recording.row_form import TOPIC
+from rig.recording.row_layout import CDR_HEADER, leaves
+from rig.recording.runs import mcap_file, open_run
 
 SECONDS, MEMORY_MB = 5.0, 400.0
 SECONDS_PER_GB = 6.0  # of rows: what is decoded and given; a file is a quarter of that or less

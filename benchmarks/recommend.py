@@ -17,16 +17,16 @@ from scipy.optimize import minimize
 
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduced
-from rig.batch.cases import alone
-from rig.batch.subject import Subject
-from rig.campaign import check, open_campaign, plan
-from rig.campaign.point import Point
-from rig.campaign.stability import largest_ki
-from rig.campaign.windows import repeat_period, windows
-from rig.campaign_run import carry_out, rehearsal
-from rig.recommend import report
-from rig.recommend.advice import Advice, Asked, advise
-from rig.recommend.trial import Gains
+from rig.design.recommend import report
+from rig.design.recommend.advice import Advice, Asked, advise
+from rig.design.recommend.trial import Gains
+from rig.execution.campaign import carry_out, rehearsal
+from rig.planning.campaign import check, open_campaign, plan
+from rig.planning.campaign.point import Point
+from rig.planning.campaign.stability import largest_ki
+from rig.planning.campaign.windows import repeat_period, windows
+from rig.sweep.cases import alone
+from rig.sweep.subject import Subject
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"

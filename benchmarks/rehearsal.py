@@ -14,7 +14,7 @@ from benchmarks.support.recorded import Parts, campaign_file, parts, quiet
 from benchmarks.support.result import Figure, Result, figure
 from benchmarks.support.seams import PARTS, Stamps
 from benchmarks.support.tick_process import tick
-from rig.clock import VirtualClock
+from rig.realtime.clock import VirtualClock
 
 TIMES_REAL = 30.0
 PACE = 5000  # repetitions of the reference

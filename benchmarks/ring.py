@@ -17,9 +17,10 @@ from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
 from benchmarks.support.pace import both, reference_cost
 from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile, ratios
-from rig import cycle, ring
-from rig.runs import open_run
-from rig.wavebot import KIND
+from rig.kinds.wavebot import KIND
+from rig.realtime import cycle
+from rig.recording import ring
+from rig.recording.runs import open_run
 
 PUT_US = 3.0
 GROWTH_MB = 1.0
@@ -125,12 +126,10 @@ class Stalled(NamedTuple):
     refused: tuple[str, ...]  # real-time privileges
 
 
-def stalled_run(
-    folder: Path, seconds: float, stall: float, env: dict[str, str] | None = None
-) -> Stalled:
+def stalled_run(folder: Path, seconds: float, stall: float) -> Stalled:
     """Run on the real clock, stop the logger in the middle for ``stall`` seconds, count rows."""
     campaign = campaign_file(folder, seconds + 30.0)
-    with live_run(campaign, folder / "stalled", real_clock=True, env=env) as run:
+    with live_run(campaign, folder / "stalled", real_clock=True) as run:
         start = run.wait_started()
         loop, logger = run.pid(LOOP), run.pid(LOGGER)
         _watch(run, start.at + min(SETTLED, seconds / 4))

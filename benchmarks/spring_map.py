@@ -8,9 +8,9 @@ import numpy as np
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.spring_map.result import spring_map
-from rig.campaign import check
-from rig.campaign_run import carry_out, rehearsal
-from rig.supervisor import Snapshot
+from rig.execution.campaign import carry_out, rehearsal
+from rig.planning.campaign import check
+from rig.processes.run_types import Snapshot
 
 SPRINGS, WORST = 8, 2.0  # %
 STATIONS = (-93.0, -73.0, -53.0, -33.0, -13.0, 7.0, 27.0, 47.0, 67.0)

@@ -28,14 +28,14 @@ def seconds_of(words: list[str]) -> float:
     return time.perf_counter() - began
 
 
-def first_tick(folder: Path, *, real_clock: bool, env: dict[str, str] | None = None) -> float:
+def first_tick(folder: Path, *, real_clock: bool) -> float:
     """Seconds from `rig run` until a row of its first ticks is in the ring."""
     campaign = campaign_file(folder, 40.0)
     if real_clock:
-        wait_realtime_free(env)
+        wait_realtime_free()
     options = ["--realtime"] if real_clock else []
     words = [*command(), "run", str(campaign), "--runs", str(folder / "runs"), "--json", *options]
-    with LiveRun(words, folder / "watched", env) as run:
+    with LiveRun(words, folder / "watched") as run:
         return run.wait_started().at - run.began
 
 

@@ -1,7 +1,7 @@
 """Position, velocity and acceleration from a measured position: a steady-state Kalman filter.
 
 The model is a constant acceleration driven by white jerk; the gains are designed outside the
-loop (rig/estimator_design.py) and only applied here.
+loop (rig/design/estimator.py) and only applied here.
 """
 
 from typing import NamedTuple

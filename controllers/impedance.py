@@ -4,7 +4,7 @@
 
 Signs: Kp < 0 is damping and absorbs power, Ki > 0 acts as a negative spring, Km > 0 as a negative
 mass (MASK4 report, section 4.3: F = Kp v + Ki x). Z_c(s) is force per velocity, rational, stable
-and proper, given as sections in cascade (rig/impedance_design.py); Re Z_c(j omega) < 0 absorbs.
+and proper, given as sections in cascade (rig/design/impedance.py); Re Z_c(j omega) < 0 absorbs.
 Ki multiplies the measured position, not an integral, so it does not wind up; an encoder offset b
 gives Ki b newtons, which is why a campaign tares first.
 

@@ -6,8 +6,11 @@ WAMIT writes e^{+i omega t}, so its phases have the other sign.
 
 from __future__ import annotations
 
+import os
+import stat
+from errno import EINVAL
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,8 +68,17 @@ def excitation_at(bem: Bem, frequency: Floats) -> Complexes:
     return turned
 
 
+def _regular(path: Path) -> BinaryIO:
+    """The file, open; OSError for a FIFO or device, which would be waited for."""
+    fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    if not stat.S_ISREG(os.fstat(fd).st_mode):
+        os.close(fd)
+        raise OSError(EINVAL, "not a regular file", str(path))
+    return open(fd, "rb")
+
+
 def _read_npz(path: Path) -> Bem:
-    with np.load(path) as file:
+    with _regular(path) as opened, np.load(opened) as file:
         return Bem(
             np.asarray(file["f_hz"], dtype=np.float64),
             np.asarray(file["A"], dtype=np.float64),
@@ -81,7 +93,7 @@ def _read_npz(path: Path) -> Bem:
 def _read_netcdf(path: Path) -> Bem:
     import h5netcdf  # noqa: PLC0415  (half a second of HDF5 that the .npz does without)
 
-    with h5netcdf.File(path, "r") as file:
+    with _regular(path) as opened, h5netcdf.File(opened, "r") as file:
         fields: Any = file.variables
         parts = np.asarray(fields["excitation_force"], dtype=np.float64)[:, :, 0, 0]
         return Bem(

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
-from rig.child import Child
-from rig.rehearsal.bench_emulation import companion_of
-from rig.rehearsal.bench_job import problems_of_session
-from rig.rehearsal.control_client import ControlClient
-from rig.sequence import MEASURE
-from rig.session import Session, SessionPlan, check_session
-from rig.session_run import task_of, wired
-from rig.task_run import Ended, View, carry_out_task
+from rig.execution.rehearsal.bench_emulation import companion_of
+from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.execution.rehearsal.control_client import ControlClient
+from rig.execution.session import task_of, wired
+from rig.execution.task import Ended, View, carry_out_task
+from rig.planning.session import Session, SessionPlan, check_session
+from rig.processes.child import Child
+from rig.realtime.sequence import MEASURE
 
 AMPLITUDE_DEG, PERIOD_S = 10.0, 1.5
 FAST = 0.5 * radians(AMPLITUDE_DEG) * 2.0 * pi / PERIOD_S  # rad/s: half of the highest speed
@@ -41,8 +41,8 @@ class BenchStage(NamedTuple):
         """Whether the shaft turns at more than half of its highest speed."""
         return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > FAST
 
-    def go(self, view: View) -> Ended:
-        """One run on them, as they are."""
+    def go(self, view: View, long: bool = False) -> Ended:
+        """One run on them, as they are: no fault of the bench takes a long one to be seen."""
         rung = wired(self.session, emulated=False)._replace(name="hil")
         return carry_out_task(task_of(self.session, self.plan), self.folder, view, rung)
 

@@ -12,11 +12,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from rig import lift
 from rig.analysis.session.read import Point, Session
 from rig.config.source import load_mapping
-from rig.rehearsal.compiled_bench import CompiledStepper
-from rig.runs.folder import Facts
+from rig.execution.rehearsal.compiled_bench import CompiledStepper
+from rig.recording.runs.folder import Facts
+from rig.recording.runs.state import RecordState
+from rig.sweep import lifting
 from sim_plant.bench import dynamometer
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Start
@@ -29,6 +30,7 @@ NOMINAL_GAIN, NOMINAL_CONSTANT = 1.5708, 16.845
 OUTPUT = 15.0  # gear ratio
 TORQUE, VELOCITY = 1, 0
 _NOBODY = Facts("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
+_WHOLE = RecordState("complete", 0, 0, (), (), False)
 
 Floats = npt.NDArray[np.float64]
 
@@ -100,8 +102,9 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     params = plant(values, braked=braked).build()
     normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
     state = dynamometer.initial(params)
-    # The array of a compiled step (rig/rehearsal/compiled_bench.py), made anew; the code is one.
-    x = np.array([*lift.numbers(state), DT, *lift.numbers(params), *normals])
+    # The array of a compiled step (rig/execution/rehearsal/compiled_bench.py), made anew; the code
+    # is one.
+    x = np.array([*lifting.numbers(state), DT, *lifting.numbers(params), *normals])
     mode = TORQUE if kind == "torque_constant" else VELOCITY
     locked = 1 if kind == "torque_constant" else 0
     advance = _advance()
@@ -118,7 +121,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
         there, then = slice(settle, ticks), slice(settle + 1, ticks + 1)
         columns = (told[there] - [zero[0], zero[1], 0.0, zero[3], 0.0]).T
         points.append(_point(number, row, params, columns, wires[then], angle[then], tick - ticks))
-    return Session(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False)
+    return Session(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False, _WHOLE, ())
 
 
 def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats]:

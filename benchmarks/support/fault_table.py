@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 
 from benchmarks.support.recorded import ROOT
-from rig.safety import CATEGORY, Reason
+from rig.realtime.safety import CATEGORY, Reason
 
 TABLES = ROOT / "configs" / "faults"
 REFUSED, GOES_ON, UNDETECTED = "refused at start", "goes on", "not detected"
@@ -17,6 +17,7 @@ _NAMED = {"": "", START: " from the start", MOTION: " in motion"}
 NO_STOP = (REFUSED, GOES_ON, UNDETECTED)  # without a category, and without a time
 _KEYS = {
     "fault", "must", "category", "within_s", "why", "value", "toward", "from", "short", "and",
+    "long",
 }  # fmt: skip
 
 
@@ -25,7 +26,7 @@ class Row(NamedTuple):
 
     device: str  # name at the emulated devices
     fault: str
-    must: str  # name of rig.safety.Reason, LOOP_LOST or one of NO_STOP
+    must: str  # name of rig.realtime.safety.Reason, LOOP_LOST or one of NO_STOP
     category: int | None  # of the stop; None without one
     within: float  # s from the fault until no motor has power; 0 where the run does not stop
     why: str  # what is behind it, for people; never empty where the run goes on
@@ -33,6 +34,7 @@ class Row(NamedTuple):
     toward: str | None  # of a link's fault: host or device alone
     since: str  # START: there before the run; MOTION: come at speed; empty: come in the run
     short: bool  # of the short selection
+    long: bool  # in a run that measures for longer: what it shows takes its time
     also: tuple[str, ...]  # other reasons that are as good: which comes first is chance
 
     @property
@@ -92,6 +94,7 @@ def _row(device: str, one: dict[str, Any]) -> Row:
         one.get("toward"),
         since,
         bool(one.get("short", False)),
+        bool(one.get("long", False)),
         tuple(one.get("and", ())),
     )
     if must in NO_STOP:

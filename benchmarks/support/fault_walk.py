@@ -26,13 +26,13 @@ from benchmarks.support.fault_table import (
     START,
     Row,
 )
-from rig.child import Child
-from rig.companions import Companion
-from rig.rehearsal.control_client import ControlClient
-from rig.runs.create import BusyError
-from rig.safety import CATEGORY, RUN, Reason
-from rig.supervisor import Snapshot
-from rig.task_run import Ended, View
+from rig.execution.rehearsal.control_client import ControlClient
+from rig.execution.task import Ended, View
+from rig.processes.child import Child
+from rig.processes.io_processes import Companion
+from rig.processes.run_types import Snapshot
+from rig.realtime.safety import CATEGORY, RUN, Reason
+from rig.recording.runs.create import BusyError
 
 PATIENCE = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
@@ -56,15 +56,15 @@ class Scene(Protocol):
         """Whether what the motors move is moving fast, by a row of the record."""
         ...
 
-    def go(self, view: View) -> Ended:
-        """One run on them, as they are."""
+    def go(self, view: View, long: bool = False) -> Ended:
+        """One run on them, as they are; ``long``: one that measures for longer."""
         ...
 
 
 class Finding(NamedTuple):
     """What a fault came to."""
 
-    verdict: str  # name of rig.safety.Reason, REFUSED, GOES_ON, LOOP_LOST or NO_RUN
+    verdict: str  # name of rig.realtime.safety.Reason, REFUSED, GOES_ON, LOOP_LOST or NO_RUN
     told: str  # why it was refused, and what the processes beside the loop said
     category: int | None
     seconds: float | None  # from the fault until no motor had power
@@ -95,14 +95,17 @@ def free_port() -> int:
 @contextmanager
 def played(one: Companion, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
     """Emulated devices and their control port, for as long as the context lasts."""
-    job = json.dumps({"config": one.config, "supervisor": os.getpid(), "mailboxes": {}})
-    devices = Child(one.module, job, (), folder / "emulation.stderr")
+    lifeline, ours = os.pipe()  # whoever dies here takes them along
+    job = json.dumps({"config": one.config, "lifeline": lifeline, "mailboxes": {}})
+    devices = Child(one.module, job, (lifeline,), folder / "emulation.stderr")
     try:
         with ControlClient(_address(devices)) as control:
             yield control, devices
     finally:
         devices.process.terminate()
         devices.end(5.0)
+        os.close(lifeline)
+        os.close(ours)
 
 
 def _address(devices: Child) -> str:
@@ -115,10 +118,10 @@ def _address(devices: Child) -> str:
     raise RuntimeError(f"no emulated devices: {devices.last_words()}")
 
 
-def ran(on: Scene, see: Callable[[Snapshot], None]) -> Ended:
+def ran(on: Scene, see: Callable[[Snapshot], None], long: bool = False) -> Ended:
     """One run on the staged devices, put to rest before."""
     on.control.ask("restart")
-    return when_free(lambda: on.go(Watcher(see)))
+    return when_free(lambda: on.go(Watcher(see), long))
 
 
 def when_free(run: Callable[[], Ended]) -> Ended:
@@ -179,9 +182,9 @@ def walk(on: Scene, row: Row) -> Finding:
     if row.since == START:
         on.control.ask("restart")
         trigger.at = strike()
-        ended = when_free(lambda: on.go(Watcher(lambda snapshot: None)))
+        ended = when_free(lambda: on.go(Watcher(lambda snapshot: None), row.long))
     else:
-        ended = ran(on, trigger)
+        ended = ran(on, trigger, row.long)
     after = _struck(on, row)
     on.control.ask("clear")
     found = judged(on, ended, trigger.at)
@@ -227,7 +230,16 @@ def judged(on: Scene, ended: Ended, at: float | None) -> Finding:
     return Finding(outcome.reason, told, category, seconds, lost, ended)
 
 
-def power_gone(on: Scene, patience: float = 2.0) -> float | None:
+class Powered(Protocol):
+    """Motors whose power can be asked for."""
+
+    @property
+    def control(self) -> ControlClient:
+        """The control port of their emulated drives."""
+        ...
+
+
+def power_gone(on: Powered, patience: float = 2.0) -> float | None:
     """When the last motor was without power (s, monotonic); None: one still has it."""
     until = time.monotonic() + patience
     while True:

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig import provenance
+from rig.recording import provenance
 
 
 def facts() -> dict[str, Any]:

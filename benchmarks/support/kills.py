@@ -5,13 +5,13 @@ and the rows are still in it when every process of the run is dead. What the fil
 `rig recover` says is missing, is compared with it; the logger is never asked.
 """
 
-import fcntl
 import os
 import random
 import signal
 import time
 import uuid
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,26 +28,32 @@ from benchmarks.support.live import (
     wait_until,
 )
 from benchmarks.support.recorded import campaign_file
-from rig.record import leaves
-from rig.ring import Reader
-from rig.runs import RunError, create, mcap_file
-from rig.runs.account import Account
-from rig.runs.recover import Recovery, recover
-from rig.safety import STOP_0
-from rig.wavebot import WaveBotRow
+from rig.kinds.wavebot import WaveBotRow
+from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.realtime.safety import STOP_0
+from rig.recording.ring import Reader
+from rig.recording.row_layout import leaves
+from rig.recording.runs import RunError, create, mcap_file
+from rig.recording.runs.account import Account
+from rig.recording.runs.create import BusyError
+from rig.recording.runs.recover import Recovery, recover
 
 SUPERVISOR, ALL = "supervisor", "all"
+PAIRS = {  # killed one right after the other
+    "supervisor, logger": (SUPERVISOR, "logger"),
+    "logger, supervisor": ("logger", SUPERVISOR),
+}
+LEFT_ALONE = (SUPERVISOR, *PAIRS)  # whose death leaves the loop to itself
 NAMES = {"loop": LOOP, "logger": LOGGER}
 DT = 0.001  # s
 LOGGER_KILLS = 4  # in one run
 MARK = "WEC_RIG_KILLED"  # in the environment of every process of a run
-_DTYPE = mcap_file.row_dtype(leaves(WaveBotRow))
 
 
 class Kill(NamedTuple):
     """What to do to a run."""
 
-    who: str  # loop, logger, supervisor, all
+    who: str  # loop, logger, supervisor, all, or one of `PAIRS`
     starting: bool  # the first moment counts from the start of the process, else from tick 0
     moments: tuple[float, ...]  # s; of a logger several, each from the last one's restart
 
@@ -91,7 +97,7 @@ def soak(folder: Path, todo: list[Kill], *, real_clock: bool, workers: int) -> l
         return [fate for fates in pool.map(share, range(workers)) for fate in fates]
 
 
-class _Witness:
+class Witness:
     """Looks on from outside."""
 
     def __init__(self, run: LiveRun) -> None:
@@ -116,23 +122,26 @@ class _Witness:
         """Ticks that are due by the real clock now."""
         return max(0.0, (time.monotonic() - self.zero) / DT)
 
-    def rows(self) -> Any:
+    @property
+    def put(self) -> int:
+        """Rows the loop has put so far."""
+        return self.ring.head if self.ring else 0
+
+    def rows(self, row_type: type = WaveBotRow) -> Any:
         """The newest rows the loop put, as records."""
-        return np.frombuffer(self.ring.kept(), _DTYPE) if self.ring else np.empty(0, _DTYPE)
+        dtype = mcap_file.row_dtype(leaves(row_type))
+        return np.frombuffer(self.ring.kept(), dtype) if self.ring else np.empty(0, dtype)
 
 
 def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fate:
     """Start a run in ``folder``, kill in it what ``kill`` says, and hold what is left against it.
 
-    On the real clock, runs of one ``folder`` share a real-time place of their own: that the next
-    one starts shows that the one before has left it.
+    On the real clock the host's one real-time place must be free again at the end.
     """
     token = uuid.uuid4().hex
-    runs, place = folder / token[:8], folder / "place"
-    place.mkdir(parents=True, exist_ok=True)
-    env = {MARK: token, "TMPDIR": str(place)}
+    runs, env = folder / token[:8], {MARK: token}
     with live_run(campaign, runs, real_clock=real_clock, env=env) as run:
-        witness = _Witness(run)
+        witness = Witness(run)
         try:
             if not kill.starting:
                 run.wait_started()
@@ -140,11 +149,11 @@ def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fat
         except TimeOutError as error:
             return Fate(kill, 0, 0, 0.0, 0.0, (str(error),))
         run.process.wait()
-        wrong = [*_left_over(run, token), *_locked(runs, place)]
+        wrong = [*_left_over(run, token), *_locked(runs, run.process.pid)]
         return _held_against(witness, runs, kill, due, stopping, wrong, real_clock)
 
 
-def _strike(run: LiveRun, witness: _Witness, kill: Kill, token: str) -> tuple[float, float]:
+def _strike(run: LiveRun, witness: Witness, kill: Kill, token: str) -> tuple[float, float]:
     """Kill and see the run to its end; gives the tick due at the kill, and how long the end took.
 
     A process that is not there yet is killed in its very first moments.
@@ -156,10 +165,10 @@ def _strike(run: LiveRun, witness: _Witness, kill: Kill, token: str) -> tuple[fl
         witness.look(0.0)
         _kill(run, kill.who)
     due, at = witness.due(), time.monotonic()
-    if kill.who in (SUPERVISOR, ALL):
+    if kill.who in (*LEFT_ALONE, ALL):
         run.process.wait()
         _left_over(run, token)
-        return due, time.monotonic() - at if kill.who == SUPERVISOR else 0.0
+        return due, time.monotonic() - at if kill.who != ALL else 0.0
     if kill.who == "logger":
         witness.look(time.monotonic() + 0.3)
         run.stop()
@@ -170,13 +179,20 @@ def _strike(run: LiveRun, witness: _Witness, kill: Kill, token: str) -> tuple[fl
 
 def _kill(run: LiveRun, who: str) -> None:
     ours = run.children()
-    pids = [run.process.pid] if who in (SUPERVISOR, ALL) else []
+    if who in PAIRS:
+        both = {SUPERVISOR: run.process.pid, "logger": ours.get(LOGGER)}
+        _end([both[each] for each in PAIRS[who]])
+        return
+    pids: list[int | None] = [run.process.pid] if who in (SUPERVISOR, ALL) else []
     pids += [pid for module, pid in ours.items() if who == ALL or NAMES.get(who) == module]
+    _end(pids)
+
+
+def _end(pids: list[int | None]) -> None:
     for pid in pids:
-        try:
-            os.kill(pid, signal.SIGKILL)
-        except ProcessLookupError:
-            continue
+        if pid is not None:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
 
 
 def alive(run: LiveRun, token: str) -> list[int]:
@@ -204,20 +220,18 @@ def _left_over(run: LiveRun, token: str) -> list[str]:
     return []
 
 
-def _locked(runs: Path, place: Path) -> list[str]:
+def _locked(runs: Path, supervisor: int) -> list[str]:
     wrong = []
-    lock = place / "wec-rig-realtime.lock"
-    if lock.exists():
-        with lock.open() as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                wrong.append("the real-time place is still taken")
+    try:
+        hold((REALTIME_PLACE,), "a benchmark").close()
+    except BusyError as error:
+        if f"process {supervisor}," in str(error):  # else another run has come since
+            wrong.append(str(error))
     for folder in _folders(runs):
         try:
             with create.hold_run(folder):
                 pass
-        except create.BusyError as error:
+        except BusyError as error:
             wrong.append(str(error))
     return wrong
 
@@ -226,8 +240,44 @@ def _folders(runs: Path) -> list[Path]:
     return [path for path in runs.iterdir() if path.is_dir()]
 
 
+class Compared(NamedTuple):
+    """A run's record, recovered, beside the rows in its ring."""
+
+    truth: Any  # the newest rows the loop put, as records
+    saved: Any  # all rows of the record, as records
+    lost: int  # rows put that are nowhere in the files
+    wrong: tuple[str, ...]  # claims that do not hold
+
+
+def record_against(
+    witness: Witness, runs: Path, row_type: type, *, every_tick: bool = False
+) -> Compared:
+    """Recover the run in ``runs`` and compare its record with its ring.
+
+    ``every_tick``: the loop put each tick from 0 on, and may have put more rows than a ring holds,
+    as on the virtual clock.
+    """
+    truth, put = witness.rows(row_type), witness.put
+    wrong = list[str]()
+    made: Recovery | None = None
+    try:
+        for folder in _folders(runs):
+            made = recover(folder, None, datetime.now(UTC))
+    except (RunError, OSError, BusyError) as error:
+        # Nothing was written: right only if nothing was ever put.
+        wrong += [f"not recovered: {error}"] if put else []
+    blocks = list(mcap_file.blocks(mcap_file.scan(made.output))) if made else []
+    saved = np.concatenate(blocks) if blocks else truth[:0]
+    ticks = np.arange(put) if every_tick else truth["tick"]
+    lost = np.setdiff1d(ticks, saved["tick"])
+    wrong += _differ(truth, saved, ticks, None if every_tick else put)
+    if made is not None:
+        wrong += _misstated(made.account, lost)
+    return Compared(truth, saved, len(lost), tuple(wrong))
+
+
 def _held_against(
-    witness: _Witness,
+    witness: Witness,
     runs: Path,
     kill: Kill,
     due: float,
@@ -235,29 +285,16 @@ def _held_against(
     wrong: list[str],
     real_clock: bool,
 ) -> Fate:
-    truth = witness.rows()
-    put = witness.ring.head if witness.ring else 0
-    folders = _folders(runs)
-    made: Recovery | None = None
-    try:
-        if folders:
-            made = recover(folders[0], None, datetime.now(UTC))
-    except (RunError, OSError, create.BusyError) as error:
-        # Nothing was written: right only if nothing was ever put.
-        wrong += [f"not recovered: {error}"] if put else []
-    blocks = list(mcap_file.blocks(mcap_file.scan(made.output))) if made else []
-    saved = np.concatenate(blocks) if blocks else np.empty(0, _DTYPE)
-    ticks = truth["tick"] if real_clock else np.arange(put)
-    lost = np.setdiff1d(ticks, saved["tick"])
-    wrong += _differ(truth, saved, ticks, put if real_clock else None)
-    if made is not None:
-        wrong += _misstated(made.account, lost)
-    if kill.who == SUPERVISOR and len(truth):
+    truth, saved, lost, claims = record_against(
+        witness, runs, WaveBotRow, every_tick=not real_clock
+    )
+    wrong += claims
+    if kill.who in LEFT_ALONE and len(truth):
         wrong += _unsafe(truth[-1])
-    seconds = len(lost) * DT
+    seconds = lost * DT
     if real_clock and kill.who in ("loop", ALL) and len(saved):
         seconds = max(seconds, (due - int(saved["tick"][-1])) * DT)
-    return Fate(kill, put, len(lost), seconds, stopping, tuple(wrong))
+    return Fate(kill, witness.put, lost, seconds, stopping, tuple(wrong))
 
 
 def _differ(truth: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:

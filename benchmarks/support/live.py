@@ -18,10 +18,11 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from benchmarks.support.recorded import ROOT
-from rig.ring import Producer, Reader
-from rig.runs.create import BusyError, hold_realtime
+from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.recording.ring import Producer, Reader
+from rig.recording.runs.create import BusyError
 
-LOOP, LOGGER = "rig.rehearsal", "rig.logger"
+LOOP, LOGGER = "rig.execution.rehearsal", "rig.recording.logger"
 PATIENCE = 60.0  # s
 
 
@@ -118,14 +119,12 @@ def ring_of(pid: int) -> Reader | None:
     return None
 
 
-def wait_realtime_free(env: dict[str, str] | None = None) -> None:
+def wait_realtime_free() -> None:
     """Wait until no other real-time loop runs on this host: two would disturb each other."""
-    if env is not None and "TMPDIR" in env:  # a real-time place of its own
-        return
 
     def free() -> bool:
         try:
-            hold_realtime("nothing").close()
+            hold((REALTIME_PLACE,), "a benchmark").close()
         except BusyError:
             return False
         return True
@@ -270,7 +269,7 @@ def live_run(
     """Start a campaign under the real supervisor."""
     clock = "real" if real_clock else "virtual"
     if real_clock:
-        wait_realtime_free(env)
+        wait_realtime_free()
     confined = [] if core is None else [str(core)]
     module = "benchmarks.support.run_process"
     return LiveRun(

@@ -21,7 +21,7 @@ def main() -> None:
     if run == "--alone":
         run, *fields = fields
         sys.modules.update(dict.fromkeys(NOT_NEEDED))  # type: ignore[arg-type]
-    from rig.runs import open_run  # noqa: PLC0415
+    from rig.recording.runs import open_run  # noqa: PLC0415
 
     began = perf_counter()
     data = open_run(run, fields=fields or None)

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig import cycle
-from rig.assemble import wavebot_params
-from rig.campaign import Campaign, Plan, check
-from rig.rehearsal import job
-from rig.rehearsal.devices import PlantDevices, connect
-from rig.wavebot import KIND
+from rig.execution.rehearsal import job
+from rig.execution.rehearsal.devices import PlantDevices, connect
+from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot.build import wavebot_params
+from rig.planning.campaign import Campaign, Plan, check
+from rig.realtime import cycle
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 _OPENING = 6.5  # s of tare, readiness and lead-in of the campaign below

@@ -10,9 +10,9 @@ import os
 import sys
 from pathlib import Path
 
-from rig.campaign import check
-from rig.campaign_run import carry_out, rehearsal, wired
-from rig.supervisor import Snapshot
+from rig.execution.campaign import carry_out, rehearsal, wired
+from rig.planning.campaign import check
+from rig.processes.run_types import Snapshot
 
 
 class _Unseen:

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.devices import Devices
-from rig.ring import Writer
+from rig.realtime.devices import Devices
+from rig.recording.ring import Writer
 
 # The loop reads the devices, runs the cycle, writes, puts the row; the rest is clock and mailbox.
 PARTS = ("plant", "cycle", "ring", "rest")

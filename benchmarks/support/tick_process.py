@@ -16,11 +16,13 @@ from typing import Any
 from benchmarks.support.recorded import Parts, parts
 from benchmarks.support.result import quantile
 from benchmarks.support.seams import PARTS, Stamps, TimedDevices, TimedWriter
-from rig import loop, mailbox, realtime, ring, safety
-from rig.clock import Clock, RealClock, VirtualClock
-from rig.mailbox import Mailbox, Request
-from rig.runs import create
-from rig.wavebot import KIND
+from rig.kinds.wavebot import KIND
+from rig.processes import mailbox
+from rig.processes.mailbox import Mailbox, Request
+from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.realtime import loop, safety, scheduling
+from rig.realtime.clock import Clock, RealClock, VirtualClock
+from rig.recording import ring
 
 
 def tick(
@@ -67,12 +69,12 @@ def main() -> None:
     made = parts(campaign)
     stamps, refused = Stamps(), []
     if kind == "real":
-        lock = create.hold_realtime("of a benchmark")
-        refused = list(realtime.acquire().refused)
+        lock = hold((REALTIME_PLACE,), "a benchmark")
+        refused = list(scheduling.acquire().refused)
         tick(made, RealClock, seconds, stamps)
         lock.close()
     else:
-        realtime.quiet_memory()
+        scheduling.quiet_memory()
         tick(made, VirtualClock, seconds, stamps)
     found = stamps.parts()
     told = {

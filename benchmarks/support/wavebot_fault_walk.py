@@ -8,15 +8,17 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
-from rig.campaign import Campaign, Plan, check
-from rig.campaign_run import Ended, Rung, carry_out
-from rig.child import Child
-from rig.hardware import job as hardware
-from rig.rehearsal import emulation
-from rig.rehearsal.control_client import ControlClient
-from rig.task_run import View
+from rig.execution.campaign import Ended, Rung, carry_out
+from rig.execution.hardware import job as hardware
+from rig.execution.rehearsal import emulation
+from rig.execution.rehearsal.control_client import ControlClient
+from rig.execution.task import View
+from rig.planning.campaign import Campaign, Plan, check
+from rig.processes.child import Child
+from rig.processes.wire_locks import wires_of
 
 FAST = 0.05  # m/s of the body in heave
+LONG = 40.0  # s of a run whose powers are averaged over 30 s
 
 
 class Stage(NamedTuple):
@@ -24,6 +26,7 @@ class Stage(NamedTuple):
 
     campaign: Campaign
     plan: Plan
+    longer: tuple[Campaign, Plan]  # the same, measuring for longer
     control: ControlClient
     devices: Child
     folder: Path
@@ -37,11 +40,13 @@ class Stage(NamedTuple):
         """Whether the body heaves."""
         return abs(row["heave.estimate.velocity"]) > FAST
 
-    def go(self, view: View) -> Ended:
+    def go(self, view: View, long: bool = False) -> Ended:
         """One run on them, as they are."""
+        campaign, plan = self.longer if long else (self.campaign, self.plan)
         made = hardware.job_of(self.campaign.rig)
-        rung = Rung("hil", True, "rig.hardware", made.devices, made.companions)
-        return carry_out(self.campaign, self.plan, self.folder, view, rung)
+        wires = wires_of(self.campaign.rig)
+        rung = Rung("hil", True, "rig.execution.hardware", made.devices, made.companions, wires)
+        return carry_out(campaign, plan, self.folder, view, rung)
 
 
 def rig_file(folder: Path) -> Path:
@@ -87,6 +92,9 @@ def checked(path: Path) -> tuple[Campaign, Plan]:
 @contextmanager
 def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
     """Emulated devices for as long as the context lasts; ``keys`` change the campaign."""
-    campaign, plan = checked(campaign_file(folder, **keys))
+    short = campaign_file(folder, **keys)
+    campaign, plan = checked(short)
+    longer = {"extends": str(short), "timing": {"settle_s": 1, "interval_s": LONG}}
+    long = checked(write_yaml(folder / "long.yaml", longer))
     with played(emulation.companion(campaign), folder) as (control, devices):
-        yield Stage(campaign, plan, control, devices, folder)
+        yield Stage(campaign, plan, long, control, devices, folder)

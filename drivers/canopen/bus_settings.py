@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+SOCKETCAND_PORT = 29536  # TCP, where the options of a bus name none
 SLCAN_RATE = 100.0  # Hz, the highest with which an slcan bus can be looked at from a tick
 
 

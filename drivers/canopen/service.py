@@ -212,13 +212,13 @@ class Service:
         kind, errors = self.read(node, 0x1000, 0, "u32"), self.read(node, 0x1001, 0, "u8")
         return Identity(kind, vendor, product, revision, serial, name, errors)
 
-    def scan(self, patience: float) -> tuple[int, ...]:
-        """Node numbers that answer a read of 0x1000, or send, within ``patience`` seconds.
+    def scan(self, patience: float, *, ask: bool = True) -> tuple[int, ...]:
+        """Node numbers that send, or answer a read of 0x1000, within ``patience`` seconds.
 
-        LinkError if the bus does not take the questions.
+        Without ``ask`` nothing is sent. LinkError if the bus does not take the questions.
         """
         self._network.scanner.reset()
-        for node in range(1, MAX_NODE + 1):
+        for node in range(1, MAX_NODE + 1) if ask else ():
             self._question(node)
         time.sleep(patience)
         return tuple(sorted(self._network.scanner.nodes))

@@ -217,7 +217,7 @@ class BridgeReader:
         self._offset = clock_offset.step(self._offset, self._settings.window, device, now)
         time_us = self._time = frame.time_us + self._epoch
         self._arrived = now
-        taken = clock_offset.on_host(self._offset, device) - self._settings.least_delay
+        taken = min(now, clock_offset.on_host(self._offset, device) - self._settings.least_delay)
         self._motor.take(frame.status, frame.motor_protocol, frame.motor_word, time_us, taken)
         self._shaft.take(frame.status, frame.shaft_protocol, frame.shaft_word, time_us, taken)
 

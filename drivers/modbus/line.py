@@ -23,6 +23,19 @@ from drivers.modbus.registers import BITS, Block
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
 _PULLED = (OSError, termios.error)  # what a port says that is no longer there
+EXCEPTIONS = {  # Modbus application protocol V1.1b3, section 7
+    1: "illegal function",
+    2: "illegal address",
+    3: "illegal value",
+    4: "device failure",
+    5: "acknowledge: it needs more time",
+    6: "busy",
+    8: "memory parity error",
+    10: "gateway has no path",
+    11: "gateway got no answer",
+}
+MAKERS_OWN = "of the device's maker"
+_AGAIN = (5, 6)
 PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
 
 
@@ -54,11 +67,16 @@ class SilentError(LineError):
 
 
 class RefusedError(LineError):
-    """The unit answered that it will not; `code` is its exception code."""
+    """The unit answered with an exception; `code` is its number."""
 
     def __init__(self, said: str, code: int) -> None:
         super().__init__(said)
         self.code = code
+
+    @property
+    def passing(self) -> bool:
+        """Whether the unit asks to be asked again: it is there and well, but not now."""
+        return self.code in _AGAIN
 
 
 class GoneError(LineError):
@@ -158,7 +176,8 @@ class Line:
             raise GoneError(f"{what}: {error}") from None
         if answer.isError():
             code = int(getattr(answer, "exception_code", 0))
-            raise RefusedError(f"{what}: refused with exception {code}", code)
+            name = EXCEPTIONS.get(code, MAKERS_OWN)
+            raise RefusedError(f"{what}: refused with exception {code}, {name}", code)
         return answer
 
     def _ready(self, what: str) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import xarray
 
 from rig.analysis import words
-from rig.analysis.rows import CUT_SHORT
-from rig.runs.folder import Facts
+from rig.analysis.rows import CUT_SHORT, INCOMPLETE
+from rig.recording.runs.folder import Facts
 
 
 def row_list(rows: Any) -> str:
@@ -59,7 +59,7 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
         )
     found += _flagged(table, "limits", "force limited ({})")
     found += _flagged(table, "warned", "warning ({})")
-    lost = table["lost_ticks"].values
+    lost = table["lost_ticks"].values * (table["state"].values != INCOMPLETE)
     if lost.any():
         found.append(f"{lost.sum()} ticks lost while measuring, in {row_list(rows[lost > 0])}")
     bare = (table["samples"].values > 0) & (table["tare_samples"].values == 0)
@@ -70,6 +70,9 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
     again = table["attempt"].values > 0
     if again.any():
         found.append(f"started over after a hold: {row_list(rows[again])}")
+    for row in np.flatnonzero(table["state"].values == INCOMPLETE).tolist():
+        why = table["cut_short"].values[row]
+        found.append(f"row {rows[row]} is withheld: {why} (--incomplete-rows shows its means)")
     for row in np.flatnonzero(table["state"].values == CUT_SHORT).tolist():
         found.append(f"row {rows[row]} is not whole ({table['cut_short'].values[row]})")
     return found

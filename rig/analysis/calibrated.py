@@ -11,11 +11,11 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rig.calibration import At, Known, OutsideError, apply, corrected
-from rig.calibration.correction import holds
 from rig.config.calibration_file import TORQUE_CONSTANT, Offset, Scale
-from rig.runs.folder import Facts
-from rig.runs.mcap_file import Records
+from rig.recording.calibration import At, Known, OutsideError, apply, corrected
+from rig.recording.calibration.correction import holds
+from rig.recording.runs.folder import Facts
+from rig.recording.runs.mcap_file import Records
 
 ALONG = ("heave.estimate.velocity", "power.mechanical_1", "power.mechanical_2")
 """Fields that are a factor larger where the position is."""

@@ -12,12 +12,13 @@ from typing import NamedTuple
 import xarray
 
 from rig.analysis import labels, words
+from rig.analysis.alarms import row_list
 from rig.analysis.differences import Difference, differences, sea
 from rig.analysis.matching import TOLERANCES, Held, Matched, Pair, apart, match
 from rig.analysis.points import Matrix, Point, Setting, matrix
-from rig.analysis.rows import POWERS, row_table
+from rig.analysis.rows import INCOMPLETE, POWERS, row_table
 from rig.config.columns import COLUMNS
-from rig.runs.folder import Facts, facts
+from rig.recording.runs.folder import Facts, facts
 
 KINDS = POWERS
 """The stations that are compared."""
@@ -54,14 +55,22 @@ class Comparison(NamedTuple):
     tolerances: Mapping[str, float]  # of the matched columns, SI
 
 
-def compare(run_a: Path, run_b: Path, tolerances: Mapping[str, float] | None = None) -> Comparison:
+def compare(
+    run_a: Path,
+    run_b: Path,
+    tolerances: Mapping[str, float] | None = None,
+    *,
+    incomplete_rows: bool = False,
+) -> Comparison:
     """Compare two recorded runs; ``tolerances`` (SI, by column name) replace the usual ones.
+
+    ``incomplete_rows`` as of `rig.analysis.rows.row_table`.
 
     RunError if a record cannot be read, KeyError if the kind of rig has no rows and power.
     """
     one, other = facts(run_a), facts(run_b)
-    tables = row_table(run_a), row_table(run_b)
-    return compare_tables(one, other, *tables, tolerances)
+    a, b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
+    return compare_tables(one, other, a, b, tolerances)
 
 
 def compare_tables(
@@ -81,7 +90,11 @@ def compare_tables(
     return Comparison(
         _side(one, found[0]),
         _side(other, found[1]),
-        tuple(_warnings(one, other, seas, same, matched)),
+        (
+            *_withheld(one, table_a),
+            *_withheld(other, table_b),
+            *_warnings(one, other, seas, same, matched),
+        ),
         same,
         tuple(settings),
         matched,
@@ -103,6 +116,15 @@ def _side(known: Facts, found: Matrix) -> Side:
         status,
         len(found.points),
     )
+
+
+def _withheld(known: Facts, table: xarray.Dataset) -> list[str]:
+    """Rows that enter no comparison because the record lacks ticks of them."""
+    if not table.sizes.get("row", 0):
+        return []
+    rows = table["row"].values[table["state"].values == INCOMPLETE]
+    said = "ticks missing from the record (--incomplete-rows compares them)"
+    return [f"{known.run}: {row_list(rows)} withheld, {said}"] if len(rows) else []
 
 
 def _warnings(

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.analysis.rows import wave_period
-from rig.runs.folder import Facts
+from rig.recording.runs.folder import Facts
 
 GROUPS = (
     "rung", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",

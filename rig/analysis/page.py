@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from rig.analysis import effects_table, picture, surfaces, words
-from rig.analysis.summary import ENDINGS, Summary
+from rig.analysis.stopped import ENDINGS
+from rig.analysis.summary import Summary
 
 A4 = (8.27, 11.69)  # inches, portrait
 _INK = picture.INK
@@ -75,20 +76,28 @@ def _what(figure: Figure, summary: Summary) -> float:
     return y - 0.01
 
 
-def _outcome(figure: Figure, summary: Summary) -> None:
+def _outcome(figure: Figure, summary: Summary) -> float:
+    """How it ended; returns the page height below it."""
     x = 0.56
     _heading(figure, x, 0.922, "Outcome")
     good = summary.ending == ENDINGS["complete"]
     colour = _GOOD if good else _BAD
     figure.text(x, 0.905, summary.ending, fontsize=15, fontweight="bold", color=colour, va="top")
-    reason = textwrap.fill(summary.reason[:1].upper() + summary.reason[1:] + ".", 48)
-    figure.text(x, 0.880, reason, fontsize=8.5, color=_INK, va="top")
+    reason = textwrap.wrap(summary.reason[:1].upper() + summary.reason[1:] + ".", 48)
+    figure.text(x, 0.880, "\n".join(reason), fontsize=8.5, color=_INK, va="top")
     share = summary.rows_done / max(1, summary.rows_planned)
-    y, width = 0.843, _RIGHT - x
+    y, width = min(0.843, 0.876 - _LINE * len(reason)), _RIGHT - x
     figure.add_artist(Rectangle((x, y), width, 0.006, color=_PALE, lw=0))
     figure.add_artist(Rectangle((x, y), width * share, 0.006, color=colour, lw=0))
-    done = textwrap.fill(summary.rows_words, 54)
-    figure.text(x, y - 0.004, done, fontsize=8.5, color=_INK, va="top")
+    done = textwrap.wrap(summary.rows_words, 54)
+    figure.text(x, y - 0.004, "\n".join(done), fontsize=8.5, color=_INK, va="top")
+    y -= 0.004 + _LINE * len(done)
+    if summary.record:
+        told = textwrap.wrap(summary.record_words + ".", 48, max_lines=4, placeholder=" ...")
+        colour = _SOFT if summary.record.complete else _BAD
+        figure.text(x, y, "\n".join(told), fontsize=8.5, color=colour, va="top")
+        y -= _LINE * len(told)
+    return y - 0.006
 
 
 def _table(figure: Figure, summary: Summary, top: float) -> float:
@@ -222,8 +231,7 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     figure = Figure(figsize=A4, layout="constrained")  # for the surfaces; the rest stands fixed
     _header(figure, summary)
     below = _what(figure, summary)
-    _outcome(figure, summary)
-    top = _table(figure, summary, min(0.805, below))
+    top = _table(figure, summary, min(0.805, below, _outcome(figure, summary)))
     bottom = _bottom(figure, summary)
     top = _effects(figure, summary, top, bottom)
     _surfaces(figure, table, bottom, top)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.runs.mcap_file import Records
+from rig.recording.runs.mcap_file import Records
 
 
 class Check(NamedTuple):

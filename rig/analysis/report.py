@@ -1,5 +1,6 @@
 """All products of a run, written into its folder: after a run, and again whenever asked."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,18 @@ from rig.analysis.calibration_picture import write_picture
 from rig.analysis.effects_table import all_effects, write_effects
 from rig.analysis.page import write_page
 from rig.analysis.points import matrix
-from rig.analysis.rows import MEAN_POSITION_ALARM, row_table, write_rows
+from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
+from rig.analysis.rows_file import write_rows
 from rig.analysis.spring_map import result
 from rig.analysis.spring_map.files import write_map
 from rig.analysis.spring_map.pictures import write_pictures
-from rig.analysis.stopped import where_it_stopped
+from rig.analysis.stopped import stop_of
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
-from rig.calibration import Known
-from rig.runs import RunError, mcap_file
-from rig.runs.folder import facts, files
+from rig.recording.calibration import Known
+from rig.recording.runs import RunError, mcap_file, reader
+from rig.recording.runs.folder import facts
+from rig.recording.runs.state import RecordState
 
 PUSHED = "Pushed by an open-loop reference"
 IDENTIFY = "impedances of it: rig identify"
@@ -37,13 +40,16 @@ def _unfinished(contents: list[mcap_file.Contents]) -> str:
 
 
 def _read(
-    run: Path, mean_position_alarm: float, calibrations: Sequence[Known]
+    run: Path,
+    mean_position_alarm: float,
+    calibrations: Sequence[Known],
+    incomplete_rows: bool = False,
 ) -> tuple[xarray.Dataset, Summary]:
-    contents = [mcap_file.scan(path) for path in files(run)]
-    table = row_table(run, mean_position_alarm, calibrations)
+    contents = list(reader.source(run).contents)
+    table = row_table(run, mean_position_alarm, calibrations, incomplete_rows=incomplete_rows)
     known = facts(run, contents)
-    stopped = "" if known.status.get("status") == "complete" else where_it_stopped(run)
-    summary = summarise(table, known, _unfinished(contents), stopped)
+    summary = summarise(table, known, _unfinished(contents), stop_of(run, known.status))
+    summary = summary._replace(record=RecordState.of(json.loads(table.attrs["record_state"])))
     if is_pushed(known.plan):
         told = (str(known.plan["reference"].get("words", "")), IDENTIFY)
         summary = summary._replace(optima=(), effects=(), findings_of=PUSHED, findings=told)
@@ -60,26 +66,27 @@ def is_pushed(plan: dict[str, Any]) -> bool:
     return isinstance(plan.get("reference"), dict) and len(gains) == 1
 
 
-def _read_calibration(run: Path) -> tuple[xarray.Dataset | None, Summary]:
+def _read_calibration(run: Path, incomplete_rows: bool) -> tuple[xarray.Dataset | None, Summary]:
     """None in place of the calibration where no whole period was measured."""
-    contents = [mcap_file.scan(path) for path in files(run)]
+    contents = list(reader.source(run).contents)
     known = facts(run, contents)
     try:
-        found = wave_calibration.calibration(run)
+        found = wave_calibration.calibration(run, incomplete_rows=incomplete_rows)
         told = wave_calibration.findings(found)
     except RunError as error:
         found, told = None, [str(error)]
     none = xarray.Dataset()
-    return found, summarise(none, known, _unfinished(contents), findings=tuple(told))
+    summary = summarise(none, known, _unfinished(contents), findings=tuple(told))
+    return found, summary._replace(record=reader.read_through(run))
 
 
 def _read_map(
-    run: Path, mean_position_alarm: float
+    run: Path, mean_position_alarm: float, incomplete_rows: bool
 ) -> tuple[xarray.Dataset, xarray.Dataset | None, Summary]:
     """Row table, and None in place of the spring map where no station was walked through."""
-    table, summary = _read(run, mean_position_alarm, ())
+    table, summary = _read(run, mean_position_alarm, (), incomplete_rows)
     try:
-        found = result.spring_map(run)
+        found = result.spring_map(run, incomplete_rows=incomplete_rows)
         told = result.findings(found)
     except RunError as error:
         found, told = None, [str(error)]
@@ -92,19 +99,21 @@ def summary_of(
     run: Path,
     mean_position_alarm: float = MEAN_POSITION_ALARM,
     calibrations: Sequence[Known] = (),
+    *,
+    incomplete_rows: bool = False,
 ) -> Summary:
     """The summary of a run, worked out from its record; nothing is written.
 
-    ``mean_position_alarm`` in m; ``calibrations`` as of `row_table`. RunError if the record cannot
-    be read, KeyError if the kind of rig has no rows and power.
+    ``mean_position_alarm`` in m; ``calibrations`` and ``incomplete_rows`` as of `row_table`.
+    RunError if the record cannot be read, KeyError if the kind of rig has no rows and power.
     """
     if wave_calibration.is_calibration(facts(run).plan):
         _no_rows(calibrations)
-        return _read_calibration(Path(run))[1]
+        return _read_calibration(Path(run), incomplete_rows)[1]
     if result.is_hoisted(facts(run).plan):
         _no_gains(calibrations)
-        return _read_map(Path(run), mean_position_alarm)[2]
-    return _read(Path(run), mean_position_alarm, calibrations)[1]
+        return _read_map(Path(run), mean_position_alarm, incomplete_rows)[2]
+    return _read(Path(run), mean_position_alarm, calibrations, incomplete_rows)[1]
 
 
 def _no_rows(calibrations: Sequence[Known]) -> None:
@@ -121,6 +130,8 @@ def write_products(
     run_folder: Path,
     mean_position_alarm: float = MEAN_POSITION_ALARM,
     calibrations: Sequence[Known] = (),
+    *,
+    incomplete_rows: bool = False,
 ) -> list[Path]:
     """Row table, pictures, effects and summary of a run, also of one that ended early or crashed.
 
@@ -129,14 +140,14 @@ def write_products(
 
     They go into the run's folder, or beside the MCAP file if that is given alone; those that are
     read by ``calibrations`` (as of `row_table`) into a folder of their own in it.
-    ``mean_position_alarm`` in m. Returns the files written. RunError if the record cannot be
-    read, KeyError if the kind of rig has no rows and power.
+    ``mean_position_alarm`` in m, ``incomplete_rows`` as of `row_table`. Returns the files written.
+    RunError if the record cannot be read, KeyError if the kind of rig has no rows and power.
     """
     run = Path(run_folder)
     folder = run if run.is_dir() else run.parent
     if wave_calibration.is_calibration(facts(run).plan):
         _no_rows(calibrations)
-        found, summary = _read_calibration(run)
+        found, summary = _read_calibration(run, incomplete_rows)
         made = (
             []
             if found is None
@@ -148,8 +159,8 @@ def write_products(
         return [*made, *write_texts(summary, folder)]
     if result.is_hoisted(facts(run).plan):
         _no_gains(calibrations)
-        return _write_hoisted(run, folder, mean_position_alarm)
-    table, summary = _read(run, mean_position_alarm, calibrations)
+        return _write_hoisted(run, folder, mean_position_alarm, incomplete_rows)
+    table, summary = _read(run, mean_position_alarm, calibrations, incomplete_rows)
     folder = products_folder(folder, calibrations)
     folder.mkdir(exist_ok=True)
     if summary.findings_of == PUSHED:
@@ -162,8 +173,10 @@ def write_products(
     ]
 
 
-def _write_hoisted(run: Path, folder: Path, mean_position_alarm: float) -> list[Path]:
-    table, found, summary = _read_map(run, mean_position_alarm)
+def _write_hoisted(
+    run: Path, folder: Path, mean_position_alarm: float, incomplete_rows: bool
+) -> list[Path]:
+    table, found, summary = _read_map(run, mean_position_alarm, incomplete_rows)
     made = write_rows(table, folder)
     if found is not None:
         made += [*write_map(found, folder), *write_pictures(found, folder)]

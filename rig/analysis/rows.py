@@ -1,28 +1,29 @@
 """The row table: what each row of the gain matrix gave, from its measured ticks alone.
 
 Power is negative when absorbed. Rows whose window was cut short are listed with their state and
-enter no surface. A mean's standard error comes from the means over whole wave periods; where a
-window holds only one repeat period of an irregular sea it is unknown (NaN) unless the point was
-run again. Beside power and motion stand the checks of `rig.analysis.quality`.
+enter no surface. So are rows of whose window the record lacks ticks (`INCOMPLETE`), and their means
+are withheld (NaN) unless asked for. A mean's standard error comes from the means over whole wave
+periods; where a window holds only one repeat period of an irregular sea it is unknown (NaN) unless
+the point was run again. Beside power and motion stand the checks of `rig.analysis.quality`.
 """
 
-import csv
+import json
 import os
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rig.analysis import calibrated, quality
 from rig.analysis.calibrated import RECORDED
-from rig.analysis.windows import Window, windows
-from rig.calibration import Known
+from rig.analysis.windows import GONE, Window, gone, planned_ticks, windows
 from rig.config.columns import COLUMNS
-from rig.limits import Limited, Warned
-from rig.runs import reader
-from rig.runs.folder import Facts, facts
-from rig.runs.mcap_file import Records
+from rig.realtime.limits import Limited, Warned
+from rig.recording.calibration import Known
+from rig.recording.runs import reader
+from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.mcap_file import Records
+from rig.recording.runs.state import Reading
 
 if TYPE_CHECKING:
     import xarray
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 MEAN_POSITION_ALARM = 0.005  # m; a biased encoder pushes with Ki times its bias
 
 COMPLETE, CUT_SHORT, NOT_RUN = "complete", "cut short", "not run"
+INCOMPLETE = "record incomplete"  # measured whole, but rows of it are lost
 
 POWERS = ("mechanical_1", "mechanical_2", "ac", "dc")
 MOTIONS = {
@@ -124,6 +126,8 @@ def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
         "cut_short": window.cut_short,
         "samples": len(data),
         "lost_ticks": window.span - len(data),
+        "ticks_expected": window.expected,
+        "ticks_missing": window.missing,
         "tare_samples": int(data["tare.samples"].min()),
         "start": float(data["time"][0]),
         "limits": flags(Limited, data["heave.command.limited"]),
@@ -156,12 +160,6 @@ def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
     return {**out, **quality.columns(data)}
 
 
-def _length(planned: dict[str, Any], dt: float | None) -> int:
-    """Ticks that a planned row is measured for; 0 if the plan does not say."""
-    seconds = planned.get("measure_s")
-    return round(seconds / dt) if isinstance(seconds, int | float) and dt else 0
-
-
 def _repeat_errors(table: list[dict[str, Any]]) -> None:
     """Where a row alone cannot tell its error, take the scatter of its repetitions."""
     for name in POWERS:
@@ -180,12 +178,16 @@ def row_table(
     run: str | os.PathLike[str],
     mean_position_alarm: float = MEAN_POSITION_ALARM,
     calibrations: Sequence[Known] = (),
+    *,
+    incomplete_rows: bool = False,
 ) -> "xarray.Dataset":
     """The row table of a run, finished or not: one entry a planned or measured row, by row id.
 
     ``mean_position_alarm`` (m): a row whose mean position, of heave or surge, is farther from zero
     is flagged. What the run did not log is NaN. ``calibrations``: to read the run with, at most one
-    a quantity; raises as `rig.analysis.calibrated.reading` does.
+    a quantity; raises as `rig.analysis.calibrated.reading` does. ``incomplete_rows``: give the
+    means also of rows of which the record lacks ticks. ``samples`` counts a window's ticks that are
+    there, ``ticks_expected`` those that were executed, ``ticks_missing`` those that are lost.
     Variables carry their unit in ``attrs``; ``stroke`` is peak to peak; ``power_*_demeaned`` is
     mean(F v) - mean(F) mean(v); ``power_*_se`` is the standard error of that row's mean.
     """
@@ -199,16 +201,22 @@ def row_table(
     found: dict[int, dict[str, Any]] = {}
     there = [leaf.name for leaf in source.leaves]
     logged = set(there) & set(LOGGED.values()) | set(quality.fields(there))
-    for window in windows(source, ["time", *FIELDS, *sorted(logged)]):
-        if window.row < 0:
+    wanted = ["time", *FIELDS, *sorted(logged)]
+    seen = Reading(source.contents, source.damage)
+    for each in windows(source, wanted, known.plan, incomplete_rows=True, reading=seen):
+        if each.row < 0:
             continue
-        least = 0.99 * _length(planned.get(window.row, {}), dt) - 1.0
-        why = window.cut_short or ("shorter than planned" if window.span < least else "")
-        data = calibrated.ticks(read, window.data)
+        length = planned_ticks(planned.get(each.row, {}), dt)
+        short = each.span + each.edge < 0.99 * length - 1.0
+        why = each.cut_short or ("shorter than planned" if short else "")
+        window = each._replace(cut_short=why, data=calibrated.ticks(read, each.data))
+        made = reduced(window, period_ticks)
         # the last attempt counts
-        found[window.row] = reduced(window._replace(cut_short=why, data=data), period_ticks)
+        found[window.row] = made if incomplete_rows else _withheld(made, window)
+    state = seen.state(run)
+    absent = gone(known.plan, found, state)
     table = [
-        calibrated.row(read, _with_plan(found.get(row), planned.get(row, {}), row))
+        calibrated.row(read, _with_plan(found.get(row), planned.get(row, {}), row, row in absent))
         for row in sorted({*planned, *found})
     ]
     for entry in table:
@@ -217,15 +225,27 @@ def row_table(
             entry[f"{axis}position_alarm"] = int(far and entry["state"] == COMPLETE)
     _repeat_errors(table)
     out = _dataset(table, known, period)
-    return out.assign_attrs(read.attributes, mean_position_alarm_m=mean_position_alarm)
+    attributes = {"record": state.words, "record_state": json.dumps(state.as_dict())}
+    return out.assign_attrs(attributes | read.attributes, mean_position_alarm_m=mean_position_alarm)
+
+
+def _withheld(made: dict[str, Any], window: Window) -> dict[str, Any]:
+    """A row without its means if the record lacks ticks of its window."""
+    if not window.missing or made["state"] != COMPLETE:
+        return made
+    told = {"state": INCOMPLETE, "cut_short": window.missing_words}
+    kept = {"start", *SETTINGS}
+    return {**made, **told, **{name: float("nan") for name in UNITS if name not in kept}}
 
 
 def _with_plan(
-    measured: dict[str, Any] | None, planned: dict[str, Any], row: int
+    measured: dict[str, Any] | None, planned: dict[str, Any], row: int, absent: bool
 ) -> dict[str, Any]:
     if measured is None:
-        texts = {"state": NOT_RUN, "cut_short": "", "limits": "", "warned": ""}
-        counts = dict.fromkeys(("attempt", "samples", "lost_ticks", "tare_samples", "periods"), 0)
+        texts = {"state": NOT_RUN, "cut_short": ""}
+        texts = {"state": INCOMPLETE, "cut_short": GONE} if absent else texts
+        texts |= {"limits": "", "warned": ""}
+        counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
     out = {**measured, "point": int(planned.get("point", row))}
     out["repetition"] = int(planned.get("repetition", 0))
@@ -244,6 +264,8 @@ def _modulation(config: dict[str, Any]) -> dict[str, str]:
     return {"modulation": str(asked[0].get("modulation") or asked[1].get("modulation"))}
 
 
+_COUNTS = ("attempt", "samples", "lost_ticks", "ticks_expected", "ticks_missing", "tare_samples",
+           "periods")  # fmt: skip
 _ORDER = ["row", "point", "repetition", "state", *SETTINGS]
 
 
@@ -264,16 +286,3 @@ def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) ->
     if period:
         attributes["wave_period_s"] = period
     return xarray.Dataset(columns, attrs=attributes)
-
-
-def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
-    """``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
-    names = [str(name) for name in table.variables]
-    units = [table[name].attrs.get("units") for name in names]
-    text, binary = folder / "rows.csv", folder / "rows.nc"
-    with text.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(f"{n} [{u}]" if u else n for n, u in zip(names, units, strict=True))
-        writer.writerows(zip(*(table[name].values.tolist() for name in names), strict=True))
-    table.to_netcdf(binary, engine="h5netcdf")
-    return [text, binary]

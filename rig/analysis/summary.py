@@ -13,19 +13,12 @@ from rig.analysis.effects import Effects, is_designed
 from rig.analysis.points import Setting, matrix, scatter_of, varied
 from rig.analysis.rows import COMPLETE
 from rig.analysis.slices import LEAST_RELIEF, Optimum, optima
+from rig.analysis.stopped import NO_STOP, LostTicks, Stop, ending_of
 from rig.config.columns import ALWAYS
-from rig.runs.folder import Facts
+from rig.recording.runs.folder import Facts
+from rig.recording.runs.state import RecordState
 
-ENDINGS = {
-    "complete": "Complete",
-    "stopped": "Stopped early",
-    "fault": "Stopped by a fault",
-    "crashed": "Crashed",
-    "refused": "Refused",
-}
 _ALWAYS = {column.name for column in ALWAYS}
-NO_END = "No end recorded"
-NO_REASON = "the record just stops: power cut, killed processes, or a run that still goes on"
 
 
 class Summary(NamedTuple):
@@ -54,12 +47,19 @@ class Summary(NamedTuple):
     findings: tuple[str, ...] = ()  # of a run without gains, a sentence each
     findings_of: str = "Waves without the device"
     effects: tuple[Effects, ...] = ()  # of a designed matrix
+    lost_ticks: LostTicks | None = None  # before a trip, where they may be its cause
+    record: RecordState | None = None  # another thing than how the run ended
 
     @property
     def rows_words(self) -> str:
         """How much of the plan was measured, and where it was left."""
         done = f"{self.rows_done} of {self.rows_planned} rows complete"
         return f"{done}; {self.stopped}" if self.stopped else done
+
+    @property
+    def record_words(self) -> str:
+        """The state of the record, and what is damaged in it."""
+        return self.record.sentence if self.record else ""
 
     def further_of(self, optimum: Optimum) -> Setting:
         """Where the further columns stand at a best point, SI, by name."""
@@ -127,16 +127,16 @@ def summarise(
     table: xarray.Dataset,
     known: Facts,
     unfinished: str = "",
-    stopped: str = "",
+    stopped: Stop = NO_STOP,
     findings: tuple[str, ...] = (),
 ) -> Summary:
     """The summary of a run from its row table and what its files say of it.
 
     ``unfinished`` tells that the record lacks its end; it becomes the first alarm. ``stopped``
-    tells where in its plan the run was left; ``findings`` are what a run without rows gave.
+    tells where in its plan the run was left, and after which lost ticks; ``findings`` are what a
+    run without rows gave.
     """
-    status = known.status
-    ended = status.get("status", "running") != "running"
+    ending = ending_of(known.status, stopped.lost)
     states = table["state"].values.tolist() if table.sizes.get("row", 0) else []
     timing = known.timing.get("summary")
     return Summary(
@@ -148,20 +148,21 @@ def summarise(
         rig=_name(known.config, "rig") or "not recorded",
         host=str(known.host.get("hostname") or known.host.get("name") or "not recorded"),
         started_utc=words.utc(known.started_utc) or "not recorded",
-        ended_utc=words.utc(str(status.get("ended_utc") or "not recorded")),
+        ended_utc=words.utc(str(known.status.get("ended_utc") or "not recorded")),
         code=_code(known.code),
         calibration=str(table.attrs.get("calibration", "")),
-        ending=ENDINGS.get(str(status.get("status")), NO_END),
-        reason=words.reason_words(str(status.get("reason") or "")) if ended else NO_REASON,
+        ending=ending.title,
+        reason=ending.reason,
         rows_done=states.count(COMPLETE),
         rows_planned=len(states),
         optima=tuple(optima(table)),
         further=tuple(c.name for c in varied(matrix(table)) if c.name not in _ALWAYS),
         alarms=tuple(alarms(table, known, unfinished)),
         timing=str(timing or "No timing certificate: the run did not get to its end."),
-        stopped=stopped,
+        stopped=stopped.where,
         findings=findings,
         effects=effects_table.all_effects(table) if is_designed(matrix(table)) else (),
+        lost_ticks=stopped.lost,
     )
 
 
@@ -187,7 +188,13 @@ def as_json(summary: Summary) -> dict[str, Any]:
         for o in summary.optima
     ]
     effects = effects_table.as_json(summary.effects)
-    told = {"optima": best, "alarms": list(summary.alarms), "effects": effects}
+    told = {
+        "record": summary.record.as_dict() if summary.record else None,
+        "optima": best,
+        "alarms": list(summary.alarms),
+        "effects": effects,
+        "lost_ticks": summary.lost_ticks and summary.lost_ticks._asdict(),
+    }
     return {**summary._asdict(), **told}
 
 
@@ -197,6 +204,7 @@ def as_text(summary: Summary) -> str:
         f"Campaign {summary.campaign}   run {summary.run}   [{summary.stamp}]",
         "",
         f"{summary.ending}: {summary.reason}.",
+        *([f"{summary.record_words}."] if summary.record else []),
         *_rows_words(summary),
         "",
         f"sea      {summary.sea}",

@@ -18,16 +18,7 @@ from matplotlib.figure import FigureBase
 from rig.analysis import labels, panel, picture, words
 from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import INK
-from rig.analysis.points import (
-    Matrix,
-    Point,
-    Setting,
-    agrees,
-    levels,
-    matrix,
-    scatter_of,
-    varied,
-)
+from rig.analysis.points import Matrix, Point, Setting, agrees, levels, matrix, scatter_of, varied
 from rig.analysis.slices import KI, KP, Slice, by_spring, cut, projected
 from rig.config.columns import Column
 

@@ -19,9 +19,10 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
-from rig.analysis.windows import Window, windows
-from rig.runs import RunError, reader
-from rig.runs.folder import Facts, facts
+from rig.analysis.windows import LeftOut, Window, windows
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.state import Reading
 
 KEPT = 0.98
 """Share of the best row's heave power that counts as kept."""
@@ -52,6 +53,13 @@ class Row(NamedTuple):
     settled: bool
 
 
+class Measured(NamedTuple):
+    """The rows of a run."""
+
+    rows: tuple[Row, ...]  # by rising damping
+    notes: tuple[str, ...]  # rows that are left out, and why
+
+
 class Choice(NamedTuple):
     """What the rows say."""
 
@@ -61,6 +69,7 @@ class Choice(NamedTuple):
     damping: float  # N s/m; NaN where no damping of the range does both
     predicted: tuple[float, float, float]  # there: stroke m, force N, heave power W
     bound: str  # what keeps it from being less: stroke, power, or the end of the range
+    notes: tuple[str, ...] = ()  # rows that are left out, and why
 
     @property
     def kp(self) -> float:
@@ -68,10 +77,11 @@ class Choice(NamedTuple):
         return -self.damping
 
 
-def measured(run: str | os.PathLike[str]) -> tuple[Row, ...]:
+def measured(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> Measured:
     """The rows of a run by rising damping.
 
-    RunError unless the sea is regular, heave's set point is one and the surge damping varies.
+    ``incomplete_rows``: also those of which the record lacks ticks. RunError unless the sea is
+    regular, heave's set point is one and the surge damping varies.
     """
     source = reader.source(run)
     known = facts(run, source.contents)
@@ -84,13 +94,18 @@ def measured(run: str | os.PathLike[str]) -> tuple[Row, ...]:
     _one_heave(planned, run)
     ticks = 1.0 / (float(frequency) * float(known.plan["dt"]))
     found: dict[float, Row] = {}
-    for window in windows(source, list(_FIELDS)):
+    seen, left = Reading(source.contents, source.damage), LeftOut()
+    for window in windows(
+        source, list(_FIELDS), known.plan, incomplete_rows=incomplete_rows, reading=seen
+    ):
         damping = -float(planned[window.row]["surge_kp"])
-        if not window.cut_short and damping > 0.0:
+        if left.whole(window) and damping > 0.0:
             found[damping] = _row(window, damping, ticks)
+    notes = left.notes(known.plan, seen.state(run))
     if len(found) < 3:
-        raise RunError(f"{run}: {len(found)} surge dampings were measured whole; at least 3 needed")
-    return tuple(found[damping] for damping in sorted(found))
+        said = f"{len(found)} surge dampings were measured whole; at least 3 needed"
+        raise RunError(f"{run}: {'; '.join([said, *notes])}")
+    return Measured(tuple(found[damping] for damping in sorted(found)), notes)
 
 
 def _one_heave(planned: dict[int, dict[str, Any]], run: object) -> None:
@@ -189,6 +204,7 @@ def as_text(choice: Choice) -> str:
             f"{-row.damping:8.0f} {row.stroke:9.3f}{over:5} {row.force:6.1f} ± {row.force_se:<7.2g}"
             f" {row.power:7.2f} ± {row.power_se:<6.2g} {row.guide:7.2f}{still}"
         )
+    lines += [f"note: {note}" for note in choice.notes]
     return "\n".join([*lines, "", answer(choice)])
 
 
@@ -227,6 +243,7 @@ def as_dict(choice: Choice) -> dict[str, Any]:
              for name, value in row._asdict().items()}
             for row in choice.rows
         ],
+        "notes": list(choice.notes),
     }  # fmt: skip
 
 

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from rig.analysis import picture, words
-from rig.runs import reader
-from rig.runs.folder import facts
-from rig.sequence import Phase
+from rig.realtime.sequence import Phase
+from rig.recording.runs import reader
+from rig.recording.runs.folder import facts
 
 DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1", "power.ac")
 _WIDE, _PAGE = 11.0, 8.0  # in: of the picture, and of all panels together where they can be read
@@ -104,8 +104,8 @@ def write_traces(
 
     Fields that never change are told in words, unless all are such.
 
-    ``fields`` are names, prefixes or shell patterns as in `rig.runs.open_run`; KeyError for an
-    unknown field or row, RunError for a run that cannot be read.
+    ``fields`` are names, prefixes or shell patterns as in `rig.recording.runs.open_run`; KeyError
+    for an unknown field or row, RunError for a run that cannot be read.
     """
     source = reader.source(run)
     names = [name for name in reader.choose(source.leaves, fields) if name != "time"]

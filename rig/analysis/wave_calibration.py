@@ -2,8 +2,9 @@
 
 The mean over repeat periods with its standard error is what identification divides by; waves of a
 run with the device in the water hold what it reflects and radiates, so they are no substitute
-(MASK4 report (Sandia), section 3.2.2). A probe may stand in a node of some lines: those are named,
-because to divide by them is to divide by noise.
+(MASK4 report (Sandia), section 3.2.2). A repeat period of which the record lacks ticks is withheld
+unless asked for; one in which the loop only skipped ticks is not. A probe may stand in a node of
+some lines: those are named, because to divide by them is to divide by noise.
 """
 
 import csv
@@ -19,13 +20,16 @@ from rig.analysis.wave_lines import (
     Lines,
     Samples,
     by_period,
+    finite,
     lines,
     mean_period,
+    period_edges,
     significant_height,
 )
-from rig.runs import RunError, reader
-from rig.runs.folder import facts
-from rig.sequence import Phase
+from rig.analysis.windows import Window, lost_after, windows
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import facts
+from rig.recording.runs.mcap_file import Records
 
 PROBES = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
 AGES = ("probes.probe_age", "probes.age")  # s, of what the probes say
@@ -36,7 +40,7 @@ WEAK = 5.0  # standard errors: a line below is not to be divided by
 FAINT = 0.1  # of the asked amplitude: so is a line below this
 NOTHING = 1e-3  # of the largest line: and one below this
 
-_PLACE = ("tick", "plan.phase", "plan.wave_clock")
+_CLOCK = "plan.wave_clock"
 
 
 class Asked(NamedTuple):
@@ -53,11 +57,13 @@ def is_calibration(plan: dict[str, Any]) -> bool:
     return plan.get("device") == "absent"
 
 
-def calibration(run: str | os.PathLike[str]) -> xarray.Dataset:
+def calibration(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> xarray.Dataset:
     """The calibration of a run: by probe, line and period; units in the attributes.
 
-    Amplitudes and phases are those of A cos(2 pi f t + phase), t on the wave clock. RunError if
-    the run is none, or no whole period of it was measured.
+    Amplitudes and phases are those of A cos(2 pi f t + phase), t on the wave clock. The attribute
+    ``withheld`` names the periods of which the record lacks ticks; with ``incomplete_rows`` they
+    are read from the samples that are there, if those are nine in ten. RunError if the run is none,
+    or no whole period of it was measured.
     """
     source = reader.source(run)
     known = facts(run, source.contents)
@@ -65,8 +71,13 @@ def calibration(run: str | os.PathLike[str]) -> xarray.Dataset:
         raise RunError(f"{run}: no wave calibration (its plan does not say device: absent)")
     asked = _asked(known.plan)
     found: dict[str, tuple[Lines, list[Samples], float]] = {}
-    for name, samples, start in _channels(source):
-        pieces = by_period(samples, asked.repeat, start)
+    # A run without the device has no rows: one window, from the lead-in to its end.
+    fields = [_CLOCK, *_fields(source)]
+    window = next(windows(source, fields, known.plan, incomplete_rows=True), None)
+    channels = _channels(window.data) if window else []
+    lacking = _lacking(window, channels, asked.repeat) if window and not incomplete_rows else set()
+    for name, samples, start in channels:
+        pieces = by_period(samples, asked.repeat, start, lacking)
         if pieces:
             made = lines(pieces, asked.repeat, asked.cycles)
             found[name] = (
@@ -74,10 +85,18 @@ def calibration(run: str | os.PathLike[str]) -> xarray.Dataset:
                 pieces,
                 4.0 * float(np.std(np.concatenate([p.value for p in pieces]))),
             )
+    said = ""
+    if window and lacking:
+        numbers = ", ".join(str(i + 1) for i in sorted(lacking))
+        said = f"repeat period{'s' if len(lacking) > 1 else ''} {numbers} withheld: "
+        said += f"{window.missing_words} (--incomplete-rows reads what is there)"
     if not found:
-        raise RunError(f"{run}: no whole repeat period was measured")
+        nothing = "no whole repeat period was measured"
+        raise RunError(f"{run}: {'; '.join(filter(None, [nothing, said]))}")
     return _dataset(found, asked).assign_attrs(
-        known.attributes() | {"repeat_s": asked.repeat, "sea": str(_words(known.plan))}
+        known.attributes()
+        | {"repeat_s": asked.repeat, "sea": str(_words(known.plan))}
+        | ({"withheld": said} if said else {})
     )
 
 
@@ -91,22 +110,37 @@ def _asked(plan: dict[str, Any]) -> Asked:
     return Asked(float(told["repeat_s"]), np.array(told["cycles"], dtype=np.int64), *columns)
 
 
-def _channels(source: reader.Source) -> list[tuple[str, Samples, float]]:
-    """Every probe that the run holds: its name, its samples and where the first period begins."""
+def _fields(source: reader.Source) -> list[str]:
+    """Probes that the run holds, with the age of what they say, and the truth if it is known."""
     names = {leaf.name for leaf in source.leaves}
     age = [name for name in AGES if name in names][:1]
-    probes = [name for name in PROBES if name in names and age]
-    truth = [TRUTH] if TRUTH in names else []
-    data = reader.columns(source, [*_PLACE, *age, *probes, *truth])
-    inside = data["plan.phase"] == Phase.MEASURE
-    data = {name: column[inside] for name, column in data.items()}
-    clock = data["plan.wave_clock"]
-    if len(clock) < 2:
+    return [
+        *age,
+        *(name for name in PROBES if name in names and age),
+        *([TRUTH] if TRUTH in names else []),
+    ]
+
+
+def _tick(data: Records) -> float:
+    """Seconds from tick to tick."""
+    clock, ticks = data[_CLOCK], data["tick"]
+    return float((clock[-1] - clock[0]) / (ticks[-1] - ticks[0]))
+
+
+def _taken(data: Records) -> Any:
+    """When the probes took what they say in each tick, s of the wave clock."""
+    age = [name for name in AGES if name in (data.dtype.names or ())]
+    return data[_CLOCK] - data[age[0]] if age else data[_CLOCK]
+
+
+def _channels(data: Records) -> list[tuple[str, Samples, float]]:
+    """Every probe that the run holds: its name, its samples and where the first period begins."""
+    if len(data) < 2:
         return []
-    tick = float((clock[-1] - clock[0]) / (data["tick"][-1] - data["tick"][0]))
+    names, clock, tick = data.dtype.names or (), data[_CLOCK], _tick(data)
     channels = []
-    if probes:
-        taken = clock - data[age[0]]
+    if probes := [name for name in PROBES if name in names]:
+        taken = _taken(data)
         fresh = np.append(True, np.diff(taken) > 0.5 * tick)
         begin = clock[0] - 0.25 * tick  # what was taken before the window is not in it
         fresh &= taken >= begin
@@ -116,12 +150,35 @@ def _channels(source: reader.Source) -> list[tuple[str, Samples, float]]:
             for name in probes
             if len(times)
         ]
-    for name in truth:
+    if TRUTH in names:
         thin = data["tick"] % max(1, round(STEP / tick)) == 0
         times = clock[thin]
         if len(times):
-            channels.append(("elevation", Samples(times, data[name][thin]), float(times[0])))
+            channels.append(("elevation", Samples(times, data[TRUTH][thin]), float(times[0])))
     return channels
+
+
+def _lacking(window: Window, channels: list[tuple[str, Samples, float]], repeat: float) -> set[int]:
+    """Numbers of the repeat periods of which the record lacks ticks."""
+    if not window.missing or not channels:
+        return set()
+    data = window.data
+    clock, tick = data[_CLOCK], _tick(data)
+    before = np.flatnonzero(lost_after(data))
+    # A lost tick had what the probes took after the tick before it.
+    gaps = list(zip(_taken(data)[before] + tick, clock[before + 1] - tick, strict=True))
+    found: set[int] = set()
+    whole = 0
+    for _, samples, start in channels:
+        edges = period_edges(finite(samples), repeat, start)
+        whole = max(whole, len(edges) - 1)
+        for low, high in gaps:
+            first, last = np.searchsorted(edges, (low, high), side="right") - 1
+            found |= set(range(max(0, int(first)), int(last) + 1))
+    # What is lost beside the window is missing in its last period, where that is too short.
+    if window.edge and window.span * tick < whole * repeat - 0.5 * tick:
+        found.add(whole - 1)
+    return {number for number in found if number < whole}
 
 
 def _dataset(found: dict[str, tuple[Lines, list[Samples], float]], asked: Asked) -> xarray.Dataset:
@@ -184,9 +241,9 @@ def _dataset(found: dict[str, tuple[Lines, list[Samples], float]], asked: Asked)
 
 
 def findings(table: xarray.Dataset) -> list[str]:
-    """What a reader wants to know first, a sentence for each probe."""
+    """What a reader wants to know first: what is withheld, then a sentence for each probe."""
     asked = table.attrs["hm0_asked_m"]
-    told = []
+    told = [str(table.attrs["withheld"])] if "withheld" in table.attrs else []
     for name in table["probe"].values.tolist():
         one = table.sel(probe=name)
         hm0, total = float(one["hm0"]), float(one["hm0_total"])

@@ -5,6 +5,7 @@ periods of even samples go through an FFT, which is exact; a period with missing
 tick, a late probe) through least squares on the same lines, which leaves no leakage between them.
 """
 
+from collections.abc import Container
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -38,22 +39,41 @@ def steps(samples: Samples) -> float:
     return float(np.median(np.diff(samples.time)))
 
 
-def by_period(samples: Samples, repeat: float, start: float) -> list[Samples]:
+def finite(samples: Samples) -> Samples:
+    """The samples without those that are not finite."""
+    good = np.isfinite(samples.value)
+    return Samples(samples.time[good], samples.value[good])
+
+
+def period_edges(samples: Samples, repeat: float, start: float) -> Floats:
+    """Where each whole period (s) from ``start`` on begins, and the last one ends, s.
+
+    Half a step before its first sample; of the last one 90 % have to be there.
+    """
+    if len(samples.time) < 2:
+        return np.empty(0)
+    step = steps(samples)
+    count = int(np.floor((samples.time[-1] + step - start) / repeat + 1.0 - LEAST_SHARE))
+    return np.asarray(start - 0.5 * step + repeat * np.arange(count + 1), np.float64)
+
+
+def by_period(
+    samples: Samples, repeat: float, start: float, without: Container[int] = ()
+) -> list[Samples]:
     """The samples of each whole period (s) from ``start`` (s of the wave clock) on.
 
-    Periods that hold fewer than 90 % of their samples are left out; samples that are not finite
-    count as missing.
+    Periods that hold fewer than 90 % of their samples are left out, as are those whose number is
+    in ``without``; samples that are not finite count as missing.
     """
-    good = np.isfinite(samples.value)
-    time, value = samples.time[good], samples.value[good]
-    if len(time) < 2:
-        return []
-    step = steps(Samples(time, value))
-    first = start - 0.5 * step
-    count = int(np.floor((time[-1] + step - start) / repeat + 1.0 - LEAST_SHARE))
-    edges = np.searchsorted(time, first + repeat * np.arange(count + 1))
-    pieces = [Samples(time[a:b], value[a:b]) for a, b in pairwise(edges)]
-    return [piece for piece in pieces if len(piece.time) >= LEAST_SHARE * repeat / step]
+    time, value = there = finite(samples)
+    edges = np.searchsorted(time, period_edges(there, repeat, start))
+    pieces = [
+        Samples(time[a:b], value[a:b])
+        for i, (a, b) in enumerate(pairwise(edges))
+        if i not in without
+    ]
+    least = LEAST_SHARE * repeat / steps(there) if pieces else 0.0
+    return [piece for piece in pieces if len(piece.time) >= least]
 
 
 def coefficients(piece: Samples, repeat: float, cycles: Any) -> Complexes:

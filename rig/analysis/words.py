@@ -3,7 +3,7 @@
 import math
 from datetime import UTC, datetime
 
-from rig.safety import Reason
+from rig.realtime.safety import Reason
 
 POWER_NAMES = {
     "mechanical_1": "mechanical (column load cell)",
@@ -32,8 +32,10 @@ REASONS = {
     Reason.PLAN_END: "the plan was walked to its end",
     Reason.OPERATOR_STOP: "the operator stopped the run",
     Reason.OPERATOR_ABORT: "the operator aborted the run (power off at once)",
-    Reason.SUPERVISOR_LOST: "the supervisor was gone",
-    Reason.LOGGER_LOST: "the logger was gone and could not be started again",
+    Reason.SUPERVISOR_LOST: (
+        "`rig run` gave no sign of life: killed, suspended, or held up by a busy host"
+    ),
+    Reason.LOGGER_LOST: "the record could not be kept: logger, disk or folder was lost",
     Reason.NOT_FINITE: "a value was NaN or infinite",
     Reason.STALE_ENCODER: "the encoder's value was too old",
     Reason.STALE_DRIVE: "the drive's values were too old",
@@ -70,6 +72,12 @@ REASONS = {
     Reason.COUPLING_SLIP: "motor and shaft were further apart than the driveline can twist",
     Reason.LOAD_CELL_OVERLOAD: "the load cell was loaded beyond its range",
     Reason.SHAFT_ENCODER_JUMP: "the shaft's encoder jumped: it slipped or lost counts",
+    Reason.CURRENT_DISAGREES: "the drive's current was not the commanded one",
+    Reason.SURGE_CURRENT_DISAGREES: "the surge drive's current was not the commanded one",
+    Reason.VELOCITY_DISAGREES: "the motor did not turn at the commanded velocity",
+    Reason.FORCE_DISAGREES: "motor current and the force sensor at its shaft did not go together",
+    Reason.POWER_SIGN: "the motor fed energy into the body, under a law that can only absorb",
+    Reason.POWER_BALANCE: "two stations reported powers that no loss between them explains",
 }
 
 

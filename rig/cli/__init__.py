@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli import (
+from rig.cli import (  # fmt: skip
     calibration,
     compare,
     export,
@@ -24,9 +24,9 @@ from rig.cli import (
     testlog,
     twin,
     twoport,
-)  # fmt: skip
+)
 from rig.cli.interrupts import Interruptible
-from rig.cli.options import RUNS, Json, ReadBy, Rig, Run, Runs, Sim
+from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Rig, Run, Runs, Sim
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
 
@@ -125,11 +125,8 @@ def sim(
 
 
 _DEVICES = """\
-Exit codes: 0 all answer and agree with the rig file; 1 something does not, or a run has the rig; \
-2 bad input."""
-Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Also while a run has the rig; it may be disturbed.")
-]
+Exit codes: 0 all answer and agree with the rig file; 1 something does not, or one of its wires is \
+in use; 2 bad input."""
 
 
 @app.command(epilog=_DEVICES)
@@ -138,13 +135,15 @@ def devices(
     objects: Annotated[
         bool, typer.Option("--objects", help="Also every object that a run will set.")
     ] = False,
-    anyway: Anyway = False,
+    listen: Annotated[
+        bool, typer.Option("--listen", help="Send nothing; also while a run has the rig.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Say who answers on a rig's wires, and whether what must stand there does. It only reads."""
     from rig.cli.devices import main
 
-    sys.exit(main(rig, anyway=anyway, objects=objects, as_json=json))
+    sys.exit(main(rig, only_listen=listen, objects=objects, as_json=json))
 
 
 _DOCTOR = """\
@@ -214,11 +213,18 @@ def list_runs(runs: Runs = RUNS, json: Json = False) -> None:
 
 
 @app.command()
-def show(run: Run, calibration: ReadBy = None, runs: Runs = RUNS, json: Json = False) -> None:
+def show(
+    run: Run,
+    calibration: ReadBy = None,
+    incomplete_rows: IncompleteRows = False,
+    runs: Runs = RUNS,
+    json: Json = False,
+) -> None:
     """Show what a run was and what came out of it."""
     from rig.cli.show import main
 
-    sys.exit(main(run, runs, calibration or [], as_json=json))
+    read_by = calibration or []
+    sys.exit(main(run, runs, read_by, incomplete_rows=incomplete_rows, as_json=json))
 
 
 @app.command()
@@ -253,6 +259,7 @@ def plot(
         Path | None, typer.Option("--output", "-o", help="PNG to write (default: in the run).")
     ] = None,
     calibration: ReadBy = None,
+    incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -261,7 +268,7 @@ def plot(
 
     asked = Asked(
         fields or [], rows or [], surface, left_out or [], station or [], sort, output,
-        calibration or [],
+        calibration or [], incomplete_rows,
     )  # fmt: skip
     sys.exit(main(run, runs, asked, as_json=json))
 

@@ -3,18 +3,21 @@
 import json
 import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig import cli
 from rig.cli.ending import exit_code, in_words, tell_folder
 from rig.cli.failure import fail
 from rig.cli.session_progress import SessionProgress
-from rig.hardware.job import WiringError
-from rig.rehearsal.bench_job import problems_of_session
-from rig.runs import RunError, create
-from rig.session import Session, SessionReport, check_session
-from rig.session_run import rehearsal, task_of, wired
-from rig.task_run import Ended, Rung, carry_out_task
+from rig.execution.hardware.job import WiringError
+from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.execution.session import rehearsal, task_of, wired
+from rig.execution.task import Ended, Rung, carry_out_task
+from rig.planning.session import Session, SessionReport, check_session
+from rig.recording.runs import RunError, create
+
+if TYPE_CHECKING:
+    from rig.analysis.stopped import LostTicks
 
 
 class Wanted(NamedTuple):
@@ -50,6 +53,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     except (create.BusyError, OSError, RunError) as error:
         return fail("bench", error, as_json=as_json, code=cli.FAILED)
     found, products, text, trouble = _analyse(ended, quiet=as_json)
+    lost = _lost_ticks(ended)
     create.note_rows(ended.folder, _rows_done(ended, len(plan.rows)))
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     if as_json:
@@ -58,13 +62,14 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
             **outcome._asdict(),
             "last_row": in_words(outcome.last_row),
             "found": found,
+            "lost_ticks": lost and lost._asdict(),
             "folder": str(ended.folder),
             "products": [str(product) for product in products],
             "trouble": trouble,
         }
         print(json.dumps(told))
     else:
-        _tell(ended, text)
+        _tell(ended, text, lost)
         tell_folder(ended, products, trouble)
     return exit_code(ended.outcome, trouble)
 
@@ -120,13 +125,23 @@ def _rows_done(ended: Ended, planned: int) -> int:
     return max(0, int(ended.outcome.last_row.get("plan.row", 0)))
 
 
-def _tell(ended: Ended, text: str) -> None:
-    from rig.analysis import words
-    from rig.analysis.summary import ENDINGS
+def _lost_ticks(ended: Ended) -> "LostTicks | None":
+    """What the host lost before the rig tripped, where that may be the cause."""
+    from rig.analysis.stopped import stop_of
+
+    try:
+        return stop_of(ended.folder, {"status": ended.outcome.status}).lost
+    except (RunError, OSError):
+        return None  # the analysis has said what is wrong with the record
+
+
+def _tell(ended: Ended, text: str, lost: "LostTicks | None") -> None:
+    from rig.analysis.stopped import ending_of
 
     outcome = ended.outcome
     if text:
         print(text)
-    if outcome.status != "complete":
-        ending = ENDINGS.get(outcome.status, outcome.status)
-        print(f"\n{ending}: {words.reason_words(outcome.reason)}.", file=sys.stderr)
+    ending = ending_of({"status": outcome.status, "reason": outcome.reason}, lost).words
+    told = ending in text and sys.stdout.isatty()  # not twice on one screen
+    if outcome.status != "complete" and not told:
+        print(f"\n{ending}.", file=sys.stderr)

@@ -7,7 +7,7 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.cli.devices_view import BAD, NOTE, drawn_line, line_dict, valued, verdict
-from rig.hardware.bench_survey import BenchFound, StreamFound
+from rig.execution.hardware.bench_survey import BenchFound, StreamFound
 
 
 def as_dict(rig: str, found: BenchFound) -> dict[str, Any]:

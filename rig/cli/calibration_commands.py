@@ -8,7 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from rig import cli
-from rig.calibration import (
+from rig.cli.refusal import REFUSED, refuse
+from rig.config.problems import number_text
+from rig.interop.legacy.testlog import read_log
+from rig.recording.calibration import (
     Applied,
     At,
     Known,
@@ -17,11 +20,8 @@ from rig.calibration import (
     open_history,
     recorded,
 )
-from rig.calibration.diff import Changed, Difference, difference
-from rig.calibration.sources import Stood, in_log, in_runs
-from rig.cli.refusal import REFUSED, refuse
-from rig.config.problems import number_text
-from rig.legacy.testlog import read_log
+from rig.recording.calibration.diff import Changed, Difference, difference
+from rig.recording.calibration.sources import Stood, in_log, in_runs
 
 
 def find(named: str, folder: Path) -> Known:

@@ -4,12 +4,12 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rig.campaign import Report, check
 from rig.cli import BAD_INPUT, OK
 from rig.cli.check_view import View
-from rig.predict import predict
-from rig.rehearsal.job import problems
-from rig.session.files import is_session
+from rig.design.predictions import predict
+from rig.execution.rehearsal.job import problems
+from rig.planning.campaign import Report, check
+from rig.planning.session.files import is_session
 
 
 def examine(path: Path, rig: Path | None = None) -> Report:

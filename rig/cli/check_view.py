@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from rig.campaign import Report
-from rig.campaign.check import duration_text
 from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
-from rig.predict import Prediction, RowPrediction, Travel, tightest
+from rig.design.predictions import Prediction, RowPrediction, Travel, tightest
+from rig.planning.campaign import Report
+from rig.planning.campaign.check import duration_text
 
 FEW = 8  # rows shown unless all are asked for
 MOST_SPRINGS = 12

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from rig import cli
-from rig.cli.options import RUNS, WHICH_RUN, Json, Runs
+from rig.cli.options import RUNS, WHICH_RUN, IncompleteRows, Json, Runs
 
 
 def command(
@@ -27,11 +27,13 @@ def command(
         Path | None,
         typer.Option("--output", "-o", help="PNG to write, a CSV beside it (default: in run B)."),
     ] = None,
+    incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
     """Compare two runs of one matrix: settings that differ, then power point by point, B less A."""
-    sys.exit(main(a, b, runs, tolerance or [], left_out or [], output, as_json=json))
+    columns = tolerance or [], left_out or []
+    sys.exit(main(a, b, runs, *columns, output, incomplete_rows=incomplete_rows, as_json=json))
 
 
 def main(
@@ -42,6 +44,7 @@ def main(
     left_out: list[str],
     output: Path | None,
     *,
+    incomplete_rows: bool,
     as_json: bool,
 ) -> int:
     """Print what differs between two runs; a picture and a table go beside the second."""
@@ -54,7 +57,7 @@ def main(
 
     try:
         one, other = find_run(a, runs), find_run(b, runs)
-        told = compare(one, other, _values(tolerances))
+        told = compare(one, other, _values(tolerances), incomplete_rows=incomplete_rows)
         folder = other if other.is_dir() else other.parent
         picture = output or folder / f"compared_with_{told.a.run}.png"
         written = [write_csv(told, picture.with_suffix(".csv"))]

@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from datetime import UTC, date, datetime
 from typing import Any
 
-from rig.campaign import Campaign
-from rig.campaign.validity import out_of_date
 from rig.config.problems import Problem
+from rig.planning.campaign import Campaign
+from rig.planning.campaign.validity import out_of_date
 
 
 def warn(

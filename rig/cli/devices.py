@@ -11,20 +11,22 @@ from rich.console import Group
 from rig import cli
 from rig.cli import bench_devices_view
 from rig.cli.console import table_console
-from rig.cli.devices_view import as_dict, drawn
+from rig.cli.devices_view import as_dict, drawn, heard_dict, heard_drawn
 from rig.cli.failure import fail
 from rig.cli.refusal import REFUSED, refuse
-from rig.config.any_rig_file import load_rig
+from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.rig_file import RigFile
-from rig.hardware.bench_job import job_of_bench
-from rig.hardware.bench_survey import survey_bench
-from rig.hardware.job import job_of
-from rig.hardware.survey import survey
-from rig.runs import create
+from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.hardware.bench_survey import survey_bench
+from rig.execution.hardware.job import job_of
+from rig.execution.hardware.listen import listen
+from rig.execution.hardware.survey import survey
+from rig.processes import wire_locks
+from rig.recording.runs.create import BusyError
 
 
-def main(path: Path, *, anyway: bool, objects: bool, as_json: bool) -> int:
+def main(path: Path, *, only_listen: bool, objects: bool, as_json: bool) -> int:
     """Look at every wire and say who answers; 0 if all do and agree with the rig file."""
     try:
         rig, _ = load_rig(path)
@@ -32,11 +34,15 @@ def main(path: Path, *, anyway: bool, objects: bool, as_json: bool) -> int:
     except REFUSED as error:
         return refuse("devices", error, as_json=as_json)
     with ExitStack() as held:
-        try:
-            held.enter_context(create.hold_realtime("rig devices"))
-        except create.BusyError as error:
-            if not anyway:
-                text = f"{error}; --anyway looks all the same"
+        if only_listen:
+            look = _listening(rig)
+        else:
+            try:
+                held.enter_context(wire_locks.hold(wire_locks.wires_of(rig), "rig devices"))
+            except BusyError as error:
+                text = (
+                    f"{error}\n--listen looks without sending: at what the CAN bus says by itself"
+                )
                 return fail("devices", RuntimeError(text), as_json=as_json, code=cli.FAILED)
         console = table_console()
         if not as_json and console.is_terminal:
@@ -77,5 +83,13 @@ def _bench(rig: BenchRigFile) -> Callable[[], _Seen]:
         found = survey_bench(job)
         told = bench_devices_view.as_dict(rig.name, found)
         return _Seen(told, bench_devices_view.drawn(rig.name, found), found.trouble)
+
+    return look
+
+
+def _listening(rig: AnyRigFile) -> Callable[[], _Seen]:
+    def look() -> _Seen:
+        found = listen(rig)
+        return _Seen(heard_dict(rig.name, found), heard_drawn(rig.name, found), found.trouble)
 
     return look

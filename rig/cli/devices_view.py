@@ -10,8 +10,9 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import Nmt
-from rig.hardware.line_survey import LineFound, UnitFound, ValueFound
-from rig.hardware.survey import BusFound, Found, NodeFound, register_words
+from rig.execution.hardware.line_survey import LineFound, UnitFound, ValueFound
+from rig.execution.hardware.listen import Heard
+from rig.execution.hardware.survey import BusFound, Found, NodeFound, register_words
 
 BAD, NOTE = "bold red", "dim"
 
@@ -79,6 +80,39 @@ def drawn(rig: str, found: Found, *, every_object: bool) -> Group:
         parts += [_objects(node) for node in found.can.nodes if node.unset]
     parts.append(verdict(found.trouble))
     return Group(*parts)
+
+
+def heard_dict(rig: str, found: Heard) -> dict[str, Any]:
+    """What was heard without sending, as JSON values."""
+    nodes = [
+        one._asdict() | {"nmt": None if one.nmt is None else Nmt(one.nmt).name}
+        for one in found.nodes
+    ]
+    return {
+        "status": "trouble" if found.trouble else "ok",
+        "rig": rig,
+        "listened_only": True,
+        "trouble": list(found.trouble),
+        "can": {"nodes": nodes, "strangers": list(found.strangers)},
+    }
+
+
+def heard_drawn(rig: str, found: Heard) -> Group:
+    """A row a node that was heard without sending, and what is wrong."""
+    head = Text.assemble((rig, "bold"), ": what its wires say by themselves; nothing was sent\n")
+    table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
+    for name in ("node", "", "state", "heartbeat", "emergency"):
+        table.add_column(name)
+    for one in found.nodes:
+        age = "none" if one.heartbeat_age is None else f"{1e3 * one.heartbeat_age:.0f} ms ago"
+        state = "-" if one.nmt is None else Nmt(one.nmt).name.lower().replace("_", "-")
+        code = emcy.meaning(one.emergency) if one.emergency else "none"
+        table.add_row(str(one.node), one.name, state, age, code)
+    parts: list[Table | Text] = [head, table] if found.nodes else [head]
+    if found.strangers:
+        numbers = ", ".join(map(str, found.strangers))
+        parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
+    return Group(*parts, Text(""), verdict(found.trouble))
 
 
 def _bus_words(can: BusFound) -> Text:

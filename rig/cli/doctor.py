@@ -11,8 +11,8 @@ from rig import cli
 from rig.cli.console import table_console
 from rig.cli.refusal import REFUSED, refuse
 from rig.config.any_rig_file import load_rig
-from rig.doctor import Asked, Examination, Finding, Use, Verdict, examine
-from rig.doctor.timing import PLAIN
+from rig.host import Asked, Examination, Finding, Use, Verdict, examine
+from rig.host.timing import PLAIN
 
 RATE = 1000.0  # Hz, of the loop where nobody says another
 _WIDE = 110  # columns

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from rig import cli
-from rig.limits import Limited, Warned
-from rig.safety import Mode, Reason
-from rig.sequence import Phase
-from rig.supervisor import Outcome
-from rig.task_run import Ended
+from rig.execution.task import Ended
+from rig.processes.run_types import Outcome
+from rig.realtime.limits import Limited, Warned
+from rig.realtime.safety import Mode, Reason
+from rig.realtime.sequence import Phase
 
 _NAMES: dict[str, type[IntEnum]] = {
     "safety.mode": Mode,
@@ -26,7 +26,7 @@ def exit_code(outcome: Outcome, trouble: str) -> int:
     """The command's exit code; ``trouble`` is what could not be done afterwards."""
     if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
         return cli.LOST
-    if trouble or outcome.status == "refused":
+    if trouble or outcome.status == "refused" or (outcome.moved and outcome.status == "complete"):
         return cli.FAILED
     return _EXIT_CODES[outcome.status]
 
@@ -55,7 +55,7 @@ def tell_folder(ended: Ended, products: list[Path], trouble: str) -> None:
     if outcome.dropped or outcome.unsaved:
         lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
         print(f"\nlost: {lost}", file=sys.stderr)
-    for what in (*outcome.said, outcome.died, trouble):
+    for what in (*outcome.said, outcome.died, outcome.moved, trouble):
         if what:
             print(f"\n{what}", file=sys.stderr)
     print(f"\n{ended.folder}/")

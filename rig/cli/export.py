@@ -63,7 +63,7 @@ def main(
     """Write a run as another tool's file and say which."""
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
-    from rig.runs.folder import facts
+    from rig.recording.runs.folder import facts
 
     remarks: tuple[str, ...] = ()
     try:
@@ -73,12 +73,13 @@ def main(
         if form is Form.MAT:
             remarks = _mat(run, path, fields, rows, rate)
         else:
-            from rig.exchange import tables
+            from rig.interop.exchange import tables
 
             wanted = fields or (list(tables.CSV_FIELDS) if form is Form.CSV else [])
             made = tables.table(run, wanted, rows, rate)
             write = tables.write_csv if form is Form.CSV else tables.write_netcdf
             write(made, path)
+            remarks = tuple(filter(None, [made.attrs.get(tables.LACKING, "")]))
     except REFUSED as error:
         return refuse("export", error, as_json=as_json)
     if as_json:
@@ -93,8 +94,8 @@ def main(
 def _mat(
     run: Path, path: Path, fields: list[str], rows: list[int], rate: float | None
 ) -> tuple[str, ...]:
-    from rig.exchange.mask4_export import structure, write_mat
-    from rig.exchange.mask4_fields import RATE
+    from rig.interop.exchange.mask4_export import structure, write_mat
+    from rig.interop.exchange.mask4_fields import RATE
 
     if fields or rows:
         raise ValueError("--field and --row are for netcdf and csv; the structure is whole")

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rig.runs import RunError, list_runs
+from rig.recording.runs import RunError, list_runs
 
 if TYPE_CHECKING:
-    from rig.calibration import Known
+    from rig.recording.calibration import Known
 
 
 def find_run(named: Path, runs: Path) -> Path:

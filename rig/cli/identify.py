@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from rig.cli.options import IncompleteRows
+
 _RUN = "A run's folder, MCAP file, id, campaign, or 'last'. Several: calm water, waves, sea alone."
 _RUNS = "Folder that holds the runs."
 
@@ -29,6 +31,7 @@ def command(
         Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
     ] = None,
     pictures: Annotated[bool, typer.Option(help="Also draw the figures and the page.")] = True,
+    incomplete_rows: IncompleteRows = False,
     runs: Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")] = Path(
         "runs"
     ),
@@ -37,7 +40,7 @@ def command(
     """Identify impedances and wave excitation from runs with an open-loop reference."""
     from rig.cli import identify_command
 
-    wanted = identify_command.Wanted(order, probe, bem, output, pictures)
+    wanted = identify_command.Wanted(order, probe, bem, output, pictures, incomplete_rows)
     if compare is None:
         sys.exit(identify_command.main(named or [], runs, wanted, as_json=json))
     if named:

@@ -17,6 +17,7 @@ class Wanted(NamedTuple):
     bem: Path | None
     output: Path | None
     pictures: bool
+    incomplete_rows: bool = False
 
 
 def main(named: list[Path], runs: Path, wanted: Wanted, *, as_json: bool) -> int:
@@ -30,7 +31,7 @@ def main(named: list[Path], runs: Path, wanted: Wanted, *, as_json: bool) -> int
             raise ValueError("no run named, and nothing to compare")
         paths = [find_run(each, runs) for each in named]
         bem = read_bem(wanted.bem) if wanted.bem else None
-        found = identify(paths, Asked(wanted.order, wanted.probe, bem))
+        found = identify(paths, Asked(wanted.order, wanted.probe, bem, wanted.incomplete_rows))
         folder = wanted.output or products_folder(paths)
         folder.mkdir(parents=True, exist_ok=True)
         written = report.write(found, folder)

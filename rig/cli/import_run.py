@@ -12,7 +12,7 @@ import typer
 from rig.cli import options
 
 if TYPE_CHECKING:
-    from rig.exchange.mask4_windows import Timing
+    from rig.interop.exchange.mask4_windows import Timing
 
 
 class Drive(StrEnum):
@@ -94,13 +94,13 @@ def command(
 
 def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
     """Import a file and say where its run is and what was remarkable about it."""
-    from rig.basin.merge import Asked as MergeAsked
-    from rig.basin.merge import Source, merge
-    from rig.basin.products import write
     from rig.cli.refusal import REFUSED, refuse
-    from rig.exchange.mask4_import import Said, write_run
-    from rig.exchange.mask4_signals import read_signals
-    from rig.exchange.mask4_waves import write_sync, write_waves
+    from rig.interop.basin.merge import Asked as MergeAsked
+    from rig.interop.basin.merge import Source, merge
+    from rig.interop.basin.products import write
+    from rig.interop.exchange.mask4_import import Said, write_run
+    from rig.interop.exchange.mask4_signals import read_signals
+    from rig.interop.exchange.mask4_waves import write_sync, write_waves
 
     try:
         when = _started(file, asked)
@@ -127,7 +127,7 @@ def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
 
 
 def _started(file: Path, asked: Asked) -> datetime:
-    from rig.exchange.mask4_import import started_by_name
+    from rig.interop.exchange.mask4_import import started_by_name
 
     if asked.started is not None:
         when = datetime.fromisoformat(asked.started)
@@ -140,7 +140,7 @@ def _started(file: Path, asked: Asked) -> datetime:
 
 def _timing(asked: Asked) -> "tuple[Timing | None, float | None]":
     """Length of rows by the kind of sea, as in MASK4 report (Sandia), 3.2.3, and its repeat, s."""
-    from rig.exchange.mask4_windows import Timing
+    from rig.interop.exchange.mask4_windows import Timing
 
     if asked.frequency is not None and asked.irregular:
         raise ValueError("--frequency-hz is of regular waves, --irregular says they are not")

@@ -2,18 +2,18 @@
 
 import json
 import os
-from collections.abc import Sequence
+import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.calibration import corrected
 from rig.cli.calibration_commands import at_of_run, find
 from rig.cli.refusal import REFUSED, refuse
-from rig.config.problems import ConfigError, number_text
-from rig.legacy import house_signs, mask4, mask4_file, matrix, stepped
-from rig.legacy.columns import SPRING
-from rig.legacy.matrix import Matrix
+from rig.config.problems import ConfigError, lines_text, number_text
+from rig.interop.legacy import house_signs, mask4, mask4_file, matrix, stepped
+from rig.interop.legacy.columns import SPRING
+from rig.interop.legacy.matrix import Matrix
+from rig.recording.calibration import corrected
 
 _OPTIONS = {
     "lever": "--lever-m",
@@ -76,14 +76,14 @@ def _mask4(asked: Asked) -> _Read:
     lines = [
         f"file       {got.path}, MASK4 gain matrix",
         f"columns    {', '.join(got.columns)} (by {got.said_by})",
-        f"rows       {matrix.words(made)}: {_lines([at[i] for i in found.rows])}",
+        f"rows       {matrix.words(made)}: {lines_text([at[i] for i in found.rows])}",
     ]
     for i in found.lead:
         what = lead[i] if len(found.lead) == 2 else f"lead row {i + 1}"
         lines.append(f"left out   line {at[i]}: {what}")
     if found.doubled:
         lines.append(
-            f"left out   {_lines([at[i] for i in found.doubled])}: doubled at a change of "
+            f"left out   {lines_text([at[i] for i in found.doubled])}: doubled at a change of "
             "the spring rate, held while the stator moves"
         )
     if found.end is not None:
@@ -149,11 +149,11 @@ def _stepped(asked: Asked, said: dict[str, Any]) -> _Read:
     lines = [
         f"file       {got.path}, gain matrix of style {got.style}",
         f"columns    {', '.join(got.columns)} (by {got.said_by})",
-        f"rows       {len(active)}: {_lines([got.lines[i] for i in active])}",
+        f"rows       {len(active)}: {lines_text([got.lines[i] for i in active])}",
     ]
     zeros = [*range(got.before), *range(active.stop, len(got.rows))]
     if zeros:
-        where = _lines([got.lines[i] for i in zeros])
+        where = lines_text([got.lines[i] for i in zeros])
         lines.append(f"left out   {where}: all gains zero, before and after the test")
     lines += _traps(got, asked.step)
     lines += [f"look at    {remark}" for remark in got.remarks]
@@ -234,25 +234,17 @@ def write(file: Path, style: str, source: Path, *, header: bool, force: bool, as
             raise ValueError(f"files of style {style} are read only; allowed --style mask4")
         if file.exists() and not force:
             raise ValueError(f"{file} is there already; --force overwrites it")
-        made = matrix.read_csv(source)
+        made, after = matrix.read_csv(source)
         rows = mask4_file.write(file, made, header=header)
     except REFUSED as error:
         return refuse("matrix", error, as_json=as_json)
     if as_json:
-        print(json.dumps({"written": str(file), "rows": rows, "matrix": made._asdict()}))
+        facts = {"written": str(file), "rows": rows, "after_end": after, "matrix": made._asdict()}
+        print(json.dumps(facts))
     else:
+        if after:
+            left = f"{len(after)} ({lines_text(after)})"
+            print(f"warning: rows after the end mark, left out: {left}", file=sys.stderr)
         print(f"rows       {matrix.words(made)}")
         print(f"written    {file}: {rows} rows with load, hold, doubled and end rows")
     return cli.OK
-
-
-def _lines(numbers: Sequence[int]) -> str:
-    """1, 2, 3, 7 as lines 1-3, 7."""
-    spans: list[list[int]] = []
-    for number in numbers:
-        if spans and number == spans[-1][1] + 1:
-            spans[-1][1] = number
-        else:
-            spans.append([number, number])
-    words = ", ".join(str(a) if a == b else f"{a}-{b}" for a, b in spans)
-    return f"line{'s' if len(numbers) > 1 else ''} {words}"

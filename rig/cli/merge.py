@@ -11,7 +11,7 @@ import typer
 from rig.cli import options
 
 if TYPE_CHECKING:
-    from rig.basin.merge import Asked, Source
+    from rig.interop.basin.merge import Asked, Source
 
 CODES = """\
 Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast: see the alarms; \
@@ -62,7 +62,7 @@ def command(
     as_json: options.Json = False,
 ) -> None:
     """Bring wave data, power analyser and other records onto a run's time, by trigger and sine."""
-    from rig.basin.merge import Asked
+    from rig.interop.basin.merge import Asked
 
     asked = Asked(ttl, sine, run_sine, frequency, rate)
     told = Told(files, unit or [], offset or [], match or [])
@@ -71,12 +71,12 @@ def command(
 
 def main(named: Path, told: Told, asked: "Asked", runs: Path, *, as_json: bool) -> int:
     """Merge files into a run and say how their clocks stand to its clock."""
-    from rig.basin.align import in_words
-    from rig.basin.merge import as_json as in_json
-    from rig.basin.merge import merge
-    from rig.basin.products import write
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
+    from rig.interop.basin.align import in_words
+    from rig.interop.basin.merge import as_json as in_json
+    from rig.interop.basin.merge import merge
+    from rig.interop.basin.products import write
 
     try:
         run = find_run(named, runs)
@@ -100,8 +100,8 @@ def main(named: Path, told: Told, asked: "Asked", runs: Path, *, as_json: bool) 
 
 def _sources(told: Told) -> "list[Source]":
     """The files with what was said of each; ValueError for a word that is not understood."""
-    from rig.basin.merge import Source
-    from rig.basin.recording import METRES
+    from rig.interop.basin.merge import Source
+    from rig.interop.basin.recording import METRES
 
     found: dict[str, Source] = {}
     for word in told.files:

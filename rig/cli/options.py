@@ -20,3 +20,9 @@ _READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a 
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
 CODES = OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
+IncompleteRows = Annotated[
+    bool,
+    typer.Option(
+        "--incomplete-rows", help="Also the means of rows of which the record lacks ticks."
+    ),
+]

@@ -32,6 +32,7 @@ class Asked(NamedTuple):
     sort: str | None
     output: Path | None
     calibrations: list[str]  # to read the run by
+    incomplete_rows: bool = False
 
 
 def main(named: Path, runs: Path, asked: Asked, *, as_json: bool) -> int:
@@ -61,7 +62,7 @@ def _draw(run: Path, asked: Asked) -> list[Path]:
     read_by = find_calibrations(asked.calibrations)
     folder = run if run.is_dir() else run.parent
     if surface or asked.sort:
-        table = row_table(run, MEAN_POSITION_ALARM, read_by)
+        table = row_table(run, MEAN_POSITION_ALARM, read_by, incomplete_rows=asked.incomplete_rows)
         folder = products_folder(folder, read_by)
         if asked.output is None:
             folder.mkdir(exist_ok=True)
@@ -71,7 +72,8 @@ def _draw(run: Path, asked: Asked) -> list[Path]:
             raise ValueError("fields over time are drawn as recorded; leave out --calibration")
         picture = asked.output or folder / "traces.png"
         return [write_traces(run, picture, asked.fields or DEFAULT_FIELDS, asked.rows or None)]
-    return write_products(run, MEAN_POSITION_ALARM, read_by)
+    incomplete = asked.incomplete_rows
+    return write_products(run, MEAN_POSITION_ALARM, read_by, incomplete_rows=incomplete)
 
 
 def _bars(table: "xarray.Dataset", folder: Path, asked: Asked) -> Path:

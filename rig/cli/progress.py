@@ -1,9 +1,9 @@
 """What an operator sees while a campaign runs."""
 
-from rig.campaign import Plan
 from rig.cli.run_panel import RunPanel, clock_text, walked_words
-from rig.sequence import NO_ROW, Phase
-from rig.supervisor import Snapshot
+from rig.planning.campaign import Plan
+from rig.processes.run_types import Snapshot
+from rig.realtime.sequence import NO_ROW, Phase
 
 
 def _probe_words(snapshot: Snapshot) -> str:

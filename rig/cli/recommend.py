@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.options import RUNS, Json, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 from rig.cli.twin import PLANT_HELP, PROBE_HELP
 
 _RUNS = (
@@ -44,6 +44,7 @@ def command(
     plant: Annotated[Path | None, typer.Option(help=PLANT_HELP)] = None,
     probe: Annotated[str, typer.Option(help=PROBE_HELP)] = "",
     pictures: Annotated[bool, typer.Option(help="Also draw the predicted power.")] = True,
+    incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -51,10 +52,10 @@ def command(
 
     Run it, give its run beside the first one, and the next recommendation knows its rows.
     """
-    from rig.recommend.advice import Asked
+    from rig.design.recommend.advice import Asked
 
     station = "mechanical_1" if best is For.MECHANICAL else best.value
-    asked = Asked(campaign, station, rows, spring, plant, probe)  # type: ignore[arg-type]
+    asked = Asked(campaign, station, rows, spring, plant, probe, incomplete_rows)  # type: ignore[arg-type]
     sys.exit(main(named, runs, asked, output, pictures=pictures, as_json=json))
 
 
@@ -72,8 +73,8 @@ def main(
     from rig.cli import dated
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
-    from rig.recommend import report
-    from rig.recommend.advice import Asked, advise
+    from rig.design.recommend import report
+    from rig.design.recommend.advice import Asked, advise
 
     assert isinstance(asked, Asked)
     try:
@@ -83,7 +84,7 @@ def main(
         found = advise(paths, asked, folder)
         written = report.write(found, folder, output)
         if pictures:
-            from rig.recommend.picture import write_surfaces
+            from rig.design.recommend.picture import write_surfaces
 
             written.append(write_surfaces(found, folder / "recommendation.png"))
     except REFUSED as error:

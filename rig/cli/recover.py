@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 from rig import cli
 from rig.cli.failure import fail
 from rig.cli.find_run import find_run
-from rig.runs import RunError, create
-from rig.runs.recover import Recovery, recover
+from rig.recording.runs import RunError, create
+from rig.recording.runs.recover import Recovery, recover
 
 _SHOWN = 12  # gaps and rows named one by one
 
@@ -83,6 +83,7 @@ def _data(made: Recovery, rows: list[Row] | None) -> dict[str, Any]:
         "missing_ticks": [[gap.first, gap.last] for gap in told.gaps if gap.lost],
         "skipped_ticks": [[gap.first, gap.last] for gap in told.gaps if gap.skipped],
         "lost": told.lost,
+        "lost_at_least": told.ending is None or not told.ending.final,
         "lost_after_the_end": told.beyond,
         "seconds_lost": None if told.period is None else told.lost * told.period,
         "skipped": told.skipped,
@@ -106,7 +107,10 @@ def _lines(made: Recovery, rows: list[Row] | None) -> list[str]:
             f"{'saved':<10}{told.rows} rows{_seconds(told.rows, told.period)}, "
             f"ticks {told.first_tick} to {told.last_tick}"
         )
-    lines += [f"{name:<10}{text}" for name, text in (*_missing(made), *_row_words(rows))]
+    lines += [
+        f"{name:<10}{text}"
+        for name, text in (*_missing(made), *_row_words(rows, lost=told.lost > 0))
+    ]
     damage = [*made.damage, *([f"{made.unread} torn bytes"] if made.unread else [])] or ["none"]
     lines += [f"{'' if i else 'damage':<10}{text}" for i, text in enumerate(damage)]
     seen = made.seen
@@ -121,7 +125,8 @@ def _lines(made: Recovery, rows: list[Row] | None) -> list[str]:
     )
     if made.sources:
         names = ", ".join(path.name for path in made.sources)
-        lines.append(f"{'':<10}{names} untouched; not needed any more")
+        rest = "not needed any more" if made.whole else "keep it: another copy may hold the rest"
+        lines.append(f"{'':<10}{names} untouched; {rest}")
     return lines
 
 
@@ -144,7 +149,8 @@ def _missing(made: Recovery) -> list[tuple[str, str]]:
         lines.append(f"{told.beyond} executed ticks at the end whose rows were dropped")
     if told.ending is None or not told.ending.final:
         after = "" if told.last_known is None else f" after tick {told.last_known}"
-        lines.append(f"what the loop did{after}, nobody lived to write down")
+        least = f"in all at least {told.lost} rows"
+        lines.append(f"{least}: what the loop did{after}, nobody lived to write down")
     else:
         said = f"by {told.ending.witness}: {told.ending.ticks} ticks executed"
         lines.append(f"{'in all ' + str(told.lost) if lines else 'nothing'} (end seen {said})")
@@ -157,7 +163,7 @@ def _missing(made: Recovery) -> list[tuple[str, str]]:
     return found
 
 
-def _row_words(rows: list[Row] | None) -> list[tuple[str, str]]:
+def _row_words(rows: list[Row] | None, *, lost: bool) -> list[tuple[str, str]]:
     from rig.analysis.alarms import row_list
     from rig.analysis.rows import COMPLETE, NOT_RUN
 
@@ -174,5 +180,6 @@ def _row_words(rows: list[Row] | None) -> list[tuple[str, str]]:
     if len(gappy) > _SHOWN:
         lines.append(f"and {len(gappy) - _SHOWN} more rows with ticks missing")
     lines += [f"row {row.row} incomplete: {row.why}" for row in cut]
-    lines += [f"not run: {row_list(never)}"] if never else []
+    absent = "lost or not run" if lost else "not run"
+    lines += [f"{absent}: {row_list(never)}"] if never else []
     return [("rows" if i == 0 else "", line) for i, line in enumerate(lines)]

@@ -18,7 +18,7 @@ _MOST = 40  # fields shown
 
 
 class Waves(Enum):
-    """Ways to recover the waves of a run (`rig.counterfactual.waves`)."""
+    """Ways to recover the waves of a run (`rig.sweep.counterfactual.waves`)."""
 
     ELEVATION = "elevation"
     FORCES = "forces"
@@ -65,7 +65,7 @@ def main(named: Path, runs: Path, *, as_json: bool) -> int:
 
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
-    from rig.replay import replay
+    from rig.execution.replay import replay
 
     console = Console(stderr=True, highlight=False)
     try:

@@ -10,13 +10,13 @@ from rich.table import Table
 
 from rig import cli
 from rig.analysis.rows import COMPLETE
-from rig.campaign import open_campaign
 from rig.cli.console import table_console
 from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
-from rig.counterfactual import Foretold, Span, foretell
-from rig.rehearsal.job import problems
-from rig.runs import RunError
+from rig.execution.rehearsal.job import problems
+from rig.planning.campaign import open_campaign
+from rig.recording.runs import RunError
+from rig.sweep.counterfactual import Foretold, Span, foretell
 
 _SHOWN = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
 _HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}

@@ -6,17 +6,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.campaign import Campaign, Plan
-from rig.campaign_run import carry_out, rehearsal, wired
 from rig.cli import failure
 from rig.cli.check import complain, examine
 from rig.cli.ending import exit_code, in_words, tell_folder
 from rig.cli.failure import fail
 from rig.cli.progress import Progress
 from rig.config.problems import Problem
-from rig.hardware.job import WiringError
-from rig.runs import RunError, create
-from rig.task_run import Ended, Rung
+from rig.execution.campaign import carry_out, rehearsal, wired
+from rig.execution.hardware.job import WiringError
+from rig.execution.task import Ended, Rung
+from rig.planning.campaign import Campaign, Plan
+from rig.recording.runs import RunError, create
 
 _MOST_WARNINGS = 5
 
@@ -49,7 +49,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
             ended = carry_out(campaign, plan, runs, view, rung)
     except (create.BusyError, OSError, RunError) as error:
         return fail("run", error, as_json=as_json, code=cli.FAILED)
-    products, optima, trouble = _analyse(ended, quiet=as_json)
+    products, summary, trouble = _analyse(ended, quiet=as_json)
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     outcome = ended.outcome
     if as_json:
@@ -58,7 +58,8 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
                 {
                     **outcome._asdict(),
                     "last_row": in_words(outcome.last_row),
-                    "optima": optima,
+                    "optima": summary.get("optima", []),
+                    "lost_ticks": summary.get("lost_ticks"),
                     "folder": str(ended.folder),
                     "products": [str(product) for product in products],
                     "trouble": trouble,
@@ -67,7 +68,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
             )
         )
     else:
-        _tell(ended, products, trouble)
+        _tell(ended, summary, products, trouble)
     return exit_code(outcome, trouble)
 
 
@@ -82,7 +83,7 @@ def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
 
 def _warn_of_room(runs: Path, plan: Plan) -> None:
     """A full disk stops the rig: better known before the waves than in the last row."""
-    from rig.doctor import disk
+    from rig.host import disk
 
     if short := disk.shortage(runs, plan.duration, 1.0 / plan.dt):
         print(f"warning: {short}", file=sys.stderr)
@@ -97,36 +98,35 @@ def _rung(campaign: Campaign, wanted: Wanted) -> Rung:
     return wired(campaign, emulated=wanted.emulated)
 
 
-def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], list[dict[str, Any]], str]:
-    """The run's products, its optima as `rig show --json` has them and, if there are none, why.
+def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], str]:
+    """The run's products, its summary as `rig show --json` has it and, if there is none, why.
 
     A run without a tick has none and needs no reason.
     """
     from rig.analysis.report import write_products
 
     if ended.outcome.ticks == 0:
-        return [], [], ""
+        return [], {}, ""
     if not quiet:
         print("drawing surfaces and summary ...", file=sys.stderr, flush=True)
     products: list[Path] = []
-    optima: list[dict[str, Any]] = []
+    summary: dict[str, Any] = {}
     try:
         products = write_products(ended.folder)
-        summary: dict[str, Any] = json.loads((ended.folder / "summary.json").read_text())
-        optima = summary["optima"]
+        summary = json.loads((ended.folder / "summary.json").read_text())
         create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
         said = failure.in_words(error)
-        return products, optima, said if products else f"not all products are made: {said}"
+        return products, summary, said if products else f"not all products are made: {said}"
     except KeyboardInterrupt:
         again = f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
-        return products, optima, again
-    return products, optima, ""
+        return products, summary, again
+    return products, summary, ""
 
 
-def _tell(ended: Ended, products: list[Path], trouble: str) -> None:
+def _tell(ended: Ended, summary: dict[str, Any], products: list[Path], trouble: str) -> None:
     from rig.analysis import words
-    from rig.analysis.summary import ENDINGS
+    from rig.analysis.stopped import ENDINGS
 
     text = ended.folder / "summary.txt"
     if text.exists():
@@ -136,5 +136,6 @@ def _tell(ended: Ended, products: list[Path], trouble: str) -> None:
     told = text.exists() and (sys.stdout.isatty() or outcome.status not in ("crashed", "refused"))
     if not told:
         ending = ENDINGS.get(outcome.status, outcome.status)
-        print(f"\n{ending}: {words.reason_words(outcome.reason)}.", file=sys.stderr)
+        reason = summary.get("reason") or words.reason_words(outcome.reason)
+        print(f"\n{ending}: {reason}.", file=sys.stderr)
     tell_folder(ended, products, trouble)

@@ -12,11 +12,11 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from rig.safety import STOP_2, Mode, Reason
-from rig.sequence import NO_ROW
+from rig.realtime.safety import STOP_2, Mode, Reason
+from rig.realtime.sequence import NO_ROW
 
 if TYPE_CHECKING:
-    from rig.supervisor import Snapshot
+    from rig.processes.run_types import Snapshot
 
 _EVERY = 10.0  # s between lines where there is no terminal
 _STAMP = {"rehearsal": "REHEARSAL, simulated plant", "hil": "HIL, emulated devices"}

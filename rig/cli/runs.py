@@ -9,7 +9,7 @@ from rich.text import Text
 from rig import cli
 from rig.cli.console import table_console
 from rig.cli.failure import fail
-from rig.runs import list_runs
+from rig.recording.runs import list_runs
 
 _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}
 
@@ -34,6 +34,7 @@ def main(runs: Path, *, as_json: bool) -> int:
     table.add_column("rung", no_wrap=True)
     table.add_column("rows", no_wrap=True, justify="right")
     table.add_column("status", no_wrap=True)
+    table.add_column("record", overflow="fold")
     table.add_column("reason", overflow="fold")
     table.add_column("size", no_wrap=True, justify="right")
     for run in listed:
@@ -44,6 +45,7 @@ def main(runs: Path, *, as_json: bool) -> int:
             run.rung,
             f"{done}/{whole}",
             Text(run.status, style=_STYLES.get(run.status, "red")),
+            Text(run.record or "-", style="" if run.record in ("", "complete") else "red"),
             Text(run.problem or run.reason),
             f"{run.size / 1e6:.1f} MB",
         )

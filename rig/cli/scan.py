@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 _CODES = """\
-Exit codes: 0 somebody answers; 1 nobody does, the wire cannot be opened, or a run has the rig; \
+Exit codes: 0 somebody answers; 1 nobody does, the wire cannot be opened, or it is in use; \
 2 bad input; 3 stopped by the operator."""
 
 app = typer.Typer(
@@ -17,9 +17,6 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
-Anyway = Annotated[
-    bool, typer.Option("--anyway", help="Also while a run has the rig; it may be disturbed.")
-]
 
 
 class Parity(StrEnum):
@@ -46,14 +43,16 @@ def can(
     patience: Annotated[
         float, typer.Option("--patience", min=0.05, max=60, help="s to wait for answers.")
     ] = 0.5,
-    anyway: Anyway = False,
+    listen: Annotated[
+        bool, typer.Option("--listen", help="Send nothing; also while a run has the bus.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """CANopen nodes 1 to 127 that answer, and who they say they are."""
     from rig.cli.scan_commands import scan_can
 
     wanted = (interface, channel, bit_rate, option or [])
-    sys.exit(scan_can(*wanted, patience=patience, anyway=anyway, as_json=json))
+    sys.exit(scan_can(*wanted, patience=patience, only_listen=listen, as_json=json))
 
 
 @app.command(epilog=_CODES)
@@ -79,7 +78,6 @@ def modbus(
     register: Annotated[
         int, typer.Option("--register", min=0, max=65_535, help="Holding register to ask for.")
     ] = 0,
-    anyway: Anyway = False,
     json: Json = False,
 ) -> None:
     """Modbus units that answer, be it with a refusal, on a TCP server or a serial line."""
@@ -87,4 +85,4 @@ def modbus(
 
     line = None if serial is None else Serial(serial, baud, parity.value, stop_bits)
     asked = (address, line, (first, last), timeout, register)
-    sys.exit(scan_modbus(*asked, anyway=anyway, as_json=json))
+    sys.exit(scan_modbus(*asked, as_json=json))

@@ -14,8 +14,9 @@ from drivers.modbus.line import Rtu, Tcp
 from rig import cli
 from rig.cli.console import table_console
 from rig.cli.failure import fail
-from rig.hardware import scan
-from rig.runs import create
+from rig.execution.hardware import scan
+from rig.processes.wire_locks import Wire, can_wire, hold, network_wire, serial_wire
+from rig.recording.runs.create import BusyError
 
 _QUIET = 0.1  # s after a missed answer on a serial line, for a late one
 
@@ -36,18 +37,23 @@ def scan_can(
     options: list[str],
     *,
     patience: float,
-    anyway: bool,
+    only_listen: bool,
     as_json: bool,
 ) -> int:
-    """Print the nodes that answer; gives the exit code."""
+    """Print the nodes that answer, or that send by themselves; gives the exit code."""
     try:
         bus = Bus(interface, channel, bit_rate, tuple(map(_option, options)))
     except ValueError as error:
         return fail("scan can", error, as_json=as_json)
     try:
-        with _the_wires(anyway=anyway):
+        if only_listen:
+            return _listened(bus, patience, as_json=as_json)
+        with hold((can_wire(interface, channel, dict(bus.options)),), "rig scan can"):
             found = scan.nodes(bus, patience)
-    except (create.BusyError, OSError, ValueError) as error:
+    except BusyError as error:
+        told = RuntimeError(f"{error}; --listen hears who sends by himself, and sends nothing")
+        return fail("scan can", told, as_json=as_json, code=cli.FAILED)
+    except (OSError, ValueError) as error:
         return fail("scan can", error, as_json=as_json, code=cli.FAILED)
     if as_json:
         nodes = [{"node": one.node, **one.identity._asdict()} for one in found]
@@ -66,7 +72,6 @@ def scan_modbus(
     timeout: float,
     register: int,
     *,
-    anyway: bool,
     as_json: bool,
 ) -> int:
     """Print the units that answer; gives the exit code."""
@@ -80,14 +85,17 @@ def scan_modbus(
     asked: list[scan.UnitAsked] = []
     stopped = False
     try:
-        with _the_wires(anyway=anyway), _progress(len(numbers), quiet=as_json) as step:
+        with (
+            hold((_wire(settings),), "rig scan modbus"),
+            _progress(len(numbers), quiet=as_json) as step,
+        ):
             try:
                 for one in scan.units(settings, numbers, register):
                     asked.append(one)
                     step(one)
             except KeyboardInterrupt:
                 stopped = True
-    except (create.BusyError, OSError) as error:
+    except (BusyError, OSError) as error:
         return fail("scan modbus", error, as_json=as_json, code=cli.FAILED)
     found = [one for one in asked if one.answers]
     everybody = len(found) == len(numbers) > 1
@@ -112,18 +120,21 @@ def scan_modbus(
     return cli.OK if found else cli.FAILED
 
 
-@contextmanager
-def _the_wires(*, anyway: bool) -> Iterator[None]:
-    """Keep runs away meanwhile; BusyError if one has the rig, unless that is no matter."""
-    try:
-        held = create.hold_realtime("rig scan")
-    except create.BusyError as error:
-        if not anyway:
-            raise create.BusyError(f"{error}; --anyway scans all the same") from None
-        yield
-        return
-    with held:
-        yield
+def _listened(bus: Bus, patience: float, *, as_json: bool) -> int:
+    numbers = scan.heard(bus, patience)
+    if as_json:
+        print(json.dumps({"status": "complete", "listened_only": True, "heard": list(numbers)}))
+    elif numbers:
+        print(f"heard without asking: node {', '.join(map(str, numbers))}")
+    else:
+        print(f"no node sends on {bus.interface} {bus.channel} within {patience:g} s")
+    return cli.OK if numbers else cli.FAILED
+
+
+def _wire(settings: Tcp | Rtu) -> Wire:
+    if isinstance(settings, Rtu):
+        return serial_wire("serial line", settings.port)
+    return network_wire("Modbus/TCP server", "tcp", settings.host, settings.port)
 
 
 def _option(text: str) -> tuple[str, Any]:

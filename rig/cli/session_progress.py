@@ -3,9 +3,9 @@
 from math import pi
 
 from rig.cli.run_panel import RunPanel, walked_words
-from rig.sequence import NO_ROW, Phase
-from rig.session import SessionPlan
-from rig.supervisor import Snapshot
+from rig.planning.session import SessionPlan
+from rig.processes.run_types import Snapshot
+from rig.realtime.sequence import NO_ROW, Phase
 
 _DEGREES = 180.0 / pi
 _UNITS = {

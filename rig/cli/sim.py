@@ -13,14 +13,14 @@ from rig import cli
 from rig.cli.failure import fail
 from rig.cli.refusal import REFUSED, refuse
 from rig.cli.sim_view import hanging, show
-from rig.companions import Companion, CompanionError, Companions
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
-from rig.hardware.bench_job import job_of_bench
-from rig.hardware.job import WiringError, job_of
-from rig.rehearsal.addresses import AnyWiring, impossible, taken
-from rig.rehearsal.alone import alone
-from rig.session.files import is_session
+from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.hardware.job import WiringError, job_of
+from rig.execution.rehearsal.addresses import AnyWiring, impossible, taken
+from rig.execution.rehearsal.alone import alone
+from rig.planning.session.files import is_session
+from rig.processes.io_processes import Companion, CompanionError, Companions
 
 _LOOK = 0.05  # s
 _PATIENCE = 5.0  # s for the devices to leave
@@ -70,15 +70,15 @@ def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, Companion, 
             "calm water"
         )  # fmt: skip
     if is_session(campaign):
-        from rig.rehearsal.bench_emulation import companion_of
-        from rig.rehearsal.bench_job import problems_of_session
-        from rig.session import open_session
+        from rig.execution.rehearsal.bench_emulation import companion_of
+        from rig.execution.rehearsal.bench_job import problems_of_session
+        from rig.planning.session import open_session
 
         session = open_session(campaign, problems_of_session, path)
         setting = f"a bench, its servo drive set up for {session.file.loop}"
         return session.rig, companion_of(session), setting
-    from rig.campaign.files import open_campaign  # scipy: seconds
-    from rig.rehearsal import emulation, job
+    from rig.execution.rehearsal import emulation, job
+    from rig.planning.campaign.files import open_campaign  # scipy: seconds
 
     opened = open_campaign(campaign, job.problems, path)
     sea = f"{opened.file.sea.words()}, once the rig's wave trigger is on"

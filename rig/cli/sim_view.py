@@ -12,7 +12,7 @@ from rich.text import Text
 from rig.cli.console import table_console
 from rig.config.bench_wiring import BENCH_WORDS, BenchWiring, SerialPort
 from rig.config.wiring import WORDS, AnyLine, Registers, TcpLine, Wiring
-from rig.rehearsal.addresses import AnyWiring, can_address
+from rig.execution.rehearsal.addresses import AnyWiring, can_address
 
 _PLAYED = {
     "amc": "torque drive, AMC scaling",

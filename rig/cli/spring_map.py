@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.cli.options import RUNS, Json, Run, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
 
 if TYPE_CHECKING:
     import xarray
@@ -26,6 +26,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
     ] = None,
+    incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -33,11 +34,19 @@ def command(
 
     The rig file takes it with `spring_map: FILE`, in place of its own `spring.map`.
     """
-    sys.exit(main(run, runs, name, calibrations, output, as_json=json))
+    incomplete = incomplete_rows
+    sys.exit(main(run, runs, name, calibrations, output, incomplete_rows=incomplete, as_json=json))
 
 
 def main(
-    named: Path, runs: Path, name: str, calibrations: Path, output: Path | None, *, as_json: bool
+    named: Path,
+    runs: Path,
+    name: str,
+    calibrations: Path,
+    output: Path | None,
+    *,
+    incomplete_rows: bool,
+    as_json: bool,
 ) -> int:
     """Make the map, its pictures and its calibration; gives the exit code."""
     from rig import cli
@@ -47,12 +56,12 @@ def main(
     from rig.cli.failure import fail
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
-    from rig.runs import RunError
+    from rig.recording.runs import RunError
 
     try:
         run = find_run(named, runs)
         before = _newest(name, calibrations)
-        table = spring_map(run)
+        table = spring_map(run, incomplete_rows=incomplete_rows)
         folder = output or (run if run.is_dir() else run.parent)
         folder.mkdir(parents=True, exist_ok=True)
         written = [*write_map(table, folder), *write_pictures(table, folder)]
@@ -77,7 +86,7 @@ def main(
 
 def _newest(name: str, folder: Path) -> int | None:
     """The newest version of a calibration of that name; None if there is none yet."""
-    from rig.calibration import open_history
+    from rig.recording.calibration import open_history
 
     if not folder.is_dir():
         return None

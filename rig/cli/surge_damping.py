@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.options import RUNS, Json, Run, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
 
 CODES = """\
 Exit codes: 0 a damping was found; 1 none of the range keeps stroke and heave power; 2 bad input."""
@@ -26,6 +26,7 @@ def command(
     keep: Annotated[
         float, typer.Option(min=0.5, max=1.0, help="Share of heave's best power to be kept.")
     ] = 0.98,
+    incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:  # fmt: skip
@@ -34,25 +35,33 @@ def command(
     For a run whose rows differ in surge_kp_n_s_per_m alone, in a regular sea near the surge
     resonance.
     """
-    sys.exit(main(run, runs, stroke, keep, as_json=json))
+    sys.exit(main(run, runs, stroke, keep, incomplete_rows=incomplete_rows, as_json=json))
 
 
-def main(named: Path, runs: Path, stroke: float | None, keep: float, *, as_json: bool) -> int:
+def main(
+    named: Path,
+    runs: Path,
+    stroke: float | None,
+    keep: float,
+    *,
+    incomplete_rows: bool,
+    as_json: bool,
+) -> int:
     """Reduce the run, choose, write; gives the exit code."""
     from rig import cli
     from rig.analysis import surge_damping
     from rig.analysis.surge_damping_picture import write_picture
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
-    from rig.runs import RunError
-    from rig.runs.folder import facts
+    from rig.recording.runs import RunError
+    from rig.recording.runs.folder import facts
 
     try:
         run = find_run(named, runs)
-        rows = surge_damping.measured(run)
+        found = surge_damping.measured(run, incomplete_rows=incomplete_rows)
         known = facts(run)
         allowed = surge_damping.allowed_stroke(known) if stroke is None else stroke
-        choice = surge_damping.choose(rows, allowed, keep)
+        choice = surge_damping.choose(found.rows, allowed, keep)._replace(notes=found.notes)
         folder = run if run.is_dir() else run.parent
         picture = folder / "surge_damping.png"
         written = [

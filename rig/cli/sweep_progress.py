@@ -7,8 +7,8 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from rig.batch.cases import Outcome
 from rig.cli.run_panel import clock_text
+from rig.sweep.cases import Outcome
 
 _EVERY = 10.0  # s between lines where there is no terminal
 

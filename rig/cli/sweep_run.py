@@ -11,17 +11,17 @@ import numpy as np
 
 from rig import cli
 from rig.analysis.words import POWER_NAMES, watts
-from rig.batch import executors, made, sweep
-from rig.batch.cases import LEAD_IN
-from rig.batch.journal import NAME as CASES
-from rig.batch.result import FAILED
 from rig.cli import dated
 from rig.cli.failure import fail, in_words
 from rig.cli.find_run import find_run
 from rig.cli.refusal import REFUSED, refuse
 from rig.cli.sweep_progress import SweepProgress
-from rig.runs import RunError, facts
-from rig.runs.create import BusyError
+from rig.recording.runs import RunError, facts
+from rig.recording.runs.create import BusyError
+from rig.sweep import executors, made, sweep
+from rig.sweep.cases import LEAD_IN
+from rig.sweep.journal import NAME as CASES
+from rig.sweep.result import FAILED
 
 if TYPE_CHECKING:
     import xarray
@@ -113,7 +113,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
 def _executor(opened: sweep.Sweep, wanted: Wanted) -> executors.Executor:
     if wanted.scheduler is None:
         return executors.threads(wanted.jobs or executors.cores())
-    from rig.batch.cluster import cluster
+    from rig.sweep.cluster import cluster
 
     return cluster(wanted.scheduler, opened.cases.asked, opened.digest)
 
@@ -124,8 +124,8 @@ def _compile(opened: sweep.Sweep) -> None:
     def say() -> None:
         print(_COMPILING, file=sys.stderr, flush=True)
 
-    from rig.batch import compiled  # numba
-    from rig.batch.subject import KEPT
+    from rig.sweep import compiled  # numba
+    from rig.sweep.subject import KEPT
 
     late = Timer(_SURELY_COMPILING, say)  # a law of another shape is compiled, too
     late.daemon = True
@@ -142,7 +142,7 @@ def _compile(opened: sweep.Sweep) -> None:
 def _draw(
     table: "xarray.Dataset", folder: Path, measured: Path | None, *, quiet: bool
 ) -> list[Path]:
-    from rig.batch.pictures import write
+    from rig.sweep.pictures import write
 
     if not quiet:
         print("drawing ...", file=sys.stderr, flush=True)

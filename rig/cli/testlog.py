@@ -10,8 +10,8 @@ import typer
 from rig import cli
 
 if TYPE_CHECKING:
-    from rig.calibration import Applied, Known
-    from rig.legacy.testlog import Entry, Log
+    from rig.interop.legacy.testlog import Entry, Log
+    from rig.recording.calibration import Applied, Known
 
 CALIBRATIONS = Path("configs/calibrations")
 
@@ -36,7 +36,7 @@ def command(
 def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> int:
     """Print a log or one run of it; spring rates also as the newest calibration reads them."""
     from rig.cli.refusal import REFUSED, refuse
-    from rig.legacy.testlog import read_log
+    from rig.interop.legacy.testlog import read_log
 
     try:
         log = read_log(path)
@@ -58,7 +58,7 @@ def spring_calibration(folder: Path, series: str) -> "Known | None":
 
     Raises ValueError if there are several; a folder that is not there holds none.
     """
-    from rig.calibration import open_history
+    from rig.recording.calibration import open_history
 
     if not folder.is_dir():
         return None
@@ -78,8 +78,8 @@ def spring_calibration(folder: Path, series: str) -> "Known | None":
 
 def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
     """An entry's spring rate as a calibration reads it."""
-    from rig.calibration import corrected
-    from rig.calibration.sources import at_of
+    from rig.recording.calibration import corrected
+    from rig.recording.calibration.sources import at_of
 
     if entry.spring is None or known is None:
         return None
@@ -89,7 +89,7 @@ def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
 def _in_json(
     log: "Log", entries: "tuple[Entry, ...]", known: "Known | None", *, whole: bool
 ) -> dict[str, Any]:
-    from rig.legacy.testlog import links
+    from rig.interop.legacy.testlog import links
 
     out: dict[str, Any] = {"file": str(log.path), "sha256": log.sha256}
     out["spring_calibration"] = None

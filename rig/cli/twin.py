@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rig.cli.options import RUNS, Json, Runs
+from rig.cli.options import RUNS, IncompleteRows, Json, Runs
 
 _RUNS = (
     "A run's folder, MCAP file, id, campaign, or 'last': one in calm water with an open-loop "
@@ -25,6 +25,7 @@ def command(
     ] = None,
     plant: Annotated[Path | None, typer.Option(help=PLANT_HELP)] = None,
     probe: Annotated[str, typer.Option(help=PROBE_HELP)] = "",
+    incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
@@ -32,7 +33,7 @@ def command(
 
     A campaign runs on it with the key `plant: TWIN/plant.yaml`.
     """
-    sys.exit(main(named, runs, output, plant, probe, as_json=json))
+    sys.exit(main(named, runs, output, plant, probe, incomplete_rows=incomplete_rows, as_json=json))
 
 
 def main(
@@ -42,18 +43,19 @@ def main(
     plant: Path | None,
     probe: str,
     *,
+    incomplete_rows: bool,
     as_json: bool,
 ) -> int:
     """Identify, write the twin, say what it is made of."""
     from rig import cli
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
-    from rig.twin import plant_file
-    from rig.twin.estimate import twin
+    from rig.identification.twin import plant_file
+    from rig.identification.twin.estimate import twin
 
     try:
         paths = [find_run(each, runs) for each in named]
-        found = twin(paths, plant, probe)
+        found = twin(paths, plant, probe, incomplete_rows=incomplete_rows)
         first = paths[0] if paths[0].is_dir() else paths[0].parent
         written = plant_file.write(found, output or first / plant_file.FOLDER)
     except REFUSED as error:

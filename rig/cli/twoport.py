@@ -41,9 +41,9 @@ def main(
     from rig import cli
     from rig.cli.find_run import find_run
     from rig.cli.refusal import REFUSED, refuse
+    from rig.design.twoport.measured import Steps, measured, write_pictures
     from rig.identification.identify import identify
-    from rig.twin.records import read
-    from rig.twoport.measured import Steps, measured, write_pictures
+    from rig.identification.twin.records import read
 
     try:
         path = find_run(named, runs)

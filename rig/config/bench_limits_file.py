@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from pydantic import Field
 
-from rig.config.limits_file import LoopLimits
+from rig.config.limits_file import LoopLimits, MotorPowerLimits, before_old_values
 from rig.config.model import Broken, FileModel
 from rig.config.problems import number_text
 
@@ -24,6 +24,10 @@ class MotorLimits(FileModel):
     encoder_age_stop_s: float = Field(gt=0, le=1)
     encoder_jump_stop_deg: float = Field(gt=0, le=90)
     drive_age_stop_s: float = Field(gt=0, le=5)
+    current_difference_stop_a: float = Field(gt=0, le=100)  # torque loop: measured to commanded
+    current_difference_time_s: float = Field(gt=0, le=60)  # for so long
+    velocity_difference_stop_rad_per_s: float = Field(gt=0, le=50)  # velocity loop: the same
+    velocity_difference_time_s: float = Field(gt=0, le=60)
 
     def broken_rules(self) -> Iterator[Broken]:
         """A warning comes before the stop, a command stays below it, a mean below its peak."""
@@ -46,6 +50,8 @@ class MotorLimits(FileModel):
                 f"allowed up to current_peak_a = {number_text(self.current_peak_a)} A",
                 self.current_rms_a,
             )
+        yield from before_old_values(self, "current_difference_time_s", "drive_age_stop_s")
+        yield from before_old_values(self, "velocity_difference_time_s", "encoder_age_stop_s")
 
 
 class ShaftLimits(FileModel):
@@ -93,6 +99,7 @@ class BenchLimitsFile(FileModel):
     shaft: ShaftLimits
     load_cell: LoadCellLimits
     brake: BrakeLimits
+    power: MotorPowerLimits
     authority: Authority
     tare: BenchTareLimits
     loop: LoopLimits

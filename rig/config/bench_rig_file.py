@@ -11,7 +11,7 @@ from pydantic import Field
 from rig.config.bench_wiring import BenchWiring, field_of
 from rig.config.model import Broken, FileModel, Several, Whole
 from rig.config.problems import number_text
-from rig.config.rig_file import BenchRate, StopTiming
+from rig.config.rig_file import SUPERVISOR_TIMEOUT, BenchRate, StopTiming, SupervisorTimeout
 
 
 class Encoder(FileModel):
@@ -111,6 +111,7 @@ class BenchRigFile(FileModel):
     instant_correction: InstantCorrection
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: BenchStop
+    supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: BenchWiring | None = None  # none: it can only be rehearsed
 
     def broken_rules(self) -> Iterator[Broken]:

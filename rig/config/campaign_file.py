@@ -35,7 +35,10 @@ from rig.config.sea import CalmSea, Sea
 
 
 class Timing(FileModel):
-    """How long a row lasts; what is not given follows from the sea (rig.campaign.windows)."""
+    """How long a row lasts; what is not given follows from the sea.
+
+    See rig.planning.campaign.windows.
+    """
 
     scheme: Literal["default", "mask4"] = "default"
     settle_s: float | None = Field(default=None, ge=0, le=3600)
@@ -249,6 +252,12 @@ class CampaignFile(FileModel):
         """Seed of the sea's phases: its own, or the campaign's."""
         own: int | None = getattr(self.sea, "seed", None)
         return self.seed if own is None else own
+
+    @property
+    def only_gains(self) -> bool:
+        """Whether nothing but Kp, Ki and Km makes the force of heave: no Z_c and no reference."""
+        pushed = self.reference is not None and self.reference.axis == "heave"
+        return self.law.zc is None and not pushed
 
     @property
     def tare_duration(self) -> float:

@@ -3,7 +3,7 @@
 import json
 import math
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -94,3 +94,15 @@ def _json_knows(value: object) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
     return value is None or isinstance(value, (str, int))
+
+
+def lines_text(numbers: Sequence[int]) -> str:
+    """Rising numbers of lines in words: `line 7`, `lines 7, 9-12`."""
+    found: list[list[int]] = []
+    for number in numbers:
+        if found and number == found[-1][1] + 1:
+            found[-1][1] = number
+        else:
+            found.append([number, number])
+    words = ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in found)
+    return f"line{'s' if len(numbers) > 1 else ''} {words}"

@@ -22,6 +22,13 @@ from rig.config.model import Broken, FileModel, Reason, Several, Whole, refuse
 from rig.config.problems import number_text
 from rig.config.wiring import Wiring
 
+SupervisorTimeout = Annotated[float, Field(ge=0.3, le=30)]
+"""Seconds without a sign of life of `rig run` after which the loop stops the rig (category 1).
+
+The signs come every 0.1 s; the shortest time leaves room for a lost one and a busy host."""
+
+SUPERVISOR_TIMEOUT: SupervisorTimeout = 1.0
+
 _SECOND = 10**9  # ns
 _FASTEST = 2000  # Hz
 
@@ -224,6 +231,7 @@ class RigFile(FileModel):
     stability: Stability
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: Stop
+    supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
     wiring: Wiring | None = None  # none: it can only be rehearsed
 
     @field_validator("spring_map")

@@ -19,6 +19,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from rig.config.places import KeyPath, Locate, Place
 from rig.config.problems import ConfigError, Problem, key_text, shown, value_text
+from rig.regular_file import CONFIG_MOST, read_regular
 
 __all__ = ["KeyPath", "Locate", "Place", "load_mapping"]
 
@@ -147,7 +148,7 @@ def _same_kind(old: dict[str, Any], new: dict[str, Any]) -> bool:
 
 def _compose(path: Path, asked: Place, key: str) -> Node | None:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_regular(path, CONFIG_MOST).decode("utf-8-sig")
     except OSError as error:
         reason = error.strerror or type(error).__name__
         message = f"cannot read {shown(path)}: {reason}"

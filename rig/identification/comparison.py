@@ -12,7 +12,8 @@ import numpy as np
 
 from rig.identification.periods import Complexes, Floats
 from rig.identification.report import JSON
-from rig.runs import RunError
+from rig.recording.runs import RunError
+from rig.regular_file import TABLE_MOST, read_regular
 
 NEAR = 0.1  # of the amplitude: farther apart, two models are no pair
 RESPONSES = ("Z_i", "Z_id", "Z_d")
@@ -54,8 +55,8 @@ class Comparison(NamedTuple):
 def read(path: Path) -> Told:
     """An identification.json; RunError where it is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError) as error:
+        content = json.loads(read_regular(path, TABLE_MOST))
+    except (OSError, ValueError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from None
     if not isinstance(content, dict) or "models" not in content:
         raise RunError(f"{path}: no {JSON} of rig identify")

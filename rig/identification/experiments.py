@@ -22,8 +22,8 @@ from rig.identification.periods import (
     filled,
     whole_ticks,
 )
-from rig.runs import RunError, reader
-from rig.runs.folder import Facts, facts
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import Facts, facts
 
 BEYOND = 1.25  # lines are kept up to so many times the highest excited frequency
 HIGHEST = 5.0  # Hz, of a reference
@@ -93,8 +93,10 @@ def sensors(axis: str, there: set[str]) -> dict[str, Sensor]:
     return {name: sensor for name, sensor in wanted.items() if sensor.field in there}
 
 
-def experiments(run: str | os.PathLike[str]) -> Read:
+def experiments(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> Read:
     """The experiments of a run with an open-loop reference.
+
+    ``incomplete_rows``: also those of rows of which the record lacks ticks, interpolated.
 
     Raises RunError where the run cannot be read or has no reference.
     """
@@ -112,7 +114,7 @@ def experiments(run: str | os.PathLike[str]) -> Read:
     made: dict[int, Experiment] = {}
     left: dict[int, str] = {}
     cut: dict[int, str] = {}
-    for window in windows(source, sorted(fields)):
+    for window in windows(source, sorted(fields), known.plan, incomplete_rows=incomplete_rows):
         if window.row not in rows:
             continue
         try:

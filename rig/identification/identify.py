@@ -14,8 +14,8 @@ from rig.identification.experiments import Experiment, experiments
 from rig.identification.families import Member, family
 from rig.identification.fit import Fitted, fit
 from rig.identification.impedances import Model, models
-from rig.runs import RunError
-from rig.runs.folder import facts
+from rig.recording.runs import RunError
+from rig.recording.runs.folder import facts
 
 FITTED = ("Z_i", "Z_id")
 TRUTH = "elevation"  # of a simulated sea at the device's place
@@ -27,6 +27,7 @@ class Asked(NamedTuple):
     order: int = 2  # of the parametric models
     probe: str = ""  # whose elevation is eta; the simulated truth if empty
     bem: Bem | None = None  # to compare with
+    incomplete_rows: bool = False  # also rows of which the record lacks ticks
 
 
 class Identification(NamedTuple):
@@ -54,9 +55,9 @@ def identify(runs: Sequence[Path], asked: Asked | None = None) -> Identification
     known = [facts(run) for run in runs]
     for run, what in zip(runs, known, strict=True):
         if wave_calibration.is_calibration(what.plan):
-            seas.append(_sea(run, asked.probe))
+            seas.append(_sea(run, asked, notes))
             continue
-        read = experiments(run)
+        read = experiments(run, incomplete_rows=asked.incomplete_rows)
         found += read.experiments
         notes += read.notes
     made = models(found)
@@ -99,11 +100,13 @@ def _fits(model: Model, order: int, notes: list[str]) -> dict[str, tuple[Fitted,
     return made
 
 
-def _sea(run: Path, probe: str) -> Sea:
+def _sea(run: Path, asked: Asked, notes: list[str]) -> Sea:
     """The elevation that a wave calibration found."""
-    table = wave_calibration.calibration(run)
+    table = wave_calibration.calibration(run, incomplete_rows=asked.incomplete_rows)
+    if withheld := table.attrs.get("withheld"):
+        notes.append(f"{table.attrs['run']}: {withheld}")
     names = table["probe"].values.tolist()
-    name = probe or TRUTH
+    name = asked.probe or TRUTH
     if name not in names:
         raise RunError(
             f"{run}: no {name!r} in this wave calibration; say which probe stands where the "

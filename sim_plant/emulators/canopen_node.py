@@ -57,13 +57,13 @@ class CanopenNode:
         self.errors = Errors(objects, schedule, self.port.emergency)
         self._schedule = schedule
         self._local = LocalSide(params.node_id, dictionary, objects, schedule, self.port.basic)
-        self._pdos = Pdos(objects, lambda: self.port.nmt is Nmt.OPERATIONAL)
-        self.exchange = Exchange(self._pdos, self.errors, schedule, self.port.process)
+        self.pdos = Pdos(objects, lambda: self.port.nmt is Nmt.OPERATIONAL)
+        self.exchange = Exchange(self.pdos, self.errors, schedule, self.port.process)
         self.exchange.delay = params.tpdo_delay
         self._masters = Deadlines()
         self._sync_id = 0x80
         self._wanted: set[int] = set()  # identifiers of frames for this node
-        objects.hooks[0x1005, 0] = lambda value: self._pdos.invalidate()
+        objects.hooks[0x1005, 0] = lambda value: self.pdos.invalidate()
         for index, sub in objects.kinds:
             if index == 0x1016 and sub:
                 objects.hooks[index, sub] = lambda value: self._watch_masters()
@@ -157,7 +157,7 @@ class CanopenNode:
 
     def _receive(self, frame: Frame) -> None:
         identifier, data, extended = frame
-        if self._pdos.stale:
+        if self.pdos.stale:
             self._reconfigure()
         if identifier not in self._wanted:
             return
@@ -168,7 +168,7 @@ class CanopenNode:
             if identifier == self._sync_id:
                 self._on_sync()
                 return
-            map_ = self._pdos.receive.get(identifier)
+            map_ = self.pdos.receive.get(identifier)
             if map_ is not None:
                 self.exchange.arrived(map_, data, self._schedule.time())
                 self._heard_again(node_errors.RPDO_TIMEOUT)
@@ -234,7 +234,7 @@ class CanopenNode:
         if now - self._stepped >= 0.5 * pace:
             self._tick()
         if self.port.nmt is Nmt.OPERATIONAL:
-            if self._pdos.stale:
+            if self.pdos.stale:
                 self._reconfigure()
             self.exchange.events(now)
 
@@ -272,7 +272,7 @@ class CanopenNode:
         self._local.quiet()
         self.storage.recall(all_of_them=application)
         self.errors.active.clear()
-        self._pdos.invalidate()
+        self.pdos.invalidate()
         self._watch_masters()
         self._masters.forget()
         self._apply_faults()
@@ -292,7 +292,7 @@ class CanopenNode:
         """Read anew what was written over SDO: PDOs, and which frames are for this node."""
         self.exchange.configure()
         self._sync_id = self.objects.get(0x1005) & 0x7FF
-        self._wanted = {0, self._sync_id, self._local.request_id, *self._pdos.receive}
+        self._wanted = {0, self._sync_id, self._local.request_id, *self.pdos.receive}
         self._wanted.update(range(0x701, 0x780))
 
     def _watch_masters(self) -> None:

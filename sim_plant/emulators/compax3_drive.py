@@ -33,6 +33,7 @@ FAULTS = {
     "wrong_crc": "the check sum of every record is wrong",
     "refuses": "every record and line gets a negative answer",
     "does_not_enable": "commands are acknowledged, the power stage stays off",
+    "inverted_motor": "set-points act with the other sign",
     "ignores_set_points": "set-points are acknowledged and not followed",
     "does_not_stop": "the power stage stays on whatever is commanded, errors excepted",
 }
@@ -155,8 +156,10 @@ class Drive:
         if not self.faults.on("ignores_set_points"):
             live = self.powered and not self._stopped()
             torque = self._mode == self.settings.torque and self.settings.source == "serial"
-            self._write("velocity", TURN * self._speed() if live and not torque else 0.0)
-            self._write("torque", self._values[self.settings.torque] if live and torque else 0.0)
+            sign = -1.0 if self.faults.on("inverted_motor") else 1.0
+            speed, pull = sign * TURN * self._speed(), sign * self._values[self.settings.torque]
+            self._write("velocity", speed if live and not torque else 0.0)
+            self._write("torque", pull if live and torque else 0.0)
         self._write("enabled", float(self.powered))
 
     def _speed(self) -> float:

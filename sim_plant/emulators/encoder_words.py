@@ -17,9 +17,14 @@ LENGTHS: dict[int, Count] = {1: 24, 2: 24, 4: 32, 6: 32, 9: 32}  # bits of a wor
 STAMPED: dict[int, Second] = {4: 1.0e-5, 9: 1.0e-6}  # tick of the time stamp
 MOST_BITS = {1: 22, 2: 22, 4: 19, 6: 22, 9: 19}
 
+STEP, CREEP = 30.0, 10.0  # deg of the encoder's own shaft, deg/s
+
 FAULTS = {
     "invalid": "the word says its position is not valid (PV 0; SSI2: alarm 1)",
     "wrapped": "the position jumps by half a turn and stays there",
+    "reversed": "the position counts the other way from where it is",
+    "stepped": f"the position jumps by {STEP:g} deg and stays there",
+    "creeping": f"the position drifts away by {CREEP:g} deg/s",
     "stuck": "the position stands still, the time stamp goes on",
     "frozen_word": "the same word comes again and again, time stamp included",
     "wrong_crc": "check sum (SSI6) or parity (SSI2) is wrong; other words carry none",
@@ -85,6 +90,7 @@ class Encoder:
         self.faults = DeviceFaults(FAULTS)
         word(self.settings.protocol, (1 << self.settings.bits) - 1, valid=True)
         self._position: Count | None = None
+        self._began: dict[str, tuple[Count, Second]] = {}  # position and time of faults that are on
         self._word: int | None = None
 
     def count(self, angle: Radian) -> Count:
@@ -103,7 +109,7 @@ class Encoder:
         if faults.on("frozen_word") and self._word is not None:
             return self._word
         if not faults.on("stuck") or self._position is None:
-            self._position = self.count(angle)
+            self._position = self._moved(self.count(angle), time)
         position = self._position
         if faults.on("wrapped"):
             position = (position + (1 << settings.bits - 1)) % (1 << settings.bits)
@@ -117,3 +123,19 @@ class Encoder:
             ok=not faults.on("wrong_crc"),
         )
         return self._word
+
+    def _moved(self, position: Count, time: Second) -> Count:
+        """Give the count as the faults that move it have it."""
+        turn = 1 << self.settings.bits
+        for name in ("reversed", "stepped", "creeping"):
+            if not self.faults.on(name):
+                self._began.pop(name, None)
+                continue
+            at, since = self._began.setdefault(name, (position, time))
+            if name == "reversed":
+                position = 2 * at - position
+            elif name == "stepped":
+                position += round(STEP / 360.0 * turn)
+            else:
+                position += round(CREEP * (time - since) / 360.0 * turn)
+        return position % turn

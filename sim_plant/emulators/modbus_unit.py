@@ -18,6 +18,7 @@ FAULTS = {
     "late_answers": "every answer comes `late_by` later",
     "refuses": "every request is answered by exception 4, device failure",
     "busy": "every request is answered by exception 6, busy",
+    "half_busy": "every other request is answered by exception 6, busy",
     "frozen_values": "readings stand still; requests are answered as ever",
     "swapped_words": "32-bit values have their two words in the other order",
     "torn_values": "32-bit values have the lower word of the reading before",
@@ -79,6 +80,8 @@ class ModbusUnit:
         for fault, code in (("refuses", Refused.DEVICE_FAILURE), ("busy", Refused.BUSY)):
             if self.faults.on(fault):
                 return Answer(modbus_pdu.exception(pdu[0], code), delay)
+        if self.faults.on("half_busy") and self.requests % 2 == 0:
+            return Answer(modbus_pdu.exception(pdu[0], Refused.BUSY), delay)
         if pdu[0] not in self.functions:
             return Answer(modbus_pdu.exception(pdu[0], Refused.ILLEGAL_FUNCTION), delay)
         self.heard(pdu[0])

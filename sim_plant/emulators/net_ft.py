@@ -28,6 +28,7 @@ TEND = 0.005  # s between two looks at what the link's faults hold
 
 FAULTS = {
     "saturated": "every axis reads its rating and the status says so",
+    "inverted": "every axis has the other sign",
     "status_error": "the status of every record is 80000000",
     "silent": "nothing is sent; sequences run on",
     "frozen_values": "the counts stand still, both sequences go on",
@@ -144,7 +145,9 @@ class NetFt(asyncio.DatagramProtocol):
         """Give the six counts, bias taken off, and the status."""
         faults, settings = self.faults, self.settings
         if not (faults.on("frozen_values") or faults.on("stuck_sensor")):
-            self._counts, self._status = self._counted(self._read())
+            sign = -1.0 if faults.on("inverted") else 1.0
+            wrench = Wrench(*(sign * value for value in self._read()))
+            self._counts, self._status = self._counted(wrench)
         status = self._status | (0x80000000 if faults.on("status_error") else 0)
         if faults.on("saturated"):
             wrench = Wrench(*settings.calibration.ratings)

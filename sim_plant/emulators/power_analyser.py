@@ -35,6 +35,7 @@ NO_DATA = float("nan")  # what an item without a function reads (IM WT310-17EN s
 FAULTS = {
     "over_range": "every value reads infinite, as an input beyond its range does",
     "counter_stuck": "values go on, the update counter does not",
+    "stuck_values": "values stand still, the update counter goes on",
     "no_data": "every value reads not-a-number",
 }
 
@@ -95,6 +96,7 @@ class PowerAnalyser(ModbusUnit):
         self._seen: Second | None = None
         self._start: Second | None = None
         self.updates: Count = 0
+        self._published = Terminals(0.0)
         for address in range(STATUS[0], STATUS[0] + STATUS[1]):
             self.put(Table.INPUT, address, 0)
         for address in range(CONTROL[0], CONTROL[0] + CONTROL[1]):
@@ -135,6 +137,9 @@ class PowerAnalyser(ModbusUnit):
 
     def _publish(self, values: Terminals, now: Second, *, count: Count) -> None:
         settings = self.settings
+        if self.faults.on("stuck_values"):
+            values = self._published
+        self._published = values
         blocks = {block: self._struck(quantities(getattr(values, block))) for block in BLOCKS}
         for block, (first, _) in BLOCKS.items():
             for place, quantity in enumerate(settings.order):

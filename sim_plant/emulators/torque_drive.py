@@ -73,8 +73,13 @@ class TorqueDriveParams(NamedTuple):
 TORQUE_FAULTS = (
     Fault("wrong_kp", "20D8:0C and all its scaling are another drive's", "factor on Kp", 0.5),
     Fault("no_torque", "enabled, but no current flows"),
+    Fault("inverted_motor", "two of its phases are swapped: current and force have the other sign"),
+    Fault("encoder_reversed", "6064 counts the other way from where it is"),
+    Fault("encoder_step", "6064 is shifted at once", "counts", 4000.0),
+    Fault("encoder_creep", "6064 drifts away", "counts/s", 400.0),
     Fault("load_cell_saturated", "analog input 1 stands at its positive end"),
     Fault("load_cell_dead", "both analog inputs read 0 V"),
+    Fault("load_cell_inverted", "analog input 1 has the other sign"),
     Fault("limit_switch", "60FD: a limit switch is closed", "bit: 0 negative, 1 positive", 0.0),
 )
 
@@ -98,6 +103,8 @@ class TorqueDrive(Cia402Node):
         self._written: tuple[Ampere, int] = (0.0, 0)
         self._limited = False
         self._counts: int | None = None
+        self._turned_at = 0  # counts where the encoder was reversed
+        self._creeps_since: Second = 0.0
         super().__init__(params, torque.drive, hub, schedule, world)
         self.fault_list.add(*TORQUE_FAULTS)
 
@@ -107,6 +114,12 @@ class TorqueDrive(Cia402Node):
     def kp(self) -> Ampere:
         """Peak current of the drive (AMC: 20D8:0C in 0.1 A)."""
         return 0.1 * self.objects.get(0x20D8, 0xC)
+
+    def raw_target(self, current: Ampere) -> int:
+        """Give 6071 of a current."""
+        if self.torque.scaling is Scaling.AMC:
+            return rounded(current * 32768.0 / self.kp)
+        return self.raw_current(current)
 
     def asked(self) -> Ampere:
         """Give the current that 6071 (and 60B2) ask for, within the drive's own limits."""
@@ -131,7 +144,7 @@ class TorqueDrive(Cia402Node):
         """Put encoder, current, voltage, temperature and analog inputs."""
         read, put, active = self.world.readings(), self.objects.put, self.active
         heave = self._heave
-        counts = read.heave_counts if heave else read.surge_counts
+        counts = self._counted(read.heave_counts if heave else read.surge_counts)
         current = read.heave_current if heave else read.surge_current
         self.put_position(counts)
         if elapsed > 0.0:
@@ -146,6 +159,9 @@ class TorqueDrive(Cia402Node):
         elif "load_cell_dead" in active:
             put(0x201A, 0, 1)
             put(0x201A, 0, 2)
+        elif "load_cell_inverted" in active:
+            reading, per_volt = self.torque.analog[0]
+            put(0x201A, analog(-getattr(read, reading), per_volt), 1)
         put(0x6078, self.objects.values[0x6077, 0])
         put(0x60FD, 1 << int(active["limit_switch"]) if "limit_switch" in active else 0)
 
@@ -169,6 +185,8 @@ class TorqueDrive(Cia402Node):
         else:  # a quick stop takes the torque away at once [NC]
             self.current = 0.0
         flowing = 0.0 if "no_torque" in self.active else self.current
+        if "inverted_motor" in self.active:
+            flowing = -flowing
         written = (flowing, 1 if action is not Action.OFF else 0)
         if written != self._written:
             self._written = written
@@ -198,6 +216,15 @@ class TorqueDrive(Cia402Node):
         code = read.heave_fault if self._heave else read.surge_fault
         return PLANT_FAULTS[code] if code else 0
 
+    def fault_began(self, fault: Fault) -> None:
+        """Remember where and when the encoder began to go wrong."""
+        super().fault_began(fault)
+        read = self.world.readings()
+        if fault.name == "encoder_reversed":
+            self._turned_at = read.heave_counts if self._heave else read.surge_counts
+        elif fault.name == "encoder_creep":
+            self._creeps_since = self.world.time
+
     def restarted(self) -> None:
         """Power-on: no current."""
         self._counts = None
@@ -208,6 +235,15 @@ class TorqueDrive(Cia402Node):
         super()._apply_faults()
         nominal = self.storage.defaults.get((0x20D8, 0xC), 0)
         self.objects.put(0x20D8, round(nominal * self.active.get("wrong_kp", 1.0)), 0xC)
+
+    def _counted(self, counts: int) -> int:
+        """Give the encoder's counts as its faults have them."""
+        active = self.active
+        if "encoder_reversed" in active:
+            counts = 2 * self._turned_at - counts
+        counts += int(active.get("encoder_step", 0.0))
+        rate = active.get("encoder_creep", 0.0)
+        return counts + int(rate * (self.world.time - self._creeps_since))
 
     def _slope(self) -> float:
         """Give the torque slope 6087 (per mille of rated, or of peak, per second) in A/s."""

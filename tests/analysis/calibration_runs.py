@@ -8,15 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.signals import Metre, Second, Tick
-from rig import record, safety
-from rig.campaign.multisine import Multisine, design
-from rig.cycle import PlanRecord
-from rig.log import RowWriter
-from rig.runs.mcap_file import row_dtype
-from rig.safety import Mode, Reason
-from rig.sequence import NO_ROW, Phase
-from rig.wavebot import WaveSense
+from controllers.signals import Count, Metre, Second, Tick
+from rig.kinds.wavebot import WaveSense
+from rig.planning.campaign.multisine import Multisine, design
+from rig.realtime import safety
+from rig.realtime.cycle import PlanRecord
+from rig.realtime.safety import Mode, Reason
+from rig.realtime.sequence import NO_ROW, Phase
+from rig.recording import row_layout
+from rig.recording.mcap_writer import RowWriter
+from rig.recording.runs.mcap_file import row_dtype
 
 DT = 0.001
 
@@ -37,6 +38,23 @@ class ProbedRow(NamedTuple):
     safety: safety.State
     probes: ProbeSense
     wave: WaveSense
+    tick_end: Tick
+
+
+class Skipped(NamedTuple):
+    skipped: Count
+
+
+class TimedRow(NamedTuple):
+    """The same with the loop's own count of the periods that it skipped."""
+
+    tick: Tick
+    time: Second
+    plan: PlanRecord
+    safety: safety.State
+    probes: ProbeSense
+    wave: WaveSense
+    timing: Skipped
     tick_end: Tick
 
 
@@ -75,7 +93,7 @@ def rows(
     """
     leading, measuring = round(lead_in / DT), round(periods * sea.repeat / DT)
     count = leading + measuring + 20
-    data = np.zeros(count, row_dtype(record.leaves(kind)))
+    data = np.zeros(count, row_dtype(row_layout.leaves(kind)))
     data["tick"] = data["tick_end"] = np.arange(count)
     data["time"] = clock = np.arange(count) * DT
     data["plan.row"] = NO_ROW
@@ -87,7 +105,7 @@ def rows(
     data["safety.mode"] = Mode.OFF
     data["safety.reason"][leading + measuring :] = Reason.PLAN_END
     data["wave.elevation"] = elevation(sea, clock)
-    if kind is ProbedRow:
+    if kind is not BareRow:
         sample = np.floor((clock - late) / 0.02 + 1e-9)
         taken = 0.02 * sample
         random = np.random.default_rng(seed)

@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig import record
 from rig.analysis.rows import LOGGED
-from rig.log import RowWriter
-from rig.runs.mcap_file import row_dtype
-from rig.safety import Mode, Reason
-from rig.sequence import NO_ROW, Phase
-from rig.wavebot import WaveBotRow
+from rig.kinds.wavebot import WaveBotRow
+from rig.realtime.safety import Mode, Reason
+from rig.realtime.sequence import NO_ROW, Phase
+from rig.recording import row_layout
+from rig.recording.mcap_writer import RowWriter
+from rig.recording.runs.mcap_file import row_dtype
 
 START = 1_760_000_000_000_000_000  # ns, UTC
-DTYPE = row_dtype(record.leaves(WaveBotRow))
+DTYPE = row_dtype(row_layout.leaves(WaveBotRow))
 STATOR = {490.9: -13.0, -5715.0: 27.0}
 
 

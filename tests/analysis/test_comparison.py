@@ -22,7 +22,7 @@ from rig.analysis.points import Matrix, Point
 from rig.analysis.rows import POWERS
 from rig.cli import app
 from rig.config.columns import COLUMNS
-from rig.runs.folder import Facts
+from rig.recording.runs.folder import Facts
 
 SHAPE = Shape(noise=1.0, wander=1.0, settle=5, tail=2, lead_in=10)
 CUSTOM = {

@@ -8,13 +8,13 @@ import pytest
 import synthetic_runs as synthetic
 from synthetic_runs import Row, Shape
 
-from rig import record
 from rig.analysis import quality
 from rig.analysis.report import summary_of
 from rig.analysis.rows import row_table
-from rig.runs.mcap_file import row_dtype
-from rig.sequence import Phase
-from rig.wavebot import WaveBotRow
+from rig.kinds.wavebot import WaveBotRow
+from rig.realtime.sequence import Phase
+from rig.recording import row_layout
+from rig.recording.runs.mcap_file import row_dtype
 
 POWER = dict.fromkeys(("mechanical_1", "mechanical_2", "ac", "dc"), -10.0)
 ROWS = [Row(i, 0, 490.9, -2000.0, 1000.0 * i, POWER) for i in range(2)]
@@ -95,7 +95,7 @@ def test_a_run_of_before_surge_and_drive_were_logged(tmp_path: Path) -> None:
     then = {name: hint for name, hint in now.items() if name not in gone}
     row_type = NamedTuple("WaveBotRow", list(then.items()))
     data = filled()
-    dtype = row_dtype(record.leaves(row_type))
+    dtype = row_dtype(row_layout.leaves(row_type))
     old = np.zeros(len(data), dtype)
     for name in dtype.names or ():
         old[name] = data[name]

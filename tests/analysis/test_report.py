@@ -19,11 +19,11 @@ from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
 from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
-from rig.calibration.sources import PRODUCTS
-from rig.limits import Limited
-from rig.runs import RunError
-from rig.safety import Reason
-from rig.sequence import Phase
+from rig.realtime.limits import Limited
+from rig.realtime.safety import Reason
+from rig.realtime.sequence import Phase
+from rig.recording.calibration.sources import PRODUCTS
+from rig.recording.runs import RunError
 
 SHAPE = synthetic.Shape(noise=10.0, wander=1.0)
 ROWS = synthetic.default_rows()
@@ -112,11 +112,12 @@ def test_a_crashed_run_gets_its_products(tmp_path: Path) -> None:
     text = (tmp_path / "summary.txt").read_text()
     for part in (
         "No end recorded",
-        "9 of 66 rows complete",
+        "8 of 66 rows complete",
+        "Record incomplete: at least 3 of ",
         "the record was not finished by its writer, 5 torn bytes at its end",
         "mean position beyond 5 mm in row 4: −7.2 mm in row 4",
         "force limited (current peak) in row 3",
-        "3 ticks lost while measuring, in row 3",
+        "row 3 is withheld: 3 of 1000 ticks missing from the record (--incomplete-rows",
         "row 9 is not whole (the log ends here)",
         "No timing certificate",
     ):

@@ -12,16 +12,17 @@ import xarray
 from scipy import stats
 from synthetic_runs import Row, Shape
 
-from rig import record
 from rig.analysis.points import points
-from rig.analysis.rows import POWERS, period_means, row_table, standard_error, write_rows
+from rig.analysis.rows import INCOMPLETE, POWERS, period_means, row_table, standard_error
+from rig.analysis.rows_file import write_rows
 from rig.analysis.slices import optima
-from rig.limits import Limited, Warned
-from rig.runs import open_run
-from rig.runs.mcap_file import row_dtype
-from rig.safety import Mode, Reason
-from rig.sequence import Phase
-from rig.wavebot import WaveBotRow
+from rig.kinds.wavebot import WaveBotRow
+from rig.realtime.limits import Limited, Warned
+from rig.realtime.safety import Mode, Reason
+from rig.realtime.sequence import Phase
+from rig.recording import row_layout
+from rig.recording.runs import open_run
+from rig.recording.runs.mcap_file import row_dtype
 
 POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
 
@@ -134,14 +135,57 @@ def test_repetitions_give_the_error(tmp_path: Path) -> None:
         assert rows == pytest.approx(np.full(4, np.std(means, ddof=1)))  # of a single row
 
 
-def test_lost_ticks_are_counted(tmp_path: Path) -> None:
+def without(data: Any, gap: slice, *, skipped: bool) -> Any:
+    """A run without some ticks of row 1: skipped by the loop, or lost from the record."""
+    inside = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))[gap]
+    if skipped:
+        data["timing.skipped"][inside[-1] + 1 :] += len(inside)
+    return np.delete(data, inside)
+
+
+def test_ticks_skipped_by_the_loop_are_counted(tmp_path: Path) -> None:
     rows, shape = planned(2), Shape()
-    data = synthetic.run_rows(rows, shape)
-    inside = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))
-    table = table_of(tmp_path, np.delete(data, inside[100:107]), rows, shape)
+    data = without(synthetic.run_rows(rows, shape), slice(100, 107), skipped=True)
+    table = table_of(tmp_path, data, rows, shape)
     assert table["lost_ticks"].values.tolist() == [0, 7]
     assert table["samples"].values.tolist() == [1000, 993]
+    assert table["ticks_expected"].values.tolist() == [1000, 993]
+    assert table["ticks_missing"].values.tolist() == [0, 0]
     assert set(table["state"].values) == {"complete"}
+    assert table.attrs["record"] == "complete"
+
+
+def test_a_row_that_is_lost_whole_was_run_all_the_same(tmp_path: Path) -> None:
+    rows, shape = planned(3), Shape()
+    data = without(synthetic.run_rows(rows, shape), slice(None), skipped=False)
+    table = table_of(tmp_path, data, rows, shape)
+    assert table["state"].values.tolist() == ["complete", INCOMPLETE, "complete"]
+    assert table["cut_short"].values[1] == "all of its ticks are missing from the record"
+
+
+@pytest.mark.parametrize("gap", [slice(100, 107), slice(0, 7), slice(993, 1000)])
+def test_a_row_that_the_record_lacks_ticks_of_is_withheld(gap: slice, tmp_path: Path) -> None:
+    """Also where they are missing at its beginning or end, which only the plan tells."""
+    rows, shape = planned(3), Shape()
+    data = without(synthetic.run_rows(rows, shape), gap, skipped=False)
+    plan = synthetic.plan_json(rows, shape)
+    for row in plan["rows"]:
+        row["measure_s"] = 1000 * shape.dt
+    table = row_table(synthetic.write_run(tmp_path, data, plan))
+    assert table["state"].values.tolist() == ["complete", INCOMPLETE, "complete"]
+    assert table["cut_short"].values[1] == "7 of 1000 ticks missing from the record"
+    assert table["samples"].values.tolist() == [1000, 993, 1000]
+    assert table["ticks_expected"].values.tolist() == [1000, 1000, 1000]
+    assert table["ticks_missing"].values.tolist() == [0, 7, 0]
+    for name in ("power_dc", "power_dc_se", "position_rms", "stroke", "bus_voltage_mean"):
+        assert np.isnan(table[name].values).tolist() == [False, True, False], name
+    assert table["kp"].values.tolist() == [row.kp for row in rows]
+    assert [point.rows for point in points(table)] == [(0,), (2,)]
+    assert table.attrs["record"].startswith("incomplete: 7 of ")
+    asked = row_table(tmp_path, incomplete_rows=True)
+    assert set(asked["state"].values) == {"complete"}
+    assert np.isfinite(asked["power_dc"].values).all()
+    assert asked["ticks_missing"].values[1] == 7
 
 
 def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
@@ -172,7 +216,7 @@ def test_a_run_of_before_a_field_was_renamed(tmp_path: Path) -> None:
         "safety": NamedTuple("Safety", [*safety.items(), ("warned", flag)]),
     }
     row_type = NamedTuple("WaveBotRow", list(then.items()))
-    dtype = row_dtype(record.leaves(row_type))
+    dtype = row_dtype(row_layout.leaves(row_type))
     assert "safety.warned" in dtype.names
     old = np.zeros(len(data), dtype)
     for name in dtype.names:

@@ -13,17 +13,19 @@ import xarray
 from hoisted_runs import STATIONS, Hidden, drawn, mapped
 from rehearsing import CONFIGS, yaml_file
 from rig_command import rig_here
+from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
-from rig.analysis.report import write_products
-from rig.analysis.rows import row_table
+from rig.analysis.report import summary_of, write_products
+from rig.analysis.rows import POWERS, row_table
 from rig.analysis.spring_map import passes
 from rig.analysis.spring_map.files import write_calibration
 from rig.analysis.spring_map.passes import FIT, Samples
-from rig.analysis.spring_map.result import natural_frequency, spring_map
-from rig.calibration import At, corrected, open_calibration, recorded
-from rig.campaign import check
+from rig.analysis.spring_map.result import findings, natural_frequency, spring_map
 from rig.config import ConfigError, RigFile, load
-from rig.runs import RunError
+from rig.planning.campaign import check
+from rig.realtime.sequence import Phase
+from rig.recording.calibration import At, corrected, open_calibration, recorded
+from rig.recording.runs import RunError
 
 HALF = [-93.0, -33.0, 7.0, 67.0]  # of the stations: half the time
 LEVER = 0.33047  # m/rad
@@ -139,6 +141,38 @@ def test_command_and_products(
         "--date", "2100-01-01",
     )  # fmt: skip
     assert code == 0
+
+
+def test_a_station_that_the_record_lacks_ticks_of_is_left_out_and_named(tmp_path: Path) -> None:
+    """Three stations on a spring of 100 sin 2 theta N m; 50 of the 2000 ticks of one are lost."""
+    shape = Shape(periods=10)
+    rows = [Row(i, 0, 0.0, 0.0, 0.0, dict.fromkeys(POWERS, 0.0)) for i in range(3)]
+    plan = plan_json(rows, shape) | {"hoist": {"speed_m_per_s": 0.1, "words": "by hand"}}
+    data = run_rows(rows, shape)
+    way = np.repeat([1.0, -1.0, 1.0, -1.0], 500)
+    angle = 0.9 * np.concatenate([np.linspace(-1.0, 1.0, 500) * sign for sign in way[::500]])
+    for i, stator in enumerate((-30.0, 0.0, 30.0)):
+        here = (data["plan.row"] == i) & (data["plan.phase"] == Phase.MEASURE)
+        data["load.rotor_angle"][here] = angle
+        data["load.slew"][here] = 100.0 * np.sin(2.0 * angle)
+        data["heave.estimate.velocity"][here] = 0.1 * way
+        data["spring_sense.position"][here] = stator
+    inside = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))
+    spring = {"metres_per_radian": LEVER, "mapping": {"slew_lever_m": 1.0}}
+    torn = write_run(
+        tmp_path / "torn", np.delete(data, inside[700:750]), plan,
+        config={"rig": {"name": "wavebot", "spring": spring}}, ticks=len(data),
+    )  # fmt: skip
+    said = "row 1 is left out: 50 of 2000 ticks missing from the record"
+    found = spring_map(torn)
+    assert found["station"].values.tolist() == [-30.0, 30.0]
+    assert found.attrs["left_out"] == said
+    assert said in findings(found)
+    assert said in summary_of(torn).findings
+    asked = spring_map(torn, incomplete_rows=True)
+    assert asked["station"].values.tolist() == [-30.0, 0.0, 30.0]
+    assert "left_out" not in asked.attrs
+    np.testing.assert_allclose(found["rate"], 164.9 / LEVER**2, rtol=0.01)
 
 
 def sweep(law: Any, *, half: float = 0.9, noise: float = 0.0, rub: float = 0.0) -> Samples:

@@ -11,21 +11,25 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, run, yaml_file
 from rig_command import rig_here
+from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
-from rig.analysis.surge_damping import Row, allowed_stroke, as_text, choose, measured
-from rig.campaign import check
-from rig.runs import RunError
-from rig.runs.folder import facts
+from rig.analysis.rows import POWERS
+from rig.analysis.surge_damping import Row as Damped
+from rig.analysis.surge_damping import allowed_stroke, as_dict, as_text, choose, measured
+from rig.planning.campaign import check
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError
+from rig.recording.runs.folder import facts
 
 OMEGA = math.pi  # 0.5 Hz
 DAMPINGS = (250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
 
 
-def oscillator(damping: float, excitation: float = 1000.0, own: float = 1500.0) -> Row:
+def oscillator(damping: float, excitation: float = 1000.0, own: float = 1500.0) -> Damped:
     """A surge axis at resonance: x = F / (w (own + damping)), drive force = damping w x."""
     velocity = excitation / (own + damping)
     stroke = velocity / OMEGA
-    return Row(0, damping, stroke, damping * velocity, 0.1, -45.0, 0.01, 12.0, True)
+    return Damped(0, damping, stroke, damping * velocity, 0.1, -45.0, 0.01, 12.0, True)
 
 
 def test_at_resonance_the_stroke_says_the_damping() -> None:
@@ -47,7 +51,7 @@ def test_heave_power_may_bind_and_a_least_force_may_lie_within() -> None:
     choice = choose(starved, 1.0)
     assert (choice.bound, choice.damping > 1000.0) == ("heave power", True)
     dipped = [row._replace(force=abs(math.log(row.damping / 1000.0)) + 1.0) for row in rows]
-    assert choose(dipped, 1.0)[3:] == (1000.0, pytest.approx((0.127, 1.0, -45.0), abs=1e-3),
+    assert choose(dipped, 1.0)[3:6] == (1000.0, pytest.approx((0.127, 1.0, -45.0), abs=1e-3),
                                        "least force")  # fmt: skip
     free = choose(rows, 1.0)
     assert (free.bound, free.damping) == ("end of the range", 250.0)
@@ -93,6 +97,35 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return ended.folder
 
 
+def stepped(folder: Path, lost: slice) -> Path:
+    """A synthetic run of five dampings; the record lacks these ticks of row 3."""
+    rows = [Row(i, 0, 7690.0, -2500.0, 0.0, dict.fromkeys(POWERS, -10.0)) for i in range(5)]
+    plan = plan_json(rows, Shape())
+    for i, row in enumerate(plan["rows"]):
+        row |= {"surge_kp": -(500.0 + 500.0 * i), "surge_ki": 0.0}
+    data = run_rows(rows, Shape())
+    inside = np.flatnonzero((data["plan.row"] == 3) & (data["plan.phase"] == Phase.MEASURE))
+    return write_run(folder, np.delete(data, inside[lost]), plan, ticks=len(data))
+
+
+def test_a_row_that_the_record_lacks_ticks_of_is_left_out_and_named(tmp_path: Path) -> None:
+    torn = stepped(tmp_path / "torn", slice(100, 150))
+    said = "row 3 is left out: 50 of 1000 ticks missing from the record"
+    found = measured(torn)
+    assert [row.row for row in found.rows] == [0, 1, 2, 4]
+    assert found.notes == (said,)
+    choice = choose(found.rows, 0.1)._replace(notes=found.notes)
+    assert f"note: {said}" in as_text(choice)
+    assert as_dict(choice)["notes"] == [said]
+    code, out, _ = rig_here("surge-damping", torn, "--stroke-m", "0.1", "--json")
+    assert json.loads(out)["notes"] == [said], code
+    asked = measured(torn, incomplete_rows=True)
+    assert ([row.row for row in asked.rows], asked.notes) == ([0, 1, 2, 3, 4], ())
+    gone = measured(stepped(tmp_path / "gone", slice(None)))
+    assert [row.row for row in gone.rows] == [0, 1, 2, 4]
+    assert gone.notes == ("row 3 is left out: all of its ticks are missing from the record",)
+
+
 @pytest.mark.slow
 def test_rows_are_those_of_the_bem(finished: Path) -> None:
     """Amplitudes by the BEM at 0.5 Hz and the drawn stiffness and drag: |Fe| a / |k - (m + A) w²
@@ -102,7 +135,7 @@ def test_rows_are_those_of_the_bem(finished: Path) -> None:
         frequency, size = bem["f_hz"], np.abs(bem["Fe_complex"])
         added, radiated = (float(np.interp(0.5, frequency, bem[key])) for key in ("A", "B"))
         force = float(np.interp(0.5, frequency, size))
-    for row in measured(finished):
+    for row in measured(finished).rows:
         own = radiated + 1300.0
         z = 16500.0 - (1420.0 + added) * OMEGA**2 + 1j * OMEGA * (own + row.damping)
         stroke = 0.1 * force / abs(z)

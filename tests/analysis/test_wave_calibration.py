@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from calibration_runs import DT, SEA, BareRow, elevation, plan_of, rows, write
+from calibration_runs import DT, SEA, BareRow, TimedRow, elevation, plan_of, rows, write
 
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.summary import as_text
 from rig.analysis.wave_calibration import calibration, findings
 from rig.analysis.wave_lines import Samples, by_period, coefficients, lines, mean_period
-from rig.campaign.multisine import design
-from rig.runs import RunError
+from rig.planning.campaign.multisine import design
+from rig.recording.runs import RunError
 
 
 def wrapped(phase: Any) -> Any:
@@ -190,6 +190,63 @@ def test_lost_ticks_cost_no_accuracy(tmp_path: Path) -> None:
     table = calibration(write(tmp_path / "run", data[keep]))
     for name in ("probe_1", "elevation"):
         np.testing.assert_allclose(table["amplitude"].sel(probe=name), SEA.amplitude, rtol=1e-8)
+
+
+def lacking(ticks: slice, *, skipped: bool) -> Any:
+    """A calibration of three periods, 5000 ms to 65 000 ms, without these ticks."""
+    data = rows(kind=TimedRow)
+    gone = np.zeros(len(data), bool)
+    gone[ticks] = True
+    if skipped:  # by the loop, which counts them
+        data["timing.skipped"] = np.cumsum(gone)
+    return data[~gone]
+
+
+@pytest.mark.parametrize(
+    ("ticks", "withheld"),
+    [
+        (slice(30_000, 30_100), "repeat period 2 withheld: 100 of 60000"),
+        (slice(30_000, 34_000), "repeat period 2 withheld: 4000 of 60000"),  # a fifth of it
+        (slice(24_990, 25_010), "repeat periods 1, 2 withheld: 20 of 60000"),
+        (slice(64_900, 65_000), "repeat period 3 withheld: 100 of 60000"),
+        (slice(4_900, 5_050), "repeat period 3 withheld: 150 of 60100"),  # it ends too early
+        (slice(1_000, 1_500), ""),
+    ],
+)
+def test_a_period_that_the_record_lacks_ticks_of_is_withheld(
+    ticks: slice, withheld: str, tmp_path: Path
+) -> None:
+    run = write(tmp_path / "run", lacking(ticks, skipped=False), kind=TimedRow)
+    table = calibration(run)
+    assert table.attrs.get("withheld", "").startswith(withheld)
+    left = 3 - withheld.partition(":")[0].count(",") - bool(withheld)
+    assert table["periods"].values.tolist() == [left] * 4
+    np.testing.assert_allclose(table["amplitude"][0], SEA.amplitude, rtol=1e-9)
+    told = summary_of(run)
+    assert (told.findings[0].startswith("repeat period")) == bool(withheld)
+    assert told.record is not None
+    assert told.record.state == "incomplete"
+    asked = calibration(run, incomplete_rows=True)
+    assert "withheld" not in asked.attrs
+    there = 2 if ticks.start == 30_000 and ticks.stop == 34_000 else 3
+    assert asked["periods"].values.tolist() == [there] * 4
+
+
+def test_a_period_in_which_the_loop_skipped_ticks_counts(tmp_path: Path) -> None:
+    skipped = lacking(slice(30_000, 30_100), skipped=True)
+    table = calibration(write(tmp_path / "run", skipped, kind=TimedRow))
+    assert "withheld" not in table.attrs
+    assert table["periods"].values.tolist() == [3, 3, 3, 3]
+
+
+def test_a_calibration_of_which_every_period_lacks_ticks(tmp_path: Path) -> None:
+    data = lacking(slice(30_000, 30_010), skipped=False)
+    data = data[~np.isin(data["tick"], [10_000, 50_000])]
+    run = write(tmp_path / "run", data, kind=TimedRow)
+    with pytest.raises(
+        RunError, match=r"no whole .*; repeat periods 1, 2, 3 withheld: 12 of 60000"
+    ):
+        calibration(run)
 
 
 def test_a_single_period_has_no_error(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
-from rig.sequence import Phase
+from rig.realtime.sequence import Phase
 
 OFFSET, DRIFT = 7.25, 20e-6  # run time = tau (1 + DRIFT) + OFFSET
 EDGE = 10.0  # s of run time

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from two_clocks import Truth, drawn, recording, reference
 
-from rig.basin.align import Alignment, Reference, Twin, align
-from rig.basin.clock import Clock
-from rig.basin.sync import phase_track
+from rig.interop.basin.align import Alignment, Reference, Twin, align
+from rig.interop.basin.clock import Clock
+from rig.interop.basin.sync import phase_track
 
 SEEDS = 200
 

@@ -11,12 +11,12 @@ import pytest
 import xarray
 from command_here import rig
 
-from rig.basin.merge import SYNC, Asked, Source, merge
-from rig.basin.products import row_means, write
-from rig.basin.recording import read_recording
-from rig.basin.resample import cubic
-from rig.basin.sync import rising_edge
 from rig.config import ConfigError
+from rig.interop.basin.merge import SYNC, Asked, Source, merge
+from rig.interop.basin.products import row_means, write
+from rig.interop.basin.recording import read_recording
+from rig.interop.basin.resample import cubic
+from rig.interop.basin.sync import rising_edge
 
 CLOCK = Asked(run_sine="clock")
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.basin.align import Reference
-from rig.basin.recording import Recording
-from rig.basin.sync import Edge, computed
+from rig.interop.basin.align import Reference
+from rig.interop.basin.recording import Recording
+from rig.interop.basin.sync import Edge, computed
 
 
 class Truth(NamedTuple):

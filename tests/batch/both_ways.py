@@ -16,16 +16,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig import cycle
-from rig.assemble import wavebot_params
-from rig.batch.subject import KEPT, Subject
-from rig.campaign import Campaign, Plan, check
-from rig.loop import LINGER
-from rig.rehearsal import job
-from rig.rehearsal.devices import connect
-from rig.safety import STOP_0, Reason
-from rig.sequence import MEASURE
-from rig.wavebot import KIND
+from rig.execution.rehearsal import job
+from rig.execution.rehearsal.devices import connect
+from rig.kinds.wavebot import KIND
+from rig.kinds.wavebot.build import wavebot_params
+from rig.planning.campaign import Campaign, Plan, check
+from rig.realtime import cycle
+from rig.realtime.loop import LINGER
+from rig.realtime.safety import STOP_0, Reason
+from rig.realtime.sequence import MEASURE
+from rig.sweep.subject import KEPT, Subject
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
 

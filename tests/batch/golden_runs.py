@@ -11,9 +11,14 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from rehearsing import run
+
+from rig.recording.runs import facts
+from rig.recording.runs.folder import Facts
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
 IN_WAVES = ("cots", "custom")  # by the gain matrix, with either drive
@@ -23,6 +28,22 @@ MOST_BYTES = 810_000  # of one record: sensed numbers in motion hardly compress
 
 def record(kind: str) -> Path:
     return GOLDEN / f"{kind}.mcap"
+
+
+def facts_without(*later: str) -> Callable[..., Facts]:
+    """`rig.recording.runs.facts` of records that lack the limits whose dotted names begin so."""
+
+    def found(*given: Any) -> Facts:
+        known = facts(*given)
+        limits = {
+            section: {k: v for k, v in values.items() if not f"{section}.{k}".startswith(later)}
+            for section, values in known.config["limits"].items()
+        }
+        assert limits != known.config["limits"]
+        kept = {section: values for section, values in limits.items() if values}
+        return known._replace(config=known.config | {"limits": kept})
+
+    return found
 
 
 def make(kind: str) -> None:

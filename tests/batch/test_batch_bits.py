@@ -19,15 +19,15 @@ from law_lifting import same
 from rehearsing import CONFIGS, campaign_file, yaml_file
 
 import rig
-from rig import cycle, lift
-from rig.batch import wires
-from rig.batch.column import Column
-from rig.batch.compiled import BESIDE, LIFTED
-from rig.batch.pages import TICKS
-from rig.batch.subject import KEPT, Subject
-from rig.rehearsal.devices import PlantDevices
-from rig.safety import RUN, STOP_0, Mode, Reason
-from rig.wavebot import KIND
+from rig.execution.rehearsal.devices import PlantDevices
+from rig.kinds.wavebot import KIND
+from rig.realtime import cycle
+from rig.realtime.safety import RUN, STOP_0, Mode, Reason
+from rig.sweep import lifting, wires
+from rig.sweep.column import Column
+from rig.sweep.compiled import BESIDE, LIFTED
+from rig.sweep.pages import TICKS
+from rig.sweep.subject import KEPT, Subject
 
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -163,9 +163,9 @@ def test_senses_that_are_none_give_the_same_mode_reason_and_command(
         for _ in range(10):
             state, told = by_hand(subject, subject.params, machine, machine.line[1])
             machine = advance(machine, machine.tick + 1)
-            assert same(lift.numbers(machine.loop), lift.numbers(state))
-            assert same(lift.numbers(machine.wire), lift.numbers(told))
-            assert all(map(math.isfinite, lift.numbers(machine.wire)))
+            assert same(lifting.numbers(machine.loop), lifting.numbers(state))
+            assert same(lifting.numbers(machine.wire), lifting.numbers(told))
+            assert all(map(math.isfinite, lifting.numbers(machine.wire)))
             guard = machine.loop.safety
             if guard.mode == STOP_0:
                 assert machine.wire.heave_current == machine.wire.surge_current == 0.0
@@ -193,7 +193,7 @@ class Told:
 
 
 def test_words_are_those_of_the_rehearsals_devices() -> None:
-    from rig.wavebot import Command
+    from rig.kinds.wavebot import Command
     from sim_plant.words import Readings
 
     readings = Readings(*range(100, 100 + len(Readings._fields)))
@@ -229,29 +229,29 @@ def imported(modules: Any) -> set[str]:
 def test_all_that_compiled_code_is_made_of_names_its_folder(monkeypatch: Any) -> None:
     """An edit anywhere below the cycle or the plant, or in their words, is another folder."""
     parts = {module.__name__ for module in (*LIFTED, *BESIDE)}
-    packages = {"controllers", "rig", "sim_plant", "rig.wavebot"}  # they only pass names on
-    assert imported(LIFTED) - parts <= packages | {"sim_plant.units"}  # which has types alone
-    now = lift.cache_folder("x", (*LIFTED, *BESIDE))
+    passing = {"controllers", "rig.kinds.wavebot", "rig.realtime", "sim_plant"}  # only names
+    assert imported(LIFTED) - parts <= passing | {"sim_plant.units"}  # which has types alone
+    now = lifting.cache_folder("x", (*LIFTED, *BESIDE))
     sound = inspect.getsource
-    for edited in (*LIFTED, *BESIDE, lift):
+    for edited in (*LIFTED, *BESIDE, lifting):
 
         def read(module: Any, edited: Any = edited) -> str:
             return sound(module) + ("# edited" if module is edited else "")
 
         monkeypatch.setattr(inspect, "getsource", read)
-        assert lift.cache_folder("x", (*LIFTED, *BESIDE)) != now, edited.__name__
+        assert lifting.cache_folder("x", (*LIFTED, *BESIDE)) != now, edited.__name__
     monkeypatch.setattr(inspect, "getsource", sound)
-    assert lift.cache_folder("x", (*LIFTED, *BESIDE)) == now
+    assert lifting.cache_folder("x", (*LIFTED, *BESIDE)) == now
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
-    assert lift.cache_folder("x", (*LIFTED, *BESIDE)) != now
+    assert lifting.cache_folder("x", (*LIFTED, *BESIDE)) != now
 
 
 WHERE = """
-from rig import lift
-from rig.batch.column import Column
-from rig.batch.compiled import BESIDE, LIFTED
-from rig.batch.pages import TICKS
-print(lift.cache_folder("x", (*LIFTED, *BESIDE)))
+from rig.sweep import lifting
+from rig.sweep.column import Column
+from rig.sweep.compiled import BESIDE, LIFTED
+from rig.sweep.pages import TICKS
+print(lifting.cache_folder("x", (*LIFTED, *BESIDE)))
 """
 
 
@@ -283,13 +283,13 @@ def test_an_edited_law_is_seen_and_no_index_leaves_its_table(tmp_path: Path) -> 
     here, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
     for name in ("controllers", "rig", "sim_plant"):
         shutil.copytree(here / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-    assert said_in(tree, "-c", WHERE) == str(lift.cache_folder("x", (*LIFTED, *BESIDE)))
+    assert said_in(tree, "-c", WHERE) == str(lifting.cache_folder("x", (*LIFTED, *BESIDE)))
     law = tree / "controllers" / "impedance.py"
     text = law.read_text()
     edited = text.replace("force = kp * velocity", "force = 1.01 * kp * velocity", 1)
     assert edited != text
     law.write_text(edited)
-    assert said_in(tree, "-c", WHERE) != str(lift.cache_folder("x", (*LIFTED, *BESIDE)))
+    assert said_in(tree, "-c", WHERE) != str(lifting.cache_folder("x", (*LIFTED, *BESIDE)))
     program = str(Path(__file__).with_name("both_ways.py"))
     ours, theirs = json.loads(said_in(tree, program, str(path), NUMBA_BOUNDSCHECK="1"))
     assert ours == theirs

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig.batch.column import Column, read_soon
-from rig.batch.noise import WIDE, combed
-from rig.batch.pages import TICKS, file_away
+from rig.sweep.column import Column, read_soon
+from rig.sweep.noise import WIDE, combed
+from rig.sweep.pages import TICKS, file_away
 from sim_plant.sensors import NORMALS, Channel, SensorParams, measure
 
 RNG = np.random.default_rng(3)

@@ -10,9 +10,9 @@ import pytest
 from both_ways import compiled, interpreted
 from rehearsing import CONFIGS, campaign_file, yaml_file
 
-from rig.batch.subject import KEPT
 from rig.config.source import load_mapping
-from rig.rehearsal.job import TWINS
+from rig.execution.rehearsal.job import TWINS
+from rig.sweep.subject import KEPT
 
 SEEDS = range(6)
 BOUND = {"supply_resistance", "capacitance"}  # their product has a least value

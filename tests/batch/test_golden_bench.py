@@ -15,18 +15,19 @@ from typing import Any
 
 import pytest
 from golden_bench import MOVED, record
+from golden_runs import facts_without
 from rehearsing import CONFIGS, yaml_file
 from rig_command import rig_here
 
-from rig import bench
-from rig import replay as replays
-from rig.replay import replay
-from rig.runs import RunError, facts, open_run
-from rig.session import plan_session
-from rig.session.assemble import bench_params
-from rig.session.check import check_session
-from rig.session.logged import session_as_logged
-from rig.session.resolved import resolved_session
+from rig.execution import replay as replays
+from rig.execution.replay import replay
+from rig.kinds import oswec_bench
+from rig.planning.session import plan_session
+from rig.planning.session.assemble import bench_params
+from rig.planning.session.check import check_session
+from rig.planning.session.logged import session_as_logged
+from rig.planning.session.resolved import resolved_session
+from rig.recording.runs import RunError, facts, open_run
 
 LAST_BITS = 1e-9
 
@@ -52,14 +53,14 @@ def test_a_law_of_the_bench_that_decides_otherwise_is_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As if today's code estimated one motor velocity, in tick 900, a nanoradian a second off."""
-    sound, tick = bench.KIND.observe, iter(range(10_000))
+    sound, tick = oswec_bench.KIND.observe, iter(range(10_000))
 
     def observe(*given: Any) -> Any:
         motor, shaft = sound(*given)
         off = 1e-6 if next(tick) == 900 else 0.0
         return motor._replace(velocity=motor.velocity + off), shaft
 
-    monkeypatch.setattr(replays.bench, "KIND", bench.KIND._replace(observe=observe))
+    monkeypatch.setattr(replays.oswec_bench, "KIND", oswec_bench.KIND._replace(observe=observe))
     code, said, _ = rig_here("replay", record("bench_velocity"), "--json")
     assert code == 1
     first = json.loads(said)["differences"][0]
@@ -96,6 +97,15 @@ def test_what_a_record_keeps_of_a_session_gives_its_parameters_again(
     again = session_as_logged(json.loads(resolved_session(report.session)))
     ours, theirs = plan_session(report.session), plan_session(again)
     assert bench_params(again, theirs) == bench_params(report.session, ours)
+
+
+LATER = ("motor.current_difference_", "motor.velocity_difference_", "power.")
+
+
+def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As runs did before motor and load cell were compared with what was commanded."""
+    monkeypatch.setattr(replays, "facts", facts_without(*LATER))
+    assert replay(record("bench_torque")).same
 
 
 def test_a_run_that_kept_no_constants_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,13 +14,13 @@ import math
 from typing import Any
 
 import pytest
-from golden_runs import IN_WAVES, KINDS, MOST_BYTES, record
+from golden_runs import IN_WAVES, KINDS, MOST_BYTES, facts_without, record
 from rig_command import rig_here
 
-from rig import replay as replays
 from rig.analysis.rows import row_table
-from rig.replay import replay
-from rig.runs import open_run
+from rig.execution import replay as replays
+from rig.execution.replay import replay
+from rig.recording.runs import open_run
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -37,6 +37,17 @@ def test_a_golden_run_comes_out_again(kind: str) -> None:
     assert found.ticks >= 900
     assert found.fields >= 60
     assert record(kind).stat().st_size <= MOST_BYTES
+
+
+LATER = ("heave.current_difference_", "surge.current_difference_", "power.")
+
+
+def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As runs did before current, force and power were compared with what was commanded."""
+    monkeypatch.setattr(replays, "facts", facts_without(*LATER))
+    subject = replays._wavebot(replays.facts(record("cots")))
+    assert subject.params.rig.heave.limits.current_difference_stop == 500.0
+    assert replay(record("cots")).same
 
 
 @pytest.mark.parametrize("kind", IN_WAVES)

@@ -13,13 +13,13 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import edited_law
 from pathlib import Path
-from rig import lift
+from rig.sweep import lifting
 
 SOURCE = "from numba import njit\\nimport edited_law\\n\\n\\n@njit(cache=True)\\n" \
          "def run(x):\\n    return edited_law.step(x)\\n"
 if len(sys.argv) > 2:
     Path(edited_law.__file__).write_text(sys.argv[2])
-print(lift.load("edited", SOURCE, (edited_law,)).run(1.0))
+print(lifting.load("edited", SOURCE, (edited_law,)).run(1.0))
 """
 
 

@@ -14,10 +14,10 @@ import pytest
 from rehearsing import CONFIGS, campaign_file, run
 from rig_command import rig_here
 
-from rig import replay as replays
-from rig.replay import replay
-from rig.runs import RunError
-from rig.supervisor import Snapshot
+from rig.execution import replay as replays
+from rig.execution.replay import replay
+from rig.processes.run_types import Snapshot
+from rig.recording.runs import RunError
 
 POINT = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
 QUICK: dict[str, Any] = {

@@ -19,9 +19,9 @@ import xarray
 from rehearsing import CONFIGS, yaml_file
 from rig_command import rig_here
 
-from rig.batch import cluster, sweep
-from rig.batch.cases import Case, Outcome
-from rig.batch.executors import threads
+from rig.sweep import cluster, sweep
+from rig.sweep.cases import Case, Outcome
+from rig.sweep.executors import threads
 
 pytest.importorskip("distributed")  # an optional extra; the developers' installation has it
 

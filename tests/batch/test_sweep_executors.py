@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from rig.batch import InterruptedWalkError
-from rig.batch.cases import Case, Outcome
-from rig.batch.executors import threads
+from rig.sweep import InterruptedWalkError
+from rig.sweep.cases import Case, Outcome
+from rig.sweep.executors import threads
 
 
 def cases(count: int) -> list[Case]:

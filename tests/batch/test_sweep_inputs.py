@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from rehearsing import CONFIGS, campaign_file
 
-from rig.batch import sweep
-from rig.batch.cases import Case
 from rig.config.problems import ConfigError
+from rig.sweep import sweep
+from rig.sweep.cases import Case
 
 LIST = {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}
 

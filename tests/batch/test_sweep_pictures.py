@@ -14,9 +14,9 @@ from test_sweep_rows import POINTS, swept
 
 from rig.analysis.points import matrix
 from rig.analysis.surfaces import KINDS, draw
-from rig.batch import pictures
-from rig.batch.cases import LEAD_IN
-from rig.batch.overs import Files
+from rig.sweep import pictures
+from rig.sweep.cases import LEAD_IN
+from rig.sweep.overs import Files
 
 GRID = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},

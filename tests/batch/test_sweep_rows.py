@@ -14,12 +14,12 @@ from rehearsing import CONFIGS, campaign_file
 from rig_command import rig_here
 
 from rig.analysis.rows import UNITS
-from rig.batch import sweep
-from rig.batch.cases import LEAD_IN, Case, Outcome
-from rig.batch.executors import Work, threads
-from rig.batch.journal import NAME, Journal
 from rig.cli import sweep_run
 from rig.config.problems import ConfigError
+from rig.sweep import sweep
+from rig.sweep.cases import LEAD_IN, Case, Outcome
+from rig.sweep.executors import Work, threads
+from rig.sweep.journal import NAME, Journal
 
 POINTS = [
     {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0},

@@ -22,8 +22,7 @@ from typer.testing import CliRunner
 loaded = {}
 
 def begin(opened, executor, *_):
-    from rig.batch import compiled, subject
-    from rig import lift
+    from rig.sweep import compiled, lifting, subject
     import numba.np.arraymath
     loaded["before"] = [name for name in sys.argv[3:] if name in sys.modules]
     loaded["threads"] = os.environ.get("OPENBLAS_NUM_THREADS")
@@ -31,9 +30,9 @@ def begin(opened, executor, *_):
     loaded["solved"] = float(scipy.linalg.solve([[2.0]], [4.0])[0])
     raise ValueError("no case is run")
 
-import rig.batch.sweep
+import rig.sweep.sweep
 import rig.cli.sweep_run
-rig.batch.sweep.run = begin
+rig.sweep.sweep.run = begin
 rig.cli.sweep_run._compile = lambda opened: None
 CliRunner().invoke(rig.cli.app, ["sweep", sys.argv[1], "--sweeps", sys.argv[2], "--json"])
 print(json.dumps(loaded))

@@ -64,20 +64,17 @@ class Live(NamedTuple):
 
 @pytest.fixture(scope="module")
 def live(scratch: Path, campaign: Path) -> Live:
-    """All of them at once: most of their time is starting up."""
+    """At once what may: most of their time is starting up. The real clock is for one at a time."""
     own = {name: scratch / name for name in ("killed", "stalled")}
     for folder in own.values():
         folder.mkdir()
 
-    def env(name: str) -> dict[str, str]:
-        return {"TMPDIR": str(own[name])}  # so that one real-time loop does not shut out another
-
     with ThreadPoolExecutor() as pool:
         speed = pool.submit(rehearsal.speed, campaign, scratch / "speed", 0.001, None)
         kill = Kill("loop", False, (0.2,))
-        killed = pool.submit(kills.killed, campaign, own["killed"], kill, real_clock=True)
-        stood = pool.submit(ring.stalled_run, own["stalled"], 0.6, 0.2, env("stalled"))
-        found = speed.result(), stood.result(), killed.result()
+        stood = ring.stalled_run(own["stalled"], 0.6, 0.2)
+        killed = kills.killed(campaign, own["killed"], kill, real_clock=True)
+        found = speed.result(), stood, killed
     return Live(*found, next((own["stalled"] / "stalled").glob("*_benchmark")))
 
 
@@ -133,9 +130,9 @@ def test_what_a_killed_loop_leaves_is_counted(live: Live) -> None:
     assert live.killed.put > 0
     assert live.killed.lost == 0
     assert 0.0 <= live.killed.seconds < 1.0
-    told = {one.name: one for one in crash.figures("loop", [live.killed])}
-    assert told["loop killed: time lost"].held
-    assert told["loop killed: claims that failed"].held
+    told = {one.name: one for one in crash.rehearsed_figures(crash.REAL, [live.killed])}
+    assert told[f"{crash.REAL}, loop killed: time lost"].held
+    assert told[f"{crash.REAL}: claims that failed"].held
 
 
 def test_a_histogram_gives_percentiles() -> None:
@@ -172,9 +169,9 @@ def test_reading_counts_rows_and_memory(recorded: Recorded, tmp_path: Path) -> N
 
 
 def _packed(recorded: Recorded) -> Any:
-    from rig.record import layout, leaves, packer
-    from rig.runs.mcap_file import row_dtype
-    from rig.wavebot import WaveBotRow
+    from rig.kinds.wavebot import WaveBotRow
+    from rig.recording.row_layout import layout, leaves, packer
+    from rig.recording.runs.mcap_file import row_dtype
 
     pack, size = packer(WaveBotRow), layout(WaveBotRow).size
     data = bytearray(size * len(recorded.rows))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rig.calibration import CalibrationFile, open_calibration
+from rig.recording.calibration import CalibrationFile, open_calibration
 
 CALIBRATIONS = Path(__file__).parents[2] / "configs" / "calibrations"
 

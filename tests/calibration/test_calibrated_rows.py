@@ -17,7 +17,7 @@ from synthetic_runs import Row, Shape
 
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-from rig.calibration import Known, OutsideError, open_calibration
+from rig.recording.calibration import Known, OutsideError, open_calibration
 
 POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
 CONFIG = {"name": "default", "rig": {"name": "b", "heave": {"torque_constant_n_m_per_a": 6.0}}}

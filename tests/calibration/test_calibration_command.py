@@ -11,7 +11,7 @@ from calibration_files import CALIBRATIONS, write
 from log_books import book
 from rig_command import rig_here
 
-from rig.calibration import open_history
+from rig.recording.calibration import open_history
 
 NAME = "mask4_spring_rate"
 

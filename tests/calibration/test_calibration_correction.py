@@ -13,8 +13,16 @@ from calibration_files import CALIBRATIONS, calibration
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rig.calibration import At, OutsideError, apply, corrected, invert, open_history, recorded
 from rig.config.calibration_file import Offset, Scale, Table
+from rig.recording.calibration import (
+    At,
+    OutsideError,
+    apply,
+    corrected,
+    invert,
+    open_history,
+    recorded,
+)
 
 LOG_RATES = {
     10_000: 7690, 5000: 3845, -6000: -4614, -8000: -6152, -10_000: -7690, -12_000: -9228,

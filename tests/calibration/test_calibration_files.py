@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from calibration_files import CALIBRATIONS, calibration, write
 
-from rig.calibration import open_calibration, open_history
 from rig.config.problems import ConfigError
+from rig.recording.calibration import open_calibration, open_history
 
 
 def told(action: Any) -> list[tuple[str, int, str, str]]:
@@ -142,7 +142,7 @@ def test_broken_chains_are_told_where_they_break(tmp_path: Path) -> None:
     assert "no such folder" in told(lambda: open_history(tmp_path / "none"))[0][3]
 
 
-@pytest.mark.parametrize("name", ["rig.calibration", "rig.legacy.testlog"])
+@pytest.mark.parametrize("name", ["rig.recording.calibration", "rig.interop.legacy.testlog"])
 def test_no_module_hides_what_its_package_offers(name: str) -> None:
     """A module of the same name takes the place of a function as soon as somebody imports it."""
     package = importlib.import_module(name)

@@ -7,14 +7,14 @@ from typing import Any
 
 import pytest
 
-from rig import sequence
-from rig.campaign import WindowError, check, open_campaign, plan
-from rig.campaign.windows import calibration
 from rig.config import ConfigError
 from rig.config.campaign_file import Timing
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
-from rig.rehearsal.job import asked_sea, devices_of, problems
-from rig.sequence import NO_ROW, Phase
+from rig.execution.rehearsal.job import asked_sea, devices_of, problems
+from rig.planning.campaign import WindowError, check, open_campaign, plan
+from rig.planning.campaign.windows import calibration
+from rig.realtime import sequence
+from rig.realtime.sequence import NO_ROW, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 HEAD = "name: test\nrig: ../rigs/wavebot.yaml\n"

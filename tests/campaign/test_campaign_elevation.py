@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from measured_data import reference
 
-from rig.campaign import open_campaign, plan, read_elevation
 from rig.config import ConfigError
 from rig.config.sea import RecordedSea
+from rig.planning.campaign import open_campaign, plan, read_elevation
 
 RECORD = "AWDC-SAADAQ-s00113.twe"  # measured: see tests/measured_data.py
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from rig.campaign import check, open_campaign, resolved
-from rig.campaign.points import outside_map
-from rig.campaign.stability import largest_ki, total_stiffness
 from rig.config import CampaignFile, ConfigError
+from rig.planning.campaign import check, open_campaign, resolved
+from rig.planning.campaign.points import outside_map
+from rig.planning.campaign.stability import largest_ki, total_stiffness
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -181,6 +181,9 @@ def test_the_end_mark_is_never_commanded(write: Any, tmp_path: Path) -> None:
     campaign = open_campaign(write("matrix: {csv: m.csv}\n"))
     assert [(p.kp, p.ki) for p in campaign.points] == [(-1000.0, 0.0), (-1500.0, 2000.0)]
     assert campaign.files[-1].role == "matrix"
+    (warning,) = check(write("matrix: {csv: m.csv}\n")).warnings
+    assert (Path(warning.file).name, warning.line) == ("m.csv", 6)
+    assert warning.message == "rows after the end mark (Kp = -999): 1 (line 6), will not be run"
     ((_, line, key, said),) = told(write("matrix: {csv: gone.csv}\n"))
     assert (line, key) == (4, "matrix.csv")
     assert "No such file" in said
@@ -322,3 +325,13 @@ def test_report(write: Any) -> None:
     assert not bad.ok
     assert bad.text().endswith("repeat: 0 is out of range; allowed 1 .. 1000\n1 problem")
     assert json.loads(bad.to_json())["problems"][0]["key"] == "repeat"
+
+
+def test_lines_after_the_end_mark_are_counted(write: Any, tmp_path: Path) -> None:
+    """Also those that could not be read: nobody looks at them."""
+    path = tmp_path / "campaigns" / "m.csv"
+    path.write_text(HEADER + "0,-1,0\n# end\n0,-999,0\n\n0,-2,0\nx\n# no row\n0,-999,0\n0,-3,0\n")
+    (warning,) = check(write("matrix: {csv: m.csv}\n")).warnings
+    assert "4 (lines 6-7, 9-10), will not be run" in warning.message
+    path.write_text(HEADER + "0,-1,0\n0,-999,0\n\n# that was all\n")
+    assert check(write("matrix: {csv: m.csv}\n")).warnings == ()

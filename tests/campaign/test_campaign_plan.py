@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.campaign import Plan, Point, WindowError, check, open_campaign, plan, windows
-from rig.campaign.order import least_travel, turns
-from rig.campaign.point import Where, point
 from rig.config import CampaignFile, Place, RigFile, load
 from rig.config.campaign_file import Timing
 from rig.config.columns import ALWAYS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
-from rig.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
+from rig.planning.campaign import Plan, Point, WindowError, check, open_campaign, plan, windows
+from rig.planning.campaign.order import least_travel, turns
+from rig.planning.campaign.point import Where, point
+from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from rig import assemble
-from rig.campaign import check
-from rig.rehearsal.job import problems
+from rig.execution.rehearsal.job import problems
+from rig.kinds.wavebot import build
+from rig.planning.campaign import check
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROKEN_SEA = """\
@@ -92,8 +92,8 @@ def test_scales_that_differ_from_the_plants(
 def test_an_estimator_that_cannot_be_designed(
     rig: Path, write: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rig.estimator_design._MOST_STEPS", 2)
-    assemble._designed.cache_clear()  # gains that an earlier test had designed
+    monkeypatch.setattr("rig.design.estimator._MOST_STEPS", 2)
+    build._designed.cache_clear()  # gains that an earlier test had designed
     ((file, line, key, said),) = told(write())
     at = line_of(rig, "jerk_density_m2_per_s5:")
     assert (file, line, key) == ("wavebot.yaml", at, "heave.jerk_density_m2_per_s5")

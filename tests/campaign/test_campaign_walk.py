@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import sequence
-from rig.campaign import Plan, check, plan
-from rig.campaign.point import Where, point
 from rig.config import CampaignFile, Place, RigFile, load
 from rig.config.columns import ALWAYS
-from rig.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
+from rig.planning.campaign import Plan, check, plan
+from rig.planning.campaign.point import Where, point
+from rig.realtime import sequence
+from rig.realtime.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)

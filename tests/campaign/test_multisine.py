@@ -12,14 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.campaign.multisine import (
-    Multisine,
-    design,
-    lines,
-    peak,
-    scaled_to_peak,
-    series,
-)
+from rig.planning.campaign.multisine import Multisine, design, lines, peak, scaled_to_peak, series
 
 
 def rms(signal: Multisine) -> float:
@@ -125,7 +118,7 @@ def test_realisations_and_seeds_are_independent() -> None:
 
 SCRIPT = """
 import hashlib
-from rig.campaign.multisine import design, series
+from rig.planning.campaign.multisine import design, series
 for seed, realisation, draws in ((1, 1, 1), (1, 2, 1), (7, 3, 50)):
     made = design(0.2, 1.0, 300.0, rms=0.0635, exponent=-0.5, seed=seed,
                   realisation=realisation, draws=draws)

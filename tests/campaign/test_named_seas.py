@@ -15,9 +15,9 @@ from ruamel.yaml import YAML
 from scipy.integrate import quad
 from scipy.signal import welch
 
-from rig.campaign import check
-from rig.rehearsal.devices import build_sea
-from rig.rehearsal.job import asked_sea, devices_of, problems
+from rig.execution.rehearsal.devices import build_sea
+from rig.execution.rehearsal.job import asked_sea, devices_of, problems
+from rig.planning.campaign import check
 from sim_plant import waves
 from sim_plant.bem import read_bem
 
@@ -202,9 +202,9 @@ def test_the_lines_asked_for_are_those_of_the_plant(path: Path, tmp_path: Path) 
 SCRIPT = """
 import hashlib, sys
 from pathlib import Path
-from rig.campaign import check
-from rig.rehearsal.devices import build_sea
-from rig.rehearsal.job import devices_of
+from rig.execution.rehearsal.devices import build_sea
+from rig.execution.rehearsal.job import devices_of
+from rig.planning.campaign import check
 for path in sys.argv[1:]:
     sea = build_sea(devices_of(check(Path(path)).campaign)["sea"])
     print(hashlib.sha256(sea.amplitude.tobytes() + sea.cycles.tobytes()).hexdigest())

@@ -10,13 +10,13 @@ import pytest
 from pydantic import TypeAdapter
 from rehearsing import CONFIGS, campaign_file
 
-from rig.assemble import wavebot_params
-from rig.campaign import check
-from rig.campaign.multisine import design, odd_lines, some_odd_lines
-from rig.campaign.reference import Record, table, ticks_of
 from rig.config.reference import AnyStimulus, Reference
-from rig.predict import predict
-from rig.rehearsal.job import problems
+from rig.design.predictions import predict
+from rig.execution.rehearsal.job import problems
+from rig.kinds.wavebot.build import wavebot_params
+from rig.planning.campaign import check
+from rig.planning.campaign.multisine import design, odd_lines, some_odd_lines
+from rig.planning.campaign.reference import Record, table, ticks_of
 
 RATE, FACTOR = 1000, 76.98
 ADAPTER: TypeAdapter[AnyStimulus] = TypeAdapter(Reference)

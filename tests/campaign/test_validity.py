@@ -11,7 +11,7 @@ import pytest
 from rehearsing import CONFIGS, yaml_file
 from rig_command import rig_here
 
-from rig.campaign import check
+from rig.planning.campaign import check
 
 MAP = """\
 name: spring_map

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rig.doctor import Finding, Host, disk, timing
+from rig.host import Finding, Host, disk, timing
 
 DT = 0.001
 GRANTED = {"fifo": "", "core": "", "memory_lock": "", "latency": ""}

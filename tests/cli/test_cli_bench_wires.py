@@ -21,10 +21,10 @@ from rig.cli.bench_devices_view import drawn
 from rig.cli.devices import main as devices
 from rig.config import load
 from rig.config.bench_rig_file import BenchRigFile
-from rig.doctor.finding import Host, Verdict
-from rig.doctor.rig_wires import findings
-from rig.hardware.bench_job import job_of_bench
-from rig.hardware.bench_survey import survey_bench
+from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.hardware.bench_survey import survey_bench
+from rig.host.finding import Host, Verdict
+from rig.host.rig_wires import findings
 
 SESSION = CONFIGS / "sessions" / "driveline_short.yaml"
 
@@ -62,7 +62,7 @@ def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim]:
     """Emulated devices for all tests of this file; nobody commands them."""
     folder = tmp_path_factory.mktemp("wires")
     path = rig_file(folder)
-    with running(folder, path) as told:
+    with running(path) as told:
         yield Sim(folder, path, told)
 
 
@@ -82,7 +82,7 @@ def test_sim_tells_every_address_and_what_hangs_there(sim: Sim) -> None:
 
 
 def test_a_second_sim_is_refused_and_names_what_is_taken(sim: Sim) -> None:
-    second = rig(sim.folder, "sim", sim.path, "--json")
+    second = rig("sim", sim.path, "--json")
     out, _ = second.communicate(timeout=120)
     assert second.returncode == FAILED
     said = json.loads(out)["message"]
@@ -92,7 +92,7 @@ def test_a_second_sim_is_refused_and_names_what_is_taken(sim: Sim) -> None:
 
 
 def test_all_devices_answer(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
-    code = devices(sim.path, anyway=False, objects=False, as_json=True)
+    code = devices(sim.path, only_listen=False, objects=False, as_json=True)
     told = json.loads(capsys.readouterr().out)
     assert (code, told["trouble"]) == (OK, [])
     streams = {one["name"]: one for one in told["streams"]}
@@ -130,7 +130,7 @@ def test_what_is_drawn_is_never_cut(sim: Sim) -> None:
 
 def test_who_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file(tmp_path)
-    code = devices(path, anyway=False, objects=False, as_json=True)
+    code = devices(path, only_listen=False, objects=False, as_json=True)
     trouble = json.loads(capsys.readouterr().out)["trouble"]
     assert code == FAILED
     assert any(one.startswith("encoders at ") and "is not there" in one for one in trouble)

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from rig_command import rig_here
 
-from rig.batch import sweep
-from rig.campaign import open_campaign
 from rig.cli import dated, sweep_run
+from rig.planning.campaign import open_campaign
+from rig.sweep import sweep
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 MAP = """\
@@ -110,9 +110,9 @@ def test_a_recommendation_warns(
     """What it is asked for is looked at, not what it finds."""
     opened = open_campaign(campaign(tmp_path, before))
     found = SimpleNamespace(campaign=opened)
-    monkeypatch.setattr("rig.recommend.advice.advise", lambda *_: found)
+    monkeypatch.setattr("rig.design.recommend.advice.advise", lambda *_: found)
     for name, told_of in (("write", []), ("as_dict", {}), ("as_text", "nothing")):
-        monkeypatch.setattr(f"rig.recommend.report.{name}", lambda *_, what=told_of: what)
+        monkeypatch.setattr(f"rig.design.recommend.report.{name}", lambda *_, what=told_of: what)
     monkeypatch.setattr("rig.cli.find_run.find_run", lambda named, _: named)
     code, out, err = rig_here("recommend", tmp_path, "--no-pictures", "--json")
     assert code == 0, err

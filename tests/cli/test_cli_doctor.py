@@ -16,17 +16,7 @@ from rich.console import Console
 
 from rig import cli
 from rig.cli.doctor import drawn, main
-from rig.doctor import (
-    Asked,
-    Examination,
-    Finding,
-    Host,
-    Use,
-    Verdict,
-    examination,
-    examine,
-    software,
-)
+from rig.host import Asked, Examination, Finding, Host, Use, Verdict, examination, examine, software
 
 
 def test_a_host_that_shows_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -80,7 +80,7 @@ def test_a_killed_run_is_whole_again_and_of_use(run: Path) -> None:
     assert count == told["rows_saved"] == told["last_tick"] + 1
     shown = rig("show", run)
     assert shown.returncode == 0
-    assert "the supervisor was gone" in shown.stdout
+    assert "gave no sign of life" in shown.stdout
     assert rig("plot", run).returncode == 0
     assert (run / "surfaces.png").exists()
     (listed,) = json.loads(rig("runs", "--runs", runs, "--json").stdout)
@@ -88,24 +88,42 @@ def test_a_killed_run_is_whole_again_and_of_use(run: Path) -> None:
     assert listed["rows_done"] == states.count("complete")
 
 
-def test_a_torn_end_is_lost_rows(run: Path) -> None:
+def tear(run: Path) -> None:
     """As if the logger had been killed too: its file ends in the middle of a chunk."""
     part = run / "run.mcap.part0"
     with part.open("r+b") as file:
         file.truncate(part.stat().st_size // 2)
+
+
+def test_a_torn_end_is_lost_rows_to_the_tick(run: Path) -> None:
+    """The loop was left alone, and wrote down what it had done."""
+    tear(run)
+    told = said(rig("recover", run, "--json"))
+    (gap,) = told["missing_ticks"]
+    assert gap == [told["last_tick"] + 1, told["last_tick_known"]]
+    assert told["lost"] == gap[1] - gap[0] + 1
+    assert (told["end_seen_by"], told["lost_at_least"]) == ("the loop", False)
+    assert told["ending"] == "fault: SUPERVISOR_LOST"
+    assert f"in all {told['lost']} (end seen by the loop" in rig("recover", run).stdout
+
+
+def test_a_torn_end_that_nobody_saw(run: Path) -> None:
+    """All were killed: up to what the supervisor last noted, and at least so many."""
+    tear(run)
+    (run / "progress.json").write_text('{"last_tick": 30000, "skipped": 0}')
     done = rig("recover", run, "--json")
     assert done.returncode == 5
     told = said(done)
-    (gap,) = told["missing_ticks"]  # up to what the supervisor last noted
-    assert gap[0] == told["last_tick"] + 1
-    assert gap[1] == told["last_tick_known"]
+    (gap,) = told["missing_ticks"]
+    assert gap == [told["last_tick"] + 1, 30_000]
     assert told["lost"] == gap[1] - gap[0] + 1
-    assert told["end_seen_by"] is None
+    assert (told["end_seen_by"], told["lost_at_least"]) == (None, True)
     assert told["ending"] == "crashed: its processes were killed"
     text = rig("recover", run)
     assert text.returncode == 5
     assert f"ticks {gap[0]} to {gap[1]}: {told['lost']} lost" in text.stdout
     assert "torn bytes" in text.stdout
+    assert f"in all at least {told['lost']} rows" in text.stdout
     assert "nobody lived to write down" in text.stdout
     assert rig("show", run).returncode == 0
 

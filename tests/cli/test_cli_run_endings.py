@@ -11,14 +11,14 @@ from typing import Any
 import pytest
 
 from rig.analysis import summary
-from rig.child import Child
 from rig.cli import failure
 from rig.cli.ending import in_words
 from rig.cli.progress import Progress
-from rig.doctor import disk
-from rig.limits import Limited, Warned
-from rig.sequence import Phase
-from rig.supervisor import Snapshot
+from rig.host import disk
+from rig.processes.child import Child
+from rig.processes.run_types import Snapshot
+from rig.realtime.limits import Limited, Warned
+from rig.realtime.sequence import Phase
 
 
 def test_flags_of_every_axis_are_named() -> None:

@@ -16,17 +16,17 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from rig import cli
-from rig.campaign_run import Ended
 from rig.cli.failure import in_words
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
 from rig.config.problems import Problem
-from rig.limits import Limited
-from rig.runs import RunError
-from rig.safety import Mode, Reason
-from rig.sequence import Phase
-from rig.supervisor import Outcome, Snapshot
+from rig.execution.campaign import Ended
+from rig.processes.run_types import Outcome, Snapshot
+from rig.realtime.limits import Limited
+from rig.realtime.safety import Mode, Reason
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError
 
 run_command: Any = importlib.import_module("rig.cli.run")  # rig.cli.run is the command itself
 REFUSED = "the host did not grant what the rig file requires"

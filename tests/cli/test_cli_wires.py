@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
 import signal
 import socket
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -27,8 +25,9 @@ from rig.cli.devices import main as devices
 from rig.cli.devices_view import drawn
 from rig.cli.scan_commands import Serial, scan_can, scan_modbus
 from rig.config import RigFile, load
-from rig.hardware.job import job_of
-from rig.hardware.survey import survey
+from rig.execution.hardware.job import job_of
+from rig.execution.hardware.survey import survey
+from rig.processes.wire_locks import hold, wires_of
 
 
 class Sim(NamedTuple):
@@ -43,19 +42,12 @@ def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim]:
     """Emulated devices for all tests of this file; nobody writes to them."""
     folder, ports = tmp_path_factory.mktemp("wires"), free_ports()
     path = rig_file(folder, ports)
-    with running(folder, path) as told:
+    with running(path) as told:
         yield Sim(folder, ports, path, told)
 
 
-@pytest.fixture(autouse=True)
-def own_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A lock on the real clock of its own: other tests of this host may hold the one there is."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    return tmp_path / "wec-rig-realtime.lock"
-
-
 def looked(path: Path, capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[int, Any]:
-    code = devices(path, **{"anyway": False, "objects": False, "as_json": True, **how})
+    code = devices(path, **{"only_listen": False, "objects": False, "as_json": True, **how})
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -72,7 +64,7 @@ def test_sim_tells_every_address_and_what_hangs_there(sim: Sim) -> None:
 
 
 def test_a_second_sim_is_refused_and_names_what_is_taken(sim: Sim) -> None:
-    second = rig(sim.folder, "sim", sim.path, "--json")
+    second = rig("sim", sim.path, "--json")
     out, _ = second.communicate(timeout=120)
     assert second.returncode == FAILED
     said = json.loads(out)["message"]
@@ -177,35 +169,56 @@ def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert [text.partition(":")[0].split(" at ")[0] for text in told["trouble"]] == [
         "CAN", "line analyser", "line amplifiers", "line io",
     ]  # fmt: skip
-    assert devices(tmp_path / "rig.yaml", anyway=False, objects=False, as_json=False) == FAILED
+    assert devices(tmp_path / "rig.yaml", only_listen=False, objects=False, as_json=False) == FAILED
     assert "4 things are wrong" in capsys.readouterr().out
 
 
-def test_a_run_is_not_disturbed(
-    sim: Sim, own_lock: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with own_lock.open("w") as held:
-        held.write("campaign of somebody, process 1")
-        held.flush()
-        fcntl.flock(held, fcntl.LOCK_EX)
+def test_a_run_is_not_disturbed(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
+    """Whoever would send on one of its wires is refused, and told by whom."""
+    port = str(sim.folder / "amplifiers")
+    lines = ((f"localhost:{sim.ports.io}", None), (None, Serial(port, 115200, "N", 1)))
+    bus = ("socketcand", "can0", 1_000_000, ["host=127.0.0.1", f"port={sim.ports.can}"])
+    with hold(wires_of(load(sim.path, RigFile)[0]), "campaign of somebody"):
         code, told = looked(sim.path, capsys)
         assert code == FAILED
         assert "campaign of somebody" in told["message"]
-        for line in (("127.0.0.1:1", None), (None, Serial("/dev/null", 9600, "N", 1))):
-            assert scan_modbus(*line, (1, 2), 0.1, 0, anyway=False, as_json=True) == FAILED
-            assert "--anyway" in json.loads(capsys.readouterr().out)["message"]
-        assert looked(sim.path, capsys, anyway=True)[0] == OK
+        assert "line analyser" in told["message"]
+        for line in lines:
+            assert scan_modbus(*line, (1, 2), 0.1, 0, as_json=True) == FAILED
+            assert "campaign of somebody" in json.loads(capsys.readouterr().out)["message"]
+        assert scan_can(*bus, patience=0.1, only_listen=False, as_json=True) == FAILED
+        assert "--listen" in json.loads(capsys.readouterr().out)["message"]
+    assert looked(sim.path, capsys)[0] == OK  # all is free again
+
+
+def test_listening_sends_nothing(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beside whoever has the wires; emulated nodes that no run has set up say nothing."""
+    bus = can.Bus(interface="socketcand", channel="can0", host="127.0.0.1", port=sim.ports.can)
+    try:
+        while bus.recv(0.2) is not None:  # the nodes have just booted
+            pass
+        with hold(wires_of(load(sim.path, RigFile)[0]), "campaign of somebody"):
+            code, told = looked(sim.path, capsys, only_listen=True)
+            assert code == FAILED
+            assert told["listened_only"]
+            assert told["trouble"][0] == "heave (node 5) sends nothing"
+            where = ("socketcand", "can0", 1_000_000, ["host=127.0.0.1", f"port={sim.ports.can}"])
+            assert scan_can(*where, patience=0.2, only_listen=True, as_json=True) == FAILED
+            assert json.loads(capsys.readouterr().out)["heard"] == []
+        assert bus.recv(0.2) is None
+    finally:
+        bus.shutdown()
 
 
 def test_scan_finds_the_nodes(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["host=127.0.0.1", f"port={sim.ports.can}"]
     where = ("socketcand", "can0", 1_000_000, options)
-    assert scan_can(*where, patience=0.5, anyway=False, as_json=True) == OK
+    assert scan_can(*where, patience=0.5, only_listen=False, as_json=True) == OK
     nodes = json.loads(capsys.readouterr().out)["nodes"]
     assert [(one["node"], one["device_type"] & 0xFFFF) for one in nodes] == [
         (5, 402), (6, 402), (9, 402),
     ]  # fmt: skip
-    assert scan_can(*where, patience=0.5, anyway=False, as_json=False) == OK
+    assert scan_can(*where, patience=0.5, only_listen=False, as_json=False) == OK
     assert "0x0000026c" in capsys.readouterr().out
 
 
@@ -216,11 +229,11 @@ def test_scan_finds_the_units(sim: Sim, capsys: pytest.CaptureFixture[str]) -> N
     )
     for address, serial, units in lines:
         asked = (address, serial, (1, 4), 0.5, 0)
-        assert scan_modbus(*asked, anyway=False, as_json=True) == OK
+        assert scan_modbus(*asked, as_json=True) == OK
         told = json.loads(capsys.readouterr().out)
         assert [one["unit"] for one in told["units"]] == units
         assert (told["asked"], told["every_number_answers"]) == ([1, 2, 3, 4], False)
-        assert scan_modbus(*asked, anyway=False, as_json=False) == OK
+        assert scan_modbus(*asked, as_json=False) == OK
         assert f"{len(units)} of 4 units answer" in capsys.readouterr().out
 
 
@@ -237,7 +250,7 @@ def test_scan_finds_the_units(sim: Sim, capsys: pytest.CaptureFixture[str]) -> N
 def test_scan_is_asked_for_nonsense(
     address: str | None, serial: Serial | None, span: tuple[int, int]
 ) -> None:
-    assert scan_modbus(address, serial, span, 0.1, 0, anyway=False, as_json=True) == BAD_INPUT
+    assert scan_modbus(address, serial, span, 0.1, 0, as_json=True) == BAD_INPUT
 
 
 def test_scan_of_wires_that_are_not_there(capsys: pytest.CaptureFixture[str]) -> None:
@@ -249,23 +262,23 @@ def test_scan_of_wires_that_are_not_there(capsys: pytest.CaptureFixture[str]) ->
     ):
         interface, channel, options = bus
         asked = (interface, channel, 1_000_000, options)
-        assert scan_can(*asked, patience=0.1, anyway=False, as_json=True) == FAILED
+        assert scan_can(*asked, patience=0.1, only_listen=False, as_json=True) == FAILED
         assert f"CAN bus {interface} {channel}: " in json.loads(capsys.readouterr().out)["message"]
     bad = ("socketcand", "can0", 1_000_000, ["port"])
-    assert scan_can(*bad, patience=0.1, anyway=False, as_json=True) == BAD_INPUT
+    assert scan_can(*bad, patience=0.1, only_listen=False, as_json=True) == BAD_INPUT
     capsys.readouterr()
     for address, serial in (
         (f"127.0.0.1:{closed}", None),
         (None, Serial("/dev/no-adapter", 9600, "N", 1)),
     ):
-        assert scan_modbus(address, serial, (1, 2), 0.1, 0, anyway=False, as_json=True) == FAILED
+        assert scan_modbus(address, serial, (1, 2), 0.1, 0, as_json=True) == FAILED
         assert "unit" not in json.loads(capsys.readouterr().out)["message"]
 
 
 def test_ctrl_c_ends_a_scan_with_what_was_found(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         address = f"127.0.0.1:{deaf.getsockname()[1]}"
-        scanning = rig(tmp_path, "scan", "modbus", address, "--timeout", "0.5", "--json")
+        scanning = rig("scan", "modbus", address, "--timeout", "0.5", "--json")
         deaf.settimeout(120.0)
         held = [deaf.accept()[0] for _ in range(4)]  # the first look, and three units
         code, out, err = ended(scanning)
@@ -281,7 +294,7 @@ def test_ctrl_c_ends_a_scan_with_what_was_found(tmp_path: Path) -> None:
 def test_sim_ends_cleanly(number: signal.Signals, tmp_path: Path) -> None:
     ports = free_ports()
     words = ["--campaign", CONFIGS / "campaigns" / "quick.yaml"] if number == signal.SIGINT else []
-    process = rig(tmp_path, "sim", rig_file(tmp_path, ports), "--json", *words)
+    process = rig("sim", rig_file(tmp_path, ports), "--json", *words)
     told = ready(process)
     assert ("wave trigger" in told["sea"]) == bool(words)
     assert (tmp_path / "amplifiers").is_symlink()
@@ -293,7 +306,7 @@ def test_sim_ends_cleanly(number: signal.Signals, tmp_path: Path) -> None:
 
 
 def test_sim_says_when_its_devices_died(tmp_path: Path) -> None:
-    process = rig(tmp_path, "sim", rig_file(tmp_path, free_ports()), "--json")
+    process = rig("sim", rig_file(tmp_path, free_ports()), "--json")
     ready(process)
     (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     os.kill(int(child), signal.SIGKILL)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from doctor_hosts import CPU, DT, GRANTED, WOKEN, host, named
 
-from rig.doctor import (
+from rig.host import (
     Examination,
     Finding,
     Host,
@@ -26,7 +26,7 @@ from rig.doctor import (
     timing,
     wake,
 )
-from rig.runs.create import BusyError
+from rig.recording.runs.create import BusyError
 
 
 def seen(root: Path, what: str, **changed: str | None) -> Finding:
@@ -147,14 +147,14 @@ def test_a_virtual_machine_that_stalled_is_not_fit(
 def test_a_taken_real_time_place_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[bool] = []
 
-    def busy(who: str) -> None:
+    def busy(wires: object, who: str) -> None:
         raise BusyError("taken by campaign x")
 
     def woken(dt: float, seconds: float, *, privileged: bool) -> tuple[Any, str]:
         asked.append(privileged)
         return WOKEN, ""
 
-    monkeypatch.setattr(timing, "hold_realtime", busy)
+    monkeypatch.setattr(timing, "hold", busy)
     monkeypatch.setattr(timing, "_woken", woken)
     measured = timing.measure(DT, 0.1)
     assert asked == [False]
@@ -175,7 +175,7 @@ def test_a_refused_privilege_forbids_real_time_and_tells_how_to_get_it() -> None
 
 def test_every_period_of_a_measurement_is_accounted_for() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "rig.doctor.wake"],
+        [sys.executable, "-m", "rig.host.wake"],
         input=json.dumps({"dt": DT, "seconds": 0.3, "privileged": False}),
         capture_output=True,
         text=True,
@@ -193,8 +193,8 @@ def test_every_period_of_a_measurement_is_accounted_for() -> None:
 
 
 def test_room_is_counted_for_rows_that_cannot_be_compressed(tmp_path: Path) -> None:
-    from rig.record import layout
-    from rig.wavebot import WaveBotRow
+    from rig.kinds.wavebot import WaveBotRow
+    from rig.recording.row_layout import layout
 
     assert disk.row_bytes() >= layout(WaveBotRow).size + 47  # heads and index of a message
     little = disk.findings(host(tmp_path / "root"), tmp_path / "runs", 1e-3, 1000.0)

@@ -16,9 +16,9 @@ from wired_rig import CONFIGS, Ports, free_ports, rig_file
 from rig import cli
 from rig.cli.doctor import main
 from rig.config import RigFile, load
-from rig.doctor import Asked, Host, Use, Verdict, examine, rig_wires, wires
-from rig.hardware import reach
-from rig.rehearsal import addresses
+from rig.execution.hardware import reach
+from rig.execution.rehearsal import addresses
+from rig.host import Asked, Host, Use, Verdict, examine, rig_wires, wires
 
 NET, TTY = "sys__class__net", "sys__class__tty"
 USB = "sys__bus__usb-serial__devices"

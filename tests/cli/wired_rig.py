@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -59,14 +58,13 @@ def rig_file(folder: Path, ports: Ports, name: str = "rig", **changed: Any) -> P
     return path
 
 
-def rig(folder: Path, *words: str | Path) -> subprocess.Popen[str]:
-    """`rig ...` in a process of its own; its lock on the real clock is of this folder."""
+def rig(*words: str | Path) -> subprocess.Popen[str]:
+    """`rig ...` in a process of its own."""
     return subprocess.Popen(
         [sys.executable, "-m", "rig", *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env={**os.environ, "TMPDIR": str(folder)},
     )
 
 
@@ -88,9 +86,9 @@ def ended(process: subprocess.Popen[str], number: int = signal.SIGINT) -> tuple[
 
 
 @contextmanager
-def running(folder: Path, path: Path, *words: str | Path) -> Iterator[dict[str, Any]]:
+def running(path: Path, *words: str | Path) -> Iterator[dict[str, Any]]:
     """`rig sim` of a rig file, from ready to its end."""
-    process = rig(folder, "sim", path, "--json", *words)
+    process = rig("sim", path, "--json", *words)
     try:
         yield ready(process)
     finally:

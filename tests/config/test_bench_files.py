@@ -16,8 +16,8 @@ from rig.config.bench_limits_file import BenchLimitsFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.constants_file import ConstantsFile
 from rig.config.session_file import SessionFile
-from rig.rehearsal.bench_job import problems_of_session
-from rig.session import check_session, is_session
+from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.planning.session import check_session, is_session
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_bench_files.yaml"))

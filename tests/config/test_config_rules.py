@@ -105,6 +105,10 @@ def every_number() -> list[Any]:
     return cases
 
 
+# Added later: files written before stay valid, and the default is the safe side.
+OPTIONAL = {("supervisor_timeout_s",)}
+
+
 @pytest.mark.parametrize(("mapping", "model", "key"), every_number())
 def test_every_number_of_rig_and_limits_has_a_range_and_no_default(
     tmp_path: Path, mapping: dict[str, Any], model: type[BaseModel], key: tuple[str | int, ...]
@@ -120,6 +124,8 @@ def test_every_number_of_rig_and_limits_has_a_range_and_no_default(
         (math.nan, "is not a"),
         ("gone", "missing; allowed"),
     ):
+        if wrong == "gone" and key in OPTIONAL:
+            continue
         copy = json.loads(json.dumps(mapping))
         inner = copy
         for part in key[:-1]:

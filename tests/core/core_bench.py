@@ -11,14 +11,22 @@ from core_runs import plan
 
 from controllers.oswec_position import Component
 from controllers.signals import PanelSense
-from rig import cycle, safety, sequence
-from rig.bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, Setpoints, WrenchSense
-from rig.bench.words import NO_FLUME
 from rig.config import load_mapping
-from rig.rehearsal.bench_devices import BenchDevices, connect
-from rig.sequence import WAIT_DRIVE, Phase
-from rig.session import open_session, plan_session
-from rig.session.assemble import bench_params
+from rig.execution.rehearsal.bench_devices import BenchDevices, connect
+from rig.kinds.oswec_bench import (
+    BrakeSense,
+    Command,
+    EncoderSense,
+    Sense,
+    ServoSense,
+    Setpoints,
+    WrenchSense,
+)
+from rig.kinds.oswec_bench.words import NO_FLUME
+from rig.planning.session import open_session, plan_session
+from rig.planning.session.assemble import bench_params
+from rig.realtime import cycle, safety, sequence
+from rig.realtime.sequence import WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 DT = 0.001

@@ -58,6 +58,12 @@ REASONS = {
     "COUPLING_SLIP": (39, 0),
     "LOAD_CELL_OVERLOAD": (40, 0),
     "SHAFT_ENCODER_JUMP": (41, 0),
+    "CURRENT_DISAGREES": (42, 0),
+    "SURGE_CURRENT_DISAGREES": (43, 0),
+    "VELOCITY_DISAGREES": (44, 0),
+    "FORCE_DISAGREES": (45, 0),
+    "POWER_SIGN": (46, 0),
+    "POWER_BALANCE": (47, 1),
 }
 
 REQUESTS = {
@@ -215,6 +221,8 @@ BOUNDS = {
     "encoder_age_stop": 0.125,
     "encoder_jump_stop": 0.0625,
     "drive_age_stop": 0.375,
+    "current_difference_stop": 1.5,
+    "current_ticks_stop": 5,
     "newtons_per_ampere": 4.0,
 }
 SLEW, PEAK, RMS = 8.0, 64.0, 32.0  # N
@@ -233,6 +241,7 @@ FAULTS: tuple[tuple[str, dict[str, float]], ...] = (
     ("DRIVE_FAULT", {"fault": 1}),
     ("DRIVE_DROPPED", {"enabled": 0}),
     ("ENCODER_JUMP", {"jump": -0.063}),
+    ("CURRENT_DISAGREES", {"mismatch": 5}),
     ("POSITION", {"position": -0.501}),
     ("VELOCITY", {"velocity": 2.001}),
 )
@@ -254,6 +263,7 @@ def check_limits(module: Any) -> None:
     assert {flag.name: flag.value for flag in module.Limited} == LIMITED
     assert {flag.name: flag.value for flag in module.Warned} == {"POSITION": 1}
     _check_trips(module, limits)
+    _check_mismatch(module, limits)
     for position, warned in ((0.25, 0), (-0.25, 0), (0.2501, 1), (-0.2501, 1), (0.0, 0)):
         assert module.warn_axis(limits, Estimate(position, 0.0, 0.0)) == warned
     _check_grants(module, limits)
@@ -271,20 +281,22 @@ def _check_trips(module: Any, limits: Any) -> None:
                     changes |= change
                     if reason != "DRIVE_DROPPED" or powered:
                         found.append(reason)
+            mismatch = changes.pop("mismatch", 4)
             sense, measured, motion = axis_with(**changes)
-            got = module.check_axis(limits, fine, sense, measured, motion, mode)
+            got = module.check_axis(limits, fine, mismatch, sense, measured, motion, mode)
             assert got == REASONS[found[0] if found else "NONE"][0], (mode, changes)
             assert type(got) is int
     run = MODES["RUN"]
     for name in ("current", "encoder_age", "drive_age", *Estimate._fields):
         for bad in (math.nan, math.inf, -math.inf):
             sense, measured, motion = axis_with(**{name: bad})
-            got = module.check_axis(limits, fine, sense, measured, motion, run)
+            got = module.check_axis(limits, fine, 0, sense, measured, motion, run)
             assert got == REASONS["NOT_FINITE"][0], (name, bad)
     sense, measured, motion = axis_with(current=math.inf, velocity=-math.inf)  # must not cancel out
-    assert module.check_axis(limits, fine, sense, measured, motion, run) == REASONS["NOT_FINITE"][0]
+    got = module.check_axis(limits, fine, 0, sense, measured, motion, run)
+    assert got == REASONS["NOT_FINITE"][0]
     absurd = module.AxisState(0.0, 0.0, 1)
-    got = module.check_axis(limits, absurd, NORMAL, STILL.position, STILL, run)
+    got = module.check_axis(limits, absurd, 0, NORMAL, STILL.position, STILL, run)
     assert got == REASONS["NOT_FINITE"][0]
     for name, value, reason in (
         ("position", 0.501, "POSITION"),
@@ -298,10 +310,33 @@ def _check_trips(module: Any, limits: Any) -> None:
         ("drive_age", -0.001, "STALE_DRIVE"),
         ("jump", -0.0625, "NONE"),
         ("jump", 0.063, "ENCODER_JUMP"),
-        ("current", -900.0, "NONE"),  # measured current is the drive's own business
+        ("current", -900.0, "NONE"),  # it must last for some ticks
     ):
         sense, measured, motion = axis_with(**{name: value})
-        assert module.check_axis(limits, fine, sense, measured, motion, run) == REASONS[reason][0]
+        got = module.check_axis(limits, fine, 0, sense, measured, motion, run)
+        assert got == REASONS[reason][0], (name, value)
+
+
+def _check_mismatch(module: Any, limits: Any) -> None:
+    """Every command, current on a bound and beside it, mode, and count until then."""
+    scale, most = BOUNDS["newtons_per_ampere"], BOUNDS["current_difference_stop"]
+    edges = [around + side * most for around in (-4.0, 0.0, 4.0) for side in (-1.0, 1.0)]
+    currents = [edge + off for edge in edges for off in (-0.0625, 0.0, 0.0625)]
+    for commanded, current, on, saturated, (name, mode), before in itertools.product(
+        (-4.0, 0.0, 4.0), (*currents, math.nan), (0, 1), (0, 1), MODES.items(), (0, 1, 5)
+    ):
+        low, high = commanded, commanded
+        if saturated:  # it may give less, not more and not the other way
+            low, high = min(commanded, 0.0), max(commanded, 0.0)
+        agrees = low - most <= current <= high + most
+        due = max(before - 1, 0) if agrees else before + 1
+        if not on or name not in ("RUN", "STOP_2", "STOP_1"):
+            due = 0
+        state = module.AxisState(scale * commanded, 0.0, 0)
+        sense = NORMAL._replace(current=current, enabled=on)
+        got = module.mismatch_ticks(limits, state, before, sense, saturated, mode)
+        assert got == due, (commanded, current, on, saturated, name, before)
+        assert type(got) is int
 
 
 def granted(

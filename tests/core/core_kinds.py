@@ -19,9 +19,9 @@ from controllers.signals import (
     Second,
     Tick,
 )
-from rig import axis, cycle, limits, safety
-from rig.safety import FINE, RUN
-from rig.sequence import WAIT_DRIVE
+from rig.realtime import axis, cycle, limits, safety
+from rig.realtime.safety import FINE, RUN
+from rig.realtime.sequence import WAIT_DRIVE
 
 DT = 0.001
 LAW = impedance.Params(ramp=0.1)
@@ -38,6 +38,8 @@ LIMITS = limits.AxisLimits(
     encoder_age_stop=0.02,
     encoder_jump_stop=0.05,
     drive_age_stop=0.1,
+    current_difference_stop=1.0,
+    current_ticks_stop=20,
     newtons_per_ampere=50.0,
 )
 
@@ -108,7 +110,7 @@ def _driven(
     if mode == RUN:
         gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
         law, wanted = impedance.step(LAW, state.law, gains, motion, 0.0, 0.0, dt)
-    after, record = axis.control(params, state.axis, sense, motion, wanted, 1, mode, dt)
+    after, record = axis.control(params, state.axis, sense, motion, wanted, 1, 0, mode, dt)
     return Driven(after, law), record
 
 

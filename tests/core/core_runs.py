@@ -10,11 +10,13 @@ from typing import Any, NamedTuple, get_type_hints
 from core_kinds import AXIS, DT, SCALE, BenchParams, BenchSense, Table
 
 from controllers.signals import AxisCommand, AxisSense
-from rig import axis, cycle, loop, mailbox, ring, safety, sequence
-from rig.clock import Clock, VirtualClock, Wake
-from rig.mailbox import Mailbox, Request
-from rig.record import layout
-from rig.sequence import WAIT_DRIVE, Phase
+from rig.processes import mailbox
+from rig.processes.mailbox import Mailbox, Request
+from rig.realtime import axis, cycle, loop, safety, sequence
+from rig.realtime.clock import Clock, VirtualClock, Wake
+from rig.realtime.sequence import WAIT_DRIVE, Phase
+from rig.recording import ring
+from rig.recording.row_layout import layout
 
 # --- the plants
 
@@ -239,7 +241,7 @@ class _Posting:
     def wait_next(self) -> Any:
         wake = self._clock.wait_next()
         if wake.tick in self._posts:
-            self._mail.post(Request(self._posts[wake.tick]))
+            self._mail.post(Request(self._posts[wake.tick], 0.0))
         return wake
 
 

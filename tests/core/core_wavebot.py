@@ -9,13 +9,20 @@ from typing import Any
 
 from core_runs import plan
 
-from controllers.signals import AxisSense, DriveSense, PanelSense, ProbeSense, SpringSense
-from rig import cycle, sequence
-from rig.assemble import wavebot_params
+from controllers.signals import (
+    AxisCommand,
+    AxisSense,
+    DriveSense,
+    PanelSense,
+    ProbeSense,
+    SpringSense,
+)
 from rig.config import CampaignFile, LimitsFile, RigFile, load, load_mapping
-from rig.rehearsal.devices import PlantDevices, connect
-from rig.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
-from rig.wavebot import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
+from rig.execution.rehearsal.devices import PlantDevices, connect
+from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, Setpoints, WaveSense
+from rig.kinds.wavebot.build import wavebot_params
+from rig.realtime import cycle, sequence
+from rig.realtime.sequence import WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 DT = 0.001
@@ -70,8 +77,11 @@ def params(
     return made._replace(rig=inner)
 
 
+_OFF = AxisCommand(0.0, 0.0, 0, 0)
+
+
 class Quiet:
-    """The devices of a rig in still water that does nothing, not even when it is pushed."""
+    """The devices of a rig in still water that stays where it is, even when it is pushed."""
 
     def __init__(self) -> None:
         self.commands: list[Command] = []
@@ -82,12 +92,12 @@ class Quiet:
         pass
 
     def read(self, now: float) -> Sense:
-        enabled = self.commands[-1].heave.enable if self.commands else 0
-        surge = self.commands[-1].surge.enable if self.commands else 0
+        _, push, enabled, _ = self.commands[-1].heave if self.commands else _OFF
+        _, aside, surge, _ = self.commands[-1].surge if self.commands else _OFF
         target = self.commands[-1].spring.target if self.commands else -13.0
         return Sense(
-            AxisSense(183264, 0.001, 0.0, enabled, 0, 0.001),
-            AxisSense(-4711, 0.001, 0.0, surge, 0, 0.001),
+            AxisSense(183264, 0.001, push, enabled, 0, 0.001),
+            AxisSense(-4711, 0.001, aside, surge, 0, 0.001),
             LoadSense(15.0, -6.0, 1.0, 40.0, 42.0, 0.004, 0.0, 0.001),
             SpringSense(target, 1, 0.001),
             PowerSense(0.0, 30.0, 150.0, 0.001),

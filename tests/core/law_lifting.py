@@ -1,4 +1,4 @@
-"""One law compiled by rig/lift, to be run beside the interpreted one."""
+"""One law compiled by rig/sweep/lifting.py, to be run beside the interpreted one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controllers import biquads, blocks
-from rig import lift
+from rig.sweep import lifting
 
 DT = 0.001
 Inputs = tuple[Any, ...]
@@ -72,34 +72,34 @@ def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
     returned = interpreted(law, law.start, example)
     parts, fixed = [], []
     for name, part in zip(law.params._fields, law.params, strict=True):
-        parts.append("table" if name == law.table else lift.unpacking(part, "x", len(fixed)))
-        fixed += [] if name == law.table else lift.numbers(part)
-    at = len(fixed) + len(lift.numbers(law.start))
+        parts.append("table" if name == law.table else lifting.unpacking(part, "x", len(fixed)))
+        fixed += [] if name == law.table else lifting.numbers(part)
+    at = len(fixed) + len(lifting.numbers(law.start))
     call = ["params", "state"]
     for one in example:
-        call.append(lift.unpacking(one, "x", at))
-        at += len(lift.numbers(one))
+        call.append(lifting.unpacking(one, "x", at))
+        at += len(lifting.numbers(one))
     if law.timed:
         call.append(repr(DT))
-    names = lift.words(law.params) | lift.words(law.start) | lift.words(example)
+    names = lifting.words(law.params) | lifting.words(law.start) | lifting.words(example)
     imports = sorted(f"from {kind.__module__} import {kind.__name__}" for kind in names)
-    store = lift.packing(returned, f"({law.gives})", "out")
+    store = lifting.packing(returned, f"({law.gives})", "out")
     source = _SOURCE.format(
         imports="\n".join([*imports, f"from {law.module.__name__} import step"]),
         arguments="x, table" if law.table else "x",
         params=f"{type(law.params).__name__}({', '.join(parts)})",
-        state=lift.unpacking(law.start, "x", len(fixed)),
+        state=lifting.unpacking(law.start, "x", len(fixed)),
         result=law.gives,
         call=", ".join(call),
         size=len(store),
         store="\n    ".join(store),
     )
     name = law.module.__name__.replace(".", "_")
-    code = lift.load(name, source, (blocks, biquads, law.module))
+    code = lifting.load(name, source, (blocks, biquads, law.module))
     table = (np.array(getattr(law.params, law.table)),) if law.table else ()
 
     def tick(state: Any, inputs: Inputs) -> list[float]:
-        x = np.array([*fixed, *lift.numbers(state), *lift.numbers(inputs)])
+        x = np.array([*fixed, *lifting.numbers(state), *lifting.numbers(inputs)])
         return [float(number) for number in code.tick(x, *table)]
 
     return tick

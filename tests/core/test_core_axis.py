@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 
 from controllers import estimator
 from controllers.signals import AxisSense, Demand, Estimate
-from rig import axis, cycle, safety, tare, wavebot
-from rig.clock import VirtualClock
-from rig.limits import Warned
-from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
-from rig.sequence import Phase
-from rig.wavebot import KIND, Sense
+from rig.kinds import wavebot
+from rig.kinds.wavebot import KIND, Sense, tare
+from rig.realtime import axis, cycle, safety
+from rig.realtime.clock import VirtualClock
+from rig.realtime.limits import Warned
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.realtime.sequence import Phase
 
 NONE = axis.NOTHING
 AT = 183264  # counts
@@ -40,7 +41,7 @@ def followed(
     for count in counts:
         sense = sensed(count)
         motion = axis.observe(own, state, sense, zero, 1, DT)
-        state, record = axis.control(own, state, sense, motion, NONE, 1, mode, DT)
+        state, record = axis.control(own, state, sense, motion, NONE, 1, 0, mode, DT)
         out.append(record)
     return out
 
@@ -133,8 +134,8 @@ def test_another_zero_shifts_the_position_and_nothing_else(
         assert shifted.position == pytest.approx(plain.position - (here - zero), abs=1e-11)
         assert shifted.velocity == pytest.approx(plain.velocity, abs=1e-9)
         assert shifted.acceleration == pytest.approx(plain.acceleration, abs=1e-7)
-        moved, _ = axis.control(AXIS, moved, sense, shifted, NONE, 1, RUN, DT)
-        one, _ = axis.control(AXIS, one, sense, plain, NONE, 1, RUN, DT)
+        moved, _ = axis.control(AXIS, moved, sense, shifted, NONE, 1, 0, RUN, DT)
+        one, _ = axis.control(AXIS, one, sense, plain, NONE, 1, 0, RUN, DT)
 
 
 def test_another_zero_leaves_all_other_memory() -> None:
@@ -142,7 +143,7 @@ def test_another_zero_leaves_all_other_memory() -> None:
     for mode in (RUN, RUN, STOP_2):
         motion = Estimate(0.02, 0.1, -0.3)
         wanted = Demand(-500.0, 900.0, 0.0, -32.0)
-        state, _ = axis.control(AXIS, state, sense, motion, wanted, 1, mode, DT)
+        state, _ = axis.control(AXIS, state, sense, motion, wanted, 1, 0, mode, DT)
     assert state.limits.force != 0.0
     assert state.acting == STOP_1
     assert 0.0 < state.fade < 1.0
@@ -160,7 +161,7 @@ def test_the_record_holds_what_came_in_and_what_went_out() -> None:
     sense, motion = sensed(AT), Estimate(0.01, 0.1, 0.2)
     running = axis.start()._replace(acting=RUN)
     wanted = Demand(-500.0, 0.0, 3.0, -49.4)
-    state, record = axis.control(AXIS, running, sense, motion, wanted, 1, RUN, DT)
+    state, record = axis.control(AXIS, running, sense, motion, wanted, 1, 0, RUN, DT)
     assert record.sense is sense
     assert record.estimate is motion is state.motion
     assert record.demand is wanted
@@ -176,7 +177,7 @@ def test_the_record_holds_what_came_in_and_what_went_out() -> None:
 def test_a_far_position_is_warned_of_in_every_mode(mode: int, position: float, flag: int) -> None:
     assert AXIS.limits.position_warn == 0.2
     motion = Estimate(position, 0.0, 0.0)
-    _, record = axis.control(AXIS, axis.start(), sensed(0), motion, NONE, 1, mode, DT)
+    _, record = axis.control(AXIS, axis.start(), sensed(0), motion, NONE, 1, 0, mode, DT)
     assert record.warned == flag == (Warned.POSITION if flag else 0)
     assert type(record.warned) is int
 
@@ -367,7 +368,7 @@ def test_counts_may_move_up_to_the_bound_between_two_ticks(scale: float) -> None
     bound = own.limits.encoder_jump_stop / share / SCALE  # counts
     state = axis.start()
     at_rest = axis.observe(own, state, sensed(AT), 0.0, 1, DT)
-    state, _ = axis.control(own, state, sensed(AT), at_rest, NONE, 1, OFF, DT)
+    state, _ = axis.control(own, state, sensed(AT), at_rest, NONE, 1, 0, OFF, DT)
     own = own._replace(limits=own.limits._replace(velocity_stop=1e3, position_stop=10.0))
     for step, reason in (
         (int(bound) - 1, Reason.NONE),

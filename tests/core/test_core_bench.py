@@ -11,20 +11,24 @@ from core_bench import PULL, QUICK, Quiet, params, plant, setpoints
 from core_runs import Ran, run
 from core_wavebot import Bent
 
-from rig import cycle
-from rig.bench import KIND, Sense
-from rig.bench.words import BenchRow
-from rig.limits import Limited
-from rig.record import leaves
-from rig.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
-from rig.sequence import Phase
+from rig.kinds.oswec_bench import KIND, Sense
+from rig.kinds.oswec_bench.words import BenchRow
+from rig.realtime import cycle
+from rig.realtime.limits import Limited
+from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
+from rig.realtime.sequence import Phase
+from rig.recording.row_layout import leaves
 
 AT = 700  # in MEASURE
 
 
 def ran(sense: Any = None, made: cycle.Params | None = None, inner: Any = None) -> tuple[Ran, Bent]:
+    made = made or params()
+    if inner is None:  # its shaft stands still: a servo that ignores its commands
+        limits = made.rig.limits._replace(velocity_difference_stop=math.inf)
+        made = made._replace(rig=made.rig._replace(limits=limits))
     devices = Bent(inner or Quiet(), sense)
-    done = run(KIND, made or params(), devices)
+    done = run(KIND, made, devices)
     assert done.error is None
     return done, devices
 

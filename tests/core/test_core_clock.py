@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import clock
-from rig.clock import RealClock, VirtualClock, Wake
+from rig.realtime import clock
+from rig.realtime.clock import RealClock, VirtualClock, Wake
 
 PERIOD = 1_000_000  # ns
 EINTR = 4

@@ -14,7 +14,7 @@ FOREIGN = {
 # A whole run of a bench, with everything the loop process imports and a WaveBot's rows beside.
 RUN = """
 import json, sys
-import rig.loop_process, rig.wavebot, rig.kinds
+import rig.processes.loop_process, rig.kinds.wavebot, rig.kinds
 from core_kinds import BENCH
 from core_runs import bench, bench_params, run
 made = run(BENCH, bench_params(), bench())
@@ -28,21 +28,22 @@ def test_the_running_loop_has_nothing_foreign_in_memory() -> None:
     assert said["ticks"] > 400
     modules = set(said["modules"])
     assert {
-        "rig.loop",
-        "rig.cycle",
-        "rig.ring",
-        "rig.mailbox",
-        "rig.clock",
-        "rig.safety",
+        "rig.realtime.loop",
+        "rig.realtime.cycle",
+        "rig.recording.ring",
+        "rig.processes.mailbox",
+        "rig.realtime.clock",
+        "rig.realtime.safety",
     } <= modules
     assert {name.split(".")[0] for name in modules} & FOREIGN == set()
-    assert {name for name in modules if name.startswith(("rig.config", "rig.campaign"))} == set()
+    prepared = ("rig.config", "rig.planning", "rig.kinds.wavebot.build")  # before the loop starts
+    assert {name for name in modules if name.startswith(prepared)} == set()
 
 
 def test_the_look_finds_what_it_looks_for() -> None:
     """The same look at a process that designs an estimator sees filterpy and numpy."""
     code = (
-        "import json, sys; from rig.estimator_design import designed; "
+        "import json, sys; from rig.design.estimator import designed; "
         "designed(2.5e-5, 0.5, 0.5, 0.001); print(json.dumps(sorted(sys.modules)))"
     )
     roots = {name.split(".")[0] for name in json.loads(output(code))}

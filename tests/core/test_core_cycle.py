@@ -12,11 +12,9 @@ from core_kinds import AXIS, BENCH, LAW, PAIR, PairParams, PairRow, PairSense, T
 from core_runs import SAFETY, SHORT, Ran, Slider, Sliders, bench, bench_params, plan, run
 
 from controllers.signals import AxisSense, Demand, Estimate
-from rig import axis, cycle, safety
-from rig.limits import Limited, Warned
-from rig.record import leaves, leaves_of_schema, schema
-from rig.ring import Producer
-from rig.safety import (
+from rig.realtime import axis, cycle, safety
+from rig.realtime.limits import Limited, Warned
+from rig.realtime.safety import (
     ENABLING,
     OFF,
     REQUEST_HOLD,
@@ -28,7 +26,9 @@ from rig.safety import (
     STOP_2,
     Reason,
 )
-from rig.sequence import Phase
+from rig.realtime.sequence import Phase
+from rig.recording.ring import Producer
+from rig.recording.row_layout import leaves, leaves_of_schema, schema
 
 
 def wave(amplitude: float, f: float = 2.0) -> Callable[[float], float]:
@@ -261,7 +261,7 @@ def test_a_change_between_law_and_stop_never_bumps_the_force() -> None:
     wanted = Demand(0.0, 0.0, 0.0, 200.0)
     free = AXIS._replace(limits=AXIS.limits._replace(force_slew=1e9))
     for mode in [RUN] * 60 + [STOP_2] * 60 + [RUN] * 60 + [STOP_1] * 60:
-        memory, record = axis.control(free, memory, sense, motion, wanted, 1, mode, 0.001)
+        memory, record = axis.control(free, memory, sense, motion, wanted, 1, 0, mode, 0.001)
         forces.append(record.command.force)
     pure = -free.stop_damping * 0.1
     most = (200.0 - pure) * 0.001 / free.stop_ramp
@@ -275,12 +275,12 @@ def test_a_resting_power_stage_is_granted_nothing_and_says_so() -> None:
     sense, motion = AxisSense(1000, 0.0, 0.0, 1, 0, 0.0), Estimate(0.01, 0.1, 0.0)
     running = axis.start()._replace(acting=RUN)
     wanted = Demand(0.0, 0.0, 0.0, 20.0)
-    memory, record = axis.control(AXIS, running, sense, motion, wanted, 0, RUN, 0.001)
+    memory, record = axis.control(AXIS, running, sense, motion, wanted, 0, 0, RUN, 0.001)
     assert record.command == (0.0, 0.0, 1, Limited.GATED)
     assert record.demand is wanted
     assert memory.short == -20.0
     # A stop brakes, whatever the thresholds of the drive say.
-    _, record = axis.control(AXIS, memory, sense, motion, wanted, 0, STOP_1, 0.001)
+    _, record = axis.control(AXIS, memory, sense, motion, wanted, 0, 0, STOP_1, 0.001)
     assert record.command.force < 0.0
 
 

@@ -16,8 +16,8 @@ from filterpy.kalman import KalmanFilter
 
 from controllers import estimator
 from controllers.signals import Estimate
-from rig import estimator_design
-from rig.estimator_design import design, response
+from rig.design import estimator as estimator_design
+from rig.design.estimator import design, response
 
 DT = 0.001
 COUNT = 2.52e-5  # m, heave a count of the WaveBot
@@ -115,7 +115,7 @@ def test_kept_gains_are_those_of_filterpy_to_the_last_bit(
 def test_a_gain_is_the_same_on_every_processor() -> None:
     """OpenBLAS multiplies with and without fused operations: the last bits of filterpy's differ."""
     asked = (COUNT, NOISE, JERK, DT)
-    code = f"from rig.estimator_design import designed; print(*designed(*{asked}))"
+    code = f"from rig.design.estimator import designed; print(*designed(*{asked}))"
     for kernels in ("Prescott", "Haswell"):
         env = os.environ | {"OPENBLAS_CORETYPE": kernels}
         done = subprocess.run(

@@ -9,9 +9,9 @@ import pytest
 from core_runs import LossyClock, Ran, run
 from core_wavebot import CALM, SETPOINTS, SHORT, WAVES, Bend, Bent, configured, params, plant
 
-from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, Reason
-from rig.sequence import Phase
-from rig.wavebot import KIND, Command, Sense
+from rig.kinds.wavebot import KIND, Command, Sense
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, Reason
+from rig.realtime.sequence import Phase
 
 AT = 2000  # tick of a fault: measuring row 0
 

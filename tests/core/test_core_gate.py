@@ -10,11 +10,11 @@ import pytest
 from core_runs import Ran, plan, run
 from core_wavebot import READY, Bent, Quiet, params
 
-from rig import safety
-from rig.record import leaves
-from rig.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
-from rig.sequence import Phase
-from rig.wavebot import KIND, Sense, WaveBotRow
+from rig.kinds.wavebot import KIND, Sense, WaveBotRow
+from rig.realtime import safety
+from rig.realtime.safety import ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.realtime.sequence import Phase
+from rig.recording.row_layout import leaves
 
 FLOATS = [leaf.path for leaf in leaves(Sense) if leaf.code == "d"]
 GUARDED = [path for path in FLOATS if path != ("wave", "elevation")]

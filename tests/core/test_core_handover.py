@@ -14,9 +14,11 @@ from core_wavebot import params
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import cycle, handover, wavebot
-from rig.handover import HandoverError
-from rig.loop_process import Job
+from rig.kinds import wavebot
+from rig.processes import handover
+from rig.processes.handover import HandoverError
+from rig.processes.loop_process import Job
+from rig.realtime import cycle
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, -2.2e-308, 1e308, 0.1])
 
@@ -60,7 +62,7 @@ def test_the_shipped_parameters_and_a_job_come_back() -> None:
     made = params()
     again = handover.loads(cycle.Params, handover.dumps(made), rig=wavebot.Params)
     assert bits(again) == bits(made)
-    job = Job(1, 0, 0.001, 3, 4, 5, made, json.dumps({"seed": 1}))
+    job = Job(1, 0, 0.001, 3, 4, 5, made, json.dumps({"seed": 1}), 1.0)
     assert bits(handover.loads(Job, handover.dumps(job), rig=wavebot.Params)) == bits(job)
 
 

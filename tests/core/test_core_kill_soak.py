@@ -9,23 +9,21 @@ from __future__ import annotations
 import os
 import random
 import secrets
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from benchmarks.support.kills import SUPERVISOR, Fate, plans, soak
+from benchmarks.support.kills import PAIRS, SUPERVISOR, Fate, plans, soak
 from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
-from rig.runs.create import BusyError, hold_realtime
+from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.recording.runs.create import BusyError
 
 pytestmark = pytest.mark.realtime
 
 SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
-VIRTUAL, REAL = 16, 4  # kills; 200 of them: python -m benchmarks crash
-PATIENCE = 60.0  # s that somebody else's real-time run is waited for
+VIRTUAL, REAL = 16, 6  # kills; 300 of them: python -m benchmarks crash
 
 
 def judge(fates: list[Fate], kills: int) -> None:
@@ -40,53 +38,30 @@ def judge(fates: list[Fate], kills: int) -> None:
 
 
 def test_kills_on_the_virtual_clock(tmp_path: Path) -> None:
-    todo = plans(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR), 1.5)
+    todo = plans(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR, *PAIRS), 1.5)
     judge(soak(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
 
 
-@pytest.fixture
-def alone_in_real_time() -> Iterator[None]:
-    """The host's one real-time place, so that no other real-time test is disturbed by ours."""
-    until = time.monotonic() + PATIENCE
-    while True:
-        try:
-            lock = hold_realtime("kill soak")
-            break
-        except BusyError as error:
-            if time.monotonic() > until:
-                pytest.skip(f"not within {PATIENCE:g} s: {error}")
-            time.sleep(0.2)
-    with lock:
-        yield
-
-
-@pytest.mark.usefixtures("alone_in_real_time")
 def test_kills_on_the_real_clock(tmp_path: Path) -> None:
     dice = random.Random(SEED + 1)
-    whom = ["loop", "logger", SUPERVISOR, "all"]
+    whom = ["loop", "logger", SUPERVISOR, *PAIRS, "all"]
     todo = [plans(dice, 1, (who,), 1.5)[0]._replace(starting=False) for who in whom]
     dice.shuffle(todo)
     judge(soak(tmp_path, todo, real_clock=True, workers=1), REAL)
 
 
-@pytest.mark.usefixtures("alone_in_real_time")
-def test_a_stopping_loop_keeps_the_real_time_place(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stopping_loop_keeps_the_real_time_place(tmp_path: Path) -> None:
     """The next run must not get a rig whose last loop still has the drive on."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     campaign = campaign_file(tmp_path, 60.0)
-    env = {"TMPDIR": str(tmp_path)}
-    with live_run(campaign, tmp_path / "runs", real_clock=True, env=env) as run:
+    with live_run(campaign, tmp_path / "runs", real_clock=True) as run:
         run.wait_started()
         loop, logger = run.pid(LOOP), run.pid(LOGGER)
         time.sleep(1.3)  # past the tare: the drive is on, damping for 2 s comes first
         run.process.kill()
         run.process.wait()
         with pytest.raises(BusyError, match="was killed; its loop is coming to a stop"):
-            hold_realtime("next")
+            hold((REALTIME_PLACE,), "next")
         assert running(loop)
         wait_until(lambda: not running(loop), "the end of the loop")
-        with hold_realtime("next"):
-            pass
+        hold((REALTIME_PLACE,), "next").close()
         wait_until(lambda: not running(logger), "the end of the logger")

@@ -17,8 +17,8 @@ from drivers.canopen import cia402, scaling
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
 from drivers.canopen.torque_axis import Settings, TorqueAxis
-from rig import axis
-from rig.safety import RUN, Reason
+from rig.realtime import axis
+from rig.realtime.safety import RUN, Reason
 
 SCALE = AXIS.metres_per_count
 NODE = 5
@@ -77,7 +77,7 @@ def followed(
         if tick > 0:  # before, nothing can have come
             motion = axis.observe(own, state, sense, 0.0, 1, DT)
             reason = axis.check(own, state, sense, motion, 0.0, RUN)
-            state, _ = axis.control(own, state, sense, motion, axis.NOTHING, 1, RUN, DT)
+            state, _ = axis.control(own, state, sense, motion, axis.NOTHING, 1, 0, RUN, DT)
             if tick > 2000:
                 true = PEAK * math.cos(OMEGA * (moment - DT))
                 worst = max(worst, abs(motion.velocity - true))
@@ -162,7 +162,7 @@ def test_the_usual_age_is_the_least() -> None:
     for age, usual in ((0.06, 0.06), (0.001, 0.001), (0.002, 0.001), (0.0008, 0.0008)):
         sense = AxisSense(0, age, 0.0, 1, 0, 0.0)
         motion = axis.observe(AXIS, state, sense, 0.0, 1, DT)
-        state, _ = axis.control(AXIS, state, sense, motion, axis.NOTHING, 1, RUN, DT)
+        state, _ = axis.control(AXIS, state, sense, motion, axis.NOTHING, 1, 0, RUN, DT)
         assert state.usual == usual
         assert state.age == age
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from controllers.signals import AxisSense, Estimate
-from rig import limits
-from rig.limits import AxisLimits, AxisState
-from rig.safety import RUN, STOP_1, STOP_2, Reason
+from rig.realtime import limits
+from rig.realtime.limits import AxisLimits, AxisState
+from rig.realtime.safety import RUN, STOP_1, STOP_2, Reason
 
 DT = 0.001
 WAVEBOT = AxisLimits(
@@ -26,6 +26,8 @@ WAVEBOT = AxisLimits(
     encoder_age_stop=0.02,
     encoder_jump_stop=0.05,
     drive_age_stop=0.1,
+    current_difference_stop=2.0,
+    current_ticks_stop=200,
     newtons_per_ampere=76.975,
 )
 STEP = WAVEBOT.force_slew * DT
@@ -75,9 +77,13 @@ def test_a_demand_that_is_no_number_trips_in_the_next_tick(bad: float) -> None:
     state, command = limits.grant(WAVEBOT, state, bad, 1, RUN, DT)
     assert command.force == 0.0
     sense, still = AxisSense(0, 0.0, 0.0, 1, 0, 0.0), Estimate(0.0, 0.0, 0.0)
-    assert limits.check_axis(WAVEBOT, state, sense, still.position, still, RUN) == Reason.NOT_FINITE
+    assert checked(state, sense, still) == Reason.NOT_FINITE
     state, _ = limits.grant(WAVEBOT, state, 0.0, 1, RUN, DT)
-    assert limits.check_axis(WAVEBOT, state, sense, still.position, still, RUN) == Reason.NONE
+    assert checked(state, sense, still) == Reason.NONE
+
+
+def checked(state: AxisState, sense: AxisSense, motion: Estimate) -> int:
+    return limits.check_axis(WAVEBOT, state, 0, sense, motion.position, motion, RUN)
 
 
 def constant(demand: float, seconds: float) -> list[tuple[float, int]]:

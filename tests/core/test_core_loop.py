@@ -8,15 +8,17 @@ from typing import Any
 
 import pytest
 from core_kinds import BENCH, BenchCommand, BenchSense
-from core_runs import SAFETY, SHORT, LossyClock, Ran, Sliders, bench, bench_params, run
+from core_runs import DT, SAFETY, SHORT, LossyClock, Ran, Sliders, bench, bench_params, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import loop, safety
-from rig.clock import VirtualClock
-from rig.ring import Producer, Writer
-from rig.safety import RUN, STOP_0, STOP_1, STOP_2, Reason
-from rig.sequence import Phase
+from rig.realtime import loop, safety
+from rig.realtime.clock import VirtualClock
+from rig.realtime.safety import RUN, STOP_0, STOP_1, STOP_2, Reason
+from rig.realtime.sequence import Phase
+from rig.recording.ring import Producer, Writer
+
+WATCH = round(loop.WATCH / DT)  # ticks
 
 
 class BrokenError(Exception):
@@ -108,7 +110,7 @@ def test_a_failed_clock_stops() -> None:
 def test_a_failed_overseer_stops() -> None:
     devices = bench()
     made = run(BENCH, bench_params(), devices, overseer=fails_at(1, lambda: 0))
-    gone(made, devices, 2 * loop.WATCH - 1)
+    gone(made, devices, 2 * WATCH - 1)
 
 
 def test_a_start_that_fails_stops() -> None:
@@ -218,7 +220,7 @@ def test_the_overseer_is_heard_within_its_watch(request_: int, reason: Reason) -
     assert made.end is not None
     assert made.end.reason == reason
     first = next(row.tick for row in made.rows if row.safety.mode >= STOP_1)
-    assert first == 3 * loop.WATCH - 1
+    assert first == 3 * WATCH - 1
 
 
 def test_a_mail_does_not_hide_the_overseer() -> None:

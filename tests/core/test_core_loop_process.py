@@ -1,4 +1,4 @@
-"""What comes before the first tick, in its order: privileges, then the wires, then the clock."""
+"""The loop process: what comes before the first tick, in its order, and what ends it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ from typing import Any
 import pytest
 from core_process import output
 
+from rig.realtime import loop
+from rig.realtime.safety import STOP_0, STOP_1, Reason
+
 # A loop process whose steps are told; `TROUBLE` is raised while the wires are warmed up.
 CODE = """
 import io, json, os, sys
 from core_kinds import BENCH, DT
 from core_runs import bench, bench_params
-from rig import handover, loop_process, mailbox, ring
+from rig.processes import handover, loop_process, mailbox
+from rig.recording import ring
 order = []
 class Wires:
     def __init__(self): self.inner = bench()
@@ -40,7 +44,7 @@ def privileges(job):
 loop_process.VirtualClock, loop_process._privileges = Clock, privileges
 loop_process.leave_terminal_alone = lambda: None
 rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
-job = loop_process.Job(0, 0, DT, rows, mail, os.getppid(), bench_params(), "{}")
+job = loop_process.Job(0, 0, DT, rows, mail, os.getppid(), bench_params(), "{}", 1.0)
 sys.stdin = io.StringIO(handover.dumps(job))
 code = 0
 try:
@@ -48,6 +52,35 @@ try:
 except SystemExit as end:
     code = end.code
 print(json.dumps({"event": "order", "order": order, "code": code}))
+"""
+
+
+# A loop process on the real clock whose supervisor posts once and then is silent. Its start, tick
+# and request are those of a real supervisor; the plan is walked in 0.5 s and more.
+SILENT = """
+import io, json, os, sys, time
+from core_kinds import BENCH, DT
+from core_runs import bench, bench_params
+from rig.processes import handover, loop_process, mailbox
+from rig.recording import ring, row_layout
+from rig.processes.mailbox import Mailbox, Request
+def privileges(job): pass
+loop_process._privileges = privileges
+loop_process.leave_terminal_alone = lambda: None
+rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
+devices = bench()
+devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monotonic()))
+params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stand still
+job = loop_process.Job(1, 0, DT, rows, mail, os.getppid(), params, "{}", TIMEOUT)
+sys.stdin = io.StringIO(handover.dumps(job))
+loop_process.main(BENCH, lambda config, dt: devices)
+reader, modes = ring.Reader(rows), []
+while block := reader.take():
+    row = row_layout.layout(BENCH.row_type)
+    modes += [row.unpack_from(block, at) for at in range(0, len(block), row.size)]
+names = [leaf.name for leaf in row_layout.leaves(BENCH.row_type)]
+tick, mode, why = (names.index(n) for n in ("tick", "safety.mode", "safety.reason"))
+print(json.dumps({"event": "rows", "rows": [[r[tick], r[mode], r[why]] for r in modes]}))
 """
 
 
@@ -72,3 +105,24 @@ def test_wires_that_do_not_answer_are_named_and_given_back(why: str) -> None:
     assert said["order"]["code"] == 78
     assert said["order"]["order"] == ["connect", "privileges", "warm up 0.001", "close"]
     assert "start" not in said
+
+
+def silent(timeout: float) -> dict[str, Any]:
+    lines = output(f"TIMEOUT = {timeout!r}\n{SILENT}").splitlines()
+    return {one["event"]: one for one in map(json.loads, lines)}
+
+
+def test_a_silent_supervisor_is_a_controlled_stop_on_the_real_clock() -> None:
+    said = silent(0.2)
+    assert said["end"]["reason"] == Reason.SUPERVISOR_LOST
+    rows = said["rows"]["rows"]
+    first = next(tick for tick, _, why in rows if why == Reason.SUPERVISOR_LOST)
+    # Posted while the wires warm up; looked at every 50 ms; a busy host only makes it later.
+    assert 0.15 <= first * 0.001 <= 0.2 + loop.WATCH + 0.2
+    modes = [mode for _, mode, _ in rows]
+    assert STOP_1 in modes  # damping first
+    assert modes[-1] == STOP_0
+
+
+def test_a_supervisor_that_is_heard_of_in_time_stops_nothing() -> None:
+    assert silent(30.0)["end"]["reason"] == Reason.PLAN_END

@@ -12,8 +12,8 @@ from core_process import output, start
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import mailbox
-from rig.mailbox import Mailbox, Request
+from rig.processes import mailbox
+from rig.processes.mailbox import Mailbox, Request
 
 
 class Meter(NamedTuple):
@@ -109,17 +109,18 @@ def test_a_word_that_does_not_fit_is_refused(fd: int) -> None:
 def test_a_post_of_another_process_arrives(fd: int) -> None:
     reader = Mailbox(fd, Request)
     code = (
-        "import sys; from rig.mailbox import Mailbox, Request;"
-        "m = Mailbox(int(sys.argv[1]), Request); [m.post(Request(n)) for n in range(1, 4)];"
+        "import sys; from rig.processes.mailbox import Mailbox, Request;"
+        "m = Mailbox(int(sys.argv[1]), Request); [m.post(Request(n, 0.5)) for n in range(1, 4)];"
         "print(m.read())"
     )
-    assert output(code, fd).strip() == "Request(request=3)"
-    assert reader.read() == (3,)
+    assert output(code, fd).strip() == "Request(request=3, heartbeat=0.5)"
+    assert reader.read() == (3, 0.5)
 
 
 def test_values_of_a_busy_writer_are_whole(fd: int) -> None:
     code = (
-        "import sys; from test_core_mailbox import Meter; from rig.mailbox import Mailbox\n"
+        "import sys\n"
+        "from test_core_mailbox import Meter; from rig.processes.mailbox import Mailbox\n"
         "m = Mailbox(int(sys.argv[1]), Meter)\n"
         "for n in range(1, 200_000): m.post(Meter(n * 0.5, n))\n"
     )

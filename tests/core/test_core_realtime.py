@@ -9,20 +9,20 @@ from pathlib import Path
 import pytest
 from core_process import output
 
-from rig import realtime
-from rig.realtime import Privileges
+from rig.realtime import scheduling
+from rig.realtime.scheduling import Privileges
 
 # Without any privilege: as nobody if we are root, and with every limit taken down before.
 UNPRIVILEGED = """
 import json, os, resource, gc
-from rig import realtime
+from rig.realtime import scheduling
 for limit in (resource.RLIMIT_RTPRIO, resource.RLIMIT_MEMLOCK):
     resource.setrlimit(limit, (0, 0))
 if os.getuid() == 0:
     os.setgroups([])
     os.setgid(65534)
     os.setuid(65534)
-got = realtime.acquire()
+got = scheduling.acquire()
 print(json.dumps({
     "got": got._asdict(),
     "refused": got.refused,
@@ -53,19 +53,19 @@ def test_without_privileges_each_refusal_is_reported() -> None:
 # nothing can be imported any more, a codec neither. Here nothing can be, whoever asks.
 NO_IMPORT = """
 import json, os, resource, sys
-from rig import realtime
+from rig.realtime import scheduling
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 others = sorted(os.sched_getaffinity(0))
 read, write = os.pipe()
 os.write(write, f"{others[0]}".encode())
 os.close(write)
-realtime._ISOLATED = f"/proc/self/fd/{read}"
+scheduling._ISOLATED = f"/proc/self/fd/{read}"
 before = set(sys.modules)
 sys.meta_path.clear()
 sys.path_hooks.clear()
 sys.path_importer_cache.clear()
-core = realtime.core()
-told = [realtime.acquire(), realtime.beside_the_loop(), realtime.at_its_service()]
+core = scheduling.core()
+told = [scheduling.acquire(), scheduling.beside_the_loop(), scheduling.at_its_service()]
 print(json.dumps({"core": core, "first": others[0], "new": sorted(set(sys.modules) - before)}))
 """
 
@@ -87,10 +87,10 @@ def test_every_refusal_of_the_host_is_caught(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "sched_setaffinity", refuse)
-    monkeypatch.setattr(realtime, "_LATENCY_FILE", "/nowhere/at/all")
-    monkeypatch.setattr(realtime, "quiet_memory", lambda: None)
-    monkeypatch.setattr(realtime, "_lock", refuse)
-    got = realtime.acquire()
+    monkeypatch.setattr(scheduling, "_LATENCY_FILE", "/nowhere/at/all")
+    monkeypatch.setattr(scheduling, "quiet_memory", lambda: None)
+    monkeypatch.setattr(scheduling, "_lock", refuse)
+    got = scheduling.acquire()
     assert got[:3] == ("Operation not permitted",) * 3
     assert got.latency == "No such file or directory"
     assert len(got.refused) == 4
@@ -100,10 +100,10 @@ def test_an_isolated_core_is_the_loops(tmp_path: Path, monkeypatch: pytest.Monke
     last = max(os.sched_getaffinity(0))
     for text, core in (("", last), ("\n", last), ("9\n", 9), ("2,5-7\n", 7), ("no list", last)):
         (tmp_path / "isolated").write_text(text)
-        monkeypatch.setattr(realtime, "_ISOLATED", str(tmp_path / "isolated"))
-        assert realtime.core() == core
-    monkeypatch.setattr(realtime, "_ISOLATED", str(tmp_path / "none"))
-    assert realtime.core() == last
+        monkeypatch.setattr(scheduling, "_ISOLATED", str(tmp_path / "isolated"))
+        assert scheduling.core() == core
+    monkeypatch.setattr(scheduling, "_ISOLATED", str(tmp_path / "none"))
+    assert scheduling.core() == last
 
 
 def test_a_core_that_may_not_be_used_is_none_of_the_loops(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,7 +114,7 @@ def test_a_core_that_may_not_be_used_is_none_of_the_loops(monkeypatch: pytest.Mo
         if cores == {999}:
             raise OSError(22, "Invalid argument")
 
-    monkeypatch.setattr(realtime, "core", lambda: 999)
+    monkeypatch.setattr(scheduling, "core", lambda: 999)
     monkeypatch.setattr(os, "sched_setaffinity", some)
-    realtime._pin()
+    scheduling._pin()
     assert asked == [{999}, {max(os.sched_getaffinity(0))}]

@@ -16,9 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from controllers import signals
-from rig import wavebot
-from rig.record import RowError, layout, leaves, leaves_of_schema, packer, schema, schema_name
-from rig.wavebot import WaveBotRow
+from rig.kinds import wavebot
+from rig.kinds.wavebot import WaveBotRow
+from rig.recording.row_layout import (
+    RowError,
+    layout,
+    leaves,
+    leaves_of_schema,
+    packer,
+    schema,
+    schema_name,
+)
 
 ROWS = (WaveBotRow, BenchRow, PairRow)
 _number = itertools.count()

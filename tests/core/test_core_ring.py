@@ -16,9 +16,9 @@ from core_runs import unflatten
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import ring
-from rig.record import layout
-from rig.ring import Producer, Reader, TornRowError, Writer
+from rig.recording import ring
+from rig.recording.ring import Producer, Reader, TornRowError, Writer
+from rig.recording.row_layout import layout
 
 Tick = Annotated[int, "tick"]
 
@@ -229,7 +229,7 @@ def test_what_is_no_ring_is_refused() -> None:
 PRODUCER = """
 import sys
 from test_core_ring import Row, row
-from rig.ring import Writer
+from rig.recording.ring import Writer
 writer, n = Writer(int(sys.argv[1]), Row, wait=True), 0
 while True:
     writer.put(row(n))
@@ -269,7 +269,8 @@ def test_a_killed_reader_is_replaced() -> None:
         for n in range(30):
             writer.put(row(n))
         first = (
-            "import sys, os, signal; from rig.ring import Reader; r = Reader(int(sys.argv[1]));"
+            "import sys, os, signal; from rig.recording.ring import Reader;"
+            "r = Reader(int(sys.argv[1]));"
             "r.take(); r.take(10); r.commit(); r.take(5); os.kill(os.getpid(), signal.SIGKILL)"
         )
         process = start(first, made)
@@ -289,7 +290,8 @@ def test_another_process_reads_the_same_bytes() -> None:
             writer.put(row(n))
         writer.finish()
         code = (
-            "import sys; from rig.ring import Reader; print(Reader(int(sys.argv[1])).take().hex())"
+            "import sys; from rig.recording.ring import Reader; "
+            "print(Reader(int(sys.argv[1])).take().hex())"
         )
         assert decode(bytes.fromhex(output(code, made))) == [row(n) for n in range(10)]
     finally:

@@ -13,8 +13,19 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from controllers.signals import AxisSense, Demand
-from rig import axis, safety
-from rig.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, STOP_1, STOP_2, TABLE, Mode, Reason
+from rig.realtime import axis, safety
+from rig.realtime.safety import (
+    CATEGORY,
+    ENABLING,
+    OFF,
+    RUN,
+    STOP_0,
+    STOP_1,
+    STOP_2,
+    TABLE,
+    Mode,
+    Reason,
+)
 
 PARAMS = safety.Params(enable_ticks=6, stop_ticks=4)
 
@@ -138,7 +149,7 @@ class Interleavings(RuleBasedStateMachine):
         sense = AxisSense(self.counts, 0.0, 0.0, int(powered), 0, 0.0)
         motion = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
         self.axis, record = axis.control(
-            AXIS, self.axis, sense, motion, WANTED, 1, self.guard.mode, DT
+            AXIS, self.axis, sense, motion, WANTED, 1, 0, self.guard.mode, DT
         )
         self.force, self.enable = record.command.force, record.command.enable
         if self.guard.mode >= STOP_1 and self.stopped_at is None:

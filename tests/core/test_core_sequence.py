@@ -10,8 +10,8 @@ from core_runs import plan
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import sequence
-from rig.sequence import NO_ROW, Phase, Segments
+from rig.realtime import sequence
+from rig.realtime.sequence import NO_ROW, Phase, Segments
 
 FLAGS = 3
 MANY = settings(max_examples=200, deadline=None)

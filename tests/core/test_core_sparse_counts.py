@@ -10,9 +10,9 @@ from core_kinds import DT
 
 from controllers import estimator
 from controllers.signals import Estimate
-from rig import axis
-from rig.estimator_design import design
-from rig.safety import RUN
+from rig.design.estimator import design
+from rig.realtime import axis
+from rig.realtime.safety import RUN
 
 SCALE = 2.0 * math.pi / (65536 * 15)  # rad per count: the bench's motor
 FILTER = design(SCALE, 0.5, 10.0, DT)

@@ -12,8 +12,9 @@ from controllers import magnetic_spring
 from controllers.blocks import interpolate
 from controllers.magnetic_spring import Params, arrived, start, stator_position, step
 from controllers.signals import SpringSense
-from rig import power, tare
-from rig.sequence import Phase
+from rig.kinds.wavebot import tare
+from rig.realtime import power
+from rig.realtime.sequence import Phase
 
 # MASK4 report, Table 4-1: stator position (%) -> spring rate (N/m), small displacements.
 TABLE = [

@@ -10,12 +10,12 @@ from core_runs import Ran, plan, run
 from core_wavebot import READY, Bent, Quiet, params, table
 
 from controllers.signals import DriveFault
-from rig import cycle, safety
-from rig.limits import Limited
-from rig.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
-from rig.sequence import Phase
-from rig.wavebot import KIND, Sense
-from rig.wavebot.state import SurgeUse
+from rig.kinds.wavebot import KIND, Sense
+from rig.kinds.wavebot.state import SurgeUse
+from rig.realtime import cycle, safety
+from rig.realtime.limits import Limited
+from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
+from rig.realtime.sequence import Phase
 
 AT = 120
 PLAN = plan(

@@ -13,7 +13,7 @@ from scipy import signal
 from controllers import biquads, impedance
 from controllers.blocks import finite
 from controllers.signals import Demand, Estimate, Gains
-from rig.impedance_design import design
+from rig.design.impedance import design
 
 DT = 0.001
 LAW = impedance.Params(ramp=0.02)

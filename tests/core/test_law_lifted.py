@@ -29,8 +29,8 @@ from controllers import (
 )
 from controllers.oswec_position import Component, Span
 from controllers.signals import Estimate, Gains, SpringCommand
-from rig import lift
-from rig.impedance_design import design
+from rig.design.impedance import design
+from rig.sweep import lifting
 
 TICKS = 3000
 FORCE = 3e5  # N, above what any law gives here for finite input
@@ -219,7 +219,7 @@ def test_compiled_and_interpreted_give_the_same_bits(pair: Any) -> None:
         for n in range(TICKS):
             inputs = law.inputs(rng, n)
             returned = interpreted(law, state, inputs)
-            numbers = lift.numbers(returned)
+            numbers = lifting.numbers(returned)
             assert same(numbers, tick(state, inputs)), (n, inputs)
             assert all(map(math.isfinite, numbers))
             state = state_of(law, returned)
@@ -263,14 +263,14 @@ def test_so_they_do_when_numbers_are_none(pair: Any) -> None:
         if n % 20 == 0:
             inputs = spoiled(inputs, rng)
         returned = interpreted(law, state, inputs)
-        numbers = lift.numbers(returned)
+        numbers = lifting.numbers(returned)
         assert same(numbers, tick(state, inputs)), (n, inputs)
         force = numbers[-1]
         if law.gives == "state, given":
             assert not math.isfinite(force) or abs(force) <= FORCE
             bad_forces += not math.isfinite(force)
         state = state_of(law, returned)
-        caught = 0 if all(map(math.isfinite, lift.numbers(state))) else caught + 1
+        caught = 0 if all(map(math.isfinite, lifting.numbers(state))) else caught + 1
         if caught == 10:
             state, caught = law.start, 0
     if law.gives == "state, given" and law.varied > 2:  # a force, and not always none
@@ -292,5 +292,5 @@ def others():
 
 
 def test_what_an_axis_does_besides_stepping_compiles_too() -> None:
-    room = lift.load("law_room", ROOM, (blocks, open_loop, position_hold, station_keeping))
+    room = lifting.load("law_room", ROOM, (blocks, open_loop, position_hold, station_keeping))
     assert room.others() == room.others.py_func()

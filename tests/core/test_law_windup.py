@@ -13,7 +13,7 @@ from controllers import biquads, impedance
 from controllers.biquads import Biquad
 from controllers.blocks import clamp
 from controllers.signals import Estimate, Gains
-from rig.impedance_design import design
+from rig.design.impedance import design
 
 DT = 0.001
 NONE = Gains(0.0, 0.0, 0.0)

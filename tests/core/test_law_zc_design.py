@@ -12,7 +12,7 @@ from scipy import signal
 
 from controllers import impedance
 from controllers.signals import Estimate, Gains
-from rig.impedance_design import BAND, TOLERANCE, design, evaluate, response
+from rig.design.impedance import BAND, TOLERANCE, design, evaluate, response
 
 DT = 0.001
 # The radiation of the WaveBot, five states fitted to BEM, as an absorbing Z_c.

@@ -15,12 +15,12 @@ from rig_command import rig_here
 
 from benchmarks.counterfactual import case
 from rig.analysis.rows import POWERS
-from rig.campaign import Campaign, open_campaign
-from rig.counterfactual import FORCES, Foretold, foretell
-from rig.counterfactual.foretold import Logged, corrected, gross, shares_of
-from rig.counterfactual.waves import Asked, asked_of
-from rig.rehearsal.job import problems
-from rig.runs import RunError
+from rig.execution.rehearsal.job import problems
+from rig.planning.campaign import Campaign, open_campaign
+from rig.recording.runs import RunError
+from rig.sweep.counterfactual import FORCES, Foretold, foretell
+from rig.sweep.counterfactual.foretold import Logged, corrected, gross, shares_of
+from rig.sweep.counterfactual.waves import Asked, asked_of
 
 AMPLITUDE, FREQUENCY = 0.1, 0.5
 POINTS = [

@@ -211,6 +211,13 @@ def test_faults_of_the_power_part() -> None:
     bench.device.faults.clear()
     bench.say("o1100.3=0")
     bench.enable()
+    bench.say("o1901.1=5")
+    forward = bench.written["velocity"]
+    bench.device.faults.switch("inverted_motor")
+    bench.say("o1901.1=5")
+    assert bench.written["velocity"] == -forward != 0.0
+    bench.device.faults.clear()
+    bench.say("o1901.1=0")
     bench.device.faults.switch("ignores_set_points")
     assert bench.say("o1901.1=5") == ">\r"
     assert bench.written["velocity"] == 0.0

@@ -90,6 +90,27 @@ def test_a_stuck_counter() -> None:
     assert value(unit, Table.INPUT, 104) > 10.0
 
 
+def test_values_that_stand_still_under_a_counter_that_goes_on() -> None:
+    clock = [0.0]
+    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update=0.1))
+    run(unit, clock, 0.35)
+    before = value(unit, Table.INPUT, 104)
+    assert before > 10.0
+    unit.faults.switch("stuck_values")
+    run(unit, clock, 0.75)
+    assert unit.read(Table.INPUT, 1, 1) == [7]
+    assert value(unit, Table.INPUT, 104) == before
+
+
+def test_every_other_request_is_refused_as_busy() -> None:
+    unit = StrainAmplifier(lambda: (1.0,), AmplifierSettings(2.0))
+    unit.faults.switch("half_busy")
+    asked = bytes((3, 1, 0, 0, 2))
+    answers = [unit.serve(asked, 0.001 * k) for k in range(6)]
+    codes = [answer.pdu[:2] if answer is not None else b"" for answer in answers]
+    assert [code == bytes((0x83, 6)) for code in codes] == [False, True] * 3
+
+
 def test_swapped_words_of_a_known_voltage_are_not_plausible() -> None:
     unit = PowerAnalyser(
         lambda: Terminals(0.0, Wiring(voltage=230.0)), AnalyserSettings(update=0.0)

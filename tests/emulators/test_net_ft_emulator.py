@@ -146,6 +146,12 @@ def test_faults_in_the_status(
     assert list(record[3:]) == ([1_000_000 * n for n in counts] if counts else COUNTS)
 
 
+def test_an_inverted_cell(host: socket.socket, box: NetFt) -> None:
+    box.faults.switch("inverted")
+    ask(host, 2, 1)
+    assert list(take(host)[3:]) == [-count for count in COUNTS]
+
+
 def test_a_stuck_sensor_and_a_frozen_one(host: socket.socket, box: NetFt, load: Load) -> None:
     for fault, stands in (("stuck_sensor", True), ("frozen_values", False)):
         load.wrench = LOAD

@@ -140,6 +140,37 @@ def torque_missing(b: Bench) -> bool:
     return b.read(0x6041) & 0x106F == 0x1027 and current == 0.0 and b.read(0x6077) == 0
 
 
+def inverted(b: Bench) -> bool:
+    b.tap.cycle((0x200 + b.number, rpdo(0x0F, 500)), count=50)
+    current = b.rig.world.actuation[0 if b.number == HEAVE else 5]
+    return current < -0.5 and b.read(0x6077) & 0x8000 != 0
+
+
+def counts_apart(b: Bench, cycles: int = 1) -> int:
+    """Counts that 6064 is beside those of the world."""
+    b.tap.cycle(count=cycles)
+    read = b.rig.world.readings()
+    return b.read(0x6064) - (read.heave_counts if b.number == HEAVE else read.surge_counts)
+
+
+def reversed_way(b: Bench) -> bool:
+    before, there = b.read(0x6064), b.rig.world.readings().heave_counts
+    b.rig.world.world.release(0.2)
+    b.tap.cycle(count=50)
+    shown = (b.read(0x6064) - before + (1 << 31)) % (1 << 32) - (1 << 31)
+    moved = b.rig.world.readings().heave_counts - there
+    return abs(moved) > 1000 and shown == -moved
+
+
+def inverted_cell(b: Bench) -> bool:
+    b.rig.world.world.release(0.2)  # loads the column, and pulls the string pot
+    b.tap.cycle(count=20)
+    now = b.rig.world.readings()
+    there = now.force_lcb
+    shown = (b.read(0x201A, 1) ^ 0x8000) - 0x8000
+    return abs(there) > 1.0 and there * shown < 0.0
+
+
 def blocked(b: Bench) -> bool:
     b.write(0x607A, 0, 20000, 4)
     b.control(0x1F)
@@ -179,6 +210,11 @@ SIGNS: dict[str, Sign] = {
     "encoder_wrapped": lambda b: b.read(0x6064) == 0x7FFFFFFF - 100,
     "wrong_kp": lambda b: b.read(0x20D8, 0xC) == 500,
     "no_torque": torque_missing,
+    "inverted_motor": inverted,
+    "encoder_reversed": reversed_way,
+    "encoder_step": lambda b: counts_apart(b) == 4000,
+    "encoder_creep": lambda b: 35 < counts_apart(b, 100) < 60,
+    "load_cell_inverted": inverted_cell,
     "load_cell_saturated": lambda b: b.read(0x201A, 1) == 8191,
     "load_cell_dead": lambda b: b.read(0x201A, 1) == b.read(0x201A, 2) == 0,
     "limit_switch": lambda b: b.read(0x60FD) & 1 == 1,
@@ -188,7 +224,12 @@ SIGNS: dict[str, Sign] = {
 }
 VALUES = {"write_ignored": 0x605A}
 # Where a fault has no sign: surge speaks CiA 402 units, and nothing moves surge or the stator here.
-BLIND = {("surge", "wrong_kp"), ("surge", "encoder_frozen"), ("stator", "encoder_frozen")}
+BLIND = {
+    ("surge", "wrong_kp"),
+    ("surge", "encoder_frozen"),
+    ("surge", "encoder_reversed"),
+    ("stator", "encoder_frozen"),
+}
 # Faults whose sign is there without the fault as well.
 QUIET_WATER = {"load_cell_dead"}
 ONCE = {"node_reset", "drive_fault"}

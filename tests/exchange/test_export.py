@@ -15,8 +15,9 @@ from command_here import rig
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import POWERS, row_table
-from rig.exchange.mask4_export import structure, write_mat
-from rig.runs import RunError, open_run
+from rig.interop.exchange.mask4_export import structure, write_mat
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError, open_run
 
 SCRIPT = Path(__file__).resolve().parents[2] / "docs" / "row_powers.m"
 RATE = 100.0  # of the synthetic run: all of its ticks
@@ -147,3 +148,33 @@ def test_what_cannot_be_exported_is_said(run: Path, words: list[str], said: str)
     done = rig("export", run, *words)
     assert done.returncode == 2
     assert said in done.stderr
+
+
+def test_windows_that_the_record_lacks_ticks_of_are_marked(run: Path, tmp_path: Path) -> None:
+    """20 of the 1000 ticks of row 2 lost; of row 4 the loop skipped some, which it counted."""
+    rows = [Row(i, 0, 490.9, -1000.0, 0.0, dict.fromkeys(POWERS, -10.0)) for i in range(5)]
+    data = run_rows(rows, Shape())
+    measured = data["plan.phase"] == Phase.MEASURE
+    two, four = (np.flatnonzero(measured & (data["plan.row"] == row)) for row in (2, 4))
+    data["timing.skipped"][four[50] :] = 7
+    gone = [*two[100:120], *four[43:50]]
+    plan = plan_json(rows, Shape())
+    torn = write_run(tmp_path / "torn", np.delete(data, gone), plan, ticks=len(data) - 7)
+    said = "row 2: 20 of 1000 ticks missing from the record"
+    nc, text = tmp_path / "x.nc", tmp_path / "x.csv"
+    done = rig("export", torn, "--as", "netcdf", "-o", nc)
+    assert done.stdout.splitlines()[1].strip() == said
+    with xarray.open_dataset(nc) as read:
+        marked = read["record.incomplete"].values == 1
+        inside = (read["plan.row"] == 2) & (read["plan.phase"] == int(Phase.MEASURE))
+        assert np.array_equal(marked, inside.values)
+        assert marked.sum() == 980
+        assert read.attrs["record_incomplete_rows"] == said
+    done = rig("export", torn, "--as", "csv", "-f", "power.dc", "-o", text, "--json")
+    assert json.loads(done.stdout)["remarks"] == [said]
+    with text.open() as file:
+        assert sum(int(line["record.incomplete [flag]"]) for line in csv.DictReader(file)) == 980
+    exported = structure(torn, RATE)
+    assert said in exported.remarks
+    assert exported.buses["rigSignals"]["incomplete"].sum() == 980
+    assert structure(run, RATE).buses["rigSignals"]["incomplete"].sum() == 0

@@ -12,9 +12,9 @@ from command_here import rig
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
-from rig.basin.merge import Asked, Source, merge
-from rig.exchange.mask4_export import structure, write_mat
-from rig.runs import list_runs, open_run
+from rig.interop.basin.merge import Asked, Source, merge
+from rig.interop.exchange.mask4_export import structure, write_mat
+from rig.recording.runs import list_runs, open_run
 
 NAME = "waveBotCtrlMdl_2023_09_26_12_08_43full.mat"
 REGULAR = ("--frequency-hz", "0.5", "--amplitude-m", "0.127")

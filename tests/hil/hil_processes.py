@@ -10,9 +10,9 @@ from pathlib import Path
 
 from benchmarks.support.fault_walk import Trigger, Watcher, when_free
 from benchmarks.support.process_faults import beside
-from rig.campaign import Campaign, Plan
-from rig.campaign_run import Ended, carry_out, wired
-from rig.supervisor import Snapshot
+from rig.execution.campaign import Ended, carry_out, wired
+from rig.planning.campaign import Campaign, Plan
+from rig.processes.run_types import Snapshot
 
 
 def children() -> set[str]:

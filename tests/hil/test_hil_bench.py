@@ -16,11 +16,11 @@ from benchmarks.support.fault_walk import Watcher, free_port, when_free
 from benchmarks.support.host import Busy, others
 from rig.analysis.session.driveline import find
 from rig.analysis.session.read import open_session
-from rig.rehearsal.bench_job import problems_of_session
-from rig.runs import open_run
-from rig.session import check_session
-from rig.session_run import rehearsal, task_of, wired
-from rig.task_run import Ended, Rung, carry_out_task
+from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.execution.session import rehearsal, task_of, wired
+from rig.execution.task import Ended, Rung, carry_out_task
+from rig.planning.session import check_session
+from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.realtime
 

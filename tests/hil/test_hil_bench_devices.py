@@ -10,16 +10,16 @@ import pytest
 from rehearsing import CONFIGS, yaml_file
 
 from drivers.errors import CodecError
-from rig import mailbox
-from rig.bench import Command
 from rig.config import load
 from rig.config.bench_rig_file import BenchRigFile
-from rig.hardware import bench_devices, streams
-from rig.hardware.bench_devices import BenchDevices
-from rig.hardware.bench_job import Job, Loop, job_of_bench
-from rig.hardware.job import WiringError
-from rig.hardware.words import SLOTS, BrakeCurrent, Done, Encoders, Inputs, Load, Servo
-from rig.mailbox import Mailbox
+from rig.execution.hardware import bench_devices, streams
+from rig.execution.hardware.bench_devices import BenchDevices
+from rig.execution.hardware.bench_job import Job, Loop, job_of_bench
+from rig.execution.hardware.job import WiringError
+from rig.execution.hardware.words import SLOTS, BrakeCurrent, Done, Encoders, Inputs, Load, Servo
+from rig.kinds.oswec_bench import Command
+from rig.processes import mailbox
+from rig.processes.mailbox import Mailbox
 
 NAMES = ("servo", "set_point", "load_cell", "brake", "inputs", "analog", "analog_done")
 AT_WORK = Command(0, 0.0, 2.5, 0.0, 0.0, 1, 0, 30.0, 0.3, 0)

@@ -14,10 +14,10 @@ from rehearsing import CONFIGS, Watcher, table_of
 
 from benchmarks.support.host import Busy, others
 from benchmarks.support.wavebot_fault_walk import campaign_file
-from rig.campaign import check
-from rig.campaign_run import Ended, carry_out, rehearsal
-from rig.runs import open_run
-from rig.supervisor import Snapshot
+from rig.execution.campaign import Ended, carry_out, rehearsal
+from rig.planning.campaign import check
+from rig.processes.run_types import Snapshot
+from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.realtime
 

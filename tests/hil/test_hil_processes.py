@@ -6,22 +6,30 @@ import json
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hil_processes import Kill, children, emulated
 
 from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
+from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_until
 from benchmarks.support.process_faults import beside
 from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
-from rig.campaign_run import Ended, carry_out, wired
-from rig.cli.devices_view import as_dict
-from rig.hardware.job import job_of
-from rig.hardware.survey import survey
-from rig.runs.create import BusyError, hold_realtime
+from drivers.canopen.heartbeat import Nmt
+from rig.config.any_rig_file import load_rig
+from rig.execution.campaign import Ended, carry_out, wired
+from rig.execution.hardware.listen import Heard, listen
+from rig.kinds.wavebot import WaveBotRow
+from rig.processes.wire_locks import REALTIME_PLACE, hold, wires_of
+from rig.realtime.safety import RUN
+from rig.recording.row_layout import leaves
+from rig.recording.runs.create import BusyError
+from rig.recording.runs.mcap_file import row_dtype
 
 pytestmark = pytest.mark.realtime
 
@@ -93,11 +101,11 @@ def test_a_process_that_is_killed_is_named_and_the_loop_stops(
 
 
 def test_the_wires_can_be_looked_at_beside_a_run(on: Stage) -> None:
-    """As `rig devices --anyway` does: every node answers it, and the run goes on."""
-    job, told = job_of(on.campaign.rig), dict[str, Any]()
+    """As `rig devices --listen` does: every node is heard, and the run goes on."""
+    heard = list[Heard]()
 
     def look() -> None:
-        told.update(as_dict("beside a run", survey(job)))
+        heard.append(listen(on.campaign.rig))
 
     looking = threading.Thread(target=look)
 
@@ -107,11 +115,10 @@ def test_the_wires_can_be_looked_at_beside_a_run(on: Stage) -> None:
 
     ended, _ = fairly(lambda see: ran(on, see), lambda: Trigger(begin, 0.0))
     looking.join(timeout=120)
-    print(told["trouble"])
-    nodes = {node["name"]: node for node in told["can"]["nodes"]}
-    assert nodes.keys() == {"heave", "surge", "stator"}
-    assert all(node["answers"] and node["wrong"] == [] for node in nodes.values())
-    assert all(node["nmt"] is not None for node in nodes.values())  # set up by the run: they beat
+    (found,) = heard
+    assert (found.trouble, found.strangers) == ((), ())
+    assert [one.name for one in found.nodes] == ["heave", "surge", "stator"]
+    assert {one.nmt for one in found.nodes} == {Nmt.OPERATIONAL}  # set up by the run: they beat
     assert ended.outcome.reason == "PLAN_END"
     assert ended.outcome.dropped == ended.outcome.unsaved == 0
 
@@ -120,12 +127,50 @@ def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: 
     before = set(tmp_path.iterdir())
 
     def first() -> Ended:
-        with hold_realtime("first"), pytest.raises(BusyError, match="taken by campaign first"):
+        refused = pytest.raises(BusyError, match="taken by campaign first")
+        with hold((REALTIME_PLACE,), "campaign first"), refused:
             carry_out(on.campaign, on.plan, tmp_path, lambda snapshot: None, wired_(on))
         return None  # type: ignore[return-value]
 
     when_free(first)
     assert set(tmp_path.iterdir()) == before
+
+
+def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
+    tmp_path: Path,
+) -> None:
+    """Its emulated devices go with it; until the loop has seen that, nobody else may send."""
+    campaign = campaign_file(tmp_path)
+    rig = tmp_path / "rig.yaml"
+    wires = wires_of(load_rig(rig)[0])
+    module = "benchmarks.support.run_process"
+    words = [sys.executable, "-m", module, str(campaign), str(tmp_path / "runs"), "hil", str(rig)]
+    wait_realtime_free()
+    with LiveRun(words, tmp_path / "runs") as run:
+        run.wait_started()
+        loop = run.pid("rig.execution.hardware")
+        wait_until(lambda: mode_of(run) == RUN, "the motors to have power")
+        run.process.kill()
+        run.process.wait()
+        for wire in wires:
+            with pytest.raises(BusyError, match=rf"{wire.name} .* was killed; its loop is coming"):
+                hold((wire,), "campaign next")
+
+        def free() -> bool:
+            try:
+                hold((REALTIME_PLACE, *wires), "campaign next").close()
+            except BusyError:
+                return False
+            assert not running(loop)
+            return True
+
+        wait_until(free, "the end of all that sends")
+
+
+def mode_of(run: LiveRun) -> int:
+    newest = run.ring.latest()
+    assert newest is not None
+    return int(np.frombuffer(newest, row_dtype(leaves(WaveBotRow)))["safety.mode"][0])
 
 
 def wired_(on: Stage) -> Any:

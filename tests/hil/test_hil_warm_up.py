@@ -14,13 +14,13 @@ import pytest
 from drivers.canopen.bus_cycle import SYNC
 from drivers.canopen.link import Frame
 from drivers.canopen.scaling import CurrentScale
-from rig import handover
 from rig.config import RigFile, load
-from rig.hardware import devices as hardware
-from rig.hardware.devices import WaveBotDevices
-from rig.hardware.job import job_of
-from rig.hardware.settings import Config
-from rig.hardware.words import SLOTS
+from rig.execution.hardware import devices as hardware
+from rig.execution.hardware.devices import WaveBotDevices
+from rig.execution.hardware.job import job_of
+from rig.execution.hardware.settings import Config
+from rig.execution.hardware.words import SLOTS
+from rig.processes import handover
 
 DT = 0.001
 RIG = Path(__file__).resolve().parents[2] / "configs" / "rigs" / "wavebot_hil.yaml"

@@ -11,7 +11,7 @@ from log_books import COLUMNS, book
 from openpyxl.styles.colors import Color
 
 from rig.config.problems import ConfigError
-from rig.legacy.testlog import (
+from rig.interop.legacy.testlog import (
     Amplitude,
     Bias,
     Condition,
@@ -23,9 +23,9 @@ from rig.legacy.testlog import (
     links,
     read_log,
 )
-from rig.legacy.testlog.notes import read_bias
-from rig.legacy.testlog.settings import Settings, read_settings
-from rig.legacy.testlog.waves import SEAS, read_waves
+from rig.interop.legacy.testlog.notes import read_bias
+from rig.interop.legacy.testlog.settings import Settings, read_settings
+from rig.interop.legacy.testlog.waves import SEAS, read_waves
 
 FILE = "waveBotCtrlMdl_2023_09_2{}_04_46_26"
 K = RemarkKind

@@ -10,7 +10,7 @@ import pytest
 from log_books import MASK4_LOG
 from measured_data import needs, reference
 
-from rig.legacy.testlog import (
+from rig.interop.legacy.testlog import (
     Activity,
     Amplitude,
     Condition,
@@ -24,7 +24,7 @@ from rig.legacy.testlog import (
     links,
     read_log,
 )
-from rig.legacy.testlog.waves import SEAS
+from rig.interop.legacy.testlog.waves import SEAS
 
 pytestmark = needs(MASK4_LOG)
 K = RemarkKind

@@ -10,11 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.io import loadmat
 
-from rig.campaign import open_campaign
 from rig.config.problems import ConfigError
-from rig.legacy import mask4, mask4_file
-from rig.legacy.mask4_rows import UnknownLeadError, structure, wrapped
-from rig.legacy.matrix import ORDER, Matrix, csv_text, problems, read_csv
+from rig.interop.legacy import mask4, mask4_file
+from rig.interop.legacy.mask4_rows import UnknownLeadError, structure, wrapped
+from rig.interop.legacy.matrix import ORDER, Matrix, csv_text, problems, read_csv
+from rig.planning.campaign import open_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 HEAD = "Kp,Ki,springK\n"
@@ -65,7 +65,7 @@ def test_a_file_as_the_report_describes_it(tmp_path: Path) -> None:
     assert got.found.end is not None
     assert got.lines[got.found.end] == 9
     assert [got.lines[i] for i in got.found.after] == [10]
-    assert got.remarks == ("rows after the end mark: 1, never reached, left out",)
+    assert got.remarks == ("rows after the end mark: 1 (line 10), never reached, left out",)
     assert got.said_by == "header"
 
 
@@ -273,12 +273,15 @@ def test_rows_no_file_may_hold_are_refused_at_once(tmp_path: Path) -> None:
 
 def test_todays_matrix_there_and_back(tmp_path: Path) -> None:
     source = CONFIGS / "campaigns" / "csv_matrix.csv"
-    today = read_csv(source)
+    today = read_csv(source)[0]
     assert len(today.rows) == 6  # its end mark is no row
     mask4_file.write(tmp_path / "old.xlsx", today)
     back = mask4.read(tmp_path / "old.xlsx").matrix
     again = file(tmp_path, csv_text(back, ["note"]), "csv_matrix.csv")
-    assert read_csv(again) == today
+    assert read_csv(again) == (today, ())
+    text = again.read_text() + "0,-999,0\n0,-1,0\n0,-2,0\n"
+    lines = len(text.splitlines())
+    assert read_csv(file(tmp_path, text, "more.csv")) == (today, (lines - 1, lines))
     campaign = (CONFIGS / "campaigns" / "csv_matrix.yaml").read_text()
     path = file(tmp_path, campaign.replace("../rigs", str(CONFIGS / "rigs")), "c.yaml")
     points = open_campaign(path).points

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from rig_command import rig_here
 
-from rig.campaign import check
-from rig.legacy import mask4
-from rig.legacy.matrix import read_csv
+from rig.interop.legacy import mask4
+from rig.interop.legacy.matrix import read_csv
+from rig.planning.campaign import check
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CALIBRATIONS = CONFIGS / "calibrations"
@@ -80,11 +80,11 @@ def test_todays_matrix_says_which_calibration_it_was_read_with(old: Path, tmp_pa
     assert "# from GainMatrix002.csv (MASK4)" in text
     assert "by mask4_spring_rate v2 (sha256 " in text
     assert "for run 36, MASK4 runs before 51" in text
-    assert [row[0] for row in read_csv(new).rows] == [-7690.0, 384.5]
+    assert [row[0] for row in read_csv(new)[0].rows] == [-7690.0, 384.5]
     assert rig(*words)[0] == 2  # it is there already
     later = (*words, "--force", "--calibration", "mask4_spring_rate", "--run", "62")
     assert rig(*later)[0] == 0
-    assert [row[0] for row in read_csv(new).rows] == [-10000.0, 500.0]
+    assert [row[0] for row in read_csv(new)[0].rows] == [-10000.0, 500.0]
     assert "outside its range, unchanged" in new.read_text()
     code, _, errors = rig(*words, "--force", "--calibration", "mask4_spring_rate")
     assert code == 2
@@ -125,12 +125,12 @@ def test_an_old_file_is_written_from_todays_matrix(tmp_path: Path, name: str) ->
     code, out, _ = rig(path, "--style", "mask4", "--from", today)
     assert code == 0
     assert "14 rows with load, hold, doubled and end rows" in out
-    assert mask4.read(path).matrix == read_csv(today)
+    assert mask4.read(path).matrix == read_csv(today)[0]
     code, _, errors = rig(path, "--style", "mask4", "--from", today)
     assert code == 2
     assert "--force overwrites it" in errors
     assert in_json(path, "--style", "mask4", "--from", today, "--force", "--no-header")[0] == 0
-    assert mask4.read(path, "Kp,Ki,springK").matrix == read_csv(today)
+    assert mask4.read(path, "Kp,Ki,springK").matrix == read_csv(today)[0]
     assert rig(tmp_path / "x.csv", "--style", "lupa", "--from", today)[0] == 2
 
 
@@ -148,7 +148,7 @@ def test_other_rigs_gains_are_shown_but_not_turned_without_a_statement(tmp_path:
     said = ("--lever-m", "0.0636651", "--gear", "1", "--positive-damping", "absorbs",
             "--spring-n-per-m", "0")  # fmt: skip
     assert rig(path, "--style", "lupa", "--to", new, *said)[0] == 0
-    assert read_csv(new).rows == ((0.0, -1400.0, 300.0), (0.0, -1450.0, 0.0))
+    assert read_csv(new)[0].rows == ((0.0, -1400.0, 300.0), (0.0, -1450.0, 0.0))
     assert "lever 0.0636651 m, gear 1, positive damping absorbs" in new.read_text()
     code, told = in_json(path, "--style", "lupa", "--torque-constant-ratio", "0.924", *said)
     assert told["factor"] == pytest.approx(0.924, rel=1e-12)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.config.problems import ConfigError
-from rig.legacy import house_signs, stepped
-from rig.legacy.house_signs import FOSWEC_GEAR, LUPA_SPROCKET, Statement, converted, factor
+from rig.interop.legacy import house_signs, stepped
+from rig.interop.legacy.house_signs import FOSWEC_GEAR, LUPA_SPROCKET, Statement, converted, factor
 
 FOSWEC_NAMES = "aftStiff,aftDamp,aftStiffCC,aftDampCC,bowStiffCC,bowDampCC,bowStiff,bowDamp"
 LUPA_RIG = Statement(LUPA_SPROCKET, 1.0, "absorbs", 0.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from rig.config.problems import ConfigError
-from rig.legacy.table import MOST_ROWS, numbers, read_table
+from rig.interop.legacy.table import MOST_ROWS, numbers, read_table
 
 NAMES = ("a", "b", "c")
 

@@ -7,11 +7,11 @@ from typing import Any
 
 from rehearsing import CONFIGS, campaign_file, yaml_file
 
-from rig.batch import sweep
-from rig.batch.executors import threads
-from rig.campaign import Report, check
-from rig.predict import Prediction, predict
-from rig.rehearsal.job import problems
+from rig.design.predictions import Prediction, predict
+from rig.execution.rehearsal.job import problems
+from rig.planning.campaign import Report, check
+from rig.sweep import sweep
+from rig.sweep.executors import threads
 
 __all__ = [
     "CONFIGS", "campaign_file", "custom_rig", "examined", "predicted", "rows", "simulated",

@@ -18,7 +18,7 @@ from predicting import CONFIGS, STIFF, campaign_file, custom_rig, examined, pred
 from rich.console import Console
 
 from rig.cli.check_view import View
-from rig.predict import Foreseen
+from rig.design.predictions import Foreseen
 
 SEA = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
-from rig.campaign.settings import NOTHING
 from rig.config.source import load_mapping
-from rig.predict import plant
-from rig.predict.bus import FOLLOWS, Bus, Stretch, stepped, walk
-from rig.predict.grid import grid
+from rig.design.predictions import plant
+from rig.design.predictions.bus import FOLLOWS, Bus, Stretch, stepped, walk
+from rig.design.predictions.grid import grid
+from rig.planning.campaign.settings import NOTHING
 from sim_plant import bus
 
 DT = 0.001

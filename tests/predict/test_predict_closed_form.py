@@ -1,8 +1,8 @@
 """The prediction of the linear plant against its closed form.
 
-The oracle (tests/sim_plant/closed_form.py) shares no line with `rig.predict`: it knows impedances
-and no records. Here it sees the same sampled controller; mean |i| is that of a sine, and for many
-waves that of a Gaussian current, which a sea of 300 s is to some per cent.
+The oracle (tests/sim_plant/closed_form.py) shares no line with `rig.design.predictions`: it
+knows impedances and no records. Here it sees the same sampled controller; mean |i| is that of a
+sine, and for many waves that of a Gaussian current, which a sea of 300 s is to some per cent.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import pytest
 from closed_form import Response, heave_response
 from predicting import CONFIGS, STIFF, campaign_file, predicted, rows
 
-from rig.assemble import metres_per_count
 from rig.config.rig_file import RigFile
 from rig.config.source import load_mapping
 from rig.config.translate import load
-from rig.estimator_design import design, response
-from rig.predict import Foreseen
+from rig.design.estimator import design, response
+from rig.design.predictions import Foreseen
+from rig.kinds.wavebot.build import metres_per_count
 from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant

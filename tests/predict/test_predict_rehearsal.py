@@ -17,8 +17,8 @@ import pytest
 from predicting import SOFT, STIFF, campaign_file, custom_rig, predicted, rows, simulated
 from rehearsing import run
 
-from rig.runs import open_run
-from rig.sequence import Phase
+from rig.realtime.sequence import Phase
+from rig.recording.runs import open_run
 
 PEAKS = ("position_peak", "stroke", "velocity_peak", "force_peak", "current_peak")
 RMS = ("position_rms", "force_rms", "current_rms")

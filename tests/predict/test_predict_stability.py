@@ -13,10 +13,10 @@ from controllers import estimator, impedance
 from controllers.biquads import Biquad
 from controllers.signals import Estimate, Gains
 from rig.config.source import load_mapping
-from rig.estimator_design import design
-from rig.impedance_design import design as design_zc
-from rig.predict import plant, sampled
-from rig.predict.loop import Law, Timing
+from rig.design.estimator import design
+from rig.design.impedance import design as design_zc
+from rig.design.predictions import plant, sampled
+from rig.design.predictions.loop import Law, Timing
 from sim_plant.bem import read_bem
 from sim_plant.waves import calm
 from sim_plant.world import OFF, World

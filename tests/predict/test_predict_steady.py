@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from rig.predict.grid import Floats, grid, lines, record
-from rig.predict.steady import CLOSE, Motion, System, steady
+from rig.design.predictions.grid import Floats, grid, lines, record
+from rig.design.predictions.steady import CLOSE, Motion, System, steady
 
 MASS, DAMPING, STIFFNESS = 10.0, 4.0, 90.0
 

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from rig import record
-from rig.log import RowWriter
-from rig.runs.mcap_file import row_dtype
-from rig.wavebot import WaveBotRow
+from rig.kinds.wavebot import WaveBotRow
+from rig.recording import row_layout
+from rig.recording.mcap_writer import RowWriter
+from rig.recording.runs.mcap_file import row_dtype
 
 START = 1_760_000_000_000_000_000  # ns, UTC
-DTYPE = row_dtype(record.leaves(WaveBotRow))
+DTYPE = row_dtype(row_layout.leaves(WaveBotRow))
 
 
 def rows(count: int, first: int = 0, dt: float = 1e-3) -> Any:

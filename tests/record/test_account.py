@@ -9,7 +9,7 @@ import record_files as files
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.runs.account import Ending, Gap, account
+from rig.recording.runs.account import Ending, Gap, account
 
 SAVED, LOST, SKIPPED = "saved", "lost", "skipped"
 PERIODS = st.lists(

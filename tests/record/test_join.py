@@ -7,15 +7,18 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 import pytest
 import record_files as files
 from mcap.reader import make_reader
+from mcap.writer import Writer
 
-from rig import runs
-from rig.runs import RunError, mcap_file
-from rig.runs.mcap_file import blocks, scan
+from rig.kinds.wavebot import WaveBotRow
+from rig.recording import row_form, row_layout, runs
+from rig.recording.runs import RunError, mcap_records
+from rig.recording.runs.mcap_file import blocks, scan
 
 WRITER = """
 import sys
@@ -117,8 +120,9 @@ def test_a_damaged_chunk_is_skipped_and_told(tmp_path: Path) -> None:
     assert found.rows == 900
     assert len(found.damage) == 1
     assert f"chunk at byte {chunk.offset}" in found.damage[0]
-    with pytest.raises(RunError, match=f"chunk at byte {chunk.offset}"):
-        runs.open_run(path, "load")
+    data = runs.open_run(path, "load")
+    assert data.sizes["time"] == 900
+    assert f"chunk at byte {chunk.offset}" in data.attrs["record_damage"]
     joined = runs.join([path], tmp_path / "out.mcap")
     assert joined.gaps == ((300, 399),)
     assert joined.damage
@@ -128,7 +132,7 @@ def test_a_damaged_chunk_is_skipped_and_told(tmp_path: Path) -> None:
 def test_a_destroyed_record_head_does_not_hide_what_follows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    monkeypatch.setattr(mcap_file, "_BLOCK", block)
+    monkeypatch.setattr(mcap_records, "_BLOCK", block)
     path = files.write(tmp_path / "run.mcap", files.rows(1000), flush_every=100, finish=False)
     contents = scan(path)
     begin = contents.chunks[4].offset - 50
@@ -172,3 +176,37 @@ def test_a_part_without_rows_is_not_damage(tmp_path: Path) -> None:
     found = runs.salvage(part)
     assert (found.rows, found.first_tick) == (0, None)
     assert runs.join([part], tmp_path / "run.mcap").clean
+
+
+@pytest.mark.parametrize("loose", [False, True])
+def test_the_start_that_no_metadata_gives_comes_from_one_row(tmp_path: Path, loose: bool) -> None:
+    """The clock's metadata, the first chunk and the time in another's head are damaged."""
+    part = tmp_path / "run.mcap.part0"
+    if loose:
+        with part.open("wb") as file:
+            write_loose(file, files.rows(100, 50))
+    else:
+        files.write(part, files.rows(1000), flush_every=100, finish=False)
+        data = bytearray(part.read_bytes())
+        data[data.index(b"start_utc_ns")] ^= 1
+        damaged, readable = scan(part).chunks[:2]
+        data[damaged.offset + damaged.length // 2] ^= 0xFF
+        data[readable.offset - 44] ^= 0x10  # the start time in the head of the second chunk
+        part.write_bytes(data)
+    assert "clock" not in scan(part).metadata
+    joined = runs.join([part], tmp_path / "run.mcap")
+    assert joined.rows == (100 if loose else 900)
+    assert scan(joined.path).metadata["clock"] == {"start_utc_ns": str(files.START)}
+
+
+def write_loose(file: BinaryIO, rows: Any) -> None:
+    """A file of another writer: messages without chunks, no metadata."""
+    form = row_form.form(WaveBotRow)
+    out = Writer(file, use_chunking=False)
+    out.start("ros2", "another")
+    schema = out.register_schema(form.name, "ros2msg", form.schema.encode())
+    channel = out.register_channel("/row", "cdr", schema)
+    for row in rows:
+        at = files.START + int(row["time"] * 1e9 + 0.5)
+        out.add_message(channel, at, row_layout.CDR_HEADER + row.tobytes(), at)
+    out.finish()

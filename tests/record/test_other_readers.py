@@ -15,11 +15,11 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from rig import record
-from rig.wavebot import WaveBotRow
+from rig.kinds.wavebot import WaveBotRow
+from rig.recording import row_layout
 
 DATA = files.rows(1200)
-NAMES = [leaf.name for leaf in record.leaves(WaveBotRow)]
+NAMES = [leaf.name for leaf in row_layout.leaves(WaveBotRow)]
 
 
 @pytest.fixture(scope="module")

@@ -18,11 +18,11 @@ import pytest
 import record_files as files
 from mcap.reader import make_reader
 
-from rig import process, runs
-from rig.runs import RunError, create, folder
-from rig.runs.account import Gap
-from rig.runs.mcap_file import scan
-from rig.runs.recover import Recovery, recover
+from rig.recording import process, runs
+from rig.recording.runs import RunError, create, folder
+from rig.recording.runs.account import Gap
+from rig.recording.runs.mcap_file import scan
+from rig.recording.runs.recover import Recovery, recover
 
 NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 
@@ -228,7 +228,7 @@ def test_a_recovery_that_is_killed_can_be_done_again(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 60_000))
     code = (
         "import sys; from pathlib import Path; from datetime import datetime, UTC\n"
-        "from rig.runs.recover import recover\n"
+        "from rig.recording.runs.recover import recover\n"
         "print('go', flush=True); recover(Path(sys.argv[1]), None, datetime.now(UTC))\n"
     )
     chance, unfinished = random.Random(11), 0

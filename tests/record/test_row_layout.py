@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from rig import record
-from rig.runs.mcap_file import row_dtype
+from rig.recording import row_layout
+from rig.recording.runs.mcap_file import row_dtype
 
 NAMES = st.from_regex(r"[a-z](_?[a-z0-9]){0,8}", fullmatch=True).filter(
     lambda name: not keyword.iskeyword(name)
@@ -44,7 +44,7 @@ def number(code: str) -> st.SearchStrategy[Any]:
 
 
 def built(row_type: Any, numbers: list[Any]) -> Any:
-    hints = record._fields(row_type)
+    hints = row_layout._fields(row_type)
     parts = [
         built(hint, numbers) if isinstance(hint, type) else numbers.pop(0)
         for hint in hints.values()
@@ -54,44 +54,44 @@ def built(row_type: Any, numbers: list[Any]) -> Any:
 
 def as_message(store: Any, row: Any, hint: type) -> Any:
     """The row as an object of the ROS type that its own schema declares."""
-    hints = record._fields(hint)
+    hints = row_layout._fields(hint)
     values = [
         as_message(store, value, inner) if isinstance(inner, type) else value
         for value, inner in zip(row, hints.values(), strict=True)
     ]
-    return store.types[record.schema_name(hint)](*values)
+    return store.types[row_layout.schema_name(hint)](*values)
 
 
 @settings(max_examples=50, deadline=None)
 @given(st.data())
 def test_one_layout(data: st.DataObject) -> None:
     row_type = data.draw(row_types())
-    leaves = record.leaves(row_type)
+    leaves = row_layout.leaves(row_type)
     numbers = [data.draw(number(each.code)) for each in leaves]
     row = built(row_type, list(numbers))
-    packed = bytearray(record.layout(row_type).size)
-    record.packer(row_type)(packed, 0, row)
+    packed = bytearray(row_layout.layout(row_type).size)
+    row_layout.packer(row_type)(packed, 0, row)
 
     assert len(packed) == 8 * len(leaves)
     assert np.array([tuple(numbers)], row_dtype(leaves)).tobytes() == packed
     # An encoder that shares no code with us, fed by the schema alone.
     store = get_typestore(Stores.EMPTY)
-    name = record.schema_name(row_type)
-    store.register(get_types_from_msg(record.schema(row_type), name))
+    name = row_layout.schema_name(row_type)
+    store.register(get_types_from_msg(row_layout.schema(row_type), name))
     encoded = store.serialize_cdr(as_message(store, row, row_type), name)
-    assert bytes(encoded) == record.CDR_HEADER + packed
+    assert bytes(encoded) == row_layout.CDR_HEADER + packed
 
 
 @settings(max_examples=50, deadline=None)
 @given(row_types())
 def test_the_schema_tells_the_layout(row_type: Any) -> None:
-    assert record.leaves_of_schema(record.schema(row_type)) == record.leaves(row_type)
+    assert row_layout.leaves_of_schema(row_layout.schema(row_type)) == row_layout.leaves(row_type)
 
 
 def refused(hint: Any, name: str = "value") -> str:
     row_type = NamedTuple("Refused", [("tick", Annotated[int, "tick"]), (name, hint)])  # type: ignore[misc]
-    with pytest.raises(record.RowError) as caught:
-        record.leaves(row_type)
+    with pytest.raises(row_layout.RowError) as caught:
+        row_layout.leaves(row_type)
     return str(caught.value)
 
 
@@ -124,8 +124,10 @@ class Empty(NamedTuple):
 
 
 def test_an_empty_word_is_refused() -> None:
-    with pytest.raises(record.RowError, match="Empty is not a NamedTuple with at least one field"):
-        record.leaves(Empty)
+    with pytest.raises(
+        row_layout.RowError, match="Empty is not a NamedTuple with at least one field"
+    ):
+        row_layout.leaves(Empty)
     assert "at least one field" in refused(Empty)
 
 

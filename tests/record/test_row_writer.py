@@ -17,9 +17,9 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 
-from rig import record, runs
-from rig.log import CHUNK_BYTES, RowWriter
-from rig.runs.mcap_file import blocks, scan
+from rig.recording import row_layout, runs
+from rig.recording.mcap_writer import CHUNK_BYTES, RowWriter
+from rig.recording.runs.mcap_file import blocks, scan
 
 # MCAP specification, record head and Message; then the encapsulation header of CDR.
 MESSAGE = struct.Struct("<BQHIQQ4s")
@@ -134,9 +134,9 @@ class NoTime(NamedTuple):
 
 
 def test_a_row_needs_tick_and_time(tmp_path: Path) -> None:
-    with pytest.raises(record.RowError, match="first field of a row is its tick, not position"):
+    with pytest.raises(row_layout.RowError, match="first field of a row is its tick, not position"):
         RowWriter(tmp_path / "a", NoTick, {}, {}, start_utc_ns=0)
-    with pytest.raises(record.RowError, match="needs a field time"):
+    with pytest.raises(row_layout.RowError, match="needs a field time"):
         RowWriter(tmp_path / "b", NoTime, {}, {}, start_utc_ns=0)
     assert not list(tmp_path.iterdir())
 

@@ -14,11 +14,11 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, POWERS, row_table
-from rig.batch import sweep
-from rig.batch.executors import threads
-from rig.campaign import check
-from rig.campaign_run import Ended, carry_out, rehearsal
-from rig.supervisor import Snapshot
+from rig.execution.campaign import Ended, carry_out, rehearsal
+from rig.planning.campaign import check
+from rig.processes.run_types import Snapshot
+from rig.sweep import sweep
+from rig.sweep.executors import threads
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
@@ -47,6 +47,21 @@ def campaign_file(folder: Path, **keys: Any) -> Path:
     """Write a campaign on the WaveBot of the shipped configuration."""
     whole = {"name": "test", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
     return yaml_file(folder / "campaign.yaml", whole)
+
+
+def rows(folder: Path, repeat: int) -> Path:
+    """A campaign of as many rows of 6 s, after 10 s of rig time."""
+    return campaign_file(
+        folder,
+        sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
+        tare={"duration_s": 1},
+        start={"lead_in_s": 8},
+        timing={"settle_s": 2, "interval_s": 6},
+        matrix={
+            "list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}],
+        },
+        repeat=repeat,
+    )
 
 
 def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) -> Ended:

@@ -15,15 +15,19 @@ import pytest
 from rehearsing import CONFIGS, yaml_file
 from rig_command import rig_here
 
-from rig import cycle
-from rig.bench import KIND
-from rig.rehearsal.bench_devices import connect
-from rig.rehearsal.bench_job import devices_of_session
-from rig.runs import open_run
-from rig.safety import STOP_0, Reason
-from rig.sequence import Phase
-from rig.session import Session, check_session, plan_session
-from rig.session.assemble import bench_params, motor_radians_per_count, shaft_radians_per_count
+from rig.execution.rehearsal.bench_devices import connect
+from rig.execution.rehearsal.bench_job import devices_of_session
+from rig.kinds.oswec_bench import KIND
+from rig.planning.session import Session, check_session, plan_session
+from rig.planning.session.assemble import (
+    bench_params,
+    motor_radians_per_count,
+    shaft_radians_per_count,
+)
+from rig.realtime import cycle
+from rig.realtime.safety import STOP_0, Reason
+from rig.realtime.sequence import Phase
+from rig.recording.runs import open_run
 
 DT = 0.001
 DEGREE = math.pi / 180.0

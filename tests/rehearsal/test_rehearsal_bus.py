@@ -19,10 +19,10 @@ from rig_command import rig
 
 from rig import cli
 from rig.analysis.rows import row_table
-from rig.campaign import check
-from rig.rehearsal.job import problems
-from rig.runs import open_run
-from rig.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, Reason
+from rig.execution.rehearsal.job import problems
+from rig.planning.campaign import check
+from rig.realtime.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, Reason
+from rig.recording.runs import open_run
 
 CUSTOM = str(CONFIGS / "rigs" / "wavebot_custom.yaml")
 ENERGETIC = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.3}

@@ -11,10 +11,10 @@ import xarray
 from rehearsing import campaign_file, run
 
 from rig.analysis.report import write_products
-from rig.campaign_run import Ended
-from rig.runs import open_run
-from rig.safety import Mode
-from rig.sequence import NO_ROW, Phase
+from rig.execution.campaign import Ended
+from rig.realtime.safety import Mode
+from rig.realtime.sequence import NO_ROW, Phase
+from rig.recording.runs import open_run
 
 SEA = {"kind": "pink", "hm0_m": 0.05, "repeat_s": 10, "seed": 5, "realisation": 2}
 

@@ -30,11 +30,11 @@ from rehearsing import (
     table_of,
 )
 
-from rig.assemble import metres_per_count
 from rig.config.rig_file import RigFile
 from rig.config.source import load_mapping
 from rig.config.translate import load
-from rig.estimator_design import design, response
+from rig.design.estimator import design, response
+from rig.kinds.wavebot.build import metres_per_count
 from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.parameters import Plant

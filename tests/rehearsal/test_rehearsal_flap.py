@@ -19,8 +19,8 @@ from rig_command import rig_here
 
 from rig.config import load
 from rig.config.constants_file import ConstantsFile
-from rig.rehearsal.bench_job import problems_of_session
-from rig.session import check_session
+from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.planning.session import check_session
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics
 

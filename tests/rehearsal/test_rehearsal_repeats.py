@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from rehearsing import CONFIGS, campaign_file, run, sequentially_swept, table_of, yaml_file
 
-from rig import loop
-from rig.assemble import wavebot_params
-from rig.campaign import Campaign, Plan, check
-from rig.clock import VirtualClock
-from rig.mailbox import Mailbox, Request, create
-from rig.record import layout, packer
-from rig.rehearsal import job
-from rig.rehearsal.devices import connect
-from rig.runs import attachments, open_run
-from rig.wavebot import KIND, WaveBotRow
+from rig.execution.rehearsal import job
+from rig.execution.rehearsal.devices import connect
+from rig.kinds.wavebot import KIND, WaveBotRow
+from rig.kinds.wavebot.build import wavebot_params
+from rig.planning.campaign import Campaign, Plan, check
+from rig.processes.mailbox import Mailbox, Request, create
+from rig.realtime import loop
+from rig.realtime.clock import VirtualClock
+from rig.recording.row_layout import layout, packer
+from rig.recording.runs import attachments, open_run
 
 
 def short(folder: Path, **keys: Any) -> Path:

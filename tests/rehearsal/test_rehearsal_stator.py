@@ -15,8 +15,8 @@ from rehearsing import CONFIGS, campaign_file, run, table_of, yaml_file
 from rig.config.rig_file import RigFile
 from rig.config.source import load_mapping
 from rig.config.translate import load
-from rig.runs import open_run
-from rig.safety import STOP_0, STOP_1
+from rig.realtime.safety import STOP_0, STOP_1
+from rig.recording.runs import open_run
 from sim_plant.parameters import Plant
 from sim_plant.stator_force import reversal
 

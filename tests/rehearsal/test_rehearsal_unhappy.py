@@ -9,35 +9,26 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import campaign_file, run
+from rehearsing import rows, run
 
-from rig import supervisor
-from rig.runs import attachments, open_run
-from rig.runs.create import BusyError, hold_realtime
-from rig.safety import STOP_0, STOP_1, Reason
-from rig.supervisor import Snapshot
+from rig.cli import LOST
+from rig.cli.ending import exit_code
+from rig.processes import supervisor
+from rig.processes.run_types import Snapshot
+from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.realtime.safety import STOP_0, STOP_1, Reason
+from rig.recording.runs import attachments, open_run
+from rig.recording.runs.create import BusyError
+from rig.recording.runs.folder import MCAP
+from rig.recording.runs.mcap_file import scan
 
 FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave.command.force"]
-
-
-def rows(folder: Path, repeat: int) -> Path:
-    """As many rows of 6 s, after 10 s of rig time."""
-    return campaign_file(
-        folder,
-        sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
-        tare={"duration_s": 1},
-        start={"lead_in_s": 8},
-        timing={"settle_s": 2, "interval_s": 6},
-        matrix={
-            "list": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000, "ki_n_per_m": 0}],
-        },
-        repeat=repeat,
-    )
 
 
 @pytest.fixture
@@ -90,7 +81,7 @@ def ticks(folder: Path) -> Any:
 
 
 def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: Path) -> None:
-    once = Once(20.0, lambda: kill("rig.logger"))
+    once = Once(20.0, lambda: kill("rig.recording.logger"))
     ended = run(campaign, tmp_path / "runs", once)
     assert once.done
     assert ended.outcome.status == "complete"
@@ -100,8 +91,37 @@ def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: 
     assert sorted(p.name for p in ended.folder.glob("*.mcap*")) == ["run.mcap"]
 
 
+def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
+    campaign: Path, tmp_path: Path
+) -> None:
+    """A bad sector below the part of a logger that was killed."""
+
+    def kill_and_damage() -> None:
+        kill("rig.recording.logger")
+        (part,) = (tmp_path / "runs").glob(f"*/{MCAP}.part0")
+        chunk = scan(part).chunks[1]
+        with part.open("r+b") as file:
+            file.seek(chunk.offset + chunk.length // 2)
+            file.write(bytes(100))
+
+    ended = run(campaign, tmp_path / "runs", Once(20.0, kill_and_damage))
+    lost = ended.outcome.ticks - ticks(ended.folder).sizes["time"]
+    assert ended.outcome.unsaved == lost > 0
+    told = json.loads((ended.folder / "run.json").read_text())
+    assert (told["status"], told["unsaved_rows"]) == ("complete", lost)
+    assert told["record"] == f"incomplete: {lost} of {ended.outcome.ticks} ticks missing"
+    assert f"{MCAP} lacks {lost} rows" in ended.trouble
+    assert f"{MCAP}.part0: chunk at byte" in ended.trouble
+    assert exit_code(ended.outcome, ended.trouble) == LOST
+    kept = {f"{MCAP}.part{number}" for number in (0, 1)}
+    assert {path.name for path in ended.folder.glob("*.mcap*")} == {MCAP, *kept}
+
+
 def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
-    first, second = Once(10.0, lambda: kill("rig.logger")), Once(25.0, lambda: kill("rig.logger"))
+    first, second = (
+        Once(10.0, lambda: kill("rig.recording.logger")),
+        Once(25.0, lambda: kill("rig.recording.logger")),
+    )
 
     def see(snapshot: Snapshot) -> None:
         first(snapshot)
@@ -122,7 +142,7 @@ def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None
         once(snapshot)
         last.append(snapshot)
 
-    once = Once(20.0, lambda: kill("rig.rehearsal"))
+    once = Once(20.0, lambda: kill("rig.execution.rehearsal"))
     ended = run(campaign, tmp_path / "runs", see)
     assert ended.outcome.status == "crashed"
     assert ended.outcome.reason == "loop: killed by SIGKILL"
@@ -143,7 +163,7 @@ def test_hung_logger_is_replaced(
     campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervisor, "STALL", 3.0)
-    once = Once(20.0, lambda: stop("rig.logger"))
+    once = Once(20.0, lambda: stop("rig.recording.logger"))
     ended = run(campaign, tmp_path / "runs", once)
     assert once.done
     assert (ended.outcome.status, ended.outcome.logger_restarts) == ("complete", 1)
@@ -154,7 +174,7 @@ def test_hung_loop_is_ended_and_its_rows_are_kept(
     campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(supervisor, "HANG", 3.0)
-    ended = run(campaign, tmp_path / "runs", Once(20.0, lambda: stop("rig.rehearsal")))
+    ended = run(campaign, tmp_path / "runs", Once(20.0, lambda: stop("rig.execution.rehearsal")))
     assert (ended.outcome.status, ended.outcome.reason) == ("crashed", "the loop hung")
     assert ended.outcome.unsaved == 0
     found = ticks(ended.folder)["tick"].values
@@ -230,7 +250,7 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     runs = tmp_path / "runs"
     process = supervisor_alone(campaign, runs)
     folder = wait_for_rows(runs)
-    loops = list(processes("rig.rehearsal", parent=process.pid))
+    loops = list(processes("rig.execution.rehearsal", parent=process.pid))
     assert loops
     process.kill()
     for loop in loops:
@@ -239,6 +259,27 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     finished(folder)
     found = ticks(folder)["tick"].values
     assert np.array_equal(found, np.arange(len(found)))
+
+
+@pytest.mark.realtime
+def test_a_host_that_stands_still_is_named_first(campaign: Path, tmp_path: Path) -> None:
+    """SIGSTOP for 0.3 s: more than the 100 ticks of configs/limits/wavebot.yaml in one gap."""
+    process = supervised(campaign, tmp_path / "runs", "--realtime", "--json")
+    wait_for_rows(tmp_path / "runs", size=20_000)
+    time.sleep(4.0)  # past the tare
+    (loop,) = processes("rig.execution.rehearsal", process.pid)
+    os.kill(loop, signal.SIGSTOP)
+    time.sleep(0.3)
+    os.kill(loop, signal.SIGCONT)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 4, err
+    told = json.loads(out.splitlines()[-1])
+    assert (told["status"], told["reason"]) == ("fault", "LOST_TICKS")
+    assert told["lost_ticks"]["lost"] > 100
+    assert 0.1 < told["lost_ticks"]["longest_gap_s"] < 2.0
+    text = (Path(told["folder"]) / "summary.txt").read_text()
+    assert "Stopped by a fault: the host lost " in text
+    assert "too many ticks were lost in one gap; see `rig doctor`" in text
 
 
 @pytest.mark.realtime
@@ -279,6 +320,51 @@ def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) 
     assert (folder / "run.mcap").exists()
 
 
+def test_ctrl_z_stops_instead_of_suspending(campaign: Path, tmp_path: Path) -> None:
+    runs = tmp_path / "runs"
+    process = supervised(campaign, runs)
+    folder = wait_for_rows(runs)
+    process.send_signal(signal.SIGTSTP)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 3, err
+    assert "Ctrl-Z does not suspend a run: stopping: damping, then power off" in err
+    told = json.loads((folder / "run.json").read_text())
+    assert (told["status"], told["reason"]) == ("stopped", "OPERATOR_STOP")
+
+
+@pytest.mark.realtime
+def test_a_terminal_that_stands_still_neither_stops_the_rig_nor_keeps_it_from_stopping(
+    brief: Path, tmp_path: Path
+) -> None:
+    """As after Ctrl-S, or on a connection that hangs: nobody takes what is drawn."""
+    runs = tmp_path / "runs"
+    ours, terminal = os.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rig", "run", brief, "--runs", runs, "--realtime"],
+        stdout=subprocess.DEVNULL,
+        stderr=terminal,
+        env={**os.environ, "TERM": "xterm"},
+        start_new_session=True,
+    )
+    os.close(terminal)
+    folder = wait_for_rows(runs)
+    time.sleep(6.0)  # the terminal's 4 kB are full after some drawings
+    process.send_signal(signal.SIGINT)
+    for _ in range(600):
+        if json.loads((folder / "run.json").read_text())["status"] != "running":
+            break
+        time.sleep(0.05)
+    told = json.loads((folder / "run.json").read_text())
+    assert process.poll() is None  # it still waits for its terminal
+    with suppress(OSError):  # until there is nobody left to write
+        while os.read(ours, 65536):
+            pass
+    os.close(ours)
+    assert process.wait(timeout=60) == 3
+    assert (told["status"], told["reason"]) == ("stopped", "OPERATOR_STOP")
+    assert ticks(folder)["time"].values[-1] > 6.0  # what could not be drawn did not stop it
+
+
 def test_two_rehearsals_at_once_get_their_own_folders(brief: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     both = [supervisor_alone(brief, runs) for _ in range(2)]
@@ -289,8 +375,8 @@ def test_two_rehearsals_at_once_get_their_own_folders(brief: Path, tmp_path: Pat
 
 
 def test_the_real_clock_is_for_one_run(campaign: Path, tmp_path: Path) -> None:
-    with hold_realtime("another"):
-        with pytest.raises(BusyError, match=rf"campaign another, process {os.getpid()}"):
+    with hold((REALTIME_PLACE,), "campaign another"):
+        with pytest.raises(BusyError, match=rf"campaign another \(process {os.getpid()}, user "):
             run(campaign, tmp_path / "runs", real_clock=True)
         words = [sys.executable, "-m", "rig", "run", str(campaign), "--realtime", "--json"]
         done = subprocess.run(
@@ -300,21 +386,29 @@ def test_the_real_clock_is_for_one_run(campaign: Path, tmp_path: Path) -> None:
     assert "another" in json.loads(done.stdout)["message"]
 
 
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 3 MB; skipped where it may not be mounted."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)]
-    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("a small file system cannot be mounted here (needs root)")
-    yield place
-    subprocess.run(["umount", str(place)], check=True)
+def test_full_disk_stops_the_rig_and_saves_the_record_elsewhere(
+    campaign: Path, small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cache, home = Path.home() / ".cache", tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
+    monkeypatch.setenv("HOME", str(home))
+    monkeypatch.setattr(supervisor, "DISK_PATIENCE", 2.0)
+    ended = run(campaign, small_disk)
+    assert (ended.outcome.status, ended.outcome.reason) == ("fault", "LOGGER_LOST")
+    assert ended.folder.parent == home
+    assert "No space left on device" in ended.outcome.moved
+    found = ticks(ended.folder)["tick"].values
+    assert np.array_equal(found, np.arange(ended.outcome.ticks))
 
 
-def test_full_disk_stops_the_rig_and_keeps_what_was_written(
+def test_full_disk_without_another_place_keeps_what_was_written(
     campaign: Path, small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    cache = Path.home() / ".cache"
+    monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
+    for name in ("HOME", "TMPDIR"):
+        monkeypatch.setenv(name, str(small_disk))
     monkeypatch.setattr(supervisor, "DISK_PATIENCE", 2.0)
     ended = run(campaign, small_disk)
     assert ended.outcome.status == "fault"

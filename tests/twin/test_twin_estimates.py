@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rig.twin import drivetrain, electrics
-from rig.twin.group import Group, least_squares
-from rig.twin.hull import hull
-from rig.twin.records import Power, Record, analysed, synthesised
-from rig.twin.seas import BEM_DEVIATION, SCALE, Coefficient, scale
+from rig.identification.twin import drivetrain, electrics
+from rig.identification.twin.group import Group, least_squares
+from rig.identification.twin.hull import hull
+from rig.identification.twin.records import Power, Record, analysed, synthesised
+from rig.identification.twin.seas import BEM_DEVIATION, SCALE, Coefficient, scale
 
 PERIOD, LINES = 20.0, 50
 SHAPE = drivetrain.Shape(True, 0.33047, 0.33047 / 1.649, 0.002)

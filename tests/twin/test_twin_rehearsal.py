@@ -15,9 +15,9 @@ from rig_command import rig_here
 
 from rig.analysis.rows import row_table
 from rig.config.source import load_mapping
-from rig.recommend import report
-from rig.recommend.advice import Asked, advise
-from rig.twin.plant_file import identified_up_to
+from rig.design.recommend import report
+from rig.design.recommend.advice import Asked, advise
+from rig.identification.twin.plant_file import identified_up_to
 
 pytestmark = pytest.mark.slow
 

@@ -11,9 +11,9 @@ from matplotlib.image import imread
 from measured_data import reference
 from wavebot_ports import BEM, PARAMS, sea
 
-from rig.twoport import network as n
-from rig.twoport.figures import Case, around, impedances, write_effects
-from rig.twoport.power import available, available_to_load, flow, transducer_gain
+from rig.design.twoport import network as n
+from rig.design.twoport.figures import Case, around, impedances, write_effects
+from rig.design.twoport.power import available, available_to_load, flow, transducer_gain
 
 F = np.linspace(0.2, 1.0, 33)
 OMEGA = 2.0 * np.pi * F

@@ -11,8 +11,8 @@ import pytest
 from predicting import CONFIGS, campaign_file, predicted, rows
 from wavebot_ports import device, drive, sea
 
-from rig.twoport import network as n
-from rig.twoport.optimum import Bounds, Device, Optimum, Sea, Setting, optimum, powers
+from rig.design.twoport import network as n
+from rig.design.twoport.optimum import Bounds, Device, Optimum, Sea, Setting, optimum, powers
 from sim_plant import waves
 
 STIFF = 490.9
@@ -89,7 +89,10 @@ def loop(omega: Any) -> Any:
 
 
 def surface(tmp_path: Path, told: dict[str, Any], gains: list[Setting]) -> dict[str, Any]:
-    """Powers of `rig.predict` at each setting, on the linear plant with its sampled loop."""
+    """Powers of `rig.design.predictions` at each setting.
+
+    On the linear plant with its sampled loop.
+    """
     path = campaign_file(
         tmp_path,
         plant=str(CONFIGS / "plants" / "wavebot_linear.yaml"),

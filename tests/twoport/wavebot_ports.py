@@ -9,8 +9,8 @@ import numpy as np
 from closed_form import intrinsic_impedance
 
 from rig.config.source import load_mapping
-from rig.twoport.network import WAVEBOT
-from rig.twoport.optimum import Device, Drive, Sea
+from rig.design.twoport.network import WAVEBOT
+from rig.design.twoport.optimum import Device, Drive, Sea
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.parameters import Plant
 from sim_plant.wavebot import WaveBotParams

@@ -24,8 +24,10 @@ from rig.analysis.session.page import notes, write_page
 from rig.analysis.session.read import Session, open_session, session_of
 from rig.analysis.session.result import Picture, Result, words
 from rig.analysis.session.tables import as_json, write_tables
-from rig.runs import RunError
-from rig.runs.folder import Facts, facts, list_runs
+from rig.analysis.stopped import Ending, LostTicks, ending_of, stop_of
+from rig.recording.runs import RunError
+from rig.recording.runs.folder import Facts, facts, list_runs
+from rig.recording.runs.state import RecordState
 
 _ALONE: dict[str, Callable[[Session], Result]] = {
     "torque_constant": torque_report.result,
@@ -52,6 +54,9 @@ class Summary(NamedTuple):
 
     session: str
     run: str
+    ending: Ending
+    lost_ticks: LostTicks | None  # before a trip, where they may be its cause
+    record: RecordState
     result: Result
     notes: tuple[str, ...]
     written: tuple[Path, ...]
@@ -65,7 +70,11 @@ class Summary(NamedTuple):
         """Lines for a terminal."""
         marks = {True: "ok  ", False: "NOT ", None: "    "}
         wide = max((len(each.quantity) for each in self.result.compared), default=0)
-        lines = [f"session {self.session}, run {self.run}"]
+        lines = [
+            f"session {self.session}, run {self.run}",
+            f"{self.ending.words}.",
+            f"{self.record.sentence}.",
+        ]
         for each in self.result.compared:
             told = [f"{each.found}"]
             told += [f"thesis: {each.thesis}"] if each.thesis else []
@@ -82,6 +91,9 @@ class Summary(NamedTuple):
         return {
             "session": self.session,
             "run": self.run,
+            "ending": self.ending.words,
+            "lost_ticks": self.lost_ticks and self.lost_ticks._asdict(),
+            "record": self.record.as_dict(),
             "held": self.held,
             **told,
             "notes": list(self.notes),
@@ -107,16 +119,32 @@ def analyse(
     except ValueError as error:
         raise RunError(f"{run}: {error}") from error
     folder = run if run.is_dir() else run.parent
-    told = {"session": session.kind, **session.known.attributes()}
+    lost = stop_of(run, session.known.status).lost
+    ending = ending_of(session.known.status, lost)
+    told = {
+        "session": session.kind,
+        **session.known.attributes(),
+        "ending": ending.words,
+        **session.record.attributes(),
+    }
     pictures = [_draw(each, told, folder) for each in result.pictures]
     written = [
         *write_tables(result, told, folder),
         *write_constants(result, session, folder),
         *pictures,
-        write_page(result, session, pictures, folder),
+        write_page(result, session, ending, pictures, folder),
     ]
     said = tuple(notes(result, session))
-    return Summary(session.kind, session.known.run, result, said, tuple(written))
+    return Summary(
+        session.kind,
+        session.known.run,
+        ending,
+        lost,
+        session.record,
+        result,
+        said,
+        tuple(written),
+    )
 
 
 def _result(session: Session, run: Path, against: str | os.PathLike[str] | None) -> Result:

@@ -10,6 +10,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.read import Session
 from rig.analysis.session.result import Result
+from rig.regular_file import CONFIG_MOST, read_regular
 
 FILE = "calibration.yaml"
 _DIGITS = 9
@@ -55,7 +56,8 @@ def known_constant(run: Path, name: str) -> Estimate:
     path = run / FILE
     if not path.is_file():
         raise ValueError(f"{run}: no {FILE}; analyse that run first")
-    found = (YAML(typ="safe").load(path.read_text(encoding="utf-8"))["constants"] or {}).get(name)
+    constants = YAML(typ="safe").load(read_regular(path, CONFIG_MOST).decode())["constants"]
+    found = (constants or {}).get(name)
     if found is None:
         raise ValueError(f"{path}: no {name}")
     method = f"of run {run.name}"

@@ -7,7 +7,10 @@ from typing import Any
 
 from rig.analysis.session.read import Session
 from rig.analysis.session.result import Column, Picture, Result, Table, number, words
+from rig.analysis.stopped import ENDINGS, Ending
+from rig.analysis.windows import GONE
 from rig.analysis.words import rung_stamp, utc
+from rig.recording.runs.state import RECOVERED, WHOLE
 
 FILE = "session.html"
 _STYLE = """
@@ -26,13 +29,17 @@ footer{margin:40px 0 20px;color:#66727d;font-size:12px}
 """
 
 
-def write_page(result: Result, session: Session, pictures: list[Path], folder: Path) -> Path:
+def write_page(
+    result: Result, session: Session, ending: Ending, pictures: list[Path], folder: Path
+) -> Path:
     """``session.html``: pictures inside, nothing is loaded from elsewhere."""
     known = session.known
     said = f"run {known.run}, started {utc(known.started_utc)}"
     body = [
         f"<header><span class=stamp>{_text(rung_stamp(known.rung))}</span>"
         f"<h1>Session {_text(session.name)}</h1><p>{_text(said)}</p></header>",
+        _state(ending.words, ending.title == ENDINGS["complete"]),
+        _state(session.record.sentence, session.record.state in (WHOLE, RECOVERED)),
         _compared(result),
         _constants(result),
         "<h2>Notes</h2><ul>" + "".join(f"<li>{_text(n)}</li>" for n in notes(result, session))
@@ -52,13 +59,16 @@ def write_page(result: Result, session: Session, pictures: list[Path], folder: P
 def notes(result: Result, session: Session) -> list[str]:
     """What a reader has to know: of the method, and of what is missing in the run."""
     out = [*result.notes, "Of the load cell's own calibration 0.1 % is in the intervals, no more."]
-    lost = sum(point.lost for point in session.points)
+    lost = sum(point.lost for point in session.whole)
     if lost:
         out.append(f"{lost} ticks were lost while measuring; they are interpolated.")
-    for point in session.points:
-        if point.cut_short:
-            out.append(f"Row {point.row} is left out: {point.cut_short}.")
-    return out
+    why = {point.row: point.cut_short for point in session.points if point.cut_short}
+    why |= dict.fromkeys(session.gone, GONE)
+    return [*out, *(f"Row {row} is left out: {why[row]}." for row in sorted(why))]
+
+
+def _state(said: str, good: bool) -> str:
+    return f"<p>{_text(said)}.</p>" if good else f"<p class=no>{_text(said)}.</p>"
 
 
 def _text(value: Any) -> str:

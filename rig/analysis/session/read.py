@@ -13,9 +13,10 @@ from rig.analysis.session import periods
 from rig.analysis.session.deflection import Motion, motion
 from rig.analysis.session.estimate import Floats
 from rig.analysis.session.periods import Cut
-from rig.analysis.windows import Window, windows
-from rig.runs import RunError, reader
-from rig.runs.folder import Facts, facts
+from rig.analysis.windows import Window, gone, windows
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.state import Reading, RecordState
 
 FIELDS = (
     *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
@@ -108,6 +109,8 @@ class Session(NamedTuple):
     torque_constant: float  # N*m/A, in use in the run
     velocity_constant: float  # rad/s/V, in use in the run
     irregular: bool  # the reference is no sinusoid
+    record: RecordState
+    gone: tuple[int, ...]  # rows of which the record lacks all ticks
 
     @property
     def whole(self) -> list[Point]:
@@ -133,12 +136,14 @@ def open_session(run: str | os.PathLike[str]) -> Session:
     rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
     repeat = float((told.get("irregular") or {}).get("repeat_s") or np.nan)
     latest: dict[int, Point] = {}
-    for window in windows(source, list(FIELDS)):
+    seen = Reading(source.contents, source.damage)
+    for window in windows(source, list(FIELDS), known.plan, reading=seen):
         if window.row >= 0:
             latest.pop(window.row, None)  # a later attempt takes the place of an earlier one
             latest[window.row] = _point(window, rows.get(window.row, {}), scales, repeat, dt)
     if not latest:
         raise RunError(f"{run}: no set point was measured")
+    record = seen.state(run)
     return Session(
         known,
         str(told.get("session") or ""),
@@ -147,6 +152,8 @@ def open_session(run: str | os.PathLike[str]) -> Session:
         float(scales.get("torque_constant_n_m_per_a") or np.nan),
         float(scales.get("velocity_constant_rad_per_s_per_v") or np.nan),
         bool(told.get("irregular")),
+        record,
+        tuple(sorted(gone(known.plan, latest, record))),
     )
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import xarray
 
-from rig.calibration import Known, open_calibration
-from rig.runs import RunError
+from rig.recording.calibration import Known, open_calibration
+from rig.recording.runs import RunError
 
 MARGIN = 0.95  # of the stroke at which the stator's force reverses
 NAME = "spring_map"

@@ -10,11 +10,12 @@ import xarray
 
 from rig.analysis.spring_map import passes
 from rig.analysis.spring_map.passes import FIT, SMALL, Curve, Line, Reversal, Samples, Sine
-from rig.analysis.windows import Window, windows
+from rig.analysis.windows import LeftOut, Window, windows
 from rig.analysis.words import signed
-from rig.runs import RunError, reader
-from rig.runs.folder import Facts, facts
-from rig.sequence import Phase
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError, reader
+from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.state import Reading
 
 DISAGREE = 0.05  # of the larger: rates by the two load cells that differ by more are told
 _MOVING = 0.2  # of the hoist's speed: a body that is slower turns round
@@ -51,9 +52,11 @@ def is_hoisted(plan: dict[str, Any]) -> bool:
     return bool(plan.get("hoist"))
 
 
-def spring_map(run: str | os.PathLike[str]) -> xarray.Dataset:
+def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> xarray.Dataset:
     """The map of a run: curves by station and angle, rates by station; units in the attributes.
 
+    The attribute ``left_out`` names rows that do not enter it. ``incomplete_rows``: rows of which
+    the record lacks ticks do.
     RunError if no hoist moved the body, the rig file lacks `spring.mapping`, or no station
     was walked through to its end.
     """
@@ -63,12 +66,15 @@ def spring_map(run: str | os.PathLike[str]) -> xarray.Dataset:
         raise RunError(f"{run}: no spring map (its campaign has no hoist)")
     rig = _rig(known)
     zero = _balance(source)
-    stations = sorted(_stations(source, known, rig, zero), key=lambda one: one.stator)
+    found, left_out = _stations(run, source, known, rig, zero, incomplete_rows)
+    stations = sorted(found, key=lambda one: one.stator)
     if not stations:
-        raise RunError(f"{run}: no station was walked through to its end")
+        said = "; ".join(["no station was walked through to its end", *left_out])
+        raise RunError(f"{run}: {said}")
     return _dataset(stations, rig).assign_attrs(
         known.attributes()
         | {"balance_rad": zero, "hoist": str(known.plan["hoist"].get("words", ""))}
+        | ({"left_out": "; ".join(left_out)} if left_out else {})
     )
 
 
@@ -103,19 +109,34 @@ def _balance(source: reader.Source) -> float:
     return total / count if count else 0.0
 
 
-def _stations(source: reader.Source, known: Facts, rig: _Rig, zero: float) -> Iterator[_Station]:
-    """One for each stator position; a station that was repeated is one, of all that was seen."""
+def _stations(
+    run: str | os.PathLike[str],
+    source: reader.Source,
+    known: Facts,
+    rig: _Rig,
+    zero: float,
+    incomplete_rows: bool,
+) -> tuple[list[_Station], tuple[str, ...]]:
+    """One for each stator position, and what was left out.
+
+    A station that was repeated is one, of all that was seen.
+    """
     point = {row["row"]: row["point"] for row in known.plan["rows"]}
     whole: dict[int, list[Window]] = {}
-    for window in windows(source, list(_FIELDS)):
-        if not window.cut_short:
+    seen, left = Reading(source.contents, source.damage), LeftOut()
+    for window in windows(
+        source, list(_FIELDS), known.plan, incomplete_rows=incomplete_rows, reading=seen
+    ):
+        if left.whole(window):
             whole.setdefault(point[window.row], []).append(window)
     speed = float(known.plan["hoist"]["speed_m_per_s"])
+    stations = []
     for several in whole.values():
         parts = [_samples(window, rig, zero, _MOVING * speed) for window in several]
         samples = Samples(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
         stator = np.mean([window.data["spring_sense.position"].mean() for window in several])
-        yield _station(float(stator), samples, rig)
+        stations.append(_station(float(stator), samples, rig))
+    return stations, left.notes(known.plan, seen.state(run))
 
 
 def _samples(window: Window, rig: _Rig, zero: float, moving: float) -> Samples:
@@ -238,6 +259,8 @@ def findings(table: xarray.Dataset) -> list[str]:
         )
     else:
         told.append("the stator's force reverses nowhere on the travel seen")
+    if left_out := table.attrs.get("left_out"):
+        told.append(str(left_out))
     return [*told, *_doubts(table)]
 
 

@@ -5,23 +5,24 @@ what an analysis finds here rests on the plant and on the record alone, not on r
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 from bench_files import DT, brake_current, changed
 from synthetic_runs import write_run
 
-from rig import record
-from rig.bench.words import BenchRow
-from rig.rehearsal.compiled_bench import CompiledStepper
-from rig.runs.mcap_file import row_dtype
-from rig.safety import Mode, Reason
-from rig.sequence import NO_ROW, Phase
+from rig.execution.rehearsal.compiled_bench import CompiledStepper
+from rig.kinds.oswec_bench.words import BenchRow
+from rig.realtime.safety import Mode, Reason
+from rig.realtime.sequence import NO_ROW, Phase
+from rig.recording import row_layout
+from rig.recording.runs.mcap_file import row_dtype
 from sim_plant.bench.world import OFF, Actuation, BenchWorld
 
-DTYPE = row_dtype(record.leaves(BenchRow))
+DTYPE = row_dtype(row_layout.leaves(BenchRow))
 NOMINAL_GAIN = 1.5708  # rad/s/V
 NOMINAL_CONSTANT = 16.845  # N*m/A
 LATE = 15  # ticks over which the shaft's speed is taken
@@ -151,9 +152,14 @@ def write_session(
     periods: int,
     settle: int = 1,
     plan_periods: int | None = None,
+    change: Callable[[Any], Any] = lambda data: data,
+    status: Mapping[str, Any] = MappingProxyType({}),
     **told: Any,
 ) -> Path:
-    """A finished run of a session on a bench; ``told`` goes into the session's file."""
+    """A finished run of a session on a bench; ``told`` goes into the session's file.
+
+    ``change`` gives the ticks that the record holds of all; ``status``: how the run ended.
+    """
     blocks, table = [], []
     home = on.world.sense().shaft_counts
     for i, asked in enumerate(rows):
@@ -182,7 +188,10 @@ def write_session(
         "rig": {"name": "oswec bench"},
     }
     plan = {"dt": DT, "rows": table, "scales": scales}
-    return write_run(folder, data, plan, row_type=BenchRow, config=config)
+    kept = change(data)
+    return write_run(
+        folder, kept, plan, row_type=BenchRow, config=config, ticks=len(data), **status
+    )
 
 
 def driveline_rows(table: Sequence[tuple[float, float]], period: float = 1.5) -> list[Asked]:

@@ -14,7 +14,7 @@ from rig.analysis.session import flap_decay, flap_pto, flap_rao, flap_stiffness,
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.flap_pto import Taken
 from rig.analysis.session.flap_stiffness import Turned
-from rig.rehearsal.compiled_bench import CompiledFlapStepper
+from rig.execution.rehearsal.compiled_bench import CompiledFlapStepper
 from sim_plant import waves
 from sim_plant.bem import excitation_at
 from sim_plant.flap import hydrodynamics

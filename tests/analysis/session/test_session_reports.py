@@ -9,13 +9,16 @@ import bench_runs as bench
 import numpy as np
 import pytest
 import xarray
+from command_here import rig
 from matplotlib.image import imread
 from ruamel.yaml import YAML
 
 from rig.analysis.session import Summary, analyse
 from rig.analysis.session.read import open_session
 from rig.config.constants_file import ConstantsFile
-from rig.runs import RunError
+from rig.realtime.safety import Reason
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError
 
 DEGREE = np.pi / 180.0
 TABLE = [(5.0, 42.0), (5.0, 104.0), (10.0, 62.5), (15.0, 42.0), (15.0, 104.0)]
@@ -231,3 +234,58 @@ def test_a_row_that_was_cut_short_is_left_out_and_told(tmp_path: Path) -> None:
     assert [point.cut_short for point in session.points] == ["shorter than planned"] * 2
     with pytest.raises(RunError, match="no set point was measured to its end"):
         analyse(run)
+
+
+def test_a_session_names_what_its_record_lacks_and_what_stopped_it(tmp_path: Path) -> None:
+    """Row 1 lacks 100 ticks, row 2 all; row 3 lost some before it began; row 4 tripped."""
+
+    def torn(data: Any) -> Any:
+        measured = data["plan.phase"] == Phase.MEASURE
+        one = np.flatnonzero(measured & (data["plan.row"] == 1))[200:300]
+        two = np.flatnonzero(data["plan.row"] == 2)
+        three = np.flatnonzero(measured & (data["plan.row"] == 3))[0] - np.arange(1, 21)
+        trip = int(np.flatnonzero(measured & (data["plan.row"] == 4))[-100])
+        data["safety.reason"][trip:] = Reason.DRIVE_DROPPED
+        data["timing.skipped"][trip - 500 :] = 30
+        data["tick"][trip - 500 :] += 30
+        data["tick_end"], data["time"] = data["tick"], data["tick"] * bench.DT
+        return np.delete(data[: trip + 5], [*one, *two, *three])
+
+    on = bench.bench(seed=3, **HIDDEN)
+    rows = bench.driveline_rows([*TABLE[:2], (8.0, 80.0), *TABLE[2:4]], period=1.0)
+    ended = {"status": "fault", "reason": "DRIVE_DROPPED"}
+    run = bench.write_session(
+        tmp_path / "run", on, "driveline", rows, periods=3, change=torn, status=ended
+    )
+    found = analyse(run)
+    per = round(1.0 / bench.DT)
+    left_out = [note for note in found.notes if "left out" in note]
+    assert left_out == [
+        f"Row 1 is left out: 100 of {3 * per} ticks missing from the record.",
+        "Row 2 is left out: all of its ticks are missing from the record.",
+        "Row 4 is left out: the log ends here.",
+    ]
+    assert [point.row for point in open_session(run).whole] == [0, 3]
+    stop = "Stopped by a fault: the host lost 30 ticks (longest gap 30 ms) in the 2 s before"
+    record = f"Record incomplete: {100 + 4 * per + 20 + 95 + 20} of "
+    page = (run / "session.html").read_text()
+    for text in (page, rig("show", run).stdout):
+        assert stop in text
+        assert record in text
+        assert text.index(stop) < text.index(record) < text.index("Row 1 is left out")
+    told = json.loads(rig("show", run, "--json").stdout)
+    assert told["ending"].startswith(stop)
+    assert told["lost_ticks"]["lost"] == 30
+    assert told["record"]["state"] == "incomplete"
+    assert len(told["record"]["missing_ticks"]) == 3  # what followed the last row has no number
+    kept = json.loads((run / "session.json").read_text())
+    assert kept["record"].startswith("incomplete: ")
+    assert kept["ending"].startswith(stop)
+
+
+def test_a_whole_session_says_that_its_record_is(driveline: Summary, runs: Path) -> None:
+    lines = driveline.as_text().splitlines()
+    assert lines[1:3] == ["Complete: the plan was walked to its end.", "Record complete."]
+    page = (runs / "driveline" / "session.html").read_text()
+    assert "<p>Record complete.</p>" in page
+    assert driveline.as_dict()["record"]["state"] == "complete"

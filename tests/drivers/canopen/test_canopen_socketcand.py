@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 import can
@@ -12,8 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.canopen import socketcand_bus
 from drivers.canopen.bus_settings import Bus
-from drivers.canopen.link import _GONE, hear_only, open_bus
+from drivers.canopen.link import _GONE, LinkError, hear_only, open_bus
 from drivers.canopen.socketcand_bus import SocketcandBus
 
 FRAMES = (b"< frame 705 1.5 05 >", b"< frame 185 1.6 AABB >", b"< frame 585 1.7 4300100092010200 >")
@@ -22,7 +25,9 @@ FRAMES = (b"< frame 705 1.5 05 >", b"< frame 185 1.6 AABB >", b"< frame 585 1.7 
 class Server:
     """It greets, and then sends what it is told to."""
 
-    def __init__(self) -> None:
+    def __init__(self, *answers: Sequence[bytes]) -> None:
+        """``answers``: pieces that are sent for connecting, open and rawmode, if not the usual."""
+        self._answers = answers or ((b"< hi >",), (b"< ok >",), (b"< ok >",))
         self._door = socket.create_server(("127.0.0.1", 0))
         self.port = self._door.getsockname()[1]
         self._peer: socket.socket | None = None
@@ -31,10 +36,13 @@ class Server:
 
     def _greet(self) -> None:
         self._peer, _ = self._door.accept()
-        self._peer.sendall(b"< hi >")
-        for _ in ("open", "rawmode"):
-            self._peer.recv(64)
-            self._peer.sendall(b"< ok >")
+        with suppress(OSError):  # whoever has been refused is gone
+            for number, pieces in enumerate(self._answers):
+                if number and not self._peer.recv(64):
+                    return
+                for piece in pieces:
+                    self._peer.sendall(piece)
+                    time.sleep(0.02 * (len(pieces) > 1))
 
     def send(self, data: bytes) -> None:
         self._thread.join(5.0)
@@ -128,3 +136,69 @@ def test_no_text_raises_anything_but_what_the_link_counts(
     with suppress(*_GONE):
         made = bus._message(b"".join(pieces))
         assert made is None or made.is_error_frame or wanted is None or made.arbitration_id == 0x705
+
+
+HI, OK = (b"< hi >",), (b"< ok >",)
+EARLY = b"< frame 705 0.1 05 >"
+
+
+def opened(server: Server) -> can.BusABC:
+    options = (("host", "127.0.0.1"), ("port", server.port), ("tcp_tune", True))
+    return open_bus(Bus("socketcand", "can0", 1_000_000, options))
+
+
+@pytest.mark.parametrize(
+    ("answers", "kept"),
+    [
+        ((HI, OK, (EARLY, b"< ok >")), 0),  # what comes before the answer is dropped
+        ((HI, OK, (EARLY + EARLY + b"< ok >",)), 0),
+        ((HI, (EARLY + b"< ok >",), (b"< error 20000004 0.2 >< ok >",)), 0),
+        (((b"< h", b"i >"), (b"<", b" ok", b" >"), (b"< ok ", b">")), 0),
+        ((HI, OK, (EARLY[:9], EARLY[9:] + b"< ok", b" >")), 0),
+        ((HI, OK, (b"< ok >" + EARLY + EARLY[:7], EARLY[7:])), 2),  # and what comes after it, kept
+        ((HI, OK, (b"\n< ok >\n",)), 0),
+    ],
+)
+def test_frames_before_an_answer_are_not_taken_for_it(
+    answers: tuple[tuple[bytes, ...], ...], kept: int
+) -> None:
+    server = Server(*answers)
+    bus = opened(server)
+    try:
+        server.send(b"< frame 185 1.6 AABB >")
+        assert heard(bus, kept + 1) == [(0x705, b"\x05")] * kept + [(0x185, b"\xaa\xbb")]
+        assert bus.recv(0.0) is None
+    finally:
+        bus.shutdown()
+        server.close()
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        ((HI, (b"< error could not open bus >",)), "refuses < open can0 >: could not open bus"),
+        ((HI, OK, (EARLY, b"< error unknown command >")), "refuses < rawmode >: unknown command"),
+        ((HI, OK, (b"< nonsense >",)), "answers < rawmode > by '< nonsense >', not '< ok >'"),
+        (((b"SSH-2.0-OpenSSH_9.2" * 20,),), "answers connecting by 'SSH-2.0-OpenSSH_9.2"),
+    ],
+)
+def test_an_answer_that_is_an_error_is_named(
+    answers: tuple[tuple[bytes, ...], ...], said: str
+) -> None:
+    server = Server(*answers)
+    with pytest.raises(LinkError, match=re.escape(said)):
+        opened(server)
+    server.close()
+
+
+def test_a_server_that_ends_or_says_nothing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socketcand_bus, "ANSWER", 0.3)
+    silent = Server(HI, ())
+    with pytest.raises(LinkError, match=re.escape("no answer to < open can0 > in 0.3 s")):
+        opened(silent)
+    silent.close()
+    babbling = Server(HI, (EARLY,) * 40)
+    with pytest.raises(LinkError, match=re.escape("no answer to < open can0 > in 0.3 s")):
+        opened(babbling)
+    with suppress(OSError):
+        babbling.close()

@@ -1,0 +1,135 @@
+"""Rigs on emulated wires, their devices a process apart, and runs on them as a person starts them.
+
+Nothing that is done to a run reaches the devices but by the wires, as on a rig.
+"""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.support.bench_fault_walk import bench_stage
+from benchmarks.support.fault_walk import power_gone
+from benchmarks.support.live import (
+    LiveRun,
+    TimeOutError,
+    running,
+    wait_realtime_free,
+    wait_until,
+)
+from benchmarks.support.wavebot_fault_walk import stage
+from rig.execution.rehearsal.control_client import ControlClient
+from rig.kinds.oswec_bench import BenchRow
+from rig.kinds.wavebot import WaveBotRow
+
+MARK = "WEC_RIG_ATTACKED"  # in the environment of every process of a run
+
+
+class WiredRig(NamedTuple):
+    """A rig whose devices are there, and what can be run on it."""
+
+    name: str  # of its table of faults
+    control: ControlClient
+    words: tuple[str, ...]  # of the command that runs it
+    row_type: type  # of its record
+    io_processes: tuple[str, ...]  # by name
+    damping: float  # s, stop.duration_s of its rig file
+    enabled: str  # field: its drive is on
+    moves: str  # field that changes while it is damped
+
+    def powered(self) -> bool:
+        """Whether a motor has power now."""
+        return None in self.control.ask("power")["gone"].values()
+
+    def power_gone(self, timeout: float) -> float | None:
+        """When the last motor lost its power (s, monotonic); None if one still has it."""
+        return power_gone(self, timeout)
+
+
+@contextmanager
+def wavebot(folder: Path) -> Iterator[WiredRig]:
+    """The WaveBot, damping in waves for some seconds."""
+    with stage(folder) as made:
+        words = ("run", str(folder / "campaign.yaml"))
+        fields = ("heave.sense.enabled", "heave.command.force")
+        yield WiredRig("wavebot", made.control, words, WaveBotRow, made.companions, 2.0, *fields)
+
+
+@contextmanager
+def oswec_bench(folder: Path) -> Iterator[WiredRig]:
+    """The bench, its shaft turned to and fro for some seconds."""
+    with bench_stage(folder) as made:
+        words = ("bench", str(folder / "session.yaml"))
+        fields = ("servo.enabled", "servo.current")
+        yield WiredRig("oswec_bench", made.control, words, BenchRow, made.companions, 1.0, *fields)
+
+
+WIRED = {"wavebot": wavebot, "oswec_bench": oswec_bench}
+
+
+@contextmanager
+def started(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
+    """A run on a rig whose devices are put to rest before; no process of it is left afterwards."""
+    rig.control.ask("restart")
+    wait_realtime_free()
+    command = [sys.executable, "-m", "rig", *rig.words, "--runs", str(runs), "--json"]
+    with LiveRun(command, runs, {MARK: str(runs)}) as run:
+        try:
+            yield run
+        finally:
+            for pid in processes(runs).values():
+                with suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+
+
+def wait_powered(rig: WiredRig, run: LiveRun) -> None:
+    """Wait until a motor has power; TimeOutError if the run ends before."""
+
+    def look() -> bool:
+        if run.process.poll() is not None:
+            raise TimeOutError(f"no motor had power: {run.last_words()}")
+        return rig.powered()
+
+    wait_until(look, "power on a motor", every=0.02)
+
+
+def processes(runs: Path) -> dict[str, int]:
+    """Living processes of a run by name: supervisor, loop, logger, and its I/O processes."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            marked = f"{MARK}={runs}".encode() in (entry / "environ").read_bytes().split(b"\0")
+            errors = Path(os.readlink(entry / "fd" / "2"))
+        except OSError:
+            continue
+        if marked and running(int(entry.name)):
+            name = errors.name.removesuffix(".stderr") if errors.suffix == ".stderr" else ""
+            found[name or "supervisor"] = int(entry.name)
+    return found
+
+
+def process(runs: Path, name: str) -> int:
+    """Process id of one of a run's processes, once it is there."""
+    wait_until(lambda: name in processes(runs), f"the process {name}", every=0.01)
+    return processes(runs)[name]
+
+
+def wait_gone(runs: Path, *, but: tuple[str, ...] = ()) -> None:
+    """Wait until no process of a run is left, but those named.
+
+    One that is ending loses its mark before it gives back its locks, so those seen once count.
+    """
+    seen = set[int]()
+
+    def gone() -> bool:
+        found = processes(runs)
+        kept = {found[name] for name in but if name in found}
+        seen.update(found.values())
+        return not any(running(pid) for pid in seen - kept)
+
+    wait_until(gone, f"the end of all processes but {but}")

@@ -1,0 +1,1 @@
+"""Before a run: estimators, impedances, predictions, recommended gains."""

@@ -1,6 +1,0 @@
-"""Is this host fit for a rig, or at least for a rehearsal: `rig doctor`."""
-
-from rig.doctor.examination import Asked, Examination, examine
-from rig.doctor.finding import Finding, Host, Use, Verdict
-
-__all__ = ["Asked", "Examination", "Finding", "Host", "Use", "Verdict", "examine"]

@@ -1,0 +1,1 @@
+"""Running a plan: rehearsal, real wires, replay."""

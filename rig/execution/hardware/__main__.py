@@ -1,0 +1,7 @@
+"""The loop process of a wired rig; the supervisor hands it a job on standard input."""
+
+from rig.execution.hardware.devices import connect
+from rig.kinds.wavebot import KIND
+from rig.processes import loop_process
+
+loop_process.main(KIND, connect)

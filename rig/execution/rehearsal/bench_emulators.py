@@ -1,0 +1,144 @@
+"""Each emulated device of a bench, set up as the rig file says, its ends in the shared world."""
+
+import math
+
+from rig.config.bench_rig_file import BenchRigFile
+from rig.config.bench_rig_file import Encoder as EncoderScale
+from rig.config.bench_wiring import BenchWiring, EncoderWord, LoadCell, SerialPort, ServoDrive
+from rig.config.bench_wiring import EncoderBridge as BridgeWiring
+from rig.execution.rehearsal.hosting import serial_line
+from rig.kinds.oswec_bench.words import VELOCITY
+from sim_plant.emulators.compax3 import Compax3
+from sim_plant.emulators.compax3_drive import TURN, DriveInput
+from sim_plant.emulators.compax3_objects import Compax3Settings
+from sim_plant.emulators.encoder_bridge import Angles, BridgeSettings, EncoderBridge
+from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
+from sim_plant.emulators.ft_calibration import Calibration, Wrench
+from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
+from sim_plant.emulators.net_ft import NetFt, NetFtSettings
+from sim_plant.emulators.serial_line import SerialLine
+from sim_plant.emulators.shared_world import SharedBench
+from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
+
+# The emulated drive's own program watches for its host; a real one may not.
+HOST_TIMEOUT = 0.25  # s
+TORQUE_PER_AMPERE = 1.123  # N m at the motor, specified (OSWEC thesis, 3.1.2): so it thinks
+RATINGS = (2800.0, 2800.0, 6800.0, 120.0, 120.0, 120.0)  # N, N m: Mini58, SI-2800-120
+_SHUNT, _SHUNT_RATE = 5.0, 320.0  # A, rating of the amplifier at the brake; Hz
+
+
+class Terminal:
+    """The servo drive's analog input, where the coupler's output is wired to."""
+
+    def __init__(self) -> None:
+        self.volts = 0.0
+
+
+def bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -> EncoderBridge:
+    """The bridge; it latches when it is told to, for the world moves in steps."""
+    motor, shaft = rig.servo.encoder, rig.shaft_encoder
+    # The middle of a count, so that it is the very count again.
+    per_motor = math.tau / motor.counts_per_revolution
+    per_shaft = math.tau / shaft.counts_per_revolution
+
+    def angles() -> Angles:
+        now = world.sense()
+        return Angles(
+            world.time,
+            wiring.motor.direction * per_motor * (now.motor_counts + 0.5),
+            wiring.shaft.direction * per_shaft * (now.shaft_counts + 0.5),
+        )
+
+    ends = _encoder(wiring.motor, motor), _encoder(wiring.shaft, shaft)
+    return EncoderBridge(_line(wiring), angles, *ends, BridgeSettings(rate=0.0))
+
+
+def _encoder(word: EncoderWord, scale: EncoderScale) -> Encoder:
+    bits = (scale.counts_per_revolution - 1).bit_length()
+    return Encoder(EncoderSettings(int(word.protocol.removeprefix("SSI")), bits))
+
+
+def servo(wiring: ServoDrive, world: SharedBench, wired: Terminal, mode: int) -> Compax3:
+    """The servo drive, set up for one of its loops as for the session.
+
+    The bench takes its velocity command in volts, from whichever source the drive has it.
+    """
+    analog = wiring.analog is not None and mode == VELOCITY
+    settings = Compax3Settings(
+        address=wiring.address,
+        source="analog" if analog else "serial",
+        velocity=(wiring.velocity.index, wiring.velocity.sub),
+        torque=(wiring.torque.index, wiring.torque.sub),
+        host_timeout=HOST_TIMEOUT,
+    )
+
+    def read() -> DriveInput:
+        return DriveInput(current=world.sense().current_a, analog=wired.volts)
+
+    def write(what: str, value: float) -> None:
+        if what == "velocity":
+            world.actuate(command_v=10.0 * value / (TURN * settings.full_speed))
+        elif what == "torque":
+            world.actuate(current_a=value / TORQUE_PER_AMPERE)
+        else:
+            world.actuate(enable=int(value))
+
+    return Compax3(_line(wiring), read, write, settings)
+
+
+def cell(wiring: LoadCell, world: SharedBench) -> NetFt:
+    """The load cell behind its box; other ports than that of the stream are free ones."""
+    turned = -1.0 if wiring.turned_over else 1.0
+
+    def read() -> Wrench:
+        now = world.sense()
+        return Wrench(
+            now.fx, turned * now.fy, turned * now.fz, now.tx, turned * now.ty, turned * now.tz
+        )
+
+    calibration = Calibration(
+        counts_per_force=round(wiring.counts_per_force),
+        counts_per_torque=round(wiring.counts_per_torque),
+        ratings=RATINGS,
+    )
+    settings = NetFtSettings(wiring.host, wiring.port, 0, 0, calibration=calibration)
+    return NetFt(read, settings)
+
+
+def couplers(wiring: BenchWiring, world: SharedBench, wired: Terminal) -> dict[str, IoCoupler]:
+    """The I/O couplers: one with the outputs to servo and brake, one with the inputs.
+
+    They are one where the rig file has both blocks on one unit of one line.
+    """
+    volts, amperes = wiring.analog.values
+
+    def levels() -> dict[str, int]:
+        now = world.sense()
+        return {"e_stop": now.e_stop, "limit_switch": now.limit_switch}
+
+    def write(channel: str, value: float) -> None:
+        if channel == "servo":
+            wired.volts = value
+        else:
+            world.actuate(brake_current_a=value)
+
+    outputs = (AnalogOutput("servo", volts.high, 1), AnalogOutput("brake", amperes.high))
+    names = [value.name for value in wiring.inputs.values]
+    inputs = tuple(DigitalInput(name, f"{name}_on", 1) for name in names)
+    if (wiring.analog.line, wiring.analog.unit) == (wiring.inputs.line, wiring.inputs.unit):
+        both = IoCoupler(CouplerSettings(outputs, inputs), read=levels, write=write)
+        return {"outputs": both}
+    return {
+        "outputs": IoCoupler(CouplerSettings(outputs), write=write),
+        "inputs": IoCoupler(CouplerSettings((), inputs), read=levels),
+    }
+
+
+def brake_amplifier(world: SharedBench) -> StrainAmplifier:
+    """The measuring amplifier at the brake's shunt."""
+    settings = AmplifierSettings(_SHUNT, _SHUNT_RATE)
+    return StrainAmplifier(lambda: (world.sense().brake_current_a,), settings)
+
+
+def _line(port: SerialPort) -> SerialLine:
+    return serial_line(port.port, port.baud, port.parity, port.stop_bits)

@@ -1,0 +1,145 @@
+"""The steps of bench and flap, compiled: the same functions, the same bits (see compiled.py)."""
+
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from rig.sweep import lifting
+from sim_plant import drive, sensors
+from sim_plant.bench import (
+    brake,
+    dynamometer,
+    gearbox,
+    load_cell,
+    losses,
+    motor,
+    servo,
+    stepper,
+    transmission,
+)
+from sim_plant.bench.dynamometer import BenchState
+from sim_plant.bench.words import OFF, Actuation, Reading
+from sim_plant.flap import body, oswec
+from sim_plant.flap import stepper as flap_stepper
+from sim_plant.flap.oswec import FlapState
+
+_CHAIN = (
+    brake, drive, dynamometer, gearbox, load_cell, losses, motor, sensors, servo, transmission,
+)  # fmt: skip
+
+# One array holds all numbers: the state, the length of the step, the constants, the noise table.
+_SOURCE = '''"""Generated: one tick of {room} on an array of its numbers."""
+
+from numba import float64, int64, njit
+
+{imports}
+
+ACTUATION = (int64, int64, float64, float64, float64, int64)
+MOMENT = (int64, int64, {types}int64)
+
+
+@njit((float64[::1], *ACTUATION, *MOMENT), cache=True, error_model="numpy")
+def advance(x, a0, a1, a2, a3, a4, a5, fresh, stopped, {more}tick):
+    params = {params}
+    state = {state}
+    normals = x[{normals}:]
+    wires = Actuation(a0, a1, a2, a3, a4, a5)
+    state = step(params, state, wires, fresh, stopped, {more}normals, x[{dt}])
+    {store}
+    read = sample(params, state, stopped, tick, normals)
+    return {read}
+
+
+def unpack(x):
+    return {state}
+'''
+
+
+class _OneArray:
+    """A compiled step and the array that it works on."""
+
+    def __init__(self, start: Any, room: ModuleType, lifted: tuple[ModuleType, ...], more: str):
+        """`more` names the float that the step takes beside the wires, or is empty."""
+        self._code = _code(start, room, lifted, more)
+        state = lifting.numbers(start.state)
+        self._x = np.array([*state, start.dt, *lifting.numbers(start.params), *start.normals])
+        self._state = self._x[: len(state)]
+        # The first call of compiled code takes milliseconds; not in a tick, please.
+        self.advance(*OFF, 0, 0, *([0.0] if more else []), 0)
+        self.put(start.state)
+
+    def advance(self, *wires: float) -> Reading:
+        return tuple.__new__(Reading, self._code.advance(self._x, *wires))
+
+    def put(self, state: Any) -> None:
+        self._state[:] = lifting.numbers(state)
+
+    def state(self) -> Any:
+        return self._code.unpack(self._state.tolist())
+
+
+class CompiledStepper(stepper.Stepper):
+    """A `Stepper` of the bench that runs compiled, on one array."""
+
+    def __init__(self, start: stepper.Start) -> None:
+        self._array = _OneArray(start, dynamometer, _CHAIN, "")
+        super().__init__(start)
+
+    @property
+    def state(self) -> BenchState:
+        """The bench's state, rebuilt from the array."""
+        state: BenchState = self._array.state()
+        return state
+
+    @state.setter
+    def state(self, state: BenchState) -> None:
+        self._array.put(state)
+
+    def advance(self, actuation: Actuation, fresh: int, stopped: int, tick: int) -> Reading:
+        """Step to ``tick``; give what sensors read there."""
+        return self._array.advance(*actuation, fresh, stopped, tick)
+
+
+class CompiledFlapStepper(flap_stepper.Stepper):
+    """A `Stepper` of the flap that runs compiled, on one array."""
+
+    def __init__(self, start: flap_stepper.Start) -> None:
+        self._array = _OneArray(start, oswec, (*_CHAIN, body, oswec), "excitation")
+        super().__init__(start)
+
+    @property
+    def state(self) -> FlapState:
+        """The flap's state, rebuilt from the array."""
+        state: FlapState = self._array.state()
+        return state
+
+    @state.setter
+    def state(self, state: FlapState) -> None:
+        self._array.put(state)
+
+    def advance(
+        self, actuation: Actuation, fresh: int, stopped: int, excitation: float, tick: int
+    ) -> Reading:
+        """Step to ``tick``, where the waves excite; give what sensors read there."""
+        return self._array.advance(*actuation, fresh, stopped, excitation, tick)
+
+
+def _code(start: Any, room: ModuleType, lifted: tuple[ModuleType, ...], more: str) -> Any:
+    params, state = start.params, start.state
+    names = lifting.words(params) | lifting.words(state) | {Actuation}
+    imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
+    moment = len(lifting.numbers(state))
+    source = _SOURCE.format(
+        room=room.__name__,
+        imports="\n".join([*sorted(imports), f"from {room.__name__} import sample, step"]),
+        types="float64, " if more else "",
+        more=f"{more}, " if more else "",
+        params=lifting.unpacking(params, "x", moment + 1),
+        state=lifting.unpacking(state, "x"),
+        normals=moment + 1 + len(lifting.numbers(params)),
+        dt=moment,
+        store="\n    ".join(lifting.packing(state, "state", "x")),
+        read="(" + ", ".join(f"read[{i}]" for i in range(len(Reading._fields))) + ")",
+    )
+    return lifting.load(f"{room.__name__.rsplit('.', 1)[-1]}_step", source, lifted)

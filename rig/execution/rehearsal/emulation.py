@@ -1,0 +1,240 @@
+"""Emulated devices of a wired WaveBot: one process, one world, on the far end of the rig's wires.
+
+`rig sim RIG` starts it by itself, `rig run ... --sim` as the first of a run's companions. It knows
+of the rig only what its wires are: addresses, node numbers, units.
+`rig.execution.rehearsal.control` is the port at which its devices are given faults.
+"""
+
+import asyncio
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.config import RigFile
+from rig.config.wiring import Actuator, Registers, TorqueDrive
+from rig.execution.rehearsal.addresses import impossible, taken
+from rig.execution.rehearsal.control import Control, Stage
+from rig.execution.rehearsal.devices import build_world
+from rig.execution.rehearsal.hosting import host, modbus_line, without_delay
+from rig.processes.io_process import run, say
+from rig.processes.io_processes import Companion
+from sim_plant.emulators.actuator_units import ActuatorParams
+from sim_plant.emulators.can_hub import CanHub
+from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
+from sim_plant.emulators.foreign_node import ForeignNode
+from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
+from sim_plant.emulators.modbus_unit import ModbusUnit
+from sim_plant.emulators.power_analyser import (
+    AnalyserSettings,
+    Block,
+    PowerAnalyser,
+    Quantity,
+    Terminals,
+)
+from sim_plant.emulators.power_analyser import Wiring as Terminal
+from sim_plant.emulators.running import Emulator, running
+from sim_plant.emulators.shared_world import SharedWorld
+from sim_plant.emulators.stator_actuator import StatorActuator
+from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
+from sim_plant.emulators.torque_drive import AnalogInput, Axis, Scaling, TorqueDriveParams
+from sim_plant.emulators.torque_drive import TorqueDrive as Drive
+from sim_plant.words import Readings
+from sim_plant.world import World
+
+if TYPE_CHECKING:
+    from rig.planning.campaign.files import Campaign
+
+DEVICES = Path(__file__).resolve().parents[3] / "configs" / "devices"
+AMC, RATED, ACTUATOR = (
+    DEVICES / f"{name}.eds"
+    for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
+)
+NAME = "emulated devices"
+AXES = ("heave", "surge")
+PATIENCE = 30.0  # s until all devices are there: the plant is compiled first
+_CELLS, _PROBES = 20_000.0, 5.0  # N and m, ratings of the amplifiers
+_ITEMS: tuple[tuple[Block, Quantity], ...] = (
+    ("sum", "P"), ("element_1", "P"), ("element_1", "U"),
+)  # fmt: skip
+_ANALOG = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
+
+
+def companion(campaign: "Campaign") -> Companion:
+    """The emulated devices of a campaign's rig, in its sea, as a companion of the run."""
+    from rig.execution.rehearsal import job  # noqa: PLC0415  (scipy: seconds, and the devices need none)
+
+    return emulated(campaign.rig, job.devices_of(campaign))
+
+
+def emulated(rig: RigFile, plant: dict[str, Any]) -> Companion:
+    """The emulated devices of a rig; ``plant`` as `job.devices_of` gives it."""
+    config = {"rig": rig.model_dump(mode="json"), "plant": plant}
+    return Companion(NAME, "rig.execution.rehearsal.emulation", config, (), PATIENCE, first=True)
+
+
+class Emulated:
+    """All devices of one rig."""
+
+    def __init__(
+        self,
+        rig: RigFile,
+        world: SharedWorld,
+        loop: asyncio.AbstractEventLoop,
+        anew: Callable[[], World],
+    ) -> None:
+        """``anew`` makes a world at rest, for a restart."""
+        wiring = rig.wiring
+        if wiring is None:
+            raise ValueError(f"{rig.name} has no wiring to hang emulated devices on")
+        self._wiring = wiring
+        self._world = world
+        self.hub = CanHub(loop)
+        rest = self.hub, loop, world
+        heave, surge = _torque("heave", wiring.heave), _torque("surge", wiring.surge)
+        in_heave = Drive(heave[0], heave[1], *rest)
+        self.foreign = ForeignNode(in_heave, self.hub, loop)
+        self.nodes: dict[str, CanopenNode] = {
+            "heave": in_heave,
+            "surge": Drive(surge[0], surge[1], *rest),
+            "stator": StatorActuator(
+                NodeParams(wiring.stator.node, ACTUATOR), _actuator(wiring.stator), *rest
+            ),
+        }
+        self.units: dict[str, ModbusUnit] = {}
+        self.lines: dict[str, Emulator] = dict(self._lines())
+        links = {"can": self.hub.link, **{f"line {n}": one.link for n, one in self.lines.items()}}
+        self.control = Control(
+            Stage(
+                self.nodes,
+                {**self.units, "foreign node": self.foreign},
+                links,
+                world,
+                lambda: world.renew(anew()),
+                {axis: partial(self._powered, axis) for axis in AXES},
+                self._told,
+            )
+        )
+
+    async def serve(self, ended: asyncio.Event) -> None:
+        """Be there until ``ended``; says in JSON lines when, and where."""
+        can = self._wiring.can
+        host, port = can.options.get("host", "127.0.0.1"), int(can.options.get("port", 0))
+        host, port = await self.hub.serve(host, port)
+        for node in self.nodes.values():
+            node.power_on()
+        try:
+            async with running(self.lines) as addresses:
+                await self.control.start()
+                here = {"can": f"socketcand {host}:{port}", "control": self.control.address}
+                say(event="ready", facts={**here, **addresses})
+                while not ended.is_set():
+                    self._world.catch_up()
+                    self.hub.tend()
+                    self.foreign.tend()
+                    self.control.look()
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(ended.wait(), 5 * self._world.dt)
+        finally:
+            await self.control.close()
+            for node in self.nodes.values():
+                node.power_off()
+            await self.hub.close()
+
+    def _powered(self, axis: str) -> bool:
+        return bool(getattr(self._world.actuation, f"{axis}_enable"))
+
+    def _told(self) -> dict[str, Any]:
+        now = self._world.readings()
+        return {
+            "frames": self.hub.frames,
+            "currents": {axis: getattr(now, f"{axis}_current") for axis in AXES},
+        }
+
+    def _lines(self) -> dict[str, Emulator]:
+        """The Modbus lines, each with the units that hang on it."""
+        wiring = self._wiring
+        made: dict[str, tuple[Registers, ModbusUnit]] = {
+            "analyser": (wiring.analyser, self._analyser()),
+            "cells": (wiring.cells, self._amplifier(_cells, _CELLS)),
+            "probes": (wiring.probes, self._amplifier(_probes, _PROBES)),
+            "io": (wiring.inputs, self._coupler()),
+        }
+        self.units = {name: unit for name, (_, unit) in made.items()}
+        found: dict[str, Emulator] = {}
+        for name, line in wiring.lines.items():
+            units = {at.unit: unit for at, unit in made.values() if at.line == name}
+            found[name] = modbus_line(line, units)
+        return found
+
+    def _analyser(self) -> PowerAnalyser:
+        world = self._world
+
+        def terminals() -> Terminals:
+            now = world.readings()
+            dc = Terminal(voltage=now.bus_voltage, power=now.power_dc)
+            at = world.time - now.analyser_age
+            return Terminals(at, element_1=dc, sum=Terminal(power=now.power_ac))
+
+        return PowerAnalyser(terminals, AnalyserSettings(update=0.0, items=_ITEMS))
+
+    def _amplifier(self, channels: Any, rating: float) -> StrainAmplifier:
+        world = self._world
+        return StrainAmplifier(lambda: channels(world.readings()), AmplifierSettings(rating))
+
+    def _coupler(self) -> IoCoupler:
+        world = self._world
+
+        def write(channel: str, value: float) -> None:
+            world.actuate(wave_trigger=int(value))
+
+        names = [value.name for value in self._wiring.inputs.values]
+        inputs = tuple(DigitalInput(name, f"{name}_on", 1) for name in names)
+        settings = CouplerSettings(inputs=inputs, outputs=("wave_trigger",))
+        return IoCoupler(settings, write=write)
+
+
+def _torque(name: str, drive: TorqueDrive) -> tuple[NodeParams, TorqueDriveParams]:
+    amc = drive.scaling == "amc"
+    inputs = tuple(
+        AnalogInput(reading, scale)
+        for reading, scale in zip(_ANALOG[name], drive.analog_per_v, strict=True)
+    )
+    return (
+        NodeParams(drive.node, AMC if amc else RATED),
+        TorqueDriveParams(Axis(name), Scaling.AMC if amc else Scaling.RATED, analog=inputs),
+    )
+
+
+def _actuator(actuator: Actuator) -> ActuatorParams:
+    return ActuatorParams()
+
+
+def _cells(read: Readings) -> tuple[float, ...]:
+    return read.force_slew, read.force_stator_a, read.force_stator_b
+
+
+def _probes(read: Readings) -> tuple[float, ...]:
+    return read.probe_1, read.probe_2, read.probe_3
+
+
+def _guests(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> Emulated:
+    rig = RigFile.model_validate(config["rig"])
+    if rig.wiring is not None and (why := (*impossible(rig.wiring), *taken(rig.wiring))):
+        raise OSError("\n".join(why))
+    dt, plant = 1.0 / rig.rate_hz, without_delay(config["plant"])
+
+    def anew() -> World:
+        return build_world(plant, dt)
+
+    return Emulated(rig, SharedWorld(anew(), dt, loop.time), loop, anew)
+
+
+def serve(job: dict[str, Any]) -> None:
+    """Serve until told to end, or until the loop and the I/O processes have ended."""
+    host(job, _guests)
+
+
+if __name__ == "__main__":
+    run(serve)

@@ -1,0 +1,279 @@
+"""The supervisor's side of a rehearsal: is the plant in order, what does the loop need of it."""
+
+import math
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from fractions import Fraction
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from rig.config.campaign_file import CampaignFile, Law
+from rig.config.hoist import TURN_S
+from rig.config.problems import Problem, number_text, shown
+from rig.config.reference import AnyReference, Reference
+from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
+from rig.config.source import KeyPath
+from rig.config.translate import problems_from
+from rig.execution.rehearsal.devices import build_sea
+from rig.kinds.wavebot.build import estimator_params, zc_sections
+from rig.planning.campaign.designed_sea import DesignedSea, designed
+from rig.planning.campaign.elevation import Elevation
+from rig.planning.campaign.files import Campaign
+from rig.planning.campaign.pieces import Pieces
+from rig.planning.campaign.reference import ticks_of
+from rig.planning.campaign.sources import Source
+from rig.regular_file import TABLE_MOST, open_regular
+from sim_plant import waves
+from sim_plant.bem import Bem, read_bem
+from sim_plant.parameters import Plant
+from sim_plant.world import World
+
+# What numpy, zipfile and zlib raise for files that are none of theirs, empty or cut off.
+_UNREADABLE = (
+    OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+_REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
+_SAME = 1e-6  # relative
+
+TWINS: dict[str, tuple[str, ...]] = {
+    "counts_per_revolution": ("sensors", "encoder_counts", "value"),
+    "gear_ratio_rad_per_m": ("pto", "gear_ratio", "value"),
+    "torque_constant_n_m_per_a": ("pto", "torque_constant", "value"),
+}
+"""Keys of the rig's heave and the plant's keys that must say the same."""
+
+_ANY_RATE = 1000  # Hz, where the rig's own is wrong
+_ANY_SEED = 0  # no check depends on phases or noise
+
+
+def devices_of(campaign: Campaign) -> dict[str, Any]:
+    """What `connect` needs to stand in for the hardware of a campaign, as JSON values."""
+    return {
+        "plant": plant_of(campaign),
+        "bem": str(campaign.plant_locate.file(("bem",), campaign.plant["bem"])),
+        "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
+        "seed": campaign.file.seed,
+        "device": campaign.file.device,
+        **_hoist_of(campaign.file),
+    }
+
+
+def _hoist_of(file: CampaignFile) -> dict[str, Any]:
+    """What moves the simulated body in place of a person at a chain hoist."""
+    if file.hoist is None:
+        return {}
+    return {"hoist": file.hoist.model_dump(mode="json") | {"turn_s": TURN_S}}
+
+
+def plant_of(campaign: Campaign) -> dict[str, Any]:
+    """The plant as the campaign wants it: its supply as somebody has left it."""
+    drive = campaign.plant.get("drive")
+    if campaign.file.drive.supply == "connected" or not isinstance(drive, dict):
+        return campaign.plant
+    said = {"value": "disconnected", "unit": "1", "source": "the campaign's drive.supply"}
+    return {**campaign.plant, "drive": {**drive, "supply": said}}
+
+
+def asked_sea(campaign: Campaign) -> dict[str, Any]:
+    """What the wave maker is asked for, line by line, as JSON values.
+
+    Elevation is sum amplitude_m cos(2 pi cycles t / repeat_s + phase_rad), t on the wave clock;
+    of a recorded sea only the lines of its repeat period that can excite.
+    """
+    told = campaign.file.sea
+    sea = build_sea(_sea_of(told, campaign.file.sea_seed, campaign.elevation))
+    repeat = told.period if isinstance(told, RegularSea) else getattr(told, "repeat", sea.repeat)
+    periods = round(sea.repeat / repeat)  # a recorded window may hold several
+    frequency = waves.frequencies(sea)
+    kept = (sea.cycles % periods == 0) & (frequency >= waves.LOWEST) & (frequency <= waves.HIGHEST)
+    return {
+        "repeat_s": sea.repeat / periods,
+        "cycles": (sea.cycles[kept] // periods).tolist(),
+        "amplitude_m": np.abs(sea.amplitude[kept]).tolist(),
+        "phase_rad": (-np.angle(sea.amplitude[kept])).tolist(),
+    }
+
+
+def problems(pieces: Pieces) -> tuple[Problem, ...]:
+    """What would keep the loop or the simulated plant from starting: everything is built once."""
+    found = [*_estimator(pieces), *_laws(pieces)]
+    bem = None
+    if pieces.plant is not None:
+        plant, bad = _plant(pieces.plant)
+        bem, unreadable = _bem(pieces.plant, ("bem",))
+        surge, unreadable_too = _bem(pieces.plant, ("surge", "bem"))
+        found += [*bad, *unreadable, *unreadable_too]
+        if plant is not None:
+            found += _mismatches(pieces, plant, pieces.plant)
+        if plant is not None and bem is not None and surge is not None:
+            impossible = _world(pieces, plant, (bem, surge), pieces.plant)
+            bem = None if impossible else bem  # the sea is not to blame for it
+            found += impossible
+    return (*found, *_sea(pieces, bem))
+
+
+def _estimator(pieces: Pieces) -> Iterator[Problem]:
+    if pieces.rig is None or pieces.heave is None:
+        return
+    try:
+        estimator_params(pieces.heave, 1.0 / (pieces.rate_hz or _ANY_RATE))
+    except ValueError as error:
+        value = pieces.heave.jerk_density_m2_per_s5
+        message = f"{number_text(value)}: {error}"
+        yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
+
+
+def _laws(pieces: Pieces) -> Iterator[Problem]:
+    """What the law and the reference of the campaign lack; their keys' own rules are told there."""
+    campaign, rate = pieces.campaign, pieces.rate_hz or _ANY_RATE
+    with suppress(ValidationError):
+        law = Law.model_validate(campaign.mapping.get("law", {}), strict=True)
+        try:
+            zc_sections(law, 1.0 / rate)
+        except ValueError as error:
+            yield campaign.locate.problem(("law", "zc"), None, str(error))
+    with suppress(ValidationError):
+        reference = _REFERENCE.validate_python(campaign.mapping.get("reference"), strict=True)
+        try:
+            if reference is not None:
+                ticks_of(reference, rate)
+        except ValueError as error:
+            yield campaign.locate.problem(("reference",), None, str(error))
+
+
+def _plant(source: Source) -> tuple[Plant | None, tuple[Problem, ...]]:
+    try:
+        return Plant.model_validate(source.mapping), ()
+    except ValidationError as error:
+        return None, problems_from(error, source.locate, Plant)
+
+
+def _bem(source: Source, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
+    """One of the plant's BEM files; that of surge lies beside that of heave."""
+    name, heave = _named(source, key), _named(source, ("bem",))
+    if name is None or heave is None:
+        return None, ()  # the plant's own problem
+    path = source.locate.file(("bem",), heave).with_name(name)
+    try:
+        with open_regular(path, TABLE_MOST) as file:
+            if path.suffix == ".npz":
+                zipfile.ZipFile(file).close()  # numpy leaves a file open that is no archive
+        return read_bem(path), ()
+    except _UNREADABLE as error:
+        message = f"cannot be read: {error or type(error).__name__}"
+        return None, (source.locate.problem(key, name, message),)
+
+
+def _named(source: Source, key: KeyPath) -> str | None:
+    """The file name at a key of the plant's file."""
+    value: Any = source.mapping
+    for part in key:
+        value = value.get(part) if isinstance(value, dict) else None
+    return value if isinstance(value, str) and value.strip() else None
+
+
+def _world(
+    pieces: Pieces, plant: Plant, bem: tuple[Bem, Bem], source: Source
+) -> tuple[Problem, ...]:
+    dt = 1.0 / (pieces.rate_hz or _ANY_RATE)
+    try:
+        World(plant, waves.calm(), *bem, dt=dt, seed=_ANY_SEED)
+    except (ValueError, ArithmeticError) as error:
+        return (source.locate.problem((), None, f"cannot be simulated: {error}"),)
+    return ()
+
+
+def _mismatches(pieces: Pieces, plant: Plant, source: Source) -> Iterator[Problem]:
+    """Scales that the rig and the plant must share, or commands and counts mean other things."""
+    if pieces.rig is None or pieces.heave is None:
+        return
+    for name, key in TWINS.items():
+        ours = float(getattr(pieces.heave, name))
+        theirs = float(reduce(getattr, key, plant))  # type: ignore[arg-type]
+        if abs(ours - theirs) > _SAME * abs(theirs):
+            place = source.locate(key)
+            yield pieces.rig.locate.problem(
+                ("heave", name),
+                ours,
+                f"{number_text(ours)} is not the simulated plant's {number_text(theirs)} "
+                f"({shown(place.path)}:{place.line}); the two must agree",
+            )
+
+
+def _sea(pieces: Pieces, bem: Bem | None) -> Iterator[Problem]:
+    sea, locate = pieces.sea, pieces.campaign.locate
+    if sea is None or (sea.kind == "recorded" and pieces.elevation is None):
+        return
+    if isinstance(sea, RegularSea) and (beside := _repeating_beside(sea.frequency)):
+        key, unit, value = "frequency_hz", "Hz", sea.frequency
+        nearest = [(float(f), f.denominator) for f in beside]
+        if sea.period_s is not None:
+            key, unit, value = "period_s", "s", sea.period_s
+            nearest = [(float(1 / f), f.denominator) for f in reversed(beside)]
+        words = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
+        message = (
+            f"{value!r} {unit} repeats on no whole second up to {waves.LONGEST_REPEAT} s; "
+            f"the nearest allowed are {' and '.join(words)}"
+        )
+        yield locate.problem(("sea", key), value, message)
+        return
+    try:
+        built = build_sea(_sea_of(sea, _ANY_SEED, pieces.elevation))
+        if bem is not None and pieces.rate_hz is not None:
+            waves.tables(built, bem, 1.0 / pieces.rate_hz)
+    except ValueError as error:
+        yield locate.problem(("sea",), sea.words(), str(error))
+
+
+def _repeating_beside(frequency: float) -> list[Fraction]:
+    """The nearest frequencies below and above that repeat in time, Hz; none if it does itself."""
+    try:
+        waves.regular(0.0, frequency)
+    except ValueError:
+        seconds = range(1, waves.LONGEST_REPEAT + 1)
+        exact = Fraction(frequency)
+        return [
+            max(Fraction(math.floor(exact * length), length) for length in seconds),
+            min(Fraction(math.ceil(exact * length), length) for length in seconds),
+        ]
+    return []
+
+
+def _sea_of(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
+    if isinstance(sea, CalmSea):
+        return {"kind": "calm"}
+    if isinstance(sea, RegularSea):
+        return {
+            "kind": "regular",
+            "amplitude_m": sea.amplitude_m,
+            "frequency_hz": sea.frequency,
+        }
+    if isinstance(sea, JonswapSea):
+        return {
+            "kind": "jonswap",
+            "hs_m": sea.hs_m,
+            "tp_s": sea.tp_s,
+            "gamma": sea.gamma,
+            "repeat_s": sea.repeat_s,
+            "seed": seed,
+        }
+    if isinstance(sea, DesignedSea):
+        lines = designed(sea, seed)
+        return {
+            "kind": "components",
+            "repeat_s": lines.repeat,
+            "cycles": lines.cycles.tolist(),
+            "amplitude_m": lines.amplitude.tolist(),
+            "phase_rad": lines.phase.tolist(),
+        }
+    assert elevation is not None
+    return {
+        "kind": "recorded",
+        "elevation_m": elevation.elevation.tolist(),
+        "rate_hz": elevation.rate_hz,
+    }

@@ -1,0 +1,48 @@
+"""One session of the bench, from its checked file to its results: what `rig bench` does."""
+
+from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.rehearsal import bench_emulation
+from rig.execution.rehearsal.bench_job import devices_of_session
+from rig.execution.task import Rung, Task
+from rig.kinds.oswec_bench import KIND
+from rig.planning.session import Session, SessionPlan, planned, resolved_session
+from rig.planning.session.assemble import bench_params
+from rig.processes.wire_locks import wires_of
+
+
+def rehearsal(session: Session, *, real_clock: bool) -> Rung:
+    """The simulated bench in the loop's own process."""
+    return Rung(
+        "rehearsal", real_clock, "rig.execution.rehearsal.bench", devices_of_session(session)
+    )
+
+
+def wired(session: Session, *, emulated: bool) -> Rung:
+    """The devices on the bench's wires, or emulated ones on the far end of the same wires.
+
+    WiringError says, all at once, why these wires must not be powered.
+    """
+    made = job_of_bench(session.rig, session.file.loop)
+    wires = wires_of(session.rig)
+    if not emulated:
+        return Rung(
+            "hardware", True, "rig.execution.hardware.bench", made.devices, made.companions, wires
+        )
+    companions = (bench_emulation.companion_of(session), *made.companions)
+    return Rung("hil", True, "rig.execution.hardware.bench", made.devices, companions, wires)
+
+
+def task_of(session: Session, plan: SessionPlan) -> Task:
+    """The session as something that can be run."""
+    return Task(
+        session.file.name,
+        session.rig.kind,
+        KIND,
+        bench_params(session, plan),
+        plan.dt,
+        len(plan.rows),
+        session.rig.realtime == "required",
+        session.rig.supervisor_timeout_s,
+        resolved_session(session),
+        planned(session, plan),
+    )

@@ -1,0 +1,140 @@
+"""The spreadsheet of a test log: its rows as text, and what the colour of a row means."""
+
+import io
+import re
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree.ElementTree import ParseError
+
+from rig.config.problems import ConfigError, Problem, shown
+from rig.interop.legacy.testlog.words import Condition
+
+COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
+MOST_ROWS = 10_000
+
+_LEGEND = (
+    ("slightly unusual", Condition.UNUSUAL),
+    ("not included in MHKDR", Condition.NOT_UPLOADED),
+    ("Wave data stops", Condition.WAVES_END_EARLY),
+    ("very unusual", Condition.VERY_UNUSUAL),
+    ("minor error", Condition.COMPROMISED),
+    ("Serious error", Condition.SERIOUS),
+)
+_THEME = re.compile(
+    rb"<a:(dk1|lt1|dk2|lt2|accent[1-6])>\s*"
+    rb"<a:(?:srgbClr val|sysClr [^>]*lastClr)=\"([0-9A-Fa-f]{6})"
+)
+_THEME_ORDER = ("lt1", "dk1", "lt2", "dk2", *(f"accent{i}" for i in range(1, 7)))
+
+Colour = tuple[str, float]  # RRGGBB and the tint on it
+
+
+class SheetRow(NamedTuple):
+    """A row of the log as it stands."""
+
+    row: int
+    texts: tuple[str, ...]  # one for each of `COLUMNS`; numbers as text, blank as empty
+    cells: tuple[str, ...]  # their names: A54
+    condition: Condition
+
+
+def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
+    """All rows below the header that hold something.
+
+    Raises `ConfigError` if this is no workbook, or none of its sheets has the columns of a log.
+    """
+    import openpyxl  # noqa: PLC0415 - a third of a second, and only this reads workbooks
+    from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # it warns of styles and extensions it does not know
+            book = openpyxl.load_workbook(io.BytesIO(data), data_only=True)
+    except (
+        *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
+        *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
+    ) as error:
+        raise _refused(path, 1, f"not readable as a workbook: {error}") from None
+    for sheet in book.worksheets:
+        at = _columns(sheet)
+        if at is not None:
+            break
+    else:
+        columns = ", ".join(COLUMNS)
+        raise _refused(path, 1, f"no sheet has the columns of a test log: {columns}")
+    if sheet.max_row > MOST_ROWS:
+        raise _refused(path, 1, f"{sheet.max_row} rows; allowed at most {MOST_ROWS}")
+    theme = _theme(book.loaded_theme)
+    others = [other for other in book.worksheets if other is not sheet]
+    legend = _legend(others, theme)
+    rows = []
+    for line in sheet.iter_rows(min_row=2):
+        cells = [line[i] for i in at]
+        texts = tuple(_text(cell.value) for cell in cells)
+        if any(text.strip() for text in texts):
+            names = tuple(str(cell.coordinate) for cell in cells)
+            condition = _condition(_colour(cells[0], theme), legend)
+            rows.append(SheetRow(cells[0].row, texts, names, condition))
+    return tuple(rows)
+
+
+def _refused(path: Path, line: int, message: str) -> ConfigError:
+    return ConfigError([Problem(shown(path), line, "", None, message)])
+
+
+def _columns(sheet: Any) -> tuple[int, ...] | None:
+    """Where each of `COLUMNS` stands (index from 0); None if the first row lacks one."""
+    first = next(iter(sheet.iter_rows(min_row=1, max_row=1, values_only=True)), ())
+    names = [" ".join(_text(value).lower().split()) for value in first]
+    wanted = [name.lower() for name in COLUMNS]
+    if any(name not in names for name in wanted):
+        return None
+    return tuple(names.index(name) for name in wanted)
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, float) and value.is_integer():
+        return str(int(value))
+    return str(value)
+
+
+def _theme(text: bytes | None) -> dict[int, str]:
+    """Colours of the workbook's theme by their number (ECMA-376 part 1, 20.1.6.2 and 18.8.3)."""
+    named = {name.decode(): rgb.decode().upper() for name, rgb in _THEME.findall(text or b"")}
+    return {i: named[name] for i, name in enumerate(_THEME_ORDER) if name in named}
+
+
+def _colour(cell: Any, theme: dict[int, str]) -> Colour | None:
+    fill = cell.fill
+    if fill is None or fill.fill_type != "solid":
+        return None
+    colour = fill.fgColor
+    if colour.type == "theme":
+        return theme.get(colour.theme, f"theme {colour.theme}"), round(colour.tint, 3)
+    if colour.type == "rgb":
+        return str(colour.rgb)[-6:].upper(), round(colour.tint, 3)
+    return f"indexed {colour.indexed}", 0.0
+
+
+def _legend(sheets: list[Any], theme: dict[int, str]) -> dict[Colour, Condition]:
+    """Colours that another sheet of the workbook explains."""
+    found = {}
+    for sheet in sheets:
+        for row in sheet.iter_rows(max_row=200, max_col=1):
+            said = _text(row[0].value)
+            colour = _colour(row[0], theme)
+            for words, condition in _LEGEND:
+                if colour is not None and words.lower() in said.lower():
+                    found[colour] = condition
+    return found
+
+
+def _condition(colour: Colour | None, legend: dict[Colour, Condition]) -> Condition:
+    if colour is None:
+        return Condition.PLAIN
+    return legend.get(colour, Condition.UNKNOWN)

@@ -1,0 +1,31 @@
+"""The OSWEC bench: its words, what trips it, and its part of the cycle."""
+
+from rig.kinds.oswec_bench.kind import KIND
+from rig.kinds.oswec_bench.state import Limits, LoadLimits, Params
+from rig.kinds.oswec_bench.words import (
+    BenchRow,
+    BrakeSense,
+    Command,
+    EncoderSense,
+    Flume,
+    Sense,
+    ServoSense,
+    Setpoints,
+    WrenchSense,
+)
+
+__all__ = [
+    "KIND",
+    "BenchRow",
+    "BrakeSense",
+    "Command",
+    "EncoderSense",
+    "Flume",
+    "Limits",
+    "LoadLimits",
+    "Params",
+    "Sense",
+    "ServoSense",
+    "Setpoints",
+    "WrenchSense",
+]

@@ -1,0 +1,32 @@
+"""The WaveBot: its words, what trips it, and its part of the cycle."""
+
+from rig.kinds.wavebot.check import check
+from rig.kinds.wavebot.kind import KIND, control, observe
+from rig.kinds.wavebot.state import Limits, Params, State, start
+from rig.kinds.wavebot.words import (
+    Command,
+    LoadSense,
+    PowerSense,
+    Sense,
+    Setpoints,
+    WaveBotRow,
+    WaveSense,
+)
+
+__all__ = [
+    "KIND",
+    "Command",
+    "Limits",
+    "LoadSense",
+    "Params",
+    "PowerSense",
+    "Sense",
+    "Setpoints",
+    "State",
+    "WaveBotRow",
+    "WaveSense",
+    "check",
+    "control",
+    "observe",
+    "start",
+]

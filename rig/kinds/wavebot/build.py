@@ -1,0 +1,208 @@
+"""From validated files to the loop's parameters: the one place where names and units are turned."""
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+
+from controllers import (
+    drive_gating,
+    estimator,
+    impedance,
+    magnetic_spring,
+    open_loop,
+    position_hold,
+    station_keeping,
+)
+from controllers.biquads import Biquad
+from controllers.signals import Modulation
+from rig.config.campaign_file import CampaignFile, Law
+from rig.config.limits_file import AxisLimits, LimitsFile, PowerLimits
+from rig.config.reference import MultisineReference
+from rig.config.rig_file import Axis, RigFile, Stop
+from rig.design.estimator import design
+from rig.design.impedance import design as design_zc
+from rig.kinds import wavebot
+from rig.kinds.wavebot import stations
+from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
+from rig.planning.campaign.reference import Record, table
+from rig.planning.campaign.settings import drive_settings
+from rig.realtime import average, axis, cycle, limits, safety
+from rig.realtime.sequence import Segments
+
+_MODULATIONS = {
+    "svpwm": Modulation.SVPWM,
+    "sine-triangle": Modulation.SINE_TRIANGLE,
+    "dpwm": Modulation.DPWM,
+    "hysteresis": Modulation.HYSTERESIS,
+}
+
+
+_designed = lru_cache(maxsize=64)(design)  # sweeps ask for the same again and again
+
+_SURGE_USES = {
+    "off": SurgeUse.OFF,
+    "station keeping": SurgeUse.STATION_KEEPING,
+    "hold": SurgeUse.HOLD,
+}
+
+_AXES = {"heave": ReferenceAxis.HEAVE, "surge": ReferenceAxis.SURGE}
+
+
+def newtons_per_ampere(motor: Axis) -> float:
+    """Force on the body per ampere of drive current, Kt N (N/A)."""
+    return motor.torque_constant_n_m_per_a * motor.gear_ratio_rad_per_m
+
+
+def metres_per_count(motor: Axis) -> float:
+    """Motion of the axis per encoder count (m)."""
+    turn = 2.0 * math.pi / motor.gear_ratio_rad_per_m
+    return turn / motor.counts_per_revolution
+
+
+def estimator_params(motor: Axis, dt: float) -> estimator.Params:
+    """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
+    scale = metres_per_count(motor)
+    return _designed(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
+
+
+def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:
+    """Z_c(s) of the heave law as sections for a period ``dt`` (s); ValueError if impossible."""
+    zc = law.zc
+    return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
+
+
+def reference_table(
+    campaign: CampaignFile,
+    rig: RigFile,
+    realisations: Sequence[int] = (1,),
+    record: Record | None = None,
+) -> tuple[float, ...]:
+    """A repeat period of the open-loop force of each realisation (N, a tick each).
+
+    ``record`` is that of a recorded reference. ValueError if it repeats on no tick.
+    """
+    reference = campaign.reference
+    motor = rig.surge if reference is not None and reference.axis == "surge" else rig.heave
+    scale = newtons_per_ampere(motor)
+    return table(reference, scale, rig.rate_hz, campaign.seed, realisations, record)
+
+
+def realisations_of(numbers: Iterable[float]) -> tuple[int, ...]:
+    """The realisations that a campaign's set points ask for, in the order of the table."""
+    return tuple(sorted({int(one) for one in numbers if one >= 1.0})) or (1,)
+
+
+def placed(setpoints: wavebot.Setpoints, several: Sequence[int]) -> wavebot.Setpoints:
+    """Set points with each realisation by its place in the table of ``several``."""
+    place = {number: at for at, number in enumerate(several)}
+    return setpoints._replace(
+        realisation=tuple(place.get(int(one), 0) for one in setpoints.realisation)
+    )
+
+
+def wavebot_params(
+    campaign: CampaignFile,
+    rig: RigFile,
+    bounds: LimitsFile,
+    segments: Segments,
+    setpoints: wavebot.Setpoints,
+    record: Record | None = None,
+) -> cycle.Params:
+    """Everything the cycle of a WaveBot needs, designed estimators included."""
+    dt = 1.0 / rig.rate_hz
+    several = realisations_of(setpoints.realisation)
+    forces = reference_table(campaign, rig, several, record)
+    many = len(several) if isinstance(campaign.reference, MultisineReference) else 1
+    rates, positions = rig.spring.by_rate()
+    drive = drive_settings(campaign, rig)
+    return cycle.Params(
+        segments=segments,
+        safety=safety.Params(
+            enable_ticks=round(rig.drive_enable_timeout_s / dt),
+            stop_ticks=round(rig.stop.duration_s / dt),
+        ),
+        lost_ticks_stop=bounds.loop.lost_ticks_stop,
+        rig=wavebot.Params(
+            heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
+            heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
+            reference=open_loop.Params(forces, rig.heave.gain_ramp_s, many),
+            reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
+            gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
+            modulation=int(_MODULATIONS[drive.modulation]) if drive else 0,
+            surge=_axis(rig.surge, bounds.surge, rig.stop, dt),
+            surge_use=int(_SURGE_USES[campaign.surge.use]),
+            station_keeping=station_keeping.Params(
+                ramp=rig.surge.gain_ramp_s,
+                station=0.0,
+                reach=rig.station_keeping.reach_m,
+                soft_stiffness=rig.station_keeping.soft_stop_n_per_m,
+                soft_damping=rig.station_keeping.soft_stop_n_s_per_m2,
+            ),
+            surge_hold=position_hold.Params(
+                ramp=rig.surge.gain_ramp_s,
+                stiffness=rig.surge_hold.stiffness_n_per_m,
+                damping=rig.surge_hold.damping_n_s_per_m,
+                speed=rig.surge_hold.speed_m_per_s,
+                acceleration=rig.surge_hold.acceleration_m_per_s2,
+            ),
+            spring=magnetic_spring.Params(
+                rates=rates,
+                positions=positions,
+                tolerance=rig.spring.arrival_tolerance_percent,
+            ),
+            limits=wavebot.Limits(
+                string_pot_difference_stop=bounds.heave.string_pot_difference_stop_m,
+                rotor_travel_stop=bounds.spring.rotor_travel_stop_m,
+                metres_per_radian=rig.spring.metres_per_radian,
+                bus_voltage_stop=bounds.bus.voltage_stop_v,
+                stator_age_stop=bounds.spring.stator_age_stop_s,
+                load_cell_age_stop=bounds.loop.load_cell_age_stop_s,
+                analyser_age_stop=bounds.loop.analyser_age_stop_s,
+                panel_age_stop=bounds.loop.panel_age_stop_s,
+                tare_span_stop=bounds.tare.position_span_stop_m,
+            ),
+            stations=_stations(campaign, rig, bounds.power, dt),
+            setpoints=placed(setpoints, several),
+        ),
+    )
+
+
+def _axis(motor: Axis, bounds: AxisLimits, stop: Stop, dt: float) -> axis.Params:
+    return axis.Params(
+        metres_per_count=metres_per_count(motor),
+        estimator=estimator_params(motor, dt),
+        limits=limits.AxisLimits(
+            position_warn=bounds.position_warn_m,
+            position_stop=bounds.position_stop_m,
+            velocity_stop=bounds.velocity_stop_m_per_s,
+            current_peak=bounds.current_peak_a,
+            current_rms=bounds.current_rms_a,
+            current_rms_time=bounds.current_rms_time_s,
+            force_slew=bounds.force_slew_n_per_s,
+            encoder_age_stop=bounds.encoder_age_stop_s,
+            encoder_jump_stop=bounds.encoder_jump_stop_m,
+            drive_age_stop=bounds.drive_age_stop_s,
+            current_difference_stop=bounds.current_difference_stop_a,
+            current_ticks_stop=max(1, round(bounds.current_difference_time_s / dt)),
+            newtons_per_ampere=newtons_per_ampere(motor),
+        ),
+        stop_damping=stop.damping_n_s_per_m,
+        stop_ramp=stop.ramp_s,
+    )
+
+
+def _stations(
+    campaign: CampaignFile, rig: RigFile, bounds: PowerLimits, dt: float
+) -> stations.Params:
+    return stations.Params(
+        absorbs=1 if campaign.only_gains else 0,
+        newest=average.share(bounds.time_s, dt),
+        fed_stop=bounds.fed_stop_w,
+        motor_stop=bounds.motor_difference_stop_w,
+        motor_ratio=bounds.motor_difference_ratio,
+        newest_slow=average.share(bounds.balance_time_s, dt),
+        balance_stop=bounds.balance_stop_w,
+        friction=bounds.friction_n_s_per_m,
+        loss=bounds.loss_w_per_a2,
+        newtons_per_ampere=newtons_per_ampere(rig.heave),
+    )

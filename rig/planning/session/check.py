@@ -1,0 +1,135 @@
+"""What `rig check SESSION` says: every problem, or what the session will do and how long."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rig.config.problems import ConfigError, Problem, shown
+from rig.config.session_file import SESSION_COLUMNS, SessionFile
+from rig.config.session_kinds import SESSIONS
+from rig.planning.campaign.check import duration_text
+from rig.planning.session.files import Also, Session, nothing_more, open_session
+from rig.planning.session.plan import SessionPlan, plan_session
+
+
+class SessionReport(NamedTuple):
+    """Outcome of checking a session file; without problems it holds session and plan."""
+
+    path: Path
+    problems: tuple[Problem, ...]
+    session: Session | None
+    plan: SessionPlan | None
+
+    @property
+    def ok(self) -> bool:
+        """True if the session can be run."""
+        return not self.problems
+
+    def facts(self) -> list[tuple[str, str]]:
+        """The summary in words: a label and what it says. Empty if its files have problems."""
+        if self.session is None or self.plan is None:
+            return []
+        session, plan = self.session, self.plan
+        file, rig, constants = session.file, session.rig, session.constants
+        phases = (f"{name} {s:.6g} s" for name, s in plan.phases._asdict().items())
+        return [
+            ("session", f"{file.name} ({file.session}) on {rig.name}, {rig.rate_hz} Hz"),
+            ("drive", _drive(session)),
+            ("rows", f"{len(plan.rows)}: {_columns(session)}"),
+            (
+                "measured",
+                f"{plan.rows[0].periods} periods a row, {plan.phases.measure:.6g} s in all",
+            ),
+            ("duration", f"{duration_text(plan.duration)} and waiting for the drive"),
+            ("phases", ", ".join(phases)),
+            (
+                "constants",
+                f"torque {constants.torque_positive:g} / {constants.torque_negative:g} N*m/A, "
+                f"velocity {constants.velocity:g} rad/s/V",
+            ),
+            *[("", f"{name}: {run}") for name, run in constants.origin.items()],
+            *[
+                ("by", f"correction.{key}: run {run}")
+                for key, run in session.correction.runs.items()
+            ],
+        ]
+
+    def text(self) -> str:
+        """For people: problems one a line, or the summary."""
+        if self.problems:
+            count = len(self.problems)
+            lines = [problem.text() for problem in self.problems]
+            return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
+        sources = [(f.role, shown(f.path)) for f in self.session.files] if self.session else []
+        return "\n".join(f"{label:11} {text}" for label, text in [*self.facts(), *sources])
+
+    def to_json(self) -> str:
+        """For programs: `ok`, `problems`, and what the session will do."""
+        whole: dict[str, Any] = {
+            "file": shown(self.path),
+            "ok": self.ok,
+            "problems": [problem.as_dict() for problem in self.problems],
+        }
+        if self.session is not None and self.plan is not None:
+            file, plan = self.session.file, self.plan
+            whole |= {
+                "name": file.name,
+                "session": file.session,
+                "rig": self.session.rig.name,
+                "rate_hz": self.session.rig.rate_hz,
+                "loop": file.loop,
+                "correction": file.correction.kind,
+                "rows": [row.given for row in plan.rows],
+                "periods_per_row": file.timing.periods,
+                "measured_s": plan.phases.measure,
+                "duration_s": plan.duration,
+                "phases_s": plan.phases._asdict(),
+                "constants": self.session.constants.origin,
+                "files": [
+                    {"role": f.role, "path": shown(f.path), "sha256": f.sha256}
+                    for f in self.session.files
+                ],
+            }
+        return json.dumps(whole, ensure_ascii=False, allow_nan=False)
+
+
+def check_session(path: Path, also: Also = nothing_more, rig: Path | None = None) -> SessionReport:
+    """Check a session file and all it stands on; needs no hardware and never raises for a file.
+
+    ``also`` adds the problems of a further check, such as the simulated plant's; ``rig`` stands in
+    for the rig that the session names.
+    """
+    path = Path(path)
+    try:
+        session = open_session(path, also, rig)
+    except ConfigError as error:
+        return SessionReport(path, error.problems, None, None)
+    return SessionReport(path, (), session, plan_session(session))
+
+
+_COUPLING = {"free": "taken out", "coupled": "in"}
+
+
+def _drive(session: Session) -> str:
+    file: SessionFile = session.file
+    told = SESSIONS[file.session]
+    if told.flap and file.loop == "torque":
+        drive = "as a damper" if told.needed else "without torque"
+        moved = "by hand" if not told.waves else "in waves"
+        moved += "" if file.irregular is None else ", irregular"
+        return f"torque loop, {drive}; the flap moved {moved}, its coupling {_COUPLING[told.flap]}"
+    if file.loop == "torque":
+        return f"torque loop, {file.control}, shaft {file.shaft}"
+    motion = "sine" if file.irregular is None else "irregular"
+    return f"velocity loop, {motion}, correction: {file.correction.kind}"
+
+
+def _columns(session: Session) -> str:
+    told = []
+    for column in SESSION_COLUMNS:
+        values = [p.given[column.name] for p in session.points if column.name in p.given]
+        if values:
+            low, high = min(values), max(values)
+            span = f"{low:g}" if low == high else f"{low:g} .. {high:g}"
+            told.append(f"{column.label} {span} {column.unit}")
+    return ", ".join(told)

@@ -1,0 +1,1 @@
+"""What ticks: the loop, its cycle, limits and the safety machine."""

@@ -1,0 +1,46 @@
+"""Power at the four stations of the MASK4 test (report, section 3.1.3), per tick and per row.
+
+Mechanical 1 is the column load cell's force times velocity, mechanical 2 the shaft torque sensor's
+(as a linear force) times velocity; AC and DC come from the power analyser. Absorbed is negative.
+"""
+
+from typing import NamedTuple
+
+from controllers.signals import Count, Watt
+from rig.realtime.sequence import MEASURE, TAIL
+
+
+class Power(NamedTuple):
+    """Power now, and its mean over the measured part of the row so far."""
+
+    mechanical_1: Watt  # at the column load cell
+    mechanical_2: Watt  # at the shaft torque sensor
+    ac: Watt
+    dc: Watt
+    mean_mechanical_1: Watt
+    mean_ac: Watt
+    mean_dc: Watt
+    samples: Count  # measured ticks in the means
+
+
+def start() -> Power:
+    """No power, nothing measured."""
+    return Power(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
+
+
+def step(
+    before: Power, lcb: float, trs: float, velocity: float, ac: float, dc: float, phase: int
+) -> Power:
+    """Power in this tick from tared forces on the body (N), velocity (m/s) and the analyser (W)."""
+    mechanical_1 = lcb * velocity
+    mechanical_2 = trs * velocity
+    _, _, _, _, mean_1, mean_ac, mean_dc, samples = before
+    if phase == MEASURE:
+        samples = samples + 1
+        mean_1 = mean_1 + (mechanical_1 - mean_1) / samples
+        mean_ac = mean_ac + (ac - mean_ac) / samples
+        mean_dc = mean_dc + (dc - mean_dc) / samples
+    elif phase != TAIL:  # in the tail the row's result stays readable
+        mean_1 = mean_ac = mean_dc = 0.0
+        samples = 0
+    return Power(mechanical_1, mechanical_2, ac, dc, mean_1, mean_ac, mean_dc, samples)

@@ -1,0 +1,1 @@
+"""What records: rows, ring, logger, run folders, calibrations."""

@@ -1,0 +1,237 @@
+"""Which records lie where in a run's MCAP file: finished, cut off or damaged.
+
+A file whose writer was killed has no summary, and the stock reader yields nothing from it; here
+records are walked from the front, so finished and unfinished files are read alike. A record is
+believed only if the lengths inside it add up to its own, so a flipped bit in a length costs that
+record and none behind it; where a record does not fit, the walk goes on at the next one that does.
+"""
+
+import os
+import struct
+import zlib
+from collections import Counter
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from rig.recording import row_layout
+from rig.recording.mcap_writer import MESSAGE_BYTES
+from rig.recording.row_form import CHECK, FORM, TOPIC, channel_record, form_sum, pairs_sum
+from rig.recording.runs.mcap_records import RECORD, Chunk, RecordFile, RunError, plain, records_in
+from rig.regular_file import open_regular
+
+_SHORT = struct.Struct("<I")
+_RENAMED = {"safety.warned": "heave.warned"}  # fields of runs that were recorded earlier
+_UNREADABLE = (McapError, struct.error, ValueError, KeyError, EOFError)
+
+
+class Contents(NamedTuple):
+    """A file's records, rows left where they are."""
+
+    path: Path
+    schema: str  # ros2msg text
+    schema_name: str
+    leaves: tuple[row_layout.Leaf, ...]
+    channel: int
+    metadata: dict[str, dict[str, str]]
+    attachments: dict[str, bytes]
+    chunks: tuple[Chunk, ...]
+    finished: bool  # the writer ended it, and nothing of its end is missing or damaged
+    unread: int  # bytes that are no whole record: a torn end, or damage
+    damage: tuple[str, ...]  # what was skipped, and what is not as it was written
+    loose: bool  # it has messages beside chunks, as other writers may leave them
+
+    @property
+    def stride(self) -> int:
+        """Bytes of a message of our own layout."""
+        return MESSAGE_BYTES + 8 * len(self.leaves)
+
+
+class _Found:
+    """What a walk has seen so far."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.schemas: list[Schema] = []
+        self.channels: list[Channel] = []
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.attachments: dict[str, bytes] = {}
+        self.chunks: list[Chunk] = []
+        self.loose = False
+        self.unsummed: list[str] = []  # metadata without a check sum, as older files have it
+        self.damage: list[str] = []
+        self.indexed: list[Schema] = []  # of a summary whose check sum is right
+
+    def take(self, file: RecordFile, opcode: int, at: int, length: int) -> None:
+        if opcode == Opcode.CHUNK:
+            _, size, name_length = struct.unpack("<QQ4xI", file.read(at + 8, 24))
+            crc = _SHORT.unpack(file.read(at + 24, 4))[0]
+            data = at + 32 + name_length + 8
+            name = file.read(at + 32, name_length).decode(errors="replace")
+            self.chunks.append(Chunk(data, at + length - data, size, crc, name))
+        elif opcode == Opcode.MESSAGE:
+            self.loose = True
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
+            try:
+                self.describe(opcode, file.read(at, length))
+            except _UNREADABLE:
+                span = f"bytes {at - RECORD.size} to {at + length}"
+                self.damage.append(f"{self.path}: {span} are damaged and left out")
+
+    def describe(self, opcode: int, data: bytes) -> None:
+        """Take what is no chunk; raises one of `_UNREADABLE` if it is not as it was written."""
+        stream = ReadDataStream(BytesIO(data))
+        if opcode == Opcode.SCHEMA:
+            self.schemas.append(Schema.read(stream))
+        elif opcode == Opcode.CHANNEL:
+            self.channels.append(Channel.read(stream))
+        elif opcode == Opcode.METADATA:
+            metadata = Metadata.read(stream)
+            check = metadata.metadata.pop(CHECK, None)
+            summed = check == pairs_sum(metadata.name, metadata.metadata)
+            if not summed and (check is not None or metadata.name == FORM):
+                raise ValueError(metadata.name)
+            if not summed:
+                self.unsummed.append(metadata.name)
+            self.metadata[metadata.name] = metadata.metadata
+        elif opcode == Opcode.ATTACHMENT:
+            crc = _SHORT.unpack_from(data, len(data) - 4)[0]
+            if crc and zlib.crc32(data[:-4]) != crc:
+                raise ValueError("check sum")
+            attachment = Attachment.read(stream)
+            self.attachments[attachment.name] = attachment.data
+
+    def index(self, summary: bytes) -> None:
+        """Take the description of the rows from a summary, too."""
+        for opcode, data in records_in(summary):
+            if opcode == Opcode.SCHEMA:
+                self.indexed.append(Schema.read(ReadDataStream(BytesIO(data))))
+            elif opcode == Opcode.CHANNEL:
+                self.channels.append(Channel.read(ReadDataStream(BytesIO(data))))
+
+    def schema_of(self, channel: Channel) -> Schema | None:
+        """The schema of a channel as it was written, of several copies; None if that is unsure."""
+        every = (*self.schemas, *self.indexed)
+        copies = [s for s in every if s.id == channel.schema_id and s.encoding == "ros2msg"]
+        written = self.metadata.get(FORM, {}).get("sum")
+        if written is not None and channel == channel_record():
+            texts = [(each, each.data.decode(errors="replace")) for each in copies]
+            good = (each for each, text in texts if form_sum(each.name, text) == written)
+            return next(good, None)
+        counts = Counter((s.name, s.encoding, s.data) for s in copies)
+        if len(counts) > 1 and counts.most_common(1)[0][1] == 1:
+            copies = [s for s in copies if s in self.indexed]
+        best = counts.most_common(1)[0][0] if counts else None
+        best_of = [s for s in copies if len(counts) == 1 or (s.name, s.encoding, s.data) == best]
+        return next(iter(best_of or copies), None)
+
+
+def _as_named_now(leaf: row_layout.Leaf) -> row_layout.Leaf:
+    return leaf._replace(path=tuple(_RENAMED.get(leaf.name, leaf.name).split(".")))
+
+
+def _row_channel(found: _Found) -> tuple[Schema, Channel, tuple[row_layout.Leaf, ...]]:
+    """The channel of rows: ours, else one named `TOPIC`, else one whose schema can be laid out."""
+    ours = channel_record()
+    for channel in sorted(found.channels, key=lambda c: (c != ours, c.topic != TOPIC)):
+        if channel.message_encoding != "cdr":
+            continue
+        try:
+            schema = found.schema_of(channel)
+            if schema is None:
+                continue
+            leaves = row_layout.leaves_of_schema(schema.data.decode())
+            return schema, channel, tuple(_as_named_now(leaf) for leaf in leaves)
+        except (row_layout.RowError, KeyError, ValueError):
+            continue
+    raise RunError(f"{found.path}: no channel of log rows in this file")
+
+
+def scan(path: str | os.PathLike[str]) -> Contents:
+    """Walk a file's records; what is damaged between whole records is skipped and named.
+
+    Raises RunError if the file is empty, not MCAP, or holds no description of log rows;
+    FileNotFoundError if there is none.
+    """
+    path = Path(path)
+    with open_regular(path) as opened:
+        file = RecordFile(opened.fileno(), os.fstat(opened.fileno()).st_size)
+        if file.size <= len(MCAP0_MAGIC):
+            raise RunError(f"{path}: empty, nothing was written")
+        found = _Found(path)
+        magic = file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC
+        finished, unread = _walk(file, found)
+        if not found.channels:
+            _look_inside(file, found)
+        if not (magic or found.channels):
+            raise RunError(f"{path}: not an MCAP file")
+    if not magic:
+        found.damage.insert(0, f"{path}: its first bytes are not those of an MCAP file")
+    schema, channel, leaves = _row_channel(found)
+    if found.metadata.pop(FORM, None) is not None:
+        for name in found.unsummed:
+            found.damage.append(f"{path}: metadata {name!r} is damaged and left out")
+            found.metadata.pop(name, None)
+    return Contents(
+        path,
+        schema.data.decode(),
+        schema.name,
+        leaves,
+        channel.id,
+        found.metadata,
+        found.attachments,
+        tuple(found.chunks),
+        finished,
+        unread,
+        tuple(found.damage),
+        found.loose,
+    )
+
+
+def _walk(file: RecordFile, found: _Found) -> tuple[bool, int]:
+    """Take every record; gives whether the file's end is whole, and the bytes left out."""
+    at, unread = len(MCAP0_MAGIC), 0
+    while at < file.size:
+        seen = file.record(at)
+        if seen is not None and seen[0] == Opcode.DATA_END:
+            summary = file.summary(at)
+            if summary is None:
+                found.damage.append(f"{found.path}: its index, from byte {at} on, is damaged")
+                return False, unread + file.size - at
+            found.index(summary)
+            return True, unread
+        after = file.size if seen is None else seen[1] + seen[2]
+        if seen is None or (after < file.size and file.record(after) is None):
+            whole = file.next_record(at + 1)
+            if seen is None or whole < after:  # it is shorter than its head says, or none at all
+                unread += whole - at
+                if whole < file.size:
+                    text = f"{found.path}: bytes {at} to {whole} are not a record"
+                    found.damage.append(text)
+                at = whole
+                continue
+        found.take(file, *seen)
+        at = after
+    return False, unread
+
+
+def _look_inside(file: RecordFile, found: _Found) -> None:
+    """Other writers put schema and channel into the first chunk."""
+    for chunk in found.chunks:
+        try:
+            inside = plain(chunk, file.read(chunk.offset, chunk.length))
+        except RunError:
+            continue
+        for opcode, data in records_in(inside):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                with suppress(*_UNREADABLE):
+                    found.describe(opcode, data)
+        if found.channels:
+            return

@@ -1,5 +1,0 @@
-"""Rehearsals: the loop with the simulated plant in place of the hardware.
-
-One of the few doors to sim_plant. `rig.rehearsal.job` is the supervisor's side, `python -m
-rig.rehearsal` the loop process, `rig.rehearsal.devices` translates the plant's words.
-"""

@@ -1,0 +1,156 @@
+"""Ticks that the host lost before a trip come first in what is said of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import synthetic_runs as synthetic
+from command_here import rig
+
+from rig.analysis.report import write_products
+from rig.analysis.stopped import LostTicks, lost_before, reason_words, stop_of
+from rig.cli.bench import _lost_ticks, _tell
+from rig.realtime.safety import Reason
+from rig.realtime.sequence import Phase
+from rig.recording.runs import RunError
+
+DT = 0.001
+SHAPE = synthetic.Shape()
+ROWS = synthetic.default_rows()[:8]
+
+
+def loop(*gaps: tuple[int, int], periods: int = 5000) -> tuple[Any, Any]:
+    """Ticks that ran and what was skipped by then; ``gaps``: last tick before, periods lost."""
+    lost = np.zeros(periods, bool)
+    for before, count in gaps:
+        lost[before + 1 : before + 1 + count] = True
+    ran = np.flatnonzero(~lost)
+    return ran, np.cumsum(lost)[ran]
+
+
+@pytest.mark.parametrize(
+    ("gaps", "lost", "longest"),
+    [
+        (((4900, 20),), 20, 0.020),
+        (((4900, 19),), None, None),
+        (((3010, 20),), 20, 0.020),  # 2 s before the last tick, 4999
+        (((2900, 90),), None, None),  # longer ago
+        (((2990, 30),), 30, 0.030),  # the gap ends within
+        (((4978, 20),), 20, 0.020),  # the tick after it trips
+        (tuple((3100 + 40 * i, 1) for i in range(41)), 41, 0.001),
+        (tuple((3100 + 40 * i, 1) for i in range(40)), None, None),  # 2 % of 2000
+        (((3500, 60), (4000, 45), (4500, 1)), 106, 0.060),
+        ((), None, None),
+    ],
+)
+def test_what_counts(
+    gaps: tuple[tuple[int, int], ...], lost: int | None, longest: float | None
+) -> None:
+    found = lost_before(*loop(*gaps), DT)
+    if lost is None:
+        assert found is None
+        return
+    assert found is not None
+    assert found.lost == lost
+    assert found.longest_gap_s == pytest.approx(longest)
+    assert found.share == pytest.approx(lost / 2000, rel=0.02)
+
+
+def test_a_run_shorter_than_the_window() -> None:
+    found = lost_before(*loop((100, 50), periods=500), DT)
+    assert found == pytest.approx((50, 0.05, 50 / 499, 0.499))
+    assert lost_before(*loop(periods=1), DT) is None
+
+
+def test_rows_that_only_the_log_lost_do_not_count() -> None:
+    ticks, skipped = loop()
+    kept = np.delete(np.arange(len(ticks)), np.arange(4000, 4400))
+    assert lost_before(ticks[kept], skipped[kept], DT) is None
+
+
+def test_words() -> None:
+    lost = LostTicks(226, 0.0453, 0.11, 2.0)
+    assert reason_words("DRIVE_DROPPED", lost) == (
+        "the host lost 226 ticks (longest gap 45 ms) in the 2 s before the rig tripped: "
+        "DRIVE_DROPPED (the drive switched its power off by itself) may only be what followed; "
+        "see `rig doctor`"
+    )
+    said = reason_words("LOST_TICKS", lost)
+    assert said.endswith("tripped: too many ticks were lost in one gap; see `rig doctor`")
+    assert reason_words("VELOCITY", None) == "the velocity limit was reached"
+
+
+def tripped(
+    folder: Path, reason: Reason = Reason.DRIVE_DROPPED, gap: int = 30, **more: Any
+) -> Path:
+    """A synthetic run at 100 Hz that trips in row 2 with a gap 1 s before."""
+    data = synthetic.run_rows(ROWS, SHAPE)
+    at = int(np.flatnonzero((data["plan.row"] == 2) & (data["plan.phase"] == Phase.MEASURE))[300])
+    data["safety.reason"][at:] = reason
+    data["timing.skipped"][at - 100 :] = gap
+    data["tick"][at - 100 :] += gap
+    data["tick_end"] = data["tick"]
+    data["time"] = data["tick"] * SHAPE.dt
+    plan = synthetic.plan_json(ROWS, SHAPE)
+    status = {"status": "fault", "reason": reason.name, **more.pop("status", {})}
+    return synthetic.write_run(folder, data[: at + 5], plan, **status, **more)
+
+
+def test_a_run_says_it_in_all_its_products(tmp_path: Path) -> None:
+    run = tripped(tmp_path / "run")
+    first = "the host lost 30 ticks (longest gap 300 ms) in the 2 s before the rig tripped: DRIVE_D"
+    write_products(run)
+    text = (run / "summary.txt").read_text()
+    assert f"Stopped by a fault: {first}" in text
+    told = json.loads((run / "summary.json").read_text())
+    assert told["reason"].startswith(first)
+    assert told["lost_ticks"] == pytest.approx(
+        {"lost": 30, "longest_gap_s": 0.3, "share": 30 / 201, "window_s": 2.0}
+    )
+    assert first in rig("show", run).stdout
+    assert json.loads(rig("show", run, "--json").stdout)["lost_ticks"]["lost"] == 30
+
+
+@pytest.mark.parametrize("reason", [Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT, Reason.PLAN_END])
+def test_what_is_no_trip_has_no_other_cause(reason: Reason, tmp_path: Path) -> None:
+    assert stop_of(tripped(tmp_path, reason), {}).lost is None
+
+
+def test_a_trip_without_lost_ticks_is_told_as_ever(tmp_path: Path) -> None:
+    run = tripped(tmp_path / "run", gap=1)
+    told = json.loads(rig("show", run, "--json").stdout)
+    assert (told["lost_ticks"], told["reason"]) == (
+        None,
+        "the drive switched its power off by itself",
+    )
+
+
+def test_a_session_says_it_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`rig bench` at its end, and `rig show` of a session without results."""
+    run = tripped(tmp_path / "run", config={"session": {"session": "driveline", "name": "x"}})
+    outcome = SimpleNamespace(status="fault", reason="DRIVE_DROPPED")
+    ended: Any = SimpleNamespace(folder=run, outcome=outcome)
+    lost = _lost_ticks(ended)
+    assert lost is not None
+    _tell(ended, "", lost)
+    first = "Stopped by a fault: the host lost 30 ticks"
+    assert capsys.readouterr().err.strip().startswith(first)
+
+    def no_results(run: Path) -> None:
+        raise RunError("no row is whole")
+
+    monkeypatch.setattr("rig.analysis.session.analyse", no_results)
+    done = rig("show", run)
+    assert done.returncode != 0
+    assert first in done.stderr
+    assert done.stderr.endswith("no row is whole\n")
+    assert "\nRecord complete.\n" in done.stderr
+    outcome.status = "complete"
+    assert _lost_ticks(ended) is None

@@ -1,0 +1,34 @@
+"""Processes of runs on real wires killed and suspended at random moments; see `wired_attacks`.
+
+Each time the motors are without power as soon as is stated, and every row that the loop put is in
+the record, or `rig recover` states which are not.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import secrets
+from pathlib import Path
+
+import pytest
+
+from benchmarks.support.wired_attacks import attacked, attacks
+from benchmarks.support.wired_rigs import WIRED
+
+pytestmark = pytest.mark.realtime
+
+SEED = int(os.environ.get("ATTACK_SEED") or secrets.randbits(32))
+ATTACKS = 5  # on each rig; the long form is `python -m benchmarks crash`
+
+
+@pytest.mark.parametrize("name", WIRED)
+def test_any_process_may_be_lost_at_any_moment(name: str, tmp_path: Path) -> None:
+    print(f"ATTACK_SEED={SEED}")  # shown if it fails
+    wrong = list[str]()
+    with WIRED[name](tmp_path) as rig:
+        for number, attack in enumerate(attacks(random.Random(SEED), rig, ATTACKS, 3.0)):
+            found = attacked(rig, tmp_path / f"run{number}", attack)
+            print(f"{attack}: power off {found.powerless} s later; {found.put} rows")
+            wrong += [f"{attack}: {claim}" for claim in found.wrong]
+    assert wrong == []

@@ -1,0 +1,191 @@
+"""A poller in its own process, on an emulated Modbus/TCP server whose units are often busy."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import random
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from rig.config import LimitsFile, RigFile, load
+from rig.execution.hardware.lines import line_companions
+from rig.execution.hardware.words import SLOTS
+from rig.processes import mailbox
+from rig.processes.child import Child
+from rig.processes.mailbox import Mailbox
+from sim_plant.emulators.io_coupler import CouplerSettings, DigitalInput, IoCoupler
+from sim_plant.emulators.modbus_tcp import TcpUnits
+from sim_plant.emulators.modbus_unit import Answer, ModbusUnit
+from sim_plant.emulators.power_analyser import (
+    AnalyserSettings,
+    PowerAnalyser,
+    Terminals,
+    Wiring,
+)
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+COUPLER = CouplerSettings(
+    inputs=(DigitalInput("e_stop", "e_stop", 1), DigitalInput("limit_switch", "limit_switch", 1)),
+    outputs=("wave_trigger",),
+)
+ITEMS: Any = (("element_1", "P"), ("element_2", "P"), ("element_2", "U"))  # ac, dc, bus_voltage
+SECONDS = 4.0  # s of watching
+SEED = 20170815
+
+
+class Moody(TcpUnits):
+    """Units of which some answer a share of all requests with an exception."""
+
+    def __init__(self, units: dict[int, ModbusUnit]) -> None:
+        super().__init__(units)
+        self.dice = random.Random(SEED)
+        self.moods: dict[int, tuple[float, int]] = {}  # by unit: share of requests, exception
+        self.refused = self.answered = 0
+
+    def serve(self, unit: int, pdu: bytes) -> Answer | None:
+        share, code = self.moods.get(unit, (0.0, 0))
+        if self.dice.random() < share:
+            self.refused += 1
+            return Answer(bytes((pdu[0] | 0x80, code)), 0.0)
+        self.answered += unit in self.moods
+        return super().serve(unit, pdu)
+
+
+@contextmanager
+def served(units: Moody) -> Iterator[None]:
+    """The server in a thread of its own."""
+    loop = asyncio.new_event_loop()
+    thread = threading.Thread(target=loop.run_forever)
+    thread.start()
+    asyncio.run_coroutine_threadsafe(units.start(), loop).result(5.0)
+    try:
+        yield
+    finally:
+        asyncio.run_coroutine_threadsafe(units.close(), loop).result(5.0)
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        loop.close()
+
+
+class Seen(NamedTuple):
+    """What the loop would see of a poller."""
+
+    oldest: dict[str, float]  # s, by block: greatest age after the first value
+    values: dict[str, int]  # how many different ones came
+    events: list[dict[str, Any]]
+    refused: int  # requests that were answered by an exception
+
+
+def polled(moods: dict[int, tuple[float, int]], folder: Path, patience: float = 8.0) -> Seen:
+    """Poll the analyser (unit 1) and the I/O coupler (unit 2) of the WaveBot on one line.
+
+    For `SECONDS` after it is ready; ``patience``: how long it may take (s) to be so.
+    """
+    started = time.monotonic()
+
+    def terminals() -> Terminals:
+        flow = Wiring(150.0, 2.0, -300.0, 0.0)
+        return Terminals(time.monotonic() - started, flow, flow, flow, flow)
+
+    units = Moody(
+        {1: PowerAnalyser(terminals, AnalyserSettings(0.05, items=ITEMS)), 2: IoCoupler(COUPLER)}
+    )
+    units.moods = moods
+    with served(units):
+        wiring = load(CONFIGS / "rigs" / "wavebot_hil.yaml", RigFile)[0].wiring
+        assert wiring is not None
+        line = wiring.lines["io"].model_copy(update={"port": units.port})
+        blocks = {
+            "analyser": wiring.analyser.model_copy(update={"line": "io", "unit": 1}),
+            "inputs": wiring.inputs.model_copy(update={"unit": 2}),
+            "outputs": wiring.outputs.model_copy(update={"unit": 2}),
+        }
+        (one,) = line_companions({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
+        fds = {name: mailbox.create() for name in one.mailboxes}
+        lifeline, ours = os.pipe()  # as the loop holds it
+        job = {"config": one.config, "mailboxes": fds, "lifeline": lifeline}
+        inherited = (lifeline, *fds.values())
+        child = Child(one.module, json.dumps(job), inherited, folder / "stderr")
+        try:
+            slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in fds.items()}
+            oldest, values, events = watched(child, slots, patience)
+            return Seen(oldest, values, events, units.refused)
+        finally:
+            child.process.terminate()
+            child.end(5.0)
+            for fd in (lifeline, ours, *fds.values()):
+                os.close(fd)
+
+
+def watched(child: Child, slots: dict[str, Any], patience: float) -> tuple[Any, Any, Any]:
+    oldest = {"analyser": 0.0, "inputs": 0.0}
+    stamps = {name: set[float]() for name in oldest}
+    events: list[dict[str, Any]] = []
+    until = time.monotonic() + patience
+    while time.monotonic() < until and child.alive():
+        new = child.heard()
+        events += new
+        if any(event["event"] == "ready" for event in new):
+            until = time.monotonic() + SECONDS
+        for name, seen in stamps.items():
+            word = slots[name].read()
+            if word is not None:
+                seen.add(word.stamp)
+                oldest[name] = max(oldest[name], time.monotonic() - word.stamp)
+        time.sleep(0.002)
+    events += child.heard()
+    return oldest, {name: len(seen) for name, seen in stamps.items()}, events
+
+
+def said(seen: Seen) -> str:
+    return "\n".join(event.get("text", event.get("why", "")) for event in seen.events)
+
+
+def limit() -> float:
+    """The age of the analyser's values (s) from which the emulated WaveBot is stopped."""
+    return load(CONFIGS / "limits" / "wavebot_hil.yaml", LimitsFile)[0].loop.analyser_age_stop_s
+
+
+@pytest.mark.parametrize("code", [5, 6])
+def test_half_busy_units_keep_giving_values(code: int, tmp_path: Path) -> None:
+    """Counter and values of the analyser, and all that the coupler's watchdog is given first."""
+    seen = polled({1: (0.5, code), 2: (0.5, code)}, tmp_path)
+    print(seen.oldest, seen.values, seen.refused)
+    assert seen.refused > 100
+    assert said(seen) == ""
+    assert seen.events[-1]["event"] == "ready"
+    assert seen.oldest["analyser"] < 0.5 * limit()
+    assert seen.oldest["inputs"] < 0.5
+    assert seen.values["analyser"] > 0.7 * SECONDS / 0.05  # it averages over 50 ms
+    assert seen.values["inputs"] > 0.3 * SECONDS / 0.02
+
+
+def test_an_always_busy_unit_is_reported_and_delays_nobody(tmp_path: Path) -> None:
+    alone = polled({}, tmp_path)
+    seen = polled({1: (1.0, 6)}, tmp_path)
+    assert seen.values["analyser"] == 0
+    assert "analyser: " in said(seen)
+    assert "refused with exception 6, busy" in said(seen)
+    (refused,) = [event for event in seen.events if event["event"] == "refused"]
+    assert "analyser" in refused["why"]
+    assert "inputs" not in refused["why"]
+    assert seen.oldest["inputs"] < alone.oldest["inputs"] + 0.1
+
+
+@pytest.mark.parametrize(
+    ("code", "name"), [(2, "illegal address"), (4, "device failure"), (3, "illegal value")]
+)
+def test_a_persistent_exception_is_named_and_not_repeated(
+    code: int, name: str, tmp_path: Path
+) -> None:
+    seen = polled({1: (1.0, code)}, tmp_path, 1.5)
+    assert 3 <= seen.refused <= 10  # after pauses that double
+    assert f"refused with exception {code}, {name}" in said(seen)

@@ -1,0 +1,260 @@
+"""Flipped bits and cuts of a record: everything readable is read, nothing wrong ever is."""
+
+from __future__ import annotations
+
+import json
+import random
+import time
+import tracemalloc
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import record_files as files
+from mcap.opcode import Opcode
+
+from rig.recording.runs import RunError, join, mcap_file, open_run
+from rig.recording.runs.mcap_file import scan
+from rig.recording.runs.mcap_records import RECORD
+from rig.recording.runs.recover import recover
+
+NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+ROWS, PER_CHUNK, CASES = 60, 6, 100
+FINISHED, KILLED = "run.mcap", "run.mcap.part0"
+
+
+def rows() -> Any:
+    block = files.rows(ROWS)
+    block["timing.skipped"] = 0
+    return block
+
+
+@cache
+def good(folder: Path, name: str) -> tuple[bytes, tuple[tuple[int, int], ...]]:
+    """A small record, and where each of its chunks lies."""
+    path = folder / name
+    out = files.writer(path, **{"config.json": b'{"name": "small"}', "plan.json": b"{}" * 50})
+    data = rows()
+    for begin in range(0, ROWS, PER_CHUNK):
+        out.append(data[begin : begin + PER_CHUNK].tobytes())
+        out.flush()
+    if name == FINISHED:
+        out.attach("status.json", json.dumps({"status": "complete", "ticks": ROWS}).encode())
+        out.finish()
+    else:
+        out.close()
+    head = RECORD.size + 28 + 4 + 4 + 8
+    spans = tuple((c.offset - head, c.offset + c.length) for c in scan(path).chunks)
+    return path.read_bytes(), spans
+
+
+def records(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Kind, begin and end of every record."""
+    at = 8
+    while at + RECORD.size <= len(data):
+        opcode, length = RECORD.unpack_from(data, at)
+        yield opcode, at, at + RECORD.size + length
+        at += RECORD.size + length
+
+
+def places(data: bytes, dice: random.Random) -> list[int]:
+    """Bytes to damage: a third anywhere, a third in the heads of records, a third by kind."""
+    every = list(records(data))
+    kinds = sorted({opcode for opcode, _, _ in every})
+    found = [0, 5, len(data) - 3]  # the magic at both ends
+    while len(found) < CASES:
+        match len(found) % 3:
+            case 0:
+                found.append(dice.randrange(len(data)))
+            case 1:
+                _, begin, end = dice.choice(every)
+                found.append(dice.randrange(begin, min(begin + 50, end)))
+            case _:
+                wanted = dice.choice(kinds)
+                _, begin, end = dice.choice([each for each in every if each[0] == wanted])
+                found.append(dice.randrange(begin, end))
+    return found
+
+
+def read(path: Path) -> Any:
+    """The rows that `open_run` gives, as records."""
+    data = open_run(path)
+    out = np.zeros(data.sizes["time"], files.DTYPE)
+    for name in files.DTYPE.names or ():
+        assert name in data.variables, f"{name} is no field"
+        out[name] = data[name].values
+    return out, data.attrs
+
+
+def judge(found: Any, expected: Any, where: str) -> None:
+    """Every row as it was, each tick once, and of undamaged chunks all."""
+    ticks = found["tick"].astype(np.int64)
+    assert len(np.unique(ticks)) == len(ticks), where
+    assert ((ticks >= 0) & (ticks < ROWS)).all(), where
+    assert found.tobytes() == rows()[ticks].tobytes(), where
+    assert set(expected) <= set(ticks.tolist()), where
+
+
+def of_chunks(spans: tuple[tuple[int, int], ...], whole: list[bool]) -> list[int]:
+    return [
+        tick
+        for number in range(len(spans))
+        if whole[number]
+        for tick in range(number * PER_CHUNK, (number + 1) * PER_CHUNK)
+    ]
+
+
+def tried(place: Path, name: str, data: bytes, expected: list[int], where: str) -> None:
+    """What the readers and a recovery in place make of a damaged record."""
+    place.mkdir()
+    (place / name).write_bytes(data)
+    status: dict[str, Any] = {"status": "complete", "ticks": ROWS, "last_tick": ROWS - 1}
+    (place / "run.json").write_text(json.dumps({**status, "skipped": 0}))
+    try:
+        found, told = read(place)
+    except RunError:
+        if expected:
+            raise
+        for refused in (read, lambda run: recover(run, None, NOW)):
+            with pytest.raises(RunError, match=r"rig recover"):
+                refused(place)
+        return
+    judge(found, expected, where)
+    lost = ROWS - len(found)
+    if lost:
+        assert told["record"] != "complete", where
+        assert f"{lost} of {ROWS} ticks missing" in told["record"], where
+    made = recover(place, None, NOW)
+    assert (place / name).read_bytes() == data, where
+    assert (made.account.rows, made.account.lost) == (len(found), lost), where
+    blocks = list(mcap_file.blocks(scan(made.output)))
+    again = np.concatenate(blocks) if blocks else found[:0]
+    assert again.tobytes() == found.tobytes(), where
+    assert read(place)[0].tobytes() == found.tobytes(), where
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("good")
+
+
+@pytest.mark.parametrize("name", [FINISHED, KILLED])
+def test_a_flipped_bit_costs_its_chunk_at_most(name: str, folder: Path, tmp_path: Path) -> None:
+    data, spans = good(folder, name)
+    dice = random.Random(f"flips {name}")
+    for number, at in enumerate(places(data, dice)):
+        changed = bytearray(data)
+        changed[at] ^= 1 << dice.randrange(8)
+        expected = of_chunks(spans, [not begin <= at < end for begin, end in spans])
+        tried(tmp_path / str(number), name, bytes(changed), expected, f"case {number}, byte {at}")
+
+
+@pytest.mark.parametrize("first", [36, 33])  # tick of the second part: without and with overlap
+def test_a_flipped_bit_in_one_of_two_parts_costs_its_chunk_at_most(
+    first: int, tmp_path: Path
+) -> None:
+    """A flip in the times of a chunk's head, which have no check sum, costs nothing at all."""
+    data, dice = rows(), random.Random(first)
+    parts = [tmp_path / f"{FINISHED}.part{number}" for number in (0, 1)]
+    for path, some in zip(parts, (data[:36], data[first:]), strict=True):
+        files.write(path, some, PER_CHUNK, finish=False)
+    status = {"status": "complete", "ticks": ROWS, "last_tick": ROWS - 1, "skipped": 0}
+    (tmp_path / "run.json").write_text(json.dumps(status))
+    undamaged = [path.read_bytes() for path in parts]
+    chunks = [
+        (number, begin, end)
+        for number, part in enumerate(undamaged)
+        for opcode, begin, end in records(part)
+        if opcode == Opcode.CHUNK
+    ]
+    for case in range(CASES // 2):
+        number, begin, end = dice.choice(chunks)
+        place = dice.randrange(RECORD.size, RECORD.size + 16 if case % 2 else end - begin)
+        times = place < RECORD.size + 16
+        changed = bytearray(undamaged[number])
+        changed[begin + place] ^= 1 << dice.randrange(8)
+        parts[number].write_bytes(changed)
+        where = f"case {case}: byte {begin + place} of part {number}"
+        found, told = read(tmp_path)
+        judge(found, range(ROWS) if times else (), where)
+        lost = ROWS - len(found)
+        assert lost <= PER_CHUNK, where
+        assert (f"{lost} of {ROWS} ticks missing" in told["record"]) == (lost > 0), where
+        joined = join(parts, tmp_path / "joined.mcap")
+        assert (joined.rows, bool(joined.damage)) == (ROWS - lost, bool(lost)), where
+        joined.path.unlink()
+        parts[number].write_bytes(undamaged[number])
+
+
+@pytest.mark.parametrize("name", [FINISHED, KILLED])
+def test_a_cut_costs_what_lies_behind_it(name: str, folder: Path, tmp_path: Path) -> None:
+    data, spans = good(folder, name)
+    for number, length in enumerate(random.Random(name).sample(range(len(data)), CASES)):
+        expected = of_chunks(spans, [end <= length for _, end in spans])
+        tried(tmp_path / str(number), name, data[:length], expected, f"cut at {length}")
+
+
+def test_a_hole_costs_what_it_touches(folder: Path, tmp_path: Path) -> None:
+    """Bytes that are gone from the middle, so that lengths lead past the next record."""
+    data, spans = good(folder, FINISHED)
+    dice = random.Random(5)
+    for number in range(CASES // 2):
+        begin = dice.randrange(spans[0][0], len(data) - 100)
+        end = begin + dice.randrange(1, 3000)
+        whole = [last <= begin or first >= end for first, last in spans]
+        expected = of_chunks(spans, whole)
+        changed = data[:begin] + data[end:]
+        tried(tmp_path / str(number), FINISHED, changed, expected, f"hole {begin} to {end}")
+
+
+def test_huge_lengths_cost_neither_memory_nor_time(folder: Path, tmp_path: Path) -> None:
+    data, spans = good(folder, FINISHED)
+    lengths = [begin + 1 for _, begin, _ in records(data)]  # of records
+    for begin, _ in spans:  # of the compressed and the plain data of a chunk, of zstd's frame
+        lengths += [begin + 9 + 16, begin + 9 + 28 + 8, begin + 9 + 28 + 4 + 4 + 8 + 4]
+    tracemalloc.start()
+    began = time.perf_counter()
+    for number, at in enumerate(lengths):
+        for byte in (3, 5, 7):
+            changed = bytearray(data)
+            changed[at + byte] ^= 0x7F
+            path = tmp_path / f"{number}.mcap"
+            path.write_bytes(changed)
+            reading = open_run(path, ["tick", "time"])
+            assert reading.sizes["time"] >= ROWS - PER_CHUNK, f"length at {at}"
+    spent, peak = time.perf_counter() - began, tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 64e6
+    assert spent / (3 * len(lengths)) < 0.2
+
+
+def test_the_index_is_not_needed(folder: Path, tmp_path: Path) -> None:
+    data, _ = good(folder, FINISHED)
+    (end,) = (begin for opcode, begin, _ in records(data) if opcode == Opcode.DATA_END)
+    for name, changed in (("cut", data[: end + 100]), ("zero", data[: end + 40] + bytes(500))):
+        path = tmp_path / f"{name}.mcap"
+        path.write_bytes(changed)
+        found = open_run(path, "load.lcb")
+        assert found.sizes["time"] == ROWS
+        assert found.attrs["record"].startswith("damaged: every tick that is known of has its row")
+        assert "its index" in found.attrs["record_damage"]
+
+
+def test_any_bit_of_the_head_may_flip(folder: Path, tmp_path: Path) -> None:
+    """What says where a row's fields lie has a copy or a check sum, each byte of it."""
+    data, spans = good(folder, KILLED)
+    leaves = scan(folder / KILLED).leaves
+    path, dice = tmp_path / KILLED, random.Random(8)
+    heads = [(begin, end) for _, begin, end in records(data) if end <= spans[0][0]]
+    for at in (at for begin, end in heads for at in range(begin, end) if at - begin < 90):
+        changed = bytearray(data)
+        changed[at] ^= 1 << dice.randrange(8)
+        path.write_bytes(changed)
+        found = scan(path)
+        assert (found.leaves, len(found.chunks)) == (leaves, len(spans)), at
+        told = found.metadata.get("clock", {"start_utc_ns": str(files.START)})
+        assert told == {"start_utc_ns": str(files.START)}, at

@@ -28,7 +28,7 @@ from rig.recording.place import folder_now, held_folder, leads_to, rescued
 from rig.recording.ring import Producer, Reader, consume
 from rig.recording.runs import RunError, mcap_file
 from rig.recording.runs.create import ending
-from rig.recording.runs.folder import MCAP, STATUS
+from rig.recording.runs.folder import STATUS, parts
 from rig.recording.timing import Certificate
 
 FLUSH = 0.5  # s between flushes
@@ -136,7 +136,7 @@ class Log:
 
     def _count_earlier_parts(self, folder: Path) -> None:
         """The certificate is the whole run's, so what a killed logger wrote counts too."""
-        for path in sorted(folder.glob(f"{MCAP}.part*")):
+        for path in parts(folder):
             with suppress(RunError):  # a part whose logger died before it wrote anything
                 for block in mcap_file.blocks(mcap_file.scan(path), []):
                     self._certificate.add(repack_fields(block).tobytes())

@@ -28,15 +28,24 @@ class Certificate:
         self._late = np.zeros(_BINS, dtype=np.int64)
         self._busy = np.zeros(_BINS, dtype=np.int64)
         self._latest = 0.0
+        self._last_tick = -1
         self.ticks = 0
         self.skipped = 0
         self.reason = 0  # of the last row: rig.realtime.safety.Reason
 
     def add(self, block: bytes) -> None:
-        """Count the rows of a block."""
-        floats = np.frombuffer(block, dtype="<f8").reshape(-1, self._width)
+        """Count the rows of a block; those up to the last tick counted are repeats.
+
+        A logger that is killed between writing rows and moving the tail of the ring leaves rows
+        in its part of the file that the next logger takes from the ring again.
+        """
         whole = np.frombuffer(block, dtype="<i8").reshape(-1, self._width)
-        self.ticks += len(floats)
+        whole = whole[whole[:, 0] > self._last_tick]  # the first field of a row is its tick
+        if not len(whole):
+            return
+        floats = whole.view("<f8")
+        self._last_tick = int(whole[-1, 0])
+        self.ticks += len(whole)
         self.skipped = int(whole[-1, self._skipped])
         self.reason = int(whole[-1, self._reason])
         late = floats[:, self._lateness]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import record_files as files
+from mcap.reader import make_reader
 
 from rig.kinds.wavebot import WaveBotRow
 from rig.recording import logger, ring
@@ -39,18 +40,23 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def log_of(place: Path, patience: float = 0.1) -> Log:
+def logged_rows() -> Any:
+    """The rows of a loop that ended well."""
+    block = files.rows(COUNT)
+    block["safety.reason"] = block["timing.skipped"] = 0
+    return block
+
+
+def log_of(place: Path, patience: float = 0.1, part: str = "run.mcap.part0") -> Log:
     """A logger at a ring whose loop has ended."""
     fd = ring.create(WaveBotRow, 4096)
     writer = ring.Writer(fd, WaveBotRow, wait=False)
     writer.start(files.START)
-    block = files.rows(COUNT)
-    block["safety.reason"] = block["timing.skipped"] = 0
-    for row in block:
+    for row in logged_rows():
         writer.put(tuple_of(row))
     writer.finish()
     attached = ("config.json", "privileges.json")
-    job = Job("wavebot", fd, os.getppid(), str(place), "run.mcap.part0", attached, "a",
+    job = Job("wavebot", fd, os.getppid(), str(place), part, attached, "a",
               "rehearsal", "virtual", 1000.0, patience)  # fmt: skip
     return Log(job)
 
@@ -193,3 +199,13 @@ def test_the_rescued_part_is_the_one_that_is_held(tmp_path: Path) -> None:
     saved = where.settle()
     assert (saved / "run.mcap.part0").read_bytes() == b"begun, and all that followed"
     where.close()
+
+
+def test_rows_that_a_killed_logger_wrote_but_did_not_commit_count_once(place: Path) -> None:
+    """The ring still has the rows of the earlier part: its logger died before it moved the tail."""
+    files.write(place / "run.mcap.part0", logged_rows()[: COUNT // 2], finish=False)
+    assert log_of(place, part="run.mcap.part1").run() == 0
+    with (place / "run.mcap.part1").open("rb") as file:
+        written = {each.name: each.data for each in make_reader(file).iter_attachments()}
+    for name in ("timing.json", "status.json"):
+        assert json.loads(written[name])["ticks"] == COUNT

@@ -14,7 +14,7 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
 from rig.planning.campaign import check
 from rig.sweep.executors import cores
-from rig.sweep.subject import Subject
+from rig.sweep.simulation import Subject
 
 TIMES_REAL = 2000.0
 LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0

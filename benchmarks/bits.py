@@ -17,7 +17,7 @@ from rig.analysis.rows import POWERS, row_table
 from rig.analysis.windows import windows
 from rig.planning.campaign import check
 from rig.recording.runs import reader
-from rig.sweep.subject import KEPT, Subject
+from rig.sweep.simulation import KEPT, Subject
 
 WHOLE, SHORT = "default.yaml", "quick.yaml"
 MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)

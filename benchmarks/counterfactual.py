@@ -20,8 +20,9 @@ from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, open_campaign, plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep.cases import alone
-from rig.sweep.counterfactual import FORCES, Measured, foretold
-from rig.sweep.subject import Subject
+from rig.sweep.counterfactual import FORCES, Measured
+from rig.sweep.counterfactual import rows as foretold
+from rig.sweep.simulation import Subject
 
 LEAD_IN = 15.0  # s
 WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: what a prediction may be off by

@@ -10,7 +10,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from benchmarks.support.result import Figure, Result, figure
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.execution.campaign import carry_out, rehearsal
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation

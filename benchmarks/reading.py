@@ -17,8 +17,8 @@ from benchmarks.support.recorded import ROOT, campaign_file
 from benchmarks.support.result import Result, figure, ratios
 from rig.kinds.wavebot import KIND
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_form import TOPIC
 from rig.recording.row_layout import CDR_HEADER, leaves
+from rig.recording.row_schema import TOPIC
 from rig.recording.runs import mcap_file, open_run
 
 SECONDS, MEMORY_MB = 5.0, 400.0

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduced
 from rig.design.recommend import report
-from rig.design.recommend.advice import Advice, Asked, advise
+from rig.design.recommend.recommendation import Advice, Asked, advise
 from rig.design.recommend.trial import Gains
 from rig.execution.campaign import carry_out, rehearsal
 from rig.planning.campaign import check, open_campaign, plan
@@ -26,7 +26,7 @@ from rig.planning.campaign.point import Point
 from rig.planning.campaign.stability import largest_ki
 from rig.planning.campaign.windows import repeat_period, windows
 from rig.sweep.cases import alone
-from rig.sweep.subject import Subject
+from rig.sweep.simulation import Subject
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from sim_plant import wavebot
+from sim_plant.signals import Actuation, Readings
 from sim_plant.units import Metre, MetrePerSecond, Newton, Second
 from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
-from sim_plant.words import Actuation, Readings
 
 
 class Start(NamedTuple):

@@ -23,10 +23,10 @@ from sim_plant.electrics import ElectricsParams, ElectricsState
 from sim_plant.magnetic_spring import SpringParams, StatorState
 from sim_plant.pto import PtoParams
 from sim_plant.sensors import SensorParams
+from sim_plant.signals import Actuation, Readings
 from sim_plant.stator_force import StatorForceParams
 from sim_plant.surge import SurgeParams, SurgeState
 from sim_plant.units import Flag, Metre, MetrePerSecond, Newton, Percent, Second
-from sim_plant.words import Actuation, Readings
 
 
 class WaveBotParams(NamedTuple):

@@ -17,6 +17,7 @@ from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
 from sim_plant.prescribed import Profile, taken_up
 from sim_plant.sensors import NORMALS
+from sim_plant.signals import OFF, Actuation, Readings
 from sim_plant.stepper import Start, Stepper
 from sim_plant.surge import SurgeState
 from sim_plant.units import (
@@ -29,7 +30,6 @@ from sim_plant.units import (
 )
 from sim_plant.wavebot import FREE, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 from sim_plant.waves import Sea
-from sim_plant.words import OFF, Actuation, Readings
 
 __all__ = ["OFF", "Actuation", "DriveSettings", "Readings", "Stepper", "Truth", "World"]
 

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from rig.analysis.session.read import Point, Session
-from rig.config.source import load_mapping
+from rig.analysis.session.points import Point, Session
+from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.compiled_bench import CompiledStepper
 from rig.recording.runs.folder import Facts
 from rig.recording.runs.state import RecordState

@@ -10,7 +10,7 @@ else: a loop that hangs falls silent, and every drive that watches it stops by i
 from collections.abc import Iterable, Mapping
 from typing import Protocol
 
-from drivers.canopen import answers, heartbeat
+from drivers.canopen import heartbeat, sync_count
 from drivers.canopen.link import Frame
 
 SYNC = 0x080
@@ -61,12 +61,12 @@ class BusCycle:
         self._takers = {
             cob_id: (node, each) for node in nodes for cob_id, each in node.each_sync.items()
         }
-        self._answers = dict.fromkeys(self._takers, answers.start())
+        self._answers = dict.fromkeys(self._takers, sync_count.start())
         self._beat_id = heartbeat.BASE + own_node
         self._beat = heartbeat.encode(heartbeat.Nmt.OPERATIONAL)
         self._every = beat
         self._beaten = self._synced = _NEVER  # s, when last sent
-        self._moments = [_NEVER] * answers.OPEN  # s, of the last SYNCs, by their number
+        self._moments = [_NEVER] * sync_count.OPEN  # s, of the last SYNCs, by their number
         self._syncs = 0  # sent so far: the number of the last one
         self._answered = 0  # number of the SYNC that the newest frame to come may answer
         self.strange = 0  # frames that nobody here takes
@@ -94,16 +94,16 @@ class BusCycle:
             taker, each = found
             number = latest
             if each > 0:
-                one = self._answers[cob_id] = answers.take(self._answers[cob_id], each, latest)
+                one = self._answers[cob_id] = sync_count.take(self._answers[cob_id], each, latest)
                 number = one.answered
             taker.take(cob_id, data, self._moment(number))
         return self._line.now()
 
     def _moment(self, number: int) -> float:
         """When (s) the SYNC of this number was sent; very long ago if nobody knows any more."""
-        if number == 0 or self._syncs - number >= answers.OPEN:
+        if number == 0 or self._syncs - number >= sync_count.OPEN:
             return _NEVER
-        return self._moments[number % answers.OPEN]
+        return self._moments[number % sync_count.OPEN]
 
     def send(self, frames: Iterable[tuple[int, bytes]]) -> None:
         """Commands, then the SYNC on which they act."""
@@ -115,7 +115,7 @@ class BusCycle:
         if synced:
             self._synced = now
             self._syncs += 1
-            self._moments[self._syncs % answers.OPEN] = now
+            self._moments[self._syncs % sync_count.OPEN] = now
         if now - self._beaten >= self._every and send(self._beat_id, self._beat):
             self._beaten = now
 

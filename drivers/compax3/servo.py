@@ -16,7 +16,7 @@ import math
 from drivers.compax3 import objects
 from drivers.compax3.codec import NO_ADDRESS, Kind, Record, refusal
 from drivers.compax3.requests import Requests
-from drivers.compax3.servo_words import NOT_READ, Phase, Reading, Settings
+from drivers.compax3.servo_signals import NOT_READ, Phase, Reading, Settings
 from drivers.errors import CodecError
 
 _NEVER = -1e9  # s, before any clock began

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import xarray
 
-from rig.analysis import words
+from rig.analysis import phrases
 from rig.analysis.rows import CUT_SHORT, INCOMPLETE
 from rig.recording.runs.folder import Facts
 
@@ -55,7 +55,8 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
         bound = 1e3 * table.attrs["mean_position_alarm_m"]
         found.append(
             f"{called} beyond {bound:g} mm in {row_list(rows[off])}: "
-            f"{words.signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; check the encoder zero"
+            f"{phrases.signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; "
+            "check the encoder zero"
         )
     found += _flagged(table, "limits", "force limited ({})")
     found += _flagged(table, "warned", "warning ({})")

@@ -12,7 +12,7 @@ import numpy as np
 import xarray
 from matplotlib.axes import Axes
 
-from rig.analysis import labels, picture, words
+from rig.analysis import labels, phrases, picture
 from rig.analysis.picture import INK, MARK, SOFT
 from rig.analysis.points import Matrix, row_settings, varied
 from rig.analysis.rows import COMPLETE
@@ -105,7 +105,7 @@ def _power(axes: Axes, table: xarray.Dataset, places: list[int], kind: str) -> N
     style: dict[str, Any] = {"fmt": "none", "ecolor": INK, "elinewidth": 0.9, "capsize": 2.0}
     axes.errorbar(known, power[known], yerr=errors[known], **style)
     axes.axhline(0.0, color=INK, lw=0.8)
-    axes.set_ylabel(f"{words.SHORT_NAMES[kind]}, W", fontsize=8)
+    axes.set_ylabel(f"{phrases.SHORT_NAMES[kind]}, W", fontsize=8)
 
 
 def _set(axes: Axes, column: Column, values: Any) -> None:
@@ -135,7 +135,7 @@ def _mark_best(stack: list[Axes], table: xarray.Dataset, places: list[int]) -> N
         bar.set_linewidth(1.6)
         axes.axvspan(best - 0.5, best + 0.5, color=MARK, alpha=0.13, lw=0, zorder=0)
     row = places[best]
-    value = words.watts(float(power[best]), float(table["power_dc_se"].values[row]))
+    value = phrases.watts(float(power[best]), float(table["power_dc_se"].values[row]))
     middle = 0.5 * len(places)
     side: dict[str, Any] = {"ha": "left" if best < middle else "right", "va": "bottom"}
     stack[0].annotate(

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import xarray
 
-from rig.analysis import labels, words
+from rig.analysis import labels, phrases
 from rig.analysis.alarms import row_list
 from rig.analysis.differences import Difference, differences, sea
 from rig.analysis.matching import TOLERANCES, Held, Matched, Pair, apart, match
@@ -208,4 +208,4 @@ def held_words(held: Held) -> tuple[str, str, str]:
 
 def gap_words(told: Gap) -> str:
     """A difference with its standard error."""
-    return words.watts(told.watts, told.error).removesuffix(" W")
+    return phrases.watts(told.watts, told.error).removesuffix(" W")

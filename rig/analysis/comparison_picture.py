@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 
-from rig.analysis import labels, panel, picture, words
+from rig.analysis import labels, panel, phrases, picture
 from rig.analysis.comparison import Comparison, Gap, gap, gap_words, joint_setting, mean_gap
 from rig.analysis.matching import Pair
 from rig.analysis.mesh import Place, spans_surface
@@ -116,7 +116,7 @@ def _surfaces(body: FigureBase, cuts: dict[str, tuple[Slice, Slice]], both: _Sid
         captions = [panel.caption(each, _ROOM) for each in cuts[kind]]
         lines = panel.lines_of(captions)
         on = panel.scale([*one.values, *other.values])
-        name = words.SHORT_NAMES[kind]
+        name = phrases.SHORT_NAMES[kind]
         for axes, each, letter, text in zip(row, cuts[kind], "AB", captions, strict=False):
             panel.panel(axes, each, on, text)
             said = f"{letter}: {name}"
@@ -190,7 +190,7 @@ def _lines(body: FigureBase, both: _Sides, held: Setting, names: tuple[str, str]
         watts = [each.watts for each in gaps]
         gap_axes.errorbar(x, watts, yerr=errors, fmt=f"D{joined}", color=INK, **style)
         gap_axes.axhline(0.0, color=MARK, lw=1.0)
-        pair_axes.set_ylabel(f"{words.SHORT_NAMES[kind]}, W", fontsize=8)
+        pair_axes.set_ylabel(f"{phrases.SHORT_NAMES[kind]}, W", fontsize=8)
         gap_axes.set_ylabel("B − A, W", fontsize=8)
         mean = gap_words(mean_gap(tuple(both.pairs[n] for n in kept), kind))
         gap_axes.set_title(f"mean {mean} W (negative: B absorbs more)", fontsize=8, color=MARK)

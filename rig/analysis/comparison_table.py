@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rig.analysis import labels, words
+from rig.analysis import labels, phrases
 from rig.analysis.comparison import (
     KINDS,
     Comparison,
@@ -29,7 +29,7 @@ def as_text(told: Comparison) -> str:
     """The comparison for a terminal: what differs first, then power."""
     lines = []
     for name, side in (("A", told.a), ("B", told.b)):
-        stamp = words.rung_stamp(side.rung)
+        stamp = phrases.rung_stamp(side.rung)
         lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
         lines.append(
             f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}"
@@ -91,18 +91,18 @@ def _means(told: Comparison) -> list[str]:
         tops = (best(pairs, kind, side) for side in (0, 1))
         cells = "".join(f"{_power(top, kind):>18}" for top in tops)
         mean = gap_words(mean_gap(pairs, kind))
-        lines.append(f"  {words.POWER_NAMES[kind]:<32}{mean:>16}{cells}")
+        lines.append(f"  {phrases.POWER_NAMES[kind]:<32}{mean:>16}{cells}")
     return lines
 
 
 def _power(point: Point | None, kind: str) -> str:
     if point is None:
         return "-"
-    return words.watts(point.power[kind], point.error[kind]).removesuffix(" W")
+    return phrases.watts(point.power[kind], point.error[kind]).removesuffix(" W")
 
 
 def _points(told: Comparison) -> list[str]:
-    heads = "".join(f"{words.SHORT_NAMES[kind]:>20}" for kind in KINDS)
+    heads = "".join(f"{phrases.SHORT_NAMES[kind]:>20}" for kind in KINDS)
     title = "Differences by point, W (B - A; negative: B absorbs more)"
     lines = [title, f"  {'':<8}{heads}   set point"]
     for pair in told.matched.pairs:

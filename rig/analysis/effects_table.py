@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray
 
-from rig.analysis import labels, words
+from rig.analysis import labels, phrases
 from rig.analysis.effects import CONFIDENCE, MISFIT, Effect, Effects, effects
 
 KINDS = ("dc", "ac", "mechanical_1")  # the ranks of the first are those of the page
@@ -29,14 +29,14 @@ def watts(value: float, half: float) -> str:
     """An effect with the half width of its interval."""
     if not np.isfinite(value):
         return "confounded"
-    return words.watts(value, half).removesuffix(" W")
+    return phrases.watts(value, half).removesuffix(" W")
 
 
 def notes(told: Effects) -> list[str]:
     """What the intervals are, what the lines leave, and whether the first is surely the first."""
     percent = f"{100.0 * CONFIDENCE:g} %"
     dofs = [each.dof for each in told.effects if np.isfinite(each.dof)]
-    name = words.SHORT_NAMES[told.kind]
+    name = phrases.SHORT_NAMES[told.kind]
     if told.source == MISFIT:
         said = [f"± is the {percent} interval by what straight lines leave ({told.misfit_dof} dof)"]
     else:
@@ -82,7 +82,7 @@ def as_text(told: tuple[Effects, ...]) -> list[str]:
         return []
     first = told[0]
     by_name = [{e.column.name: e for e in each.effects} for each in told]
-    heads = [f"{words.SHORT_NAMES[each.kind]}, W" for each in told]
+    heads = [f"{phrases.SHORT_NAMES[each.kind]}, W" for each in told]
     lines = [
         "Main effects (change of power over the range of a column; negative absorbs more)",
         f"  {'':<20} {'range':<24}" + "".join(f"{head:>20}" for head in heads),

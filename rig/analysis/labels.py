@@ -1,6 +1,6 @@
 """How the columns of a gain matrix are written on axes, in captions and in tables."""
 
-from rig.analysis.words import signed
+from rig.analysis.phrases import signed
 from rig.config.columns import COLUMNS, Column
 
 BY_NAME = {column.name: column for column in COLUMNS}

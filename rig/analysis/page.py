@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from rig.analysis import effects_table, picture, surfaces, words
-from rig.analysis.stopped import ENDINGS
+from rig.analysis import effects_table, phrases, picture, surfaces
+from rig.analysis.stop_reason import ENDINGS
 from rig.analysis.summary import Summary
 
 A4 = (8.27, 11.69)  # inches, portrait
@@ -123,12 +123,12 @@ def _table(figure: Figure, summary: Summary, top: float) -> float:
             rule = y + 0.0028
             figure.add_artist(Line2D((_LEFT, _RIGHT), (rule, rule), color="#cfd6dc", lw=0.7))
         cells = (
-            words.POWER_NAMES[o.kind] if o.kind != last else "",
-            words.watts(o.power, o.error),
-            words.signed(o.point.spring_rate),
-            words.signed(o.point.stator),
-            words.signed(o.point.kp),
-            words.signed(o.point.ki),
+            phrases.POWER_NAMES[o.kind] if o.kind != last else "",
+            phrases.watts(o.power, o.error),
+            phrases.signed(o.point.spring_rate),
+            phrases.signed(o.point.stator),
+            phrases.signed(o.point.kp),
+            phrases.signed(o.point.ki),
             o.doubt,
         )
         for i, (x, cell, side) in enumerate(zip(places, cells, sides, strict=True)):
@@ -162,7 +162,7 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
         figure.text(_LEFT, top, "Main effects: see summary.txt", fontsize=8.5, va="top")
         return top - 0.02
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
-    stations = [f"{words.SHORT_NAMES[each.kind]}, W" for each in told]
+    stations = [f"{phrases.SHORT_NAMES[each.kind]}, W" for each in told]
     heads = ["rank, column", "from .. to", *stations]
     places = [_LEFT, 0.30, 0.60, 0.77, 0.94][: len(heads)]
     sides = ["left", "left", *["right"] * len(stations)]

@@ -18,7 +18,7 @@ from matplotlib.figure import FigureBase
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
-from rig.analysis import labels, words
+from rig.analysis import labels, phrases
 from rig.analysis.mesh import Place, spans_surface, triangulation
 from rig.analysis.picture import INK, MARK, ZERO, quiet
 from rig.analysis.points import Point
@@ -138,7 +138,7 @@ def scattered(axes: Axes, of: Slice, on: Scale) -> None:
         mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
         at = labels.settings({c.name: here[c.name] for c in (of.y, of.x)})
         axes.set_title(
-            f"{words.watts(of.best.power, of.best.error)} at {at}\n"
+            f"{phrases.watts(of.best.power, of.best.error)} at {at}\n"
             f"all {len(of.points)} points, their other columns differ: nothing is interpolated",
             fontsize=7.5,
             color=MARK,
@@ -164,7 +164,7 @@ def caption(of: Slice, room: float, *, compact: bool = False, sliced: bool = Fal
     best = of.best
     if best is None:
         return ""
-    text = words.watts(best.power, best.error)
+    text = phrases.watts(best.power, best.error)
     if not compact:
         axes = (of.y, of.x)
         where = (f"{c.label} {_brief(c, best.point.setting[c.name])}" for c in axes)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Rectangle
 from matplotlib.textpath import TextPath
 
-from rig.analysis import words
+from rig.analysis import phrases
 
 INK, SOFT, MARK, ZERO = "#22303c", "#66727d", "#d1495b", "#ffb703"
 FRAME, TICK = "#b8c0c7", "#8a949d"
@@ -54,7 +54,7 @@ def framed(
     write(0.02, 0.21, title, fontsize=size, fontweight="bold", color=INK)
     for i, line in enumerate(lines):
         write(0.02, (0.66 if own_line else 0.46) + 0.2 * i, line, fontsize=8.5, color=SOFT)
-    stamp = words.rung_stamp(str(attributes.get("rung", "")))
+    stamp = phrases.rung_stamp(str(attributes.get("rung", "")))
     write(0.98, 0.19, stamp, fontsize=9, fontweight="bold", color=MARK, ha="right")
     write(0.98, 0.46, told, fontsize=8, color=INK, ha="right")
     if calls:

@@ -18,7 +18,7 @@ from rig.analysis.rows_file import write_rows
 from rig.analysis.spring_map import result
 from rig.analysis.spring_map.files import write_map
 from rig.analysis.spring_map.pictures import write_pictures
-from rig.analysis.stopped import stop_of
+from rig.analysis.stop_reason import stop_of
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
 from rig.recording.calibration import Known

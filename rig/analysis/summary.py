@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.analysis import effects_table, labels, words
+from rig.analysis import effects_table, labels, phrases
 from rig.analysis.alarms import alarms
 from rig.analysis.effects import Effects, is_designed
 from rig.analysis.points import Setting, matrix, scatter_of, varied
 from rig.analysis.rows import COMPLETE
 from rig.analysis.slices import LEAST_RELIEF, Optimum, optima
-from rig.analysis.stopped import NO_STOP, LostTicks, Stop, ending_of
+from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, ending_of
 from rig.config.columns import ALWAYS
 from rig.recording.runs.folder import Facts
 from rig.recording.runs.state import RecordState
@@ -143,12 +143,12 @@ def summarise(
         run=known.run,
         campaign=known.campaign or "not recorded",
         rung=known.rung,
-        stamp=words.rung_stamp(known.rung),
+        stamp=phrases.rung_stamp(known.rung),
         sea=_sea(known.plan),
         rig=_name(known.config, "rig") or "not recorded",
         host=str(known.host.get("hostname") or known.host.get("name") or "not recorded"),
-        started_utc=words.utc(known.started_utc) or "not recorded",
-        ended_utc=words.utc(str(known.status.get("ended_utc") or "not recorded")),
+        started_utc=phrases.utc(known.started_utc) or "not recorded",
+        ended_utc=phrases.utc(str(known.status.get("ended_utc") or "not recorded")),
         code=_code(known.code),
         calibration=str(table.attrs.get("calibration", "")),
         ending=ending.title,
@@ -236,9 +236,9 @@ def _best(summary: Summary) -> list[str]:
     lines = [f"Best points (negative is absorbed, positive consumed{summary.errors_words})"]
     for o in summary.optima:
         lines.append(
-            f"  {words.POWER_NAMES[o.kind]:<32} {words.watts(o.power, o.error):>16}"
-            f"   Kp {words.signed(o.point.kp):>6}  Ki {words.signed(o.point.ki):>6}"
-            f"   {words.spring_words(o.point.spring_rate, o.point.stator)}"
+            f"  {phrases.POWER_NAMES[o.kind]:<32} {phrases.watts(o.power, o.error):>16}"
+            f"   Kp {phrases.signed(o.point.kp):>6}  Ki {phrases.signed(o.point.ki):>6}"
+            f"   {phrases.spring_words(o.point.spring_rate, o.point.stator)}"
             + (f"   {o.doubt}" if o.doubt else "")
         )
         if further := summary.further_words(o):

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from rig.analysis import picture, words
+from rig.analysis import phrases, picture
 from rig.realtime.sequence import Phase
 from rig.recording.runs import reader
 from rig.recording.runs.folder import facts
@@ -159,7 +159,7 @@ def write_traces(
     axes_of[-1].set_xlabel("time from run start, s")
     figure.align_ylabels(list(axes_of))
     known = facts(run, source.contents)
-    stamp = words.rung_stamp(known.rung)
+    stamp = phrases.rung_stamp(known.rung)
     figure.suptitle(
         f"{known.campaign or 'campaign unknown'}, run {known.run}   [{stamp}]",
         fontsize=10,

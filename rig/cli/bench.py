@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig import cli
-from rig.cli.ending import exit_code, in_words, tell_folder
-from rig.cli.failure import fail
+from rig.cli.command_error import fail
+from rig.cli.run_end import exit_code, in_words, tell_folder
 from rig.cli.session_progress import SessionProgress
 from rig.execution.hardware.job import WiringError
 from rig.execution.rehearsal.bench_job import problems_of_session
@@ -17,7 +17,7 @@ from rig.planning.session import Session, SessionReport, check_session
 from rig.recording.runs import RunError, create
 
 if TYPE_CHECKING:
-    from rig.analysis.stopped import LostTicks
+    from rig.analysis.stop_reason import LostTicks
 
 
 class Wanted(NamedTuple):
@@ -127,7 +127,7 @@ def _rows_done(ended: Ended, planned: int) -> int:
 
 def _lost_ticks(ended: Ended) -> "LostTicks | None":
     """What the host lost before the rig tripped, where that may be the cause."""
-    from rig.analysis.stopped import stop_of
+    from rig.analysis.stop_reason import stop_of
 
     try:
         return stop_of(ended.folder, {"status": ended.outcome.status}).lost
@@ -136,7 +136,7 @@ def _lost_ticks(ended: Ended) -> "LostTicks | None":
 
 
 def _tell(ended: Ended, text: str, lost: "LostTicks | None") -> None:
-    from rig.analysis.stopped import ending_of
+    from rig.analysis.stop_reason import ending_of
 
     outcome = ended.outcome
     if text:

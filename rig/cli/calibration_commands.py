@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rig import cli
-from rig.cli.refusal import REFUSED, refuse
+from rig.cli.file_problems import REFUSED, refuse
 from rig.config.problems import number_text
 from rig.interop.legacy.testlog import read_log
 from rig.recording.calibration import (

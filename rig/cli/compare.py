@@ -52,7 +52,7 @@ def main(
     from rig.analysis.comparison_picture import write_comparison
     from rig.analysis.comparison_table import as_json as in_json
     from rig.analysis.comparison_table import as_text, write_csv
-    from rig.cli.failure import fail
+    from rig.cli.command_error import fail
     from rig.cli.find_run import find_run
 
     try:
@@ -79,7 +79,7 @@ def main(
 def _values(given: list[str]) -> dict[str, float]:
     """COLUMN=VALUE words by the column's name."""
     from rig.analysis.labels import column
-    from rig.cli.failure import in_words
+    from rig.cli.command_error import in_words
 
     found = {}
     for words in given:

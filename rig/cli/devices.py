@@ -10,10 +10,10 @@ from rich.console import Group
 
 from rig import cli
 from rig.cli import bench_devices_view
+from rig.cli.command_error import fail
 from rig.cli.console import table_console
 from rig.cli.devices_view import as_dict, drawn, heard_dict, heard_drawn
-from rig.cli.failure import fail
-from rig.cli.refusal import REFUSED, refuse
+from rig.cli.file_problems import REFUSED, refuse
 from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.rig_file import RigFile

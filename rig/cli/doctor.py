@@ -9,7 +9,7 @@ from rich.text import Text
 
 from rig import cli
 from rig.cli.console import table_console
-from rig.cli.refusal import REFUSED, refuse
+from rig.cli.file_problems import REFUSED, refuse
 from rig.config.any_rig_file import load_rig
 from rig.host import Asked, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import PLAIN

@@ -61,8 +61,8 @@ def main(
     as_json: bool,
 ) -> int:
     """Write a run as another tool's file and say which."""
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.recording.runs.folder import facts
 
     remarks: tuple[str, ...] = ()

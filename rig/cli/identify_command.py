@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig import cli
+from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.find_run import find_run
-from rig.cli.refusal import REFUSED, refuse
 
 
 class Wanted(NamedTuple):

@@ -94,7 +94,7 @@ def command(
 
 def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
     """Import a file and say where its run is and what was remarkable about it."""
-    from rig.cli.refusal import REFUSED, refuse
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.interop.basin.merge import Asked as MergeAsked
     from rig.interop.basin.merge import Source, merge
     from rig.interop.basin.products import write

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 from rig import cli
 from rig.cli.calibration_commands import at_of_run, find
-from rig.cli.refusal import REFUSED, refuse
+from rig.cli.file_problems import REFUSED, refuse
 from rig.config.problems import ConfigError, lines_text, number_text
-from rig.interop.legacy import house_signs, mask4, mask4_file, matrix, stepped
+from rig.interop.legacy import mask4, mask4_file, matrix, sign_conventions, stepped
 from rig.interop.legacy.columns import SPRING
 from rig.interop.legacy.matrix import Matrix
 from rig.recording.calibration import corrected
@@ -172,7 +172,7 @@ def _stepped(asked: Asked, said: dict[str, Any]) -> _Read:
         "remarks": got.remarks,
         "matrix": None,
     }
-    missing = house_signs.missing(got.style, said)
+    missing = sign_conventions.missing(got.style, said)
     if missing:
         options = ", ".join(_OPTIONS[name] for name in missing)
         message = (
@@ -183,9 +183,9 @@ def _stepped(asked: Asked, said: dict[str, Any]) -> _Read:
             raise ValueError(f"{got.path}: {message}")
         lines.append(f"signs      {message}")
         return _Read(lines, facts, None, [], [])
-    statement = house_signs.Statement(**said)
-    made = house_signs.converted(got, statement)
-    factor = house_signs.factor(got.style, statement)
+    statement = sign_conventions.Statement(**said)
+    made = sign_conventions.converted(got, statement)
+    factor = sign_conventions.factor(got.style, statement)
     lines.append(f"signs      {statement.words()}, gains times {number_text(factor)}")
     lines.append(f"matrix     {matrix.words(made)}")
     facts |= {"statement": statement._asdict(), "factor": factor, "matrix": made._asdict()}

@@ -71,8 +71,8 @@ def command(
 
 def main(named: Path, told: Told, asked: "Asked", runs: Path, *, as_json: bool) -> int:
     """Merge files into a run and say how their clocks stand to its clock."""
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.interop.basin.align import in_words
     from rig.interop.basin.merge import as_json as in_json
     from rig.interop.basin.merge import merge

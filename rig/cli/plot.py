@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from rig import cli
+from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.find_run import find_calibrations, find_run
-from rig.cli.refusal import REFUSED, refuse
 
 if TYPE_CHECKING:
     import xarray

@@ -52,7 +52,7 @@ def command(
 
     Run it, give its run beside the first one, and the next recommendation knows its rows.
     """
-    from rig.design.recommend.advice import Asked
+    from rig.design.recommend.recommendation import Asked
 
     station = "mechanical_1" if best is For.MECHANICAL else best.value
     asked = Asked(campaign, station, rows, spring, plant, probe, incomplete_rows)  # type: ignore[arg-type]
@@ -70,11 +70,11 @@ def main(
 ) -> int:
     """Recommend, write campaign, JSON, twin and picture, print the tables."""
     from rig import cli
-    from rig.cli import dated
+    from rig.cli import calibration_dates
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.design.recommend import report
-    from rig.design.recommend.advice import Asked, advise
+    from rig.design.recommend.recommendation import Asked, advise
 
     assert isinstance(asked, Asked)
     try:
@@ -89,7 +89,7 @@ def main(
             written.append(write_surfaces(found, folder / "recommendation.png"))
     except REFUSED as error:
         return refuse("recommend", error, as_json=as_json)
-    warnings = dated.warn(found.campaign, quiet=as_json)
+    warnings = calibration_dates.warn(found.campaign, quiet=as_json)
     if as_json:
         written_to = [str(path) for path in written]
         print(json.dumps({**report.as_dict(found), "written": written_to, "warnings": warnings}))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.cli.failure import fail
+from rig.cli.command_error import fail
 from rig.cli.find_run import find_run
 from rig.recording.runs import RunError, create
 from rig.recording.runs.recover import Recovery, recover

@@ -63,8 +63,8 @@ def main(named: Path, runs: Path, *, as_json: bool) -> int:
     """Replay and say what differs; gives the exit code."""
     from rich.console import Console
 
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.execution.replay import replay
 
     console = Console(stderr=True, highlight=False)

@@ -11,8 +11,8 @@ from rich.table import Table
 from rig import cli
 from rig.analysis.rows import COMPLETE
 from rig.cli.console import table_console
+from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.find_run import find_run
-from rig.cli.refusal import REFUSED, refuse
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.cli import failure
+from rig.cli import command_error
 from rig.cli.check import complain, examine
-from rig.cli.ending import exit_code, in_words, tell_folder
-from rig.cli.failure import fail
+from rig.cli.command_error import fail
 from rig.cli.progress import Progress
+from rig.cli.run_end import exit_code, in_words, tell_folder
 from rig.config.problems import Problem
 from rig.execution.campaign import carry_out, rehearsal, wired
 from rig.execution.hardware.job import WiringError
@@ -116,7 +116,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], 
         summary = json.loads((ended.folder / "summary.json").read_text())
         create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
-        said = failure.in_words(error)
+        said = command_error.in_words(error)
         return products, summary, said if products else f"not all products are made: {said}"
     except KeyboardInterrupt:
         again = f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
@@ -125,8 +125,8 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], 
 
 
 def _tell(ended: Ended, summary: dict[str, Any], products: list[Path], trouble: str) -> None:
-    from rig.analysis import words
-    from rig.analysis.stopped import ENDINGS
+    from rig.analysis import phrases
+    from rig.analysis.stop_reason import ENDINGS
 
     text = ended.folder / "summary.txt"
     if text.exists():
@@ -136,6 +136,6 @@ def _tell(ended: Ended, summary: dict[str, Any], products: list[Path], trouble: 
     told = text.exists() and (sys.stdout.isatty() or outcome.status not in ("crashed", "refused"))
     if not told:
         ending = ENDINGS.get(outcome.status, outcome.status)
-        reason = summary.get("reason") or words.reason_words(outcome.reason)
+        reason = summary.get("reason") or phrases.reason_words(outcome.reason)
         print(f"\n{ending}: {reason}.", file=sys.stderr)
     tell_folder(ended, products, trouble)

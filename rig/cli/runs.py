@@ -7,8 +7,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rig import cli
+from rig.cli.command_error import fail
 from rig.cli.console import table_console
-from rig.cli.failure import fail
 from rig.recording.runs import list_runs
 
 _STYLES = {"complete": "green", "stopped": "yellow", "running": "cyan"}

@@ -12,8 +12,8 @@ from rich.text import Text
 from drivers.canopen.bus_settings import Bus
 from drivers.modbus.line import Rtu, Tcp
 from rig import cli
+from rig.cli.command_error import fail
 from rig.cli.console import table_console
-from rig.cli.failure import fail
 from rig.execution.hardware import scan
 from rig.processes.wire_locks import Wire, can_wire, hold, network_wire, serial_wire
 from rig.recording.runs.create import BusyError

@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 from rig import cli
+from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.find_run import find_calibrations, find_run
-from rig.cli.refusal import REFUSED, refuse
 from rig.recording.runs import RunError
 
 
@@ -34,7 +34,7 @@ def main(
 def _session(run: Path, *, as_json: bool) -> int:
     """The results of a session of the bench, its report and calibration file written anew."""
     from rig.analysis.session import analyse
-    from rig.analysis.stopped import ending_of, stop_of
+    from rig.analysis.stop_reason import ending_of, stop_of
     from rig.recording.runs import reader
     from rig.recording.runs.folder import facts
 

@@ -10,15 +10,15 @@ from pathlib import Path
 from types import FrameType
 
 from rig import cli
-from rig.cli.failure import fail
-from rig.cli.refusal import REFUSED, refuse
+from rig.cli.command_error import fail
+from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.sim_view import hanging, show
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.execution.hardware.bench_job import job_of_bench
 from rig.execution.hardware.job import WiringError, job_of
 from rig.execution.rehearsal.addresses import AnyWiring, impossible, taken
-from rig.execution.rehearsal.alone import alone
+from rig.execution.rehearsal.standalone import alone
 from rig.planning.session.files import is_session
 from rig.processes.io_processes import Companion, CompanionError, Companions
 

@@ -53,9 +53,9 @@ def main(
     from rig.analysis.spring_map.files import write_calibration, write_map
     from rig.analysis.spring_map.pictures import write_pictures
     from rig.analysis.spring_map.result import findings, spring_map
-    from rig.cli.failure import fail
+    from rig.cli.command_error import fail
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.recording.runs import RunError
 
     try:

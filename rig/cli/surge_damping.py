@@ -51,8 +51,8 @@ def main(
     from rig import cli
     from rig.analysis import surge_damping
     from rig.analysis.surge_damping_picture import write_picture
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.recording.runs import RunError
     from rig.recording.runs.folder import facts
 

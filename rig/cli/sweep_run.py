@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig import cli
-from rig.analysis.words import POWER_NAMES, watts
-from rig.cli import dated
-from rig.cli.failure import fail, in_words
+from rig.analysis.phrases import POWER_NAMES, watts
+from rig.cli import calibration_dates
+from rig.cli.command_error import fail, in_words
+from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.find_run import find_run
-from rig.cli.refusal import REFUSED, refuse
 from rig.cli.sweep_progress import SweepProgress
 from rig.recording.runs import RunError, facts
 from rig.recording.runs.create import BusyError
-from rig.sweep import executors, made, sweep
+from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
 from rig.sweep.journal import NAME as CASES
 from rig.sweep.result import FAILED
@@ -60,7 +60,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     except (*REFUSED, RunError) as error:
         return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
-    warnings = dated.warn(opened.campaign, quiet=as_json, swept=opened.swept)
+    warnings = calibration_dates.warn(opened.campaign, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, wanted)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
     out, table = wanted.out or opened.folder / sweep.RESULT, None
@@ -70,7 +70,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
             if damaged and not as_json:
                 print(f"{damaged} bytes of {opened.folder}/{CASES} are no whole cases and are left "
                       "out", file=sys.stderr)  # fmt: skip
-            told = made.again(opened.folder, out) if not (left or measured) else None
+            told = result_cache.again(opened.folder, out) if not (left or measured) else None
             if told is not None:
                 view.begin(len(opened.cases))
             else:
@@ -91,7 +91,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
         try:
             pictures = _draw(table, opened.folder, measured, quiet=as_json)
             told = _told(opened.folder, out, pictures, table)
-            made.note(opened.folder, out, measured, [out, *pictures], told)
+            result_cache.note(opened.folder, out, measured, [out, *pictures], told)
         except KeyboardInterrupt:
             return _interrupted(opened.folder, as_json=as_json)
         except (*REFUSED, RunError) as error:
@@ -125,7 +125,7 @@ def _compile(opened: sweep.Sweep) -> None:
         print(_COMPILING, file=sys.stderr, flush=True)
 
     from rig.sweep import compiled  # numba
-    from rig.sweep.subject import KEPT
+    from rig.sweep.simulation import KEPT
 
     late = Timer(_SURELY_COMPILING, say)  # a law of another shape is compiled, too
     late.daemon = True

@@ -35,7 +35,7 @@ def command(
 
 def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> int:
     """Print a log or one run of it; spring rates also as the newest calibration reads them."""
-    from rig.cli.refusal import REFUSED, refuse
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.interop.legacy.testlog import read_log
 
     try:

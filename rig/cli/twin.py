@@ -48,8 +48,8 @@ def main(
 ) -> int:
     """Identify, write the twin, say what it is made of."""
     from rig import cli
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.identification.twin import plant_file
     from rig.identification.twin.estimate import twin
 

@@ -39,8 +39,8 @@ def main(
 ) -> int:
     """Identify, draw, say which files."""
     from rig import cli
+    from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
-    from rig.cli.refusal import REFUSED, refuse
     from rig.design.twoport.measured import Steps, measured, write_pictures
     from rig.identification.identify import identify
     from rig.identification.twin.records import read

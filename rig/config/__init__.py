@@ -6,9 +6,9 @@ Every problem of every file is told at once, with file, line, key and allowed ra
 from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem
+from rig.config.pydantic_errors import load, problems_from, validate
 from rig.config.rig_file import RigFile
-from rig.config.source import Locate, Place, load_mapping
-from rig.config.translate import load, problems_from, validate
+from rig.config.yaml_source import Locate, Place, load_mapping
 
 __all__ = [
     "CampaignFile",

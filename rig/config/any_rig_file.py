@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from rig.config.bench_rig_file import BenchRigFile
+from rig.config.pydantic_errors import validate
 from rig.config.rig_file import RigFile
-from rig.config.source import Locate, load_mapping
-from rig.config.translate import validate
+from rig.config.yaml_source import Locate, load_mapping
 
 AnyRigFile = RigFile | BenchRigFile
 

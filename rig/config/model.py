@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from rig.config.source import KeyPath
+from rig.config.yaml_source import KeyPath
 
 RULE = "rule"  # type of the errors raised here; the translator takes their text as it is
 

@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from rig.config.model import Reason
 from rig.config.problems import number_text
-from rig.config.source import KeyPath
+from rig.config.yaml_source import KeyPath
 
 _UNITS = {
     "a": "A", "c": "C", "counts": "counts", "deg": "deg", "f": "F", "h": "H", "hz": "Hz",

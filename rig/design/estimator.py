@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers import estimator
-from rig.sweep.cache import cache_root, write
+from rig.sweep.cache_folder import cache_root, write
 
 _SETTLED = 1e-12  # relative change of the gain in one step
 _MOST_STEPS = 200_000

@@ -18,10 +18,10 @@ from rig.kinds import oswec_bench
 from rig.kinds.wavebot import KIND, Sense
 from rig.kinds.wavebot.build import wavebot_params
 from rig.planning.campaign import Plan, plan
-from rig.planning.campaign.logged import Logged, campaign_as_logged
+from rig.planning.campaign.recorded import Logged, campaign_as_logged
 from rig.planning.session.assemble import bench_params
-from rig.planning.session.logged import session_as_logged
 from rig.planning.session.plan import plan_session
+from rig.planning.session.recorded import session_as_logged
 from rig.realtime import cycle, safety
 from rig.recording import row_layout
 from rig.recording.runs import RunError, facts, reader

@@ -16,8 +16,8 @@ from rig.processes.run_types import Outcome, Setup, Snapshot
 from rig.processes.supervisor import Run
 from rig.processes.wire_locks import REALTIME_PLACE, Wire
 from rig.realtime import cycle, safety
-from rig.recording import process, provenance
-from rig.recording.place import PROGRESS
+from rig.recording import process_identity, provenance
+from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import Joined, RunError, create, join, reader
 from rig.recording.runs.folder import MCAP, STATUS, parts
 
@@ -212,7 +212,7 @@ def _status(folder: Path, task: Task, started: datetime, rung: Rung) -> dict[str
         "rows_planned": task.rows,
         "started_utc": started.isoformat(),
         "pid": os.getpid(),
-        "pid_started": process.started(os.getpid()),
+        "pid_started": process_identity.started(os.getpid()),
     }
 
 

@@ -5,7 +5,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.execution.hardware.reach import owner
+from rig.execution.hardware.wire_check import owner
 
 
 class Verdict(StrEnum):

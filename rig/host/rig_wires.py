@@ -10,7 +10,7 @@ from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.bench_wiring import BenchWiring
 from rig.config.wiring import RtuLine, TcpLine, Wiring
-from rig.execution.hardware import reach
+from rig.execution.hardware import wire_check
 from rig.execution.hardware.bench_job import job_of_bench
 from rig.execution.hardware.job import WiringError, job_of
 from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidding
@@ -88,7 +88,7 @@ def _backend(where: str, interface: str) -> Finding:
 def _can(host: Host, bus: Bus) -> _Wire:
     value = f"{bus.interface} {bus.channel}"
     if bus.interface == "socketcan":
-        trouble = reach.network_trouble(bus.channel, host.root)
+        trouble = wire_check.network_trouble(bus.channel, host.root)
         advice = (
             f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
             "no such interface, see that the adapter is plugged in and its driver loaded"
@@ -97,7 +97,7 @@ def _can(host: Host, bus: Bus) -> _Wire:
     if bus.interface == "socketcand":
         at = str(dict(bus.options).get("host", "127.0.0.1"))
         wire = can_wire(bus.interface, bus.channel, dict(bus.options))
-        trouble, used = _tried(wire, lambda: reach.bus_trouble(bus))
+        trouble, used = _tried(wire, lambda: wire_check.bus_trouble(bus))
         limit, advice = "somebody listens there", "start socketcand there"
         return _Wire("CAN bus", value + used, trouble, limit, advice, _loopback(at))
     limit = "shown only when it is opened: `rig scan can`"
@@ -108,7 +108,7 @@ def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _Wire:
     what = f"line {name}"
     if isinstance(line, TcpLine):
         wire = network_wire(what, "tcp", line.host, line.port)
-        trouble, used = _tried(wire, lambda: reach.tcp_trouble(line.host, line.port))
+        trouble, used = _tried(wire, lambda: wire_check.tcp_trouble(line.host, line.port))
         advice = "is it switched on, is its address right, is this host in its network?"
         value, limit = f"{line.host}:{line.port}{used}", "somebody listens there"
         return _Wire(what, value, trouble, limit, advice, _loopback(line.host))
@@ -128,7 +128,7 @@ def _tried(wire: Wire, look: Callable[[], str]) -> tuple[str, str]:
 
 
 def _port(what: str, port: str) -> _Wire:
-    trouble = reach.port_trouble(port)
+    trouble = wire_check.port_trouble(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
     emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
     return _Wire(what, port, trouble, "there, and this user may open it", advice, emulated)

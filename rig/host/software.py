@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from rig.host.finding import BOTH, REALTIME, Finding, Verdict, forbidding, graded
-from rig.sweep.cache import cache_root
+from rig.sweep.cache_folder import cache_root
 
 AREA = "software"
 DISTRIBUTION = "wec-rig"

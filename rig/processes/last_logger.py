@@ -16,7 +16,7 @@ from typing import Any
 
 from rig.realtime.loop import End
 from rig.realtime.safety import Reason
-from rig.recording.place import folder_now, note_progress, rescued
+from rig.recording.folder_watch import folder_now, note_progress, rescued
 from rig.recording.ring import Writer, consumed
 
 STUCK = 3.0  # s without a row saved after which a logger is started

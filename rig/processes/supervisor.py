@@ -29,7 +29,7 @@ from rig.realtime import safety
 from rig.realtime.safety import Reason
 from rig.recording import logger as log_process
 from rig.recording import ring
-from rig.recording.place import Whereabouts, leads_to, note_progress
+from rig.recording.folder_watch import Whereabouts, leads_to, note_progress
 from rig.recording.row_layout import layout, leaves
 from rig.recording.runs.create import ending, write_json
 from rig.recording.runs.folder import MCAP

@@ -4,7 +4,7 @@ Rows count as safe only when they are flushed; only then does the ring's tail mo
 logger loses nothing: the next one goes on from the tail in a new part of the file. Trouble with
 the disk is said on standard output and retried; it never reaches the loop. At every flush it is
 looked whether the file is still where it belongs; if not, it is written on where its folder went,
-or, when it was deleted, in a rescue folder (`rig.recording.place`).
+or, when it was deleted, in a rescue folder (`rig.recording.folder_watch`).
 """
 
 import errno
@@ -23,8 +23,8 @@ from numpy.lib.recfunctions import repack_fields
 from rig.kinds import KINDS
 from rig.processes import handover
 from rig.realtime.safety import Reason
+from rig.recording.folder_watch import folder_now, held_folder, leads_to, rescued
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.place import folder_now, held_folder, leads_to, rescued
 from rig.recording.ring import Producer, Reader, consume
 from rig.recording.runs import RunError, mcap_file
 from rig.recording.runs.create import ending

@@ -26,7 +26,7 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
 from rig.recording import row_layout
-from rig.recording.row_form import (
+from rig.recording.row_schema import (
     CHANNEL_ID,
     CHECK,
     CLOCK,

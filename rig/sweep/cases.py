@@ -17,10 +17,10 @@ from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, Plan, plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep import InterruptedWalkError
-from rig.sweep.overs import Chosen, Files, Over
+from rig.sweep.parameters import Chosen, Files, Over
 
 if TYPE_CHECKING:
-    from rig.sweep.subject import Subject, Walk
+    from rig.sweep.simulation import Subject, Walk
 
 _KEPT_OPEN = 4  # variants whose tables are held at a time: memory does not grow with their number
 LEAD_IN = 15.0
@@ -128,7 +128,7 @@ class Cases:
         return Outcome(case.number, tuple(rows), walk.seconds, "")
 
     def _open(self, variant: int) -> _Variant:
-        from rig.sweep.subject import Subject  # noqa: PLC0415 - numba; who runs nothing waits not
+        from rig.sweep.simulation import Subject  # noqa: PLC0415 - numba; who runs nothing waits not
 
         campaign = self._files.opened(self.chosen(variant))
         planned = plan(campaign.file, campaign.rig, campaign.points)

@@ -22,23 +22,23 @@ from controllers import (
     signals,
     station_keeping,
 )
-from rig.execution.rehearsal.compiled import LIFTED as PLANT
+from rig.execution.rehearsal.compiled_plant import LIFTED as PLANT
+from rig.kinds.wavebot import signals as wavebot_words
 from rig.kinds.wavebot import tare
-from rig.kinds.wavebot import words as wavebot_words
 from rig.realtime import average, axis, cycle, limits, power, safety, sequence
 from rig.realtime.loop import LINGER
 from rig.realtime.sequence import MEASURE
-from rig.sweep import column, lifting, noise, pages, wires
+from rig.sweep import column, lifting, noise, pages, plant_coupling
 from rig.sweep.pages import TICKS
+from sim_plant import signals as plant_words
 from sim_plant import wave_maker
-from sim_plant import words as plant_words
 
 _CONTROL: tuple[ModuleType, ...] = (
     biquads, blocks, drive_gating, estimator, impedance, magnetic_spring, open_loop, position_hold,
     station_keeping, average, axis, limits, power, safety, sequence, tare,
     *(sys.modules[f"rig.kinds.wavebot.{name}"] for name in ("check", "kind", "state", "stations")),
 )  # fmt: skip
-LIFTED = (*_CONTROL, *PLANT, wave_maker, wires, pages, cycle)
+LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
 BESIDE = (signals, wavebot_words, plant_words, column, noise)
 """Not lifted, but compiled code is made of their types."""
 
@@ -51,7 +51,7 @@ from rig.kinds.wavebot import KIND
 from rig.realtime import cycle
 from rig.sweep import column
 from rig.sweep.pages import file_away, look_ahead
-from rig.sweep.wires import Machine, actuation, sense, unhoisted
+from rig.sweep.plant_coupling import Machine, actuation, sense, unhoisted
 from sim_plant import wave_maker
 from sim_plant.wavebot import Excitation, sample, step as plant_step
 

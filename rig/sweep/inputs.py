@@ -1,7 +1,7 @@
 """The files that cases stand on: every text of a campaign, and the data that a simulation reads."""
 
 from rig.planning.campaign import Campaign
-from rig.planning.campaign.sources import ReadFile, read_file
+from rig.planning.campaign.input_files import ReadFile, read_file
 
 DATA = frozenset({"matrix", "elevation", "reference", "bem", "surge.bem"})
 """Roles of files that are read anew whenever a campaign is opened with other values."""

@@ -31,7 +31,7 @@ os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # its functions differ i
 import numba
 from numba.extending import register_jitable
 
-from rig.sweep.cache import cache_root, processor, write
+from rig.sweep.cache_folder import cache_root, processor, write
 
 Floats = npt.NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from rig.analysis import panel, picture, words
+from rig.analysis import panel, phrases, picture
 from rig.analysis.mesh import Place
 from rig.analysis.picture import INK, MARK, SOFT
 from rig.analysis.points import Matrix, matrix
@@ -136,8 +136,8 @@ def _measured(run: Path, rows: xarray.Dataset) -> Measured:
     for kind in KINDS:
         less = [one.power[kind] - other.power[kind] for one, other in pairs]
         if np.isfinite(less).all():
-            text = f"{words.signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
-            off.append(f"{words.SHORT_NAMES[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}"))
+            text = f"{phrases.signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
+            off.append(f"{phrases.SHORT_NAMES[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}"))
     rung = found.attrs.get("rung", "")
     said = f"squares: {rung} {found.attrs.get('run', run.name)}, less simulated: {', '.join(off)}"
     return Measured(points, said)
@@ -177,7 +177,7 @@ def _write_lines(
                 _lines(axes, table, power.isel(others).transpose(name, "row"), name)
                 _squares(axes, _base(table, name), kind, measured)
             if j == 0:
-                axes.set_ylabel(f"{words.SHORT_NAMES[kind]}, W", fontsize=8)
+                axes.set_ylabel(f"{phrases.SHORT_NAMES[kind]}, W", fontsize=8)
             if i == 0:
                 held = ", ".join(_setting(table, key, index) for key, index in others.items())
                 axes.set_title(f"at {held}" if held else "", fontsize=7.5, color=MARK, pad=4)
@@ -202,7 +202,7 @@ def _lines(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str
     panel.mark(axes, float(x[end]), float(values[end, best]))
     left = x[end] > 0.5 * (x.min() + x.max())
     axes.annotate(
-        f"{words.watts(float(values[end, best]))}, row {int(table['row'].values[best])}",
+        f"{phrases.watts(float(values[end, best]))}, row {int(table['row'].values[best])}",
         (float(x[end]), float(values[end, best])),
         xytext=(-10 if left else 10, -4),
         textcoords="offset points",
@@ -250,8 +250,8 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
         panel.surface(axes, places, values, on)
         lowest = int(np.argmin(values))
         panel.mark(axes, *places[lowest])
-        axes.set_title(words.watts(values[lowest]), fontsize=7.5, color=MARK, pad=4)
-        panel.colour_bar(body, [axes], on, f"{words.SHORT_NAMES[kind]}, W", fraction=0.05)
+        axes.set_title(phrases.watts(values[lowest]), fontsize=7.5, color=MARK, pad=4)
+        panel.colour_bar(body, [axes], on, f"{phrases.SHORT_NAMES[kind]}, W", fraction=0.05)
         panel.ticks(axes)
     return picture.save(figure, path)
 

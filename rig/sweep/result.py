@@ -14,7 +14,7 @@ from rig.planning.campaign import Campaign, CampaignRow, resolved
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
 from rig.sweep.cases import Cases, Outcome, alone
-from rig.sweep.overs import OWN, unit
+from rig.sweep.parameters import OWN, unit
 
 if TYPE_CHECKING:
     import xarray

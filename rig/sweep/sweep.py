@@ -20,7 +20,7 @@ from rig.sweep.cases import Asked, Cases, Outcome
 from rig.sweep.executors import Executor
 from rig.sweep.inputs import inputs
 from rig.sweep.journal import Journal
-from rig.sweep.overs import OPTION, Files, checked, overs
+from rig.sweep.parameters import OPTION, Files, checked, overs
 from rig.sweep.result import dataset
 
 if TYPE_CHECKING:

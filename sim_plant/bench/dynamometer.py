@@ -18,8 +18,8 @@ from sim_plant.bench.load_cell import LoadCellParams
 from sim_plant.bench.losses import DragParams
 from sim_plant.bench.motor import Held, MotorParams
 from sim_plant.bench.servo import ServoParams, ServoState
+from sim_plant.bench.signals import TORQUE, Actuation, Reading
 from sim_plant.bench.transmission import TransmissionParams
-from sim_plant.bench.words import TORQUE, Actuation, Reading
 from sim_plant.drive import DriveParams, DriveState
 from sim_plant.sensors import Channel
 from sim_plant.units import (

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from sim_plant.bench import dynamometer
 from sim_plant.bench.dynamometer import BenchParams, BenchState
-from sim_plant.bench.words import Actuation, Reading
+from sim_plant.bench.signals import Actuation, Reading
 from sim_plant.units import Flag, Second
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 
-from sim_plant.bench.words import OFF, Actuation, Reading
+from sim_plant.bench.signals import OFF, Actuation, Reading
 from sim_plant.units import Flag, Second, Tick
 
 

@@ -7,9 +7,9 @@ import numpy as np
 from sim_plant.bench import dynamometer
 from sim_plant.bench.dynamometer import BenchParams, BenchState
 from sim_plant.bench.parameters import BenchPlant
+from sim_plant.bench.signals import OFF, Actuation, Reading, Truth
 from sim_plant.bench.stepper import Start, Stepper
 from sim_plant.bench.wires import Wires, checked
-from sim_plant.bench.words import OFF, Actuation, Reading, Truth
 from sim_plant.sensors import NORMALS
 from sim_plant.units import Count, Radian, Second
 

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from typing import Any, Generic, Protocol, TypeVar
 
-from sim_plant.bench import words as bench
+from sim_plant.bench import signals as bench
 from sim_plant.bench.world import BenchWorld
+from sim_plant.signals import OFF, Actuation, Readings
 from sim_plant.units import Second, Tick
-from sim_plant.words import OFF, Actuation, Readings
 from sim_plant.world import World
 
 BURST = 100  # ticks

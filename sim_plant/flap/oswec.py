@@ -14,7 +14,7 @@ from sim_plant.bench import dynamometer, gearbox, load_cell, losses, transmissio
 from sim_plant.bench.dynamometer import UNMOVED, BenchParams, BenchState
 from sim_plant.bench.losses import DragParams
 from sim_plant.bench.motor import Held
-from sim_plant.bench.words import Actuation, Reading
+from sim_plant.bench.signals import Actuation, Reading
 from sim_plant.flap import body
 from sim_plant.flap.body import FlapBodyParams, FlapBodyState
 from sim_plant.units import Flag, NewtonMetre, Radian, RadianPerSecond, Second

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant.bench.words import Actuation, Reading
+from sim_plant.bench.signals import Actuation, Reading
 from sim_plant.flap import oswec
 from sim_plant.flap.oswec import FlapParams, FlapState
 from sim_plant.units import Flag, NewtonMetre, Second

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_plant import waves
+from sim_plant.bench.signals import OFF, Actuation, Reading, Truth
 from sim_plant.bench.wires import Wires, checked
-from sim_plant.bench.words import OFF, Actuation, Reading, Truth
 from sim_plant.bench.world import true_state
 from sim_plant.flap import oswec
 from sim_plant.flap.body import FlapBodyState

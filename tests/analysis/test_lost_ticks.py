@@ -13,7 +13,7 @@ import synthetic_runs as synthetic
 from command_here import rig
 
 from rig.analysis.report import write_products
-from rig.analysis.stopped import LostTicks, lost_before, reason_words, stop_of
+from rig.analysis.stop_reason import LostTicks, lost_before, reason_words, stop_of
 from rig.cli.bench import _lost_ticks, _tell
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase

@@ -14,11 +14,11 @@ from matplotlib.image import imread
 
 from rig.analysis import traces
 from rig.analysis.alarms import row_list
+from rig.analysis.phrases import REASONS, reason_words, rung_stamp, signed, utc, watts
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
-from rig.analysis.words import REASONS, reason_words, rung_stamp, signed, utc, watts
 from rig.realtime.limits import Limited
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase

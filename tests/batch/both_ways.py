@@ -25,7 +25,7 @@ from rig.realtime import cycle
 from rig.realtime.loop import LINGER
 from rig.realtime.safety import STOP_0, Reason
 from rig.realtime.sequence import MEASURE
-from rig.sweep.subject import KEPT, Subject
+from rig.sweep.simulation import KEPT, Subject
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
 

@@ -23,11 +23,11 @@ from rig.execution.rehearsal.devices import PlantDevices
 from rig.kinds.wavebot import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode, Reason
-from rig.sweep import lifting, wires
+from rig.sweep import lifting, plant_coupling
 from rig.sweep.column import Column
 from rig.sweep.compiled import BESIDE, LIFTED
 from rig.sweep.pages import TICKS
-from rig.sweep.subject import KEPT, Subject
+from rig.sweep.simulation import KEPT, Subject
 
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -133,11 +133,11 @@ def spoiled(readings: Any, rng: np.random.Generator) -> Any:
 
 def by_hand(subject: Subject, params: Any, machine: Any, readings: Any) -> tuple[Any, Any]:
     """The interpreted cycle on these readings: state and what the plant is told."""
-    sense = wires.sense(readings, subject.begin.delay)
+    sense = plant_coupling.sense(readings, subject.begin.delay)
     state, command, _ = cycle.make(KIND)(
         params, machine.loop, sense, 0, machine.tick, STILL_CLOCK, 1, subject.dt
     )
-    return state, wires.actuation(command)
+    return state, plant_coupling.actuation(command)
 
 
 @pytest.mark.slow
@@ -194,12 +194,12 @@ class Told:
 
 def test_words_are_those_of_the_rehearsals_devices() -> None:
     from rig.kinds.wavebot import Command
-    from sim_plant.words import Readings
+    from sim_plant.signals import Readings
 
     readings = Readings(*range(100, 100 + len(Readings._fields)))
     world: Any = Told(readings)
     devices = PlantDevices(world, 0.001)
-    assert devices.read(0.0) == wires.sense(readings, world.delay)
+    assert devices.read(0.0) == plant_coupling.sense(readings, world.delay)
     numbers = iter(range(200, 300))
 
     def filled(kind: Any) -> Any:
@@ -212,7 +212,7 @@ def test_words_are_those_of_the_rehearsals_devices() -> None:
         drive=command.drive._replace(settings=command.drive.settings._replace(bus_voltage=0.0))
     )
     devices.write(command)
-    assert world.told == wires.actuation(command)
+    assert world.told == plant_coupling.actuation(command)
 
 
 # --- compiled code that is not today's

@@ -10,9 +10,9 @@ import pytest
 from both_ways import compiled, interpreted
 from rehearsing import CONFIGS, campaign_file, yaml_file
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.job import TWINS
-from rig.sweep.subject import KEPT
+from rig.sweep.simulation import KEPT
 
 SEEDS = range(6)
 BOUND = {"supply_resistance", "capacitance"}  # their product has a least value

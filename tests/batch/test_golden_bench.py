@@ -25,7 +25,7 @@ from rig.kinds import oswec_bench
 from rig.planning.session import plan_session
 from rig.planning.session.assemble import bench_params
 from rig.planning.session.check import check_session
-from rig.planning.session.logged import session_as_logged
+from rig.planning.session.recorded import session_as_logged
 from rig.planning.session.resolved import resolved_session
 from rig.recording.runs import RunError, facts, open_run
 

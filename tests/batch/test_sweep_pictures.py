@@ -16,7 +16,7 @@ from rig.analysis.points import matrix
 from rig.analysis.surfaces import KINDS, draw
 from rig.sweep import pictures
 from rig.sweep.cases import LEAD_IN
-from rig.sweep.overs import Files
+from rig.sweep.parameters import Files
 
 GRID = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},

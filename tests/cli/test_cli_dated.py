@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from rig_command import rig_here
 
-from rig.cli import dated, sweep_run
+from rig.cli import calibration_dates, sweep_run
 from rig.planning.campaign import open_campaign
 from rig.sweep import sweep
 
@@ -96,7 +96,7 @@ def test_a_sweep_warns_of_the_values_that_its_cases_have(
     opened = sweep.open_sweep(
         campaign(tmp_path, own), words, tmp_path / "sweeps", sequential=False, lead_in=15.0
     )
-    late = dated.of_cases(opened.campaign, opened.swept, date(2026, 1, 1))
+    late = calibration_dates.of_cases(opened.campaign, opened.swept, date(2026, 1, 1))
     assert len(late) == len(told)
     assert {
         day for day in (LATE, FINE, "2002-01-01") if day in str([p.text() for p in late])
@@ -110,7 +110,7 @@ def test_a_recommendation_warns(
     """What it is asked for is looked at, not what it finds."""
     opened = open_campaign(campaign(tmp_path, before))
     found = SimpleNamespace(campaign=opened)
-    monkeypatch.setattr("rig.design.recommend.advice.advise", lambda *_: found)
+    monkeypatch.setattr("rig.design.recommend.recommendation.advise", lambda *_: found)
     for name, told_of in (("write", []), ("as_dict", {}), ("as_text", "nothing")):
         monkeypatch.setattr(f"rig.design.recommend.report.{name}", lambda *_, what=told_of: what)
     monkeypatch.setattr("rig.cli.find_run.find_run", lambda named, _: named)

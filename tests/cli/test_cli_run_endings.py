@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from rig.analysis import summary
-from rig.cli import failure
-from rig.cli.ending import in_words
+from rig.cli import command_error
 from rig.cli.progress import Progress
+from rig.cli.run_end import in_words
 from rig.host import disk
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
@@ -133,7 +133,7 @@ def test_a_full_disk_leaves_no_half_of_a_summary(
 def test_a_full_disk_is_told_without_a_number() -> None:
     """A write names no file in its error, as opening one does."""
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    assert failure.in_words(full) == "No space left on device"
+    assert command_error.in_words(full) == "No space left on device"
 
 
 def test_a_disk_too_small_for_the_run_is_told_before_it(

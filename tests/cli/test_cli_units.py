@@ -16,7 +16,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from rig import cli
-from rig.cli.failure import in_words
+from rig.cli.command_error import in_words
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command

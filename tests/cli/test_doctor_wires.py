@@ -16,7 +16,7 @@ from wired_rig import CONFIGS, Ports, free_ports, rig_file
 from rig import cli
 from rig.cli.doctor import main
 from rig.config import RigFile, load
-from rig.execution.hardware import reach
+from rig.execution.hardware import wire_check
 from rig.execution.rehearsal import addresses
 from rig.host import Asked, Host, Use, Verdict, examine, rig_wires, wires
 
@@ -153,12 +153,12 @@ def test_the_command_takes_a_rig(
 def test_why_a_port_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "pulled").symlink_to(tmp_path / "gone")
     (tmp_path / "file").touch()
-    assert reach.port_trouble(str(tmp_path / "none")) == "is not there"
-    assert reach.port_trouble(str(tmp_path / "pulled")) == "leads nowhere: unplugged"
-    assert reach.port_trouble(str(tmp_path / "file")) == "is no serial port"
-    assert reach.port_trouble("/dev/null") == ""
+    assert wire_check.port_trouble(str(tmp_path / "none")) == "is not there"
+    assert wire_check.port_trouble(str(tmp_path / "pulled")) == "leads nowhere: unplugged"
+    assert wire_check.port_trouble(str(tmp_path / "file")) == "is no serial port"
+    assert wire_check.port_trouble("/dev/null") == ""
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert "belongs to root:root rw-rw-rw-" in reach.port_trouble("/dev/null")
+    assert "belongs to root:root rw-rw-rw-" in wire_check.port_trouble("/dev/null")
 
 
 @pytest.mark.parametrize(

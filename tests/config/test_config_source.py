@@ -145,6 +145,6 @@ def test_a_file_extended_in_vain_is_told_where_it_is_named(tmp_path: Path) -> No
 def test_a_file_of_too_many_values_is_told_with_the_line_that_is_too_much(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rig.config.source.MOST_NODES", 10)
+    monkeypatch.setattr("rig.config.yaml_source.MOST_NODES", 10)
     (problem,) = refused(write(tmp_path, "x.yaml", "a:\n" + "- 1\n" * 20))
     assert problem.startswith("x.yaml:9: : too many keys and values; allowed at most ")

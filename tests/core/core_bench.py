@@ -22,7 +22,7 @@ from rig.kinds.oswec_bench import (
     Setpoints,
     WrenchSense,
 )
-from rig.kinds.oswec_bench.words import NO_FLUME
+from rig.kinds.oswec_bench.signals import NO_FLUME
 from rig.planning.session import open_session, plan_session
 from rig.planning.session.assemble import bench_params
 from rig.realtime import cycle, safety, sequence

@@ -12,7 +12,7 @@ from core_runs import Ran, run
 from core_wavebot import Bent
 
 from rig.kinds.oswec_bench import KIND, Sense
-from rig.kinds.oswec_bench.words import BenchRow
+from rig.kinds.oswec_bench.signals import BenchRow
 from rig.realtime import cycle
 from rig.realtime.limits import Limited
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason

@@ -19,7 +19,7 @@ from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.recording.runs import RunError
 from rig.sweep.counterfactual import FORCES, Foretold, foretell
-from rig.sweep.counterfactual.foretold import Logged, corrected, gross, shares_of
+from rig.sweep.counterfactual.rows import Logged, corrected, gross, shares_of
 from rig.sweep.counterfactual.waves import Asked, asked_of
 
 AMPLITUDE, FREQUENCY = 0.1, 0.5

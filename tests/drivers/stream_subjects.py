@@ -8,7 +8,7 @@ from typing import Any
 from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, NetFtPeer, Peer
 from spoilt_port import STEP, SpoiltPort
 
-from drivers.compax3 import objects, servo_words
+from drivers.compax3 import objects, servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object
 from drivers.compax3.objects import Channel
 from drivers.compax3.requests import Timing
@@ -24,7 +24,7 @@ from drivers.force_torque.net_reader import NetReader
 from drivers.force_torque.wrench import scale
 
 SET_POINT = Channel(Object(1901, 1), Form.F32, 1.0)
-SERVO = servo_words.Settings(
+SERVO = servo_signals.Settings(
     "servo", NO_ADDRESS, "Compax3",
     Channel(objects.CONTROL_WORD, Form.U16, 1.0),
     objects.ENABLED,

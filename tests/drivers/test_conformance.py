@@ -10,7 +10,7 @@ from conformance import FAULTS, Subject, conforms
 from modbus_subject import ModbusSubject
 from stream_subjects import BridgeSubject, DigitalSubject, NetSubject, ServoSubject
 
-from drivers.compax3.servo_words import Phase
+from drivers.compax3.servo_signals import Phase
 
 SUBJECTS: list[Callable[[], Subject]] = [
     ServoSubject, BridgeSubject, DigitalSubject, NetSubject, TorqueAxisSubject, ActuatorSubject,

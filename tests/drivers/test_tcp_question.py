@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from drivers.errors import LinkError
-from drivers.tcp_question import ask
+from drivers.tcp_request import ask
 
 
 def served(*pieces: bytes, stay: bool = False) -> tuple[str, int]:

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 from emulator_stage import Stage
 
-from drivers.compax3 import objects, servo_words
+from drivers.compax3 import objects, servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object
 from drivers.compax3.objects import Channel
 from drivers.compax3.requests import Timing
 from drivers.compax3.servo import Servo
-from drivers.compax3.servo_words import Phase
+from drivers.compax3.servo_signals import Phase
 from drivers.compax3.values import Form
 from drivers.conversation import Exchange
 from drivers.encoder import bridge_reader, unwrap
@@ -31,7 +31,7 @@ from drivers.force_torque.net_reader import NetReader
 from drivers.force_torque.wrench import scale
 from drivers.serial_link import SerialLink
 from drivers.serial_link import Settings as Port
-from drivers.tcp_question import ask
+from drivers.tcp_request import ask
 from drivers.udp_link import Settings as Peer
 from drivers.udp_link import UdpLink
 from sim_plant.emulators.compax3 import Compax3
@@ -75,8 +75,8 @@ def raw(number: int, sub: int, form: Form = Form.INT24, per_unit: float = 1.0) -
     return Channel(Object(number, sub), form, per_unit)
 
 
-def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_words.Settings:
-    return servo_words.Settings(
+def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_signals.Settings:
+    return servo_signals.Settings(
         "servo", address, "Compax3", raw(1100, 3), enabled, raw(1000, 3), raw(550, 1),
         raw(1901, 1, Form.REAL48, 1.0 / TURN),
         (raw(680, 5, Form.REAL48, 1.0 / TURN), raw(681, 5, Form.REAL48, 1.0 / TURN)),

@@ -15,7 +15,7 @@ from rehearsing import CONFIGS, yaml_file
 from benchmarks.support.fault_walk import Watcher, free_port, when_free
 from benchmarks.support.host import Busy, others
 from rig.analysis.session.driveline import find
-from rig.analysis.session.read import open_session
+from rig.analysis.session.points import open_session
 from rig.execution.rehearsal.bench_job import problems_of_session
 from rig.execution.session import rehearsal, task_of, wired
 from rig.execution.task import Ended, Rung, carry_out_task

@@ -16,7 +16,7 @@ from rig.execution.hardware import bench_devices, streams
 from rig.execution.hardware.bench_devices import BenchDevices
 from rig.execution.hardware.bench_job import Job, Loop, job_of_bench
 from rig.execution.hardware.job import WiringError
-from rig.execution.hardware.words import SLOTS, BrakeCurrent, Done, Encoders, Inputs, Load, Servo
+from rig.execution.hardware.messages import SLOTS, BrakeCurrent, Done, Encoders, Inputs, Load, Servo
 from rig.kinds.oswec_bench import Command
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox

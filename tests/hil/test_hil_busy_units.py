@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import pytest
 
 from rig.config import LimitsFile, RigFile, load
-from rig.execution.hardware.lines import line_companions
-from rig.execution.hardware.words import SLOTS
+from rig.execution.hardware.messages import SLOTS
+from rig.execution.hardware.modbus_lines import line_companions
 from rig.processes import mailbox
 from rig.processes.child import Child
 from rig.processes.mailbox import Mailbox

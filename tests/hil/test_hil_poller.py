@@ -11,8 +11,8 @@ import pytest
 from drivers.modbus.line import SilentError
 from drivers.modbus.registers import Block, Value
 from rig.config.wiring import Written
-from rig.execution.hardware.poller import AFTER, TRUST, Given, Polled, _Task, next_turn
-from rig.execution.hardware.words import Outputs
+from rig.execution.hardware.messages import Outputs
+from rig.execution.hardware.modbus_poller import AFTER, TRUST, Given, Polled, _Task, next_turn
 
 BLOCK = Block(1, "coil", 0, 1, (Value("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
 

@@ -18,8 +18,8 @@ from rig.config import RigFile, load
 from rig.execution.hardware import devices as hardware
 from rig.execution.hardware.devices import WaveBotDevices
 from rig.execution.hardware.job import job_of
+from rig.execution.hardware.messages import SLOTS
 from rig.execution.hardware.settings import Config
-from rig.execution.hardware.words import SLOTS
 from rig.processes import handover
 
 DT = 0.001

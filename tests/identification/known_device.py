@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rehearsing import CONFIGS
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.identification.experiments import GAINS, Experiment
 
 TICK = 0.001  # s

@@ -17,7 +17,7 @@ from rehearsing import CONFIGS, campaign_file, run, yaml_file
 from rig_command import rig_here
 
 from rig.analysis.report import write_products
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.identification.bem import at, read_bem
 from rig.identification.identify import Asked, Identification, identify
 

@@ -12,8 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.config.problems import ConfigError
-from rig.interop.legacy import house_signs, stepped
-from rig.interop.legacy.house_signs import FOSWEC_GEAR, LUPA_SPROCKET, Statement, converted, factor
+from rig.interop.legacy import sign_conventions, stepped
+from rig.interop.legacy.sign_conventions import (
+    FOSWEC_GEAR,
+    LUPA_SPROCKET,
+    Statement,
+    converted,
+    factor,
+)
 
 FOSWEC_NAMES = "aftStiff,aftDamp,aftStiffCC,aftDampCC,bowStiffCC,bowDampCC,bowStiff,bowDamp"
 LUPA_RIG = Statement(LUPA_SPROCKET, 1.0, "absorbs", 0.0)
@@ -192,7 +198,7 @@ def test_a_statement_that_makes_no_sense_is_refused_whole(tmp_path: Path) -> Non
 def test_what_must_be_said_before_signs_can_be_turned() -> None:
     nothing: dict[str, object] = {}
     all_four = ("lever", "gear", "positive_damping", "spring_rate")
-    assert house_signs.missing("lupa", nothing) == all_four
-    assert house_signs.missing("foswec", nothing) == (*all_four, "flap")
+    assert sign_conventions.missing("lupa", nothing) == all_four
+    assert sign_conventions.missing("foswec", nothing) == (*all_four, "flap")
     said: dict[str, object] = {"lever": 0.5, "gear": 1.0, "spring_rate": 0.0}
-    assert house_signs.missing("lupa", said) == ("positive_damping",)
+    assert sign_conventions.missing("lupa", said) == ("positive_damping",)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.design.predictions import plant
 from rig.design.predictions.bus import FOLLOWS, Bus, Stretch, stepped, walk
 from rig.design.predictions.grid import grid
-from rig.planning.campaign.settings import NOTHING
+from rig.planning.campaign.set_points import NOTHING
 from sim_plant import bus
 
 DT = 0.001

@@ -16,9 +16,9 @@ import pytest
 from closed_form import Response, heave_response
 from predicting import CONFIGS, STIFF, campaign_file, predicted, rows
 
+from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
-from rig.config.source import load_mapping
-from rig.config.translate import load
+from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design, response
 from rig.design.predictions import Foreseen
 from rig.kinds.wavebot.build import metres_per_count

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from predicting import CONFIGS
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.design.predictions import electrics, passive, plant
-from rig.planning.campaign.settings import NOTHING
+from rig.planning.campaign.set_points import NOTHING
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
 
 RNG = np.random.default_rng(1)

@@ -12,7 +12,7 @@ from predicting import CONFIGS
 from controllers import estimator, impedance
 from controllers.biquads import Biquad
 from controllers.signals import Estimate, Gains
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design
 from rig.design.impedance import design as design_zc
 from rig.design.predictions import plant, sampled

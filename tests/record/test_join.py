@@ -16,7 +16,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from rig.kinds.wavebot import WaveBotRow
-from rig.recording import row_form, row_layout, runs
+from rig.recording import row_layout, runs
+from rig.recording import row_schema as row_form
 from rig.recording.runs import RunError, mcap_records
 from rig.recording.runs.mcap_file import blocks, scan
 

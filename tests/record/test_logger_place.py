@@ -18,8 +18,8 @@ from mcap.reader import make_reader
 
 from rig.kinds.wavebot import WaveBotRow
 from rig.recording import logger, ring
+from rig.recording.folder_watch import Whereabouts
 from rig.recording.logger import Job, Log
-from rig.recording.place import Whereabouts
 from rig.recording.runs import create, open_run
 from rig.recording.runs.mcap_file import scan
 
@@ -130,7 +130,9 @@ def test_a_rescue_place_that_fails_as_well(
     log = log_of(place)
     home, last = place.parents[1] / "home", place.parents[1] / "tmp"
     last.mkdir()
-    monkeypatch.setattr("rig.recording.place.tempfile", SimpleNamespace(gettempdir=lambda: last))
+    monkeypatch.setattr(
+        "rig.recording.folder_watch.tempfile", SimpleNamespace(gettempdir=lambda: last)
+    )
     refusing(monkeypatch, error, place.parent)
     go_on = log._writer.go_on_in
 
@@ -152,7 +154,7 @@ def test_no_place_that_takes_anything(
     """The logger ends and says so, and tells of each place once."""
     log = log_of(place, patience=0.3)
     nowhere = SimpleNamespace(gettempdir=lambda: place.parents[1] / "nowhere")
-    monkeypatch.setattr("rig.recording.place.tempfile", nowhere)
+    monkeypatch.setattr("rig.recording.folder_watch.tempfile", nowhere)
     refusing(monkeypatch, error, place.parent)
     go_on = log._writer.go_on_in
 

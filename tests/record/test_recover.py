@@ -18,7 +18,7 @@ import pytest
 import record_files as files
 from mcap.reader import make_reader
 
-from rig.recording import process, runs
+from rig.recording import process_identity, runs
 from rig.recording.runs import RunError, create, folder
 from rig.recording.runs.account import Gap
 from rig.recording.runs.mcap_file import scan
@@ -186,7 +186,7 @@ def test_a_run_that_goes_on_is_left_alone(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 100))
     with create.hold_run(run), pytest.raises(create.BusyError, match="still being written"):
         again(run)
-    me = {"pid": os.getpid(), "pid_started": process.started(os.getpid())}
+    me = {"pid": os.getpid(), "pid_started": process_identity.started(os.getpid())}
     other = left_behind(tmp_path / "b", (0, 100), **me)
     with pytest.raises(create.BusyError, match=f"process {os.getpid()}"):
         again(other)

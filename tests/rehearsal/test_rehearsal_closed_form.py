@@ -30,9 +30,9 @@ from rehearsing import (
     table_of,
 )
 
+from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
-from rig.config.source import load_mapping
-from rig.config.translate import load
+from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design, response
 from rig.kinds.wavebot.build import metres_per_count
 from sim_plant import waves

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from rehearsing import rows, run
 
-from rig.cli.ending import exit_code
+from rig.cli.run_end import exit_code
 from rig.execution.task import Ended
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
@@ -182,7 +182,7 @@ def test_rows_that_did_not_come_along_are_counted(
     """The first logger's part is deleted, and nobody had it open when its logger was killed."""
     from test_rehearsal_unhappy import kill
 
-    monkeypatch.setattr("rig.recording.place.Whereabouts.hold", lambda self, part: None)
+    monkeypatch.setattr("rig.recording.folder_watch.Whereabouts.hold", lambda self, part: None)
 
     def both() -> None:
         kill("rig.recording.logger")

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from rehearsing import CONFIGS, campaign_file, run, table_of, yaml_file
 
+from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
-from rig.config.source import load_mapping
-from rig.config.translate import load
+from rig.config.yaml_source import load_mapping
 from rig.realtime.safety import STOP_0, STOP_1
 from rig.recording.runs import open_run
 from sim_plant.parameters import Plant

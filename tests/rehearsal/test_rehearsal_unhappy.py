@@ -18,7 +18,7 @@ import pytest
 from rehearsing import rows, run
 
 from rig.cli import LOST
-from rig.cli.ending import exit_code
+from rig.cli.run_end import exit_code
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
 from rig.processes.wire_locks import REALTIME_PLACE, hold

@@ -13,10 +13,10 @@ import pytest
 from closed_form import intrinsic_impedance
 from plant_files import DT, QUIET, bem, command, plant, surge_bem, world
 
-from rig.execution.rehearsal.compiled import CompiledStepper
+from rig.execution.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
+from sim_plant.signals import Actuation
 from sim_plant.wavebot import Excitation, WaveBotParams, WaveBotState, initial, step
-from sim_plant.words import Actuation
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.4, 0.5, 0.8])

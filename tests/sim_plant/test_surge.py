@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from plant_files import DT, QUIET, command, plant, surge_bem, world
 
-from rig.execution.rehearsal.compiled import CompiledStepper
+from rig.execution.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
 from sim_plant.bem import radiation_impedance
 from sim_plant.world import Truth, World

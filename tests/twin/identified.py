@@ -8,7 +8,7 @@ from typing import Any
 
 from rehearsing import CONFIGS, campaign_file, run, yaml_file
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 
 LINEAR = CONFIGS / "plants" / "wavebot_linear.yaml"
 SPRING = -5715.0

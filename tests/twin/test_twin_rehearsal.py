@@ -14,9 +14,9 @@ from predicting import campaign_file, predicted, rows
 from rig_command import rig_here
 
 from rig.analysis.rows import row_table
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.design.recommend import report
-from rig.design.recommend.advice import Asked, advise
+from rig.design.recommend.recommendation import Asked, advise
 from rig.identification.twin.plant_file import identified_up_to
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from closed_form import intrinsic_impedance
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.design.twoport.network import WAVEBOT
 from rig.design.twoport.optimum import Device, Drive, Sea
 from sim_plant.bem import Bem, excitation_at, read_bem

@@ -21,10 +21,10 @@ from rig.analysis.session import (
 from rig.analysis.session.constants import FILE, known_constant, write_constants
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.page import notes, write_page
-from rig.analysis.session.read import Session, open_session, session_of
+from rig.analysis.session.points import Session, open_session, session_of
 from rig.analysis.session.result import Picture, Result, words
 from rig.analysis.session.tables import as_json, write_tables
-from rig.analysis.stopped import Ending, LostTicks, ending_of, stop_of
+from rig.analysis.stop_reason import Ending, LostTicks, ending_of, stop_of
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import Facts, facts, list_runs
 from rig.recording.runs.state import RecordState

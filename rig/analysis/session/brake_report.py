@@ -11,7 +11,7 @@ from rig.analysis.session import brake_map
 from rig.analysis.session.brake_map import BrakeMap, Held
 from rig.analysis.session.drawing import BLUE, RED, axes_of, note
 from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.read import Session
+from rig.analysis.session.points import Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, number, words
 
 RANGE = (2.0, 95.0)

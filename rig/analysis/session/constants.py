@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.read import Session
+from rig.analysis.session.points import Session
 from rig.analysis.session.result import Result
 from rig.regular_file import CONFIG_MOST, read_regular
 

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 
 from rig.analysis.picture import INK, quiet
-from rig.analysis.session.line import Line, at, band
+from rig.analysis.session.linear_fit import Line, at, band
 
 BLUE, RED, DEPTH = "#0b6e99", "#d1495b", "#2e933c"
 CLOCKWISE, COUNTER = "#16222c", "#8f9aa3"  # black and grey, as the thesis has its directions

@@ -12,7 +12,7 @@ import numpy as np
 from rig.analysis.session import periods, regressions, torque_map
 from rig.analysis.session.deflection import WINDOW, Behind, Motion, behind, judged, pooled
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.read import Point, Session
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.regressions import Correction, Regressions
 from rig.analysis.session.torque_map import TorqueMap
 

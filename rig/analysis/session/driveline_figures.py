@@ -12,7 +12,7 @@ from rig.analysis.session import periods, regressions, torque_map
 from rig.analysis.session.deflection import Behind
 from rig.analysis.session.drawing import BLUE, DEPTH, RED, axes_of, note, shade, trend
 from rig.analysis.session.driveline import DEGREE, Driven, Found
-from rig.analysis.session.line import Line
+from rig.analysis.session.linear_fit import Line
 from rig.analysis.session.result import Picture
 
 WIDE = (7.2, 4.4)

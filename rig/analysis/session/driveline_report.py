@@ -1,7 +1,7 @@
 """The driveline session: everything of it in one result."""
 
 from rig.analysis.session import driveline, driveline_figures, driveline_tables
-from rig.analysis.session.read import Session
+from rig.analysis.session.points import Session
 from rig.analysis.session.result import Result
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from rig.analysis.session.deflection import judged, pooled
 from rig.analysis.session.driveline import DEGREE, Driven, Found, highest
 from rig.analysis.session.estimate import Estimate, mean, with_floor
-from rig.analysis.session.line import Line, intercept, slope
+from rig.analysis.session.linear_fit import Line, intercept, slope
 from rig.analysis.session.regressions import explained
 from rig.analysis.session.result import Column, Compared, Table, number, words
 

@@ -10,7 +10,7 @@ from rig.analysis.session import flap_pto
 from rig.analysis.session.drawing import RED, axes_of, shade
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.flap_pto import Best, Taken
-from rig.analysis.session.read import Point, Session
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 
 IDEAL = (42.0, 104.0)

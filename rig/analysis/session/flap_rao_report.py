@@ -10,7 +10,7 @@ from rig.analysis.session import flap_rao, periods
 from rig.analysis.session.drawing import RED, axes_of, note, shade
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.flap_rao import Line, Resonance
-from rig.analysis.session.read import Point, Session
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, number, words
 
 

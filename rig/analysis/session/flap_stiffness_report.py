@@ -12,7 +12,7 @@ from rig.analysis.session.drawing import RED, axes_of, note, shade
 from rig.analysis.session.estimate import Floats
 from rig.analysis.session.flap_stiffness import Spring, Turned
 from rig.analysis.session.periods import Cut
-from rig.analysis.session.read import Point, Session
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 
 WINDOW = 0.03

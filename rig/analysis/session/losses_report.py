@@ -11,7 +11,7 @@ from rig.analysis.session.drawing import BLUE, RED, axes_of, note, shade
 from rig.analysis.session.estimate import Estimate, Floats
 from rig.analysis.session.losses import Before, Behind, Turned
 from rig.analysis.session.periods import Cut
-from rig.analysis.session.read import Point, Session
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 
 WINDOW = 0.03  # s, of the differentiator

@@ -5,11 +5,11 @@ import html
 from pathlib import Path
 from typing import Any
 
-from rig.analysis.session.read import Session
+from rig.analysis.phrases import rung_stamp, utc
+from rig.analysis.session.points import Session
 from rig.analysis.session.result import Column, Picture, Result, Table, number, words
-from rig.analysis.stopped import ENDINGS, Ending
+from rig.analysis.stop_reason import ENDINGS, Ending
 from rig.analysis.windows import GONE
-from rig.analysis.words import rung_stamp, utc
 from rig.recording.runs.state import RECOVERED, WHOLE
 
 FILE = "session.html"

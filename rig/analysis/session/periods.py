@@ -11,7 +11,7 @@ import numpy.typing as npt
 from scipy.signal import savgol_filter
 
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.line import line
+from rig.analysis.session.linear_fit import line
 
 Complexes = npt.NDArray[np.complex128]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from rig.analysis.session import periods
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.line import Line, line
+from rig.analysis.session.linear_fit import Line, line
 from rig.analysis.session.periods import Cut
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.analysis.session.deflection import Behind, Motion
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.line import Line, at, line
+from rig.analysis.session.linear_fit import Line, at, line
 
 
 class Regressions(NamedTuple):

@@ -15,7 +15,7 @@ import numpy as np
 
 from rig.analysis.session.deflection import Motion, engaged
 from rig.analysis.session.estimate import CELL, Estimate, Floats, jackknife, with_floor
-from rig.analysis.session.searched import Sums, search, sums
+from rig.analysis.session.separable_fit import Sums, search, sums
 
 KNEES = np.concatenate([np.arange(3.0, 20.0, 0.25), np.arange(20.0, 40.0, 1.0)])  # N*m
 BINS = 24  # of torque, a direction and set point

@@ -12,10 +12,10 @@ from matplotlib.patches import Rectangle
 from rig.analysis.session import thesis, torque_constant
 from rig.analysis.session.drawing import BLUE, CLOCKWISE, COUNTER, RED, axes_of, note, shade
 from rig.analysis.session.estimate import Floats, mean
-from rig.analysis.session.line import at
+from rig.analysis.session.linear_fit import at
 from rig.analysis.session.periods import Cut
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.quarters import Domain
-from rig.analysis.session.read import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, number, words
 from rig.analysis.session.torque_constant import Constants, Ramps
 

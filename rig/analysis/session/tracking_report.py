@@ -10,7 +10,7 @@ from rig.analysis.session import tracking
 from rig.analysis.session.drawing import BLUE, RED, axes_of
 from rig.analysis.session.estimate import Estimate, Floats
 from rig.analysis.session.periods import Cut
-from rig.analysis.session.read import Point, Session, session_of
+from rig.analysis.session.points import Point, Session, session_of
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 from rig.analysis.session.tracking import Tracked
 

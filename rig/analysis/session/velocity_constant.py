@@ -26,7 +26,7 @@ from rig.analysis.session import periods
 from rig.analysis.session.estimate import Estimate, Floats, jackknife, mean
 from rig.analysis.session.periods import Cut
 from rig.analysis.session.quarters import Domain, domain, quarters
-from rig.analysis.session.searched import Sums, search, sums
+from rig.analysis.session.separable_fit import Sums, search, sums
 
 DECELERATION = (0.03, 1.0)
 """Share of the largest command between which the thesis's line is fitted."""

@@ -13,9 +13,9 @@ from rig.analysis.session.deflection import Behind, Motion, behind
 from rig.analysis.session.drawing import BLUE, CLOCKWISE, COUNTER, RED, axes_of, note, shade
 from rig.analysis.session.driveline import DEGREE
 from rig.analysis.session.estimate import Estimate, mean
-from rig.analysis.session.line import at
+from rig.analysis.session.linear_fit import at
 from rig.analysis.session.periods import Cut
-from rig.analysis.session.read import Point, Session
+from rig.analysis.session.points import Point, Session
 from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
 from rig.analysis.session.torque_report import WAYS, bars, boxes
 from rig.analysis.session.velocity_constant import Constants, Slowing

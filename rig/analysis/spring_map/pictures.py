@@ -11,8 +11,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, TwoSlopeNorm
 
 from rig.analysis import picture
+from rig.analysis.phrases import signed
 from rig.analysis.picture import INK, MARK, SOFT
-from rig.analysis.words import signed
 
 _BY_STATION = "viridis"
 _SIGNED = "RdBu_r"

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
+from rig.analysis.phrases import signed
 from rig.analysis.spring_map import passes
 from rig.analysis.spring_map.passes import FIT, SMALL, Curve, Line, Reversal, Samples, Sine
 from rig.analysis.windows import LeftOut, Window, windows
-from rig.analysis.words import signed
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import Facts, facts

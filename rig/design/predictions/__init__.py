@@ -7,11 +7,11 @@ what happens while waves build up, gains change or the stator moves comes on top
 
 from __future__ import annotations
 
-from rig.design.predictions.foreseen import Foreseen
 from rig.design.predictions.margins import Margin, tightest
+from rig.design.predictions.prediction import Prediction, RowPrediction
+from rig.design.predictions.row_prediction import Foreseen
 from rig.design.predictions.rows import predict
 from rig.design.predictions.travel import Travel
-from rig.design.predictions.words import Prediction, RowPrediction
 
 __all__ = [
     "Foreseen",

@@ -10,16 +10,16 @@ import numpy as np
 from rig.design.predictions import electrics, loop, passive, plant, sampled
 from rig.design.predictions.axis import body_lines, peak
 from rig.design.predictions.grid import Floats, record
+from rig.design.predictions.model import Subject, law_of, pushed, switching
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import SETTLED, System, steady
-from rig.design.predictions.subject import Subject, law_of, pushed, switching
-from rig.planning.campaign.settings import Setting
+from rig.planning.campaign.set_points import Setting
 
 
 class Heave(NamedTuple):
     """Heave of every row, one entry a row; ``dc`` is rows by samples."""
 
-    columns: dict[str, Floats]  # by the names of `rig.design.predictions.foreseen.Foreseen`
+    columns: dict[str, Floats]  # by the names of `rig.design.predictions.row_prediction.Foreseen`
     settled: list[bool]  # the motion was found to within `SETTLED`
     dc: Floats  # W, into the drive
 

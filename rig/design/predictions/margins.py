@@ -8,10 +8,10 @@ from typing import Literal, NamedTuple
 
 from rig.config.limits_file import LimitsFile
 from rig.config.rig_file import RigFile
-from rig.config.source import KeyPath
+from rig.config.yaml_source import KeyPath
 from rig.design.predictions.bus import Bus
-from rig.design.predictions.foreseen import Foreseen
-from rig.planning.campaign.settings import Setting
+from rig.design.predictions.row_prediction import Foreseen
+from rig.planning.campaign.set_points import Setting
 
 Role = Literal["limits", "rig", "plant", "campaign"]
 """The file a limit stands in; the campaign for what is no limit but the row itself."""

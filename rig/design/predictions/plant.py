@@ -13,7 +13,7 @@ from rig.design.predictions.bus import Bus
 from rig.design.predictions.grid import Floats
 from rig.design.predictions.passive import Friction, Spring
 from rig.design.predictions.sampled import Body
-from rig.planning.campaign.settings import Setting
+from rig.planning.campaign.set_points import Setting
 from sim_plant import building, magnetic_spring
 from sim_plant.body import BodyParams
 from sim_plant.bus import BusParams

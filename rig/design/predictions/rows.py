@@ -8,19 +8,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.design.predictions import bus, electrics, plant
-from rig.design.predictions.foreseen import Foreseen
 from rig.design.predictions.grid import Floats
 from rig.design.predictions.heave import Heave, heave_of, heave_poles
 from rig.design.predictions.margins import Margin, margins
+from rig.design.predictions.model import Subject, subject_of, switching
+from rig.design.predictions.prediction import Prediction, RowPrediction
+from rig.design.predictions.row_prediction import Foreseen
 from rig.design.predictions.sampled import Poles
-from rig.design.predictions.subject import Subject, subject_of, switching
 from rig.design.predictions.surge import Surge, surge_of
 from rig.design.predictions.travel import orders, to_the_first
 from rig.design.predictions.verdict import refused, warnings
-from rig.design.predictions.words import Prediction, RowPrediction
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
-from rig.planning.campaign.settings import Setting
+from rig.planning.campaign.set_points import Setting
 from rig.planning.campaign.stability import total_stiffness
 from rig.realtime.sequence import NO_ROW, Phase
 

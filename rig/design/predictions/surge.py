@@ -13,10 +13,10 @@ from rig.design.predictions import loop, passive, plant, sampled
 from rig.design.predictions.axis import body_lines, peak
 from rig.design.predictions.electrics import held
 from rig.design.predictions.grid import Floats, record
+from rig.design.predictions.model import Subject, pushed
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import System, steady
-from rig.design.predictions.subject import Subject, pushed
-from rig.planning.campaign.settings import Setting
+from rig.planning.campaign.set_points import Setting
 
 
 class Surge(NamedTuple):

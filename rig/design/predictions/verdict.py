@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
 from rig.config.problems import Problem, key_text, number_text, shown
-from rig.config.source import KeyPath, Locate, load_mapping
+from rig.config.yaml_source import KeyPath, Locate, load_mapping
 from rig.design.predictions.margins import (
     LOOP,
     MODULATION,
@@ -18,7 +18,7 @@ from rig.design.predictions.margins import (
     broken,
     warned,
 )
-from rig.design.predictions.words import RowPrediction
+from rig.design.predictions.prediction import RowPrediction
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow
 from rig.planning.campaign.windows import windows

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.design.recommend.search import Optimum, Room, Station
 from rig.design.recommend.trial import Bench, Gains, Tried
 from rig.planning.campaign.stability import largest_ki

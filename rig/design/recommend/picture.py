@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from scipy.interpolate import RectBivariateSpline
 
 from rig.analysis import picture
-from rig.design.recommend.advice import Advice
 from rig.design.recommend.matrix import words
+from rig.design.recommend.recommendation import Advice
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Bench, Gains, Tried
 from rig.planning.campaign.stability import largest_ki

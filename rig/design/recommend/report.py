@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from rig.config.problems import shown
-from rig.design.recommend.advice import Advice
-from rig.design.recommend.doubt import STROKE
 from rig.design.recommend.matrix import campaign_text, words
+from rig.design.recommend.recommendation import Advice
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Tried
+from rig.design.recommend.uncertainty import STROKE
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
 SHORT = {"mechanical_1": "mech", "ac": "AC", "dc": "DC"}

@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 
 from controllers import magnetic_spring
 from rig.config.problems import ConfigError
-from rig.config.source import Locate, Place, load_mapping
+from rig.config.yaml_source import Locate, Place, load_mapping
 from rig.design.predictions import Foreseen
 from rig.design.predictions.margins import Margin, broken
+from rig.design.predictions.model import Subject, subject_of
 from rig.design.predictions.rows import tried
-from rig.design.predictions.subject import Subject, subject_of
 from rig.execution.rehearsal.job import asked_sea, problems
 from rig.identification.twin import plant_file, seas
 from rig.identification.twin.estimate import Twin
 from rig.planning.campaign import Campaign, open_campaign
-from rig.planning.campaign.settings import Setting, setting
+from rig.planning.campaign.set_points import Setting, setting
 from rig.planning.campaign.windows import windows
 
 

@@ -14,8 +14,8 @@ from drivers.compax3 import analog_command
 from drivers.conversation import Exchange
 from rig.execution.hardware import streams
 from rig.execution.hardware.bench_settings import Config
+from rig.execution.hardware.messages import SLOTS, Analog, SetPoint
 from rig.execution.hardware.streams import Stream
-from rig.execution.hardware.words import SLOTS, Analog, SetPoint
 from rig.kinds.oswec_bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, WrenchSense
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox

@@ -9,7 +9,7 @@ from rig.config.bench_wiring import BENCH_WORDS, BenchWiring
 from rig.execution.hardware import streams
 from rig.execution.hardware.bench_settings import Config
 from rig.execution.hardware.job import WiringError
-from rig.execution.hardware.lines import line_companions
+from rig.execution.hardware.modbus_lines import line_companions
 from rig.processes import handover
 from rig.processes.io_processes import Companion
 

@@ -19,8 +19,8 @@ from rig.execution.hardware.line_survey import (
     unit_troubles,
     units_of,
 )
-from rig.execution.hardware.reach import port_trouble
-from rig.execution.hardware.servo_look import ServoLook
+from rig.execution.hardware.servo_survey import ServoLook
+from rig.execution.hardware.wire_check import port_trouble
 
 LOOK = 1.5  # s for each device to say something
 _PAUSE = 0.001

@@ -14,7 +14,7 @@ from drivers.canopen.arming import Step, refusal
 from drivers.canopen.bus_settings import Bus
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
-from rig.execution.hardware.words import NodeHealth
+from rig.execution.hardware.messages import NodeHealth
 from rig.processes import handover
 from rig.processes.io_process import run, say, until_ended
 from rig.processes.mailbox import Mailbox

@@ -21,8 +21,8 @@ from drivers.canopen.bus_settings import Bus
 from drivers.canopen.link import Link
 from drivers.canopen.position_actuator import PositionActuator
 from drivers.canopen.torque_axis import Reading, TorqueAxis
+from rig.execution.hardware.messages import SLOTS, NodeHealth, Outputs
 from rig.execution.hardware.settings import Config
-from rig.execution.hardware.words import SLOTS, NodeHealth, Outputs
 from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox

@@ -19,7 +19,7 @@ from drivers.canopen.torque_axis import TORQUE_MODE, layouts
 from drivers.canopen.torque_axis import Settings as AxisSettings
 from rig.config import RigFile
 from rig.config.wiring import WORDS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
-from rig.execution.hardware.lines import line_companions
+from rig.execution.hardware.modbus_lines import line_companions
 from rig.execution.hardware.settings import Config
 from rig.processes import handover
 from rig.processes.io_processes import Companion

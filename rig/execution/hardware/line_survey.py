@@ -8,9 +8,9 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, RefusedError
 from drivers.modbus.registers import Block
-from rig.execution.hardware.poller import BUSY_PAUSE, Polled, blocks_of, line_of, repeated
-from rig.execution.hardware.reach import port_trouble, tcp_trouble
-from rig.execution.hardware.words import SLOTS
+from rig.execution.hardware.messages import SLOTS
+from rig.execution.hardware.modbus_poller import BUSY_PAUSE, Polled, blocks_of, line_of, repeated
+from rig.execution.hardware.wire_check import port_trouble, tcp_trouble
 
 
 class ValueFound(NamedTuple):
@@ -57,7 +57,7 @@ def unit_troubles(line: LineFound) -> Iterator[str]:
 
 
 def look_at_line(name: str, config: dict[str, Any]) -> LineFound:
-    """Every unit of a Modbus line, as `rig.execution.hardware.poller` would ask it."""
+    """Every unit of a Modbus line, as `rig.execution.hardware.modbus_poller` would ask it."""
     settings = config["settings"]
     rtu = config["kind"] == "rtu"
     address = settings["port"] if rtu else f"{settings['host']}:{settings['port']}"

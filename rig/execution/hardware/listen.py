@@ -12,7 +12,7 @@ from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.wiring import Wiring
-from rig.execution.hardware.reach import bus_trouble, unheard
+from rig.execution.hardware.wire_check import bus_trouble, unheard
 
 LISTEN = 2.5  # s: heartbeats of drives come every 0.1 to 1 s
 

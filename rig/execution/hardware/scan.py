@@ -21,7 +21,7 @@ from drivers.modbus.line import (
     Tcp,
 )
 from drivers.modbus.registers import Block
-from rig.execution.hardware.reach import bus_trouble, port_trouble, tcp_trouble, unheard
+from rig.execution.hardware.wire_check import bus_trouble, port_trouble, tcp_trouble, unheard
 
 _BEHIND_NOTHING = (10, 11)  # exceptions of a gateway: no way to the unit, no answer from it
 

@@ -9,8 +9,8 @@ from typing import Any
 
 from drivers.conversation import Exchange
 from drivers.errors import CodecError, LinkError
+from rig.execution.hardware.messages import SLOTS
 from rig.execution.hardware.streams import Stream, made
-from rig.execution.hardware.words import SLOTS
 from rig.processes.io_process import run, say, until_ended
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling

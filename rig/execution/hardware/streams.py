@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from drivers.compax3 import servo_words
+from drivers.compax3 import servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object
 from drivers.compax3.objects import Channel
 from drivers.compax3.requests import Timing
@@ -24,8 +24,8 @@ from drivers.serial_link import SerialLink
 from drivers.serial_link import Settings as SerialSettings
 from drivers.udp_link import Settings as UdpSettings
 from drivers.udp_link import UdpLink
-from rig.execution.hardware.words import Encoders, Load, SetPoint
-from rig.execution.hardware.words import Servo as ServoWord
+from rig.execution.hardware.messages import Encoders, Load, SetPoint
+from rig.execution.hardware.messages import Servo as ServoWord
 from rig.processes.mailbox import Mailbox
 
 NEVER = 1e8  # s: older is what has never come
@@ -110,10 +110,10 @@ def servo(told: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
     return Stream(_serial("servo drive", told), drive, tell, hear, leave)
 
 
-def servo_settings(told: dict[str, Any]) -> servo_words.Settings:
+def servo_settings(told: dict[str, Any]) -> servo_signals.Settings:
     """What the conversation with the drive is told."""
     torque = told["loop"] == "torque"
-    return servo_words.Settings(
+    return servo_signals.Settings(
         "servo drive",
         address_of(told),
         told["identity"],

@@ -12,7 +12,7 @@ from drivers.canopen.link import LinkError
 from drivers.canopen.service import Health, Identity, Service
 from rig.execution.hardware.job import Job
 from rig.execution.hardware.line_survey import LineFound, look_at_line, unit_troubles
-from rig.execution.hardware.reach import bus_trouble
+from rig.execution.hardware.wire_check import bus_trouble
 
 SCAN = 0.4  # s in which every node of the bus has answered a first question
 _BEATS = 2.5  # periods of a heartbeat in which one must have come

@@ -21,9 +21,9 @@ from rig.execution.rehearsal.bench_emulators import (
     couplers,
     servo,
 )
-from rig.execution.rehearsal.control import Control, Stage
-from rig.execution.rehearsal.hosting import host, modbus_line, without_delay
-from rig.kinds.oswec_bench.words import TORQUE, VELOCITY
+from rig.execution.rehearsal.emulator_control import Control, Stage
+from rig.execution.rehearsal.emulator_process import host, modbus_line, without_delay
+from rig.kinds.oswec_bench.signals import TORQUE, VELOCITY
 from rig.planning.session.files import Session
 from rig.processes.io_process import run, say
 from rig.processes.io_processes import Companion

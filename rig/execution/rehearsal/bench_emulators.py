@@ -6,8 +6,8 @@ from rig.config.bench_rig_file import BenchRigFile
 from rig.config.bench_rig_file import Encoder as EncoderScale
 from rig.config.bench_wiring import BenchWiring, EncoderWord, LoadCell, SerialPort, ServoDrive
 from rig.config.bench_wiring import EncoderBridge as BridgeWiring
-from rig.execution.rehearsal.hosting import serial_line
-from rig.kinds.oswec_bench.words import VELOCITY
+from rig.execution.rehearsal.emulator_process import serial_line
+from rig.kinds.oswec_bench.signals import VELOCITY
 from sim_plant.emulators.compax3 import Compax3
 from sim_plant.emulators.compax3_drive import TURN, DriveInput
 from sim_plant.emulators.compax3_objects import Compax3Settings

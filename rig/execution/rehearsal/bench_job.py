@@ -6,9 +6,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from rig.config.problems import Problem, number_text, shown
+from rig.config.pydantic_errors import problems_from
 from rig.config.session_kinds import SESSIONS
-from rig.config.source import KeyPath
-from rig.config.translate import problems_from
+from rig.config.yaml_source import KeyPath
 from rig.planning.session.files import Pieces, Session
 from rig.planning.session.flume import as_mapping, seas
 from sim_plant.bench.parameters import BenchPlant

@@ -19,7 +19,7 @@ from sim_plant.bench import (
     transmission,
 )
 from sim_plant.bench.dynamometer import BenchState
-from sim_plant.bench.words import OFF, Actuation, Reading
+from sim_plant.bench.signals import OFF, Actuation, Reading
 from sim_plant.flap import body, oswec
 from sim_plant.flap import stepper as flap_stepper
 from sim_plant.flap.oswec import FlapState

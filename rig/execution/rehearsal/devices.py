@@ -118,7 +118,7 @@ def stepper(compiled: bool) -> type[Stepper]:
     """The compiled step, or the interpreted one, which needs no compiler and gives the same."""
     if not compiled:
         return Stepper
-    from rig.execution.rehearsal.compiled import CompiledStepper  # noqa: PLC0415  (numba takes a second)
+    from rig.execution.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
 
     return CompiledStepper
 

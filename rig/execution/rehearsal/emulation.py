@@ -2,7 +2,7 @@
 
 `rig sim RIG` starts it by itself, `rig run ... --sim` as the first of a run's companions. It knows
 of the rig only what its wires are: addresses, node numbers, units.
-`rig.execution.rehearsal.control` is the port at which its devices are given faults.
+`rig.execution.rehearsal.emulator_control` is the port at which its devices are given faults.
 """
 
 import asyncio
@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 from rig.config import RigFile
 from rig.config.wiring import Actuator, Registers, TorqueDrive
 from rig.execution.rehearsal.addresses import impossible, taken
-from rig.execution.rehearsal.control import Control, Stage
 from rig.execution.rehearsal.devices import build_world
-from rig.execution.rehearsal.hosting import host, modbus_line, without_delay
+from rig.execution.rehearsal.emulator_control import Control, Stage
+from rig.execution.rehearsal.emulator_process import host, modbus_line, without_delay
 from rig.processes.io_process import run, say
 from rig.processes.io_processes import Companion
 from sim_plant.emulators.actuator_units import ActuatorParams
@@ -40,7 +40,7 @@ from sim_plant.emulators.stator_actuator import StatorActuator
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 from sim_plant.emulators.torque_drive import AnalogInput, Axis, Scaling, TorqueDriveParams
 from sim_plant.emulators.torque_drive import TorqueDrive as Drive
-from sim_plant.words import Readings
+from sim_plant.signals import Readings
 from sim_plant.world import World
 
 if TYPE_CHECKING:

@@ -15,18 +15,18 @@ from pydantic import TypeAdapter, ValidationError
 from rig.config.campaign_file import CampaignFile, Law
 from rig.config.hoist import TURN_S
 from rig.config.problems import Problem, number_text, shown
+from rig.config.pydantic_errors import problems_from
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
-from rig.config.source import KeyPath
-from rig.config.translate import problems_from
+from rig.config.yaml_source import KeyPath
 from rig.execution.rehearsal.devices import build_sea
 from rig.kinds.wavebot.build import estimator_params, zc_sections
 from rig.planning.campaign.designed_sea import DesignedSea, designed
 from rig.planning.campaign.elevation import Elevation
 from rig.planning.campaign.files import Campaign
+from rig.planning.campaign.input_files import Source
 from rig.planning.campaign.pieces import Pieces
 from rig.planning.campaign.reference import ticks_of
-from rig.planning.campaign.sources import Source
 from rig.regular_file import TABLE_MOST, open_regular
 from sim_plant import waves
 from sim_plant.bem import Bem, read_bem

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis import wave_calibration
-from rig.config.source import load_mapping
+from rig.config.yaml_source import load_mapping
 from rig.identification.identify import Asked, identify
 from rig.identification.twin import drivetrain, electrics, seas
 from rig.identification.twin.group import Group, allowance

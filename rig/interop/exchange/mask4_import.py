@@ -16,7 +16,7 @@ import numpy as np
 from rig.config.columns import COLUMNS
 from rig.interop.exchange.mask4_signals import Floats, Signals
 from rig.interop.exchange.mask4_windows import Timing, Windows, by_time, from_labels
-from rig.kinds.wavebot.words import WaveBotRow
+from rig.kinds.wavebot.signals import WaveBotRow
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import Phase
 from rig.recording import provenance, row_layout

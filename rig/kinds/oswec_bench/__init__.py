@@ -1,8 +1,7 @@
 """The OSWEC bench: its words, what trips it, and its part of the cycle."""
 
 from rig.kinds.oswec_bench.kind import KIND
-from rig.kinds.oswec_bench.state import Limits, LoadLimits, Params
-from rig.kinds.oswec_bench.words import (
+from rig.kinds.oswec_bench.signals import (
     BenchRow,
     BrakeSense,
     Command,
@@ -13,6 +12,7 @@ from rig.kinds.oswec_bench.words import (
     Setpoints,
     WrenchSense,
 )
+from rig.kinds.oswec_bench.state import Limits, LoadLimits, Params
 
 __all__ = [
     "KIND",

@@ -2,8 +2,8 @@
 
 from controllers.blocks import finite
 from controllers.signals import AxisSense
+from rig.kinds.oswec_bench.signals import Motion, Sense, WrenchSense
 from rig.kinds.oswec_bench.state import LoadLimits, Params, State, zeros
-from rig.kinds.oswec_bench.words import Motion, Sense, WrenchSense
 from rig.realtime import axis
 from rig.realtime.safety import CATEGORY, FINE, Reason
 

@@ -5,6 +5,18 @@ from controllers.blocks import clamp
 from controllers.signals import Demand, Estimate, Turning
 from rig.kinds.oswec_bench import speed, stations, tare
 from rig.kinds.oswec_bench.check import check, motor_sense
+from rig.kinds.oswec_bench.signals import (
+    TORQUE,
+    VELOCITY,
+    Asked,
+    BenchRow,
+    Command,
+    Motion,
+    Rotation,
+    Sense,
+    Wanted,
+    Words,
+)
 from rig.kinds.oswec_bench.state import (
     LAWS_AT_REST,
     BrakeState,
@@ -17,18 +29,6 @@ from rig.kinds.oswec_bench.state import (
     hold,
     start,
     zeros,
-)
-from rig.kinds.oswec_bench.words import (
-    TORQUE,
-    VELOCITY,
-    Asked,
-    BenchRow,
-    Command,
-    Motion,
-    Rotation,
-    Sense,
-    Wanted,
-    Words,
 )
 from rig.realtime import axis, cycle, limits, safety
 from rig.realtime.safety import RUN, STOP_1

@@ -6,7 +6,7 @@ from controllers import brake_damping, estimator, oswec_position, torque_trackin
 from controllers.oswec_position import Component, Span
 from controllers.signals import Estimate
 from rig.kinds.oswec_bench import speed, stations, tare
-from rig.kinds.oswec_bench.words import NO_FLUME, EncoderSense, Flume, Setpoints
+from rig.kinds.oswec_bench.signals import NO_FLUME, EncoderSense, Flume, Setpoints
 from rig.realtime import axis
 
 

@@ -5,7 +5,7 @@ Until it is done the first tick's values are provisional zeros.
 
 from typing import NamedTuple
 
-from rig.kinds.oswec_bench.words import Zeros
+from rig.kinds.oswec_bench.signals import Zeros
 from rig.realtime.sequence import TARE
 
 

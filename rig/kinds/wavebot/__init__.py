@@ -2,8 +2,7 @@
 
 from rig.kinds.wavebot.check import check
 from rig.kinds.wavebot.kind import KIND, control, observe
-from rig.kinds.wavebot.state import Limits, Params, State, start
-from rig.kinds.wavebot.words import (
+from rig.kinds.wavebot.signals import (
     Command,
     LoadSense,
     PowerSense,
@@ -12,6 +11,7 @@ from rig.kinds.wavebot.words import (
     WaveBotRow,
     WaveSense,
 )
+from rig.kinds.wavebot.state import Limits, Params, State, start
 
 __all__ = [
     "KIND",

@@ -25,7 +25,7 @@ from rig.kinds import wavebot
 from rig.kinds.wavebot import stations
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
 from rig.planning.campaign.reference import Record, table
-from rig.planning.campaign.settings import drive_settings
+from rig.planning.campaign.set_points import drive_settings
 from rig.realtime import average, axis, cycle, limits, safety
 from rig.realtime.sequence import Segments
 

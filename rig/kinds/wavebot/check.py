@@ -1,8 +1,8 @@
 """What trips a WaveBot: every check of a tick, those that allow no controlled stop first."""
 
 from controllers.blocks import finite
+from rig.kinds.wavebot.signals import Motion, Sense
 from rig.kinds.wavebot.state import SURGE_OFF, Params, State, zeros
-from rig.kinds.wavebot.words import Motion, Sense
 from rig.realtime import axis
 from rig.realtime.safety import CATEGORY, FINE, OFF, Reason
 

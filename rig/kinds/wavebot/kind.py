@@ -13,6 +13,7 @@ from controllers import (
 from controllers.signals import Demand, DriveCommand, Reference
 from rig.kinds.wavebot import stations, tare
 from rig.kinds.wavebot.check import check
+from rig.kinds.wavebot.signals import Command, Motion, Sense, WaveBotRow, Words
 from rig.kinds.wavebot.state import (
     REFERENCE_SURGE,
     SURGE_HELD,
@@ -27,7 +28,6 @@ from rig.kinds.wavebot.state import (
     start,
     zeros,
 )
-from rig.kinds.wavebot.words import Command, Motion, Sense, WaveBotRow, Words
 from rig.realtime import axis, cycle, power, safety
 from rig.realtime.safety import OFF, RUN
 from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR

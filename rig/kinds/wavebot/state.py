@@ -14,7 +14,7 @@ from controllers import (
 )
 from controllers.signals import AxisSense, DriveCommand, DriveSettings, Gains
 from rig.kinds.wavebot import stations, tare
-from rig.kinds.wavebot.words import Setpoints
+from rig.kinds.wavebot.signals import Setpoints
 from rig.realtime import axis, power
 
 

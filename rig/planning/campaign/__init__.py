@@ -6,11 +6,11 @@ Runs in the supervisor only; the loop gets the finished `Plan`.
 from rig.planning.campaign.check import Report, check
 from rig.planning.campaign.elevation import Elevation, read_elevation
 from rig.planning.campaign.files import Campaign, open_campaign
+from rig.planning.campaign.input_files import ReadFile
 from rig.planning.campaign.pieces import Pieces
 from rig.planning.campaign.plan import CampaignRow, PhaseSeconds, Plan, plan
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.resolved import resolved
-from rig.planning.campaign.sources import ReadFile
 from rig.planning.campaign.windows import WindowError, Windows, windows
 
 __all__ = [

@@ -2,7 +2,7 @@
 
 from rig.config.problems import Problem, number_text
 from rig.config.sea import AnySea, MultisineSea, PinkSea
-from rig.config.source import Locate
+from rig.config.yaml_source import Locate
 from rig.planning.campaign.multisine import Multisine, design, peak
 
 DesignedSea = PinkSea | MultisineSea

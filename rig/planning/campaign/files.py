@@ -7,20 +7,14 @@ from typing import Any, NamedTuple, TypeVar
 from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem
+from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
 from rig.config.rig_file import RigFile
 from rig.config.sea import AnySea, RecordedSea
-from rig.config.source import Locate, load_mapping
-from rig.config.translate import validate
+from rig.config.yaml_source import Locate, load_mapping
 from rig.planning.campaign.designed_sea import too_large
 from rig.planning.campaign.elevation import Elevation, read_elevation
-from rig.planning.campaign.order import turns
-from rig.planning.campaign.pieces import Pieces, pieces, sea_of
-from rig.planning.campaign.point import MOST_ROWS, Point
-from rig.planning.campaign.points import count, hoisted, outside_map, points, stator_positions
-from rig.planning.campaign.reference import Record, read_record, unplayable
-from rig.planning.campaign.settings import foreign_to_drive
-from rig.planning.campaign.sources import (
+from rig.planning.campaign.input_files import (
     Load,
     ReadFile,
     Source,
@@ -29,6 +23,12 @@ from rig.planning.campaign.sources import (
     read_file,
     read_files,
 )
+from rig.planning.campaign.order import turns
+from rig.planning.campaign.pieces import Pieces, pieces, sea_of
+from rig.planning.campaign.point import MOST_ROWS, Point
+from rig.planning.campaign.points import count, hoisted, outside_map, points, stator_positions
+from rig.planning.campaign.reference import Record, read_record, unplayable
+from rig.planning.campaign.set_points import foreign_to_drive
 from rig.planning.campaign.stability import unstable, unstable_set_point
 from rig.planning.campaign.windows import WindowError, calibration, windows
 

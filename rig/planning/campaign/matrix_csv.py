@@ -8,7 +8,7 @@ from rig.config.columns import ALWAYS, COLUMNS, END_MARK, Column
 from rig.config.matrix import Combination
 from rig.config.problems import ConfigError, Problem, lines_text, number_text, shown
 from rig.config.ranges import allowed
-from rig.config.source import Place
+from rig.config.yaml_source import Place
 from rig.planning.campaign.point import MOST_ROWS, Point, Where, point
 from rig.regular_file import CONFIG_MOST, read_regular
 

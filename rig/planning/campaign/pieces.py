@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig.config.rig_file import Axis, Rate
 from rig.config.sea import AnySea, Sea
 from rig.planning.campaign.elevation import Elevation
-from rig.planning.campaign.sources import Source
+from rig.planning.campaign.input_files import Source
 
 T = TypeVar("T")
 

@@ -19,7 +19,7 @@ from rig.planning.campaign.order import turns
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.points import stator_positions
 from rig.planning.campaign.segments import Piece, cut_into_ticks
-from rig.planning.campaign.settings import NOTHING, Setting, setting
+from rig.planning.campaign.set_points import NOTHING, Setting, setting
 from rig.planning.campaign.stability import bearable_ki
 from rig.planning.campaign.windows import Windows, calibration, windows
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from rig.config.columns import Column
 from rig.config.problems import Problem, shown
-from rig.config.source import Place
+from rig.config.yaml_source import Place
 
 MOST_ROWS = 10_000
 """Most rows of a campaign, repetitions included; two days of regular waves."""

@@ -9,7 +9,7 @@ from rig.config.hoist import Hoist
 from rig.config.matrix import Matrix
 from rig.config.problems import ConfigError, Problem, key_text, number_text
 from rig.config.rig_file import MagneticSpring
-from rig.config.source import KeyPath, Locate
+from rig.config.yaml_source import KeyPath, Locate
 from rig.planning.campaign import matrix_csv
 from rig.planning.campaign.point import Point, Where, point
 

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from rig.config.campaign_file import CampaignFile
 from rig.config.problems import Problem, number_text
 from rig.config.rig_file import Stability
-from rig.config.source import Locate
+from rig.config.yaml_source import Locate
 from rig.planning.campaign.point import Point, Where
 
 

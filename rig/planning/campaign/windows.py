@@ -17,7 +17,7 @@ from rig.config.hoist import Hoist
 from rig.config.problems import number_text
 from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
-from rig.config.source import KeyPath
+from rig.config.yaml_source import KeyPath
 
 _NEARLY = 1e-9  # a window that misses a whole period by rounding alone still holds it
 

@@ -9,8 +9,8 @@ from rig.config.bench_rig_file import BenchRigFile, Encoder
 from rig.design.estimator import design
 from rig.kinds import oswec_bench
 from rig.kinds.oswec_bench import speed, stations
+from rig.kinds.oswec_bench.signals import TORQUE, VELOCITY
 from rig.kinds.oswec_bench.state import Homing, ShaftParams
-from rig.kinds.oswec_bench.words import TORQUE, VELOCITY
 from rig.planning.session.files import Session
 from rig.planning.session.plan import SessionPlan
 from rig.realtime import average, axis, cycle, limits, safety

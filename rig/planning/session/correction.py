@@ -23,7 +23,7 @@ import numpy as np
 from rig.config.constants_file import ConstantsFile, DrivelinePoint
 from rig.config.problems import ConfigError, Problem
 from rig.config.session_file import InstantaneousCorrection, OnlineCorrection, SessionFile
-from rig.config.source import Locate
+from rig.config.yaml_source import Locate
 from rig.planning.session.rows import SessionPoint
 
 LEAST_POINTS = 3

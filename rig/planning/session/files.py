@@ -8,10 +8,10 @@ from rig.config.bench_limits_file import BenchLimitsFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.constants_file import ConstantsFile
 from rig.config.problems import ConfigError, Problem
+from rig.config.pydantic_errors import validate
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.config.source import KeyPath, Locate, load_mapping
-from rig.config.translate import validate
-from rig.planning.campaign.sources import ReadFile, Source, in_order, named_source, read_files
+from rig.config.yaml_source import KeyPath, Locate, load_mapping
+from rig.planning.campaign.input_files import ReadFile, Source, in_order, named_source, read_files
 from rig.planning.session.constants import Constants, gathered
 from rig.planning.session.correction import Correction, correction
 from rig.planning.session.flume import repeats_in_ticks

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from rig.config.problems import Problem, number_text
 from rig.config.session_file import Irregular, SessionFile
 from rig.config.session_kinds import SESSIONS
-from rig.kinds.oswec_bench.words import NO_FLUME, Flume
+from rig.kinds.oswec_bench.signals import NO_FLUME, Flume
 from rig.planning.campaign.multisine import design, scaled_to_peak
 from rig.planning.session.rows import SessionPoint
 

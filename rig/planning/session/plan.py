@@ -13,7 +13,7 @@ import numpy as np
 from controllers.oswec_position import PI, Component
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.kinds.oswec_bench import Flume, Setpoints
-from rig.kinds.oswec_bench.words import NO_FLUME
+from rig.kinds.oswec_bench.signals import NO_FLUME
 from rig.planning.campaign.segments import Piece, cut_into_ticks
 from rig.planning.session.correction import Ahead
 from rig.planning.session.files import Session

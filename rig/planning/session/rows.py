@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rig.config.problems import key_text
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.config.source import KeyPath, Locate
+from rig.config.yaml_source import KeyPath, Locate
 from rig.planning.campaign.point import Where
 
 MOST_ROWS = 1000

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from rig.config.calibration_file import CalibrationFile
 from rig.config.problems import ConfigError, Problem, shown
-from rig.config.source import Locate
-from rig.config.translate import load
+from rig.config.pydantic_errors import load
+from rig.config.yaml_source import Locate
 from rig.regular_file import CONFIG_MOST, read_regular
 
 

@@ -13,8 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.recording import process
-from rig.recording.row_form import CLOCK, START_KEY
+from rig.recording import process_identity
+from rig.recording.row_schema import CLOCK, START_KEY
 from rig.recording.runs.mcap_file import Contents, RunError, scan
 from rig.regular_file import TABLE_MOST, read_regular
 
@@ -202,7 +202,7 @@ def supervised(status: dict[str, Any]) -> bool | None:
     pid, started = status.get("pid"), status.get("pid_started")
     if not isinstance(pid, int) or not isinstance(started, int):
         return None
-    return process.started(pid) == started
+    return process_identity.started(pid) == started
 
 
 def _abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:

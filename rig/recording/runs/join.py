@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_form import CLOCK, START_KEY, Form
+from rig.recording.row_schema import CLOCK, START_KEY, Form
 from rig.recording.runs import mcap_file
 from rig.recording.runs.mcap_file import Contents, Records, RunError
-from rig.recording.runs.read_back import read_back
 from rig.recording.runs.state import RECOVERY
+from rig.recording.runs.verify import read_back
 
 _FLUSH_ROWS = 50_000  # rows held in memory while joining
 

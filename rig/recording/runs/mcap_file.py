@@ -20,7 +20,7 @@ from mcap.stream_reader import StreamReader
 from rig.recording import row_layout
 from rig.recording.mcap_writer import MESSAGE_BYTES
 from rig.recording.runs.mcap_records import RECORD, Chunk, RunError, plain, records_in
-from rig.recording.runs.walk import Contents, scan
+from rig.recording.runs.record_scan import Contents, scan
 from rig.regular_file import open_regular
 
 __all__ = [

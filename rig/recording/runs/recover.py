@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.realtime.safety import Reason
-from rig.recording.place import PROGRESS
+from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import create, folder, mcap_file
 from rig.recording.runs.account import Account, Ending, account
 from rig.recording.runs.join import join
 from rig.recording.runs.mcap_file import Contents, RunError
-from rig.recording.runs.read_back import Seen, read_back
 from rig.recording.runs.state import LOOP, ending_of, logged, text_of
+from rig.recording.runs.verify import Seen, read_back
 
 KILLED = "its processes were killed"
 LOOP_KILLED = "its loop was killed"

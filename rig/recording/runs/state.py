@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.recording.place import PROGRESS
+from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import folder
 from rig.recording.runs.account import Account, Counting, Ending
 from rig.recording.runs.mcap_file import Contents, Records

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rig.analysis.session import estimate, line
+from rig.analysis.session import estimate, linear_fit
 
 SEEDS = 2000
 NEAR = 3.0 * np.sqrt(0.95 * 0.05 / SEEDS)  # three standard deviations of the share itself
@@ -21,12 +21,12 @@ def test_line_and_band_are_covered() -> None:
     x = np.linspace(10.0, 80.0, 15)
     held = []
     for _ in range(SEEDS):
-        fitted = line.line(x, 0.5 + 0.02 * x + random.normal(0.0, 0.1, 15))
+        fitted = linear_fit.line(x, 0.5 + 0.02 * x + random.normal(0.0, 0.1, 15))
         held.append(
             (
-                line.slope(fitted, "", "").holds(0.02),
-                line.intercept(fitted, "", "").holds(0.5),
-                abs(line.at(fitted, 70.0) - 1.9) <= line.band(fitted, 70.0),
+                linear_fit.slope(fitted, "", "").holds(0.02),
+                linear_fit.intercept(fitted, "", "").holds(0.5),
+                abs(linear_fit.at(fitted, 70.0) - 1.9) <= linear_fit.band(fitted, 70.0),
             )
         )
     assert np.mean(held, axis=0) == pytest.approx([0.95] * 3, abs=NEAR)
@@ -44,11 +44,11 @@ def test_a_line_agrees_with_scipy() -> None:
     x = random.normal(size=20)
     y = 2.0 - 3.0 * x + random.normal(size=20)
     theirs = stats.linregress(x, y)
-    ours = line.line(x, y)
+    ours = linear_fit.line(x, y)
     assert (ours.slope, ours.intercept) == pytest.approx((theirs.slope, theirs.intercept))
     assert ours.r_squared == pytest.approx(theirs.rvalue**2)
     half = stats.t.ppf(0.975, 18) * theirs.stderr
-    assert line.slope(ours, "", "").uncertainty == pytest.approx(half)
+    assert linear_fit.slope(ours, "", "").uncertainty == pytest.approx(half)
 
 
 def test_what_has_no_interval_says_so() -> None:
@@ -56,4 +56,4 @@ def test_what_has_no_interval_says_so() -> None:
     assert not estimate.mean([1.0], "m", "").holds(1.0)
     assert np.isnan(estimate.mean([], "m", "").value)
     with pytest.raises(ValueError, match="no line"):
-        line.line([1.0, 1.0], [2.0, 3.0])
+        linear_fit.line([1.0, 1.0], [2.0, 3.0])

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 from ruamel.yaml import YAML
 
 from rig.analysis.session import Summary, analyse
-from rig.analysis.session.read import open_session
+from rig.analysis.session.points import open_session
 from rig.config.constants_file import ConstantsFile
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase

@@ -9,10 +9,10 @@ from canopen_drives import OWN, FakeLine, axis_settings
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.canopen import answers, pdo
-from drivers.canopen.answers import OPEN, WINDOW, Answers
+from drivers.canopen import pdo, sync_count
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
+from drivers.canopen.sync_count import OPEN, WINDOW, Answers
 from drivers.canopen.torque_axis import TorqueAxis, layouts
 
 NODE, DT = 5, 0.001
@@ -25,7 +25,7 @@ class Wire:
     def __init__(self, each: int = 1) -> None:
         self.each, self.syncs = each, 0
         self.held: deque[int] = deque()
-        self.state = answers.start()
+        self.state = sync_count.start()
 
     def sync(self) -> None:
         self.syncs += 1
@@ -37,7 +37,7 @@ class Wire:
         found = []
         for _ in range(len(self.held) if count is None else min(count, len(self.held))):
             true = self.held.popleft()
-            self.state = answers.take(self.state, self.each, self.syncs)
+            self.state = sync_count.take(self.state, self.each, self.syncs)
             found.append((self.state.answered, true))
         return found
 
@@ -48,8 +48,8 @@ class Wire:
 
 
 def test_the_first_answer_is_one_to_the_last_sync() -> None:
-    assert answers.take(answers.start(), 1, 7).answered == 7
-    assert answers.take(answers.start(), 1, 0).answered == 0  # to none: there was no SYNC yet
+    assert sync_count.take(sync_count.start(), 1, 7).answered == 7
+    assert sync_count.take(sync_count.start(), 1, 0).answered == 0  # to none: there was no SYNC yet
 
 
 @pytest.mark.parametrize("each", [1, 2, 10, 20])
@@ -111,7 +111,7 @@ def test_copies_are_never_answers_to_a_sync_to_come() -> None:
     state = Answers(0, 0, -1)
     for number in range(1, 500):
         for _ in range(2):
-            state = answers.take(state, 1, number)
+            state = sync_count.take(state, 1, number)
             assert state.answered == number
 
 

@@ -15,7 +15,7 @@ from drivers.compax3.codec import Object
 from drivers.compax3.objects import Channel
 from drivers.compax3.requests import GAP, Requests, Timing
 from drivers.compax3.servo import Servo
-from drivers.compax3.servo_words import NOT_READ, Phase, Settings
+from drivers.compax3.servo_signals import NOT_READ, Phase, Settings
 from drivers.compax3.values import Form
 from drivers.conversation import Exchange
 from drivers.errors import CodecError

@@ -4,9 +4,7 @@ What the sheet says plainly becomes a value. Everything else becomes a remark th
 and quotes it; nothing is filled in by guess.
 """
 
-from rig.interop.legacy.testlog.read import Log, read_log
-from rig.interop.legacy.testlog.relations import Links, Repeat, links
-from rig.interop.legacy.testlog.words import (
+from rig.interop.legacy.testlog.entry import (
     Activity,
     Amplitude,
     Bias,
@@ -20,6 +18,8 @@ from rig.interop.legacy.testlog.words import (
     Wave,
     WaveKind,
 )
+from rig.interop.legacy.testlog.read import Log, read_log
+from rig.interop.legacy.testlog.relations import Links, Repeat, links
 
 __all__ = [
     "Activity",

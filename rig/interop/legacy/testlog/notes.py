@@ -2,7 +2,7 @@
 
 import re
 
-from rig.interop.legacy.testlog.words import Bias, RemarkKind
+from rig.interop.legacy.testlog.entry import Bias, RemarkKind
 
 _WORDS = tuple(
     (kind, re.compile(words, re.IGNORECASE))

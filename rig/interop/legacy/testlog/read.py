@@ -7,11 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.config.problems import ConfigError, Problem, shown
-from rig.interop.legacy.testlog.notes import read_bias, read_notes
-from rig.interop.legacy.testlog.settings import read_settings
-from rig.interop.legacy.testlog.sheet import SheetRow, read_sheet
-from rig.interop.legacy.testlog.waves import read_waves
-from rig.interop.legacy.testlog.words import (
+from rig.interop.legacy.testlog.entry import (
     Condition,
     Entry,
     Remark,
@@ -19,6 +15,10 @@ from rig.interop.legacy.testlog.words import (
     Separator,
     WaveKind,
 )
+from rig.interop.legacy.testlog.notes import read_bias, read_notes
+from rig.interop.legacy.testlog.settings import read_settings
+from rig.interop.legacy.testlog.sheet import SheetRow, read_sheet
+from rig.interop.legacy.testlog.waves import read_waves
 from rig.regular_file import TABLE_MOST, read_regular
 
 _RUN = re.compile(r"\s*([A-Za-z][A-Za-z0-9]*)_(\d{1,6})\s*")

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
+from rig.interop.legacy.testlog.entry import Bias, Entry
 from rig.interop.legacy.testlog.read import Log
-from rig.interop.legacy.testlog.words import Bias, Entry
 
 
 class Repeat(NamedTuple):

@@ -3,7 +3,7 @@
 import re
 from typing import NamedTuple
 
-from rig.interop.legacy.testlog.words import Activity, Amplitude, Gain, RemarkKind, Spring
+from rig.interop.legacy.testlog.entry import Activity, Amplitude, Gain, RemarkKind, Spring
 
 SCHEMES = {"svpwm": "SVPWM", "svpm": "SVPWM", "dpwm": "DPWM", "sinetri": "SineTri", "hyst": "Hyst"}
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
 from rig.config.problems import ConfigError, Problem, shown
-from rig.interop.legacy.testlog.words import Condition
+from rig.interop.legacy.testlog.entry import Condition
 
 COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
 MOST_ROWS = 10_000

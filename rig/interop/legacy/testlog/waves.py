@@ -7,7 +7,7 @@ Hs. A name such as 4A is that of the wave file and no current.
 import re
 from typing import NamedTuple
 
-from rig.interop.legacy.testlog.words import RemarkKind, Wave, WaveKind
+from rig.interop.legacy.testlog.entry import RemarkKind, Wave, WaveKind
 
 INCH = 0.0254  # m
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, key_text
-from rig.design.predictions.foreseen import Foreseen
 from rig.design.predictions.margins import Margin, broken
+from rig.design.predictions.row_prediction import Foreseen
 from rig.design.predictions.travel import Travel
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan

@@ -15,9 +15,9 @@ from controllers.signals import (
 )
 from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.realtime import cycle
+from sim_plant.signals import Actuation, Readings
 from sim_plant.wave_maker import Sea
 from sim_plant.wavebot import FREE, WaveBotState
-from sim_plant.words import Actuation, Readings
 
 
 class Machine(NamedTuple):

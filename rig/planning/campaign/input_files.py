@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, key_text, shown
-from rig.config.source import KeyPath, Locate, load_mapping
+from rig.config.yaml_source import KeyPath, Locate, load_mapping
 from rig.regular_file import RECORD_MOST, read_regular
 
 
@@ -26,7 +26,7 @@ class Source(NamedTuple):
 
 
 Load = Callable[..., tuple[dict[str, Any], Locate]]
-"""Reads a file as `rig.config.source.load_mapping` does; it may change what the file says."""
+"""Reads a file as `rig.config.yaml_source.load_mapping` does; it may change what the file says."""
 
 
 def named_source(

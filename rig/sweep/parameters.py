@@ -15,7 +15,7 @@ from ruamel.yaml.error import YAMLError
 
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, shown, value_text
-from rig.config.source import KeyPath, Locate, Place, load_mapping
+from rig.config.yaml_source import KeyPath, Locate, Place, load_mapping
 from rig.execution.rehearsal.job import TWINS, problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.sweep.inputs import DATA, inputs

@@ -26,10 +26,10 @@ from rig.sweep import InterruptedWalkError, compiled
 from rig.sweep.column import Column
 from rig.sweep.noise import combed
 from rig.sweep.pages import TICKS
-from rig.sweep.wires import Machine
+from rig.sweep.plant_coupling import Machine
 from sim_plant import custom_drive, wave_maker, wavebot
 from sim_plant.parameters import Plant
-from sim_plant.words import OFF
+from sim_plant.signals import OFF
 
 _THERE = tuple(leaf.name for leaf in leaves(WaveBotRow))
 _WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",

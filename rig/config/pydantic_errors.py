@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from rig.config import ranges
 from rig.config.model import RULE, Broken, FileModel
 from rig.config.problems import ConfigError, Problem, value_text
-from rig.config.source import KeyPath, Locate, Place, load_mapping
+from rig.config.yaml_source import KeyPath, Locate, Place, load_mapping
 
 M = TypeVar("M", bound=BaseModel)
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.analysis import words
+from rig.analysis import phrases
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
@@ -100,7 +100,7 @@ def lost_before(ticks: Counts, skipped: Counts, dt: float) -> LostTicks | None:
 
 def reason_words(reason: str, lost: LostTicks | None) -> str:
     """A stop reason, given by name, in plain words; lost ticks that may be its cause come first."""
-    plain = words.reason_words(reason)
+    plain = phrases.reason_words(reason)
     if lost is None:
         return plain
     said = (

@@ -23,7 +23,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from rig.recording import row_layout
 from rig.recording.mcap_writer import MESSAGE_BYTES
-from rig.recording.row_form import CHECK, FORM, TOPIC, channel_record, form_sum, pairs_sum
+from rig.recording.row_schema import CHECK, FORM, TOPIC, channel_record, form_sum, pairs_sum
 from rig.recording.runs.mcap_records import RECORD, Chunk, RecordFile, RunError, plain, records_in
 from rig.regular_file import open_regular
 

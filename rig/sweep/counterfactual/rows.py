@@ -27,7 +27,7 @@ from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import Facts, facts
 from rig.sweep.cases import LEAD_IN, alone, table
 from rig.sweep.counterfactual.waves import FIELDS, Waves, asked_of, recovered
-from rig.sweep.subject import Subject
+from rig.sweep.simulation import Subject
 
 CONFIDENCE = 0.95
 FLOOR = 0.5  # W, gross power below which an error is no share any more

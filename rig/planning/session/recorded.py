@@ -7,7 +7,7 @@ from rig.config.bench_limits_file import BenchLimitsFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.recorded_limits import bench_limits
 from rig.config.session_file import SessionFile
-from rig.config.source import Locate
+from rig.config.yaml_source import Locate
 from rig.planning.session.constants import Constants
 from rig.planning.session.correction import Ahead, Correction
 from rig.planning.session.files import Session

@@ -27,7 +27,7 @@ from rig.kinds.wavebot.build import (
     zc_sections,
 )
 from rig.planning.campaign import Campaign
-from rig.planning.campaign.settings import Setting, drive_settings, setting
+from rig.planning.campaign.set_points import Setting, drive_settings, setting
 from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.waves import Sea

@@ -23,9 +23,9 @@ from sim_plant import (
     surge,
     wavebot,
 )
+from sim_plant.signals import OFF, Actuation, Readings
 from sim_plant.stepper import Start, Stepper
 from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
-from sim_plant.words import OFF, Actuation, Readings
 
 LIFTED = (
     analyser, body, bus, cots_drive, custom_drive, drive, electrics, magnetic_spring, pto, sensors,

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
-from rig.config.source import load_mapping
-from rig.config.translate import validate
+from rig.config.pydantic_errors import validate
+from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.bench_emulation import emulated_bench
 from rig.execution.rehearsal.emulation import emulated
 from rig.processes.io_processes import Companion

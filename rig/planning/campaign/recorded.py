@@ -9,9 +9,9 @@ from rig.config.limits_file import LimitsFile
 from rig.config.recorded_limits import wavebot_limits
 from rig.config.reference import RecordedReference
 from rig.config.rig_file import RigFile
+from rig.planning.campaign.input_files import read_file
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.reference import Record, read_record
-from rig.planning.campaign.sources import read_file
 
 
 class Logged(NamedTuple):

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rig.config.wiring import AnyLine, Registers
-from rig.execution.hardware.words import DONE, SLOTS
+from rig.execution.hardware.messages import DONE, SLOTS
 from rig.processes.io_processes import Companion
 
 
@@ -35,7 +35,7 @@ def line_companions(
         blocks_here = tuple(block["name"] for block in several)
         done = tuple(f"{name}{DONE}" for name in blocks_here if f"{name}{DONE}" in SLOTS)
         names = (*blocks_here, *done)
-        found.append(Companion(f"line {line}", "rig.execution.hardware.poller", config, names))
+        found.append(Companion(f"line {line}", f"{__package__}.modbus_poller", config, names))
     return found
 
 

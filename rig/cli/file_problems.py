@@ -3,7 +3,7 @@
 import json
 
 from rig import cli
-from rig.cli.failure import fail
+from rig.cli.command_error import fail
 from rig.config.problems import ConfigError
 
 REFUSED = (ConfigError, KeyError, ValueError, OSError)

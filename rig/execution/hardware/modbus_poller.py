@@ -22,7 +22,7 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, RefusedError, Rtu, Tcp
 from drivers.modbus.registers import Block, Value
-from rig.execution.hardware.words import DONE, SLOTS, Done
+from rig.execution.hardware.messages import DONE, SLOTS, Done
 from rig.processes.io_process import run, say, until_ended
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling

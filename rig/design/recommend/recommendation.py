@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.design.recommend import matrix
-from rig.design.recommend.doubt import Compared, compared, half_widths
 from rig.design.recommend.search import Optimum, Station, optima, room_of
 from rig.design.recommend.trial import Bench, Tried, opened
+from rig.design.recommend.uncertainty import Compared, compared, half_widths
 from rig.identification.twin import plant_file
 from rig.identification.twin.estimate import Twin, twin
 from rig.planning.campaign import Campaign

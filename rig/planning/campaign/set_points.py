@@ -7,7 +7,7 @@ from rig.config.campaign_file import CampaignFile
 from rig.config.columns import COLUMNS, DRIVE_COLUMNS
 from rig.config.problems import Problem
 from rig.config.rig_file import CustomDrive, RigFile
-from rig.config.source import Locate
+from rig.config.yaml_source import Locate
 from rig.planning.campaign.point import Point
 
 

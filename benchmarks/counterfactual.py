@@ -21,7 +21,7 @@ from rig.planning.campaign import Campaign, open_campaign, plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep.cases import alone
 from rig.sweep.counterfactual import FORCES, Measured
-from rig.sweep.counterfactual import rows as foretold
+from rig.sweep.counterfactual import rows as counterfactual
 from rig.sweep.simulation import Subject
 
 LEAD_IN = 15.0  # s
@@ -47,7 +47,7 @@ SEAS: tuple[dict[str, Any], ...] = (
 class Case(NamedTuple):
     """One hidden plant: each foretold power beside the true one, rows by stations."""
 
-    foretold: np.ndarray[Any, Any]
+    predicted: np.ndarray[Any, Any]
     half_width: np.ndarray[Any, Any]
     true: np.ndarray[Any, Any]
 
@@ -139,7 +139,7 @@ def case(folder: Path, seed: int) -> Case:
     truth = hidden(logged, rng)
     both = list(rows(truth))
     measured = Measured("hidden", tuple(row for row, _ in both), [window for _, window in both])
-    found = foretold(measured, logged, asked, FORCES, LEAD_IN)
+    found = counterfactual(measured, logged, asked, FORCES, LEAD_IN)
     true = [row for row, _ in rows(truth._replace(points=asked.points))]
     return Case(
         np.array([[row.power[name] for name in POWERS] for row in found.rows]),
@@ -153,7 +153,7 @@ def measure(short: bool) -> Result:
     count = 10 if short else 200
     with tempfile.TemporaryDirectory() as scratch:
         cases = [case(Path(scratch), seed) for seed in range(count)]
-    error = np.abs(np.array([one.foretold - one.true for one in cases]))
+    error = np.abs(np.array([one.predicted - one.true for one in cases]))
     true = np.array([one.true for one in cases])
     half = np.array([one.half_width for one in cases])
     inside = 100.0 * np.mean(error <= half, axis=(0, 1))

@@ -15,7 +15,7 @@ from rig.execution.campaign import carry_out, rehearsal
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
-from rig.identification.identify import Asked, Identification, identify
+from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
 from rig.planning.campaign import check
 
@@ -60,14 +60,14 @@ def measure(short: bool) -> Result:
         seas = [_run(folder, f"sea_{i}", _alone(scale, i)) for i in scale.seas]
         found = [identify([run]) for run in calm]
         began = time.monotonic()
-        whole = identify([calm[0], *waves, *seas], Asked(bem=bem))
+        whole = identify([calm[0], *waves, *seas], IdentificationOptions(bem=bem))
         took = time.monotonic() - began
         pushed = [_run(folder, "family", _family(scale))]
         dragged = [_run(folder, f"dragged_{i}", _waves(scale, i, RIG)) for i in scale.seas]
         alone = [_run(folder, f"dragged_sea_{i}", _alone(scale, i, RIG)) for i in scale.seas]
-        nonlinear = identify([*pushed, *dragged, *alone], Asked(bem=bem))
+        nonlinear = identify([*pushed, *dragged, *alone], IdentificationOptions(bem=bem))
         once = [_run(folder, "once", _once(scale))]
-        untold = identify([*once, *dragged, *alone], Asked(bem=bem))
+        untold = identify([*once, *dragged, *alone], IdentificationOptions(bem=bem))
     return Result(
         "identification",
         "impedances and wave excitation of the simulated rig, from full rehearsals",

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduced
 from rig.design.recommend import report
-from rig.design.recommend.recommendation import Advice, Asked, advise
+from rig.design.recommend.recommendation import Recommendation, RecommendOptions, advise
 from rig.design.recommend.trial import Gains
 from rig.execution.campaign import carry_out, rehearsal
 from rig.planning.campaign import check, open_campaign, plan
@@ -144,8 +144,8 @@ def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
     told = check(path)
     if told.campaign is None or told.plan is None:
         raise RuntimeError(told.text())
-    rung = rehearsal(told.campaign, real_clock=False)
-    ended = carry_out(told.campaign, told.plan, runs, Silent(), rung)
+    mode = rehearsal(told.campaign, real_clock=False)
+    ended = carry_out(told.campaign, told.plan, runs, Silent(), mode)
     if ended.outcome.status != "complete":
         raise RuntimeError(f"{path.name}: {ended.outcome.reason}")
     return ended.folder, told.plan.duration
@@ -172,7 +172,7 @@ def _sea(
     base = _file(folder / "sea.yaml", keys)
     truth = Truth(_file(folder / "truth.yaml", {**keys, "plant": str(_quiet(folder))}))
     timing = windows(truth.campaign.file.sea, truth.campaign.file.timing)
-    asked = Asked(campaign=base, rows=AGAIN)
+    asked = RecommendOptions(campaign=base, rows=AGAIN)
     advice = advise([identified], asked, folder / "first")
     first, again, rows = _dc(advice), None, 0
     if not short:
@@ -190,7 +190,7 @@ def _sea(
     return Found(name, first, again, true, watts, (seconds / timing.interval, rows))
 
 
-def _dc(advice: Advice) -> Gains:
+def _dc(advice: Recommendation) -> Gains:
     return advice.rows[0].tried.gains
 
 

@@ -69,8 +69,8 @@ def found(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, 
     report = check(path)
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
-    rung = rehearsal(report.campaign, real_clock=False)
-    ended = carry_out(report.campaign, report.plan, folder / "runs", Nobody(), rung)
+    mode = rehearsal(report.campaign, real_clock=False)
+    ended = carry_out(report.campaign, report.plan, folder / "runs", Nobody(), mode)
     table = spring_map(ended.folder)
     true = np.interp(stations, STATIONS, rates)
     errors = [

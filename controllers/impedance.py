@@ -71,7 +71,7 @@ def step(
     gains: Gains,
     estimate: Estimate,
     reference: Newton,
-    short: Newton,
+    saturation_deficit: Newton,
     dt: float,
 ) -> tuple[State, Demand]:
     """Force on the body (N) for the measured motion, gains ramped towards ``gains``.
@@ -88,8 +88,8 @@ def step(
     if len(params.sections) == 0:
         return state, Demand(kp, ki, km, force)
     ramp_kp, ramp_ki, ramp_km, share, memory, _ = state
-    if short != 0.0:
-        memory = _unwound(params.sections, memory, short, dt)
+    if saturation_deficit != 0.0:
+        memory = _unwound(params.sections, memory, saturation_deficit, dt)
     memory, reply = biquads.step(params.sections, memory, velocity)
     if share.value != 1.0:
         share = ramp_step(share, 1.0, params.ramp, dt)

@@ -66,18 +66,18 @@ def torque(params: Params, current: Ampere) -> NewtonMetre:
 def step(
     params: Params,
     state: State,
-    wanted: NewtonMetre,
+    reference: NewtonMetre,
     measured: NewtonMetre,
-    short: NewtonMetre,
+    saturation_deficit: NewtonMetre,
     dt: float,
 ) -> tuple[State, Drawn]:
     """Torque and current for a wanted torque on the shaft and the measured one."""
     _, _, proportional, gain, most = params
     feedback = integral = 0.0
     if proportional != 0.0 or gain != 0.0:
-        error = wanted - measured
-        integral = state.integral + dt * (gain * error + short / TRACKING)
+        error = reference - measured
+        integral = state.integral + dt * (gain * error + saturation_deficit / TRACKING)
         integral = clamp(integral, -most, most)
         feedback = clamp(proportional * error + integral, -most, most)
-    asked = wanted + feedback
+    asked = reference + feedback
     return State(integral), Drawn(asked, current(params, asked))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
-from rig.execution.rehearsal.bench_emulation import companion_of
+from rig.execution.rehearsal.bench_emulation import emulator_process
 from rig.execution.rehearsal.bench_job import problems_of_session
 from rig.execution.rehearsal.control_client import ControlClient
 from rig.execution.session import task_of, wired
@@ -43,8 +43,8 @@ class BenchStage(NamedTuple):
 
     def go(self, view: View, long: bool = False) -> Ended:
         """One run on them, as they are: no fault of the bench takes a long one to be seen."""
-        rung = wired(self.session, emulated=False)._replace(name="hil")
-        return carry_out_task(task_of(self.session, self.plan), self.folder, view, rung)
+        mode = wired(self.session, emulated=False)._replace(name="hil")
+        return carry_out_task(task_of(self.session, self.plan), self.folder, view, mode)
 
 
 def bench_rig_file(folder: Path) -> Path:
@@ -79,5 +79,5 @@ def bench_stage(folder: Path) -> Iterator[BenchStage]:
     report = check_session(write_yaml(folder / "session.yaml", tree), problems_of_session)
     if report.session is None or report.plan is None:
         raise ValueError(report.text())
-    with played(companion_of(report.session), folder) as (control, devices):
+    with played(emulator_process(report.session), folder) as (control, devices):
         yield BenchStage(report.session, report.plan, control, devices, folder)

@@ -150,7 +150,7 @@ def _point(
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
     nothing = np.zeros(len(motor))
     return Point(
-        row=number, asked=row.asked, cut_short="", lost=0, limited=0, period=row.period, dt=DT,
+        row=number, asked=row.asked, incomplete_reason="", lost=0, limited=0, period=row.period, dt=DT,
         start=tick * DT, clock=0.0, age=0.0, tare_samples=TARE,
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
         torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,

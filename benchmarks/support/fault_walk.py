@@ -29,7 +29,7 @@ from benchmarks.support.fault_table import (
 from rig.execution.rehearsal.control_client import ControlClient
 from rig.execution.task import Ended, View
 from rig.processes.child import Child
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import Snapshot
 from rig.realtime.safety import CATEGORY, RUN, Reason
 from rig.recording.runs.create import BusyError
@@ -93,7 +93,7 @@ def free_port() -> int:
 
 
 @contextmanager
-def played(one: Companion, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
+def played(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]]:
     """Emulated devices and their control port, for as long as the context lasts."""
     lifeline, ours = os.pipe()  # whoever dies here takes them along
     job = json.dumps({"config": one.config, "lifeline": lifeline, "mailboxes": {}})
@@ -115,7 +115,7 @@ def _address(devices: Child) -> str:
             if event["event"] == "ready":
                 return str(event["facts"]["control"])
         time.sleep(0.02)
-    raise RuntimeError(f"no emulated devices: {devices.last_words()}")
+    raise RuntimeError(f"no emulated devices: {devices.last_message()}")
 
 
 def ran(on: Scene, see: Callable[[Snapshot], None], long: bool = False) -> Ended:
@@ -213,7 +213,7 @@ def judged(on: Scene, ended: Ended, at: float | None) -> Finding:
     outcome = ended.outcome
     if outcome.reason in (Reason.OPERATOR_STOP.name, Reason.OPERATOR_ABORT.name):
         raise KeyboardInterrupt  # the run takes a Ctrl-C for its own
-    said = (*outcome.said, outcome.died)
+    said = (*outcome.messages, outcome.died)
     told = "; ".join(text for text in said if text)
     lost = outcome.dropped + outcome.unsaved
     if at is None or outcome.status == "refused":

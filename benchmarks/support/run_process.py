@@ -33,12 +33,12 @@ def main() -> None:
     report = check(Path(campaign), rig=Path(more[0]) if wires else None)
     assert report.campaign is not None
     assert report.plan is not None
-    rung = (
+    mode = (
         wired(report.campaign, emulated=True)
         if wires
         else rehearsal(report.campaign, real_clock=clock == "real")
     )
-    ended = carry_out(report.campaign, report.plan, Path(runs), _Unseen(), rung)
+    ended = carry_out(report.campaign, report.plan, Path(runs), _Unseen(), mode)
     print(json.dumps({"folder": str(ended.folder), **ended.outcome._asdict()}))
 
 

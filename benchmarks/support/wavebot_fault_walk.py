@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
-from rig.execution.campaign import Ended, Rung, carry_out
+from rig.execution.campaign import Ended, ExecutionMode, carry_out
 from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation
 from rig.execution.rehearsal.control_client import ControlClient
@@ -34,7 +34,7 @@ class Stage(NamedTuple):
     @property
     def companions(self) -> tuple[str, ...]:
         """The processes beside its loop, by name."""
-        return tuple(one.name for one in hardware.job_of(self.campaign.rig).companions)
+        return tuple(one.name for one in hardware.job_of(self.campaign.rig).io_processes)
 
     def moves(self, row: Mapping[str, float]) -> bool:
         """Whether the body heaves."""
@@ -45,8 +45,10 @@ class Stage(NamedTuple):
         campaign, plan = self.longer if long else (self.campaign, self.plan)
         made = hardware.job_of(self.campaign.rig)
         wires = wires_of(self.campaign.rig)
-        rung = Rung("hil", True, "rig.execution.hardware", made.devices, made.companions, wires)
-        return carry_out(campaign, plan, self.folder, view, rung)
+        mode = ExecutionMode(
+            "hil", True, "rig.execution.hardware", made.devices, made.io_processes, wires
+        )
+        return carry_out(campaign, plan, self.folder, view, mode)
 
 
 def rig_file(folder: Path) -> Path:
@@ -96,5 +98,5 @@ def stage(folder: Path, **keys: Any) -> Iterator[Stage]:
     campaign, plan = checked(short)
     longer = {"extends": str(short), "timing": {"settle_s": 1, "interval_s": LONG}}
     long = checked(write_yaml(folder / "long.yaml", longer))
-    with played(emulation.companion(campaign), folder) as (control, devices):
+    with played(emulation.emulator_process(campaign), folder) as (control, devices):
         yield Stage(campaign, plan, long, control, devices, folder)

@@ -6,7 +6,7 @@ import numpy as np
 import xarray
 
 from rig.analysis import phrases
-from rig.analysis.rows import CUT_SHORT, INCOMPLETE
+from rig.analysis.rows import INCOMPLETE, INTERRUPTED
 from rig.recording.runs.folder import Facts
 
 
@@ -72,8 +72,8 @@ def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[st
     if again.any():
         found.append(f"started over after a hold: {row_list(rows[again])}")
     for row in np.flatnonzero(table["state"].values == INCOMPLETE).tolist():
-        why = table["cut_short"].values[row]
+        why = table["incomplete_reason"].values[row]
         found.append(f"row {rows[row]} is withheld: {why} (--incomplete-rows shows its means)")
-    for row in np.flatnonzero(table["state"].values == CUT_SHORT).tolist():
-        found.append(f"row {rows[row]} is not whole ({table['cut_short'].values[row]})")
+    for row in np.flatnonzero(table["state"].values == INTERRUPTED).tolist():
+        found.append(f"row {rows[row]} is not whole ({table['incomplete_reason'].values[row]})")
     return found

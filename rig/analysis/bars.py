@@ -105,7 +105,7 @@ def _power(axes: Axes, table: xarray.Dataset, places: list[int], kind: str) -> N
     style: dict[str, Any] = {"fmt": "none", "ecolor": INK, "elinewidth": 0.9, "capsize": 2.0}
     axes.errorbar(known, power[known], yerr=errors[known], **style)
     axes.axhline(0.0, color=INK, lw=0.8)
-    axes.set_ylabel(f"{phrases.SHORT_NAMES[kind]}, W", fontsize=8)
+    axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
 
 
 def _set(axes: Axes, column: Column, values: Any) -> None:

@@ -71,10 +71,10 @@ def reading(calibrations: Sequence[Known], known: Facts) -> Reading:
             raise OutsideError(f"{file.title}: {error}") from None
         if not inside and file.outside == "refuse":
             raise OutsideError(
-                f"{file.title} does not hold for {at.words()}: valid for {file.valid.words()}"
+                f"{file.title} does not hold for {at.description()}: valid for {file.valid.description()}"
             )
-        said = f"{one.words()}: {file.quantity.replace('_', ' ')}"
-        said += "" if inside else f" as recorded, outside {file.valid.words()}"
+        said = f"{one.description()}: {file.quantity.replace('_', ' ')}"
+        said += "" if inside else f" as recorded, outside {file.valid.description()}"
         name = file.title if inside else f"{file.title} (outside its range)"
         made = made._replace(names=(*made.names, name), said=(*made.said, said))
         if inside:

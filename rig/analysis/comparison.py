@@ -29,7 +29,7 @@ class Side(NamedTuple):
 
     run: str
     campaign: str
-    rung: str
+    mode: str
     rig: str
     sea: str
     ended: str
@@ -110,7 +110,7 @@ def _side(known: Facts, found: Matrix) -> Side:
     return Side(
         known.run,
         known.campaign,
-        known.rung,
+        known.mode,
         str(rig or "not recorded"),
         text,
         status,
@@ -140,8 +140,8 @@ def _warnings(
         found.append(f"DIFFERENT SEAS: A {texts[0]}; B {texts[1]}")
     elif not all(seas):
         found.append("SEA NOT RECORDED in both runs: they may be different")
-    if one.rung != other.rung:
-        found.append(f"DIFFERENT RUNGS: A {one.rung or 'unknown'}, B {other.rung or 'unknown'}")
+    if one.mode != other.mode:
+        found.append(f"DIFFERENT RUNGS: A {one.mode or 'unknown'}, B {other.mode or 'unknown'}")
     if not matched.pairs:
         found.append("NO SET POINT IN COMMON")
     return found

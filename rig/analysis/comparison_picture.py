@@ -66,13 +66,13 @@ def write_comparison(told: Comparison, path: Path, held: Setting | None = None) 
     flat = not told.matched.alone and all(
         spans_surface(each[0].places) for each in cuts.values() if each[0].points
     )
-    rung = told.a.rung if told.a.rung == told.b.rung else f"A {told.a.rung}, B {told.b.rung}"
+    mode = told.a.mode if told.a.mode == told.b.mode else f"A {told.a.mode}, B {told.b.mode}"
     runs = f"A {told.a.run}, B {told.b.run}"
     figure, body = picture.framed(
         _WIDTH,
         9.6,
         f"A {told.a.campaign} against B {told.b.campaign}",
-        {"rung": rung, "run": runs},
+        {"mode": mode, "run": runs},
         "",
         _beneath(told),
         "; ".join(told.warnings),
@@ -116,7 +116,7 @@ def _surfaces(body: FigureBase, cuts: dict[str, tuple[Slice, Slice]], both: _Sid
         captions = [panel.caption(each, _ROOM) for each in cuts[kind]]
         lines = panel.lines_of(captions)
         on = panel.scale([*one.values, *other.values])
-        name = phrases.SHORT_NAMES[kind]
+        name = phrases.STATION_ABBREVIATIONS[kind]
         for axes, each, letter, text in zip(row, cuts[kind], "AB", captions, strict=False):
             panel.panel(axes, each, on, text)
             said = f"{letter}: {name}"
@@ -190,7 +190,7 @@ def _lines(body: FigureBase, both: _Sides, held: Setting, names: tuple[str, str]
         watts = [each.watts for each in gaps]
         gap_axes.errorbar(x, watts, yerr=errors, fmt=f"D{joined}", color=INK, **style)
         gap_axes.axhline(0.0, color=MARK, lw=1.0)
-        pair_axes.set_ylabel(f"{phrases.SHORT_NAMES[kind]}, W", fontsize=8)
+        pair_axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
         gap_axes.set_ylabel("B − A, W", fontsize=8)
         mean = gap_words(mean_gap(tuple(both.pairs[n] for n in kept), kind))
         gap_axes.set_title(f"mean {mean} W (negative: B absorbs more)", fontsize=8, color=MARK)

@@ -29,7 +29,7 @@ def as_text(told: Comparison) -> str:
     """The comparison for a terminal: what differs first, then power."""
     lines = []
     for name, side in (("A", told.a), ("B", told.b)):
-        stamp = phrases.rung_stamp(side.rung)
+        stamp = phrases.mode_stamp(side.mode)
         lines.append(f"{name}  {side.run}, campaign {side.campaign or 'unknown'}   [{stamp}]")
         lines.append(
             f"   rig {side.rig}; sea {side.sea}; {side.points} points measured, {side.ended}"
@@ -102,7 +102,7 @@ def _power(point: Point | None, kind: str) -> str:
 
 
 def _points(told: Comparison) -> list[str]:
-    heads = "".join(f"{phrases.SHORT_NAMES[kind]:>20}" for kind in KINDS)
+    heads = "".join(f"{phrases.STATION_ABBREVIATIONS[kind]:>20}" for kind in KINDS)
     title = "Differences by point, W (B - A; negative: B absorbs more)"
     lines = [title, f"  {'':<8}{heads}   set point"]
     for pair in told.matched.pairs:

@@ -8,7 +8,7 @@ from rig.analysis.rows import wave_period
 from rig.recording.runs.folder import Facts
 
 GROUPS = (
-    "rung", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",
+    "mode", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",
     "campaign", "host",
 )  # fmt: skip
 ABSENT = "not there"
@@ -47,7 +47,7 @@ def differences(a: Facts, b: Facts) -> list[Difference]:
 
 
 def _all(known: Facts) -> Iterator[tuple[str, str]]:
-    yield "rung", known.rung or ABSENT
+    yield "mode", known.mode or ABSENT
     yield from _flat("sea", sea(known))
     config = known.config
     for name in ("campaign", "rig", "limits", "plant"):

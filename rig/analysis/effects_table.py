@@ -36,7 +36,7 @@ def notes(told: Effects) -> list[str]:
     """What the intervals are, what the lines leave, and whether the first is surely the first."""
     percent = f"{100.0 * CONFIDENCE:g} %"
     dofs = [each.dof for each in told.effects if np.isfinite(each.dof)]
-    name = phrases.SHORT_NAMES[told.kind]
+    name = phrases.STATION_ABBREVIATIONS[told.kind]
     if told.source == MISFIT:
         said = [f"± is the {percent} interval by what straight lines leave ({told.misfit_dof} dof)"]
     else:
@@ -82,7 +82,7 @@ def as_text(told: tuple[Effects, ...]) -> list[str]:
         return []
     first = told[0]
     by_name = [{e.column.name: e for e in each.effects} for each in told]
-    heads = [f"{phrases.SHORT_NAMES[each.kind]}, W" for each in told]
+    heads = [f"{phrases.STATION_ABBREVIATIONS[each.kind]}, W" for each in told]
     lines = [
         "Main effects (change of power over the range of a column; negative absorbs more)",
         f"  {'':<20} {'range':<24}" + "".join(f"{head:>20}" for head in heads),

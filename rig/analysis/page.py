@@ -162,7 +162,7 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
         figure.text(_LEFT, top, "Main effects: see summary.txt", fontsize=8.5, va="top")
         return top - 0.02
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
-    stations = [f"{phrases.SHORT_NAMES[each.kind]}, W" for each in told]
+    stations = [f"{phrases.STATION_ABBREVIATIONS[each.kind]}, W" for each in told]
     heads = ["rank, column", "from .. to", *stations]
     places = [_LEFT, 0.30, 0.60, 0.77, 0.94][: len(heads)]
     sides = ["left", "left", *["right"] * len(stations)]

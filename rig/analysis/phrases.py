@@ -12,14 +12,14 @@ POWER_NAMES = {
     "dc": "electrical DC",
 }
 
-SHORT_NAMES = {
+STATION_ABBREVIATIONS = {
     "mechanical_1": "mechanical",
     "mechanical_2": "mechanical (shaft)",
     "ac": "electrical AC",
     "dc": "electrical DC",
 }
 
-_RUNGS = {
+_MODES = {
     "batch": "BATCH: simulated plant, no clock",
     "rehearsal": "REHEARSAL: simulated plant",
     "hil": "HIL: emulated devices on real wires",
@@ -81,12 +81,12 @@ REASONS = {
 }
 
 
-def rung_stamp(rung: str) -> str:
+def mode_stamp(mode: str) -> str:
     """What every picture says about who played the plant."""
-    return _RUNGS.get(rung, rung.upper() if rung else "RUNG NOT RECORDED")
+    return _MODES.get(mode, mode.upper() if mode else "MODE NOT RECORDED")
 
 
-def reason_words(reason: str) -> str:
+def reason_text(reason: str) -> str:
     """A stop reason, given by name, in plain words; an unknown one as it is."""
     try:
         return REASONS[Reason[reason]]
@@ -120,6 +120,6 @@ def utc(text: str) -> str:
     return f"{moment.astimezone(UTC):%Y-%m-%d %H:%M:%S} UTC"
 
 
-def spring_words(rate: float, stator: float) -> str:
+def spring_text(rate: float, stator: float) -> str:
     """Spring rate and stator position of a panel's title."""
     return f"spring {signed(rate)} N/m, stator {signed(stator)} %"

@@ -54,7 +54,7 @@ def framed(
     write(0.02, 0.21, title, fontsize=size, fontweight="bold", color=INK)
     for i, line in enumerate(lines):
         write(0.02, (0.66 if own_line else 0.46) + 0.2 * i, line, fontsize=8.5, color=SOFT)
-    stamp = phrases.rung_stamp(str(attributes.get("rung", "")))
+    stamp = phrases.mode_stamp(str(attributes.get("mode", "")))
     write(0.98, 0.19, stamp, fontsize=9, fontweight="bold", color=MARK, ha="right")
     write(0.98, 0.46, told, fontsize=8, color=INK, ha="right")
     if calls:

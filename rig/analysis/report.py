@@ -26,7 +26,7 @@ from rig.recording.runs import RunError, mcap_file, reader
 from rig.recording.runs.folder import facts
 from rig.recording.runs.state import RecordState
 
-PUSHED = "Pushed by an open-loop reference"
+OPEN_LOOP = "Pushed by an open-loop reference"
 IDENTIFY = "impedances of it: rig identify"
 GAINS = ("kp", "ki", "km")
 
@@ -50,13 +50,13 @@ def _read(
     known = facts(run, contents)
     summary = summarise(table, known, _unfinished(contents), stop_of(run, known.status))
     summary = summary._replace(record=RecordState.of(json.loads(table.attrs["record_state"])))
-    if is_pushed(known.plan):
+    if has_excitation(known.plan):
         told = (str(known.plan["reference"].get("words", "")), IDENTIFY)
-        summary = summary._replace(optima=(), effects=(), findings_of=PUSHED, findings=told)
+        summary = summary._replace(optima=(), effects=(), findings_of=OPEN_LOOP, findings=told)
     return table, summary
 
 
-def is_pushed(plan: dict[str, Any]) -> bool:
+def has_excitation(plan: dict[str, Any]) -> bool:
     """True for the plan of a run that was pushed to be identified: nowhere do gains differ.
 
     Its powers are what pushing costs; there is nothing in them to be best.
@@ -163,7 +163,7 @@ def write_products(
     table, summary = _read(run, mean_position_alarm, calibrations, incomplete_rows)
     folder = products_folder(folder, calibrations)
     folder.mkdir(exist_ok=True)
-    if summary.findings_of == PUSHED:
+    if summary.findings_of == OPEN_LOOP:
         return [*write_rows(table, folder), *write_texts(summary, folder)]
     return [
         *write_rows(table, folder),

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 MEAN_POSITION_ALARM = 0.005  # m; a biased encoder pushes with Ki times its bias
 
-COMPLETE, CUT_SHORT, NOT_RUN = "complete", "cut short", "not run"
+COMPLETE, INTERRUPTED, NOT_RUN = "complete", "cut short", "not run"
 INCOMPLETE = "record incomplete"  # measured whole, but rows of it are lost
 
 POWERS = ("mechanical_1", "mechanical_2", "ac", "dc")
@@ -122,8 +122,8 @@ def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
     out: dict[str, Any] = {
         "row": window.row,
         "attempt": window.attempt,
-        "state": CUT_SHORT if window.cut_short else COMPLETE,
-        "cut_short": window.cut_short,
+        "state": INTERRUPTED if window.incomplete_reason else COMPLETE,
+        "incomplete_reason": window.incomplete_reason,
         "samples": len(data),
         "lost_ticks": window.span - len(data),
         "ticks_expected": window.expected,
@@ -208,8 +208,8 @@ def row_table(
             continue
         length = planned_ticks(planned.get(each.row, {}), dt)
         short = each.span + each.edge < 0.99 * length - 1.0
-        why = each.cut_short or ("shorter than planned" if short else "")
-        window = each._replace(cut_short=why, data=calibrated.ticks(read, each.data))
+        why = each.incomplete_reason or ("shorter than planned" if short else "")
+        window = each._replace(incomplete_reason=why, data=calibrated.ticks(read, each.data))
         made = reduced(window, period_ticks)
         # the last attempt counts
         found[window.row] = made if incomplete_rows else _withheld(made, window)
@@ -225,7 +225,7 @@ def row_table(
             entry[f"{axis}position_alarm"] = int(far and entry["state"] == COMPLETE)
     _repeat_errors(table)
     out = _dataset(table, known, period)
-    attributes = {"record": state.words, "record_state": json.dumps(state.as_dict())}
+    attributes = {"record": state.description, "record_state": json.dumps(state.as_dict())}
     return out.assign_attrs(attributes | read.attributes, mean_position_alarm_m=mean_position_alarm)
 
 
@@ -233,7 +233,7 @@ def _withheld(made: dict[str, Any], window: Window) -> dict[str, Any]:
     """A row without its means if the record lacks ticks of its window."""
     if not window.missing or made["state"] != COMPLETE:
         return made
-    told = {"state": INCOMPLETE, "cut_short": window.missing_words}
+    told = {"state": INCOMPLETE, "incomplete_reason": window.missing_words}
     kept = {"start", *SETTINGS}
     return {**made, **told, **{name: float("nan") for name in UNITS if name not in kept}}
 
@@ -242,8 +242,8 @@ def _with_plan(
     measured: dict[str, Any] | None, planned: dict[str, Any], row: int, absent: bool
 ) -> dict[str, Any]:
     if measured is None:
-        texts = {"state": NOT_RUN, "cut_short": ""}
-        texts = {"state": INCOMPLETE, "cut_short": GONE} if absent else texts
+        texts = {"state": NOT_RUN, "incomplete_reason": ""}
+        texts = {"state": INCOMPLETE, "incomplete_reason": GONE} if absent else texts
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(UNITS, float("nan"))}

@@ -49,7 +49,7 @@ class Ending(NamedTuple):
     reason: str
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Both, without a full stop."""
         return f"{self.title}: {self.reason}"
 
@@ -73,7 +73,7 @@ def ending_of(status: Mapping[str, Any], lost: LostTicks | None) -> Ending:
     said = str(status.get("status", "running"))
     if said == "running":
         return NO_END
-    reason = reason_words(str(status.get("reason") or ""), lost)
+    reason = reason_text(str(status.get("reason") or ""), lost)
     if moved := str(status.get("moved") or ""):  # it says why the log was lost, and where it is
         reason = f"{reason}; {moved}"
     return Ending(ENDINGS.get(said, NO_END.title), reason)
@@ -98,9 +98,9 @@ def lost_before(ticks: Counts, skipped: Counts, dt: float) -> LostTicks | None:
     return LostTicks(lost, longest, share, min(WINDOW, dt * periods))
 
 
-def reason_words(reason: str, lost: LostTicks | None) -> str:
+def reason_text(reason: str, lost: LostTicks | None) -> str:
     """A stop reason, given by name, in plain words; lost ticks that may be its cause come first."""
-    plain = phrases.reason_words(reason)
+    plain = phrases.reason_text(reason)
     if lost is None:
         return plain
     said = (

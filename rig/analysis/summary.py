@@ -26,7 +26,7 @@ class Summary(NamedTuple):
 
     run: str
     campaign: str
-    rung: str
+    mode: str
     stamp: str
     sea: str
     rig: str
@@ -142,8 +142,8 @@ def summarise(
     return Summary(
         run=known.run,
         campaign=known.campaign or "not recorded",
-        rung=known.rung,
-        stamp=phrases.rung_stamp(known.rung),
+        mode=known.mode,
+        stamp=phrases.mode_stamp(known.mode),
         sea=_sea(known.plan),
         rig=_name(known.config, "rig") or "not recorded",
         host=str(known.host.get("hostname") or known.host.get("name") or "not recorded"),
@@ -238,7 +238,7 @@ def _best(summary: Summary) -> list[str]:
         lines.append(
             f"  {phrases.POWER_NAMES[o.kind]:<32} {phrases.watts(o.power, o.error):>16}"
             f"   Kp {phrases.signed(o.point.kp):>6}  Ki {phrases.signed(o.point.ki):>6}"
-            f"   {phrases.spring_words(o.point.spring_rate, o.point.stator)}"
+            f"   {phrases.spring_text(o.point.spring_rate, o.point.stator)}"
             + (f"   {o.doubt}" if o.doubt else "")
         )
         if further := summary.further_words(o):

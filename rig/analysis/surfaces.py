@@ -89,7 +89,7 @@ def draw(
         _dots(figure, found, view)
         return
     held: list[Setting] = [{"spring_rate": rate} for rate in rates] if view.by_spring else [{}]
-    headings = [phrases.spring_words(rate, stator) for rate, stator in rates.items()]
+    headings = [phrases.spring_text(rate, stator) for rate, stator in rates.items()]
     cuts = {kind: [cut(found, kind, view.x, view.y, each) for each in held] for kind in KINDS}
     panels: Any = figure.subplots(len(KINDS), len(held), squeeze=False)
     room = (width - 1.0) / len(held) - 0.4
@@ -110,7 +110,7 @@ def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
         if of.points:
             on = panel.scale(of.values)
             panel.scattered(axes, of, on)
-            panel.colour_bar(figure, [axes], on, f"{phrases.SHORT_NAMES[kind]}, W")
+            panel.colour_bar(figure, [axes], on, f"{phrases.STATION_ABBREVIATIONS[kind]}, W")
     panels[-1, 0].set_xlabel(labels.heading(view.x), fontsize=8)
 
 
@@ -139,7 +139,7 @@ def _station(
     values = [value for each in cuts for value in each.values]
     values += [p.power[each.kind] for each in cuts for p in of_slice(others, each)]
     on = panel.scale(values) if values else None
-    label = f"{phrases.SHORT_NAMES[cuts[0].kind]}, W"
+    label = f"{phrases.STATION_ABBREVIATIONS[cuts[0].kind]}, W"
     drawn: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
     for axes, each, text in zip(row, cuts, said, strict=True):
         became = panel.panel(axes, each, on, text, few=few)
@@ -209,7 +209,7 @@ def write_sliced(
     room = width / len(kinds) - 1.0
     for axes, each in zip(panels[0], cuts, strict=True):
         on = panel.scale(each.values) if each.values else None
-        name = phrases.SHORT_NAMES[each.kind]
+        name = phrases.STATION_ABBREVIATIONS[each.kind]
         said = panel.caption(each, room)
         drawn = panel.panel(axes, each, on, said)
         if drawn == "surface" and on is not None:
@@ -223,7 +223,7 @@ def write_sliced(
 
 def heading(of: Slice) -> str:
     """A sliced panel's heading: the station and where its other columns stand."""
-    lines = [phrases.SHORT_NAMES[of.kind]]
+    lines = [phrases.STATION_ABBREVIATIONS[of.kind]]
     if of.sliced:
         lines += textwrap.wrap(f"sliced at {labels.settings(of.sliced)}", _HEADING)
     if of.held:

@@ -159,7 +159,7 @@ def write_traces(
     axes_of[-1].set_xlabel("time from run start, s")
     figure.align_ylabels(list(axes_of))
     known = facts(run, source.contents)
-    stamp = phrases.rung_stamp(known.rung)
+    stamp = phrases.mode_stamp(known.mode)
     figure.suptitle(
         f"{known.campaign or 'campaign unknown'}, run {known.run}   [{stamp}]",
         fontsize=10,

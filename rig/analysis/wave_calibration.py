@@ -43,7 +43,7 @@ NOTHING = 1e-3  # of the largest line: and one below this
 _CLOCK = "plan.wave_clock"
 
 
-class Asked(NamedTuple):
+class WaveMakerLines(NamedTuple):
     """The lines that the wave maker was asked for."""
 
     repeat: float  # s
@@ -104,10 +104,12 @@ def _words(plan: dict[str, Any]) -> str:
     return str((plan.get("sea") or {}).get("words", ""))
 
 
-def _asked(plan: dict[str, Any]) -> Asked:
+def _asked(plan: dict[str, Any]) -> WaveMakerLines:
     told = plan["asked_sea"]
     columns = (np.array(told[key], dtype=np.float64) for key in ("amplitude_m", "phase_rad"))
-    return Asked(float(told["repeat_s"]), np.array(told["cycles"], dtype=np.int64), *columns)
+    return WaveMakerLines(
+        float(told["repeat_s"]), np.array(told["cycles"], dtype=np.int64), *columns
+    )
 
 
 def _fields(source: reader.Source) -> list[str]:
@@ -181,7 +183,9 @@ def _lacking(window: Window, channels: list[tuple[str, Samples, float]], repeat:
     return {number for number in found if number < whole}
 
 
-def _dataset(found: dict[str, tuple[Lines, list[Samples], float]], asked: Asked) -> xarray.Dataset:
+def _dataset(
+    found: dict[str, tuple[Lines, list[Samples], float]], asked: WaveMakerLines
+) -> xarray.Dataset:
     names = list(found)
     count = round(asked.repeat / STEP)
     each = {

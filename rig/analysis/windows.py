@@ -34,7 +34,7 @@ class Window(NamedTuple):
     row: int
     attempt: int
     data: Records
-    cut_short: str  # why the window is not whole; empty if it is
+    incomplete_reason: str  # why the window is not whole; empty if it is
     lost: int = 0  # executed ticks between its first and its last that the record lacks
     edge: int = 0  # such ticks right before or behind it, of which some may have been its own
 
@@ -150,8 +150,8 @@ def windows(
         length = lengths.get(each.row, 0)
         edge = min(each.edge, max(0, length - each.span)) if length else each.edge
         window = each._replace(edge=edge)
-        whole = window.cut_short or incomplete_rows
-        yield window if whole else window._replace(cut_short=window.missing_words)
+        whole = window.incomplete_reason or incomplete_rows
+        yield window if whole else window._replace(incomplete_reason=window.missing_words)
 
 
 def planned_ticks(planned: Mapping[str, Any], dt: float | None) -> int:
@@ -176,8 +176,8 @@ class LeftOut:
     def whole(self, window: Window) -> bool:
         """Whether a window can be used; remembers why if not."""
         if self._why.get(window.row, "not yet") != "":
-            self._why[window.row] = window.cut_short
-        return not window.cut_short
+            self._why[window.row] = window.incomplete_reason
+        return not window.incomplete_reason
 
     def notes(self, plan: Mapping[str, Any], record: RecordState) -> tuple[str, ...]:
         """A sentence for each such row, also for those of which the record lacks all ticks."""

@@ -63,9 +63,9 @@ def run(
 
     A rig without wiring is rehearsed on the simulated plant; one with wiring is run on its devices.
     """
-    from rig.cli.run import Wanted, main
+    from rig.cli.run import RunOptions, main
 
-    sys.exit(main(campaign, runs, Wanted(rig, realtime, sim), as_json=json))
+    sys.exit(main(campaign, runs, RunOptions(rig, realtime, sim), as_json=json))
 
 
 @app.command(epilog=_CODES)
@@ -83,9 +83,9 @@ def bench(
 
     A bench without wiring is rehearsed; one with wiring is run on its devices.
     """
-    from rig.cli.bench import Wanted, main
+    from rig.cli.bench import BenchOptions, main
 
-    sys.exit(main(session, runs, Wanted(rig, realtime, sim), as_json=json))
+    sys.exit(main(session, runs, BenchOptions(rig, realtime, sim), as_json=json))
 
 
 @app.command()
@@ -264,9 +264,9 @@ def plot(
     json: Json = False,
 ) -> None:
     """Draw a run again: surfaces and summary, one surface, bars, or log fields over time."""
-    from rig.cli.plot import Asked, main
+    from rig.cli.plot import PlotOptions, main
 
-    asked = Asked(
+    asked = PlotOptions(
         fields or [], rows or [], surface, left_out or [], station or [], sort, output,
         calibration or [], incomplete_rows,
     )  # fmt: skip

@@ -12,7 +12,7 @@ from rig.cli.session_progress import SessionProgress
 from rig.execution.hardware.job import WiringError
 from rig.execution.rehearsal.bench_job import problems_of_session
 from rig.execution.session import rehearsal, task_of, wired
-from rig.execution.task import Ended, Rung, carry_out_task
+from rig.execution.task import Ended, ExecutionMode, carry_out_task
 from rig.planning.session import Session, SessionReport, check_session
 from rig.recording.runs import RunError, create
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rig.analysis.stop_reason import LostTicks
 
 
-class Wanted(NamedTuple):
+class BenchOptions(NamedTuple):
     """What the command line asks for beside the session."""
 
     rig: Path | None  # in place of the session's own
@@ -36,20 +36,20 @@ def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
     return check_session(path, also=problems_of_session, rig=rig)
 
 
-def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
+def main(path: Path, runs: Path, wanted: BenchOptions, *, as_json: bool) -> int:
     """Check, run, analyse, and say how it went; gives the exit code."""
     report = examine_session(path, wanted.rig)
     if report.session is None or report.plan is None:
         return complain(report, as_json=as_json)
     session, plan = report.session, report.plan
     try:
-        rung = _rung(session, wanted)
+        mode = _mode(session, wanted)
     except WiringError as error:
         return fail("bench", error, as_json=as_json, code=cli.BAD_INPUT)
     title = f"{session.file.name} on {session.rig.name}"
     try:
-        with SessionProgress(title, rung.name, plan, quiet=as_json) as view:
-            ended = carry_out_task(task_of(session, plan), runs, view, rung)
+        with SessionProgress(title, mode.name, plan, quiet=as_json) as view:
+            ended = carry_out_task(task_of(session, plan), runs, view, mode)
     except (create.BusyError, OSError, RunError) as error:
         return fail("bench", error, as_json=as_json, code=cli.FAILED)
     found, products, text, trouble = _analyse(ended, quiet=as_json)
@@ -74,7 +74,7 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
     return exit_code(ended.outcome, trouble)
 
 
-def _rung(session: Session, wanted: Wanted) -> Rung:
+def _mode(session: Session, wanted: BenchOptions) -> ExecutionMode:
     """On what to run: a bench with wires is run on them, or, with --sim, on emulated devices."""
     if session.rig.wiring is None:
         if wanted.emulated:
@@ -141,7 +141,7 @@ def _tell(ended: Ended, text: str, lost: "LostTicks | None") -> None:
     outcome = ended.outcome
     if text:
         print(text)
-    ending = ending_of({"status": outcome.status, "reason": outcome.reason}, lost).words
+    ending = ending_of({"status": outcome.status, "reason": outcome.reason}, lost).description
     told = ending in text and sys.stdout.isatty()  # not twice on one screen
     if outcome.status != "complete" and not told:
         print(f"\n{ending}.", file=sys.stderr)

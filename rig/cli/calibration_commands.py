@@ -46,7 +46,7 @@ def list_all(folder: Path, *, as_json: bool) -> int:
         for known in chain:
             file = known.file
             mark = "*" if known is chain[-1] else " "
-            says = f"{_correction(known)}, {file.valid.words()}"
+            says = f"{_correction(known)}, {file.valid.description()}"
             print(f"{mark} {file.title:28} {file.quantity} [{file.unit}]  {says}")
     print("* counts, unless a version is named")
     return cli.OK
@@ -66,7 +66,7 @@ def show(named: str, folder: Path, *, as_json: bool) -> int:
         ("calibration", file.title),
         ("corrects", f"{file.quantity} in {file.unit}"),
         ("how", _correction(known)),
-        ("valid for", file.valid.words()),
+        ("valid for", file.valid.description()),
         ("outside", "refused" if file.outside == "refuse" else "values stay as recorded"),
         ("source", file.source),
         ("reason", file.reason),
@@ -115,13 +115,13 @@ def apply_to_values(
         print(json.dumps({"calibration": _plain(known), "values": told}, ensure_ascii=False))
     else:
         for one in applied:
-            print(_taken_back(one) if invert else one.words())
+            print(_taken_back(one) if invert else one.description())
     return cli.OK
 
 
 def _taken_back(one: Applied) -> str:
     if not one.inside:
-        return one.words()
+        return one.description()
     return f"{number_text(one.given)} was recorded as {number_text(one.value)}, before {one.by}"
 
 
@@ -168,7 +168,7 @@ def apply_to_log(
     if output is not None:
         print(output)
         return cli.OK
-    print(f"by {known.words()}, {known.file.valid.words()}")
+    print(f"by {known.description()}, {known.file.valid.description()}")
     for stood, one in rows:
         said = "" if one.inside else "  outside, unchanged"
         print(f"{stood.where}  {one.given:+10.6g} -> {one.value:+10.6g} {known.file.unit}{said}")
@@ -178,8 +178,8 @@ def apply_to_log(
 def _write(output: Path, known: Known, source: str, rows: list[tuple[Stood, Applied]]) -> None:
     file = known.file
     with output.open("x", newline="", encoding="utf-8") as out:
-        out.write(f"# {file.quantity} of {source} by {known.words()}\n")
-        out.write(f"# {_correction(known)}, {file.valid.words()}\n")
+        out.write(f"# {file.quantity} of {source} by {known.description()}\n")
+        out.write(f"# {_correction(known)}, {file.valid.description()}\n")
         writer = csv.writer(out, lineterminator="\n")
         unit = file.unit
         writer.writerow(["run", "field", f"recorded [{unit}]", f"corrected [{unit}]", "valid"])

@@ -89,8 +89,8 @@ class View:
             table.add_row(
                 f"{rate:g}",
                 str(len(rows)),
-                _range([one.foreseen.position_peak for one in rows], ".3f"),
-                _range([one.foreseen.current_peak for one in rows], ".1f"),
+                _range([one.predicted.position_peak for one in rows], ".3f"),
+                _range([one.predicted.current_peak for one in rows], ".1f"),
                 *(_best(allowed, field) for _, field in stations),
             )
         self._out.print()
@@ -177,7 +177,7 @@ def _changing(rows: Iterable[RowPrediction]) -> list[tuple[str, str]]:
 
 def _cells(one: RowPrediction) -> dict[str, str]:
     """What a row's line says, by column."""
-    found, setting = one.foreseen, one.row.setting
+    found, setting = one.predicted, one.row.setting
     return {
         "row": str(one.row.row) if one.row.row >= 0 else "lead-in",
         "spring": f"{setting.spring_rate:g}",
@@ -217,8 +217,8 @@ def _range(values: list[float], digits: str) -> str:
 def _best(rows: list[RowPrediction], field: str) -> str:
     if not rows:
         return "-"
-    best = min(rows, key=lambda one: float(getattr(one.foreseen, field)))
-    power, setting = getattr(best.foreseen, field), best.row.setting
+    best = min(rows, key=lambda one: float(getattr(one.predicted, field)))
+    power, setting = getattr(best.predicted, field), best.row.setting
     gains = {(one.row.setting.kp, one.row.setting.ki) for one in rows}
     at = [f"{setting.kp:g}/{setting.ki:g}"]
     if len({one.row.point for one in rows}) > len(gains):  # something else varies, too

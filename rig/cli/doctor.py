@@ -11,7 +11,7 @@ from rig import cli
 from rig.cli.console import table_console
 from rig.cli.file_problems import REFUSED, refuse
 from rig.config.any_rig_file import load_rig
-from rig.host import Asked, Examination, Finding, Use, Verdict, examine
+from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
 from rig.host.timing import PLAIN
 
 RATE = 1000.0  # Hz, of the loop where nobody says another
@@ -47,7 +47,7 @@ def main(
         except REFUSED as error:
             return refuse("doctor", error, as_json=as_json)
     rate = rate_hz or (float(wanted.rate_hz) if wanted is not None else RATE)
-    asked = Asked(runs, seconds, rate, hours, wanted)
+    asked = DoctorOptions(runs, seconds, rate, hours, wanted)
     if not as_json and console.is_terminal:
         with console.status(
             f"measuring wake-ups for {seconds + min(seconds, PLAIN):g} s, then the rest ..."

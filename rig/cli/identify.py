@@ -40,7 +40,7 @@ def command(
     """Identify impedances and wave excitation from runs with an open-loop reference."""
     from rig.cli import identify_command
 
-    wanted = identify_command.Wanted(order, probe, bem, output, pictures, incomplete_rows)
+    wanted = identify_command.IdentifyOptions(order, probe, bem, output, pictures, incomplete_rows)
     if compare is None:
         sys.exit(identify_command.main(named or [], runs, wanted, as_json=json))
     if named:

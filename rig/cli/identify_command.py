@@ -9,7 +9,7 @@ from rig.cli.file_problems import REFUSED, refuse
 from rig.cli.find_run import find_run
 
 
-class Wanted(NamedTuple):
+class IdentifyOptions(NamedTuple):
     """What is asked beside the runs."""
 
     order: int
@@ -20,18 +20,20 @@ class Wanted(NamedTuple):
     incomplete_rows: bool = False
 
 
-def main(named: list[Path], runs: Path, wanted: Wanted, *, as_json: bool) -> int:
+def main(named: list[Path], runs: Path, wanted: IdentifyOptions, *, as_json: bool) -> int:
     """Identify, write files and pictures, print the tables."""
     from rig.identification import report
     from rig.identification.bem import read_bem
-    from rig.identification.identify import Asked, identify
+    from rig.identification.identify import IdentificationOptions, identify
 
     try:
         if not named:
             raise ValueError("no run named, and nothing to compare")
         paths = [find_run(each, runs) for each in named]
         bem = read_bem(wanted.bem) if wanted.bem else None
-        found = identify(paths, Asked(wanted.order, wanted.probe, bem, wanted.incomplete_rows))
+        found = identify(
+            paths, IdentificationOptions(wanted.order, wanted.probe, bem, wanted.incomplete_rows)
+        )
         folder = wanted.output or products_folder(paths)
         folder.mkdir(parents=True, exist_ok=True)
         written = report.write(found, folder)

@@ -30,7 +30,7 @@ class Zero(StrEnum):
     NONE = "none"
 
 
-class Asked(NamedTuple):
+class ImportOptions(NamedTuple):
     """What a person said of the file."""
 
     frequency: float | None
@@ -85,20 +85,20 @@ def command(
     as_json: options.Json = False,
 ) -> None:
     """Make a run of a downloaded MASK4 file, for `rig show`, `plot`, `compare` and `merge`."""
-    asked = Asked(
+    asked = ImportOptions(
         frequency, amplitude, irregular, hs, tp, periods, interval, settle, measure, drive, zeros,
         started, name,
     )  # fmt: skip
     sys.exit(main(file, asked, runs, as_json=as_json))
 
 
-def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
+def main(file: Path, asked: ImportOptions, runs: Path, *, as_json: bool) -> int:
     """Import a file and say where its run is and what was remarkable about it."""
     from rig.cli.file_problems import REFUSED, refuse
-    from rig.interop.basin.merge import Asked as MergeAsked
     from rig.interop.basin.merge import Source, merge
+    from rig.interop.basin.merge import SyncChannels as MergeAsked
     from rig.interop.basin.products import write
-    from rig.interop.exchange.mask4_import import Said, write_run
+    from rig.interop.exchange.mask4_import import FileDescription, write_run
     from rig.interop.exchange.mask4_signals import read_signals
     from rig.interop.exchange.mask4_waves import write_sync, write_waves
 
@@ -106,7 +106,7 @@ def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
         when = _started(file, asked)
         timing, repeat = _timing(asked)
         name = asked.name or file.stem.partition("_")[0]
-        said = Said(name, when, _sea(asked), repeat, timing, asked.zeros.value)
+        said = FileDescription(name, when, _sea(asked), repeat, timing, asked.zeros.value)
         signals = read_signals(file, asked.drive.value if asked.drive else None)
         made = write_run(signals, file, runs, said)
         written = [made.folder]
@@ -126,7 +126,7 @@ def main(file: Path, asked: Asked, runs: Path, *, as_json: bool) -> int:
     return options.OK
 
 
-def _started(file: Path, asked: Asked) -> datetime:
+def _started(file: Path, asked: ImportOptions) -> datetime:
     from rig.interop.exchange.mask4_import import started_by_name
 
     if asked.started is not None:
@@ -138,7 +138,7 @@ def _started(file: Path, asked: Asked) -> datetime:
     return found
 
 
-def _timing(asked: Asked) -> "tuple[Timing | None, float | None]":
+def _timing(asked: ImportOptions) -> "tuple[Timing | None, float | None]":
     """Length of rows by the kind of sea, as in MASK4 report (Sandia), 3.2.3, and its repeat, s."""
     from rig.interop.exchange.mask4_windows import Timing
 
@@ -165,7 +165,7 @@ def _fitting(timing: "Timing") -> "Timing":
     return timing
 
 
-def _sea(asked: Asked) -> dict[str, Any]:
+def _sea(asked: ImportOptions) -> dict[str, Any]:
     """The sea as a plan has it; what was not said is not there."""
     if asked.frequency is not None:
         size = "amplitude not said" if asked.amplitude is None else f"{asked.amplitude:g} m"

@@ -101,7 +101,7 @@ def command(
 
     if source is not None:
         sys.exit(commands.write(file, style, source, header=header, force=force, as_json=json))
-    asked = commands.Asked(
+    asked = commands.MatrixOptions(
         file, style, columns, lead_rows, sheet, variable, to, base, force, step,
         (calibration, run, calibrations),
     )  # fmt: skip

@@ -24,7 +24,7 @@ _OPTIONS = {
 }
 
 
-class Asked(NamedTuple):
+class MatrixOptions(NamedTuple):
     """What a person asks of a file of the old style."""
 
     file: Path
@@ -50,7 +50,7 @@ class _Read(NamedTuple):
     more: list[str]  # lines of a campaign
 
 
-def read(asked: Asked, said: dict[str, Any], *, as_json: bool) -> int:
+def read(asked: MatrixOptions, said: dict[str, Any], *, as_json: bool) -> int:
     """Print what a file holds and write today's matrix if that is asked."""
     try:
         found = _mask4(asked) if asked.style == "mask4" else _stepped(asked, said)
@@ -66,7 +66,7 @@ def read(asked: Asked, said: dict[str, Any], *, as_json: bool) -> int:
     return cli.OK
 
 
-def _mask4(asked: Asked) -> _Read:
+def _mask4(asked: MatrixOptions) -> _Read:
     got = mask4.read(
         asked.file, asked.columns, asked.lead_rows, sheet=asked.sheet, variable=asked.variable
     )
@@ -113,7 +113,7 @@ def _mask4(asked: Asked) -> _Read:
     return _Read(lines, facts, made, [f"from {got.path.name} (MASK4)", *notes], [])
 
 
-def _calibrated(given: Matrix, asked: Asked) -> tuple[Matrix, list[str]]:
+def _calibrated(given: Matrix, asked: MatrixOptions) -> tuple[Matrix, list[str]]:
     """The matrix with corrected spring rates, and what that was done with."""
     name, run, folder = asked.calibration
     if name is None:
@@ -131,7 +131,7 @@ def _calibrated(given: Matrix, asked: Asked) -> tuple[Matrix, list[str]]:
     )
     inside = applied[0].inside
     how = "" if inside else ": outside its range, unchanged"
-    note = f"{SPRING} by {known.words()} for run {run}, {known.file.valid.words()}{how}"
+    note = f"{SPRING} by {known.description()} for run {run}, {known.file.valid.description()}{how}"
     return given._replace(rows=rows), [note]
 
 
@@ -141,7 +141,7 @@ def _check(made: Matrix, place: matrix.Place | None) -> None:
         raise ConfigError(problems)
 
 
-def _stepped(asked: Asked, said: dict[str, Any]) -> _Read:
+def _stepped(asked: MatrixOptions, said: dict[str, Any]) -> _Read:
     got = stepped.read(
         asked.file, asked.style, asked.columns, sheet=asked.sheet, variable=asked.variable
     )
@@ -186,10 +186,10 @@ def _stepped(asked: Asked, said: dict[str, Any]) -> _Read:
     statement = sign_conventions.Statement(**said)
     made = sign_conventions.converted(got, statement)
     factor = sign_conventions.factor(got.style, statement)
-    lines.append(f"signs      {statement.words()}, gains times {number_text(factor)}")
+    lines.append(f"signs      {statement.description()}, gains times {number_text(factor)}")
     lines.append(f"matrix     {matrix.words(made)}")
     facts |= {"statement": statement._asdict(), "factor": factor, "matrix": made._asdict()}
-    notes = [f"from {got.path.name} ({got.style})", statement.words()]
+    notes = [f"from {got.path.name} ({got.style})", statement.description()]
     more = [f"timing: {{interval_s: {matrix.plain(asked.step)}}}"] if asked.step else []
     return _Read(lines, facts, made, notes, more)
 
@@ -207,7 +207,7 @@ def _traps(got: stepped.Stepped, step: float | None) -> list[str]:
     ]
 
 
-def _write_house(asked: Asked, found: _Read) -> Path | None:
+def _write_house(asked: MatrixOptions, found: _Read) -> Path | None:
     to = asked.to
     if to is None:
         return None

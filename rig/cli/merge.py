@@ -11,14 +11,14 @@ import typer
 from rig.cli import options
 
 if TYPE_CHECKING:
-    from rig.interop.basin.merge import Asked, Source
+    from rig.interop.basin.merge import Source, SyncChannels
 
 CODES = """\
 Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast: see the alarms; \
 2 bad input."""
 
 
-class Told(NamedTuple):
+class MergeOptions(NamedTuple):
     """What was said of the files, as it was typed."""
 
     files: list[str]
@@ -62,14 +62,16 @@ def command(
     as_json: options.Json = False,
 ) -> None:
     """Bring wave data, power analyser and other records onto a run's time, by trigger and sine."""
-    from rig.interop.basin.merge import Asked
+    from rig.interop.basin.merge import SyncChannels
 
-    asked = Asked(ttl, sine, run_sine, frequency, rate)
-    told = Told(files, unit or [], offset or [], match or [])
+    asked = SyncChannels(ttl, sine, run_sine, frequency, rate)
+    told = MergeOptions(files, unit or [], offset or [], match or [])
     sys.exit(main(run, told, asked, runs, as_json=as_json))
 
 
-def main(named: Path, told: Told, asked: "Asked", runs: Path, *, as_json: bool) -> int:
+def main(
+    named: Path, told: MergeOptions, asked: "SyncChannels", runs: Path, *, as_json: bool
+) -> int:
     """Merge files into a run and say how their clocks stand to its clock."""
     from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
@@ -98,7 +100,7 @@ def main(named: Path, told: Told, asked: "Asked", runs: Path, *, as_json: bool) 
     return options.FAILED if merged.alarms else options.OK
 
 
-def _sources(told: Told) -> "list[Source]":
+def _sources(told: MergeOptions) -> "list[Source]":
     """The files with what was said of each; ValueError for a word that is not understood."""
     from rig.interop.basin.merge import Source
     from rig.interop.basin.recording import METRES

@@ -21,7 +21,7 @@ STATIONS = {
 """What people call the power stations."""
 
 
-class Asked(NamedTuple):
+class PlotOptions(NamedTuple):
     """What is to be drawn; nothing of it: everything anew."""
 
     fields: list[str]
@@ -35,7 +35,7 @@ class Asked(NamedTuple):
     incomplete_rows: bool = False
 
 
-def main(named: Path, runs: Path, asked: Asked, *, as_json: bool) -> int:
+def main(named: Path, runs: Path, asked: PlotOptions, *, as_json: bool) -> int:
     """Write surfaces and summary anew, or what is asked for; print what was written."""
     try:
         written = _draw(find_run(named, runs), asked)
@@ -48,7 +48,7 @@ def main(named: Path, runs: Path, asked: Asked, *, as_json: bool) -> int:
     return cli.OK
 
 
-def _draw(run: Path, asked: Asked) -> list[Path]:
+def _draw(run: Path, asked: PlotOptions) -> list[Path]:
     from rig.analysis.report import products_folder, write_products
     from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
     from rig.analysis.traces import DEFAULT_FIELDS, write_traces
@@ -76,7 +76,7 @@ def _draw(run: Path, asked: Asked) -> list[Path]:
     return write_products(run, MEAN_POSITION_ALARM, read_by, incomplete_rows=incomplete)
 
 
-def _bars(table: "xarray.Dataset", folder: Path, asked: Asked) -> Path:
+def _bars(table: "xarray.Dataset", folder: Path, asked: PlotOptions) -> Path:
     from rig.analysis.bars import write_bars
 
     if asked.sort == "run":
@@ -84,7 +84,7 @@ def _bars(table: "xarray.Dataset", folder: Path, asked: Asked) -> Path:
     return write_bars(table, asked.output or folder / "bars_by_power.png", "power")
 
 
-def _surface(table: "xarray.Dataset", folder: Path, asked: Asked) -> Path:
+def _surface(table: "xarray.Dataset", folder: Path, asked: PlotOptions) -> Path:
     from rig.analysis.labels import column
     from rig.analysis.points import matrix, varied
     from rig.analysis.surfaces import KINDS, write_sliced

@@ -22,8 +22,8 @@ def _mean_powers(snapshot: Snapshot) -> str:
 class Progress(RunPanel):
     """A campaign: its row, motion, and power."""
 
-    def __init__(self, title: str, rung: str, plan: Plan, *, quiet: bool) -> None:
-        super().__init__(title, rung, plan, quiet=quiet)
+    def __init__(self, title: str, mode: str, plan: Plan, *, quiet: bool) -> None:
+        super().__init__(title, mode, plan, quiet=quiet)
         self._plan = plan
         self._measured = ""  # the last row that was seen measuring, and its power
 

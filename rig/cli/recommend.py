@@ -52,10 +52,10 @@ def command(
 
     Run it, give its run beside the first one, and the next recommendation knows its rows.
     """
-    from rig.design.recommend.recommendation import Asked
+    from rig.design.recommend.recommendation import RecommendOptions
 
     station = "mechanical_1" if best is For.MECHANICAL else best.value
-    asked = Asked(campaign, station, rows, spring, plant, probe, incomplete_rows)  # type: ignore[arg-type]
+    asked = RecommendOptions(campaign, station, rows, spring, plant, probe, incomplete_rows)  # type: ignore[arg-type]
     sys.exit(main(named, runs, asked, output, pictures=pictures, as_json=json))
 
 
@@ -74,9 +74,9 @@ def main(
     from rig.cli.file_problems import REFUSED, refuse
     from rig.cli.find_run import find_run
     from rig.design.recommend import report
-    from rig.design.recommend.recommendation import Asked, advise
+    from rig.design.recommend.recommendation import RecommendOptions, advise
 
-    assert isinstance(asked, Asked)
+    assert isinstance(asked, RecommendOptions)
     try:
         paths = [find_run(each, runs) for each in named]
         first = paths[0] if paths[0].is_dir() else paths[0].parent

@@ -63,7 +63,7 @@ def _rows(record: Path) -> list[Row] | None:
         return None
     if table.sizes.get("row", 0) == 0:
         return []
-    names = ("row", "state", "cut_short", "lost_ticks")
+    names = ("row", "state", "incomplete_reason", "lost_ticks")
     return [Row(*values) for values in zip(*(table[n].values.tolist() for n in names), strict=True)]
 
 

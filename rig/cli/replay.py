@@ -55,7 +55,7 @@ def command(
         sys.exit(main(run, runs, as_json=json))
     from rig.cli import replay_with
 
-    wanted = replay_with.Wanted(other, model, waves.value if waves else None, runs)
+    wanted = replay_with.ReplayOptions(other, model, waves.value if waves else None, runs)
     sys.exit(replay_with.main(run, wanted, as_json=json))
 
 

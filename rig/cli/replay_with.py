@@ -16,7 +16,7 @@ from rig.cli.find_run import find_run
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError
-from rig.sweep.counterfactual import Foretold, Span, foretell
+from rig.sweep.counterfactual import CounterfactualRow, Span, foretell
 
 _SHOWN = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
 _HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
@@ -24,7 +24,7 @@ _MILLI = 1000.0  # mm in a metre
 _LARGE = 0.1  # share of gross power: a model that errs so much is asked about another device
 
 
-class Wanted(NamedTuple):
+class ReplayOptions(NamedTuple):
     """What the command line asks for beside the run."""
 
     campaign: Path
@@ -33,7 +33,7 @@ class Wanted(NamedTuple):
     runs: Path
 
 
-def main(named: Path, wanted: Wanted, *, as_json: bool) -> int:
+def main(named: Path, wanted: ReplayOptions, *, as_json: bool) -> int:
     """Recover the waves, check the model on the logged rows, run the others; the exit code."""
     console = Console(stderr=True, highlight=False)
     try:
@@ -55,7 +55,7 @@ def main(named: Path, wanted: Wanted, *, as_json: bool) -> int:
     return cli.OK if all(row.state == COMPLETE for row in found.rows) else cli.FAILED
 
 
-def _plain(found: Foretold) -> dict[str, Any]:
+def _plain(found: CounterfactualRow) -> dict[str, Any]:
     """As JSON values; what is unknown is null."""
     waves = found.waves
     told = {
@@ -87,7 +87,7 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _say(found: Foretold, console: Console) -> None:
+def _say(found: CounterfactualRow, console: Console) -> None:
     waves = found.waves
     console.print(
         f"waves of {found.run}: {_counted(len(waves.asked.cycles), 'line')} by {waves.by}, from "
@@ -117,7 +117,7 @@ def _say(found: Foretold, console: Console) -> None:
         console.print("one logged row tells no scatter, so there are no intervals")
 
 
-def _say_error(found: Foretold, console: Console) -> None:
+def _say_error(found: CounterfactualRow, console: Console) -> None:
     """How far the model is off in the mean, and by how much rows differ in that."""
     told = []
     for name, words in _SHOWN.items():
@@ -160,7 +160,7 @@ def _settings(rows: list[dict[str, float]]) -> list[str]:
     return [n for n in names if n in usual or (n in several and n != "stator")]
 
 
-def _checked(found: Foretold) -> Table:
+def _checked(found: CounterfactualRow) -> Table:
     settings = _settings([one.setting for one in found.checked])
     table = _table(settings)
     for heading in _SHOWN.values():
@@ -174,7 +174,7 @@ def _checked(found: Foretold) -> Table:
     return table
 
 
-def _foretold(found: Foretold) -> Table:
+def _foretold(found: CounterfactualRow) -> Table:
     settings = _settings([row.setting for row in found.rows])
     table = _table(settings)
     for heading in _SHOWN.values():

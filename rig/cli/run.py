@@ -14,14 +14,14 @@ from rig.cli.run_end import exit_code, in_words, tell_folder
 from rig.config.problems import Problem
 from rig.execution.campaign import carry_out, rehearsal, wired
 from rig.execution.hardware.job import WiringError
-from rig.execution.task import Ended, Rung
+from rig.execution.task import Ended, ExecutionMode
 from rig.planning.campaign import Campaign, Plan
 from rig.recording.runs import RunError, create
 
 _MOST_WARNINGS = 5
 
 
-class Wanted(NamedTuple):
+class RunOptions(NamedTuple):
     """What the command line asks for beside the campaign."""
 
     rig: Path | None  # in place of the campaign's own
@@ -29,7 +29,7 @@ class Wanted(NamedTuple):
     emulated: bool  # --sim
 
 
-def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
+def main(path: Path, runs: Path, wanted: RunOptions, *, as_json: bool) -> int:
     """Check, run, analyse, and say how it went; gives the exit code."""
     report = examine(path, wanted.rig)
     if report.campaign is None or report.plan is None:
@@ -41,12 +41,12 @@ def main(path: Path, runs: Path, wanted: Wanted, *, as_json: bool) -> int:
         _warn_of_room(runs, plan)
     title = f"{campaign.file.name} on {campaign.rig.name}"
     try:
-        rung = _rung(campaign, wanted)
+        mode = _mode(campaign, wanted)
     except WiringError as error:
         return fail("run", error, as_json=as_json, code=cli.BAD_INPUT)
     try:
-        with Progress(title, rung.name, plan, quiet=as_json) as view:
-            ended = carry_out(campaign, plan, runs, view, rung)
+        with Progress(title, mode.name, plan, quiet=as_json) as view:
+            ended = carry_out(campaign, plan, runs, view, mode)
     except (create.BusyError, OSError, RunError) as error:
         return fail("run", error, as_json=as_json, code=cli.FAILED)
     products, summary, trouble = _analyse(ended, quiet=as_json)
@@ -89,7 +89,7 @@ def _warn_of_room(runs: Path, plan: Plan) -> None:
         print(f"warning: {short}", file=sys.stderr)
 
 
-def _rung(campaign: Campaign, wanted: Wanted) -> Rung:
+def _mode(campaign: Campaign, wanted: RunOptions) -> ExecutionMode:
     """On what to run: a rig with wires is run on them, or, with --sim, on emulated devices."""
     if campaign.rig.wiring is None:
         if wanted.emulated:
@@ -136,6 +136,6 @@ def _tell(ended: Ended, summary: dict[str, Any], products: list[Path], trouble: 
     told = text.exists() and (sys.stdout.isatty() or outcome.status not in ("crashed", "refused"))
     if not told:
         ending = ENDINGS.get(outcome.status, outcome.status)
-        reason = summary.get("reason") or phrases.reason_words(outcome.reason)
+        reason = summary.get("reason") or phrases.reason_text(outcome.reason)
         print(f"\n{ending}: {reason}.", file=sys.stderr)
     tell_folder(ended, products, trouble)

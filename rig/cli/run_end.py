@@ -55,7 +55,7 @@ def tell_folder(ended: Ended, products: list[Path], trouble: str) -> None:
     if outcome.dropped or outcome.unsaved:
         lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
         print(f"\nlost: {lost}", file=sys.stderr)
-    for what in (*outcome.said, outcome.died, outcome.moved, trouble):
+    for what in (*outcome.messages, outcome.died, outcome.moved, trouble):
         if what:
             print(f"\n{what}", file=sys.stderr)
     print(f"\n{ended.folder}/")

@@ -55,8 +55,8 @@ class RunPanel(ABC):
     What is shown of the rig itself, a subclass says: `at`, `scene` and `told`.
     """
 
-    def __init__(self, title: str, rung: str, plan: Planned, *, quiet: bool) -> None:
-        self._title, self._rung, self._planned = title, rung, plan.duration
+    def __init__(self, title: str, mode: str, plan: Planned, *, quiet: bool) -> None:
+        self._title, self._mode, self._planned = title, mode, plan.duration
         self._quiet = quiet
         self._console = Console(stderr=True, highlight=False)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
@@ -117,7 +117,7 @@ class RunPanel(ABC):
         health = f"{_losses(snapshot)}, {snapshot.behind} rows not yet on disk"
         table.add_row("health", health)
         stamp = Text(f"{self._title}   ", style="bold")
-        stamp.append(_STAMP.get(self._rung, self._rung.upper()), style="black on yellow")
+        stamp.append(_STAMP.get(self._mode, self._mode.upper()), style="black on yellow")
         bar = Table.grid()
         bar.add_row(ProgressBar(total=whole, completed=min(done, whole), width=72))
         parts: list[Text | Table] = [stamp, bar, table]

@@ -31,7 +31,7 @@ def main(runs: Path, *, as_json: bool) -> int:
     table = Table(box=None, header_style="bold", pad_edge=False)
     longest = max(len(run.run) for run in listed)
     table.add_column("run", no_wrap=True, min_width=longest)  # what a person copies and types
-    table.add_column("rung", no_wrap=True)
+    table.add_column("mode", no_wrap=True)
     table.add_column("rows", no_wrap=True, justify="right")
     table.add_column("status", no_wrap=True)
     table.add_column("record", overflow="fold")
@@ -42,7 +42,7 @@ def main(runs: Path, *, as_json: bool) -> int:
         whole = "-" if run.rows_planned is None else str(run.rows_planned)
         table.add_row(
             Text(run.run),
-            run.rung,
+            run.mode,
             f"{done}/{whole}",
             Text(run.status, style=_STYLES.get(run.status, "red")),
             Text(run.record or "-", style="" if run.record in ("", "complete") else "red"),

@@ -24,8 +24,8 @@ _UNITS = {
 class SessionProgress(RunPanel):
     """A session: its row, and what motor, shaft, load cell and brake do."""
 
-    def __init__(self, title: str, rung: str, plan: SessionPlan, *, quiet: bool) -> None:
-        super().__init__(title, rung, plan, quiet=quiet)
+    def __init__(self, title: str, mode: str, plan: SessionPlan, *, quiet: bool) -> None:
+        super().__init__(title, mode, plan, quiet=quiet)
         self._plan = plan
 
     def at(self, snapshot: Snapshot) -> tuple[str, str]:

@@ -44,6 +44,6 @@ def _session(run: Path, *, as_json: bool) -> int:
         status = facts(run).status
         ending = ending_of(status, stop_of(run, status).lost)
         record = reader.read_through(run).sentence
-        raise RunError(f"{ending.words}.\n{record}.\n{error}") from error
+        raise RunError(f"{ending.description}.\n{record}.\n{error}") from error
     print(json.dumps(summary.as_dict()) if as_json else summary.as_text())
     return cli.OK

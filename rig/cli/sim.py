@@ -20,7 +20,7 @@ from rig.execution.hardware.job import WiringError, job_of
 from rig.execution.rehearsal.addresses import AnyWiring, impossible, taken
 from rig.execution.rehearsal.standalone import alone
 from rig.planning.session.files import is_session
-from rig.processes.io_processes import Companion, CompanionError, Companions
+from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
 
 _LOOK = 0.05  # s
 _PATIENCE = 5.0  # s for the devices to leave
@@ -37,12 +37,12 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
         busy = RuntimeError("\n".join(held))
         return fail("sim", busy, as_json=as_json, code=cli.FAILED)
     with _interrupts() as asked, tempfile.TemporaryDirectory(prefix="rig-sim-") as folder:
-        companions = Companions((devices,), Path(folder))
+        companions = IoProcesses((devices,), Path(folder))
         try:
             if not as_json:
                 print("starting the emulated devices ...", file=sys.stderr, flush=True)
             companions.start()
-        except CompanionError as error:
+        except IoProcessError as error:
             companions.end(_PATIENCE)
             if asked():
                 return cli.OK
@@ -61,7 +61,7 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
     return cli.OK
 
 
-def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, Companion, str]:
+def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, str]:
     """The rig, who plays its devices, and what they are in."""
     if campaign is None:
         rig, devices = alone(path)
@@ -70,19 +70,19 @@ def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, Companion, 
             "calm water"
         )  # fmt: skip
     if is_session(campaign):
-        from rig.execution.rehearsal.bench_emulation import companion_of
+        from rig.execution.rehearsal.bench_emulation import emulator_process
         from rig.execution.rehearsal.bench_job import problems_of_session
         from rig.planning.session import open_session
 
         session = open_session(campaign, problems_of_session, path)
         setting = f"a bench, its servo drive set up for {session.file.loop}"
-        return session.rig, companion_of(session), setting
+        return session.rig, emulator_process(session), setting
     from rig.execution.rehearsal import emulation, job
     from rig.planning.campaign.files import open_campaign  # scipy: seconds
 
     opened = open_campaign(campaign, job.problems, path)
-    sea = f"{opened.file.sea.words()}, once the rig's wave trigger is on"
-    return opened.rig, emulation.companion(opened), sea
+    sea = f"{opened.file.sea.description()}, once the rig's wave trigger is on"
+    return opened.rig, emulation.emulator_process(opened), sea
 
 
 def _wiring(rig: AnyRigFile) -> AnyWiring:
@@ -99,7 +99,7 @@ def _wiring(rig: AnyRigFile) -> AnyWiring:
     return rig.wiring
 
 
-def _stay(companions: Companions, asked: Callable[[], bool]) -> str:
+def _stay(companions: IoProcesses, asked: Callable[[], bool]) -> str:
     """Wait for Ctrl-C; why it ended without one, empty otherwise."""
     while not asked():
         trouble = companions.listen()

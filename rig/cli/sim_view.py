@@ -10,8 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rig.cli.console import table_console
-from rig.config.bench_wiring import BENCH_WORDS, BenchWiring, SerialPort
-from rig.config.wiring import WORDS, AnyLine, Registers, TcpLine, Wiring
+from rig.config.bench_wiring import BENCH_SLOT_SIGNALS, BenchWiring, SerialPort
+from rig.config.wiring import SLOT_SIGNALS, AnyLine, Registers, TcpLine, Wiring
 from rig.execution.rehearsal.addresses import AnyWiring, can_address
 
 _PLAYED = {
@@ -44,8 +44,8 @@ class There(NamedTuple):
 def hanging(wiring: AnyWiring) -> list[There]:
     """Every emulated device and where it is."""
     if isinstance(wiring, BenchWiring):
-        return [*_streams(wiring), *_units(wiring, wiring.lines, BENCH_WORDS)]
-    return [*_nodes(wiring), *_units(wiring, wiring.lines, WORDS)]
+        return [*_streams(wiring), *_units(wiring, wiring.lines, BENCH_SLOT_SIGNALS)]
+    return [*_nodes(wiring), *_units(wiring, wiring.lines, SLOT_SIGNALS)]
 
 
 def _nodes(wiring: Wiring) -> list[There]:

@@ -59,7 +59,7 @@ def command(
     """
     # The cases have the cores; threads of BLAS beside them wait for each other, busily.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from rig.cli.sweep_run import Wanted, main
+    from rig.cli.sweep_run import SweepOptions, main
 
     if jobs is not None and scheduler is not None:
         raise typer.BadParameter("--jobs is about this machine; with --scheduler its workers count")
@@ -67,7 +67,9 @@ def command(
         raise typer.BadParameter(f"--scheduler {scheduler}: no address; allowed tcp://HOST:PORT")
     if out is not None:
         _check_out(out)
-    wanted = Wanted(over or [], sequential, lead_in, jobs, scheduler, out, measured, sweeps, runs)
+    wanted = SweepOptions(
+        over or [], sequential, lead_in, jobs, scheduler, out, measured, sweeps, runs
+    )
     sys.exit(main(campaign, wanted, as_json=json))
 
 

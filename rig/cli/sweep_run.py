@@ -31,7 +31,7 @@ _SURELY_COMPILING = 8.0  # s; reading it from the cache takes one or two
 _MOST_REASONS = 5
 
 
-class Wanted(NamedTuple):
+class SweepOptions(NamedTuple):
     """What the command line asks for beside the campaign."""
 
     overs: list[str]
@@ -45,7 +45,7 @@ class Wanted(NamedTuple):
     runs: Path
 
 
-def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
+def main(path: Path, wanted: SweepOptions, *, as_json: bool) -> int:
     """Run the sweep, write its result and pictures; gives the exit code."""
     lead_in = LEAD_IN if wanted.lead_in is None else wanted.lead_in
     try:
@@ -70,7 +70,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
             if damaged and not as_json:
                 print(f"{damaged} bytes of {opened.folder}/{CASES} are no whole cases and are left "
                       "out", file=sys.stderr)  # fmt: skip
-            told = result_cache.again(opened.folder, out) if not (left or measured) else None
+            told = result_cache.load(opened.folder, out) if not (left or measured) else None
             if told is not None:
                 view.begin(len(opened.cases))
             else:
@@ -91,7 +91,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
         try:
             pictures = _draw(table, opened.folder, measured, quiet=as_json)
             told = _told(opened.folder, out, pictures, table)
-            result_cache.note(opened.folder, out, measured, [out, *pictures], told)
+            result_cache.store(opened.folder, out, measured, [out, *pictures], told)
         except KeyboardInterrupt:
             return _interrupted(opened.folder, as_json=as_json)
         except (*REFUSED, RunError) as error:
@@ -110,7 +110,7 @@ def main(path: Path, wanted: Wanted, *, as_json: bool) -> int:
     return cli.FAILED if told["failed"] else cli.OK
 
 
-def _executor(opened: sweep.Sweep, wanted: Wanted) -> executors.Executor:
+def _executor(opened: sweep.Sweep, wanted: SweepOptions) -> executors.Executor:
     if wanted.scheduler is None:
         return executors.threads(wanted.jobs or executors.cores())
     from rig.sweep.cluster import cluster
@@ -161,7 +161,7 @@ def _interrupted(folder: Path, *, as_json: bool) -> int:
 def _told(
     folder: Path, result: Path, pictures: list[Path], table: "xarray.Dataset"
 ) -> dict[str, Any]:
-    state, why = table["state"].values, table["cut_short"].values
+    state, why = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
     reasons = sorted({str(text) for text in why[state == FAILED]})
     return {

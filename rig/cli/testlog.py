@@ -155,7 +155,9 @@ def _table(log: "Log", known: "Known | None") -> None:
     count = sum(len(entry.remarks) for entry in log.entries)
     print(f"\n{len(log.entries)} runs, {count} remarks")
     if known is not None:
-        print(f"spring rates written -> corrected by {known.words()}, {known.file.valid.words()}")
+        print(
+            f"spring rates written -> corrected by {known.description()}, {known.file.valid.description()}"
+        )
 
 
 def _waves(entry: "Entry") -> str:
@@ -199,7 +201,7 @@ def _detail(entry: "Entry", known: "Known | None") -> None:
         ("matrix", entry.matrix),
         ("gains", "; ".join(f"{g.axis} {g.name} {list(g.values)} ({g.cell})" for g in entry.gains)),
         ("spring", "" if entry.spring is None else _spring_words(entry, known)),
-        ("", applied.words() if applied else ""),
+        ("", applied.description() if applied else ""),
         ("stator", ", ".join(f"{number_text(p)} %" for p in entry.stator_percent)),
         ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_said})"),
         ("surge", entry.surge),

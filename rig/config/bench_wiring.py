@@ -148,7 +148,7 @@ class BenchWiring(FileModel):
 
     def broken_rules(self) -> Iterator[Broken]:
         """Every block has its values and its line."""
-        yield from line_rules(self, self.lines, BENCH_WORDS)
+        yield from line_rules(self, self.lines, BENCH_SLOT_SIGNALS)
 
 
 def field_of(word: EncoderWord) -> int:
@@ -156,7 +156,7 @@ def field_of(word: EncoderWord) -> int:
     return 1 << _POSITION_BITS[word.protocol]
 
 
-BENCH_WORDS = {
+BENCH_SLOT_SIGNALS = {
     "inputs": ("e_stop", "limit_switch"),
     "analog": ("servo", "brake"),
     "brake": ("current",),

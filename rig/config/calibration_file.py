@@ -144,7 +144,7 @@ class Valid(FileModel):
             found = " and ".join(given) if given else "nothing"
             yield Broken((), f"{found} given; allowed exactly one of runs, dates")
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The range in a line."""
         if self.runs is not None:
             return f"{self.runs.series} runs {_range_words(self.runs.first, self.runs.before)}"

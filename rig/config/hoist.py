@@ -45,7 +45,7 @@ class Hoist(FileModel):
         """Seconds of one raising and lowering: both ways at constant speed, and two turns."""
         return 2.0 * ((self.high_m - self.low_m) / self.speed_m_per_s + 0.5 * TURN_S)
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The hoist in a line."""
         return (
             f"{number_text(self.low_m)} .. {number_text(self.high_m)} m at "

@@ -136,7 +136,7 @@ def _allowed_words(model: type[BaseModel] | None, loc: KeyPath) -> str:
     found = ranges.allowed(model, loc) if model is not None else None
     if found is None:
         return ""
-    words = found.words(ranges.last_name(loc))
+    words = found.description(ranges.last_name(loc))
     return f"; allowed {words}" if words else ""
 
 
@@ -151,7 +151,7 @@ def _tag_words(expected: str | None, model: type[BaseModel] | None, loc: KeyPath
     tags = []
     for member in ranges.models_at(model, loc) if model is not None else ():
         found = ranges.allowed(member, ("kind",))
-        tags.append(found.words("kind") if found is not None else "")
+        tags.append(found.description("kind") if found is not None else "")
     return ", ".join(tag for tag in tags if tag)
 
 

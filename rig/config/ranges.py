@@ -27,7 +27,7 @@ class Allowed(NamedTuple):
     annotation: Any
     metadata: tuple[object, ...]
 
-    def words(self, key: str) -> str:
+    def description(self, key: str) -> str:
         """Range with its unit, or the list of words; empty where anything goes."""
         words = _literals(self.annotation)
         if words:

@@ -50,7 +50,7 @@ class _Stimulus(FileModel):
         assert self.amplitude_a is not None
         return self.amplitude_a * newtons_per_ampere
 
-    def size_words(self) -> str:
+    def size_description(self) -> str:
         """Axis and amplitude."""
         size = (
             f"{number_text(self.amplitude_n)} N"
@@ -71,9 +71,9 @@ class SineReference(_Stimulus):
         """Seconds after which the force is the same again."""
         return 1.0 / self.frequency_hz
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The reference in a line."""
-        return f"sine, {self.size_words()}, {number_text(self.frequency_hz)} Hz"
+        return f"sine, {self.size_description()}, {number_text(self.frequency_hz)} Hz"
 
 
 class SteppedSineReference(_Stimulus):
@@ -106,11 +106,11 @@ class SteppedSineReference(_Stimulus):
         """Seconds after which the force is the same again."""
         return self.hold_s * len(self.frequencies_hz)
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The reference in a line."""
         low, high = min(self.frequencies_hz), max(self.frequencies_hz)
         return (
-            f"stepped sine, {self.size_words()}, {len(self.frequencies_hz)} frequencies "
+            f"stepped sine, {self.size_description()}, {len(self.frequencies_hz)} frequencies "
             f"{number_text(low)} .. {number_text(high)} Hz, {number_text(self.hold_s)} s each"
         )
 
@@ -143,7 +143,7 @@ class _OfABand(_Stimulus):
         """Seconds after which the force is the same again."""
         return self.repeat_s
 
-    def band_words(self) -> str:
+    def band_description(self) -> str:
         """Band and repeat period."""
         return (
             f"{number_text(self.low_hz)} .. {number_text(self.high_hz)} Hz, "
@@ -160,9 +160,9 @@ class ChirpReference(_OfABand):
     kind: Literal["chirp"]
     sweep: Literal["linear", "logarithmic"] = "linear"
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The reference in a line."""
-        return f"chirp, {self.sweep}, {self.size_words()}, {self.band_words()}"
+        return f"chirp, {self.sweep}, {self.size_description()}, {self.band_description()}"
 
 
 class MultisineReference(_OfABand):
@@ -179,11 +179,11 @@ class MultisineReference(_OfABand):
     seed: Whole | None = Field(default=None, ge=0, le=4_294_967_295)  # the campaign's if missing
     realisation: Whole = Field(default=1, ge=1, le=100)  # where the matrix has no such column
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The reference in a line."""
         which = "" if self.lines == "all" else f", {self.lines} lines"
         return (
-            f"multisine, {self.colour}{which}, {self.size_words()}, {self.band_words()}, "
+            f"multisine, {self.colour}{which}, {self.size_description()}, {self.band_description()}, "
             f"realisation {self.realisation}"
         )
 
@@ -220,7 +220,7 @@ class RecordedReference(FileModel):
         """Seconds after which the force is the same again."""
         return self.end_s - self.start_s
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The reference in a line."""
         return (
             f"recorded, {self.axis}, {self.channel} of {self.file}, "

@@ -31,7 +31,7 @@ class CalmSea(FileModel):
 
     kind: Literal["calm"]
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The sea in a line."""
         return "calm"
 
@@ -69,7 +69,7 @@ class RegularSea(FileModel):
         assert self.frequency_hz is not None
         return 1.0 / self.frequency_hz
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The sea in a line."""
         return (
             f"regular, amplitude {number_text(self.amplitude_m)} m, "
@@ -98,7 +98,7 @@ class JonswapSea(FileModel):
         """Repeat period, s."""
         return self.repeat_s
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The sea in a line."""
         return (
             f"JONSWAP, Hs {number_text(self.hs_m)} m, Tp {number_text(self.tp_s)} s, "
@@ -159,7 +159,7 @@ class BandSea(FileModel):
         """Repeat period, s."""
         return self.repeat_s
 
-    def band_words(self) -> str:
+    def band_description(self) -> str:
         """Height, band and phases."""
         height = (
             f"rms {number_text(self.rms_m)} m"
@@ -178,9 +178,9 @@ class PinkSea(BandSea):
     kind: Literal["pink"]
     exponent: float = Field(default=-0.5, ge=-3, le=0)
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The sea in a line."""
-        return f"pink, amplitude ~ f^{number_text(self.exponent)}, {self.band_words()}"
+        return f"pink, amplitude ~ f^{number_text(self.exponent)}, {self.band_description()}"
 
 
 class MultisineSea(BandSea):
@@ -195,9 +195,9 @@ class MultisineSea(BandSea):
         """Line amplitudes are proportional to f^exponent."""
         return -0.5 if self.colour == "pink" else 0.0
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The sea in a line."""
-        return f"multisine, {self.colour}, best of {self.draws} draws, {self.band_words()}"
+        return f"multisine, {self.colour}, best of {self.draws} draws, {self.band_description()}"
 
 
 class RecordedSea(FileModel):
@@ -242,7 +242,7 @@ class RecordedSea(FileModel):
         """Repeat period, s: the window's length unless the file says otherwise."""
         return self.repeat_s if self.repeat_s is not None else self.end_s - self.start_s
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The sea in a line."""
         return (
             f"recorded, {self.channel} of {self.file}, "

@@ -191,7 +191,7 @@ class Wiring(FileModel):
 
     def broken_rules(self) -> Iterator[Broken]:
         """Every block has its values and its line; every drive its inputs."""
-        yield from line_rules(self, self.lines, WORDS)
+        yield from line_rules(self, self.lines, SLOT_SIGNALS)
         for name in ("heave", "surge"):
             scales: tuple[float, ...] = getattr(self, name).analog_per_v
             if len(scales) != 2 or not all(scales) or not all(map(math.isfinite, scales)):
@@ -215,7 +215,7 @@ def line_rules(
             yield Broken((name, "line"), f"no such line; there are {known}", block.line)
 
 
-WORDS = {
+SLOT_SIGNALS = {
     "analyser": ("ac", "dc", "bus_voltage"),
     "cells": ("slew", "stator_a", "stator_b"),
     "probes": ("probe_1", "probe_2", "probe_3"),

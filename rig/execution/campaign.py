@@ -5,7 +5,7 @@ from typing import Any
 
 from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation, job
-from rig.execution.task import Ended, Rung, Task, View, carry_out_task
+from rig.execution.task import Ended, ExecutionMode, Task, View, carry_out_task
 from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
 from rig.planning.campaign import Campaign, Plan, resolved
@@ -13,12 +13,14 @@ from rig.planning.campaign.windows import repeat_period
 from rig.processes.wire_locks import wires_of
 
 
-def rehearsal(campaign: Campaign, *, real_clock: bool) -> Rung:
+def rehearsal(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
     """The simulated plant in the loop's own process."""
-    return Rung("rehearsal", real_clock, "rig.execution.rehearsal", job.devices_of(campaign))
+    return ExecutionMode(
+        "rehearsal", real_clock, "rig.execution.rehearsal", job.devices_of(campaign)
+    )
 
 
-def wired(campaign: Campaign, *, emulated: bool) -> Rung:
+def wired(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
     """The devices on the rig's wires, or emulated ones on the far end of the same wires.
 
     WiringError says, all at once, why these wires must not be powered.
@@ -26,16 +28,16 @@ def wired(campaign: Campaign, *, emulated: bool) -> Rung:
     made = hardware.job_of(campaign.rig)
     wires = wires_of(campaign.rig)
     if not emulated:
-        return Rung(
-            "hardware", True, "rig.execution.hardware", made.devices, made.companions, wires
+        return ExecutionMode(
+            "hardware", True, "rig.execution.hardware", made.devices, made.io_processes, wires
         )
-    companions = (emulation.companion(campaign), *made.companions)
-    return Rung("hil", True, "rig.execution.hardware", made.devices, companions, wires)
+    companions = (emulation.emulator_process(campaign), *made.io_processes)
+    return ExecutionMode("hil", True, "rig.execution.hardware", made.devices, companions, wires)
 
 
-def carry_out(campaign: Campaign, plan: Plan, runs: Path, view: View, rung: Rung) -> Ended:
+def carry_out(campaign: Campaign, plan: Plan, runs: Path, view: View, mode: ExecutionMode) -> Ended:
     """Run a campaign to its end; see `rig.execution.task.carry_out_task`."""
-    return carry_out_task(task_of(campaign, plan), runs, view, rung)
+    return carry_out_task(task_of(campaign, plan), runs, view, mode)
 
 
 def task_of(campaign: Campaign, plan: Plan) -> Task:
@@ -73,7 +75,7 @@ def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
         ],
         "device": campaign.file.device,
         "repeat_s": repeat_period(sea),
-        "sea": sea.model_dump(mode="json") | {"words": sea.words()},
+        "sea": sea.model_dump(mode="json") | {"words": sea.description()},
         "reference": _reference(campaign),
         "hoist": _hoist(campaign),
         "spring_moves": plan.spring_moves,
@@ -89,7 +91,7 @@ def _hoist(campaign: Campaign) -> dict[str, Any] | None:
     hoist = campaign.file.hoist
     if hoist is None:
         return None
-    return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.words()}
+    return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.description()}
 
 
 def _reference(campaign: Campaign) -> dict[str, Any] | None:
@@ -103,5 +105,5 @@ def _reference(campaign: Campaign) -> dict[str, Any] | None:
         "kind": reference.kind,
         "period_s": reference.period,
         "newtons_per_ampere": newtons_per_ampere(motor),
-        "words": reference.words(),
+        "words": reference.description(),
     }

@@ -3,21 +3,21 @@
 from rig.execution.hardware.bench_job import job_of_bench
 from rig.execution.rehearsal import bench_emulation
 from rig.execution.rehearsal.bench_job import devices_of_session
-from rig.execution.task import Rung, Task
+from rig.execution.task import ExecutionMode, Task
 from rig.kinds.oswec_bench import KIND
 from rig.planning.session import Session, SessionPlan, planned, resolved_session
 from rig.planning.session.assemble import bench_params
 from rig.processes.wire_locks import wires_of
 
 
-def rehearsal(session: Session, *, real_clock: bool) -> Rung:
+def rehearsal(session: Session, *, real_clock: bool) -> ExecutionMode:
     """The simulated bench in the loop's own process."""
-    return Rung(
+    return ExecutionMode(
         "rehearsal", real_clock, "rig.execution.rehearsal.bench", devices_of_session(session)
     )
 
 
-def wired(session: Session, *, emulated: bool) -> Rung:
+def wired(session: Session, *, emulated: bool) -> ExecutionMode:
     """The devices on the bench's wires, or emulated ones on the far end of the same wires.
 
     WiringError says, all at once, why these wires must not be powered.
@@ -25,11 +25,13 @@ def wired(session: Session, *, emulated: bool) -> Rung:
     made = job_of_bench(session.rig, session.file.loop)
     wires = wires_of(session.rig)
     if not emulated:
-        return Rung(
-            "hardware", True, "rig.execution.hardware.bench", made.devices, made.companions, wires
+        return ExecutionMode(
+            "hardware", True, "rig.execution.hardware.bench", made.devices, made.io_processes, wires
         )
-    companions = (bench_emulation.companion_of(session), *made.companions)
-    return Rung("hil", True, "rig.execution.hardware.bench", made.devices, companions, wires)
+    companions = (bench_emulation.emulator_process(session), *made.io_processes)
+    return ExecutionMode(
+        "hil", True, "rig.execution.hardware.bench", made.devices, companions, wires
+    )
 
 
 def task_of(session: Session, plan: SessionPlan) -> Task:

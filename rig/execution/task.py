@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Any, NamedTuple, Protocol
 
 from rig.processes import wire_locks
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import Outcome, Setup, Snapshot
 from rig.processes.supervisor import Run
 from rig.processes.wire_locks import REALTIME_PLACE, Wire
@@ -57,18 +57,18 @@ class Ended(NamedTuple):
     trouble: str  # what could not be put on disk at the end; empty if nothing
 
 
-class Rung(NamedTuple):
+class ExecutionMode(NamedTuple):
     """What a campaign is run on: nothing else differs between a rehearsal and the basin."""
 
     name: str  # rehearsal, hil, hardware
     real_clock: bool
     loop_module: str  # python -m ...: the loop process with its devices
     devices: dict[str, Any]  # for that module's connect()
-    companions: tuple[Companion, ...] = ()
+    io_processes: tuple[IoProcess, ...] = ()
     wires: tuple[Wire, ...] = ()  # that its processes send on
 
 
-def carry_out_task(task: Task, runs: Path, view: View, rung: Rung) -> Ended:
+def carry_out_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> Ended:
     """Run a task to its end; raises BusyError when the real clock or one of its wires is taken.
 
     Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
@@ -76,35 +76,35 @@ def carry_out_task(task: Task, runs: Path, view: View, rung: Rung) -> Ended:
     """
     with _interrupts(view) as asked, ExitStack() as locks:
         started = datetime.now(UTC)
-        wires = (REALTIME_PLACE, *rung.wires) if rung.real_clock else rung.wires
+        wires = (REALTIME_PLACE, *mode.wires) if mode.real_clock else mode.wires
         taken = locks.enter_context(wire_locks.hold(wires, f"campaign {task.name}"))
         folder = create.make(runs, task.name, started)
         held = locks.enter_context(create.hold_run(folder))
-        _write_start(folder, task, started, rung)
+        _write_start(folder, task, started, mode)
         run = Run(
             Setup(
                 task.kind_name,
                 task.kind,
                 task.params,
-                rung.loop_module,
-                rung.devices,
+                mode.loop_module,
+                mode.devices,
                 task.dt,
-                rung.real_clock,
-                task.realtime_required and rung.real_clock,
+                mode.real_clock,
+                task.realtime_required and mode.real_clock,
                 folder,
                 ATTACHED,
-                rung.name,
+                mode.name,
                 task.supervisor_timeout,
                 held.fd,
                 taken.fds,
-                rung.companions,
+                mode.io_processes,
             )
         )
         outcome = run.supervise(_shown(view), asked)
         if outcome.moved:  # not all that was saved may have come along
             lost = outcome.ticks - outcome.dropped - _rows(run.folder)
             outcome = outcome._replace(unsaved=max(outcome.unsaved, lost))
-        outcome, trouble = _close_folder(run.folder, task, outcome, started, rung)
+        outcome, trouble = _close_folder(run.folder, task, outcome, started, mode)
         with suppress(OSError, ValueError):
             # Where only the record was taken away, the folder says where that is.
             if run.folder != folder and (folder / STATUS).exists():
@@ -129,7 +129,7 @@ def _shown(view: View) -> Callable[[Snapshot], None]:
 
 
 def _close_folder(
-    folder: Path, task: Task, outcome: Outcome, started: datetime, rung: Rung
+    folder: Path, task: Task, outcome: Outcome, started: datetime, mode: ExecutionMode
 ) -> tuple[Outcome, str]:
     """Write one finished record and the run's status.
 
@@ -138,7 +138,7 @@ def _close_folder(
     """
     outcome, record, failed = _finish_record(folder, outcome)
     trouble = [failed] if failed else []
-    status = _status(folder, task, started, rung) | {
+    status = _status(folder, task, started, mode) | {
         "status": outcome.status,
         "reason": outcome.reason,
         "ticks": outcome.ticks,
@@ -148,7 +148,7 @@ def _close_folder(
         "unsaved_rows": outcome.unsaved,
         "logger_restarts": outcome.logger_restarts,
         "died": outcome.died,
-        "said": list(outcome.said),
+        "said": list(outcome.messages),
         "moved": outcome.moved,
         "record": record,
         "ended_utc": datetime.now(UTC).isoformat(),
@@ -202,11 +202,11 @@ def _why(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
-def _status(folder: Path, task: Task, started: datetime, rung: Rung) -> dict[str, Any]:
+def _status(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> dict[str, Any]:
     return {
         "run": folder.name,
         "status": "running",
-        "rung": rung.name,
+        "mode": mode.name,
         "kind": task.kind_name,
         "campaign": task.name,
         "rows_planned": task.rows,
@@ -216,12 +216,12 @@ def _status(folder: Path, task: Task, started: datetime, rung: Rung) -> dict[str
     }
 
 
-def _write_start(folder: Path, task: Task, started: datetime, rung: Rung) -> None:
+def _write_start(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
     (folder / "config.json").write_text(task.config + "\n")
     create.write_json(folder, "plan.json", task.plan)
     create.write_json(folder, "code.json", provenance.code())
     create.write_json(folder, "host.json", provenance.host())
-    create.write_json(folder, STATUS, _status(folder, task, started, rung))
+    create.write_json(folder, STATUS, _status(folder, task, started, mode))
 
 
 def _join_parts(folder: Path) -> Joined | None:

@@ -1,6 +1,6 @@
 """Is this host fit for a rig, or at least for a rehearsal: `rig doctor`."""
 
-from rig.host.examination import Asked, Examination, examine
+from rig.host.examination import DoctorOptions, Examination, examine
 from rig.host.finding import Finding, Host, Use, Verdict
 
-__all__ = ["Asked", "Examination", "Finding", "Host", "Use", "Verdict", "examine"]
+__all__ = ["DoctorOptions", "Examination", "Finding", "Host", "Use", "Verdict", "examine"]

@@ -118,7 +118,7 @@ def _file_system(host: Host, place: Path) -> Finding:
 def _speed(place: Path, rate_hz: float) -> list[Finding]:
     made = rate_hz * row_bytes()
     rate_limit = f"at least {1e-6 * 10 * made:.1f} MB/s: ten times what the log makes at most"
-    patience = supervisor.DISK_PATIENCE
+    patience = supervisor.DISK_TIMEOUT_S
     flush_limit = (
         f"at worst {FLUSH:g} s, the time between two flushes; a disk that fails for "
         f"{patience:g} s ends the run"

@@ -15,7 +15,7 @@ Room = tuple[str, Callable[[], list[Finding]]]
 _SHOWN = 4  # reasons in the verdict
 
 
-class Asked(NamedTuple):
+class DoctorOptions(NamedTuple):
     """What is to be examined."""
 
     runs: Path  # folder for the runs
@@ -66,7 +66,7 @@ class Examination(NamedTuple):
         }
 
 
-def examine(asked: Asked, host: Host | None = None) -> Examination:
+def examine(asked: DoctorOptions, host: Host | None = None) -> Examination:
     """Look at everything; never raises for what the host does not show."""
     seen = host or Host()
     moment, busy = clocks.Moment.now(), processor.Busy.of(seen)

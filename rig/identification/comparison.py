@@ -19,7 +19,7 @@ NEAR = 0.1  # of the amplitude: farther apart, two models are no pair
 RESPONSES = ("Z_i", "Z_id", "Z_d")
 
 
-class Told(NamedTuple):
+class SavedIdentification(NamedTuple):
     """An identification as its file says."""
 
     name: str
@@ -47,12 +47,12 @@ class Comparison(NamedTuple):
 
     a: str
     b: str
-    rungs: tuple[str, str]
+    modes: tuple[str, str]
     differences: tuple[Difference, ...]
     unpaired: tuple[str, ...]
 
 
-def read(path: Path) -> Told:
+def read(path: Path) -> SavedIdentification:
     """An identification.json; RunError where it is none."""
     try:
         content = json.loads(read_regular(path, TABLE_MOST))
@@ -61,10 +61,10 @@ def read(path: Path) -> Told:
     if not isinstance(content, dict) or "models" not in content:
         raise RunError(f"{path}: no {JSON} of rig identify")
     first, *more = content.get("runs", []) or [str(path)]
-    return Told(f"{first} and {len(more)} more" if more else first, content)
+    return SavedIdentification(f"{first} and {len(more)} more" if more else first, content)
 
 
-def compare(a: Told, b: Told) -> Comparison:
+def compare(a: SavedIdentification, b: SavedIdentification) -> Comparison:
     """All pairs of models; RunError where there is none."""
     found: list[Difference] = []
     unpaired = []
@@ -91,8 +91,8 @@ def compare(a: Told, b: Told) -> Comparison:
         ]
     if not found:
         raise RunError("the two identifications have no axis and amplitude in common")
-    rungs = (str(a.content.get("rung", "")), str(b.content.get("rung", "")))
-    return Comparison(a.name, b.name, rungs, tuple(found), tuple(unpaired))
+    modes = (str(a.content.get("mode", "")), str(b.content.get("mode", "")))
+    return Comparison(a.name, b.name, modes, tuple(found), tuple(unpaired))
 
 
 def _difference(name: str, a: dict[str, Any], b: dict[str, Any]) -> Difference:

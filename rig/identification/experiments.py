@@ -145,8 +145,8 @@ def _saturated(window: Window, found: dict[str, Sensor]) -> str:
 def _experiment(
     window: Window, row: dict[str, Any], known: Facts, found: dict[str, Sensor]
 ) -> Experiment:
-    if window.cut_short:
-        raise ValueError(window.cut_short)
+    if window.incomplete_reason:
+        raise ValueError(window.incomplete_reason)
     data, told, dt = window.data, known.plan["reference"], float(known.plan["dt"])
     sea = known.plan.get("asked_sea")
     repeats = [float(told["period_s"]), *([float(sea["repeat_s"])] if sea else [])]

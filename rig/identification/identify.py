@@ -21,7 +21,7 @@ FITTED = ("Z_i", "Z_id")
 TRUTH = "elevation"  # of a simulated sea at the device's place
 
 
-class Asked(NamedTuple):
+class IdentificationOptions(NamedTuple):
     """What is to be identified, beyond what the runs hold."""
 
     order: int = 2  # of the parametric models
@@ -33,7 +33,7 @@ class Asked(NamedTuple):
 class Identification(NamedTuple):
     """All that was identified."""
 
-    attributes: dict[str, Any]  # run, rung, campaign as of the first run
+    attributes: dict[str, Any]  # run, mode, campaign as of the first run
     runs: tuple[str, ...]
     models: tuple[Model, ...]
     fits: tuple[dict[str, tuple[Fitted, ...]], ...]  # by model: second order first, then `order`
@@ -43,12 +43,12 @@ class Identification(NamedTuple):
     notes: tuple[str, ...]  # what was left out or is to be doubted, and why
 
 
-def identify(runs: Sequence[Path], asked: Asked | None = None) -> Identification:
+def identify(runs: Sequence[Path], asked: IdentificationOptions | None = None) -> Identification:
     """Identify from runs with a reference, in calm water or waves, and from wave calibrations.
 
     Raises RunError where no model can be made of them, ValueError for an order that is none.
     """
-    asked = Asked() if asked is None else asked
+    asked = IdentificationOptions() if asked is None else asked
     notes: list[str] = []
     found: list[Experiment] = []
     seas: list[Sea] = []
@@ -100,7 +100,7 @@ def _fits(model: Model, order: int, notes: list[str]) -> dict[str, tuple[Fitted,
     return made
 
 
-def _sea(run: Path, asked: Asked, notes: list[str]) -> Sea:
+def _sea(run: Path, asked: IdentificationOptions, notes: list[str]) -> Sea:
     """The elevation that a wave calibration found."""
     table = wave_calibration.calibration(run, incomplete_rows=asked.incomplete_rows)
     if withheld := table.attrs.get("withheld"):

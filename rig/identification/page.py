@@ -52,7 +52,7 @@ def _header(figure: Figure, found: Identification) -> None:
     figure.text(_LEFT, 0.975, title, fontsize=min(16.0, 620.0 / len(title)), **style)
     runs = textwrap.shorten("runs " + ", ".join(found.runs), 130, placeholder=" …")
     figure.text(_LEFT, 0.950, runs, color="#c9d3db", fontsize=7.5, va="center")
-    stamp = phrases.rung_stamp(str(found.attributes.get("rung", "")))
+    stamp = phrases.mode_stamp(str(found.attributes.get("mode", "")))
     box = {"boxstyle": "round,pad=0.45", "fc": picture.ZERO, "ec": "none"}
     style = {"fontsize": 8.5, "fontweight": "bold", "ha": "right", "va": "center", "bbox": box}
     figure.text(_RIGHT, 0.975, stamp, color=picture.INK, **style)

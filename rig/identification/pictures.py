@@ -184,8 +184,8 @@ def write_comparison(told: "Comparison", path: Path) -> Path:
     """The pair of the largest amplitude, response by response: A and B over one another."""
     last = told.differences[-1]
     pair = [d for d in told.differences if (d.a, d.b) == (last.a, last.b)]
-    one, other = told.rungs
-    attributes = {"run": told.b, "rung": other if one == other else f"{one} and {other}"}
+    one, other = told.modes
+    attributes = {"run": told.b, "mode": other if one == other else f"{one} and {other}"}
     said = f"compared with {told.a}"
     title = "Two identifications, A and B"
     figure, body = picture.framed(9.0, 2.6 * len(pair), title, attributes, said)

@@ -35,7 +35,7 @@ def as_dict(found: Identification) -> dict[str, Any]:
     whole: dict[str, Any] = _plain(
         {
             "runs": list(found.runs),
-            **{key: found.attributes.get(key, "") for key in ("rung", "campaign")},
+            **{key: found.attributes.get(key, "") for key in ("mode", "campaign")},
             "convention": CONVENTION,
             "models": [
                 _of_model(model, fits) for model, fits in zip(found.models, found.fits, strict=True)

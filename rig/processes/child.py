@@ -71,7 +71,7 @@ class Child:
             self.process.wait()
         self._listener.join(timeout=5.0)
 
-    def last_words(self) -> str:
+    def last_message(self) -> str:
         """The last line the process wrote to its error file, or its signal or exit code."""
         text = self._errors.read_text(errors="replace").strip() if self._errors.exists() else ""
         if text:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 
-def say(**event: Any) -> None:
+def report(**event: Any) -> None:
     """One line for the supervisor; if it is gone, that is found out elsewhere."""
     with suppress(BrokenPipeError):
         print(json.dumps(event), flush=True)

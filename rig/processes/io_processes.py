@@ -23,26 +23,26 @@ READY = 10.0  # s in which a companion says that it is ready, when it asks for n
 _LOOK = 0.02  # s between looks while they come up
 
 
-class Companion(NamedTuple):
+class IoProcess(NamedTuple):
     """One process beside the loop."""
 
     name: str  # for people, and for its file of errors
     module: str  # python -m ...
     config: dict[str, Any]  # JSON values
     mailboxes: tuple[str, ...]  # names of the slots it uses, shared by name with the loop
-    patience: float = READY  # s in which it must be ready
+    ready_timeout_s: float = READY  # s in which it must be ready
     first: bool = False  # the others are started when it is ready: they need it
 
 
-class CompanionError(RuntimeError):
+class IoProcessError(RuntimeError):
     """A companion that is not ready, named, with what it said."""
 
 
-class Companions:
+class IoProcesses:
     """All of a run's companions, from start to end."""
 
     def __init__(
-        self, wanted: tuple[Companion, ...], folder: Path, locks: tuple[int, ...] = ()
+        self, wanted: tuple[IoProcess, ...], folder: Path, locks: tuple[int, ...] = ()
     ) -> None:
         """``locks``: file descriptors of the wires' locks, held by every companion."""
         self._wanted = wanted
@@ -50,7 +50,7 @@ class Companions:
         self._folder = folder
         self._slots = {name: mailbox.create() for one in wanted for name in one.mailboxes}
         self._lifeline, self.loop_end = os.pipe()  # `loop_end`: for the loop to inherit
-        self._children: list[tuple[Companion, Child]] = []
+        self._children: list[tuple[IoProcess, Child]] = []
         self.facts: dict[str, Any] = {}  # by companion: what it found out for the loop
         self.said: list[str] = []  # what they had to tell since
 
@@ -74,7 +74,7 @@ class Companions:
         if self._wanted:
             write_json(self._folder, FACTS, self.facts)
 
-    def _begin(self, one: Companion) -> Child:
+    def _begin(self, one: IoProcess) -> Child:
         job = {
             "config": one.config,
             "mailboxes": {name: self._slots[name] for name in one.mailboxes},
@@ -86,7 +86,7 @@ class Companions:
         self._children.append((one, child))
         return child
 
-    def _wait(self, one: Companion, child: Child) -> None:
+    def _wait(self, one: IoProcess, child: Child) -> None:
         began = time.monotonic()
         while True:
             alive = child.alive()
@@ -100,13 +100,13 @@ class Companions:
                 if event["event"] == "say":
                     self.said.append(f"{one.name}: {event['text']}")
             if refused:
-                raise CompanionError(f"{one.name}: {refused}")
+                raise IoProcessError(f"{one.name}: {refused}")
             if ready:
                 return
             if not alive:
-                raise CompanionError(f"{one.name}: {child.last_words()}")
-            if time.monotonic() - began > one.patience:
-                raise CompanionError(f"{one.name}: not ready after {one.patience:g} s")
+                raise IoProcessError(f"{one.name}: {child.last_message()}")
+            if time.monotonic() - began > one.ready_timeout_s:
+                raise IoProcessError(f"{one.name}: not ready after {one.ready_timeout_s:g} s")
             time.sleep(_LOOK)
 
     def listen(self) -> str:
@@ -118,7 +118,7 @@ class Companions:
                 f"{one.name}: {event['text']}" for event in child.heard() if event["event"] == "say"
             ]
             if not alive:
-                trouble.append(f"{one.name} ended: {child.last_words()}")
+                trouble.append(f"{one.name} ended: {child.last_message()}")
         return "; ".join(trouble)
 
     def leave_to_the_loop(self) -> None:

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn
 
 from rig.processes import handover
-from rig.processes.io_process import leave_terminal_alone, say
+from rig.processes.io_process import leave_terminal_alone, report
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
 from rig.realtime import cycle, loop, safety, scheduling
@@ -90,12 +90,12 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             _refuse(error)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
-            say(event="refused", privileges=granted._asdict())
+            report(event="refused", privileges=granted._asdict())
             sys.exit(REFUSED)
         if overseer() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices came up
             devices.stop(safety.Reason.SUPERVISOR_LOST.value)
             devices.close()
-            say(event="refused", why=_ALONE)  # heard if it was suspended only
+            report(event="refused", why=_ALONE)  # heard if it was suspended only
             sys.exit(ALONE)
         try:
             devices.warm_up(job.dt)  # whatever takes its time has been done
@@ -104,7 +104,7 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             _refuse(error)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
-        say(event="start", privileges=granted and granted._asdict())
+        report(event="start", privileges=granted and granted._asdict())
         end = loop.run(
             kind,
             job.params,
@@ -115,7 +115,7 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             overseer,
             measure_work=job.real_clock == 1,
         )
-        say(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
+        report(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
     finally:
         ring.finish()  # or the logger would wait for rows that never come
         last.see_out(ring, end)
@@ -123,7 +123,7 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
 
 def _refuse(error: OSError) -> NoReturn:
     """End before the first tick, and say why."""
-    say(event="refused", why=str(error))
+    report(event="refused", why=str(error))
     sys.exit(UNREADY)
 
 

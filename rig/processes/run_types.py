@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 from rig.realtime import cycle
 
 
@@ -20,11 +20,11 @@ class Setup(NamedTuple):
     realtime_required: bool
     folder: Path
     attachments: tuple[str, ...]  # JSON files of the folder that go into the MCAP file
-    rung: str
+    mode: str
     supervisor_timeout: float  # s without a sign of life of the supervisor that stop the loop
     folder_lock: int = -1  # file descriptor, held as long as anything of the run lives; -1: none
     wire_locks: tuple[int, ...] = ()  # file descriptors, held by all that use wires or real time
-    companions: tuple[Companion, ...] = ()  # processes that serve the loop from beside it
+    io_processes: tuple[IoProcess, ...] = ()  # processes that serve the loop from beside it
 
 
 class Snapshot(NamedTuple):
@@ -48,5 +48,5 @@ class Outcome(NamedTuple):
     logger_restarts: int
     last_row: dict[str, float | int]
     died: str = ""  # which process beside the loop died, and its last words; empty: none
-    said: tuple[str, ...] = ()  # what those processes had to tell
+    messages: tuple[str, ...] = ()  # what those processes had to tell
     moved: str = ""  # why the record is not where it was begun, and where it is; empty: it is

@@ -21,7 +21,7 @@ from typing import Any
 from rig.processes import handover, mailbox
 from rig.processes.child import Child, Progress
 from rig.processes.display import Display
-from rig.processes.io_processes import CompanionError, Companions
+from rig.processes.io_processes import IoProcessError, IoProcesses
 from rig.processes.loop_process import Job
 from rig.processes.mailbox import Mailbox, Request
 from rig.processes.run_types import Outcome, Setup, Snapshot
@@ -36,7 +36,7 @@ from rig.recording.runs.folder import MCAP
 
 POLL = 0.1  # s between looks
 RESTARTS = 5  # of a killed logger in one run
-DISK_PATIENCE = 20.0  # s a failing disk is retried before the rest of the log is given up
+DISK_TIMEOUT_S = 20.0  # s a failing disk is retried before the rest of the log is given up
 STALL = 60.0  # s without a row saved, or without an end, after which the logger is restarted
 HANG = 10.0  # s without a tick after which the loop is killed
 DEAF = 5.0  # s the loop may take to heed an abort
@@ -53,7 +53,7 @@ class Run:
         self._mail = Mailbox(self._mail_fd, Request)
         self._layout = layout(setup.kind.row_type)
         self._names = [leaf.name for leaf in leaves(setup.kind.row_type)]
-        self._companions = Companions(setup.companions, setup.folder, setup.wire_locks)
+        self._companions = IoProcesses(setup.io_processes, setup.folder, setup.wire_locks)
         self._request = safety.REQUEST_NONE
         self._aborted = 0.0  # when an abort was posted, s
         self._parts = 0
@@ -111,7 +111,7 @@ class Run:
                     break
                 show(self._snapshot())
                 time.sleep(POLL)
-        except CompanionError as error:
+        except IoProcessError as error:
             self._refused = str(error)
         finally:
             self._lay_to_rest(loop, logger)
@@ -162,7 +162,7 @@ class Run:
         vain = self._parts > RESTARTS or logger.process.returncode == log_process.DISK
         if vain or not self._place.settled():
             self._lost = True
-            self._trouble = f"the log is lost: {self._trouble or logger.last_words()}"
+            self._trouble = f"the log is lost: {self._trouble or logger.last_message()}"
             self._ring.abandon()
         if self._lost or self._place.lost:
             self._ask(safety.REQUEST_LOGGER_LOST)
@@ -217,10 +217,10 @@ class Run:
             part=f"{MCAP}.part{self._parts}",
             attachments=setup.attachments,
             run=setup.folder.name,
-            rung=setup.rung,
+            mode=setup.mode,
             clock="real" if setup.real_clock else "virtual",
             rate_hz=1.0 / setup.dt,
-            patience=DISK_PATIENCE,
+            disk_timeout_s=DISK_TIMEOUT_S,
         )
 
     def _start_loop(self) -> Child:
@@ -245,7 +245,7 @@ class Run:
 
     def _devices(self) -> dict[str, Any]:
         """What the loop is told of its devices, with what its companions found out."""
-        if not self._setup.companions:
+        if not self._setup.io_processes:
             return self._setup.devices
         known = {"facts": self._companions.facts, "mailboxes": self._companions.slots}
         return self._setup.devices | known
@@ -291,7 +291,10 @@ class Run:
         elif self._refused:
             status, why = "refused", self._refused
         else:
-            status, why = "crashed", self._trouble or (f"loop: {loop.last_words()}" if loop else "")
+            status, why = (
+                "crashed",
+                self._trouble or (f"loop: {loop.last_message()}" if loop else ""),
+            )
         put = self._ring.head + self._ring.dropped
         ended = end or {"ticks": put, "skipped": int(row.get("timing.skipped", 0))}
         return Outcome(

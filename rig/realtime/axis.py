@@ -38,10 +38,10 @@ class State(NamedTuple):
     acting: int  # what made the last demand: RUN the law, STOP_1 a stop, OFF nothing; or UNSEEN
     fade_from: float  # N, force at the last change of that
     fade: float  # 1 .. 0, share of that force still in the demand
-    short: float  # N, what was granted in the last tick less what was asked
+    saturation_deficit: float  # N, what was granted in the last tick less what was asked
     age: float  # s, of the counts in the last tick
-    usual: float  # s, the least age that counts ever had: what is older came late
-    apart: float  # ticks between new counts, the most of late
+    min_age: float  # s, the least age that counts ever had: what is older came late
+    sample_gap: float  # ticks between new counts, the most of late
     mismatch: int  # ticks of a current that disagrees: `rig.realtime.limits.mismatch_ticks`
 
 
@@ -77,20 +77,20 @@ def observe(
         return Estimate(measured, 0.0, 0.0)
     if age == before == usual and apart == 1.0:  # the usual tick: what `track` would do, sooner
         return estimator.step(params.estimator, motion, measured, periods, dt)
-    apart = apart_of_late(state, age, dt)
+    apart = recent_sample_gap(state, age, dt)
     return track(params.estimator, motion, measured, before, age, usual, apart, periods, dt)
 
 
-def apart_of_late(state: State, age: float, dt: float) -> float:
+def recent_sample_gap(state: State, age: float, dt: float) -> float:
     """How many ticks new counts have lain apart at most, of late; at least 1.
 
     ``age`` (s) of the counts of this tick. It is forgotten slowly: gains that changed with every
     gap would swing up by themselves.
     """
     waited = state.age - age  # s; below 0 while the counts are the same as before
-    if state.acting == UNSEEN or (waited == 0.0 and state.apart == 1.0):
+    if state.acting == UNSEEN or (waited == 0.0 and state.sample_gap == 1.0):
         return 1.0
-    apart = state.apart - state.apart * dt / _MEMORY
+    apart = state.sample_gap - state.sample_gap * dt / _MEMORY
     if waited > 0.0:
         apart = max(apart, 1.0 + min(waited, _OLD) / dt)
     return max(apart, 1.0)
@@ -102,8 +102,8 @@ def track(
     measured: float,
     age_before: float,
     age: float,
-    usual: float,
-    apart: float,
+    min_age: float,
+    sample_gap: float,
     periods: int,
     dt: float,
 ) -> Estimate:
@@ -112,11 +112,11 @@ def track(
     ``age`` (s) of ``measured``, ``age_before`` of the value of the last tick, ``usual``: the age
     that a value has without delay, to which the motion belongs; ``apart``: as `apart_of_late`.
     """
-    late = age - usual
+    late = age - min_age
     if age > age_before + 0.5 * periods * dt or late >= _OLD:
         return estimator.predict(motion, periods, dt)
-    if apart > _APART:
-        params = estimator.stretched(params, apart)
+    if sample_gap > _APART:
+        params = estimator.stretched(params, sample_gap)
     if late > 0.0:
         return estimator.step_late(params, motion, measured, late, periods, dt)
     return estimator.step(params, motion, measured, periods, dt)
@@ -127,7 +127,7 @@ def check(
 ) -> int:
     """The first reason to trip on this axis, or Reason.NONE; ``zero`` as in `observe`."""
     measured = sense.counts * params.metres_per_count - zero
-    late = sense.encoder_age - state.usual
+    late = sense.encoder_age - state.min_age
     if late > 0.0:  # where the body is by now
         measured = measured + late * (motion.velocity - 0.5 * late * motion.acceleration)
     return limits.check_axis(
@@ -147,7 +147,7 @@ def control(
     state: State,
     sense: AxisSense,
     motion: Estimate,
-    wanted: Demand,
+    demand: Demand,
     conducting: int,
     saturated: int,
     mode: int,
@@ -164,12 +164,10 @@ def control(
     acting = RUN if mode == RUN else STOP_1 if STOP_2 <= mode <= STOP_1 else OFF
     if acting != before:
         fade_from, fade = bounded.force, 1.0
-    if acting == RUN:
-        demand = wanted
-    elif acting == STOP_1:
+    if acting == STOP_1:
         damping = params.stop_damping
         demand, conducting = Demand(-damping, 0.0, 0.0, -damping * motion.velocity), 1
-    else:
+    elif acting != RUN:
         demand, fade = NOTHING, 0.0
     if fade > 0.0:
         fade = fade - dt / params.stop_ramp if params.stop_ramp > dt else 0.0
@@ -181,6 +179,6 @@ def control(
     short = command.force - demand.force if command.limited != 0 else 0.0
     age = sense.encoder_age
     if age != age_before or age < usual or apart != 1.0:  # else both are what they were
-        usual, apart = min(usual, age), apart_of_late(state, age, dt)
+        usual, apart = min(usual, age), recent_sample_gap(state, age, dt)
     after = State(motion, granted, acting, fade_from, fade, short, age, usual, apart, mismatch)
     return after, Record(sense, motion, demand, command, limits.warn_axis(params.limits, motion))

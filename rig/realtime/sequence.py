@@ -50,7 +50,7 @@ class State(NamedTuple):
     segment: int
     entered: int  # tick in which the segment began
     attempt: int  # 0, then one more for each time a hold made the row start over
-    held: int  # 1 while the rig is held (the plan stands still)
+    paused: int  # 1 while the rig is held (the plan stands still)
 
 
 class Position(NamedTuple):
@@ -69,7 +69,7 @@ def start(tick: int) -> State:
 
 
 def step(
-    segments: Segments, state: State, tick: int, ready: int, running: bool, held: bool
+    segments: Segments, state: State, tick: int, ready: int, running: bool, paused: bool
 ) -> tuple[State, Position]:
     """Advance the plan to ``tick``.
 
@@ -80,11 +80,11 @@ def step(
     last = len(segments.phase) - 1
     if state.segment == last:
         return state, Position(True, False)
-    if not (running or held):
+    if not (running or paused):
         return State(last, tick, state.attempt, 0), _ON
-    if held:
+    if paused:
         return State(state.segment, state.entered, state.attempt, 1), _ON
-    if state.held == 1:
+    if state.paused == 1:
         state = State(segments.restart[state.segment], tick, state.attempt + 1, 0)
     i = state.segment
     elapsed = tick - state.entered

@@ -49,10 +49,10 @@ class Job(NamedTuple):
     part: str  # file to write, new
     attachments: tuple[str, ...]  # files of the folder to put into it
     run: str  # run id
-    rung: str
+    mode: str
     clock: str  # "virtual" or "real"
     rate_hz: float
-    patience: float  # s of a failing disk after which the rest is lost
+    disk_timeout_s: float  # s of a failing disk after which the rest is lost
 
 
 PRIVILEGES = "privileges.json"  # left in the folder by the supervisor when the loop reports
@@ -83,7 +83,7 @@ class Log:
             self._folder / job.part,
             kind.row_type,
             attached,
-            {"run": {"run": job.run, "rung": job.rung}},
+            {"run": {"run": job.run, "mode": job.mode}},
             start_utc_ns=self._wait_start(),
         )
 
@@ -146,7 +146,7 @@ class Log:
         reason = Reason(self._certificate.reason)
         return {
             "run": self._job.run,
-            "rung": self._job.rung,
+            "mode": self._job.mode,
             "status": ending(reason),
             "reason": reason.name,
             "ticks": self._reader.head + self._reader.dropped,
@@ -242,7 +242,7 @@ class Log:
 
     def _given_up(self) -> bool:
         since = self._failing_since
-        return since is not None and time.monotonic() - since > self._job.patience
+        return since is not None and time.monotonic() - since > self._job.disk_timeout_s
 
 
 def main() -> None:

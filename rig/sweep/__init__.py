@@ -1,5 +1,5 @@
 """Campaigns without a clock: loop and plant as one compiled function."""
 
 
-class InterruptedWalkError(Exception):
+class InterruptedSweepError(Exception):
     """Somebody asked to stop."""

@@ -16,11 +16,11 @@ from rig.analysis.rows import NOT_RUN, reduced
 from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, Plan, plan
 from rig.planning.campaign.windows import repeat_period
-from rig.sweep import InterruptedWalkError
+from rig.sweep import InterruptedSweepError
 from rig.sweep.parameters import Chosen, Files, Over
 
 if TYPE_CHECKING:
-    from rig.sweep.simulation import Subject, Walk
+    from rig.sweep.simulation import RowSimulation, Subject
 
 _KEPT_OPEN = 4  # variants whose tables are held at a time: memory does not grow with their number
 LEAD_IN = 15.0
@@ -46,11 +46,11 @@ class Outcome(NamedTuple):
     failed: str  # why there is nothing; empty if there is
 
 
-class Asked(NamedTuple):
+class SweepRequest(NamedTuple):
     """What a sweep is asked to run; plain values, so that it can be sent elsewhere."""
 
     campaign: str  # path
-    overs: tuple[Over, ...]
+    parameters: tuple[Over, ...]
     sequential: bool
     lead_in: float  # s
 
@@ -65,10 +65,10 @@ class _Variant(NamedTuple):
 class Cases:
     """The cases of a sweep, to be run from several threads."""
 
-    def __init__(self, asked: Asked, rows: tuple[CampaignRow, ...], files: Files) -> None:
+    def __init__(self, asked: SweepRequest, rows: tuple[CampaignRow, ...], files: Files) -> None:
         """``rows`` are those of the campaign as its file has it, by which cases are known."""
         self.asked = asked
-        self.shape = tuple(len(over.values) for over in asked.overs)
+        self.shape = tuple(len(over.values) for over in asked.parameters)
         # A repetition would give the same numbers: the noise of a simulation is its seed's.
         once = tuple(row for row in rows if row.repetition == 0)
         self.rows = rows if asked.sequential else once
@@ -88,9 +88,9 @@ class Cases:
 
     def chosen(self, variant: int) -> Chosen:
         """The values of a combination; the last parameter's change fastest."""
-        values = itertools.product(*(over.values for over in self.asked.overs))
+        values = itertools.product(*(over.values for over in self.asked.parameters))
         return tuple(
-            zip(self.asked.overs, next(itertools.islice(values, variant, None)), strict=True)
+            zip(self.asked.parameters, next(itertools.islice(values, variant, None)), strict=True)
         )
 
     def prepare(self) -> None:
@@ -103,7 +103,7 @@ class Cases:
         """Run a case; one that cannot be run says why. Raises `InterruptedWalkError`."""
         try:
             return self._ran(case, go_on)
-        except InterruptedWalkError:
+        except InterruptedSweepError:
             raise
         except Exception as error:  # noqa: BLE001  the other cases are run all the same
             return Outcome(case.number, (), 0.0, str(error) or type(error).__name__)
@@ -137,7 +137,7 @@ class Cases:
         return _Variant(campaign, planned, Subject(campaign, planned), ticks)
 
 
-def table(walk: "Walk", planned: Plan, period_ticks: float | None) -> list[dict[str, Any]]:
+def table(walk: "RowSimulation", planned: Plan, period_ticks: float | None) -> list[dict[str, Any]]:
     """Each row of a plan as it came out of its walk, in the words of the row table.
 
     ``period_ticks``: the sea's repeat period, None if it has none.
@@ -145,7 +145,7 @@ def table(walk: "Walk", planned: Plan, period_ticks: float | None) -> list[dict[
     found = {}
     for window in walk:
         found[window.row] = reduced(window, period_ticks)  # the last attempt counts
-    nothing = {"state": NOT_RUN, "cut_short": f"run stopped: {walk.reason.name}"}
+    nothing = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {walk.reason.name}"}
     return [
         {
             **found.get(row.row, nothing),

@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.sweep.cases import Asked, Case, Cases, Outcome
+from rig.sweep.cases import Case, Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor, Work
 from rig.sweep.sweep import same_cases
 
@@ -44,7 +44,7 @@ class Done(NamedTuple):
 
 
 def cluster(
-    address: str, asked: Asked, digest: str, see: Callable[[Done], None] = lambda done: None
+    address: str, asked: SweepRequest, digest: str, see: Callable[[Done], None] = lambda done: None
 ) -> Executor:
     """The executor of a scheduler (``tcp://HOST:PORT``) for the cases of one sweep.
 
@@ -106,7 +106,7 @@ class _Chunks:
             self._size = max(1, min(int(fitting), _GROWTH * self._size, _MOST))
 
 
-def run_chunk(asked: Asked, digest: str, chunk: tuple[Case, ...]) -> Done:
+def run_chunk(asked: SweepRequest, digest: str, chunk: tuple[Case, ...]) -> Done:
     """Run a chunk on a worker; opening the campaign and compiling the loop is not its work."""
     cases = _opened(asked, digest)
     began = time.perf_counter()
@@ -114,14 +114,14 @@ def run_chunk(asked: Asked, digest: str, chunk: tuple[Case, ...]) -> Done:
     return Done(outcomes, time.perf_counter() - began)
 
 
-def _opened(asked: Asked, digest: str) -> Cases:
+def _opened(asked: SweepRequest, digest: str) -> Cases:
     """The cases of a sweep, opened and compiled once in a worker, whatever its threads."""
     with _opening:
         return _open(asked, digest)
 
 
 @lru_cache(2)
-def _open(asked: Asked, digest: str) -> Cases:
+def _open(asked: SweepRequest, digest: str) -> Cases:
     cases = same_cases(asked, digest)
     cases.prepare()
     return cases

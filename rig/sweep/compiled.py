@@ -23,14 +23,14 @@ from controllers import (
     station_keeping,
 )
 from rig.execution.rehearsal.compiled_plant import LIFTED as PLANT
-from rig.kinds.wavebot import signals as wavebot_words
+from rig.kinds.wavebot import signals as wavebot_signals
 from rig.kinds.wavebot import tare
 from rig.realtime import average, axis, cycle, limits, power, safety, sequence
 from rig.realtime.loop import LINGER
 from rig.realtime.sequence import MEASURE
 from rig.sweep import column, lifting, noise, pages, plant_coupling
 from rig.sweep.pages import TICKS
-from sim_plant import signals as plant_words
+from sim_plant import signals as plant_signals
 from sim_plant import wave_maker
 
 _CONTROL: tuple[ModuleType, ...] = (
@@ -39,7 +39,7 @@ _CONTROL: tuple[ModuleType, ...] = (
     *(sys.modules[f"rig.kinds.wavebot.{name}"] for name in ("check", "kind", "state", "stations")),
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
-BESIDE = (signals, wavebot_words, plant_words, column, noise)
+BESIDE = (signals, wavebot_signals, plant_signals, column, noise)
 """Not lifted, but compiled code is made of their types."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""

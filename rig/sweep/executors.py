@@ -10,7 +10,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from threading import Event
 from typing import Protocol
 
-from rig.sweep import InterruptedWalkError
+from rig.sweep import InterruptedSweepError
 from rig.sweep.cases import Case, Outcome
 
 _AHEAD = 2  # cases handed out for each one that runs: nobody waits, and memory stays flat
@@ -71,5 +71,5 @@ def _end(stop: Event, pending: Iterable[Future[Outcome]]) -> None:
 
 def _finished(futures: Iterable[Future[Outcome]]) -> Iterator[Outcome]:
     for future in futures:
-        if not future.cancelled() and not isinstance(future.exception(), InterruptedWalkError):
+        if not future.cancelled() and not isinstance(future.exception(), InterruptedSweepError):
             yield future.result()

@@ -16,7 +16,7 @@ from sim_plant.sensors import Channel, SensorParams
 WIDE = 16  # numbers kept for a tick: a power of two, as the table's length has to be one
 
 
-def combed(sensors: SensorParams, normals: Sequence[float]) -> tuple[SensorParams, Column]:
+def interleaved(sensors: SensorParams, normals: Sequence[float]) -> tuple[SensorParams, Column]:
     """The sensors with channels that read the table given beside them, and that table.
 
     `sim_plant.sensors.measure` gives the same bits with either: the walk of a channel repeats after

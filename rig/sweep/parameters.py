@@ -44,11 +44,11 @@ Chosen = tuple[tuple[Over, Any], ...]
 class Read(NamedTuple):
     """What the command line asks for: parameters that can be looked at, and what is wrong."""
 
-    overs: tuple[Over, ...]
+    parameters: tuple[Over, ...]
     problems: tuple[Problem, ...]
 
 
-def overs(words: Sequence[str]) -> Read:
+def sweep_parameters(words: Sequence[str]) -> Read:
     """The parameters asked for, as they stand."""
     found: list[Over] = []
     bad: list[Problem] = []
@@ -175,7 +175,7 @@ def checked(files: Files, read: Read) -> tuple[Campaign, tuple[tuple[Campaign, .
         raise ConfigError([*read.problems, *error.problems]) from None
     swept: list[tuple[Campaign, ...]] = []
     bad = list(read.problems)
-    for over in read.overs:
+    for over in read.parameters:
         each: list[Campaign] = []
         for value in over.values:
             try:

@@ -137,9 +137,11 @@ def _measured(run: Path, rows: xarray.Dataset) -> Measured:
         less = [one.power[kind] - other.power[kind] for one, other in pairs]
         if np.isfinite(less).all():
             text = f"{phrases.signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
-            off.append(f"{phrases.SHORT_NAMES[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}"))
-    rung = found.attrs.get("rung", "")
-    said = f"squares: {rung} {found.attrs.get('run', run.name)}, less simulated: {', '.join(off)}"
+            off.append(
+                f"{phrases.STATION_ABBREVIATIONS[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}")
+            )
+    mode = found.attrs.get("mode", "")
+    said = f"squares: {mode} {found.attrs.get('run', run.name)}, less simulated: {', '.join(off)}"
     return Measured(points, said)
 
 
@@ -177,7 +179,7 @@ def _write_lines(
                 _lines(axes, table, power.isel(others).transpose(name, "row"), name)
                 _squares(axes, _base(table, name), kind, measured)
             if j == 0:
-                axes.set_ylabel(f"{phrases.SHORT_NAMES[kind]}, W", fontsize=8)
+                axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
             if i == 0:
                 held = ", ".join(_setting(table, key, index) for key, index in others.items())
                 axes.set_title(f"at {held}" if held else "", fontsize=7.5, color=MARK, pad=4)
@@ -251,7 +253,9 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
         lowest = int(np.argmin(values))
         panel.mark(axes, *places[lowest])
         axes.set_title(phrases.watts(values[lowest]), fontsize=7.5, color=MARK, pad=4)
-        panel.colour_bar(body, [axes], on, f"{phrases.SHORT_NAMES[kind]}, W", fraction=0.05)
+        panel.colour_bar(
+            body, [axes], on, f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fraction=0.05
+        )
         panel.ticks(axes)
     return picture.save(figure, path)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.rows import COMPLETE, CUT_SHORT, NOT_RUN, SETTINGS, UNITS
+from rig.analysis.rows import COMPLETE, INTERRUPTED, NOT_RUN, SETTINGS, UNITS
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, resolved
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import xarray
 
 FAILED = "failed"
-_STATES = {COMPLETE, CUT_SHORT, NOT_RUN, FAILED}
-_WORDS = ("state", "cut_short", "limits", "warned")
+_STATES = {COMPLETE, INTERRUPTED, NOT_RUN, FAILED}
+_WORDS = ("state", "incomplete_reason", "limits", "warned")
 _NO_RESULT = (
     "row",
     "attempt",
@@ -38,16 +38,16 @@ def dataset(
 ) -> "xarray.Dataset":
     """Every input as a coordinate with its unit, every result over parameters and rows.
 
-    What was not run is NaN; ``state`` and ``cut_short`` say what became of each row and why.
+    What was not run is NaN; ``state`` and ``incomplete_reason`` say what became of each row and why.
     """
     import xarray  # noqa: PLC0415 - a second, which who finds everything done need not wait
 
     rows = [row.row for row in cases.rows]
     columns = _filled(cases, {row: i for i, row in enumerate(rows)}, outcomes)
     shape = (*cases.shape, len(rows))
-    dims = (*(over.key for over in cases.asked.overs), "row")
+    dims = (*(over.key for over in cases.asked.parameters), "row")
     coords: dict[str, xarray.Variable] = {"row": xarray.Variable("row", rows)}
-    for over in cases.asked.overs:
+    for over in cases.asked.parameters:
         said = unit(over, campaign)
         coords[over.key] = xarray.Variable(over.key, _values(over.values), _units(said))
     asked = cases.asked
@@ -72,7 +72,7 @@ def _filled(cases: Cases, place: dict[int, int], outcomes: Iterable[Outcome]) ->
     count = int(np.prod(cases.shape, dtype=int)) * len(place)
     columns: dict[str, Array] = {
         "state": np.full(count, NOT_RUN, object),
-        "cut_short": np.full(count, "", object),
+        "incomplete_reason": np.full(count, "", object),
     }
     by_number = list(cases) if cases.asked.sequential else []
     for outcome in outcomes:
@@ -82,7 +82,7 @@ def _filled(cases: Cases, place: dict[int, int], outcomes: Iterable[Outcome]) ->
             variant = by_number[outcome.case].variant
             at = [variant * len(place) + i for i in range(len(place))]
         if outcome.failed:
-            columns["state"][at], columns["cut_short"][at] = FAILED, outcome.failed
+            columns["state"][at], columns["incomplete_reason"][at] = FAILED, outcome.failed
         for row in outcome.rows:
             i = variant * len(place) + (place[row["row"]] if by_number else nth)
             for key, value in row.items():
@@ -140,14 +140,14 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
     period = repeat_period(campaign.file.sea)
     told: dict[str, Any] = {
         "run": name,
-        "rung": "batch",
+        "mode": "batch",
         "campaign": campaign.file.name,
-        "sea": campaign.file.sea.words(),
+        "sea": campaign.file.sea.description(),
         "sequential": int(cases.asked.sequential),
         "config": resolved(campaign),
         "code_version": code["version"],
         "code_git": code["git"],
-        "overs": json.dumps({over.key: over.values for over in cases.asked.overs}),
+        "overs": json.dumps({over.key: over.values for over in cases.asked.parameters}),
     }
     if not cases.asked.sequential:
         told["lead_in_s"] = cases.asked.lead_in

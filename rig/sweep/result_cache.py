@@ -12,7 +12,7 @@ from rig.sweep.journal import NAME as CASES
 NAME = "made.json"
 
 
-def note(
+def store(
     folder: Path, out: Path, measured: Path | None, files: Iterable[Path], told: dict[str, Any]
 ) -> None:
     """Keep what a sweep said of its result ``out``, and which ``files`` it wrote for it.
@@ -23,7 +23,7 @@ def note(
     write_json(folder, NAME, {"of": of, "files": _stand(files), "told": told})
 
 
-def again(folder: Path, out: Path) -> dict[str, Any] | None:
+def load(folder: Path, out: Path) -> dict[str, Any] | None:
     """What was said, if cases and files are still those of then; None: it has to be made.
 
     Code, campaign and values need no look: the folder is named by them. What had a run drawn on top

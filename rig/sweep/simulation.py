@@ -22,9 +22,9 @@ from rig.realtime.safety import Reason
 from rig.realtime.sequence import MEASURE, Segments
 from rig.recording.row_layout import leaves
 from rig.recording.runs.mcap_file import Records
-from rig.sweep import InterruptedWalkError, compiled
+from rig.sweep import InterruptedSweepError, compiled
 from rig.sweep.column import Column
-from rig.sweep.noise import combed
+from rig.sweep.noise import interleaved
 from rig.sweep.pages import TICKS
 from rig.sweep.plant_coupling import Machine
 from sim_plant import custom_drive, wave_maker, wavebot
@@ -90,23 +90,23 @@ class Subject:
         elevation, heave, surge, onset, onset_ticks = begin.tables
         waves: Any = [Column(table) for table in (elevation, heave, surge)]
         self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
-        self._sensors, self.normals = combed(begin.params.sensors, begin.normals)
+        self._sensors, self.normals = interleaved(begin.params.sensors, begin.normals)
         self.constants = begin.params._replace(sensors=self._sensors)  # of the plant
         self.advance = compiled.load(KEPT)
 
     def walk(
         self, plan: Plan, go_on: Callable[[], bool] = lambda: True, stator: float | None = None
-    ) -> "Walk":
+    ) -> "RowSimulation":
         """A plan walked from power-on to its end or a trip.
 
         ``stator`` is where it stands when power comes on (%), the plant's own start if not given.
         ``go_on`` is asked now and then; when it says no, the walk raises `InterruptedWalkError`.
         """
-        return Walk(self, plan, go_on, stator)
+        return RowSimulation(self, plan, go_on, stator)
 
     def prepare(self, plan: Plan) -> None:
         """Have the loop compiled, or read from the cache, for what this subject is made of."""
-        Walk(self, plan, lambda: True, None).tick(0)
+        RowSimulation(self, plan, lambda: True, None).tick(0)
 
     def columns(self, plan: Plan) -> cycle.Params:
         """The loop's parameters for a plan, its tables as columns."""
@@ -143,7 +143,7 @@ class Subject:
         return self.plant.build(told)._replace(sensors=self._sensors)
 
 
-class Walk:
+class RowSimulation:
     """The windows of a plan's rows as they are measured; ``reason`` says how it ended.
 
     A window's data are valid until the next one is asked for.
@@ -169,7 +169,7 @@ class Walk:
         filled = 0
         while self._machine.linger < LINGER:
             if not self._go_on():
-                raise InterruptedWalkError
+                raise InterruptedSweepError
             filled = self.tick(self._machine.tick + _AT_A_TIME, filled)
             machine, last = self._machine, self._kept[_TICK, filled - 1]
             if filled and (machine.linger == LINGER or last != machine.tick - 1):

@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, value_text
 from rig.planning.campaign import Campaign, plan
-from rig.recording.runs.create import BusyError, Held, hold_run, write_json
-from rig.sweep.cases import Asked, Cases, Outcome
+from rig.recording.runs.create import BusyError, RunLock, hold_run, write_json
+from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
 from rig.sweep.inputs import inputs
 from rig.sweep.journal import Journal
-from rig.sweep.parameters import OPTION, Files, checked, overs
+from rig.sweep.parameters import OPTION, Files, checked, sweep_parameters
 from rig.sweep.result import dataset
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def open_sweep(
 
     Raises `ConfigError` with every problem of the campaign and of every value asked for.
     """
-    read, files = overs(words), Files(path)
+    read, files = sweep_parameters(words), Files(path)
     base, swept = checked(files, read)
     if base.file.device == "absent":
         problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
@@ -59,7 +59,7 @@ def open_sweep(
     if base.file.hoist is not None:
         problem = base.locate.problem(("hoist",), None, "a hoist moves no body in a sweep")
         raise ConfigError([problem])
-    for over in read.overs:
+    for over in read.parameters:
         if over.key == "start.lead_in_s" and not sequential:
             message = "rows alone have one of their own, --lead-in; allowed with --sequential"
             raise ConfigError([Problem(OPTION, over.number, over.key, None, message)])
@@ -68,21 +68,21 @@ def open_sweep(
             message = f"{value_text(most)} is longer than the lead-in; allowed up to --lead-in"
             raise ConfigError([Problem(OPTION, over.number, over.key, most, message)])
     planned = plan(base.file, base.rig, base.points)
-    asked = Asked(str(path), read.overs, sequential, lead_in)
+    asked = SweepRequest(str(path), read.parameters, sequential, lead_in)
     digest = _digest(asked, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
     cases = Cases(asked, planned.rows, files)
     named = (
         campaign
-        for over, each in zip(read.overs, swept, strict=True)
+        for over, each in zip(read.parameters, swept, strict=True)
         for value, campaign in zip(over.values, each, strict=True)
         if isinstance(value, str)
     )
     return Sweep(folder, base, cases, _digest(asked, (base, *named)), swept)
 
 
-def same_cases(asked: Asked, digest: str) -> Cases:
+def same_cases(asked: SweepRequest, digest: str) -> Cases:
     """The cases of a sweep in another process, to which its campaign and code must be the same.
 
     Raises ValueError where files or code differ from those of ``digest``, `ConfigError` where the
@@ -92,7 +92,7 @@ def same_cases(asked: Asked, digest: str) -> Cases:
     base = files.opened()
     named = (  # a word may be the name of a file
         files.opened(((over, value),))
-        for over in asked.overs
+        for over in asked.parameters
         for value in over.values
         if isinstance(value, str)
     )
@@ -103,7 +103,7 @@ def same_cases(asked: Asked, digest: str) -> Cases:
     return Cases(asked, plan(base.file, base.rig, base.points).rows, files)
 
 
-def hold(sweep: Sweep) -> Held:
+def hold(sweep: Sweep) -> RunLock:
     """Lock the folder; raises BusyError where the same sweep goes on already."""
     try:
         return hold_run(sweep.folder)
@@ -167,9 +167,9 @@ def write(table: "xarray.Dataset", path: Path) -> Path:
     return path
 
 
-def _digest(asked: Asked, campaigns: Iterable[Campaign]) -> str:
+def _digest(asked: SweepRequest, campaigns: Iterable[Campaign]) -> str:
     """A word for the campaign's files, the parameters and the code."""
-    whole = hashlib.sha256(json.dumps([asked.overs, asked.sequential, asked.lead_in]).encode())
+    whole = hashlib.sha256(json.dumps([asked.parameters, asked.sequential, asked.lead_in]).encode())
     for campaign in campaigns:  # each with its own: two files may have changed places
         read = [(file.role, file.sha256) for file in inputs(campaign)]
         whole.update(json.dumps(read).encode())

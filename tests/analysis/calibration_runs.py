@@ -145,7 +145,7 @@ def write(
 ) -> Path:
     """A run folder with these ticks."""
     folder.mkdir(parents=True)
-    told = {"status": "complete", "reason": "PLAN_END", "rung": "rehearsal", "campaign": "pink"}
+    told = {"status": "complete", "reason": "PLAN_END", "mode": "rehearsal", "campaign": "pink"}
     files = {"plan.json": plan if plan is not None else plan_of(), "config.json": {"name": "pink"}}
     attached = {name: json.dumps(value).encode() for name, value in files.items()}
     writer = RowWriter(

@@ -215,7 +215,7 @@ STATUS = {
     "reason": "PLAN_END",
     "rows_done": 66,
     "rows_planned": 66,
-    "rung": "rehearsal",
+    "mode": "rehearsal",
     "started_utc": "2026-05-04T09:30:00Z",
     "ended_utc": "2026-05-04T09:55:12Z",
 }

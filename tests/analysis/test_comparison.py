@@ -206,8 +206,8 @@ def test_different_seas_are_said_loudly(runs: Path, tmp_path: Path) -> None:
     assert warning.startswith("DIFFERENT SEAS: A regular, amplitude 0.127 m, 0.5 Hz; B regular")
     assert f"!! {warning}" in as_text(told)
     assert imread(write_comparison(told, tmp_path / "x.png")).std() > 0.02
-    rungs = known()._replace(rung="hil")
-    assert [d.key for d in differences(known(), rungs)] == ["rung"]
+    modes = known()._replace(mode="hil")
+    assert [d.key for d in differences(known(), modes)] == ["mode"]
 
 
 def test_a_commercial_drive_is_compared_with_every_setting_of_the_other(runs: Path) -> None:

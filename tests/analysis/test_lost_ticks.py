@@ -13,7 +13,7 @@ import synthetic_runs as synthetic
 from command_here import rig
 
 from rig.analysis.report import write_products
-from rig.analysis.stop_reason import LostTicks, lost_before, reason_words, stop_of
+from rig.analysis.stop_reason import LostTicks, lost_before, reason_text, stop_of
 from rig.cli.bench import _lost_ticks, _tell
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase
@@ -75,14 +75,14 @@ def test_rows_that_only_the_log_lost_do_not_count() -> None:
 
 def test_words() -> None:
     lost = LostTicks(226, 0.0453, 0.11, 2.0)
-    assert reason_words("DRIVE_DROPPED", lost) == (
+    assert reason_text("DRIVE_DROPPED", lost) == (
         "the host lost 226 ticks (longest gap 45 ms) in the 2 s before the rig tripped: "
         "DRIVE_DROPPED (the drive switched its power off by itself) may only be what followed; "
         "see `rig doctor`"
     )
-    said = reason_words("LOST_TICKS", lost)
+    said = reason_text("LOST_TICKS", lost)
     assert said.endswith("tripped: too many ticks were lost in one gap; see `rig doctor`")
-    assert reason_words("VELOCITY", None) == "the velocity limit was reached"
+    assert reason_text("VELOCITY", None) == "the velocity limit was reached"
 
 
 def tripped(

@@ -14,7 +14,7 @@ from matplotlib.image import imread
 
 from rig.analysis import traces
 from rig.analysis.alarms import row_list
-from rig.analysis.phrases import REASONS, reason_words, rung_stamp, signed, utc, watts
+from rig.analysis.phrases import REASONS, mode_stamp, reason_text, signed, utc, watts
 from rig.analysis.report import summary_of, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text
@@ -141,7 +141,7 @@ def test_a_stop_is_told_with_its_time_row_and_phase(tmp_path: Path) -> None:
 
 def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
     data = synthetic.run_rows(ROWS[:1], SHAPE)[:50]
-    status = {"status": "fault", "reason": "NOT_CALM", "rung": "hardware"}
+    status = {"status": "fault", "reason": "NOT_CALM", "mode": "hardware"}
     synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE), **status)
     write_products(tmp_path)
     text = (tmp_path / "summary.txt").read_text()
@@ -175,7 +175,7 @@ def test_a_single_file_tells_all_but_its_end(whole: Path, tmp_path: Path) -> Non
     alone = tmp_path / "mailed.mcap"
     alone.write_bytes((whole / "run.mcap").read_bytes())
     summary = summary_of(alone)
-    assert (summary.campaign, summary.rung, summary.rows_done) == ("default", "rehearsal", 66)
+    assert (summary.campaign, summary.mode, summary.rows_done) == ("default", "rehearsal", 66)
     assert [p.name for p in tmp_path.iterdir()] == ["mailed.mcap"]
 
 
@@ -274,10 +274,10 @@ def test_no_peak_is_lost_by_decimation() -> None:
 
 def test_words() -> None:
     assert set(REASONS) == set(Reason)
-    assert reason_words("POSITION") == "the position limit was reached"
-    assert reason_words("something new") == "something new"
-    assert rung_stamp("hil").startswith("HIL")
-    assert rung_stamp("") == "RUNG NOT RECORDED"
+    assert reason_text("POSITION") == "the position limit was reached"
+    assert reason_text("something new") == "something new"
+    assert mode_stamp("hil").startswith("HIL")
+    assert mode_stamp("") == "MODE NOT RECORDED"
     assert signed(-2500.0) == "−2500"
     assert signed(-0.2) == "0"
     assert watts(-55.04, 0.26) == "−55.0 ± 0.3 W"

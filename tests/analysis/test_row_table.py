@@ -160,7 +160,7 @@ def test_a_row_that_is_lost_whole_was_run_all_the_same(tmp_path: Path) -> None:
     data = without(synthetic.run_rows(rows, shape), slice(None), skipped=False)
     table = table_of(tmp_path, data, rows, shape)
     assert table["state"].values.tolist() == ["complete", INCOMPLETE, "complete"]
-    assert table["cut_short"].values[1] == "all of its ticks are missing from the record"
+    assert table["incomplete_reason"].values[1] == "all of its ticks are missing from the record"
 
 
 @pytest.mark.parametrize("gap", [slice(100, 107), slice(0, 7), slice(993, 1000)])
@@ -173,7 +173,7 @@ def test_a_row_that_the_record_lacks_ticks_of_is_withheld(gap: slice, tmp_path: 
         row["measure_s"] = 1000 * shape.dt
     table = row_table(synthetic.write_run(tmp_path, data, plan))
     assert table["state"].values.tolist() == ["complete", INCOMPLETE, "complete"]
-    assert table["cut_short"].values[1] == "7 of 1000 ticks missing from the record"
+    assert table["incomplete_reason"].values[1] == "7 of 1000 ticks missing from the record"
     assert table["samples"].values.tolist() == [1000, 993, 1000]
     assert table["ticks_expected"].values.tolist() == [1000, 1000, 1000]
     assert table["ticks_missing"].values.tolist() == [0, 7, 0]
@@ -247,7 +247,7 @@ def test_a_row_cut_short_by_a_stop(tmp_path: Path) -> None:
     data = stopped(synthetic.run_rows(rows, shape), 2, Reason.POSITION)
     table = table_of(tmp_path, data, rows, shape)
     assert table["state"].values.tolist() == ["complete", "complete", "cut short", "not run"]
-    assert table["cut_short"].values[2] == "held or stopped"
+    assert table["incomplete_reason"].values[2] == "held or stopped"
     assert np.isnan(table["power_ac"].values[3])
     assert [point.rows for point in points(table)] == [(0,), (1,)]
 
@@ -258,7 +258,7 @@ def test_a_row_cut_short_by_the_end_of_the_log(tmp_path: Path) -> None:
     at = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))[-2]
     table = table_of(tmp_path, data[:at], rows, shape)
     assert table["state"].values.tolist() == ["complete", "cut short", "not run"]
-    assert table["cut_short"].values[1] == "the log ends here"
+    assert table["incomplete_reason"].values[1] == "the log ends here"
 
 
 def test_a_window_shorter_than_planned(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def rows(settings: list[dict[str, float]], power: Any, error: float = 0.5) -> xa
     for kind in POWERS:
         columns[f"power_{kind}"] = [each[kind] for each in told]
         columns[f"power_{kind}_se"] = [error] * len(settings)
-    attributes = {"campaign": "three", "run": "r1", "rung": "hil"}
+    attributes = {"campaign": "three", "run": "r1", "mode": "hil"}
     return xarray.Dataset(
         {name: ("row", np.array(list(values))) for name, values in columns.items()},
         None,

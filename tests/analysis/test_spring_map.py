@@ -244,7 +244,7 @@ def bare_map(rates: list[float]) -> xarray.Dataset:
             "travel": ("station", [0.6] * many),
         },
         {"station": ("station", [float(i) for i in range(many)])},
-        {"run": "r", "rung": "rehearsal", "started_utc": "2026-05-04T09:30:00Z"},
+        {"run": "r", "mode": "rehearsal", "started_utc": "2026-05-04T09:30:00Z"},
     )
 
 

@@ -55,7 +55,7 @@ def table(found: list[Point]) -> xarray.Dataset:
     for kind in POWERS:
         columns[f"power_{kind}"] = [p.power[kind] for p in found]
         columns[f"power_{kind}_se"] = [p.error[kind] for p in found]
-    attributes = {"campaign": "default", "run": "r1", "rung": "rehearsal"}
+    attributes = {"campaign": "default", "run": "r1", "mode": "rehearsal"}
     return xarray.Dataset(
         {k: ("row", np.array(list(v))) for k, v in columns.items()}, None, attributes
     )
@@ -202,7 +202,7 @@ def test_a_picture_is_written(tmp_path: Path, found: list[Point]) -> None:
 @pytest.mark.parametrize("letters", [5, 20, 40, 64])
 @pytest.mark.parametrize("width", [6.6, 8.0, 12.8])
 def test_the_line_beneath_a_title_keeps_off_the_run(letters: int, width: float) -> None:
-    attributes = {"run": f"20260504T093000Z_{'m' * letters}", "rung": "rehearsal"}
+    attributes = {"run": f"20260504T093000Z_{'m' * letters}", "mode": "rehearsal"}
     beneath = "left-out columns at each panel's own optimum"
     figure, _ = framed(width, 3.0, "Power surfaces", attributes, beneath=beneath)
     figure.draw_without_rendering()

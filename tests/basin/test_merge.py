@@ -12,13 +12,13 @@ import xarray
 from command_here import rig
 
 from rig.config import ConfigError
-from rig.interop.basin.merge import SYNC, Asked, Source, merge
+from rig.interop.basin.merge import SYNC, Source, SyncChannels, merge
 from rig.interop.basin.products import row_means, write
 from rig.interop.basin.recording import read_recording
 from rig.interop.basin.resample import cubic
 from rig.interop.basin.sync import rising_edge
 
-CLOCK = Asked(run_sine="clock")
+CLOCK = SyncChannels(run_sine="clock")
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +86,7 @@ def test_the_runs_side_of_the_sine_may_lie_beside_the_record(waves: Path, tmp_pa
     rows = zip(t, np.sin(2 * np.pi * t), 6.0 * (t >= merging.EDGE), strict=True)
     text = "".join(f"{a:.3f},{b:.6f},{c:g}\n" for a, b, c in rows)
     (folder / SYNC).write_text("time_s,syncSine,trigger\n" + text)
-    merged = merge(folder, [Source("waves", waves)], Asked())
+    merged = merge(folder, [Source("waves", waves)], SyncChannels())
     assert merged.alarms == []
     (one,) = merged.alignments
     assert one.method == "edge and sine"
@@ -148,7 +148,7 @@ def test_a_record_without_a_trigger_is_refused_by_name(run: Path, tmp_path: Path
 def test_a_probe_that_both_recorded_stands_in_for_a_sine(run: Path, waves: Path) -> None:
     """The basin's probe 1 is the run's probe 1: seven blocks of 10 s without noise."""
     source = Source("waves", waves, match=("BRIDGEPROBE01", "probes.probe_1"))
-    (one,) = merge(run, [source], Asked()).alignments
+    (one,) = merge(run, [source], SyncChannels()).alignments
     assert (one.method, one.alarms, one.drift_known) == ("edge and BRIDGEPROBE01", (), True)
     assert one.clock.to_run(40.0) == pytest.approx(40.0 * (1.0 + 20e-6) + 7.25, abs=5e-4)
 

@@ -35,7 +35,7 @@ class Given(NamedTuple):
 
     kept: Any  # one line a measured tick, one column a field of KEPT
     reason: str
-    cut_short: tuple[str, ...]
+    incomplete_reason: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
         """The same in a few words."""
@@ -60,7 +60,7 @@ def compiled(path: Path) -> Given:
     for window in walk:
         columns: Any = window.data
         found.append(np.array([columns[name].astype(float) for name in KEPT]).T)
-        why.append(window.cut_short)
+        why.append(window.incomplete_reason)
     return Given(np.concatenate(found), walk.reason.name, tuple(why))
 
 

@@ -110,10 +110,10 @@ def test_every_kept_field_has_the_bits_of_a_rehearsal(kind: str, tmp_path: Path)
     assert not differing
     if kind == "tripped":
         assert ours.reason not in ("NONE", "PLAN_END")
-        assert all(ours.reason in why for why in ours.cut_short[-1:])
+        assert all(ours.reason in why for why in ours.incomplete_reason[-1:])
     else:
         assert ours.reason == "PLAN_END"
-        assert ours.cut_short == ("", "")
+        assert ours.incomplete_reason == ("", "")
         assert len(ours.kept) >= 8000
 
 

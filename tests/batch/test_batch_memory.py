@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rig.sweep.column import Column, read_soon
-from rig.sweep.noise import WIDE, combed
+from rig.sweep.noise import WIDE, interleaved
 from rig.sweep.pages import TICKS, file_away
 from sim_plant.sensors import NORMALS, Channel, SensorParams, measure
 
@@ -26,7 +26,7 @@ def sensors() -> SensorParams:
 def test_every_channel_reads_the_same_noise_in_every_tick() -> None:
     normals = RNG.standard_normal(NORMALS).tolist()
     before = sensors()
-    after, table = combed(before, normals)
+    after, table = interleaved(before, normals)
     ticks = [0, 1, 2, NORMALS - 1, NORMALS, 3 * NORMALS + 17, *RNG.integers(0, 10**8, 200).tolist()]
     assert len(table) == NORMALS * WIDE
     for name, channel in before._asdict().items():

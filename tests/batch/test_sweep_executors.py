@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from rig.sweep import InterruptedWalkError
+from rig.sweep import InterruptedSweepError
 from rig.sweep.cases import Case, Outcome
 from rig.sweep.executors import threads
 
@@ -57,7 +57,7 @@ def test_an_interrupt_gives_what_is_done_and_stops_what_runs() -> None:
             begun.set()
             while go_on():
                 time.sleep(0.001)
-            raise InterruptedWalkError
+            raise InterruptedSweepError
         if case.number == 3:
             begun.wait()
             os.kill(os.getpid(), signal.SIGINT)

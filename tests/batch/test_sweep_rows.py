@@ -147,7 +147,7 @@ def test_every_input_is_a_coordinate_with_its_unit(tmp_path: Path) -> None:
     assert set(read["surge_kp"].values.ravel().tolist()) == {-500.0, -900.0}
     assert read["power_dc"].attrs["units"] == UNITS["power_dc"] == "W"
     assert (read["state"] == "complete").all()
-    assert read.attrs["rung"] == "batch"
+    assert read.attrs["mode"] == "batch"
     assert json.loads(read.attrs["config"])["campaign"]["name"] == "test"
     # A stronger motor needs less current for the same force, so it loses less in the copper.
     at = read["power_dc"].sel({"surge.use": "hold"}).mean(["surge.kp_n_s_per_m", "row"]).values
@@ -211,7 +211,7 @@ def test_one_case_that_fails_costs_the_others_nothing(tmp_path: Path) -> None:
     _, table = swept(path, "timing.settle_s=1,3", "timing.interval_s=7.5,4.5")
     state = table["state"].sel({"timing.settle_s": 3, "timing.interval_s": 4.5})
     assert state.values.tolist() == ["failed"] * 3
-    why = table["cut_short"].where(table["state"] == "failed").values.ravel()
+    why = table["incomplete_reason"].where(table["state"] == "failed").values.ravel()
     assert all("does not fit" in text for text in why if isinstance(text, str))
     assert int((table["state"] == "complete").sum()) == 9
     assert int(np.isfinite(table["power_dc"]).sum()) == 9

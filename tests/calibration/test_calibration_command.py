@@ -115,7 +115,7 @@ def test_a_log_is_corrected_into_a_file_that_says_with_what(log: Path, tmp_path:
     known = open_history(CALIBRATIONS).find(NAME)
     first, second, *rows = path.read_text().splitlines()
     assert first.startswith("# spring_rate of log.xlsx (sha256 ")
-    assert first.endswith(f"by {known.words()}")
+    assert first.endswith(f"by {known.description()}")
     assert second == "# scale 0.769, MASK4 runs before 51"
     assert rows == [
         "run,field,recorded [N/m],corrected [N/m],valid",

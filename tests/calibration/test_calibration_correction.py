@@ -161,6 +161,6 @@ def test_what_cannot_be_told_is_no_guess(tmp_path: Path) -> None:
 
 def test_what_was_done_is_said(tmp_path: Path) -> None:
     file = calibration(tmp_path)
-    assert corrected(file, 8.0, At("T", 3)).words() == "8 by one v1 is 4"
-    outside = corrected(file, 8.0, At("T", 30)).words()
+    assert corrected(file, 8.0, At("T", 3)).description() == "8 by one v1 is 4"
+    outside = corrected(file, 8.0, At("T", 30)).description()
     assert outside == "8: outside the range of one v1, unchanged"

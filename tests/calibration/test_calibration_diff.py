@@ -36,7 +36,7 @@ def run_folder(runs: Path, name: str, started: str, rates: tuple[float, ...], **
     """The texts of a finished run; `rows.csv` with mean positions if they are given."""
     folder = runs / name
     folder.mkdir(parents=True)
-    status = {"run": name, "status": "complete", "rung": "rehearsal", "started_utc": started}
+    status = {"run": name, "status": "complete", "mode": "rehearsal", "started_utc": started}
     config = {"rig": {"heave": {"torque_constant_n_m_per_a": 6.1745}}}
     plan = {"rows": [{"row": i, "spring_rate": rate} for i, rate in enumerate(rates)]}
     for file, value in (("run.json", status), ("config.json", config), ("plan.json", plan)):

@@ -30,7 +30,7 @@ def test_the_shipped_calibrations_are_one_chain() -> None:
     assert history.find("mask4_spring_rate@1") is first
     assert history.find("mask4_spring_rate@v2") is second
     assert second.sha256 == hashlib.sha256(second.path.read_bytes()).hexdigest()
-    assert second.words() == f"mask4_spring_rate v2 (sha256 {second.sha256[:12]})"
+    assert second.description() == f"mask4_spring_rate v2 (sha256 {second.sha256[:12]})"
 
 
 def test_names_that_are_not_there_are_told_with_those_that_are() -> None:
@@ -108,7 +108,7 @@ def test_ranges_in_words(tmp_path: Path) -> None:
         ("{runs: {series: T, from: 0, before: 51}}", "T runs from 0 before 51"),
         ("{dates: {from: 2023-09-26}}", "dates from 2023-09-26"),
     ):
-        assert calibration(tmp_path, valid=valid).valid.words() == words
+        assert calibration(tmp_path, valid=valid).valid.description() == words
 
 
 def test_broken_chains_are_told_where_they_break(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 from wired_rig import CONFIGS, rig, running
 
 from rig.cli import BAD_INPUT, FAILED, OK
-from rig.cli.bench import Wanted
+from rig.cli.bench import BenchOptions
 from rig.cli.bench import main as bench
 from rig.cli.bench_devices_view import drawn
 from rig.cli.devices import main as devices
@@ -154,5 +154,5 @@ def test_the_doctor_looks_at_a_benchs_wires(sim: Sim, tmp_path: Path) -> None:
 def test_a_bench_without_wires_has_nothing_to_emulate(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert bench(SESSION, tmp_path, Wanted(None, False, True), as_json=True) == BAD_INPUT
+    assert bench(SESSION, tmp_path, BenchOptions(None, False, True), as_json=True) == BAD_INPUT
     assert "no wiring to hang emulated devices on" in capsys.readouterr().out

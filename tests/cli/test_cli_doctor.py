@@ -16,12 +16,22 @@ from rich.console import Console
 
 from rig import cli
 from rig.cli.doctor import drawn, main
-from rig.host import Asked, Examination, Finding, Host, Use, Verdict, examination, examine, software
+from rig.host import (
+    DoctorOptions,
+    Examination,
+    Finding,
+    Host,
+    Use,
+    Verdict,
+    examination,
+    examine,
+    software,
+)
 
 
 def test_a_host_that_shows_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     quick(monkeypatch, plain=None, privileged=None, trouble="nothing to measure with")
-    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0), Host(tmp_path / "nothing"))
+    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), Host(tmp_path / "nothing"))
     assert "the check" not in [finding.what for finding in found.findings]
     unknown = [f.what for f in found.findings if f.verdict is Verdict.UNKNOWN]
     assert len(unknown) > 10
@@ -49,7 +59,7 @@ def test_a_host_that_shows_rubbish(
             path.mkdir()
     quick(monkeypatch)
     monkeypatch.setattr(software, "findings", lambda: [])  # looks at no file of the host
-    found = examine(Asked(root, 1.0, 1000.0, 1.0), Host(root))
+    found = examine(DoctorOptions(root, 1.0, 1000.0, 1.0), Host(root))
     assert "the check" not in [finding.what for finding in found.findings]
     json.dumps(found.as_dict())
     Console(file=sys.stderr, width=80).print(drawn(found, 80))
@@ -61,7 +71,7 @@ def test_a_check_that_fails_is_a_finding(tmp_path: Path, monkeypatch: pytest.Mon
 
     quick(monkeypatch)
     monkeypatch.setattr(examination.memory, "findings", broken)
-    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
+    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
     failed = named(found.findings, "the check")
     assert failed.value == "ZeroDivisionError: in the check"
     assert found.findings[-1].area == software.AREA  # the others were looked at all the same
@@ -107,7 +117,7 @@ def test_it_is_drawn_in_any_width(
     width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     quick(monkeypatch)
-    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
+    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
     console = Console(width=width, record=True, file=sys.stderr)
     console.print(drawn(found, width))
     lines = console.export_text().splitlines()

@@ -97,7 +97,7 @@ def test_a_child_ended_by_a_signal_says_which(tmp_path: Path, number: signal.Sig
         child = Child("asleep", "", (), tmp_path / "asleep.stderr")
     child.process.send_signal(number)
     child.end(10.0)
-    assert child.last_words() == f"killed by {number.name}"
+    assert child.last_message() == f"killed by {number.name}"
 
 
 def test_a_child_that_failed_silently_says_its_code(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_a_child_that_failed_silently_says_its_code(tmp_path: Path) -> None:
         patch.setenv("PYTHONPATH", str(tmp_path))
         child = Child("failing", "", (), tmp_path / "failing.stderr")
     child.end(30.0)
-    assert child.last_words() == "exit code 7"
+    assert child.last_message() == "exit code 7"
 
 
 def test_a_full_disk_leaves_no_half_of_a_summary(

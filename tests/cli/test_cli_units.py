@@ -73,7 +73,7 @@ def test_a_narrow_list_keeps_the_run_whole(
 ) -> None:
     name = "20260504T093000Z_a_campaign_with_a_rather_long_name"
     reason = "a_reason_without_any_space_in_it_that_must_be_folded"
-    folder = folder_of(tmp_path, name, status="fault", reason=reason, rung="rehearsal")
+    folder = folder_of(tmp_path, name, status="fault", reason=reason, mode="rehearsal")
     (folder / "run.mcap").write_bytes(b"x")
     for columns in ("100", "40"):
         monkeypatch.setenv("COLUMNS", columns)

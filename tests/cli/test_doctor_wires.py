@@ -18,7 +18,7 @@ from rig.cli.doctor import main
 from rig.config import RigFile, load
 from rig.execution.hardware import wire_check
 from rig.execution.rehearsal import addresses
-from rig.host import Asked, Host, Use, Verdict, examine, rig_wires, wires
+from rig.host import DoctorOptions, Host, Use, Verdict, examine, rig_wires, wires
 
 NET, TTY = "sys__class__net", "sys__class__tty"
 USB = "sys__bus__usb-serial__devices"
@@ -146,7 +146,7 @@ def test_the_command_takes_a_rig(
     assert "line io: no.such.host.invalid:" in told["verdict"]
     assert main(*asked, rehearsal=False, as_json=True, rig=tmp_path / "none") == cli.BAD_INPUT
     unwired, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
-    found = examine(Asked(tmp_path, 1.0, 1000.0, 1.0, unwired), Host(tmp_path / "nothing"))
+    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0, unwired), Host(tmp_path / "nothing"))
     assert named(found.findings, "wiring").value == "none: it can only be rehearsed"
 
 

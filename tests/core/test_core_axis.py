@@ -310,15 +310,15 @@ def test_each_set_point_brings_its_own_gains_and_spring_rate_there_and_back() ->
         assert command.spring.rate == table.spring_rate[setpoint]
         assert command.drive.settings.bus_voltage == table.bus_voltage[setpoint]
         assert command.drive.settings.discharge_level == table.discharge_level[setpoint]
-        assert state.held.setpoint == setpoint
-        assert state.held.stroke == table.stroke[setpoint]
+        assert state.active_setpoint.setpoint == setpoint
+        assert state.active_setpoint.stroke == table.stroke[setpoint]
 
 
 def test_a_start_with_the_first_set_point_uses_it_at_once() -> None:
     """No set point is in use before the first tick, not even that of index 0."""
     state = wavebot.start(params().rig)
-    assert state.held.setpoint == -1
-    assert set(state.held.gains) == {0.0}
+    assert state.active_setpoint.setpoint == -1
+    assert set(state.active_setpoint.gains) == {0.0}
 
 
 def test_the_wave_maker_runs_while_the_wave_clock_does() -> None:

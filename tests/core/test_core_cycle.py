@@ -278,7 +278,7 @@ def test_a_resting_power_stage_is_granted_nothing_and_says_so() -> None:
     memory, record = axis.control(AXIS, running, sense, motion, wanted, 0, 0, RUN, 0.001)
     assert record.command == (0.0, 0.0, 1, Limited.GATED)
     assert record.demand is wanted
-    assert memory.short == -20.0
+    assert memory.saturation_deficit == -20.0
     # A stop brakes, whatever the thresholds of the drive say.
     _, record = axis.control(AXIS, memory, sense, motion, wanted, 0, 0, STOP_1, 0.001)
     assert record.command.force < 0.0

@@ -60,7 +60,7 @@ def request(run: Path, fd: int) -> str:
     job = {
         **{"kind": "wavebot", "ring": fd, "supervisor": GONE, "folder": str(run)},
         **{"part": "run.mcap.part0", "attachments": ["config.json"], "run": "a"},
-        **{"rung": "rehearsal", "clock": "virtual", "rate_hz": 1000.0, "patience": 1.0},
+        **{"mode": "rehearsal", "clock": "virtual", "rate_hz": 1000.0, "patience": 1.0},
     }
     return json.dumps({"job": job, "ring": fd, "folder": -1})
 

@@ -163,7 +163,7 @@ def test_the_usual_age_is_the_least() -> None:
         sense = AxisSense(0, age, 0.0, 1, 0, 0.0)
         motion = axis.observe(AXIS, state, sense, 0.0, 1, DT)
         state, _ = axis.control(AXIS, state, sense, motion, axis.NOTHING, 1, 0, RUN, DT)
-        assert state.usual == usual
+        assert state.min_age == usual
         assert state.age == age
 
 

@@ -136,7 +136,7 @@ def test_a_hold_freezes_the_plan_and_the_row_starts_over(
             assert walk.step(running=False, held=True) == (False, False)
             assert walk.state == (*frozen, 1)
         walk.step()
-        assert walk.state.held == 0
+        assert walk.state.paused == 0
         start = segments.restart[frozen[0]]
         # A segment of no length may be over in the tick it starts in.
         assert walk.state.segment in (start, start + 1)

@@ -32,7 +32,7 @@ def followed(apart: list[int], moving: bool) -> float:
         age = NEWEST + (tick - taken) * DT
         angle = PEAK * math.sin(OMEGA * taken * DT) if moving else 0.4 * SCALE * (turn % 3)
         counts = round(angle / SCALE)
-        spread = axis.apart_of_late(state, age, DT)
+        spread = axis.recent_sample_gap(state, age, DT)
         motion = axis.track(FILTER, motion, counts * SCALE, state.age, age, NEWEST, spread, 1, DT)
         state = state._replace(age=age, apart=spread)
         if tick > 1500:

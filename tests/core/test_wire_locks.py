@@ -279,10 +279,10 @@ def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
         assert report.plan is not None
         shared = [one for one in wires_of(load_rig(first)[0]) if one.name == "line amplifiers"]
         stack.enter_context(hold(shared, "campaign first"))
-        rung = wired(report.campaign, emulated=False)
-        rung = rung._replace(real_clock=False)  # so that nothing but the wire refuses it
+        mode = wired(report.campaign, emulated=False)
+        mode = mode._replace(real_clock=False)  # so that nothing but the wire refuses it
         with pytest.raises(BusyError, match=r"line amplifiers .* taken by campaign first"):
-            carry_out(report.campaign, report.plan, runs, lambda snapshot: None, rung)
+            carry_out(report.campaign, report.plan, runs, lambda snapshot: None, mode)
         assert not runs.exists()
         words = [sys.executable, "-m", "rig"]
         port = str(far.wiring["lines"]["amplifiers"]["port"])  # type: ignore[index]

@@ -18,9 +18,9 @@ from rig.analysis.rows import POWERS
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.recording.runs import RunError
-from rig.sweep.counterfactual import FORCES, Foretold, foretell
+from rig.sweep.counterfactual import FORCES, CounterfactualRow, foretell
 from rig.sweep.counterfactual.rows import Logged, corrected, gross, shares_of
-from rig.sweep.counterfactual.waves import Asked, asked_of
+from rig.sweep.counterfactual.waves import WaveMakerLines, asked_of
 
 AMPLITUDE, FREQUENCY = 0.1, 0.5
 POINTS = [
@@ -60,11 +60,11 @@ def others(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def by_forces(logged: Path, others: Path) -> Foretold:
+def by_forces(logged: Path, others: Path) -> CounterfactualRow:
     return foretell(logged, opened(others), by=FORCES)
 
 
-def test_the_waves_are_recovered_from_forces(by_forces: Foretold) -> None:
+def test_the_waves_are_recovered_from_forces(by_forces: CounterfactualRow) -> None:
     """The plant's own body is the model: what is left is sensor noise and what friction bends."""
     waves = by_forces.waves
     assert waves.rows == 2
@@ -82,7 +82,7 @@ def test_the_waves_are_taken_from_the_elevation_where_it_was_logged(
     assert abs(waves.elevation[0] - AMPLITUDE) < 1e-6
 
 
-def test_the_logged_gains_give_the_logged_run(by_forces: Foretold) -> None:
+def test_the_logged_gains_give_the_logged_run(by_forces: CounterfactualRow) -> None:
     """To the noise of two runs of the same plant, whose lead-ins differ: a tenth of a watt."""
     assert [one.row for one in by_forces.checked] == [0, 1]
     for one in by_forces.checked:
@@ -91,7 +91,7 @@ def test_the_logged_gains_give_the_logged_run(by_forces: Foretold) -> None:
             assert abs(one.logged[name] - one.modelled[name]) < 0.3
 
 
-def test_what_was_not_logged_like_it_is_flagged(by_forces: Foretold) -> None:
+def test_what_was_not_logged_like_it_is_flagged(by_forces: CounterfactualRow) -> None:
     inside, beyond = by_forces.rows
     assert inside.outside == ()
     assert "stroke" in beyond.outside
@@ -162,7 +162,7 @@ def test_a_hidden_plant_is_foretold(tmp_path: Path, seed: int) -> None:
     name. Here none may be off by twice its interval.
     """
     found = case(tmp_path, seed)
-    error = np.abs(found.foretold - found.true)
+    error = np.abs(found.predicted - found.true)
     mechanical = error[:, 0]
     assert np.all(mechanical <= np.maximum(0.05 * np.abs(found.true[:, 0]), 0.5))
     assert np.all(error <= 2.0 * found.half_width)
@@ -198,7 +198,7 @@ def test_lines_of_calm_water_are_none() -> None:
     with pytest.raises(ValueError, match="the run had no waves"):
         asked_of(told)
     some = asked_of(told | {"cycles": [2], "amplitude_m": [0.1], "phase_rad": [0.5 * math.pi]})
-    assert some == Asked(1.0, (2,), pytest.approx([0.1j]))
+    assert some == WaveMakerLines(1.0, (2,), pytest.approx([0.1j]))
 
 
 def test_other_waves_are_refused(logged: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from command_here import rig
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
-from rig.interop.basin.merge import Asked, Source, merge
+from rig.interop.basin.merge import Source, SyncChannels, merge
 from rig.interop.exchange.mask4_export import structure, write_mat
 from rig.recording.runs import list_runs, open_run
 
@@ -56,7 +56,7 @@ def test_rows_signs_and_powers(run: Path) -> None:
     assert np.allclose(table["slew_force_mean"], -55.0)
     assert np.allclose(table["stator_force_min"], 1700.0)
     assert (table["samples"] == 14.0 * 200).all()  # 7 waves of 2 s fit into 15 s
-    assert table.attrs["rung"] == "imported"
+    assert table.attrs["mode"] == "imported"
     assert table.attrs["started_utc"].startswith("2023-09-26T12:08:43")
 
 
@@ -96,7 +96,7 @@ def test_show_plot_and_compare_accept_it(runs: Path, run: Path) -> None:
     assert compared.returncode == 0, compared.stderr
     told = json.loads(compared.stdout)
     assert not told["warnings"]
-    assert [one.rung for one in list_runs(runs / "runs")] == ["imported", "imported"]
+    assert [one.mode for one in list_runs(runs / "runs")] == ["imported", "imported"]
 
 
 def test_the_custom_drives_channel_and_settings(runs: Path) -> None:
@@ -123,7 +123,7 @@ def test_sine_and_trigger_come_along_for_merging(run: Path, tmp_path: Path) -> N
     lines = [",".join(f"{cell:.6f}" for cell in row) for row in zip(*columns, strict=True)]
     path = tmp_path / "tank.csv"
     path.write_text("\n".join(["time_s,SINESIGNAL,TTLTrigger,BUOY04", *lines]) + "\n")
-    merged = merge(run, [Source("tank", path)], Asked())
+    merged = merge(run, [Source("tank", path)], SyncChannels())
     (one,) = merged.alignments
     assert (one.method, one.alarms) == ("edge and sine", ())
     assert one.clock.to_run(100.0) == pytest.approx(104.002, abs=1e-4)

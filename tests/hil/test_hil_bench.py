@@ -18,7 +18,7 @@ from rig.analysis.session.driveline import find
 from rig.analysis.session.points import open_session
 from rig.execution.rehearsal.bench_job import problems_of_session
 from rig.execution.session import rehearsal, task_of, wired
-from rig.execution.task import Ended, Rung, carry_out_task
+from rig.execution.task import Ended, ExecutionMode, carry_out_task
 from rig.planning.session import check_session
 from rig.recording.runs import open_run
 
@@ -78,9 +78,11 @@ def ran(path: Path, rig: Path, folder: Path, on_wires: bool) -> Ended:
     assert report.session is not None, report.text()
     assert report.plan is not None
     session, plan = report.session, report.plan
-    rung: Rung = wired(session, emulated=True) if on_wires else rehearsal(session, real_clock=False)
+    mode: ExecutionMode = (
+        wired(session, emulated=True) if on_wires else rehearsal(session, real_clock=False)
+    )
     task = task_of(session, plan)
-    return when_free(lambda: carry_out_task(task, folder, Watcher(lambda snapshot: None), rung))
+    return when_free(lambda: carry_out_task(task, folder, Watcher(lambda snapshot: None), mode))
 
 
 def executed(ended: Ended) -> float:

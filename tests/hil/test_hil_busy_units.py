@@ -17,7 +17,7 @@ import pytest
 
 from rig.config import LimitsFile, RigFile, load
 from rig.execution.hardware.messages import SLOTS
-from rig.execution.hardware.modbus_lines import line_companions
+from rig.execution.hardware.modbus_lines import modbus_pollers
 from rig.processes import mailbox
 from rig.processes.child import Child
 from rig.processes.mailbox import Mailbox
@@ -108,7 +108,7 @@ def polled(moods: dict[int, tuple[float, int]], folder: Path, patience: float = 
             "inputs": wiring.inputs.model_copy(update={"unit": 2}),
             "outputs": wiring.outputs.model_copy(update={"unit": 2}),
         }
-        (one,) = line_companions({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
+        (one,) = modbus_pollers({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
         fds = {name: mailbox.create() for name in one.mailboxes}
         lifeline, ours = os.pipe()  # as the loop holds it
         job = {"config": one.config, "mailboxes": fds, "lifeline": lifeline}

@@ -75,8 +75,8 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
     dry = check(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
     assert dry.campaign is not None, dry.text()
     assert dry.plan is not None
-    rung = rehearsal(dry.campaign, real_clock=False)
-    rehearsed = carry_out(dry.campaign, dry.plan, folder, Watcher(), rung)
+    mode = rehearsal(dry.campaign, real_clock=False)
+    rehearsed = carry_out(dry.campaign, dry.plan, folder, Watcher(), mode)
     on_wires = check(path)
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None

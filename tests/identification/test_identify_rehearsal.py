@@ -19,7 +19,7 @@ from rig_command import rig_here
 from rig.analysis.report import write_products
 from rig.config.yaml_source import load_mapping
 from rig.identification.bem import at, read_bem
-from rig.identification.identify import Asked, Identification, identify
+from rig.identification.identify import Identification, IdentificationOptions, identify
 
 pytestmark = pytest.mark.slow
 
@@ -75,7 +75,7 @@ def rehearsed(folder: Path) -> None:
 
 @pytest.fixture(scope="module")
 def found(runs: dict[str, Path]) -> Identification:
-    return identify(list(runs.values()), Asked(order=4, bem=read_bem(BEM)))
+    return identify(list(runs.values()), IdentificationOptions(order=4, bem=read_bem(BEM)))
 
 
 def test_the_impedances_are_those_of_the_plant_within_a_percent(found: Identification) -> None:
@@ -162,7 +162,7 @@ def test_the_twin_takes_the_excitation_that_was_measured(
     power = []
     for name in ("twin/plant.yaml", CONFIGS / "plants" / "wavebot_linear.yaml"):
         path = campaign_file(tmp_path / "sea", **asked, plant=str(tmp_path / name))
-        power.append(predicted(path).rows[0].foreseen.power_mechanical_1)
+        power.append(predicted(path).rows[0].predicted.power_mechanical_1)
     assert power[0] == pytest.approx(power[1], rel=0.06)
 
 

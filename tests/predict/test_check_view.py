@@ -18,7 +18,7 @@ from predicting import CONFIGS, STIFF, campaign_file, custom_rig, examined, pred
 from rich.console import Console
 
 from rig.cli.check_view import View
-from rig.design.predictions import Foreseen
+from rig.design.predictions import RowPredictions
 
 SEA = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}
 
@@ -144,7 +144,7 @@ def test_json_holds_everything_and_no_nan(tmp_path: Path) -> None:
     said = json.loads(done.stdout, parse_constant=refuse)
     assert (said["ok"], said["rows"], said["problems"]) == (True, 2, [])
     first = said["predictions"][0]
-    assert set(Foreseen._fields) <= set(first)
+    assert set(RowPredictions._fields) <= set(first)
     assert first["spring_rate"] == STIFF
     limits = {margin["limit"] for margin in first["margins"]}
     assert {
@@ -177,7 +177,7 @@ def test_there_may_be_nothing_to_predict(sea: dict[str, Any] | None, tmp_path: P
         assert report.forecast is None
         assert "predictions" not in json.loads(report.to_json())
     else:
-        assert predicted(path).rows[0].foreseen.position_peak == 0.0
+        assert predicted(path).rows[0].predicted.position_peak == 0.0
         assert "the campaign can be run" in shown(path)
 
 

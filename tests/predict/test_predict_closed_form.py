@@ -20,7 +20,7 @@ from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
 from rig.config.yaml_source import load_mapping
 from rig.design.estimator import design, response
-from rig.design.predictions import Foreseen
+from rig.design.predictions import RowPredictions
 from rig.kinds.wavebot.build import metres_per_count
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -54,7 +54,7 @@ def as_sampled(plant: Plant, kp: float, ki: float) -> Callable[[Any], Any]:
     return controller
 
 
-def foreseen(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, Foreseen]:
+def foreseen(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, RowPredictions]:
     """Predictions by (Kp, Ki)."""
     path = campaign_file(
         tmp_path,
@@ -64,10 +64,10 @@ def foreseen(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, Foreseen]:
         surge={"use": "off"},
     )
     told = predicted(path).rows
-    return {(one.row.setting.kp, one.row.setting.ki): one.foreseen for one in told}
+    return {(one.row.setting.kp, one.row.setting.ki): one.predicted for one in told}
 
 
-def compare(one: Foreseen, oracle: Response, current_share: float) -> None:
+def compare(one: RowPredictions, oracle: Response, current_share: float) -> None:
     """Within 0.5 %; electrical power to 0.5 % of the power that flows on the way to it."""
     assert one.power_mechanical_1 == pytest.approx(oracle.lcb, rel=5e-3)
     assert one.power_mechanical_2 == pytest.approx(oracle.trs, rel=5e-3)

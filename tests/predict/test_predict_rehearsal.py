@@ -39,7 +39,7 @@ def compare(path: Path, record: Callable[[str, object], None]) -> None:
     forecast = predicted(path)
     assert forecast.refused == ()
     table = simulated(path)
-    found = [one.foreseen for one in forecast.rows]
+    found = [one.predicted for one in forecast.rows]
     assert table["state"].values.tolist() == ["complete"] * len(found)
 
     def apart(name: str) -> Any:
@@ -99,7 +99,7 @@ def test_rows_of_the_custom_drive(
         matrix=matrix,
     )
     compare(path, record_property)
-    one = predicted(path).rows[1].foreseen
+    one = predicted(path).rows[1].predicted
     assert one.voltage_given is not None
     assert one.voltage_given < 0.707 * 46.0
 
@@ -134,7 +134,7 @@ def test_surge(tmp_path: Path) -> None:
         timing={"settle_s": 6, "interval_s": 12},
         matrix=rows((STIFF, -2000.0, 0.0)),
     )
-    one = predicted(path).rows[0].foreseen
+    one = predicted(path).rows[0].predicted
     ended = run(path, tmp_path / "runs")
     fields = ["surge.estimate.position", "surge.demand.force", "surge.estimate.velocity"]
     data = open_run(ended.folder, fields=[*fields, "plan.phase"], rows=[0])

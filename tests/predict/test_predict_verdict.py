@@ -73,8 +73,8 @@ def test_an_unstable_row_is_named(tmp_path: Path) -> None:
     stable = re.search(r"stable up to ([0-9.]+) times these gains", problem.message)
     assert stable is not None
     assert 0.2 < float(stable.group(1)) < 1.0
-    assert predicted(path).rows[1].foreseen.spectral_radius > 1.0
-    assert predicted(path).rows[0].foreseen.spectral_radius < 1.0
+    assert predicted(path).rows[1].predicted.spectral_radius > 1.0
+    assert predicted(path).rows[0].predicted.spectral_radius < 1.0
 
 
 @pytest.mark.parametrize(

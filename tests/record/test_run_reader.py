@@ -23,7 +23,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     config = json.dumps({"name": "default"}).encode()
     out = files.writer(folder / "run.mcap", **{"config.json": config})
     out.append(files.rows(2500).tobytes())
-    out.attach("status.json", b'{"status": "complete", "rung": "rehearsal", "reason": "PLAN_END"}')
+    out.attach("status.json", b'{"status": "complete", "mode": "rehearsal", "reason": "PLAN_END"}')
     out.attach("code.json", b'{"version": "0.1.0", "git": "abc"}')
     out.finish()
     return folder
@@ -40,7 +40,7 @@ def test_all_fields_with_their_units(run: Path) -> None:
         assert data[leaf.name].attrs["units"] == leaf.unit
     assert data.attrs["run"] == "test"
     assert data.attrs["campaign"] == "default"
-    assert data.attrs["rung"] == "rehearsal"
+    assert data.attrs["mode"] == "rehearsal"
     assert data.attrs["code_version"] == "0.1.0"
     assert data.attrs["started_utc"] == "2025-10-09T08:53:20Z"
 
@@ -170,7 +170,7 @@ def test_lists_of_runs(tmp_path: Path) -> None:
     good.mkdir()
     files.write(good / "run.mcap", files.rows(10))
     told = {"status": "complete", "reason": "PLAN_END", "rows_done": 66, "rows_planned": 66}
-    told |= {"rung": "hil", "started_utc": "2026-05-04T09:30:00Z"}
+    told |= {"mode": "hil", "started_utc": "2026-05-04T09:30:00Z"}
     (good / "run.json").write_text(json.dumps(told))
     (good / "config.json").write_text('{"name": "default"}')
     for name in ("empty_folder", "no_end", "zero_bytes", "rubbish", "bad_json"):
@@ -184,7 +184,7 @@ def test_lists_of_runs(tmp_path: Path) -> None:
     listed = {run.path.name: run for run in list_runs(tmp_path)}
     assert len(listed) == 6
     run = listed["b_good"]
-    assert (run.rung, run.campaign, run.rows_done, run.status) == ("hil", "default", 66, "complete")
+    assert (run.mode, run.campaign, run.rows_done, run.status) == ("hil", "default", 66, "complete")
     assert run.size == (good / "run.mcap").stat().st_size
     assert not run.problem
     said = {name: listed[name].problem for name in listed}

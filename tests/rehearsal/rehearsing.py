@@ -70,8 +70,8 @@ def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) ->
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.plan is not None
-    rung = rehearsal(report.campaign, real_clock=real_clock)
-    return carry_out(report.campaign, report.plan, runs, Watcher(see), rung)
+    mode = rehearsal(report.campaign, real_clock=real_clock)
+    return carry_out(report.campaign, report.plan, runs, Watcher(see), mode)
 
 
 def sequentially_swept(path: Path) -> Any:

@@ -16,7 +16,7 @@ from rig_command import rig_here
 from rig.analysis.rows import row_table
 from rig.config.yaml_source import load_mapping
 from rig.design.recommend import report
-from rig.design.recommend.recommendation import Asked, advise
+from rig.design.recommend.recommendation import RecommendOptions, advise
 from rig.identification.twin.plant_file import identified_up_to
 
 pytestmark = pytest.mark.slow
@@ -57,11 +57,11 @@ def test_the_twin_gives_the_power_of_the_plant_it_was_identified_from(
     true = predicted(campaign_file(tmp_path / "true", **asked, plant=str(LINEAR)))
     assert len(ours.rows) == len(GAINS)
     for one, other in zip(ours.rows, true.rows, strict=True):
-        most = max(0.3, 0.005 * abs(other.foreseen.power_mechanical_1))
+        most = max(0.3, 0.005 * abs(other.predicted.power_mechanical_1))
         for name in ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc"):
-            gap = getattr(one.foreseen, name) - getattr(other.foreseen, name)
+            gap = getattr(one.predicted, name) - getattr(other.predicted, name)
             assert abs(gap) < most, (one.row.setting, name, gap)
-        assert one.foreseen.stroke == pytest.approx(other.foreseen.stroke, rel=0.005)
+        assert one.predicted.stroke == pytest.approx(other.predicted.stroke, rel=0.005)
 
 
 def test_the_twin_knows_how_far_it_was_identified(plant: Path, run: Path) -> None:
@@ -139,7 +139,9 @@ def test_every_number_says_where_it_is_from(plant: Path) -> None:
 def test_what_is_recommended_can_be_checked_and_holds(run: Path, tmp_path: Path) -> None:
     """The best of the recommendation is best on the plant, too: no neighbour is better by 0.3 W."""
     base = campaign_file(tmp_path / "base", sea=SEA, matrix=rows(GAINS[0]), plant=str(LINEAR))
-    asked = Asked(campaign=base, rows=9, plant=wrong_plant(tmp_path), spring=(-8000.0, 490.9))
+    asked = RecommendOptions(
+        campaign=base, rows=9, plant=wrong_plant(tmp_path), spring=(-8000.0, 490.9)
+    )
     advice = advise([run], asked, tmp_path / "advice")
     path, numbers = report.write(advice, tmp_path / "advice")
     told = json.loads(numbers.read_text())
@@ -149,7 +151,7 @@ def test_what_is_recommended_can_be_checked_and_holds(run: Path, tmp_path: Path)
     found = predicted(path)
     assert not found.refused
     assert len(found.rows) == 9
-    by_gains = {one.row.setting[1:3]: one.foreseen for one in found.rows}
+    by_gains = {one.row.setting[1:3]: one.predicted for one in found.rows}
     for row in told["rows"]:
         true = by_gains[row["kp"], row["ki"]]
         assert true.power_dc == pytest.approx(row["power_dc_w"], abs=row["half_width_95"]["dc"])

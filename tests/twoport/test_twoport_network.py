@@ -200,5 +200,5 @@ def test_figures(tmp_path: Path) -> None:
     assert [case.label for case in cases[1:3]] == ["Kp -3000 N s/m (n)", "Kp -1000 N s/m (p)"]
     for name, drawn in (("gains", cases), ("spring", around(base, spring_rate=5e3, gear=4.0))):
         path = tmp_path / f"{name}.png"
-        write_effects(path, OMEGA, Z_I, z11, n.WAVEBOT, drawn, name, {"run": "r", "rung": "hil"})
+        write_effects(path, OMEGA, Z_I, z11, n.WAVEBOT, drawn, name, {"run": "r", "mode": "hil"})
         assert float(imread(path)[..., :3].std()) > 0.05

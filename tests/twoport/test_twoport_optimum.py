@@ -102,7 +102,7 @@ def surface(tmp_path: Path, told: dict[str, Any], gains: list[Setting]) -> dict[
     )
     found = predicted(path).rows
     stations = ("mechanical_1", "mechanical_2", "ac", "dc")
-    return {s: np.array([getattr(r.foreseen, f"power_{s}") for r in found]) for s in stations}
+    return {s: np.array([getattr(r.predicted, f"power_{s}") for r in found]) for s in stations}
 
 
 @pytest.mark.parametrize("kind", ["regular", "jonswap"])

@@ -72,7 +72,7 @@ class Summary(NamedTuple):
         wide = max((len(each.quantity) for each in self.result.compared), default=0)
         lines = [
             f"session {self.session}, run {self.run}",
-            f"{self.ending.words}.",
+            f"{self.ending.description}.",
             f"{self.record.sentence}.",
         ]
         for each in self.result.compared:
@@ -91,7 +91,7 @@ class Summary(NamedTuple):
         return {
             "session": self.session,
             "run": self.run,
-            "ending": self.ending.words,
+            "ending": self.ending.description,
             "lost_ticks": self.lost_ticks and self.lost_ticks._asdict(),
             "record": self.record.as_dict(),
             "held": self.held,
@@ -124,7 +124,7 @@ def analyse(
     told = {
         "session": session.kind,
         **session.known.attributes(),
-        "ending": ending.words,
+        "ending": ending.description,
         **session.record.attributes(),
     }
     pictures = [_draw(each, told, folder) for each in result.pictures]

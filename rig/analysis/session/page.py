@@ -5,7 +5,7 @@ import html
 from pathlib import Path
 from typing import Any
 
-from rig.analysis.phrases import rung_stamp, utc
+from rig.analysis.phrases import mode_stamp, utc
 from rig.analysis.session.points import Session
 from rig.analysis.session.result import Column, Picture, Result, Table, number, words
 from rig.analysis.stop_reason import ENDINGS, Ending
@@ -36,9 +36,9 @@ def write_page(
     known = session.known
     said = f"run {known.run}, started {utc(known.started_utc)}"
     body = [
-        f"<header><span class=stamp>{_text(rung_stamp(known.rung))}</span>"
+        f"<header><span class=stamp>{_text(mode_stamp(known.mode))}</span>"
         f"<h1>Session {_text(session.name)}</h1><p>{_text(said)}</p></header>",
-        _state(ending.words, ending.title == ENDINGS["complete"]),
+        _state(ending.description, ending.title == ENDINGS["complete"]),
         _state(session.record.sentence, session.record.state in (WHOLE, RECOVERED)),
         _compared(result),
         _constants(result),
@@ -62,7 +62,9 @@ def notes(result: Result, session: Session) -> list[str]:
     lost = sum(point.lost for point in session.whole)
     if lost:
         out.append(f"{lost} ticks were lost while measuring; they are interpolated.")
-    why = {point.row: point.cut_short for point in session.points if point.cut_short}
+    why = {
+        point.row: point.incomplete_reason for point in session.points if point.incomplete_reason
+    }
     why |= dict.fromkeys(session.gone, GONE)
     return [*out, *(f"Row {row} is left out: {why[row]}." for row in sorted(why))]
 

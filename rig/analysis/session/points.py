@@ -40,7 +40,7 @@ class Point(NamedTuple):
 
     row: int
     asked: dict[str, Any]  # its columns in the plan
-    cut_short: str  # why it is not whole; empty if it is
+    incomplete_reason: str  # why it is not whole; empty if it is
     lost: int  # ticks that were not logged: interpolated
     limited: int  # ticks whose command was not granted in full
     period: float  # s, after which its reference repeats
@@ -115,7 +115,7 @@ class Session(NamedTuple):
     @property
     def whole(self) -> list[Point]:
         """Set points that were measured to their end."""
-        return [point for point in self.points if not point.cut_short]
+        return [point for point in self.points if not point.incomplete_reason]
 
 
 def session_of(known: Facts) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def _point(
         return np.interp(grid, ticks, values) if gaps else values
 
     length = asked.get("measure_s")
-    short = window.cut_short
+    short = window.incomplete_reason
     if not short and isinstance(length, int | float) and len(grid) < 0.99 * length / dt - 1.0:
         short = "shorter than planned"
     motor = field("encoders.motor_counts") * float(scales["motor_rad_per_count"])

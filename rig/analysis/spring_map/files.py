@@ -68,7 +68,7 @@ def write_calibration(
         f"stroke_m: {strokes(table)}     # {MARGIN:g} of where the stator's force reverses",
         f'valid: {{dates: {{from: "{str(attributes.get("started_utc", ""))[:10]}"}}}}',
         "outside: refuse",
-        f'source: "run {attributes.get("run", "")} ({attributes.get("rung", "")})"',
+        f'source: "run {attributes.get("run", "")} ({attributes.get("mode", "")})"',
         f'reason: "spring map by hoist, {len(rates)} stator positions, slew load cell"',
     ]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

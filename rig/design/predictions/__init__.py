@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from rig.design.predictions.margins import Margin, tightest
 from rig.design.predictions.prediction import Prediction, RowPrediction
-from rig.design.predictions.row_prediction import Foreseen
+from rig.design.predictions.row_prediction import RowPredictions
 from rig.design.predictions.rows import predict
 from rig.design.predictions.travel import Travel
 
 __all__ = [
-    "Foreseen",
     "Margin",
     "Prediction",
     "RowPrediction",
+    "RowPredictions",
     "Travel",
     "predict",
     "tightest",

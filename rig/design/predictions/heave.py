@@ -10,7 +10,7 @@ import numpy as np
 from rig.design.predictions import electrics, loop, passive, plant, sampled
 from rig.design.predictions.axis import body_lines, peak
 from rig.design.predictions.grid import Floats, record
-from rig.design.predictions.model import Subject, law_of, pushed, switching
+from rig.design.predictions.model import Subject, has_excitation, law_of, switching
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import SETTLED, System, steady
 from rig.planning.campaign.set_points import Setting
@@ -55,7 +55,7 @@ def heave_of(
         body_lines(axis, on)[None, :],
         axis.excitation,
         loop.demand(axis.timing, law, on.omega),
-        pushed(subject, "heave", settings),
+        has_excitation(subject, "heave", settings),
         loop.drive(axis.timing, on.omega),
         force,
         granted,

@@ -10,7 +10,7 @@ from rig.config.limits_file import LimitsFile
 from rig.config.rig_file import RigFile
 from rig.config.yaml_source import KeyPath
 from rig.design.predictions.bus import Bus
-from rig.design.predictions.row_prediction import Foreseen
+from rig.design.predictions.row_prediction import RowPredictions
 from rig.planning.campaign.set_points import Setting
 
 Role = Literal["limits", "rig", "plant", "campaign"]
@@ -114,7 +114,7 @@ def margins(
     bounds: LimitsFile,
     rig: RigFile,
     setting: Setting,
-    found: Foreseen,
+    found: RowPredictions,
     bus: Bus | None,
     bus_at_rest: float,
 ) -> tuple[Margin, ...]:

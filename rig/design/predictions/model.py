@@ -106,7 +106,7 @@ def settings_of(campaign: Campaign) -> list[Setting]:
     return [setting(campaign.file, campaign.rig, point) for point in campaign.points]
 
 
-def pushed(subject: Subject, axis: str, settings: Sequence[Setting]) -> Complexes:
+def has_excitation(subject: Subject, axis: str, settings: Sequence[Setting]) -> Complexes:
     """Open-loop force on an axis, N; rows by lines."""
     told = subject.reference
     if told.axis != axis:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, key_text
 from rig.design.predictions.margins import Margin, broken
-from rig.design.predictions.row_prediction import Foreseen
+from rig.design.predictions.row_prediction import RowPredictions
 from rig.design.predictions.travel import Travel
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
@@ -18,7 +18,7 @@ class RowPrediction(NamedTuple):
     """One row of the plan; row -1 is the lead-in's set point."""
 
     row: CampaignRow
-    foreseen: Foreseen
+    predicted: RowPredictions
     margins: tuple[Margin, ...]
 
     def broken(self) -> Iterator[Margin]:
@@ -59,7 +59,7 @@ class Prediction(NamedTuple):
 
 def _row(one: RowPrediction) -> dict[str, Any]:
     row = one.row
-    found = one.foreseen._asdict()
+    found = one.predicted._asdict()
     return {
         "row": row.row,
         "point": row.point,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Foreseen(NamedTuple):
+class RowPredictions(NamedTuple):
     """What is predicted of a row; peaks are either way from zero, over the sea's repeat period."""
 
     position_peak: float  # m

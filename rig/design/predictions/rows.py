@@ -13,7 +13,7 @@ from rig.design.predictions.heave import Heave, heave_of, heave_poles
 from rig.design.predictions.margins import Margin, margins
 from rig.design.predictions.model import Subject, subject_of, switching
 from rig.design.predictions.prediction import Prediction, RowPrediction
-from rig.design.predictions.row_prediction import Foreseen
+from rig.design.predictions.row_prediction import RowPredictions
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.surge import Surge, surge_of
 from rig.design.predictions.travel import orders, to_the_first
@@ -33,7 +33,7 @@ Row = tuple[Setting, float]
 Margins = tuple[Margin, ...]
 
 
-def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[Foreseen]:
+def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[RowPredictions]:
     """What is predicted of each of ``rows``, which stand in the order of the plan.
 
     Equal settings are worked out once.
@@ -49,7 +49,7 @@ def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[
             for one in _part(subject, part, np.zeros(len(part)), _still(subject, part))[0]
         ]
         by_pair = dict(zip(unique, found, strict=True))
-        return [Foreseen(**by_pair[pair]) for pair in pairs]
+        return [RowPredictions(**by_pair[pair]) for pair in pairs]
     buses = {pair: bus_of(subject, pair[0]) for pair in unique}
     volts = {pair: one.supply_voltage if one.connected else one.set_voltage
              for pair, one in buses.items()}  # fmt: skip
@@ -68,12 +68,14 @@ def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[
             at = [one.mean for one, other in zip(told, pairs, strict=True) if other == pair]
             volts[pair] = sum(at) / len(at)
     return [
-        Foreseen(**{**by_pair[pair], **_voltage(one)})
+        RowPredictions(**{**by_pair[pair], **_voltage(one)})
         for pair, one in zip(pairs, told, strict=True)
     ]
 
 
-def tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[Foreseen, Margins]]:
+def tried(
+    subject: Subject, rows: Sequence[Row], seconds: float
+) -> list[tuple[RowPredictions, Margins]]:
     """What is predicted of set points that stand alone, each held for so many seconds.
 
     The custom drive's bus starts at its supply, or at its set voltage where that is off. Only its
@@ -84,13 +86,15 @@ def tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[F
     return [one for part in parts for one in _tried(subject, part, seconds)]
 
 
-def _tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[Foreseen, Margins]]:
+def _tried(
+    subject: Subject, rows: Sequence[Row], seconds: float
+) -> list[tuple[RowPredictions, Margins]]:
     still = _still(subject, rows)
     bounds, rig = subject.campaign.limits, subject.campaign.rig
     rests = [plant.bus_at_rest(subject.plant, one) for one, _ in rows]
     if not subject.plant.custom:
         columns, _ = _part(subject, rows, np.zeros(len(rows)), still)
-        found = [Foreseen(**each) for each in columns]
+        found = [RowPredictions(**each) for each in columns]
         return [
             (one, margins(bounds, rig, row[0], one, None, rest))
             for one, row, rest in zip(found, rows, rests, strict=True)
@@ -103,7 +107,9 @@ def _tried(subject: Subject, rows: Sequence[Row], seconds: float) -> list[tuple[
         for link, power in zip(links, heave.dc, strict=True)
     ]
     columns, _ = _part(subject, rows, np.array([one.mean for one in told]), still)
-    found = [Foreseen(**{**each, **_voltage(one)}) for each, one in zip(columns, told, strict=True)]
+    found = [
+        RowPredictions(**{**each, **_voltage(one)}) for each, one in zip(columns, told, strict=True)
+    ]
     return [
         (one, margins(bounds, rig, row[0], one, link, rest))
         for one, row, link, rest in zip(found, rows, links, rests, strict=True)

@@ -13,7 +13,7 @@ from rig.design.predictions import loop, passive, plant, sampled
 from rig.design.predictions.axis import body_lines, peak
 from rig.design.predictions.electrics import held
 from rig.design.predictions.grid import Floats, record
-from rig.design.predictions.model import Subject, pushed
+from rig.design.predictions.model import Subject, has_excitation
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import System, steady
 from rig.planning.campaign.set_points import Setting
@@ -53,7 +53,7 @@ def surge_of(subject: Subject, settings: Sequence[Setting]) -> Surge:
         body_lines(axis, on)[None, :],
         axis.excitation,
         loop.demand(axis.timing, once, on.omega),
-        pushed(subject, "surge", kept),
+        has_excitation(subject, "surge", kept),
         loop.drive(axis.timing, on.omega),
         lambda x, v: passive.drag_force(axis.hull.quadratic, v),
         granted,

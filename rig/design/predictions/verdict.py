@@ -143,7 +143,7 @@ def _bound(margin: Margin, places: Places, row: CampaignRow) -> str:
 
 def _doubts(one: RowPrediction, settle: float) -> Iterator[str]:
     """What makes the prediction, or the row's mean, less sure."""
-    found = one.foreseen
+    found = one.predicted
     if not found.settled:
         yield "no steady motion was found, so the prediction is rough"
     left = math.exp(-settle / found.decay) * min(1.0, found.decay / max(one.row.measure, 1e-9))

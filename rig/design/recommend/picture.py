@@ -10,7 +10,7 @@ from scipy.interpolate import RectBivariateSpline
 
 from rig.analysis import picture
 from rig.design.recommend.matrix import words
-from rig.design.recommend.recommendation import Advice
+from rig.design.recommend.recommendation import Recommendation
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Bench, Gains, Tried
 from rig.planning.campaign.stability import largest_ki
@@ -19,12 +19,12 @@ _SIDE = 15  # points of the surface along each axis
 _NEAR = 100.0  # N/m: rows whose spring is nearer to the surface's are drawn filled
 
 
-def write_surfaces(advice: Advice, path: Path) -> Path:
+def write_surfaces(advice: Recommendation, path: Path) -> Path:
     """Draw mechanical, AC and DC power at the recommended spring rate, as PNG."""
     best = advice.best.gains
     kps, reaches, tried = _surface(advice, best.spring_rate)
     beneath = (
-        f"{advice.campaign.file.sea.words()}; spring {best.spring_rate:.0f} N/m; star: best for "
+        f"{advice.campaign.file.sea.description()}; spring {best.spring_rate:.0f} N/m; star: best for "
         "that station there; dots: recommended rows, hollow at another spring; crosses: measured"
     )
     told = {**_attributes(advice), "campaign": advice.campaign.file.name}
@@ -50,11 +50,11 @@ def write_surfaces(advice: Advice, path: Path) -> Path:
     return picture.save(figure, path)
 
 
-def _attributes(advice: Advice) -> dict[str, str]:
-    return {"run": ", ".join(run.split("_")[0] for run in advice.twin.runs), "rung": "prediction"}
+def _attributes(advice: Recommendation) -> dict[str, str]:
+    return {"run": ", ".join(run.split("_")[0] for run in advice.twin.runs), "mode": "prediction"}
 
 
-def _surface(advice: Advice, rate: float) -> tuple[Any, Any, list[Tried]]:
+def _surface(advice: Recommendation, rate: float) -> tuple[Any, Any, list[Tried]]:
     """Kp and Ki around the rows, and what is predicted there."""
     near = [row.tried.gains for row in advice.rows if abs(row.tried.gains.spring_rate - rate) < 1e3]
     kps = np.linspace(*_span([one.kp for one in near], 800.0), _SIDE)

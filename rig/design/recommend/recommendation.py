@@ -15,7 +15,7 @@ from rig.recording.runs import RunError
 from rig.recording.runs.folder import facts
 
 
-class Asked(NamedTuple):
+class RecommendOptions(NamedTuple):
     """What is to be recommended."""
 
     campaign: Path | None = None  # sea, rig and all but the matrix; None: of the last run in waves
@@ -27,10 +27,10 @@ class Asked(NamedTuple):
     incomplete_rows: bool = False  # also rows of which the record lacks ticks
 
 
-class Advice(NamedTuple):
+class Recommendation(NamedTuple):
     """A recommendation."""
 
-    asked: Asked
+    asked: RecommendOptions
     base: Path  # the campaign that was asked for
     campaign: Campaign  # the same, on the twin
     twin: Twin
@@ -49,7 +49,7 @@ class Advice(NamedTuple):
         return next(found).best
 
 
-def advise(runs: Sequence[Path], asked: Asked, folder: Path) -> Advice:
+def advise(runs: Sequence[Path], asked: RecommendOptions, folder: Path) -> Recommendation:
     """Recommend; the twin is written into ``folder``.
 
     Raises RunError, ValueError or `ConfigError` as `rig.identification.twin.estimate.twin` and
@@ -72,7 +72,7 @@ def advise(runs: Sequence[Path], asked: Asked, folder: Path) -> Advice:
     if not rows:
         raise RunError("no setting near the best is allowed by the limits of the rig")
     intervals = half_widths(known, quick, [row.tried.gains for row in rows], measured)
-    return Advice(
+    return Recommendation(
         asked, base, bench.campaign, known, bench, tuple(found), tuple(told), tuple(rows),
         tuple(intervals), tuple(measured),
     )  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 
 from rig.config.problems import shown
 from rig.design.recommend.matrix import campaign_text, words
-from rig.design.recommend.recommendation import Advice
+from rig.design.recommend.recommendation import Recommendation
 from rig.design.recommend.search import STATIONS
 from rig.design.recommend.trial import Tried
 from rig.design.recommend.uncertainty import STROKE
@@ -15,7 +15,7 @@ CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
 SHORT = {"mechanical_1": "mech", "ac": "AC", "dc": "DC"}
 
 
-def write(advice: Advice, folder: Path, output: Path | None = None) -> list[Path]:
+def write(advice: Recommendation, folder: Path, output: Path | None = None) -> list[Path]:
     """The campaign (at ``output`` if given) and the JSON."""
     folder.mkdir(parents=True, exist_ok=True)
     campaign, numbers = output or folder / CAMPAIGN, folder / NUMBERS
@@ -32,12 +32,12 @@ def write(advice: Advice, folder: Path, output: Path | None = None) -> list[Path
     return [campaign, numbers]
 
 
-def _head(advice: Advice) -> list[str]:
+def _head(advice: Recommendation) -> list[str]:
     measured = len(advice.measured)
     told = f", {measured} rows of this sea among them" if measured else ", none of them in this sea"
     return [
         f"Written by rig recommend from {', '.join(advice.twin.runs)}{told}.",
-        f"Sea: {advice.campaign.file.sea.words()}. Looked for: {words(advice.asked.station)}.",
+        f"Sea: {advice.campaign.file.sea.description()}. Looked for: {words(advice.asked.station)}.",
         "Behind each row: why it is there and what is predicted, with 95 % intervals;",
         "mean power in W (absorbed is negative), stroke from lowest to highest.",
     ]
@@ -48,12 +48,12 @@ def _powers(one: Tried, told: dict[str, float]) -> str:
     return ", ".join([*said, f"stroke {one.foreseen.stroke:.3f} ± {told[STROKE]:.3f} m"])
 
 
-def as_dict(advice: Advice) -> dict[str, Any]:
+def as_dict(advice: Recommendation) -> dict[str, Any]:
     """All of it as JSON values, SI."""
     return {
         "runs": list(advice.twin.runs),
         "campaign": shown(advice.base),
-        "sea": advice.campaign.file.sea.words(),
+        "sea": advice.campaign.file.sea.description(),
         "station": advice.asked.station,
         "best": _tried(advice.best),
         "optima": [
@@ -81,7 +81,7 @@ def _tried(one: Tried, told: dict[str, float] | None = None) -> dict[str, Any]:
     return found
 
 
-def as_text(advice: Advice) -> str:
+def as_text(advice: Recommendation) -> str:
     """For people: the best of each law, the rows, how measured rows were met."""
     lines = [*_head(advice)[:2], "", "Best by station and law", *_optima(advice)]
     rows = [
@@ -100,7 +100,7 @@ def as_text(advice: Advice) -> str:
     return "\n".join(lines)
 
 
-def _optima(advice: Advice) -> list[str]:
+def _optima(advice: Recommendation) -> list[str]:
     head = ("for", "law", "spring N/m", "Kp N·s/m", "Ki N/m", *(f"{s} W" for s in SHORT.values()),
             "±", "x stroke m", "")  # fmt: skip
     body = [
@@ -111,7 +111,7 @@ def _optima(advice: Advice) -> list[str]:
     return _aligned([head, *body])
 
 
-def _met(advice: Advice) -> list[str]:
+def _met(advice: Recommendation) -> list[str]:
     found: list[tuple[str, ...]] = []
     for station in STATIONS:
         off = [c.measured[station] - c.predicted[station] for c in advice.measured]

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from controllers import magnetic_spring
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import Locate, Place, load_mapping
-from rig.design.predictions import Foreseen
+from rig.design.predictions import RowPredictions
 from rig.design.predictions.margins import Margin, broken
 from rig.design.predictions.model import Subject, subject_of
 from rig.design.predictions.rows import tried
@@ -31,7 +31,7 @@ class Tried(NamedTuple):
     """A set point and what is predicted of it."""
 
     gains: Gains
-    foreseen: Foreseen
+    foreseen: RowPredictions
     margins: tuple[Margin, ...]
 
     @property

@@ -67,7 +67,7 @@ def _off(rows: Sequence[Compared], name: str) -> float:
 def compared(twin: Twin, bench: Bench) -> list[Compared]:
     """The twin's rows in the campaign's own sea beside what is predicted of them."""
     asked = bench.campaign_sea
-    rows = [one for one in twin.records if one.sea == asked and not one.pushed]
+    rows = [one for one in twin.records if one.sea == asked and not one.has_excitation]
     if not rows:
         return []
     gains = [Gains(*(one.setting[name] for name in Gains._fields)) for one in rows]

@@ -90,7 +90,7 @@ def write_effects(
 ) -> Path:
     """Draw Z_in over what matches it and Z_l over what matches it, for each case, as PNG.
 
-    ``attributes`` say run and rung.
+    ``attributes`` say run and mode.
     """
     figure, body = picture.framed(10.0, 6.4, title, attributes, SAID)
     panels: Any = body.subplots(2, 2, sharex=True)

@@ -19,7 +19,7 @@ class Measured(NamedTuple):
     """What the theory needs of a device."""
 
     model: str  # which it is of
-    attributes: dict[str, Any]  # of the run: id and rung
+    attributes: dict[str, Any]  # of the run: id and mode
     spring_rate: float  # N/m, of the rows it was measured in
     omega: Floats
     z_i: Complexes  # N s/m

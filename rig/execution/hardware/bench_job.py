@@ -5,13 +5,13 @@ from typing import Any, Literal, NamedTuple
 from drivers.compax3 import analog_command
 from drivers.errors import CodecError
 from rig.config.bench_rig_file import BenchRigFile
-from rig.config.bench_wiring import BENCH_WORDS, BenchWiring
+from rig.config.bench_wiring import BENCH_SLOT_SIGNALS, BenchWiring
 from rig.execution.hardware import streams
 from rig.execution.hardware.bench_settings import Config
 from rig.execution.hardware.job import WiringError
-from rig.execution.hardware.modbus_lines import line_companions
+from rig.execution.hardware.modbus_lines import modbus_pollers
 from rig.processes import handover
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 
 Loop = Literal["velocity", "torque"]
 """Which loop of the drive is closed in a session."""
@@ -20,7 +20,7 @@ Loop = Literal["velocity", "torque"]
 class Job(NamedTuple):
     """What starts a wired session."""
 
-    companions: tuple[Companion, ...]
+    io_processes: tuple[IoProcess, ...]
     devices: dict[
         str, Any
     ]  # for `rig.execution.hardware.bench_devices.connect`, mailboxes still to come
@@ -42,7 +42,7 @@ def job_of_bench(rig: BenchRigFile, loop: Loop = "velocity") -> Job:
         raise WiringError("\n".join(troubles))
     slots = {"servo": ("servo", "set_point"), "load_cell": ("load_cell",)}
     found = [
-        Companion(
+        IoProcess(
             kind.replace("_", " "),
             "rig.execution.hardware.stream_poller",
             {"kind": kind, "told": told[kind]},
@@ -50,8 +50,8 @@ def job_of_bench(rig: BenchRigFile, loop: Loop = "velocity") -> Job:
         )
         for kind, names in slots.items()
     ]
-    blocks = {name: getattr(wiring, name) for name in BENCH_WORDS}
-    found += line_companions(wiring.lines, blocks, ("analog",), wiring.output_expiry_s)
+    blocks = {name: getattr(wiring, name) for name in BENCH_SLOT_SIGNALS}
+    found += modbus_pollers(wiring.lines, blocks, ("analog",), wiring.output_expiry_s)
     devices = {
         "devices": handover.dumps(_config(rig, wiring, loop)),
         "encoders": told["encoders"],

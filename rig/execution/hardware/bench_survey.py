@@ -63,7 +63,7 @@ class BenchFound(NamedTuple):
 def survey_bench(job: Job) -> BenchFound:
     """Look at every wire of a bench's job; what cannot be reached is told, never raised."""
     found, lines = [_stream("encoders", job.devices["encoders"])], []
-    for companion in job.companions:
+    for companion in job.io_processes:
         if companion.module == "rig.execution.hardware.stream_poller":
             found.append(_stream(companion.config["kind"], companion.config["told"]))
         else:

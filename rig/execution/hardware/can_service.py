@@ -16,7 +16,7 @@ from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 from rig.execution.hardware.messages import NodeHealth
 from rig.processes import handover
-from rig.processes.io_process import run, say, until_ended
+from rig.processes.io_process import report, run, until_ended
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
 
@@ -29,14 +29,14 @@ def serve(job: dict[str, Any]) -> None:
     config, ended = job["config"], until_ended(job["lifeline"])
     slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
     if refused := scheduling.at_its_service():
-        say(event="say", text=f"no priority over other work: {refused}")
+        report(event="say", text=f"no priority over other work: {refused}")
     interface, channel, bit_rate, options = config["bus"]
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]
     try:
         service = Service(bus)
     except LinkError as error:
-        say(event="refused", why=str(error))
+        report(event="refused", why=str(error))
         return
     try:
         try:
@@ -45,10 +45,10 @@ def serve(job: dict[str, Any]) -> None:
             for one in nodes:
                 service.start(one["node"])
         except ServiceError as error:
-            say(event="refused", why=str(error))
+            report(event="refused", why=str(error))
             return
         _watch(service, nodes, slots)
-        say(event="ready", facts=facts)
+        report(event="ready", facts=facts)
         told = -_TELL
         while not ended():
             time.sleep(_LOOK)
@@ -57,7 +57,7 @@ def serve(job: dict[str, Any]) -> None:
             except LinkError as error:  # the slots grow old, and the loop stops for their age
                 if time.monotonic() - told > _TELL:
                     told = time.monotonic()
-                    say(event="say", text=str(error))
+                    report(event="say", text=str(error))
         for one in nodes:
             service.stop(one["node"])
     finally:

@@ -18,11 +18,11 @@ from drivers.canopen.position_actuator import Settings as ActuatorSettings
 from drivers.canopen.torque_axis import TORQUE_MODE, layouts
 from drivers.canopen.torque_axis import Settings as AxisSettings
 from rig.config import RigFile
-from rig.config.wiring import WORDS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
-from rig.execution.hardware.modbus_lines import line_companions
+from rig.config.wiring import SLOT_SIGNALS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
+from rig.execution.hardware.modbus_lines import modbus_pollers
 from rig.execution.hardware.settings import Config
 from rig.processes import handover
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 
 _NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the drive has said what it is
 _RESET_TICKS = 20
@@ -41,7 +41,7 @@ _FACTS = {
 class Job(NamedTuple):
     """What starts a wired run."""
 
-    companions: tuple[Companion, ...]
+    io_processes: tuple[IoProcess, ...]
     devices: dict[
         str, Any
     ]  # for `rig.execution.hardware.devices.connect`, facts and mailboxes still to come
@@ -228,12 +228,12 @@ def _scaling(drive: TorqueDrive, kt: float) -> dict[str, Any]:
     return {"kind": drive.scaling, "kt": kt, "limit": drive.current_limit_a}
 
 
-def _companions(wiring: Wiring, nodes: list[dict[str, Any]], bus: Bus) -> list[Companion]:
+def _companions(wiring: Wiring, nodes: list[dict[str, Any]], bus: Bus) -> list[IoProcess]:
     stator = wiring.stator
     patience = _SETUP_PATIENCE + (stator.homing_s if stator.homing else 0.0)
     health = tuple(f"{node['name']}_health" for node in nodes)
     service = {"bus": list(bus), "nodes": json.loads(json.dumps(nodes))}
-    found = [Companion("can", "rig.execution.hardware.can_service", service, health, patience)]
-    blocks = {name: getattr(wiring, name) for name in WORDS}
-    found += line_companions(wiring.lines, blocks, ("outputs",), wiring.output_expiry_s)
+    found = [IoProcess("can", "rig.execution.hardware.can_service", service, health, patience)]
+    blocks = {name: getattr(wiring, name) for name in SLOT_SIGNALS}
+    found += modbus_pollers(wiring.lines, blocks, ("outputs",), wiring.output_expiry_s)
     return found

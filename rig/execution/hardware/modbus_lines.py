@@ -5,15 +5,15 @@ from typing import Any
 
 from rig.config.wiring import AnyLine, Registers
 from rig.execution.hardware.messages import DONE, SLOTS
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 
 
-def line_companions(
+def modbus_pollers(
     lines: Mapping[str, AnyLine],
     blocks: Mapping[str, Registers],
     written: Iterable[str],
     expiry: float,
-) -> list[Companion]:
+) -> list[IoProcess]:
     """A poller a line, for the blocks on it; those in ``written`` go out, the others come in.
 
     ``expiry``: age (s) from which what the loop wanted is let go.
@@ -35,7 +35,7 @@ def line_companions(
         blocks_here = tuple(block["name"] for block in several)
         done = tuple(f"{name}{DONE}" for name in blocks_here if f"{name}{DONE}" in SLOTS)
         names = (*blocks_here, *done)
-        found.append(Companion(f"line {line}", f"{__package__}.modbus_poller", config, names))
+        found.append(IoProcess(f"line {line}", f"{__package__}.modbus_poller", config, names))
     return found
 
 

@@ -23,7 +23,7 @@ from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, RefusedError, Rtu, Tcp
 from drivers.modbus.registers import Block, Value
 from rig.execution.hardware.messages import DONE, SLOTS, Done
-from rig.processes.io_process import run, say, until_ended
+from rig.processes.io_process import report, run, until_ended
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
 
@@ -248,7 +248,7 @@ def poll(job: dict[str, Any]) -> None:
     writable += [block for t in tasks for block, given in prepared(t.polled) if given.write]
     line = line_of(config, writable)
     if refused := scheduling.at_its_service():
-        say(event="say", text=f"no priority over other work: {refused}")
+        report(event="say", text=f"no priority over other work: {refused}")
     ended = until_ended(job["lifeline"])
     began, ready = time.monotonic(), False
     try:
@@ -259,13 +259,13 @@ def poll(job: dict[str, Any]) -> None:
                 time.sleep(min(pause, 0.1))
                 continue
             if text := task.turn(line):
-                say(event="say", text=text)
+                report(event="say", text=text)
             if not ready and all(one.answered for one in tasks):
                 ready = True
-                say(event="ready")
+                report(event="ready")
             if not ready and time.monotonic() - began > READY:
                 silent = [f"{t.polled.name} ({t.trouble})" for t in tasks if not t.answered]
-                say(event="refused", why="; ".join(silent))
+                report(event="refused", why="; ".join(silent))
                 return
     finally:
         for task in tasks:  # what it drives is let go; the module's own watchdog is the second line

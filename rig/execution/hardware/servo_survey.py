@@ -9,7 +9,7 @@ from drivers.errors import CodecError
 from rig.execution.hardware.streams import servo_settings
 
 
-class Told(NamedTuple):
+class ServoIdentity(NamedTuple):
     """What the drive said."""
 
     name: str
@@ -28,7 +28,7 @@ class ServoLook:
         """
         settings = servo_settings(told)
         channels = (settings.status, *settings.actual)
-        self.told: Told | None = None
+        self.told: ServoIdentity | None = None
         self.requests = Requests(
             settings.name, settings.address, settings.identity, settings.timing
         )
@@ -56,7 +56,7 @@ class ServoLook:
             if len(self._values) == 3:
                 word, current, error = self._values
                 status = objects.status(word)
-                self.told = Told(self.requests.name, status, current, int(error))
+                self.told = ServoIdentity(self.requests.name, status, current, int(error))
         except CodecError as error:
             self._values = []
             self.requests.doubt(now, str(error))

@@ -11,7 +11,7 @@ from drivers.conversation import Exchange
 from drivers.errors import CodecError, LinkError
 from rig.execution.hardware.messages import SLOTS
 from rig.execution.hardware.streams import Stream, made
-from rig.processes.io_process import run, say, until_ended
+from rig.processes.io_process import report, run, until_ended
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
 
@@ -32,10 +32,10 @@ def converse(job: dict[str, Any]) -> None:
         stream = made(config["kind"], config["told"], slots)
         stream.link.open()
     except (CodecError, LinkError) as error:
-        say(event="refused", why=str(error))
+        report(event="refused", why=str(error))
         return
     if refused := scheduling.at_its_service():
-        say(event="say", text=f"no priority over other work: {refused}")
+        report(event="say", text=f"no priority over other work: {refused}")
     ended = until_ended(job["lifeline"])
     exchange, slot = Exchange(stream.link, stream.talk), slots[config["kind"]]
     try:
@@ -54,11 +54,11 @@ def _until_there(stream: Stream, exchange: Exchange, slot: Mailbox, ended: Ended
         word = stream.tell(now)
         if word is not None and now - word.stamp < YOUNG:
             slot.post(word)
-            say(event="ready")
+            report(event="ready")
             return True
         if now > until:
             said = stream.talk.explain(now) or stream.link.trouble
-            say(event="refused", why=f"{stream.link.name}: {said}")
+            report(event="refused", why=f"{stream.link.name}: {said}")
             return False
         time.sleep(PAUSE)
     return False
@@ -74,7 +74,7 @@ def _serve(stream: Stream, exchange: Exchange, slot: Mailbox, ended: Ended) -> N
             slot.post(word)
         said = stream.link.trouble or stream.talk.explain(now)
         if said != trouble and (not said or now - told >= _TELL):
-            say(event="say", text=said or "all is well again")
+            report(event="say", text=said or "all is well again")
             told, trouble = now, said
         time.sleep(PAUSE)
 

@@ -82,7 +82,7 @@ def survey(job: Job) -> Found:
     """Look at every wire of a rig's job; what cannot be reached is told, never raised."""
     can = None
     lines = []
-    for companion in job.companions:
+    for companion in job.io_processes:
         if companion.module == "rig.execution.hardware.can_service":
             can = _bus(companion.config, job.load.total)
         else:

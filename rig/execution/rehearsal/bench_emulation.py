@@ -25,8 +25,8 @@ from rig.execution.rehearsal.emulator_control import Control, Stage
 from rig.execution.rehearsal.emulator_process import host, modbus_line, without_delay
 from rig.kinds.oswec_bench.signals import TORQUE, VELOCITY
 from rig.planning.session.files import Session
-from rig.processes.io_process import run, say
-from rig.processes.io_processes import Companion
+from rig.processes.io_process import report, run
+from rig.processes.io_processes import IoProcess
 from sim_plant.bench.world import BenchWorld
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.modbus_unit import ModbusUnit
@@ -34,7 +34,7 @@ from sim_plant.emulators.running import Emulator, running
 from sim_plant.emulators.shared_world import SharedBench
 
 NAME = "emulated devices"
-PATIENCE = 30.0  # s until all devices are there: the bench is compiled first
+READY_TIMEOUT_S = 30.0  # s until all devices are there: the bench is compiled first
 _SLIP = math.radians(3.0)
 _BENCH_FAULTS = {
     "coupling_slips": "the shaft slips by 3 deg in its coupling, and stays there",
@@ -42,7 +42,7 @@ _BENCH_FAULTS = {
 }
 
 
-def companion_of(session: Session) -> Companion:
+def emulator_process(session: Session) -> IoProcess:
     """The emulated devices of a session's bench, as a companion of the run."""
     locked = 1 if session.file.shaft == "clamped" else 0
     return emulated_bench(session.rig, session.plant, session.file.seed, session.file.loop, locked)
@@ -50,7 +50,7 @@ def companion_of(session: Session) -> Companion:
 
 def emulated_bench(
     rig: BenchRigFile, plant: dict[str, Any], seed: int, loop: str, locked: int
-) -> Companion:
+) -> IoProcess:
     """The emulated devices of a bench; ``loop``: which one its drive is set up for.
 
     ``locked`` 1: somebody has clamped the shaft.
@@ -61,8 +61,8 @@ def emulated_bench(
         "loop": loop,
         "locked": locked,
     }
-    return Companion(
-        NAME, "rig.execution.rehearsal.bench_emulation", config, (), PATIENCE, first=True
+    return IoProcess(
+        NAME, "rig.execution.rehearsal.bench_emulation", config, (), READY_TIMEOUT_S, first=True
     )
 
 
@@ -151,7 +151,7 @@ class EmulatedBench:
             async with running(self.lines) as addresses:
                 await self.control.start()
                 ticking = asyncio.create_task(self._tick())
-                say(event="ready", facts={"control": self.control.address, **addresses})
+                report(event="ready", facts={"control": self.control.address, **addresses})
                 while not (ended.is_set() or ticking.done()):
                     with suppress(TimeoutError):
                         await asyncio.wait_for(ended.wait(), 0.1)

@@ -18,8 +18,8 @@ from rig.execution.rehearsal.addresses import impossible, taken
 from rig.execution.rehearsal.devices import build_world
 from rig.execution.rehearsal.emulator_control import Control, Stage
 from rig.execution.rehearsal.emulator_process import host, modbus_line, without_delay
-from rig.processes.io_process import run, say
-from rig.processes.io_processes import Companion
+from rig.processes.io_process import report, run
+from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.can_hub import CanHub
 from sim_plant.emulators.canopen_node import CanopenNode, NodeParams
@@ -53,7 +53,7 @@ AMC, RATED, ACTUATOR = (
 )
 NAME = "emulated devices"
 AXES = ("heave", "surge")
-PATIENCE = 30.0  # s until all devices are there: the plant is compiled first
+READY_TIMEOUT_S = 30.0  # s until all devices are there: the plant is compiled first
 _CELLS, _PROBES = 20_000.0, 5.0  # N and m, ratings of the amplifiers
 _ITEMS: tuple[tuple[Block, Quantity], ...] = (
     ("sum", "P"), ("element_1", "P"), ("element_1", "U"),
@@ -61,17 +61,19 @@ _ITEMS: tuple[tuple[Block, Quantity], ...] = (
 _ANALOG = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
 
 
-def companion(campaign: "Campaign") -> Companion:
+def emulator_process(campaign: "Campaign") -> IoProcess:
     """The emulated devices of a campaign's rig, in its sea, as a companion of the run."""
     from rig.execution.rehearsal import job  # noqa: PLC0415  (scipy: seconds, and the devices need none)
 
     return emulated(campaign.rig, job.devices_of(campaign))
 
 
-def emulated(rig: RigFile, plant: dict[str, Any]) -> Companion:
+def emulated(rig: RigFile, plant: dict[str, Any]) -> IoProcess:
     """The emulated devices of a rig; ``plant`` as `job.devices_of` gives it."""
     config = {"rig": rig.model_dump(mode="json"), "plant": plant}
-    return Companion(NAME, "rig.execution.rehearsal.emulation", config, (), PATIENCE, first=True)
+    return IoProcess(
+        NAME, "rig.execution.rehearsal.emulation", config, (), READY_TIMEOUT_S, first=True
+    )
 
 
 class Emulated:
@@ -128,7 +130,7 @@ class Emulated:
             async with running(self.lines) as addresses:
                 await self.control.start()
                 here = {"can": f"socketcand {host}:{port}", "control": self.control.address}
-                say(event="ready", facts={**here, **addresses})
+                report(event="ready", facts={**here, **addresses})
                 while not ended.is_set():
                     self._world.catch_up()
                     self.hub.tend()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rig.config.wiring import RtuLine, TcpLine
-from rig.processes.io_process import say
+from rig.processes.io_process import report
 from rig.realtime import scheduling
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
@@ -18,7 +18,7 @@ from sim_plant.emulators.schedule import precise_loop
 from sim_plant.emulators.serial_line import LineSettings, SerialLine
 
 
-class Guests(Protocol):
+class EmulatedDevices(Protocol):
     """All emulated devices of a rig."""
 
     async def serve(self, ended: asyncio.Event) -> None:
@@ -26,9 +26,11 @@ class Guests(Protocol):
         ...
 
 
-Make = Callable[[dict[str, Any], asyncio.AbstractEventLoop], Guests]
+Make = Callable[[dict[str, Any], asyncio.AbstractEventLoop], EmulatedDevices]
 
-LAST_WORDS = 2.0  # s after the loop's end in which I/O processes may still speak to the devices
+SHUTDOWN_GRACE_S = (
+    2.0  # s after the loop's end in which I/O processes may still speak to the devices
+)
 
 
 def host(job: dict[str, Any], make: Make) -> None:
@@ -46,16 +48,16 @@ async def _host(config: dict[str, Any], lifeline: int, make: Make) -> None:
 
     def hung_up() -> None:  # real devices would still be there for the last words
         loop.remove_reader(lifeline)
-        loop.call_later(LAST_WORDS, ended.set)
+        loop.call_later(SHUTDOWN_GRACE_S, ended.set)
 
     loop.add_reader(lifeline, hung_up)
     try:
         guests = make(config, loop)
         if refused := scheduling.beside_the_loop():
-            say(event="say", text=f"no priority over other work: {refused}")
+            report(event="say", text=f"no priority over other work: {refused}")
         await guests.serve(ended)
     except OSError as error:  # an address is taken: another run, or another rig's devices
-        say(event="refused", why=str(error))
+        report(event="refused", why=str(error))
 
 
 def modbus_line(line: TcpLine | RtuLine, units: dict[int, ModbusUnit]) -> Emulator:

@@ -227,7 +227,7 @@ def _sea(pieces: Pieces, bem: Bem | None) -> Iterator[Problem]:
         if bem is not None and pieces.rate_hz is not None:
             waves.tables(built, bem, 1.0 / pieces.rate_hz)
     except ValueError as error:
-        yield locate.problem(("sea",), sea.words(), str(error))
+        yield locate.problem(("sea",), sea.description(), str(error))
 
 
 def _repeating_beside(frequency: float) -> list[Fraction]:

@@ -9,7 +9,7 @@ from rig.config.pydantic_errors import validate
 from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.bench_emulation import emulated_bench
 from rig.execution.rehearsal.emulation import emulated
-from rig.processes.io_processes import Companion
+from rig.processes.io_processes import IoProcess
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.parameters import Plant
 
@@ -18,7 +18,7 @@ class Alone(NamedTuple):
     """A rig and what plays its devices."""
 
     rig: AnyRigFile
-    companion: Companion
+    io_process: IoProcess
 
 
 def alone(path: Path) -> Alone:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.analysis import wave_calibration
 from rig.config.yaml_source import load_mapping
-from rig.identification.identify import Asked, identify
+from rig.identification.identify import IdentificationOptions, identify
 from rig.identification.twin import drivetrain, electrics, seas
 from rig.identification.twin.group import Group, allowance
 from rig.identification.twin.hull import Hull, hull
@@ -141,6 +141,6 @@ def _coefficient(
         run for run, one in zip(runs, known, strict=True)
         if one.plan.get("reference") or wave_calibration.is_calibration(one.plan)
     ]  # fmt: skip
-    identified = identify(used, Asked(probe=probe))
+    identified = identify(used, IdentificationOptions(probe=probe))
     notes += identified.notes
     return seas.identified(bem, identified.excitations)

@@ -51,7 +51,7 @@ def hull(records: Sequence[Record]) -> Hull:
 
     Raises ValueError where they are none, or have too few lines.
     """
-    used = [one for one in records if one.pushed and one.sea is None]
+    used = [one for one in records if one.has_excitation and one.sea is None]
     if not used:
         raise ValueError("no row in calm water with an open-loop reference")
     used = [one for one in used if one.period == used[0].period]

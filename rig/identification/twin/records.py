@@ -52,7 +52,7 @@ class Record(NamedTuple):
     place: str  # run and row
     setting: dict[str, float]  # of the row, by the names of `rig.config.columns`
     sea: dict[str, Any] | None  # lines asked of the wave maker; None in calm water
-    pushed: bool  # an open-loop reference was on
+    has_excitation: bool  # an open-loop reference was on
     period: float  # s
     velocity: Complexes  # m/s, by line from 1 on, mean over the periods
     trs: Complexes  # N
@@ -127,8 +127,8 @@ def analysed(record: Record, samples: Floats) -> Complexes:
 
 
 def _record(window: Window, row: dict[str, Any], known: Facts) -> Record:
-    if window.cut_short:
-        raise ValueError(window.cut_short)
+    if window.incomplete_reason:
+        raise ValueError(window.incomplete_reason)
     data, plan = window.data, known.plan
     dt, sea = float(plan["dt"]), plan.get("asked_sea")
     pushed = bool(np.any(data[REFERENCE] != 0.0))

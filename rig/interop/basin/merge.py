@@ -39,7 +39,7 @@ class Source(NamedTuple):
     match: tuple[str, str] | None = None  # channel and log field of one quantity, for the sine
 
 
-class Asked(NamedTuple):
+class SyncChannels(NamedTuple):
     """What is common to all files."""
 
     ttl: str | None = None  # channel; None: one of the usual names
@@ -64,7 +64,7 @@ class Merged(NamedTuple):
         return [f"{source.name}: {said}" for source, one in pairs for said in one.alarms]
 
 
-def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: Asked) -> Merged:
+def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: SyncChannels) -> Merged:
     """Align each file's clock to the run's and bring its channels onto one even time.
 
     Raises `ConfigError` for a file that cannot be read or aligned, RunError or KeyError for a run
@@ -113,7 +113,7 @@ def _field(opened: reader.Source, named: str) -> str:
     return field
 
 
-def channels(record: Recording, asked: Asked) -> tuple[str | None, str | None]:
+def channels(record: Recording, asked: SyncChannels) -> tuple[str | None, str | None]:
     """Names of the trigger and the sine in a record: those asked for, or the usual ones."""
     found = []
     for named, usual in ((asked.ttl, TTL), (asked.sine, SINE)):
@@ -123,7 +123,9 @@ def channels(record: Recording, asked: Asked) -> tuple[str | None, str | None]:
     return found[0], found[1]
 
 
-def _reference(run: Path, place: dict[str, Any], asked: Asked, field: str | None) -> Reference:
+def _reference(
+    run: Path, place: dict[str, Any], asked: SyncChannels, field: str | None
+) -> Reference:
     """Trigger and sine as the run knows them."""
     time = np.asarray(place["time"], dtype=np.float64)
     edge, sine = _wave_start(time, place.get("plan.wave_clock")), None
@@ -161,7 +163,7 @@ def _on_one_time(
     sources: Sequence[Source],
     records: list[Recording],
     alignments: list[Alignment],
-    asked: Asked,
+    asked: SyncChannels,
 ) -> xarray.Dataset:
     start, end = float(place["time"][0]), float(place["time"][-1])
     time = np.arange(np.ceil(start * rate), np.floor(end * rate + 1e-9) + 1.0) / rate

@@ -28,7 +28,7 @@ from rig.regular_file import RECORD_MOST, read_regular
 
 Zeros = Literal["window", "run", "none"]
 
-RUNG = "imported"
+MODE = "imported"
 _STAMP = re.compile(r"(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
 _LOGGED = {
     "kp": "heave.demand.kp",
@@ -41,7 +41,7 @@ _LOGGED = {
 _CELLS = {"lcb": "mechanical_1", "trs": "mechanical_2"}
 
 
-class Said(NamedTuple):
+class FileDescription(NamedTuple):
     """What a person says of a file that it does not say itself."""
 
     name: str  # of the campaign
@@ -68,7 +68,7 @@ def started_by_name(path: Path) -> datetime | None:
     return datetime.strptime(found[0], "%Y_%m_%d_%H_%M_%S").replace(tzinfo=UTC)
 
 
-def write_run(signals: Signals, path: Path, runs: Path, said: Said) -> Imported:
+def write_run(signals: Signals, path: Path, runs: Path, said: FileDescription) -> Imported:
     """A run folder in ``runs``; ValueError where rows cannot be found in the file."""
     windows, columns = _windows(signals, said)
     time = signals.time - signals.time[0]
@@ -92,7 +92,7 @@ def write_run(signals: Signals, path: Path, runs: Path, said: Said) -> Imported:
     return Imported(folder, len(rows), tuple(remarks))
 
 
-def _windows(signals: Signals, said: Said) -> tuple[Windows, tuple[str, ...]]:
+def _windows(signals: Signals, said: FileDescription) -> tuple[Windows, tuple[str, ...]]:
     """Rows of the file, and which settings it knows."""
     columns = tuple(name for name, leaf in _LOGGED.items() if leaf in signals.leaves)
     labelled = from_labels(signals.found)
@@ -172,7 +172,7 @@ def _rows(data: Records, columns: tuple[str, ...], timing: Timing | None) -> lis
     return made
 
 
-def _config(signals: Signals, said: Said, source: dict[str, Any]) -> dict[str, Any]:
+def _config(signals: Signals, said: FileDescription, source: dict[str, Any]) -> dict[str, Any]:
     drive = {"kind": signals.drive}
     if signals.drive == "custom":
         drive["modulation"] = "not recorded"
@@ -182,13 +182,13 @@ def _config(signals: Signals, said: Said, source: dict[str, Any]) -> dict[str, A
 
 
 def _write(
-    folder: Path, data: Records, plan: dict[str, Any], config: dict[str, Any], said: Said
+    folder: Path, data: Records, plan: dict[str, Any], config: dict[str, Any], said: FileDescription
 ) -> None:
     status = {
         "run": folder.name,
         "status": "complete",
         "reason": Reason.PLAN_END.name,
-        "rung": RUNG,
+        "mode": MODE,
         "campaign": said.name,
         "rows_planned": len(plan["rows"]),
         "rows_done": len(plan["rows"]),
@@ -201,7 +201,7 @@ def _write(
         folder / MCAP,
         WaveBotRow,
         {name: json.dumps(value).encode() for name, value in texts.items()},
-        {"run": {"run": folder.name, "rung": RUNG}},
+        {"run": {"run": folder.name, "mode": MODE}},
         start_utc_ns=round(said.started.timestamp() * 1e9),
     )
     for begin in range(0, len(data), 1000):

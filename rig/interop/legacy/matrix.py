@@ -63,7 +63,7 @@ def _refusal(name: str, value: float) -> str:
     known = allowed(Combination, (name,))
     if known is not None and not known.holds(value):
         reason = f" ({known.reason()})" if known.reason() else ""
-        return f"{number_text(value)} is out of range; allowed {known.words(name)}{reason}"
+        return f"{number_text(value)} is out of range; allowed {known.description(name)}{reason}"
     return ""
 
 

@@ -38,7 +38,7 @@ class Statement(NamedTuple):
     flap: str | None = None  # aft or bow, for foswec
     torque_constant_ratio: float = 1.0  # true over the one the controller divides by
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The statement in a line, as it is written into what comes of it."""
         said = (
             f"lever {number_text(self.lever)} m, gear {number_text(self.gear)}, positive damping "

@@ -37,7 +37,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return fault
     most = limits.shaft_jump_stop
     measured = encoders.shaft_counts * params.shaft.radians_per_count - shaft_zero
-    late = encoders.age - state.motor.usual
+    late = encoders.age - state.motor.min_age
     if late > 0.0:  # where the shaft is by now
         measured = measured + late * (v - 0.5 * late * a)
     if not -most <= measured - x <= most:
@@ -61,7 +61,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return Reason.STALE_LOAD_CELL.value
     if not 0.0 <= brake_age <= limits.brake_age_stop:
         return Reason.STALE_BRAKE.value
-    if state.brake.astray >= limits.brake_ticks_stop:
+    if state.brake.mismatch_ticks >= limits.brake_ticks_stop:
         return Reason.BRAKE_LOST.value
     if tared.samples > 0 and tared.highest - tared.lowest > limits.tare_span_stop:
         return Reason.NOT_CALM.value

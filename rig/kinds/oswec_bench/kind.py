@@ -8,19 +8,19 @@ from rig.kinds.oswec_bench.check import check, motor_sense
 from rig.kinds.oswec_bench.signals import (
     TORQUE,
     VELOCITY,
-    Asked,
     BenchRow,
     Command,
+    LoopDemand,
     Motion,
+    Reference,
     Rotation,
     Sense,
-    Wanted,
-    Words,
+    TickSignals,
 )
 from rig.kinds.oswec_bench.state import (
     LAWS_AT_REST,
+    ActiveSetpoint,
     BrakeState,
-    Held,
     Laws,
     Params,
     ShaftState,
@@ -34,9 +34,9 @@ from rig.realtime import axis, cycle, limits, safety
 from rig.realtime.safety import RUN, STOP_1
 from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
-_NOWHERE = Wanted(0.0, 0.0, 0.0)
+_NOWHERE = Reference(0.0, 0.0, 0.0)
 _STRAIGHT = Turning(0.0, 0.0)
-_NOTHING = Asked(0.0, 0.0)
+_NOTHING = LoopDemand(0.0, 0.0)
 
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
@@ -54,8 +54,8 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
         measured,
         before.age,
         age,
-        state.motor.usual,  # both encoders come in one frame
-        axis.apart_of_late(state.motor, age, dt),
+        state.motor.min_age,  # both encoders come in one frame
+        axis.recent_sample_gap(state.motor, age, dt),
         periods,
         dt,
     )
@@ -76,7 +76,7 @@ def control(
     guard: safety.State,
     setpoint: int,
     dt: float,
-) -> tuple[State, Command, Words]:
+) -> tuple[State, Command, TickSignals]:
     """Set point -> velocity or torque within limits, and the brake's current."""
     motor, _, told, laws, brake, mismatch, powers, tared, held = state
     in_motor, in_shaft = motion
@@ -88,7 +88,15 @@ def control(
     torque = load.tz - tared.zeros.torque
     if mode == RUN:
         laws, wanted, turned, asked = _laws(
-            params, laws, held, motion, brake.told.velocity, torque, motor.short, clock, dt
+            params,
+            laws,
+            held,
+            motion,
+            brake.told.velocity,
+            torque,
+            motor.saturation_deficit,
+            clock,
+            dt,
         )
     else:  # at rest they start afresh
         laws, wanted, turned, asked = LAWS_AT_REST, _NOWHERE, _STRAIGHT, _NOTHING
@@ -123,14 +131,14 @@ def control(
 def _laws(
     params: Params,
     laws: Laws,
-    held: Held,
+    held: ActiveSetpoint,
     motion: Motion,
     turning: float,
     torque: float,
     short: float,
     clock: float,
     dt: float,
-) -> tuple[Laws, Wanted, Turning, Asked]:
+) -> tuple[Laws, Reference, Turning, LoopDemand]:
     """What the shaft should do, the correction, and what is asked of the drive for both.
 
     ``turning``: the shaft's velocity as the law of the brake filters it, rad/s; the motor's own
@@ -142,7 +150,7 @@ def _laws(
         if flume.damping > 0.0:
             plain += brake_damping.opposing(flume.damping, turning)
         tracking, drawn = torque_tracking.step(params.torque, laws.torque, plain, torque, short, dt)
-        wanted, asked = Wanted(0.0, 0.0, plain), Asked(drawn.torque, 0.0)
+        wanted, asked = Reference(0.0, 0.0, plain), LoopDemand(drawn.torque, 0.0)
         return Laws(laws.position, tracking), wanted, _STRAIGHT, asked
     position, (plain_turn, correction) = oswec_position.step(
         params.position, laws.position, components, span, clock, torque, dt
@@ -150,11 +158,11 @@ def _laws(
     angle, velocity = plain_turn
     if clock < 0.0:  # between rows: home, so that drift does not add up from row to row
         rate, most = params.homing
-        asked = Asked(0.0, clamp(-rate * motion[1].position, -most, most))
+        asked = LoopDemand(0.0, clamp(-rate * motion[1].position, -most, most))
     else:
         astray = angle + correction.angle - motion[0].position
-        asked = Asked(0.0, velocity + correction.velocity + params.feedback * astray)
-    return Laws(position, laws.torque), Wanted(angle, velocity, 0.0), correction, asked
+        asked = LoopDemand(0.0, velocity + correction.velocity + params.feedback * astray)
+    return Laws(position, laws.torque), Reference(angle, velocity, 0.0), correction, asked
 
 
 Drive = tuple[int, float, float, float, float, int, int]
@@ -167,7 +175,7 @@ def _driven(
     told: speed.State,
     sense: Sense,
     motion: Estimate,
-    asked: Asked,
+    asked: LoopDemand,
     mode: int,
     dt: float,
 ) -> tuple[axis.State, speed.State, Drive]:
@@ -201,7 +209,12 @@ def _driven(
 
 
 def _braked(
-    params: Params, before: brake_damping.Braked, held: Held, velocity: float, mode: int, dt: float
+    params: Params,
+    before: brake_damping.Braked,
+    held: ActiveSetpoint,
+    velocity: float,
+    mode: int,
+    dt: float,
 ) -> brake_damping.Braked:
     """Torque and current of the brake; it takes part in a stop, and is let go with the power."""
     if not RUN <= mode <= STOP_1:
@@ -209,7 +222,7 @@ def _braked(
     return brake_damping.step(params.brake, before, held.damping, held.brake_current, velocity, dt)
 
 
-def _around(params: Params, held: Held, clock: float) -> tuple[int, int, float]:
+def _around(params: Params, held: ActiveSetpoint, clock: float) -> tuple[int, int, float]:
     """What people and wave maker do: `locked`, `sea` and `clamp` of a command."""
     sea, by_hand, angle, _ = held.flume
     locked = 1 if params.locked == 1 or by_hand == 1 else 0
@@ -229,7 +242,7 @@ def _mismatch(
 def _astray(params: Params, brake: BrakeState, measured: float) -> int:
     """Ticks in a row in which the brake did not have the current it was told before."""
     most = params.limits.brake_difference_stop
-    return 0 if -most <= measured - brake.told.current <= most else brake.astray + 1
+    return 0 if -most <= measured - brake.told.current <= most else brake.mismatch_ticks + 1
 
 
 def row(
@@ -240,10 +253,10 @@ def row(
     guard: safety.State,
     sense: Sense,
     command: Command,
-    words: Words,
+    signals: TickSignals,
 ) -> BenchRow:
     """The tick's log row."""
-    (motor, shaft), tared, wanted, correction, asked = words
+    (motor, shaft), tared, wanted, correction, asked = signals
     encoders, servo, load, brake, panel = sense
     return BenchRow(
         tick,

@@ -103,7 +103,7 @@ class Zeros(NamedTuple):
     samples: Count  # ticks averaged; 0: provisional, from the first tick alone
 
 
-class Wanted(NamedTuple):
+class Reference(NamedTuple):
     """What the shaft should do; that of the loop not in use is 0."""
 
     angle: Radian
@@ -111,7 +111,7 @@ class Wanted(NamedTuple):
     torque: NewtonMetre
 
 
-class Asked(NamedTuple):
+class LoopDemand(NamedTuple):
     """What is asked of the drive before limits; that of the loop not in use is 0."""
 
     torque: NewtonMetre
@@ -153,9 +153,9 @@ class BenchRow(NamedTuple):
     motor: Rotation
     shaft: Rotation
     tared: Zeros
-    reference: Wanted  # without correction and feedback
+    reference: Reference  # without correction and feedback
     correction: Turning  # what is added for the driveline's deflection
-    demand: Asked
+    demand: LoopDemand
     command: Command
     tick_end: Tick
 
@@ -191,4 +191,4 @@ class Setpoints(NamedTuple):
 Motion = tuple[Estimate, Estimate]
 
 # The bench's own part of a row, made in the tick.
-Words = tuple[Motion, Zeros, Wanted, Turning, Asked]
+TickSignals = tuple[Motion, Zeros, Reference, Turning, LoopDemand]

@@ -78,7 +78,7 @@ class BrakeState(NamedTuple):
     """What the brake was told, and since when it has not obeyed."""
 
     told: brake_damping.Braked
-    astray: int  # ticks in a row
+    mismatch_ticks: int  # ticks in a row
 
 
 class Laws(NamedTuple):
@@ -88,7 +88,7 @@ class Laws(NamedTuple):
     torque: torque_tracking.State
 
 
-class Held(NamedTuple):
+class ActiveSetpoint(NamedTuple):
     """The set point in use."""
 
     setpoint: int  # its index, -1: none yet
@@ -110,7 +110,7 @@ class State(NamedTuple):
     mismatch: int  # ticks of a velocity that disagrees with its command, as those of a current
     stations: stations.State
     tare: tare.State
-    held: Held
+    active_setpoint: ActiveSetpoint
 
 
 LAWS_AT_REST = Laws(oswec_position.start(), torque_tracking.start())
@@ -127,13 +127,13 @@ def start(params: Params) -> State:
         0,
         stations.start(),
         tare.start(),
-        Held(-1, (), Span(0.0, 0.0), 0.0, 0.0, NO_FLUME),
+        ActiveSetpoint(-1, (), Span(0.0, 0.0), 0.0, 0.0, NO_FLUME),
     )
 
 
-def hold(table: Setpoints, setpoint: int) -> Held:
+def hold(table: Setpoints, setpoint: int) -> ActiveSetpoint:
     """The set point of an index, made once and used until the next one."""
-    return Held(
+    return ActiveSetpoint(
         setpoint,
         table.components[setpoint],
         Span(table.rise[setpoint], table.until[setpoint]),

@@ -94,7 +94,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return Reason.STALE_STATOR.value
     if not -most_travel <= rotor_angle * metres_per_radian <= most_travel:
         return Reason.ROTOR_TRAVEL.value
-    stroke = state.held.stroke
+    stroke = state.active_setpoint.stroke
     if not -stroke <= position <= stroke:
         return Reason.SPRING_STROKE.value
     if tared.samples > 0 and tared.highest - tared.lowest > most_span:

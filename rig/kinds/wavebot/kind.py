@@ -13,13 +13,13 @@ from controllers import (
 from controllers.signals import Demand, DriveCommand, Reference
 from rig.kinds.wavebot import stations, tare
 from rig.kinds.wavebot.check import check
-from rig.kinds.wavebot.signals import Command, Motion, Sense, WaveBotRow, Words
+from rig.kinds.wavebot.signals import Command, Motion, Sense, TickSignals, WaveBotRow
 from rig.kinds.wavebot.state import (
     REFERENCE_SURGE,
     SURGE_HELD,
     SURGE_KEPT,
     SURGE_OFF,
-    Held,
+    ActiveSetpoint,
     Laws,
     Params,
     State,
@@ -62,7 +62,7 @@ def control(
     guard: safety.State,
     setpoint: int,
     dt: float,
-) -> tuple[State, Command, Words]:
+) -> tuple[State, Command, TickSignals]:
     """Set point -> forces within limits, stator target, drive settings, wave trigger; and power."""
     heave, laws, surge, spring, tared, spent, powers, held = state
     heave_sense, surge_sense, load, _, meter, drive_sense, _, _, _ = sense
@@ -73,7 +73,7 @@ def control(
         held = hold(params, setpoint)
     if mode == RUN:
         laws, wanted, reference, conducting, aside = _laws(
-            params, laws, motion, held, heave.short, wave_clock, dt
+            params, laws, motion, held, heave.saturation_deficit, wave_clock, dt
         )
     else:  # at rest they start afresh, so a later start ramps its gains up from zero
         laws = laws_at_rest(params)
@@ -117,7 +117,7 @@ def _laws(
     params: Params,
     laws: Laws,
     motion: Motion,
-    held: Held,
+    held: ActiveSetpoint,
     short: float,
     wave_clock: float,
     dt: float,
@@ -177,10 +177,10 @@ def row(
     guard: safety.State,
     sense: Sense,
     command: Command,
-    words: Words,
+    signals: TickSignals,
 ) -> WaveBotRow:
     """The tick's log row."""
-    heave, surge, reference, spent, zero = words
+    heave, surge, reference, spent, zero = signals
     _, _, load, spring_sense, meter, drive_sense, probes, wave, panel = sense
     _, _, spring, drive, _ = command
     return WaveBotRow(

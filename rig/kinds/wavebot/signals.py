@@ -126,4 +126,4 @@ class Setpoints(NamedTuple):
 
 
 # The WaveBot's own part of a row, made in the tick: heave, surge, their reference, power, zeros.
-Words = tuple[axis.Record, axis.Record, Reference, power.Power, tare.Zeros]
+TickSignals = tuple[axis.Record, axis.Record, Reference, power.Power, tare.Zeros]

@@ -73,7 +73,7 @@ class Params(NamedTuple):
     setpoints: Setpoints
 
 
-class Held(NamedTuple):
+class ActiveSetpoint(NamedTuple):
     """The set point in use, as the words that the tick needs."""
 
     setpoint: int  # its index, -1: none yet
@@ -106,7 +106,7 @@ class State(NamedTuple):
     tare: tare.State
     power: power.Power
     stations: stations.State
-    held: Held
+    active_setpoint: ActiveSetpoint
 
 
 def laws_at_rest(params: Params) -> Laws:
@@ -132,7 +132,7 @@ def start(params: Params) -> State:
         tare.start(),
         power.start(),
         stations.start(),
-        Held(-1, none, none, 0.0, 0, 0.0, math.inf, resting),
+        ActiveSetpoint(-1, none, none, 0.0, 0, 0.0, math.inf, resting),
     )
 
 
@@ -148,7 +148,7 @@ def zeros(params: Params, state: State, heave: AxisSense, surge: AxisSense) -> t
     )
 
 
-def hold(params: Params, setpoint: int) -> Held:
+def hold(params: Params, setpoint: int) -> ActiveSetpoint:
     """The set point of an index, made once and used until the next one."""
     table = params.setpoints
     settings = DriveSettings(
@@ -159,7 +159,7 @@ def hold(params: Params, setpoint: int) -> Held:
         table.velocity_threshold[setpoint],
         table.discharge_level[setpoint],
     )
-    return Held(
+    return ActiveSetpoint(
         setpoint,
         Gains(table.kp[setpoint], table.ki[setpoint], table.km[setpoint]),
         Gains(table.surge_kp[setpoint], table.surge_ki[setpoint], 0.0),

@@ -47,7 +47,7 @@ Foresee = Callable[[Campaign, Plan], Forecast | None]
 """Predicts a checked campaign; None where there is nothing to predict."""
 
 
-def nothing_foreseen(campaign: Campaign, planned: Plan) -> None:
+def no_prediction(campaign: Campaign, planned: Plan) -> None:
     """No prediction."""
 
 
@@ -85,7 +85,7 @@ class Report(NamedTuple):
             "name": file.name,
             "rig": campaign.rig.name,
             "device": file.device,
-            "sea": file.sea.words(),
+            "sea": file.sea.description(),
             "sea_keys": file.sea.model_dump(mode="json") | _phases_seed(file),
             "order": file.order,
             "rows": len(planned.rows),
@@ -137,9 +137,9 @@ class Report(NamedTuple):
         phases = (f"{_words(p)} {s:.6g} s" for p, s in planned.phases._asdict().items())
         return [
             ("campaign", f"{file.name} on {campaign.rig.name}, {campaign.rig.rate_hz} Hz"),
-            ("sea", f"{file.sea.words()}{seed}"),
-            *([] if file.reference is None else [("reference", file.reference.words())]),
-            *([] if file.hoist is None else [("hoist", file.hoist.words())]),
+            ("sea", f"{file.sea.description()}{seed}"),
+            *([] if file.reference is None else [("reference", file.reference.description())]),
+            *([] if file.hoist is None else [("hoist", file.hoist.description())]),
             ("rows", rows),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in all"),
             (
@@ -178,7 +178,7 @@ class Report(NamedTuple):
 def check(
     path: Path,
     also: Also = nothing_more,
-    foresee: Foresee = nothing_foreseen,
+    foresee: Foresee = no_prediction,
     rig: Path | None = None,
     day: date | None = None,
 ) -> Report:

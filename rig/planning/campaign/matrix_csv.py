@@ -132,7 +132,7 @@ def _row(
 
 def _wrong(name: str, cell: str) -> str:
     found = allowed(Combination, (name,))
-    words = found.words(name) if found is not None else ""
+    words = found.description(name) if found is not None else ""
     try:
         value = float(cell)
     except ValueError:

@@ -20,7 +20,7 @@ from rig.planning.campaign.point import Point
 from rig.planning.campaign.points import stator_positions
 from rig.planning.campaign.segments import Piece, cut_into_ticks
 from rig.planning.campaign.set_points import NOTHING, Setting, setting
-from rig.planning.campaign.stability import bearable_ki
+from rig.planning.campaign.stability import max_stable_ki
 from rig.planning.campaign.windows import Windows, calibration, windows
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments
 
@@ -117,7 +117,7 @@ def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[P
     kp, ki = (given.kp_n_s_per_m, given.ki_n_per_m) if given is not None else (gains.kp, 0.0)
     set_point = gains._replace(kp=kp, ki=ki)
     # Where the stator stands before its first move is not known: bearable anywhere.
-    anywhere = bearable_ki(rig.stability, rig.spring.by_rate()[0], ki)
+    anywhere = max_stable_ki(rig.stability, rig.spring.by_rate()[0], ki)
     ready = Piece(
         NO_ROW,
         Phase.MOVING,
@@ -142,7 +142,7 @@ def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[Pie
         gains = row.setting
         if row.spring_rate != rate:
             # Gains change at once, the stator takes seconds: until then the old spring bears them.
-            ki = bearable_ki(rig.stability, (rate, row.spring_rate), gains.ki)
+            ki = max_stable_ki(rig.stability, (rate, row.spring_rate), gains.ki)
             rate = row.spring_rate
             pieces.append(
                 Piece(

@@ -28,7 +28,7 @@ def largest_ki(stability: Stability, spring_rate: float) -> float:
     return total_stiffness(stability, spring_rate, 0.0) - stability.least_stiffness_n_per_m
 
 
-def bearable_ki(stability: Stability, spring_rates: Iterable[float], ki: float) -> float:
+def max_stable_ki(stability: Stability, spring_rates: Iterable[float], ki: float) -> float:
     """Ki, N/m, or less: the largest that leaves the least stiffness at every rate given (N/m)."""
     return min(ki, largest_ki(stability, min(spring_rates)))
 

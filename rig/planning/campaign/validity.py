@@ -20,7 +20,7 @@ def out_of_date(campaign: Campaign, day: date) -> tuple[Problem, ...]:
     try:
         if holds(known.valid, At(day=day)):
             return ()
-        why = f"does not hold on {day.isoformat()}: valid for {known.valid.words()}"
+        why = f"does not hold on {day.isoformat()}: valid for {known.valid.description()}"
     except OutsideError as error:
         why = str(error)
     message = f"{known.title} {why}; the stator goes where it says all the same"

@@ -31,7 +31,7 @@ class At(NamedTuple):
         """On the day of an ISO 8601 time: runs of this rig have no number in a series."""
         return At(day=datetime.fromisoformat(started_utc).date() if started_utc else None)
 
-    def words(self) -> str:
+    def description(self) -> str:
         """The same in words."""
         said = [f"{self.series} run {self.run}".strip()] if self.run is not None else []
         said += [self.day.isoformat()] if self.day is not None else []
@@ -46,7 +46,7 @@ class Applied(NamedTuple):
     by: str  # name and version
     inside: bool  # of the range of validity; outside it the value is the given one
 
-    def words(self) -> str:
+    def description(self) -> str:
         """What produced the value, in a line."""
         if self.inside:
             return f"{number_text(self.given)} by {self.by} is {number_text(self.value)}"
@@ -75,7 +75,9 @@ def holds(valid: Valid, at: At) -> bool:
     """Whether a calibration holds there; `OutsideError` if that cannot be told."""
     if valid.runs is not None:
         if at.run is None or not at.series:
-            raise OutsideError(f"valid for {valid.words()}; of {at.words()} no run number is known")
+            raise OutsideError(
+                f"valid for {valid.description()}; of {at.description()} no run number is known"
+            )
         return (
             at.series == valid.runs.series
             and (valid.runs.first is None or at.run >= valid.runs.first)
@@ -83,7 +85,9 @@ def holds(valid: Valid, at: At) -> bool:
         )
     assert valid.dates is not None
     if at.day is None:
-        raise OutsideError(f"valid for {valid.words()}; of {at.words()} no date is known")
+        raise OutsideError(
+            f"valid for {valid.description()}; of {at.description()} no date is known"
+        )
     day = at.day.isoformat()
     return (valid.dates.first is None or day >= valid.dates.first) and (
         valid.dates.before is None or day < valid.dates.before
@@ -111,8 +115,8 @@ def _inside(calibration: CalibrationFile, at: At) -> bool:
     inside = holds(calibration.valid, at)
     if not inside and calibration.outside == "refuse":
         raise OutsideError(
-            f"{calibration.title} does not hold for {at.words()}: "
-            f"valid for {calibration.valid.words()}"
+            f"{calibration.title} does not hold for {at.description()}: "
+            f"valid for {calibration.valid.description()}"
         )
     return inside
 

@@ -18,7 +18,7 @@ class Known(NamedTuple):
     path: Path
     sha256: str  # of the file
 
-    def words(self) -> str:
+    def description(self) -> str:
         """What something made with it says of it."""
         return f"{self.file.title} (sha256 {self.sha256[:12]})"
 

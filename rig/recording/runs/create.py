@@ -54,20 +54,20 @@ def note_rows(folder: Path, done: int) -> None:
     write_json(folder, STATUS, status | {"rows_done": done})
 
 
-class Held:
+class RunLock:
     """A lock on a run's folder, held until `close` and by every process that inherits it."""
 
     def __init__(self, fd: int) -> None:
         self.fd = fd
 
-    def __enter__(self) -> "Held":
+    def __enter__(self) -> "RunLock":
         return self
 
     def __exit__(self, *_: object) -> None:
         os.close(self.fd)
 
 
-def hold_run(folder: Path) -> Held:
+def hold_run(folder: Path) -> RunLock:
     """Lock a run's folder against everybody else who would write to its record.
 
     BusyError if somebody has it: the run goes on, or another recovery is at work. Some network
@@ -81,4 +81,4 @@ def hold_run(folder: Path) -> Held:
         raise BusyError(f"{folder} is still being written") from None
     except OSError:
         pass
-    return Held(fd)
+    return RunLock(fd)

@@ -8,7 +8,7 @@ import contextlib
 import json
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,7 +78,7 @@ class Facts(NamedTuple):
     """What a run was, as far as its files say; an empty text or dict where they do not."""
 
     run: str  # run id
-    rung: str
+    mode: str
     campaign: str
     status: dict[str, Any]
     config: dict[str, Any]
@@ -107,7 +107,7 @@ class Facts(NamedTuple):
 
     def attributes(self) -> dict[str, Any]:
         """The same as flat attributes of a dataset."""
-        flat = {"run": self.run, "rung": self.rung, "campaign": self.campaign}
+        flat = {"run": self.run, "mode": self.mode, "campaign": self.campaign}
         flat["started_utc"] = self.started_utc
         for key in ("status", "reason", "ended_utc"):
             if self.status.get(key) is not None:
@@ -164,7 +164,7 @@ def facts(run: str | os.PathLike[str], contents: Iterable[Contents] | None = Non
     folder = path if path.is_dir() else path.parent
     return Facts(
         run=str(told.get("run") or told.get("id") or folder.name),
-        rung=str(status.get("rung") or told.get("rung") or config.get("rung") or ""),
+        mode=_mode(status, told, config),
         campaign=str(status.get("campaign") or _campaign(config)),
         status=status,
         config=config,
@@ -182,7 +182,7 @@ class Listed(NamedTuple):
     run: str
     path: Path
     started_utc: str
-    rung: str
+    mode: str
     campaign: str
     rows_done: int | None
     rows_planned: int | None
@@ -216,12 +216,18 @@ def _abandoned(status: dict[str, Any], mcaps: list[Path]) -> bool:
         return False
 
 
+def _mode(*texts: Mapping[str, Any]) -> str:
+    """The execution mode of a run; runs recorded before 2026-12 call it ``rung``."""
+    found = (text.get(key) for text in texts for key in ("mode", "rung"))
+    return str(next(filter(None, found), ""))
+
+
 def _quick_facts(path: Path) -> Facts:
     """What the texts beside a record say of it; no MCAP file is opened."""
     status = _text(path / STATUS)
     return Facts(
         run=str(status.get("run") or path.name),
-        rung=str(status.get("rung", "")),
+        mode=_mode(status),
         campaign=str(status.get("campaign") or _campaign(_text(path / CONFIG))),
         status=status,
         **{name: {} for name in ("config", "plan", "code", "host", "timing", "metadata")},
@@ -257,7 +263,7 @@ def _listed(path: Path) -> Listed:
         run=found.run,
         path=path,
         started_utc=found.started_utc,
-        rung=found.rung,
+        mode=found.mode,
         campaign=found.campaign,
         rows_done=_count(found.status.get("rows_done")),
         rows_planned=_count(found.status.get("rows_planned")),

@@ -35,7 +35,7 @@ class RecordState(NamedTuple):
         return self.lost == 0 and not self.damage
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The state with what is missing, in words."""
         said = self.state
         if self.lost:
@@ -52,7 +52,7 @@ class RecordState(NamedTuple):
     @property
     def sentence(self) -> str:
         """The state with what is missing and what is damaged, without a full stop."""
-        return "; ".join([f"Record {self.words}", *self.damage])
+        return "; ".join([f"Record {self.description}", *self.damage])
 
     @property
     def spans(self) -> str:
@@ -63,7 +63,7 @@ class RecordState(NamedTuple):
 
     def attributes(self) -> dict[str, str]:
         """The same as flat attributes of a dataset."""
-        found = {"record": self.words, "record_missing_ticks": self.spans}
+        found = {"record": self.description, "record_missing_ticks": self.spans}
         found["record_damage"] = "; ".join(self.damage)
         return {name: text for name, text in found.items() if text}
 
@@ -79,7 +79,7 @@ class RecordState(NamedTuple):
         """As plain data."""
         return {
             "state": self.state,
-            "words": self.words,
+            "words": self.description,
             "lost": self.lost,
             "ticks": self.ticks,
             "at_least": self.at_least,

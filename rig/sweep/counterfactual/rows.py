@@ -76,7 +76,7 @@ class Share(NamedTuple):
     rows: int
 
 
-class Foretold(NamedTuple):
+class CounterfactualRow(NamedTuple):
     """A campaign in the waves of a run."""
 
     run: str
@@ -107,7 +107,7 @@ def foretell(
     by: str | None = None,
     lead_in: float = LEAD_IN,
     see: See = lambda done, of: None,
-) -> Foretold:
+) -> CounterfactualRow:
     """What the rows of ``campaign`` would have given in the waves of ``run``.
 
     ``model``: the campaign whose plant stands for the rig as it was when the run was logged; None:
@@ -131,22 +131,22 @@ def foretell(
     )
     kept = {row["row"] for row in rows}
     measured = (w for w in windows(source, list(FIELDS), known.plan) if w.row in kept)
-    return foretold(Measured(known.run, rows, measured), was, campaign, by, lead_in, see)
+    return counterfactual_rows(Measured(known.run, rows, measured), was, campaign, by, lead_in, see)
 
 
-def foretold(
+def counterfactual_rows(
     measured: Measured,
     was: Campaign,
     campaign: Campaign,
     by: str | None = None,
     lead_in: float = LEAD_IN,
     see: See = lambda done, of: None,
-) -> Foretold:
+) -> CounterfactualRow:
     """As `foretell`, of what was measured with the campaign ``was``, its plant being the model."""
     if was.file.sea != campaign.file.sea:
         raise ValueError(
-            f"the campaign's sea is not that of {measured.run}: {campaign.file.sea.words()}; the "
-            f"run had {was.file.sea.words()}"
+            f"the campaign's sea is not that of {measured.run}: {campaign.file.sea.description()}; the "
+            f"run had {was.file.sea.description()}"
         )
     if not measured.rows:
         raise RunError(f"{measured.run}: none of its rows is complete")
@@ -186,7 +186,7 @@ def foretold(
     for i, (point, found) in enumerate(_run(campaign, sea, lead_in), len(was.points) + 1):
         rows.append(_row(point, found, shares, spans, identified))
         see(i, of)
-    return Foretold(
+    return CounterfactualRow(
         measured.run, campaign.file.name, waves, checked, shares, spans, identified, tuple(rows)
     )
 
@@ -236,7 +236,7 @@ def _row(
         return tuple(n for n, span in known.items() if amplitude[n] > MARGIN * span.greatest)
 
     return Row(
-        point, _setting(found), found["state"], found["cut_short"], value, half, amplitude,
+        point, _setting(found), found["state"], found["incomplete_reason"], value, half, amplitude,
         beyond(spans), beyond(identified),
     )  # fmt: skip
 

@@ -28,7 +28,7 @@ FIELDS = (CLOCK, COUNTS, AGE, LCB, LOAD_AGE, TRUTH)
 WEAK = 0.02  # of the greatest excitation of a metre: what excites less is not seen in forces
 
 
-class Asked(NamedTuple):
+class WaveMakerLines(NamedTuple):
     """The lines that the wave maker was asked for."""
 
     repeat: float  # s
@@ -44,7 +44,7 @@ class Asked(NamedTuple):
 class Waves(NamedTuple):
     """The sea as it was at the device's place, without the device."""
 
-    asked: Asked
+    asked: WaveMakerLines
     elevation: Complexes  # m, by line
     scatter: Floats  # m, standard error of a line's amplitude; NaN where there was one period only
     rows: int  # it is the mean of
@@ -63,17 +63,17 @@ class Waves(NamedTuple):
         }
 
 
-def asked_of(told: dict[str, Any]) -> Asked:
+def asked_of(told: dict[str, Any]) -> WaveMakerLines:
     """The lines of a plan's ``asked_sea``; ValueError for a sea without any (calm water)."""
     cycles = tuple(int(n) for n in told["cycles"])
     if not cycles:
         raise ValueError("the run had no waves")
     size, phase = np.array(told["amplitude_m"]), np.array(told["phase_rad"])
-    return Asked(float(told["repeat_s"]), cycles, size * np.exp(1j * phase))
+    return WaveMakerLines(float(told["repeat_s"]), cycles, size * np.exp(1j * phase))
 
 
 def recovered(
-    windows: Iterable[Window], asked: Asked, model: Model, dt: float, by: str | None
+    windows: Iterable[Window], asked: WaveMakerLines, model: Model, dt: float, by: str | None
 ) -> Waves:
     """The waves from measured windows with the fields of `FIELDS`.
 
@@ -106,10 +106,12 @@ def _has_elevation(window: Window) -> bool:
     return TRUTH in names and bool(np.isfinite(window.data[TRUTH]).all())
 
 
-def _of_window(window: Window, asked: Asked, model: Model, dt: float, by: str) -> Complexes:
+def _of_window(
+    window: Window, asked: WaveMakerLines, model: Model, dt: float, by: str
+) -> Complexes:
     """Elevation in each whole period of a window, periods by lines."""
-    if window.cut_short:
-        raise ValueError(window.cut_short)
+    if window.incomplete_reason:
+        raise ValueError(window.incomplete_reason)
     if by == ELEVATION and not _has_elevation(window):
         raise ValueError("the undisturbed elevation was not logged")
     period = whole_ticks([asked.repeat], dt, window.span)

@@ -231,7 +231,7 @@ def test_a_row_that_was_cut_short_is_left_out_and_told(tmp_path: Path) -> None:
     rows = bench.driveline_rows(TABLE[:2])
     run = bench.write_session(tmp_path / "cut", on, "driveline", rows, periods=2, plan_periods=4)
     session = open_session(run)
-    assert [point.cut_short for point in session.points] == ["shorter than planned"] * 2
+    assert [point.incomplete_reason for point in session.points] == ["shorter than planned"] * 2
     with pytest.raises(RunError, match="no set point was measured to its end"):
         analyse(run)
 

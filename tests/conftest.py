@@ -1,22 +1,108 @@
-"""What holds for all tests."""
+"""Settings that hold for all tests: which long tests run, and how a flaky test is reported."""
 
 from __future__ import annotations
 
+import hashlib
 import signal
+import subprocess
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
-# A shared host stands still for longer than any example takes; what must be quick is measured in
-# benchmarks/.
-settings.register_profile("unhurried", deadline=None)
-settings.load_profile("unhurried")
+# A shared host pauses for longer than any example takes; speed is measured in benchmarks/.
+settings.register_profile("no_deadline", deadline=None)
+settings.load_profile("no_deadline")
 
-# What is started in the background of a shell, or by nohup, ignores these, and so do its children:
+# A shell starts background jobs with these signals ignored, and so are they in all children:
 # a test that sends Ctrl-C would then wait for ever.
-for _number, _usual in (
+for _number, _default in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGQUIT, signal.SIG_DFL),
     (signal.SIGHUP, signal.SIG_DFL),
 ):
     if signal.getsignal(_number) == signal.SIG_IGN:
-        signal.signal(_number, _usual)
+        signal.signal(_number, _default)
+
+PARTS = 5  # a run of the test command takes one in so many of the long tests
+FLAKY = "flaky"  # name of the list of flaky tests in pytest's cache
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options of the Makefile's test commands."""
+    group = parser.getgroup("wec-rig")
+    group.addoption(
+        "--long",
+        choices=("all", "part", "none"),
+        default="all",
+        help=f"long tests to run: all, a seeded part (one in {PARTS}), or none",
+    )
+    group.addoption(
+        "--long-seed",
+        default="",
+        metavar="TEXT",
+        help="seed of the part of the long tests; default: the commit",
+    )
+    group.addoption(
+        "--second-try",
+        action="store_true",
+        help="report a test that passes now as flaky: it has failed in the run before",
+    )
+
+
+def _seed(config: pytest.Config) -> str:
+    seed: str = config.getoption("--long-seed")
+    if seed:
+        return seed
+    command = ["git", "rev-parse", "--short=12", "HEAD"]
+    try:
+        done = subprocess.run(command, cwd=config.rootpath, capture_output=True, text=True)
+    except OSError:
+        return "0"
+    return done.stdout.strip() or "0"
+
+
+def _in_part(name: str, seed: str) -> bool:
+    digest = hashlib.sha256(f"{seed}:{name}".encode()).digest()
+    return digest[0] % PARTS == 0
+
+
+def pytest_report_header(config: pytest.Config) -> str | None:
+    """Return a line that says which long tests run, and how to run the same part again."""
+    if config.getoption("--long") != "part":
+        return None
+    return (
+        f"long tests: one in {PARTS}; the same part again: --long part --long-seed {_seed(config)}"
+    )
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Deselect the long tests that this run leaves out."""
+    which = config.getoption("--long")
+    if which == "all":
+        return
+    seed = _seed(config)
+    left_out = [
+        item
+        for item in items
+        if item.get_closest_marker("long") and (which == "none" or not _in_part(item.nodeid, seed))
+    ]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in set(left_out)]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Name the tests that failed once and passed on the second try."""
+    config = terminalreporter.config
+    if not config.getoption("--second-try"):
+        return
+    passed = [report.nodeid for report in terminalreporter.getreports("passed")]
+    if not passed:
+        return
+    terminalreporter.section("flaky: failed at first, passed when run again alone")
+    for name in passed:
+        terminalreporter.line(f"FLAKY {name}", yellow=True)
+    path = Path(config.rootpath, ".pytest_cache", FLAKY)
+    with path.open("a") as file:
+        file.writelines(f"{name}\n" for name in passed)

@@ -24,7 +24,7 @@ from benchmarks.support.result import Figure, Result, figure, ratios
 from controllers import biquads, blocks, impedance
 from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import build_world
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.sweep import lifting
 from sim_plant import (
     analyser,
@@ -94,7 +94,7 @@ def walk(params, supplied, law, at_rest, gains, per_ampere, table, start, target
 
 def model(folder: Path) -> Model:
     """The plant of the default rig."""
-    campaign = check(campaign_file(folder, 12.0)).campaign
+    campaign = check_campaign(campaign_file(folder, 12.0)).campaign
     assert campaign is not None
     devices = job.devices_of(campaign)
     dt = 1.0 / campaign.rig.rate_hz

@@ -12,7 +12,7 @@ from benchmarks.start import command
 from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.sweep.executors import cores
 from rig.sweep.simulation import Subject
 
@@ -77,7 +77,7 @@ class Walked(NamedTuple):
 
 def walk(path: Path) -> Walked:
     """All rows of a campaign one after another, the host's pace taken between them."""
-    report = check(path)
+    report = check_campaign(path)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     subject = Subject(report.campaign, report.plan)

@@ -15,7 +15,7 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import POWERS, row_table
 from rig.analysis.windows import windows
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.recording.runs import reader
 from rig.sweep.simulation import KEPT, Subject
 
@@ -43,7 +43,7 @@ def ran(words: list[str]) -> dict[str, object]:
 
 def beside(campaign: Path, run: Path) -> Beside:
     """Each measured row of a run, number by number, beside a walk through the same plan."""
-    report = check(campaign)
+    report = check_campaign(campaign)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     walk = iter(Subject(report.campaign, report.plan).walk(report.plan))

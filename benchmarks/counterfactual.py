@@ -17,7 +17,7 @@ from benchmarks.support.result import Result, figure
 from rig.analysis.rows import POWERS, reduced
 from rig.analysis.windows import Window
 from rig.execution.rehearsal.job import problems
-from rig.planning.campaign import Campaign, open_campaign, plan
+from rig.planning.campaign import Campaign, build_plan, open_campaign
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep.cases import alone
 from rig.sweep.counterfactual import FORCES, Measured
@@ -100,7 +100,7 @@ def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
     period = repeat_period(file.sea)
     subject = None
     for number, point in enumerate(campaign.points):
-        planned = plan(file, campaign.rig, (point,))
+        planned = build_plan(file, campaign.rig, (point,))
         subject = subject or Subject(campaign, planned)
         row = planned.rows[0]
         for window in subject.walk(planned, stator=row.stator_position):

@@ -17,7 +17,7 @@ from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
 from rig.identification.identify import Identification, IdentificationOptions, identify
 from rig.identification.impedances import models
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"
@@ -90,7 +90,7 @@ def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
     whole = {"name": name, "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
     with path.open("w") as file:
         YAML(typ="safe").dump(whole, file)
-    report = check(path)
+    report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
     ended = carry_out(

@@ -21,10 +21,10 @@ from rig.design.recommend import report
 from rig.design.recommend.recommendation import Recommendation, RecommendOptions, advise
 from rig.design.recommend.trial import Gains
 from rig.execution.campaign import carry_out, rehearsal
-from rig.planning.campaign import check, open_campaign, plan
+from rig.planning.campaign import build_plan, check_campaign, open_campaign
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.stability import largest_ki
-from rig.planning.campaign.windows import repeat_period, windows
+from rig.planning.campaign.windows import repeat_period, row_windows
 from rig.sweep.cases import alone
 from rig.sweep.simulation import Subject
 
@@ -55,11 +55,11 @@ class Truth:
 
     def __init__(self, path: Path) -> None:
         self.campaign = open_campaign(path)
-        whole = plan(self.campaign.file, self.campaign.rig, self.campaign.points)
+        whole = build_plan(self.campaign.file, self.campaign.rig, self.campaign.points)
         self._subject = Subject(self.campaign, whole)
         period = repeat_period(self.campaign.file.sea)
         self._ticks = period / whole.dt if period else None
-        self._at = self.campaign.points[0].at
+        self._at = self.campaign.points[0].locations
         self.known: dict[Gains, dict[str, float]] = {}
 
     def __call__(self, gains: Gains) -> dict[str, float]:
@@ -73,7 +73,7 @@ class Truth:
         if gains.ki > largest_ki(self.campaign.rig.stability, gains.spring_rate):
             return nothing
         point = Point({k: float(v) for k, v in gains._asdict().items()}, self._at)
-        planned = plan(alone(self.campaign.file, LEAD_IN), self.campaign.rig, (point,))
+        planned = build_plan(alone(self.campaign.file, LEAD_IN), self.campaign.rig, (point,))
         for window in self._subject.walk(planned, stator=planned.rows[0].stator_position):
             row = reduced(window, self._ticks)
             if row["state"] == COMPLETE:
@@ -141,7 +141,7 @@ def _file(path: Path, keys: dict[str, Any]) -> Path:
 
 def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
     """The run of a campaign, and how long it took in the basin's time, s."""
-    told = check(path)
+    told = check_campaign(path)
     if told.campaign is None or told.plan is None:
         raise RuntimeError(told.text())
     mode = rehearsal(told.campaign, real_clock=False)
@@ -171,7 +171,7 @@ def _sea(
     keys = {"name": "sea", "rig": str(RIG), "sea": sea, "matrix": {"list": [first_row]}}
     base = _file(folder / "sea.yaml", keys)
     truth = Truth(_file(folder / "truth.yaml", {**keys, "plant": str(_quiet(folder))}))
-    timing = windows(truth.campaign.file.sea, truth.campaign.file.timing)
+    timing = row_windows(truth.campaign.file.sea, truth.campaign.file.timing)
     asked = RecommendOptions(campaign=base, rows=AGAIN)
     advice = advise([identified], asked, folder / "first")
     first, again, rows = _dc(advice), None, 0

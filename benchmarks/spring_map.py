@@ -9,7 +9,7 @@ from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.spring_map.result import spring_map
 from rig.execution.campaign import carry_out, rehearsal
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 
 SPRINGS, WORST = 8, 2.0  # %
@@ -66,7 +66,7 @@ def found(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, 
     (folder / "plant.yaml").write_text(_PLANT.format(root=ROOT, rates=rates))
     path = folder / "campaign.yaml"
     path.write_text(_CAMPAIGN.format(root=ROOT, seed=seed, stations=list(stations)))
-    report = check(path)
+    report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
     mode = rehearsal(report.campaign, real_clock=False)

@@ -1,8 +1,9 @@
-"""Opening files that people name: regular ones only, and none larger than what is expected there.
+"""Opening of files that a user names: regular files only, up to a maximum size.
 
-A FIFO would wait for ever, a device gives bytes without end, and to open a serial port moves its
-lines. So a path is first opened without touching what it names (O_PATH), looked at, and then opened
-through that descriptor: nobody can change it in between.
+Reading a FIFO blocks for ever, a device delivers bytes without end, and opening a serial port
+changes its control lines. A path is therefore first opened with O_PATH, which does not touch the
+file itself, then checked, and then opened through that descriptor, so that the file cannot be
+exchanged in between.
 """
 
 import os
@@ -12,12 +13,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 MB = 1_000_000
-CONFIG_MOST = 4 * MB
-"""Most bytes of a YAML file or gain matrix; 100,000 keys and values need half of it."""
-TABLE_MOST = 64 * MB
-"""Most bytes of a spreadsheet, or of a table of coefficients."""
-RECORD_MOST = 512 * MB
-"""Most bytes of a basin's record or MATLAB file: eight hours of 20 channels at 50 Hz as text."""
+MAX_CONFIG_BYTES = 4 * MB
+"""Maximum size of a YAML file or gain matrix; 100,000 keys and values need half of it."""
+MAX_TABLE_BYTES = 64 * MB
+"""Maximum size of a spreadsheet or of a table of coefficients."""
+MAX_RECORD_BYTES = 512 * MB
+"""Maximum size of a basin recording or MATLAB file: 8 h of 20 channels at 50 Hz as text."""
 
 _KINDS = (
     (stat.S_ISFIFO, "it is a FIFO (named pipe)"),
@@ -27,47 +28,49 @@ _KINDS = (
 )
 
 
-def open_regular(path: Path, most: int | None = None) -> BinaryIO:
-    """The file, open for reading; links are followed.
+def open_regular(path: Path, max_bytes: int | None = None) -> BinaryIO:
+    """Return a regular file open for reading in binary mode; symbolic links are followed.
 
-    OSError unless it is a regular file of at most ``most`` bytes (None: of any size), with what it
-    is instead as its text.
+    Raises OSError if the path is not a regular file of at most ``max_bytes`` bytes (None: any
+    size); the error text names what the path is instead.
     """
     try:
-        seen = os.open(path, os.O_PATH | os.O_CLOEXEC)
+        path_fd = os.open(path, os.O_PATH | os.O_CLOEXEC)
         try:
-            status = os.fstat(seen)
-            _admit(path, status, most)
-            # non-blocking: some files in /proc call themselves regular and wait all the same
+            _check_regular(path, os.fstat(path_fd), max_bytes)
+            # Non-blocking: some files in /proc are marked as regular but block on open.
             flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
-            return open(os.open(f"/proc/self/fd/{seen}", flags), "rb")
+            return open(os.open(f"/proc/self/fd/{path_fd}", flags), "rb")
         finally:
-            os.close(seen)
+            os.close(path_fd)
     except OSError as error:
         error.filename = str(path)
         raise
 
 
-def read_regular(path: Path, most: int) -> bytes:
-    """All bytes of a file that `open_regular` admits; OSError also if it grows beyond ``most``."""
-    with open_regular(path, most) as file:
-        data = file.read(most + 1) or b""
-    if len(data) > most:
-        raise _too_large(path, len(data), most)
+def read_regular(path: Path, max_bytes: int) -> bytes:
+    """Return all bytes of a regular file.
+
+    Raises OSError as `open_regular` does, and also if the file grows beyond ``max_bytes``.
+    """
+    with open_regular(path, max_bytes) as file:
+        data = file.read(max_bytes + 1) or b""
+    if len(data) > max_bytes:
+        raise _too_large(path, len(data), max_bytes)
     return data
 
 
-def _admit(path: Path, status: os.stat_result, most: int | None) -> None:
+def _check_regular(path: Path, status: os.stat_result, max_bytes: int | None) -> None:
     mode = status.st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(EISDIR, f"{os.strerror(EISDIR)}; allowed a regular file", str(path))
     if not stat.S_ISREG(mode):
-        what = next((words for of_kind, words in _KINDS if of_kind(mode)), "it is something else")
-        raise OSError(EINVAL, f"{what}; allowed a regular file", str(path))
-    if most is not None and status.st_size > most:
-        raise _too_large(path, status.st_size, most)
+        reason = next((text for is_kind, text in _KINDS if is_kind(mode)), "it is not a file")
+        raise OSError(EINVAL, f"{reason}; allowed a regular file", str(path))
+    if max_bytes is not None and status.st_size > max_bytes:
+        raise _too_large(path, status.st_size, max_bytes)
 
 
-def _too_large(path: Path, size: int, most: int) -> OSError:
-    text = f"it has {size / MB:.3g} MB or more; allowed at most {most / MB:g} MB"
+def _too_large(path: Path, size: int, max_bytes: int) -> OSError:
+    text = f"it has {size / MB:.3g} MB or more; allowed at most {max_bytes / MB:g} MB"
     return OSError(EFBIG, text, str(path))

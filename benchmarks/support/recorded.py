@@ -12,7 +12,7 @@ from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import PlantDevices, connect
 from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import wavebot_params
-from rig.planning.campaign import Campaign, Plan, check
+from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -86,7 +86,7 @@ class Parts(NamedTuple):
 
 def parts(path: Path) -> Parts:
     """The parts of a campaign's loop; ValueError with what is wrong with the file."""
-    report = check(path)
+    report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise ValueError(report.text())
     campaign, plan = report.campaign, report.plan

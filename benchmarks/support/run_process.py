@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from rig.execution.campaign import carry_out, rehearsal, wired
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 
 
@@ -30,7 +30,7 @@ def main() -> None:
     wires = clock == "hil"
     if more and not wires:
         os.sched_setaffinity(0, {int(more[0])})
-    report = check(Path(campaign), rig=Path(more[0]) if wires else None)
+    report = check_campaign(Path(campaign), rig=Path(more[0]) if wires else None)
     assert report.campaign is not None
     assert report.plan is not None
     mode = (

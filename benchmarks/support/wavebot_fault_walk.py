@@ -13,7 +13,7 @@ from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation
 from rig.execution.rehearsal.control_client import ControlClient
 from rig.execution.task import View
-from rig.planning.campaign import Campaign, Plan, check
+from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.child import Child
 from rig.processes.wire_locks import wires_of
 
@@ -85,7 +85,7 @@ def campaign_file(folder: Path, **keys: Any) -> Path:
 
 def checked(path: Path) -> tuple[Campaign, Plan]:
     """A campaign that may run."""
-    report = check(path)
+    report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise ValueError(report.text())
     return report.campaign, report.plan

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from rig.config.calibration_file import TORQUE_CONSTANT, Offset, Scale
+from rig.config.calibration_file import TORQUE_CONSTANT_KEY, OffsetCorrection, ScaleCorrection
 from rig.recording.calibration import At, Known, OutsideError, apply, corrected
 from rig.recording.calibration.correction import holds
 from rig.recording.runs.folder import Facts
@@ -33,7 +33,7 @@ class Reading(NamedTuple):
 
     spring_rate: Known | None
     force: float  # factor on it
-    position: Scale | Offset | None
+    position: ScaleCorrection | OffsetCorrection | None
     at: At
     names: tuple[str, ...]  # and versions of what was asked for
     said: tuple[str, ...]  # what each does, with its file
@@ -87,11 +87,11 @@ def _with(made: Reading, one: Known, known: Facts) -> Reading:
     if one.file.quantity in ("spring_rate", "spring_map"):
         return made._replace(spring_rate=one)
     if one.file.quantity == "torque_constant":
-        value = known.configured(*TORQUE_CONSTANT)
+        value = known.configured(*TORQUE_CONSTANT_KEY)
         if not value:
             raise OutsideError(f"{one.file.title}: the run does not say its torque constant")
         return made._replace(force=apply(correction, value) / value)
-    if not isinstance(correction, Scale | Offset):
+    if not isinstance(correction, ScaleCorrection | OffsetCorrection):
         raise OutsideError(
             f"{one.file.title} is a table of positions; with it gains depend on the position, and "
             "a row has no one value of them"
@@ -104,7 +104,7 @@ def ticks(read: Reading, data: Records) -> Records:
     if read.position is None:
         return data
     made = data.copy()
-    if isinstance(read.position, Offset):
+    if isinstance(read.position, OffsetCorrection):
         made[POSITION] += read.position.offset
         return made
     for name in (POSITION, *ALONG):
@@ -127,7 +127,7 @@ def row(read: Reading, recorded: Row) -> Row:
         if not math.isnan(rate):  # as of a run without a plan that did not log it
             rate = corrected(read.spring_rate.file, rate, read.at).value
         setting("spring_rate", rate)
-    scale = read.position.factor if isinstance(read.position, Scale) else 1.0
+    scale = read.position.factor if isinstance(read.position, ScaleCorrection) else 1.0
     if read.force != 1.0:
         for name in FORCES:
             made[name] = recorded[name] * read.force

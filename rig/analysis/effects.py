@@ -26,7 +26,7 @@ from scipy import stats
 
 from rig.analysis.points import Matrix, row_settings, varied
 from rig.analysis.rows import COMPLETE
-from rig.config.columns import ALWAYS, Column
+from rig.config.columns import REQUIRED_COLUMNS, Column
 
 Floats = npt.NDArray[np.float64]
 
@@ -34,7 +34,7 @@ CONFIDENCE = 0.95
 _LEAST_REPETITIONS = 3  # degrees of freedom: with fewer the periods say more
 
 REPETITIONS, PERIODS, MISFIT = "repetitions", "wave periods", "misfit"
-_ALWAYS = {column.name for column in ALWAYS}
+_ALWAYS = {column.name for column in REQUIRED_COLUMNS}
 _NAMES = {"realisation"}  # columns whose values have no order
 
 

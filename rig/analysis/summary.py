@@ -14,11 +14,11 @@ from rig.analysis.points import Setting, matrix, scatter_of, varied
 from rig.analysis.rows import COMPLETE
 from rig.analysis.slices import LEAST_RELIEF, Optimum, optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, ending_of
-from rig.config.columns import ALWAYS
+from rig.config.columns import REQUIRED_COLUMNS
 from rig.recording.runs.folder import Facts
 from rig.recording.runs.state import RecordState
 
-_ALWAYS = {column.name for column in ALWAYS}
+_ALWAYS = {column.name for column in REQUIRED_COLUMNS}
 
 
 class Summary(NamedTuple):

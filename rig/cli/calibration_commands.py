@@ -9,7 +9,7 @@ from typing import Any
 
 from rig import cli
 from rig.cli.file_problems import REFUSED, refuse
-from rig.config.problems import number_text
+from rig.config.problems import format_number
 from rig.interop.legacy.testlog import read_log
 from rig.recording.calibration import (
     Applied,
@@ -82,8 +82,8 @@ def _correction(known: Known) -> str:
     kind = correction.pop("kind")
     if kind == "table":
         pairs = zip(correction["recorded"], correction["corrected"], strict=True)
-        return "table " + ", ".join(f"{number_text(x)} -> {number_text(y)}" for x, y in pairs)
-    return f"{kind} {', '.join(number_text(value) for value in correction.values())}"
+        return "table " + ", ".join(f"{format_number(x)} -> {format_number(y)}" for x, y in pairs)
+    return f"{kind} {', '.join(format_number(value) for value in correction.values())}"
 
 
 def _plain(known: Known) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def apply_to_values(
 def _taken_back(one: Applied) -> str:
     if not one.inside:
         return one.description()
-    return f"{number_text(one.given)} was recorded as {number_text(one.value)}, before {one.by}"
+    return f"{format_number(one.given)} was recorded as {format_number(one.value)}, before {one.by}"
 
 
 def at_of_run(known: Known, run: str | None, day: str | None) -> At:
@@ -247,6 +247,6 @@ def _change_words(change: Changed, unit: str) -> str:
     if change.recorded is None:
         return change.note
     old, new = (
-        "refused" if value is None else number_text(value) for value in (change.old, change.new)
+        "refused" if value is None else format_number(value) for value in (change.old, change.new)
     )
-    return f"{old} -> {new} {unit} (recorded {number_text(change.recorded)})"
+    return f"{old} -> {new} {unit} (recorded {format_number(change.recorded)})"

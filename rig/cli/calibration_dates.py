@@ -7,7 +7,7 @@ from typing import Any
 
 from rig.config.problems import Problem
 from rig.planning.campaign import Campaign
-from rig.planning.campaign.validity import out_of_date
+from rig.planning.campaign.validity import validity_warnings
 
 
 def warn(
@@ -32,9 +32,9 @@ def of_cases(
     What the files' own values are to blame for counts only where no parameter puts all of them
     right: then every case has one of that parameter's values.
     """
-    own = out_of_date(campaign, day)
+    own = validity_warnings(campaign, day)
     by_parameter = [
-        {problem: None for each in campaigns for problem in out_of_date(each, day)}
+        {problem: None for each in campaigns for problem in validity_warnings(each, day)}
         for campaigns in swept
     ]
     stays = [problem for problem in own if all(problem in told for told in by_parameter)]

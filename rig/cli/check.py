@@ -8,17 +8,17 @@ from rig.cli import BAD_INPUT, OK
 from rig.cli.check_view import View
 from rig.design.predictions import predict
 from rig.execution.rehearsal.job import problems
-from rig.planning.campaign import Report, check
+from rig.planning.campaign import CheckReport, check_campaign
 from rig.planning.session.files import is_session
 
 
-def examine(path: Path, rig: Path | None = None) -> Report:
+def examine(path: Path, rig: Path | None = None) -> CheckReport:
     """Check a campaign with all it stands on, the simulated plant and its prediction included.
 
     ``rig`` stands in for the rig that the campaign names. Calibrations are to hold today.
     """
     today = datetime.now(UTC).date()
-    return check(path, also=problems, foresee=predict, rig=rig, day=today)
+    return check_campaign(path, extra_check=problems, predictor=predict, rig=rig, day=today)
 
 
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:
@@ -30,14 +30,14 @@ def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool)
     report = examine(path, rig)
     if as_json:
         print(report.to_json())
-    elif report.forecast is None:
+    elif report.prediction is None:
         print(report.text())
     else:
         View(every_row=every_row).show(report)
     return OK if report.ok else BAD_INPUT
 
 
-def complain(report: Report, *, as_json: bool) -> int:
+def complain(report: CheckReport, *, as_json: bool) -> int:
     """Say why a campaign cannot be run."""
     if as_json:
         print(json.dumps({"status": "bad input"} | json.loads(report.to_json())))

@@ -12,8 +12,8 @@ from rich.text import Text
 from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
 from rig.design.predictions import Prediction, RowPrediction, Travel, tightest
-from rig.planning.campaign import Report
-from rig.planning.campaign.check import duration_text
+from rig.planning.campaign import CheckReport
+from rig.planning.campaign.check import format_duration
 
 FEW = 8  # rows shown unless all are asked for
 MOST_SPRINGS = 12
@@ -46,9 +46,9 @@ class View:
         self._out = console or table_console()
         self._every_row = every_row
 
-    def show(self, report: Report) -> None:
+    def show(self, report: CheckReport) -> None:
         """Everything there is to say."""
-        forecast = report.forecast
+        forecast = report.prediction
         assert isinstance(forecast, Prediction)
         self._facts(report, forecast)
         refused = self._by_spring(forecast)
@@ -57,12 +57,12 @@ class View:
         self._told("refused", forecast.refused, "red")
         self._verdict(forecast)
 
-    def _facts(self, report: Report, forecast: Prediction) -> None:
+    def _facts(self, report: CheckReport, forecast: Prediction) -> None:
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", no_wrap=True)
         table.add_column(overflow="fold")
         now = forecast.travel[0]
-        for label, text in report.facts():
+        for label, text in report.summary_lines():
             told = _duration(now, forecast) if label == "duration" else Text(text)
             if label == "campaign":
                 told.stylize("bold")
@@ -70,7 +70,7 @@ class View:
         table.add_row("stator", _stator(now))
         for told in _savings(now, forecast.travel[1:]):
             table.add_row("order", told)
-        files = ", ".join(f"{role} {path}" for role, path in report.sources())
+        files = ", ".join(f"{role} {path}" for role, path in report.input_files())
         table.add_row("files", Text(files))
         self._out.print(table)
 
@@ -229,7 +229,7 @@ def _best(rows: list[RowPrediction], field: str) -> str:
 def _duration(now: Travel, forecast: Prediction) -> Text:
     waits = f", {now.waiting:.3g} s of it waiting for the stator" if now.waiting > 0.05 else ""
     return Text(
-        f"{duration_text(now.duration)}{waits}; wave clock {forecast.plan.wave_seconds:.6g} s"
+        f"{format_duration(now.duration)}{waits}; wave clock {forecast.plan.wave_seconds:.6g} s"
     )
 
 
@@ -256,6 +256,6 @@ def _saving(now: Travel, other: Travel) -> Text:
     verb = "saves" if seconds > 0.0 or moves > 0 else "costs"
     return Text(
         f"{other.order}: {verb} {abs(moves)} move{'s' if abs(moves) != 1 else ''} and "
-        f"{duration_text(abs(seconds))}",
+        f"{format_duration(abs(seconds))}",
         style="yellow" if verb == "saves" else "",
     )

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from rig import cli
 from rig.cli.calibration_commands import at_of_run, find
 from rig.cli.file_problems import REFUSED, refuse
-from rig.config.problems import ConfigError, lines_text, number_text
+from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, mask4_file, matrix, sign_conventions, stepped
 from rig.interop.legacy.columns import SPRING
 from rig.interop.legacy.matrix import Matrix
@@ -76,14 +76,14 @@ def _mask4(asked: MatrixOptions) -> _Read:
     lines = [
         f"file       {got.path}, MASK4 gain matrix",
         f"columns    {', '.join(got.columns)} (by {got.said_by})",
-        f"rows       {matrix.words(made)}: {lines_text([at[i] for i in found.rows])}",
+        f"rows       {matrix.words(made)}: {format_line_numbers([at[i] for i in found.rows])}",
     ]
     for i in found.lead:
         what = lead[i] if len(found.lead) == 2 else f"lead row {i + 1}"
         lines.append(f"left out   line {at[i]}: {what}")
     if found.doubled:
         lines.append(
-            f"left out   {lines_text([at[i] for i in found.doubled])}: doubled at a change of "
+            f"left out   {format_line_numbers([at[i] for i in found.doubled])}: doubled at a change of "
             "the spring rate, held while the stator moves"
         )
     if found.end is not None:
@@ -149,11 +149,11 @@ def _stepped(asked: MatrixOptions, said: dict[str, Any]) -> _Read:
     lines = [
         f"file       {got.path}, gain matrix of style {got.style}",
         f"columns    {', '.join(got.columns)} (by {got.said_by})",
-        f"rows       {len(active)}: {lines_text([got.lines[i] for i in active])}",
+        f"rows       {len(active)}: {format_line_numbers([got.lines[i] for i in active])}",
     ]
     zeros = [*range(got.before), *range(active.stop, len(got.rows))]
     if zeros:
-        where = lines_text([got.lines[i] for i in zeros])
+        where = format_line_numbers([got.lines[i] for i in zeros])
         lines.append(f"left out   {where}: all gains zero, before and after the test")
     lines += _traps(got, asked.step)
     lines += [f"look at    {remark}" for remark in got.remarks]
@@ -186,7 +186,7 @@ def _stepped(asked: MatrixOptions, said: dict[str, Any]) -> _Read:
     statement = sign_conventions.Statement(**said)
     made = sign_conventions.converted(got, statement)
     factor = sign_conventions.factor(got.style, statement)
-    lines.append(f"signs      {statement.description()}, gains times {number_text(factor)}")
+    lines.append(f"signs      {statement.description()}, gains times {format_number(factor)}")
     lines.append(f"matrix     {matrix.words(made)}")
     facts |= {"statement": statement._asdict(), "factor": factor, "matrix": made._asdict()}
     notes = [f"from {got.path.name} ({got.style})", statement.description()]
@@ -198,11 +198,11 @@ def _traps(got: stepped.Stepped, step: float | None) -> list[str]:
     if step is None:
         return []
     if not step > 0.0:
-        raise ValueError(f"--step-s {number_text(step)}: allowed above 0 s")
+        raise ValueError(f"--step-s {format_number(step)}: allowed above 0 s")
     count = len(got.rows)
-    over = number_text(count * step)
+    over = format_number(count * step)
     return [
-        f"played     {count} rows of {number_text(step)} s, {over} s in all; the block starts with "
+        f"played     {count} rows of {format_number(step)} s, {over} s in all; the block starts with "
         f"index 0 at time 0 (out of range) and plays row 1 again after {over} s"
     ]
 
@@ -243,7 +243,7 @@ def write(file: Path, style: str, source: Path, *, header: bool, force: bool, as
         print(json.dumps(facts))
     else:
         if after:
-            left = f"{len(after)} ({lines_text(after)})"
+            left = f"{len(after)} ({format_line_numbers(after)})"
             print(f"warning: rows after the end mark, left out: {left}", file=sys.stderr)
         print(f"rows       {matrix.words(made)}")
         print(f"written    {file}: {rows} rows with load, hold, doubled and end rows")

@@ -88,13 +88,13 @@ def _surface(table: "xarray.Dataset", folder: Path, asked: PlotOptions) -> Path:
     from rig.analysis.labels import column
     from rig.analysis.points import matrix, varied
     from rig.analysis.surfaces import KINDS, write_sliced
-    from rig.config.columns import ALWAYS
+    from rig.config.columns import REQUIRED_COLUMNS
 
     names = asked.surface or ("ki", "kp")
     x, y = column(names[0]), column(names[1])
     varying = varied(matrix(table))
     for axis in (x, y):
-        if axis not in (*varying, *ALWAYS):
+        if axis not in (*varying, *REQUIRED_COLUMNS):
             there = ", ".join(c.name for c in varying) or "nothing"
             raise ValueError(f"{axis.name} does not vary in this run; what varies: {there}")
     free = [c for c in varying if c not in (x, y)]

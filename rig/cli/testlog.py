@@ -167,14 +167,14 @@ def _waves(entry: "Entry") -> str:
 
 
 def _wave(wave: Any) -> str:
-    from rig.config.problems import number_text
+    from rig.config.problems import format_number
 
     when = f"{wave.frequency_hz:.3g} Hz" if wave.frequency_hz else ""
     height = ""
     if wave.amplitude_m is not None:
-        height = f"amplitude {number_text(wave.amplitude_m)} m"
+        height = f"amplitude {format_number(wave.amplitude_m)} m"
     if wave.hs_m is not None:
-        height = f"Hs {number_text(wave.hs_m)} m"
+        height = f"Hs {format_number(wave.hs_m)} m"
     return " ".join(filter(None, (wave.kind.value, when, height, wave.code)))
 
 
@@ -189,7 +189,7 @@ def _spring_words(entry: "Entry", known: "Known | None") -> str:
 
 
 def _detail(entry: "Entry", known: "Known | None") -> None:
-    from rig.config.problems import number_text
+    from rig.config.problems import format_number
 
     applied = corrected_spring(entry, known)
     orders = entry.order or entry.amplitudes
@@ -202,11 +202,14 @@ def _detail(entry: "Entry", known: "Known | None") -> None:
         ("gains", "; ".join(f"{g.axis} {g.name} {list(g.values)} ({g.cell})" for g in entry.gains)),
         ("spring", "" if entry.spring is None else _spring_words(entry, known)),
         ("", applied.description() if applied else ""),
-        ("stator", ", ".join(f"{number_text(p)} %" for p in entry.stator_percent)),
+        ("stator", ", ".join(f"{format_number(p)} %" for p in entry.stator_percent)),
         ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_said})"),
         ("surge", entry.surge),
-        ("bus", f"{number_text(entry.bus_voltage_v)} V" if entry.bus_voltage_v else ""),
-        ("current", ", ".join(f"{number_text(a.amperes)} A {a.waveform}".strip() for a in orders)),
+        ("bus", f"{format_number(entry.bus_voltage_v)} V" if entry.bus_voltage_v else ""),
+        (
+            "current",
+            ", ".join(f"{format_number(a.amperes)} A {a.waveform}".strip() for a in orders),
+        ),
         ("zero", "; ".join(f"{b.done} {b.when} ({b.cell})" for b in entry.biases)),
         ("as written", f"{entry.waves_text.strip()} | {entry.wavebot_text.strip()}"),
         ("notes", entry.notes.strip()),

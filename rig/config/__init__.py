@@ -1,6 +1,6 @@
-"""Configuration files: read once, checked whole, frozen.
+"""Configuration files: reading, validation and frozen models.
 
-Every problem of every file is told at once, with file, line, key and allowed range.
+All problems of all files are reported at once, each with file, line, key and allowed range.
 """
 
 from rig.config.campaign_file import CampaignFile
@@ -8,16 +8,16 @@ from rig.config.limits_file import LimitsFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import load, problems_from, validate
 from rig.config.rig_file import RigFile
-from rig.config.yaml_source import Locate, Place, load_mapping
+from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 
 __all__ = [
     "CampaignFile",
     "ConfigError",
     "LimitsFile",
-    "Locate",
-    "Place",
     "Problem",
     "RigFile",
+    "SourceLocation",
+    "SourceMap",
     "load",
     "load_mapping",
     "problems_from",

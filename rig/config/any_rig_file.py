@@ -1,19 +1,20 @@
-"""A rig file of whichever kind it says it is."""
+"""Loading of a rig file as the model of its kind."""
 
 from pathlib import Path
 
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.pydantic_errors import validate
 from rig.config.rig_file import RigFile
-from rig.config.yaml_source import Locate, load_mapping
+from rig.config.yaml_source import SourceMap, load_mapping
 
 AnyRigFile = RigFile | BenchRigFile
 
 
-def load_rig(path: Path) -> tuple[AnyRigFile, Locate]:
-    """A rig file as its kind's model, and where each value stands.
+def load_rig(path: Path) -> tuple[AnyRigFile, SourceMap]:
+    """Return a rig file as the model of its kind, and the file and line of each value.
 
-    What names no kind is read as a WaveBot. Raises `ConfigError` with every problem found.
+    A file without a known `kind` is read as a WaveBot, so that the message lists the kinds.
+    Raises `ConfigError` with every problem found.
     """
     mapping, locate = load_mapping(path)
     if mapping.get("kind") == "oswec bench":

@@ -1,21 +1,21 @@
-"""The limits of an OSWEC bench. None has a default: who forgets one gets a refused file."""
+"""The limits of an OSWEC bench. No limit has a default: a file without one of them is refused."""
 
 from collections.abc import Iterator
 
 from pydantic import Field
 
-from rig.config.limits_file import LoopLimits, MotorPowerLimits, before_old_values
-from rig.config.model import Broken, FileModel
-from rig.config.problems import number_text
+from rig.config.limits_file import LoopLimits, MotorPowerLimits, check_difference_time
+from rig.config.model import FileModel, RuleViolation
+from rig.config.problems import format_number
 
 
 class MotorLimits(FileModel):
-    """Limits of motor and drive, told at the gearbox output; `warn` is told, `stop` stops."""
+    """Limits of motor and drive at the gearbox output; `warn` gives a warning, `stop` stops."""
 
     angle_warn_deg: float = Field(gt=0, le=720)
     angle_stop_deg: float = Field(gt=0, le=720)
     velocity_stop_rad_per_s: float = Field(gt=0, le=50)
-    velocity_command_rad_per_s: float = Field(gt=0, le=50)  # the most that is ever commanded
+    velocity_command_rad_per_s: float = Field(gt=0, le=50)  # maximum command
     acceleration_rad_per_s2: float = Field(gt=0, le=1e4)  # of the velocity command
     current_peak_a: float = Field(gt=0, le=100)
     current_rms_a: float = Field(gt=0, le=100)
@@ -25,33 +25,33 @@ class MotorLimits(FileModel):
     encoder_jump_stop_deg: float = Field(gt=0, le=90)
     drive_age_stop_s: float = Field(gt=0, le=5)
     current_difference_stop_a: float = Field(gt=0, le=100)  # torque loop: measured to commanded
-    current_difference_time_s: float = Field(gt=0, le=60)  # for so long
-    velocity_difference_stop_rad_per_s: float = Field(gt=0, le=50)  # velocity loop: the same
+    current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
+    velocity_difference_stop_rad_per_s: float = Field(gt=0, le=50)  # same, in the velocity loop
     velocity_difference_time_s: float = Field(gt=0, le=60)
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """A warning comes before the stop, a command stays below it, a mean below its peak."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the order of warning, command and stop, of rms and peak, of stale and wrong."""
         for lower, upper, unit in (
             ("angle_warn_deg", "angle_stop_deg", "deg"),
             ("velocity_command_rad_per_s", "velocity_stop_rad_per_s", "rad/s"),
         ):
             low, high = getattr(self, lower), getattr(self, upper)
             if low >= high:
-                yield Broken(
+                yield RuleViolation(
                     (lower,),
-                    f"{number_text(low)} is no less than the stop; "
-                    f"allowed below {upper} = {number_text(high)} {unit}",
+                    f"{format_number(low)} is not below the stop; "
+                    f"allowed below {upper} = {format_number(high)} {unit}",
                     low,
                 )
         if self.current_rms_a > self.current_peak_a:
-            yield Broken(
+            yield RuleViolation(
                 ("current_rms_a",),
-                f"{number_text(self.current_rms_a)} is more than the peak; "
-                f"allowed up to current_peak_a = {number_text(self.current_peak_a)} A",
+                f"{format_number(self.current_rms_a)} is more than the peak; "
+                f"allowed up to current_peak_a = {format_number(self.current_peak_a)} A",
                 self.current_rms_a,
             )
-        yield from before_old_values(self, "current_difference_time_s", "drive_age_stop_s")
-        yield from before_old_values(self, "velocity_difference_time_s", "encoder_age_stop_s")
+        yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
+        yield from check_difference_time(self, "velocity_difference_time_s", "encoder_age_stop_s")
 
 
 class ShaftLimits(FileModel):
@@ -62,7 +62,7 @@ class ShaftLimits(FileModel):
 
 
 class LoadCellLimits(FileModel):
-    """Range of the load cell, either way."""
+    """Limits of the load cell, for both signs."""
 
     across_stop_n: float = Field(gt=0, le=1e5)  # fx, fy
     along_stop_n: float = Field(gt=0, le=1e5)  # fz
@@ -71,35 +71,35 @@ class LoadCellLimits(FileModel):
 
 
 class BrakeLimits(FileModel):
-    """When the brake counts as lost."""
+    """Limits beyond which the brake counts as lost."""
 
-    difference_stop_a: float = Field(gt=0, le=20)  # between told and measured current
-    difference_time_s: float = Field(gt=0, le=60)  # for so long
+    difference_stop_a: float = Field(gt=0, le=20)  # between commanded and measured current
+    difference_time_s: float = Field(gt=0, le=60)  # for at least this time
     age_stop_s: float = Field(gt=0, le=60)
 
 
-class Authority(FileModel):
-    """The most that feedback may add to what is asked, either way."""
+class FeedbackAuthority(FileModel):
+    """Maximum contribution of feedback to the demand, for both signs."""
 
-    angle_deg: float = Field(gt=0, le=10)  # of the position correction in the instant
-    velocity_rad_per_s: float = Field(gt=0, le=10)  # of the same
+    angle_deg: float = Field(gt=0, le=10)  # of the instantaneous position correction
+    velocity_rad_per_s: float = Field(gt=0, le=10)  # of the same correction
     torque_n_m: float = Field(gt=0, le=1000)  # of the torque loop
 
 
 class BenchTareLimits(FileModel):
-    """When the tare is refused."""
+    """Limits beyond which the tare is refused."""
 
     angle_span_stop_deg: float = Field(gt=0, le=45)
 
 
 class BenchLimitsFile(FileModel):
-    """Every limit of an OSWEC bench."""
+    """All limits of an OSWEC bench."""
 
     motor: MotorLimits
     shaft: ShaftLimits
     load_cell: LoadCellLimits
     brake: BrakeLimits
     power: MotorPowerLimits
-    authority: Authority
+    authority: FeedbackAuthority
     tare: BenchTareLimits
     loop: LoopLimits

@@ -1,4 +1,4 @@
-"""The calibration file: what is corrected, by how much, where it holds, and why."""
+"""The calibration file: the corrected quantity, the correction, its validity and its reason."""
 
 from collections.abc import Iterator
 from datetime import date
@@ -6,25 +6,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from rig.config.model import Broken, FileModel, Several, Whole, refuse
-from rig.config.problems import number_text, value_text
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.problems import format_number, format_value
 
-UNITS = {
+QUANTITY_UNITS = {
     "spring_rate": "N/m",
     "torque_constant": "N*m/A",
     "heave_position": "m",
     "spring_map": "N/m",
 }
-"""Quantities that can be corrected, each with its one unit (of a spring map that of the rates)."""
+"""Units of the quantities that can be corrected (for a spring map, the unit of its rates)."""
 
 Stroke = Annotated[float, Field(gt=0, le=2)]
-"""Stroke either way at a stator position, m: beyond it the stator's force reverses."""
+"""Stroke in either direction at a stator position, m; beyond it the stator's force reverses."""
 
-TORQUE_CONSTANT = ("rig", "heave", "torque_constant_n_m_per_a")
-"""Keys of a run's configuration under which it stands."""
+TORQUE_CONSTANT_KEY = ("rig", "heave", "torque_constant_n_m_per_a")
+"""Key path of the torque constant in a run's configuration."""
 
 
-class Scale(FileModel):
+class ScaleCorrection(FileModel):
     """Corrected = factor * recorded."""
 
     kind: Literal["scale"]
@@ -34,68 +34,75 @@ class Scale(FileModel):
     @classmethod
     def _not_zero(cls, factor: float) -> float:
         if abs(factor) < 1e-6:
-            raise refuse(f"{number_text(factor)} leaves nothing to take back; allowed away from 0")
+            raise rule_error(
+                f"{format_number(factor)} cannot be inverted; allowed magnitudes from 1e-6"
+            )
         return factor
 
 
-class Offset(FileModel):
+class OffsetCorrection(FileModel):
     """Corrected = recorded + offset."""
 
     kind: Literal["offset"]
     offset: float = Field(ge=-1e6, le=1e6)  # in the unit of the calibration
 
 
-class Table(FileModel):
-    """Corrected is interpolated between pairs; beyond the ends there is no correction."""
+class TableCorrection(FileModel):
+    """Corrected = interpolation between pairs; beyond the ends there is no correction."""
 
     kind: Literal["table"]
-    recorded: Several[float] = Field(min_length=2, strict=False)
-    corrected: Several[float] = Field(min_length=2, strict=False)
+    recorded: TupleOf[float] = Field(min_length=2, strict=False)
+    corrected: TupleOf[float] = Field(min_length=2, strict=False)
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """Equally long, recorded rising, corrected strictly monotone: it can be taken back."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check equal lengths, rising recorded and strictly monotone corrected values.
+
+        These conditions make the correction invertible.
+        """
         if len(self.recorded) != len(self.corrected):
-            yield Broken(
+            yield RuleViolation(
                 ("corrected",),
                 f"{len(self.corrected)} entries; allowed {len(self.recorded)}, as in recorded",
             )
             return
         falling = self.corrected[1] < self.corrected[0]
         for i in range(1, len(self.recorded)):
-            before, here = self.recorded[i - 1], self.recorded[i]
-            if here <= before:
-                yield Broken(
+            previous, value = self.recorded[i - 1], self.recorded[i]
+            if value <= previous:
+                yield RuleViolation(
                     ("recorded", i),
-                    f"{number_text(here)} does not rise above {number_text(before)}",
-                    here,
+                    f"{format_number(value)} does not rise above {format_number(previous)}",
+                    value,
                 )
-            before, here = self.corrected[i - 1], self.corrected[i]
-            if here == before or falling != (here < before):
-                way = "fall" if falling else "rise"
-                yield Broken(
+            previous, value = self.corrected[i - 1], self.corrected[i]
+            if value == previous or falling != (value < previous):
+                direction = "fall" if falling else "rise"
+                yield RuleViolation(
                     ("corrected", i),
-                    f"{number_text(here)} after {number_text(before)}: the table must {way} "
-                    "strictly, or it cannot be taken back",
-                    here,
+                    f"{format_number(value)} after {format_number(previous)}: the table must "
+                    f"{direction} strictly, or it has no inverse",
+                    value,
                 )
 
 
-Correction = Annotated[Scale | Offset | Table, Field(discriminator="kind")]
+Correction = Annotated[
+    ScaleCorrection | OffsetCorrection | TableCorrection, Field(discriminator="kind")
+]
 
 
-class Runs(FileModel):
+class RunRange(FileModel):
     """Runs of a numbered series, from (included) to before (excluded)."""
 
     series: str = Field(min_length=1, max_length=64)  # as in MASK4_051
-    first: Whole | None = Field(default=None, alias="from", ge=0, le=10**9)
-    before: Whole | None = Field(default=None, ge=0, le=10**9)
+    first: WholeNumber | None = Field(default=None, alias="from", ge=0, le=10**9)
+    before: WholeNumber | None = Field(default=None, ge=0, le=10**9)
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """At least one end, and something between both."""
-        yield from _ends(self.first, self.before)
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that at least one end is given and that the range is not empty."""
+        yield from _check_ends(self.first, self.before)
 
 
-class Dates(FileModel):
+class DateRange(FileModel):
     """Days in UTC on which a run started, from (included) to before (excluded)."""
 
     first: str | None = Field(default=None, alias="from")
@@ -103,7 +110,7 @@ class Dates(FileModel):
 
     @field_validator("first", "before")
     @classmethod
-    def _a_date(cls, text: str | None) -> str | None:
+    def _require_date(cls, text: str | None) -> str | None:
         if text is None:
             return None
         try:
@@ -111,48 +118,50 @@ class Dates(FileModel):
                 return text
         except ValueError:
             pass
-        raise refuse(f"{value_text(text)} is not a date; allowed as 2023-09-26")
+        raise rule_error(f"{format_value(text)} is not a date; allowed as 2023-09-26")
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """At least one end, and something between both."""
-        yield from _ends(self.first, self.before)
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that at least one end is given and that the range is not empty."""
+        yield from _check_ends(self.first, self.before)
 
 
-def _ends(first: float | str | None, before: float | str | None) -> Iterator[Broken]:
+def _check_ends(first: float | str | None, before: float | str | None) -> Iterator[RuleViolation]:
     if first is None and before is None:
-        yield Broken((), "no end given; allowed from, before, or both")
+        yield RuleViolation((), "no end given; allowed from, before, or both")
     if first is not None and before is not None and str(first) == str(before):
-        yield Broken(("before",), f"{before} holds for nothing; allowed above from = {first}")
-    elif first is not None and before is not None and not _above(before, first):
-        yield Broken(("before",), f"{before} lies before from = {first}", before)
+        yield RuleViolation(
+            ("before",), f"{before} makes the range empty; allowed above from = {first}"
+        )
+    elif first is not None and before is not None and not _is_above(before, first):
+        yield RuleViolation(("before",), f"{before} is before from = {first}", before)
 
 
-def _above(high: float | str, low: float | str) -> bool:
+def _is_above(high: float | str, low: float | str) -> bool:
     return str(high) > str(low) if isinstance(high, str) else high > low  # type: ignore[operator]
 
 
-class Valid(FileModel):
-    """Where a calibration holds: runs of a series, or dates."""
+class Validity(FileModel):
+    """Validity of a calibration: runs of a series, or dates."""
 
-    runs: Runs | None = None
-    dates: Dates | None = None
+    runs: RunRange | None = None
+    dates: DateRange | None = None
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """Exactly one of runs, dates."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that exactly one of runs and dates is given."""
         given = [name for name in ("runs", "dates") if getattr(self, name) is not None]
         if len(given) != 1:
-            found = " and ".join(given) if given else "nothing"
-            yield Broken((), f"{found} given; allowed exactly one of runs, dates")
+            keys = " and ".join(given) if given else "nothing"
+            yield RuleViolation((), f"{keys} given; allowed exactly one of runs, dates")
 
     def description(self) -> str:
-        """The range in a line."""
+        """Return the range as one line of text."""
         if self.runs is not None:
-            return f"{self.runs.series} runs {_range_words(self.runs.first, self.runs.before)}"
+            return f"{self.runs.series} runs {_format_range(self.runs.first, self.runs.before)}"
         assert self.dates is not None
-        return f"dates {_range_words(self.dates.first, self.dates.before)}"
+        return f"dates {_format_range(self.dates.first, self.dates.before)}"
 
 
-def _range_words(first: float | str | None, before: float | str | None) -> str:
+def _format_range(first: float | str | None, before: float | str | None) -> str:
     ends = (
         f"from {first}" if first is not None else "",
         f"before {before}" if before is not None else "",
@@ -164,56 +173,62 @@ class CalibrationFile(FileModel):
     """One version of a calibration."""
 
     name: str = Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)
-    version: Whole = Field(ge=1, le=10_000)
+    version: WholeNumber = Field(ge=1, le=10_000)
     quantity: Literal["spring_rate", "torque_constant", "heave_position", "spring_map"]
     unit: str
     correction: Correction
-    valid: Valid
-    outside: Literal["refuse", "unchanged"]  # what becomes of a value outside the range
-    supersedes: Whole | None = Field(default=None, ge=1, le=10_000)
+    valid: Validity
+    outside: Literal["refuse", "unchanged"]  # treatment of values outside the validity
+    supersedes: WholeNumber | None = Field(default=None, ge=1, le=10_000)
     source: str = Field(min_length=1)
     reason: str = Field(min_length=1)
-    stroke_m: Several[Stroke] | None = Field(default=None, strict=False)  # of a spring map
+    stroke_m: TupleOf[Stroke] | None = Field(default=None, strict=False)  # of a spring map
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """The unit is the quantity's, and every version but the first supersedes an earlier one."""
-        unit = UNITS[self.quantity]
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the unit, the superseded version and the spring map.
+
+        Every version except the first supersedes an earlier one.
+        """
+        unit = QUANTITY_UNITS[self.quantity]
         if self.unit != unit:
-            message = f"{value_text(self.unit)} is not the unit of {self.quantity}; allowed {unit}"
-            yield Broken(("unit",), message, self.unit)
+            message = (
+                f"{format_value(self.unit)} is not the unit of {self.quantity}; allowed {unit}"
+            )
+            yield RuleViolation(("unit",), message, self.unit)
         if self.version == 1 and self.supersedes is not None:
-            yield Broken(("supersedes",), "version 1 supersedes nothing", self.supersedes)
+            yield RuleViolation(("supersedes",), "version 1 supersedes nothing", self.supersedes)
         if self.version > 1 and self.supersedes is None:
             message = f"supersedes missing; allowed a version before {self.version}"
-            yield Broken((), message)
+            yield RuleViolation((), message)
         if self.supersedes is not None and 1 < self.version <= self.supersedes:
-            yield Broken(
-                ("supersedes",),
-                f"{self.supersedes} is no earlier version; allowed below version {self.version}",
-                self.supersedes,
-            )
+            message = f"{self.supersedes} is not an earlier version; allowed below {self.version}"
+            yield RuleViolation(("supersedes",), message, self.supersedes)
         yield from self._map_rules()
 
-    def _map_rules(self) -> Iterator[Broken]:
-        """A spring map is a table of rates over stator position (%), with a stroke for each."""
+    def _map_rules(self) -> Iterator[RuleViolation]:
+        """Check that a spring map is a table over stator position (%) with a stroke per station."""
         if self.quantity != "spring_map":
             if self.stroke_m is not None:
-                yield Broken(("stroke_m",), f"{self.quantity} has no strokes; leave the key out")
+                yield RuleViolation(
+                    ("stroke_m",), f"{self.quantity} has no strokes; leave the key out"
+                )
             return
-        if not isinstance(self.correction, Table):
-            message = f"{self.correction.kind} is no spring map; allowed table"
-            yield Broken(("correction", "kind"), message, self.correction.kind)
+        if not isinstance(self.correction, TableCorrection):
+            message = f"{self.correction.kind} is not a spring map; allowed table"
+            yield RuleViolation(("correction", "kind"), message, self.correction.kind)
             return
         stations = self.correction.recorded
         for i, stator in enumerate(stations):
             if not -100.0 <= stator <= 100.0:
-                message = f"{number_text(stator)} is out of range; allowed -100 .. 100 %"
-                yield Broken(("correction", "recorded", i), message, stator)
+                message = f"{format_number(stator)} is out of range; allowed -100 .. 100 %"
+                yield RuleViolation(("correction", "recorded", i), message, stator)
         if len(self.stroke_m or ()) != len(stations):
-            message = f"{len(self.stroke_m or ())} strokes; allowed {len(stations)}, one a station"
-            yield Broken(("stroke_m",), message)
+            message = (
+                f"{len(self.stroke_m or ())} strokes; allowed {len(stations)}, one per station"
+            )
+            yield RuleViolation(("stroke_m",), message)
 
     @property
     def title(self) -> str:
-        """Name and version, as what was made with it says."""
+        """Name and version, as recorded in data corrected with it."""
         return f"{self.name} v{self.version}"

@@ -1,18 +1,18 @@
-"""The columns a gain matrix may have: name in a file, name of the set point, unit, range."""
+"""The columns of a gain matrix: key in a file, name of the set point, unit, range."""
 
 from typing import Annotated, Literal, NamedTuple
 
 from pydantic import AfterValidator, Field
 
-from rig.config.model import Reason, Whole, refuse
+from rig.config.model import Reason, WholeNumber, rule_error
 
 END_MARK = -999.0
-"""Kp that ends an imported matrix. It is never a gain."""
+"""Value of Kp that marks the end of an imported matrix; it is never a gain."""
 
 
-def _not_the_end_mark(kp: float) -> float:
+def _reject_end_mark(kp: float) -> float:
     if kp == END_MARK:
-        raise refuse("-999 ends an imported matrix and is never a gain; leave the row out")
+        raise rule_error("-999 ends an imported matrix and is never a gain; leave the row out")
     return kp
 
 
@@ -20,7 +20,7 @@ Kp = Annotated[
     float,
     Field(ge=-20_000, le=0),
     Reason("F = Kp v on the body: Kp > 0 would drive it, Kp < 0 absorbs"),
-    AfterValidator(_not_the_end_mark),
+    AfterValidator(_reject_end_mark),
 ]
 """Velocity gain, N*s/m."""
 
@@ -31,13 +31,13 @@ Km = Annotated[float, Field(ge=-500, le=500)]
 """Acceleration gain, kg; Km > 0 acts as a negative mass."""
 
 SpringRate = Annotated[float, Field(ge=-50_000, le=50_000)]
-"""Small-displacement spring rate, N/m; the rig's map says which it has."""
+"""Small-displacement spring rate, N/m; the rig's spring map gives the available range."""
 
 ReferenceScale = Annotated[float, Field(ge=-10, le=10)]
 """Factor on the campaign's open-loop reference."""
 
-Realisation = Annotated[Whole, Field(ge=1, le=100)]
-"""Which realisation of the campaign's multisine reference: other random phases of one band."""
+Realisation = Annotated[WholeNumber, Field(ge=1, le=100)]
+"""Number of the realisation of the campaign's multisine reference; each has other phases."""
 
 SurgeKp = Annotated[
     float,
@@ -53,8 +53,8 @@ SurgeKi = Annotated[
 ]
 """Position gain of surge, N/m."""
 
-Scheme = Literal["svpwm", "sine-triangle", "dpwm", "hysteresis"]
-"""How the bridge is switched; firmware, so a setting of the run and no column."""
+ModulationScheme = Literal["svpwm", "sine-triangle", "dpwm", "hysteresis"]
+"""Modulation of the bridge; set in the firmware, so per run and not a column of the matrix."""
 
 BusVoltage = Annotated[float, Field(ge=20, le=150)]
 """Set point of the DC bus, V."""
@@ -66,12 +66,12 @@ HysteresisTolerance = Annotated[float, Field(ge=0.1, le=10)]
 """Dead band of the current in the hysteresis scheme, A."""
 
 VelocityThreshold = Annotated[float, Field(ge=0, le=1)]
-"""Speed below which the power stage rests, m/s; 0: never."""
+"""Speed below which the power stage does not switch, m/s; 0: it always switches."""
 
 CurrentThreshold = Annotated[float, Field(ge=0, le=40)]
-"""The power stage rests only below this commanded current, A; 0: whatever the current."""
+"""Commanded current below which the power stage may stop switching, A; 0: at any current."""
 
-DischargeLevel = Annotated[Whole, Field(ge=0, le=15)]
+DischargeLevel = Annotated[WholeNumber, Field(ge=0, le=15)]
 """Set of the four dump resistors in use: 1 one, 15 all."""
 
 
@@ -99,7 +99,7 @@ COLUMNS = (
     Column("velocity_threshold_m_per_s", "velocity_threshold", "m/s", "velocity threshold"),
     Column("discharge_level", "discharge_level", "1", "discharge level"),
 )
-"""Spring rate, Kp and Ki are in every matrix; the others where a campaign wants them."""
+"""Every matrix has spring rate, Kp and Ki; the other columns are optional."""
 
-ALWAYS = COLUMNS[:3]
+REQUIRED_COLUMNS = COLUMNS[:3]
 DRIVE_COLUMNS = COLUMNS[8:]

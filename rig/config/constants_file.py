@@ -1,6 +1,6 @@
-"""What a session of the bench found: constants with unit and uncertainty, and its tables.
+"""The results of a bench session: constants with unit and uncertainty, and tables.
 
-Such a file says which run it is from and when; rigs and sessions name it under `calibrations`.
+The file records its run and date; rigs and sessions name it under `calibrations`.
 """
 
 from collections.abc import Iterator
@@ -8,68 +8,70 @@ from typing import Any
 
 from pydantic import Field, field_validator
 
-from rig.config.model import Broken, FileModel, Several, Whole, refuse
-from rig.config.problems import number_text, value_text
+from rig.config.model import FileModel, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.problems import format_number, format_value
 
-UNITS = {
+CONSTANT_UNITS = {
     "torque_constant": "N*m/A",
-    "torque_constant_positive": "N*m/A",  # currents above zero
+    "torque_constant_positive": "N*m/A",  # for currents above zero
     "torque_constant_negative": "N*m/A",
     "velocity_constant": "rad/s/V",
-    "velocity_constant_loaded": "rad/s/V",  # of driveline runs
-    "velocity_loop_lag": "s",  # of the motor behind the commanded velocity
+    "velocity_constant_loaded": "rad/s/V",  # from driveline runs
+    "velocity_loop_lag": "s",  # delay of the motor relative to the commanded velocity
 }
-"""Constants that a plan reads, each with its one unit; a file may hold others."""
+"""Units of the constants that a plan reads; a file may hold other constants."""
 
 
 class Constant(FileModel):
-    """A number with what is known of it."""
+    """A measured constant with unit, uncertainty and method."""
 
     value: float = Field(ge=-1e9, le=1e9)
     unit: str = Field(min_length=1, max_length=32)
-    uncertainty: float = Field(ge=0, le=1e9)  # half width of the interval that holds it, 95 %
-    method: str = Field(default="", max_length=300)  # how it was found, what the interval rests on
+    uncertainty: float = Field(ge=0, le=1e9)  # half width of the 95 % confidence interval
+    method: str = Field(default="", max_length=300)  # of the value and of its interval
 
 
 class Branch(FileModel):
     """One branch of the brake's map."""
 
-    current_a: Several[float] = Field(min_length=2, strict=False)
-    torque_n_m: Several[float] = Field(min_length=2, strict=False)
-    uncertainty_n_m: Several[float] = Field(default=(), strict=False)  # half widths, 95 %
+    current_a: TupleOf[float] = Field(min_length=2, strict=False)
+    torque_n_m: TupleOf[float] = Field(min_length=2, strict=False)
+    uncertainty_n_m: TupleOf[float] = Field(default=(), strict=False)  # half widths, 95 %
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """Equally long; currents and torques rise."""
-        yield from _paired(self.current_a, self.torque_n_m, "current_a", "torque_n_m")
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the lists have the same length and that currents and torques rise."""
+        yield from _check_pairs(self.current_a, self.torque_n_m, "current_a", "torque_n_m")
         if self.uncertainty_n_m:
-            yield from _as_long(
+            yield from _check_same_length(
                 self.current_a, self.uncertainty_n_m, "current_a", "uncertainty_n_m"
             )
-        yield from _rising(self.torque_n_m, "torque_n_m")
+        yield from _check_rising(self.torque_n_m, "torque_n_m")
 
 
 class BrakeMap(FileModel):
-    """Torque the brake holds over its current, one branch for each way the current goes."""
+    """Torque of the brake over its current, with a branch for rising and for falling current."""
 
     rising: Branch
     falling: Branch
 
 
 class DeflectionMap(FileModel):
-    """Deflection (motor less shaft) over the torque of the driveline."""
+    """Deflection (motor minus shaft) over the torque of the driveline."""
 
-    torque_n_m: Several[float] = Field(min_length=2, strict=False)
-    deflection_deg: Several[float] = Field(min_length=2, strict=False)
+    torque_n_m: TupleOf[float] = Field(min_length=2, strict=False)
+    deflection_deg: TupleOf[float] = Field(min_length=2, strict=False)
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """Equally long; torques rise."""
-        yield from _paired(self.torque_n_m, self.deflection_deg, "torque_n_m", "deflection_deg")
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the lists have the same length and that torques rise."""
+        yield from _check_pairs(
+            self.torque_n_m, self.deflection_deg, "torque_n_m", "deflection_deg"
+        )
 
 
 class DrivelinePoint(FileModel):
-    """What one uncorrected row of a driveline run gave."""
+    """The results of one uncorrected row of a driveline run."""
 
-    row: Whole = Field(ge=0, le=10_000)
+    row: WholeNumber = Field(ge=0, le=10_000)
     amplitude_deg: float = Field(gt=0, le=180)
     period_s: float = Field(gt=0, le=3600)
     damping_n_m_s_per_rad: float = Field(ge=0, le=1e4)
@@ -89,51 +91,52 @@ class ConstantsFile(FileModel):
     constants: dict[str, Constant] = Field(default_factory=dict)
     brake_map: BrakeMap | None = None
     deflection_map: DeflectionMap | None = None
-    driveline: Several[DrivelinePoint] = Field(default=(), strict=False)
+    driveline: TupleOf[DrivelinePoint] = Field(default=(), strict=False)
 
     @field_validator("constants", mode="before")
     @classmethod
-    def _a_mapping(cls, value: Any) -> Any:
+    def _require_mapping(cls, value: Any) -> Any:
         if not isinstance(value, dict):
-            raise refuse(f"{value_text(value)} is not a mapping of names to constants")
+            raise rule_error(f"{format_value(value)} is not a mapping of names to constants")
         return value
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """A constant that is read has its unit and is above zero; something is in the file."""
-        for name, unit in UNITS.items():
-            found = self.constants.get(name)
-            if found is None:
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check unit and sign of the constants that a plan reads, and that the file has results."""
+        for name, unit in CONSTANT_UNITS.items():
+            constant = self.constants.get(name)
+            if constant is None:
                 continue
-            if found.unit != unit:
+            if constant.unit != unit:
                 key = ("constants", name, "unit")
-                yield Broken(key, f"{found.unit!r} is not its unit; allowed {unit}", found.unit)
-            if found.value <= 0.0:
+                message = f"{constant.unit!r} is not the unit of {name}; allowed {unit}"
+                yield RuleViolation(key, message, constant.unit)
+            if constant.value <= 0.0:
                 key = ("constants", name, "value")
-                told = f"{number_text(found.value)} is out of range; allowed above 0 {unit}"
-                yield Broken(key, told, found.value)
+                message = f"{format_number(constant.value)} is out of range; allowed above 0 {unit}"
+                yield RuleViolation(key, message, constant.value)
         if not (self.constants or self.brake_map or self.deflection_map or self.driveline):
             message = "no result; allowed constants, brake_map, deflection_map, driveline"
-            yield Broken((), message)
+            yield RuleViolation((), message)
 
 
-def _paired(
+def _check_pairs(
     first: tuple[float, ...], second: tuple[float, ...], rising: str, other: str
-) -> Iterator[Broken]:
-    yield from _as_long(first, second, rising, other)
-    yield from _rising(first, rising)
+) -> Iterator[RuleViolation]:
+    yield from _check_same_length(first, second, rising, other)
+    yield from _check_rising(first, rising)
 
 
-def _as_long(
+def _check_same_length(
     first: tuple[float, ...], second: tuple[float, ...], key: str, other: str
-) -> Iterator[Broken]:
+) -> Iterator[RuleViolation]:
     if len(first) != len(second):
         message = f"{len(second)} entries; allowed {len(first)}, as in {key}"
-        yield Broken((other,), message)
+        yield RuleViolation((other,), message)
 
 
-def _rising(values: tuple[float, ...], key: str) -> Iterator[Broken]:
+def _check_rising(values: tuple[float, ...], key: str) -> Iterator[RuleViolation]:
     for i in range(1, len(values)):
-        before, here = values[i - 1], values[i]
-        if here <= before:
-            message = f"{number_text(here)} does not rise above {number_text(before)}"
-            yield Broken((key, i), message, here)
+        previous, value = values[i - 1], values[i]
+        if value <= previous:
+            message = f"{format_number(value)} does not rise above {format_number(previous)}"
+            yield RuleViolation((key, i), message, value)

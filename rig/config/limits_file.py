@@ -1,15 +1,15 @@
-"""The limits of a WaveBot. None has a default: who forgets one gets a refused file."""
+"""The limits of a WaveBot. No limit has a default: a file without one of them is refused."""
 
 from collections.abc import Iterator
 
 from pydantic import Field
 
-from rig.config.model import Broken, FileModel, Whole
-from rig.config.problems import number_text
+from rig.config.model import FileModel, RuleViolation, WholeNumber
+from rig.config.problems import format_number
 
 
 class AxisLimits(FileModel):
-    """Limits of one powered axis; `warn` is told, `stop` stops."""
+    """Limits of one powered axis; `warn` gives a warning, `stop` stops the rig."""
 
     position_warn_m: float = Field(gt=0, le=2)
     position_stop_m: float = Field(gt=0, le=2)
@@ -22,36 +22,39 @@ class AxisLimits(FileModel):
     encoder_jump_stop_m: float = Field(gt=0, le=1)
     drive_age_stop_s: float = Field(gt=0, le=5)
     current_difference_stop_a: float = Field(gt=0, le=500)  # between measured and commanded
-    current_difference_time_s: float = Field(gt=0, le=60)  # for so long
+    current_difference_time_s: float = Field(gt=0, le=60)  # for at least this time
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """A warning before the stop, a mean square below the peak, old values before wrong ones."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the order of warning and stop, of rms and peak, and of stale and wrong values."""
         if self.position_warn_m >= self.position_stop_m:
-            yield Broken(
+            yield RuleViolation(
                 ("position_warn_m",),
-                f"{number_text(self.position_warn_m)} warns no earlier than the stop; "
-                f"allowed below position_stop_m = {number_text(self.position_stop_m)} m",
+                f"{format_number(self.position_warn_m)} warns no earlier than the stop; "
+                f"allowed below position_stop_m = {format_number(self.position_stop_m)} m",
                 self.position_warn_m,
             )
         if self.current_rms_a > self.current_peak_a:
-            yield Broken(
+            yield RuleViolation(
                 ("current_rms_a",),
-                f"{number_text(self.current_rms_a)} is more than the peak; "
-                f"allowed up to current_peak_a = {number_text(self.current_peak_a)} A",
+                f"{format_number(self.current_rms_a)} is more than the peak; "
+                f"allowed up to current_peak_a = {format_number(self.current_peak_a)} A",
                 self.current_rms_a,
             )
-        yield from before_old_values(self, "current_difference_time_s", "drive_age_stop_s")
+        yield from check_difference_time(self, "current_difference_time_s", "drive_age_stop_s")
 
 
-def before_old_values(limits: FileModel, difference: str, age: str) -> Iterator[Broken]:
-    """The broken rule where a value may differ for no longer than it may be old, by both keys."""
-    differs, old = getattr(limits, difference), getattr(limits, age)
-    if differs <= old:
-        yield Broken(
+def check_difference_time(limits: FileModel, difference: str, age: str) -> Iterator[RuleViolation]:
+    """Yield a violation unless the key ``difference`` (time) exceeds the key ``age`` (maximum age).
+
+    Otherwise a value that is merely stale would stop the rig as a wrong one.
+    """
+    difference_time, max_age = getattr(limits, difference), getattr(limits, age)
+    if difference_time <= max_age:
+        yield RuleViolation(
             (difference,),
-            f"{number_text(differs)} would stop for a value that is merely old; "
-            f"allowed above {age} = {number_text(old)} s",
-            differs,
+            f"{format_number(difference_time)} would stop for a value that is merely old; "
+            f"allowed above {age} = {format_number(max_age)} s",
+            difference_time,
         )
 
 
@@ -68,21 +71,22 @@ class BusLimits(FileModel):
 
 
 class MotorPowerLimits(FileModel):
-    """What the power of a motor may come to, averaged over a time."""
+    """Limits of a motor's power, averaged over a time."""
 
     time_s: float = Field(ge=0.1, le=600)
     fed_stop_w: float = Field(gt=0, le=1e6)  # into the body, by a law that can only absorb
-    motor_difference_stop_w: float = Field(gt=0, le=1e6)  # by its current and by a force sensor
-    motor_difference_ratio: float = Field(ge=0, le=10)  # and so much of the force sensor's power
+    # between the power from the motor's current and the power from a force sensor
+    motor_difference_stop_w: float = Field(gt=0, le=1e6)
+    motor_difference_ratio: float = Field(ge=0, le=10)  # added share of the force sensor's power
 
 
 class PowerLimits(MotorPowerLimits):
-    """The same with the stations beyond the motor, averaged over a longer time."""
+    """Power limits of the motor and of the stations beyond it, averaged over a longer time."""
 
     balance_time_s: float = Field(ge=0.1, le=600)
     balance_stop_w: float = Field(gt=0, le=1e6)  # torque sensor to column load cell, and to AC
-    friction_n_s_per_m: float = Field(ge=0, le=1e6)  # and so much loss on the way to the load cell
-    loss_w_per_a2: float = Field(ge=0, le=1e3)  # and so much loss on the way to AC
+    friction_n_s_per_m: float = Field(ge=0, le=1e6)  # allowed loss up to the load cell
+    loss_w_per_a2: float = Field(ge=0, le=1e3)  # allowed loss up to AC
 
 
 class SpringLimits(FileModel):
@@ -93,27 +97,27 @@ class SpringLimits(FileModel):
 
 
 class TareLimits(FileModel):
-    """When the tare is refused."""
+    """Limits beyond which the tare is refused."""
 
     position_span_stop_m: float = Field(gt=0, le=0.5)
 
 
 class LoopLimits(FileModel):
-    """Limits of the loop and of the instruments that every rig reads beside its drives."""
+    """Limits of the loop and of the instruments that every rig has in addition to its drives."""
 
-    lost_ticks_stop: Whole = Field(ge=1, le=100_000)  # in one gap
+    lost_ticks_stop: WholeNumber = Field(ge=1, le=100_000)  # in one gap
     load_cell_age_stop_s: float = Field(gt=0, le=60)
     panel_age_stop_s: float = Field(gt=0, le=60)
 
 
 class WaveBotLoopLimits(LoopLimits):
-    """The same with the power analyser."""
+    """Limits of the loop and the instruments of a WaveBot, with its power analyser."""
 
     analyser_age_stop_s: float = Field(gt=0, le=60)
 
 
 class LimitsFile(FileModel):
-    """Every limit of a WaveBot."""
+    """All limits of a WaveBot."""
 
     heave: HeaveLimits
     surge: AxisLimits

@@ -1,4 +1,4 @@
-"""The gain matrix of a campaign file: a grid, a list, or a CSV beside it."""
+"""The gain matrix of a campaign file: a grid, a list, or the name of a CSV file."""
 
 import math
 from collections.abc import Iterator
@@ -27,88 +27,93 @@ from rig.config.columns import (
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.config.model import Broken, FileModel, Several, refuse
-from rig.config.problems import number_text, value_text
+from rig.config.model import FileModel, RuleViolation, TupleOf, rule_error
+from rig.config.problems import format_number, format_value
 
-MOST_VALUES = 1000
-"""Most values one range may give; more is a slip in `step`."""
+MAX_RANGE_VALUES = 1000
+"""Maximum number of values of a range; a larger number is taken for an error in `step`."""
 
 
-def expanded(value: Any) -> Any:
-    """A number, a list or {from, to, step} as a list; what is none of them stays for pydantic."""
-    if value is None:  # a column that is not there
+def expand_values(value: Any) -> Any:
+    """Return a number, a list or {from, to, step} as a tuple of values.
+
+    None (a column that is not given) stays None. Values of a wrong type are left to pydantic.
+    """
+    if value is None:
         return value
     if isinstance(value, dict):
-        return _range(value)
+        return _expand_range(value)
     if isinstance(value, (list, tuple)):
         if not value:
-            raise refuse("the list is empty; allowed at least 1 entry")
+            raise rule_error("the list is empty; allowed at least 1 entry")
         return tuple(value)
     return (value,)
 
 
-def _range(value: dict[str, Any]) -> tuple[float, ...]:
+def _expand_range(value: dict[str, Any]) -> tuple[float, ...]:
     names = ("from", "to", "step")
     for key in value:
         if key not in names:
-            raise refuse("unknown key; a range has from, to, step", key)
+            raise rule_error("unknown key; a range has from, to, step", key)
     numbers = []
     for key in names:
         if key not in value:
-            raise refuse("missing; a range has from, to, step", key)
+            raise rule_error("missing; a range has from, to, step", key)
         number = value[key]
         if isinstance(number, bool) or not isinstance(number, (int, float)):
-            raise refuse(f"{value_text(number)} is not a number", key)
+            raise rule_error(f"{format_value(number)} is not a number", key)
         if not math.isfinite(number):
-            raise refuse(f"{value_text(number)} is not a finite number", key)
+            raise rule_error(f"{format_value(number)} is not a finite number", key)
         numbers.append(float(number))
     first, last, step = numbers
     if first == last:
         return (first,)
     if step == 0.0 or (last > first) != (step > 0.0):
         sign = "above 0" if last > first else "below 0"
-        raise refuse(
-            f"{number_text(step)} does not lead from `from` to `to`; allowed {sign}", "step"
+        raise rule_error(
+            f"{format_number(step)} does not lead from `from` to `to`; allowed {sign}", "step"
         )
     steps = (last - first) / step
-    if steps > MOST_VALUES - 1:
-        raise refuse(f"{number_text(step)} gives over {MOST_VALUES} values", "step")
+    if steps > MAX_RANGE_VALUES - 1:
+        raise rule_error(f"{format_number(step)} gives over {MAX_RANGE_VALUES} values", "step")
     whole = round(steps)
     if whole == 0 or abs(steps - whole) > 1e-6:
         end = first + math.floor(steps) * step
-        raise refuse(f"{number_text(last)} is not reached: the last step ends on {end:.10g}", "to")
-    # Each value from the start, not from its neighbour: rounding does not add up.
+        raise rule_error(
+            f"{format_number(last)} is not reached: the last step ends on {end:.10g}", "to"
+        )
+    # Each value is computed from the first, not from its neighbour, so rounding errors do not add.
     values = (first + (last - first) * i / whole for i in range(whole + 1))
     return tuple(float(f"{v:.12g}") for v in values)
 
 
-Values = BeforeValidator(expanded)
+ExpandValues = BeforeValidator(expand_values)
 
 
 class _Columns(FileModel):
-    """What may change from row to row; a column that is not given takes the campaign's value."""
+    """Values that may change from row to row; a missing column takes the campaign's value."""
 
     @model_serializer(mode="wrap")
-    def _given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {key: value for key, value in dump(self).items() if value is not None}
 
 
 class Grid(_Columns):
-    """All combinations of the values given; spring rate outermost, then Kp, Ki and the others."""
+    """All combinations of the given values; spring rate outermost, then Kp, Ki and the others."""
 
-    spring_n_per_m: Annotated[Several[SpringRate], Values]
-    kp_n_s_per_m: Annotated[Several[Kp], Values]
-    ki_n_per_m: Annotated[Several[Ki], Values]
-    km_kg: Annotated[Several[Km] | None, Values] = None
-    reference_scale: Annotated[Several[ReferenceScale] | None, Values] = None
-    realisation: Annotated[Several[Realisation] | None, Values] = None
-    surge_kp_n_s_per_m: Annotated[Several[SurgeKp] | None, Values] = None
-    surge_ki_n_per_m: Annotated[Several[SurgeKi] | None, Values] = None
-    bus_voltage_v: Annotated[Several[BusVoltage] | None, Values] = None
-    switching_period_s: Annotated[Several[SwitchingPeriod] | None, Values] = None
-    hysteresis_a: Annotated[Several[HysteresisTolerance] | None, Values] = None
-    velocity_threshold_m_per_s: Annotated[Several[VelocityThreshold] | None, Values] = None
-    discharge_level: Annotated[Several[DischargeLevel] | None, Values] = None
+    spring_n_per_m: Annotated[TupleOf[SpringRate], ExpandValues]
+    kp_n_s_per_m: Annotated[TupleOf[Kp], ExpandValues]
+    ki_n_per_m: Annotated[TupleOf[Ki], ExpandValues]
+    km_kg: Annotated[TupleOf[Km] | None, ExpandValues] = None
+    reference_scale: Annotated[TupleOf[ReferenceScale] | None, ExpandValues] = None
+    realisation: Annotated[TupleOf[Realisation] | None, ExpandValues] = None
+    surge_kp_n_s_per_m: Annotated[TupleOf[SurgeKp] | None, ExpandValues] = None
+    surge_ki_n_per_m: Annotated[TupleOf[SurgeKi] | None, ExpandValues] = None
+    bus_voltage_v: Annotated[TupleOf[BusVoltage] | None, ExpandValues] = None
+    switching_period_s: Annotated[TupleOf[SwitchingPeriod] | None, ExpandValues] = None
+    hysteresis_a: Annotated[TupleOf[HysteresisTolerance] | None, ExpandValues] = None
+    velocity_threshold_m_per_s: Annotated[TupleOf[VelocityThreshold] | None, ExpandValues] = None
+    discharge_level: Annotated[TupleOf[DischargeLevel] | None, ExpandValues] = None
 
 
 class Combination(_Columns):
@@ -129,15 +134,15 @@ class Combination(_Columns):
     discharge_level: DischargeLevel | None = None
 
 
-FORMS = ("grid", "list", "csv")
-_ONE = "allowed exactly one of " + ", ".join(FORMS)
+MATRIX_FORMS = ("grid", "list", "csv")
+_ALLOWED_FORMS = "allowed exactly one of " + ", ".join(MATRIX_FORMS)
 
 
 class Matrix(FileModel):
-    """The gain matrix, said in exactly one of three ways."""
+    """The gain matrix, given in exactly one of three forms."""
 
-    grid: Several[Grid] | None = Field(default=None, min_length=1, strict=False)
-    combinations: Several[Combination] | None = Field(
+    grid: TupleOf[Grid] | None = Field(default=None, min_length=1, strict=False)
+    combinations: TupleOf[Combination] | None = Field(
         default=None, min_length=1, alias="list", strict=False
     )
     csv: str | None = Field(default=None, min_length=1)  # file, relative to this one
@@ -145,21 +150,21 @@ class Matrix(FileModel):
     @model_validator(mode="before")
     @classmethod
     def _one_form(cls, value: Any) -> Any:
-        # Before their values: an empty list would pass for one that is not there. A key without
-        # a value takes out what another file gives, so it is none.
-        there = value if isinstance(value, dict) else {}
-        given = [key for key in FORMS if there.get(key) is not None]
+        # This check precedes that of the values, so that an empty list counts as given. A key
+        # without a value removes the key of an extended file, so it does not count.
+        mapping = value if isinstance(value, dict) else {}
+        given = [key for key in MATRIX_FORMS if mapping.get(key) is not None]
         if len(given) > 1:
-            found = " and ".join(key if value[key] else f"{key} (empty)" for key in given)
-            raise refuse(f"{found} given; {_ONE}")
+            forms = " and ".join(key if value[key] else f"{key} (empty)" for key in given)
+            raise rule_error(f"{forms} given; {_ALLOWED_FORMS}")
         return value
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """One of grid, list, csv; that no two are given is known by then."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that a form is given; `_one_form` has already refused more than one."""
         if self.grid is None and self.combinations is None and self.csv is None:
-            yield Broken((), f"nothing given; {_ONE}")
+            yield RuleViolation((), f"nothing given; {_ALLOWED_FORMS}")
 
     @model_serializer(mode="wrap")
-    def _given(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        # Only the form that is given, so that what is written can be read again.
+    def _drop_missing(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # Write only the form that is given, so that the written file can be read again.
         return {key: value for key, value in dump(self).items() if value is not None}

@@ -1,4 +1,4 @@
-"""What every model of a configuration file has in common."""
+"""Base class and field types of all models of configuration files."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, NamedTuple, Self, TypeVar
@@ -8,17 +8,17 @@ from pydantic_core import PydanticCustomError
 
 from rig.config.yaml_source import KeyPath
 
-RULE = "rule"  # type of the errors raised here; the translator takes their text as it is
+RULE = "rule"  # type of the pydantic errors raised here; `pydantic_errors` keeps their text
 
 
 class Reason(NamedTuple):
-    """Why a range ends where it ends; stands beside the range and is told with it."""
+    """The reason for the limits of a range; messages about the range include it."""
 
     text: str
 
 
-class Broken(NamedTuple):
-    """A rule between several keys that does not hold, told at one of them."""
+class RuleViolation(NamedTuple):
+    """A violated rule between several keys, reported at one of them."""
 
     key: KeyPath  # within the model
     message: str
@@ -28,8 +28,8 @@ class Broken(NamedTuple):
 class FileModel(BaseModel):
     """A frozen mapping of a configuration file.
 
-    Unknown keys, text in place of numbers, NaN and infinity are refused; whole numbers become
-    floats where a float is meant. Rules between keys are told all at once.
+    Unknown keys, text in place of numbers, NaN and infinity are refused. Integers become floats
+    where the field is a float. All violated rules between keys are reported at once.
     """
 
     model_config = ConfigDict(
@@ -37,39 +37,40 @@ class FileModel(BaseModel):
     )
 
     foreign_keys: ClassVar[dict[str, str]] = {}
-    """Keys that belong elsewhere, and what to say to somebody who writes them here."""
+    """Keys that belong to another model, each with the hint for the error message."""
 
     inline: ClassVar[tuple[str, ...]] = ()
-    """Keys of a file that may name another file with their mapping."""
+    """Keys whose value may be the name of a file that holds the mapping."""
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """Rules between keys that do not hold; called when every key by itself is right."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Yield the violated rules between keys; called only if each key by itself is valid."""
         yield from ()
 
     @model_validator(mode="after")
-    def _rules(self) -> Self:
-        broken = tuple(self.broken_rules())
-        if broken:
-            raise PydanticCustomError(RULE, "{text}", {"text": broken[0].message, "rules": broken})
+    def _apply_rules(self) -> Self:
+        violations = tuple(self.check_rules())
+        if violations:
+            context = {"text": violations[0].message, "rules": violations}
+            raise PydanticCustomError(RULE, "{text}", context)
         return self
 
 
-def refuse(message: str, *key: str | int) -> PydanticCustomError:
-    """The error a validator raises: ``message``, told at ``key`` below the validated value."""
-    rules = (Broken(key, message),)
+def rule_error(message: str, *key: str | int) -> PydanticCustomError:
+    """Return the error for a validator to raise, reported at ``key`` below the validated value."""
+    rules = (RuleViolation(key, message),)
     return PydanticCustomError(RULE, "{text}", {"text": message, "rules": rules})
 
 
-def _whole(value: Any) -> Any:
-    # 1e3 is a float in YAML 1.2, and still a whole number to the person who wrote it.
+def _to_integer(value: Any) -> Any:
+    # 1e3 is a float in YAML 1.2, but the person who wrote it means an integer.
     if isinstance(value, float) and value.is_integer():
         return int(value)
     return value
 
 
 T = TypeVar("T")
-Several = Annotated[tuple[T, ...], Field(strict=False)]
-"""A list of the file, as a tuple."""
+TupleOf = Annotated[tuple[T, ...], Field(strict=False)]
+"""A list in the file, a tuple in the model."""
 
-Whole = Annotated[int, BeforeValidator(_whole)]
-"""A whole number, also when written as 1e3."""
+WholeNumber = Annotated[int, BeforeValidator(_to_integer)]
+"""An integer, which the file may also write as 1e3."""

@@ -1,53 +1,54 @@
-"""Where the values of a configuration stand: files, lines, key paths."""
+"""File and line of each value of a configuration, by key path."""
 
 import os
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.problems import Problem, key_text, shown
+from rig.config.problems import Problem, display_path, format_key
 
 KeyPath = tuple[str | int, ...]
 
 
-class Place(NamedTuple):
+class SourceLocation(NamedTuple):
     """A line of a file."""
 
     path: Path
     line: int  # from 1
 
 
-class Locate:
-    """Where each value of a merged mapping came from.
+class SourceMap:
+    """File and line of each value of a merged mapping.
 
-    Called with a key path it gives the `Place` of that key, or of the nearest mapping around it
-    that exists (a missing key is reported on the line of its mapping).
+    Calling the map with a key path returns the `SourceLocation` of that key. For a missing key it
+    returns the location of the nearest enclosing mapping, so that a missing key is reported on
+    the line of its mapping.
     """
 
     def __init__(
         self,
         path: Path,
-        places: dict[KeyPath, Place],
+        places: dict[KeyPath, SourceLocation],
         files: tuple[Path, ...],
         inlined: tuple[Path, ...] = (),
     ) -> None:
         self.path = path
-        self.places = places
-        self.files = files  # every file read: the named one first, then those it extends
-        self.inlined = inlined  # those of them that hold the mapping of a key
+        self.locations = places
+        self.files = files  # every file read: the named one first, then the files it extends
+        self.inlined = inlined  # the files among them that hold the mapping of a single key
 
-    def __call__(self, key: KeyPath = ()) -> Place:
-        """Place of a key, or of the nearest existing one around it."""
+    def __call__(self, key: KeyPath = ()) -> SourceLocation:
+        """Return the location of a key, or of the nearest enclosing key that exists."""
         for length in range(len(key), 0, -1):
-            place = self.places.get(key[:length])
-            if place is not None:
-                return place
-        return self.places.get((), Place(self.path, 1))
+            location = self.locations.get(key[:length])
+            if location is not None:
+                return location
+        return self.locations.get((), SourceLocation(self.path, 1))
 
-    def file(self, key: KeyPath, named: str) -> Path:
-        """Path of a file named under ``key``: relative to the file in which the name stands."""
-        return Path(os.path.normpath(self(key).path.parent / named))
+    def resolve_path(self, key: KeyPath, name: str) -> Path:
+        """Return the path of the file that ``key`` names, relative to the file with that key."""
+        return Path(os.path.normpath(self(key).path.parent / name))
 
     def problem(self, key: KeyPath, value: object, message: str) -> Problem:
-        """A problem at a key."""
-        place = self(key)
-        return Problem(shown(place.path), place.line, key_text(key), value, message)
+        """Return a problem with the file and line of a key."""
+        location = self(key)
+        return Problem(display_path(location.path), location.line, format_key(key), value, message)

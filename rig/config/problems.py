@@ -1,4 +1,4 @@
-"""What is wrong in a configuration file, said so that a person can go and mend it."""
+"""Problems of configuration files, with file, line, key, value and allowed range."""
 
 import json
 import math
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 
 class Problem(NamedTuple):
-    """One mistake: where it stands, which key, what was found and what is allowed."""
+    """One mistake in a file: its line, its key, the value found and the values allowed."""
 
     file: str
     line: int  # from 1
@@ -19,43 +19,43 @@ class Problem(NamedTuple):
     column: int = 0  # from 1; 0 where only the line is known
 
     def text(self) -> str:
-        """One line: file, line, key path, message."""
-        place = f"{self.file}:{self.line}" + (f":{self.column}" if self.column else "")
-        return f"{place}: {self.key}: {self.message}" if self.key else f"{place}: {self.message}"
+        """Return one line of text: file, line, key path, message."""
+        location = f"{self.file}:{self.line}" + (f":{self.column}" if self.column else "")
+        key = f"{self.key}: " if self.key else ""
+        return f"{location}: {key}{self.message}"
 
     def as_dict(self) -> dict[str, Any]:
-        """The same by names, with the value in a form JSON knows."""
-        plain = self._asdict()
-        if not _json_knows(self.value):
-            plain["value"] = str(self.value)
-        return plain
+        """Return the fields by name; a value that JSON cannot represent becomes text."""
+        fields = self._asdict()
+        if not _is_json_value(self.value):
+            fields["value"] = str(self.value)
+        return fields
 
 
 class ConfigError(Exception):
-    """Configuration that cannot be used; holds every problem found, in every file."""
+    """Invalid configuration; holds every problem found in all files."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple({problem.text(): problem for problem in problems}.values())
         super().__init__(self.text())
 
     def text(self) -> str:
-        """All problems, one a line."""
+        """Return all problems, one per line."""
         return "\n".join(problem.text() for problem in self.problems)
 
     def to_json(self) -> str:
-        """All problems as a JSON list of objects."""
+        """Return all problems as a JSON list of objects."""
         return json.dumps([problem.as_dict() for problem in self.problems], ensure_ascii=False)
 
 
-def shown(path: Path) -> str:
-    """A path as problems name it: relative where it lies below the working directory."""
-    normal = os.path.normpath(path)
-    here = os.path.join(os.getcwd(), "")
-    return normal.removeprefix(here)
+def display_path(path: Path) -> str:
+    """Return a path for messages: relative if the file is below the working directory."""
+    working_directory = os.path.join(os.getcwd(), "")
+    return os.path.normpath(path).removeprefix(working_directory)
 
 
-def key_text(key: Iterable[str | int]) -> str:
-    """A key path in words: ('matrix', 'grid', 0) is matrix.grid[0]."""
+def format_key(key: Iterable[str | int]) -> str:
+    """Return a key path as text: ('matrix', 'grid', 0) becomes matrix.grid[0]."""
     text = ""
     for part in key:
         if isinstance(part, int):
@@ -65,8 +65,8 @@ def key_text(key: Iterable[str | int]) -> str:
     return text
 
 
-def value_text(value: object) -> str:
-    """A value as it would stand in the file, shortened to a line."""
+def format_value(value: object) -> str:
+    """Return a value as YAML would write it, shortened to one line."""
     if isinstance(value, str):
         return repr(value if len(value) <= 60 else value[:57] + "...")
     if value is None:
@@ -74,7 +74,7 @@ def value_text(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return number_text(value)
+        return format_number(value)
     if isinstance(value, dict):
         return "a mapping"
     if isinstance(value, (list, tuple)):
@@ -82,27 +82,27 @@ def value_text(value: object) -> str:
     return str(value)
 
 
-def number_text(value: float) -> str:
-    """A number without trailing zeros: -50000, 0.3, nan."""
+def format_number(value: float) -> str:
+    """Return a number without trailing zeros: -50000, 0.3, nan."""
     if not math.isfinite(value):
         return str(value)
     short = f"{value:.10g}"
     return short if "e" not in short or abs(value) >= 1e10 or abs(value) < 1e-4 else f"{value:.0f}"
 
 
-def _json_knows(value: object) -> bool:
+def _is_json_value(value: object) -> bool:
     if isinstance(value, float):
         return math.isfinite(value)
     return value is None or isinstance(value, (str, int))
 
 
-def lines_text(numbers: Sequence[int]) -> str:
-    """Rising numbers of lines in words: `line 7`, `lines 7, 9-12`."""
-    found: list[list[int]] = []
+def format_line_numbers(numbers: Sequence[int]) -> str:
+    """Return increasing line numbers as text: `line 7`, `lines 7, 9-12`."""
+    ranges: list[list[int]] = []
     for number in numbers:
-        if found and number == found[-1][1] + 1:
-            found[-1][1] = number
+        if ranges and number == ranges[-1][1] + 1:
+            ranges[-1][1] = number
         else:
-            found.append([number, number])
-    words = ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in found)
-    return f"line{'s' if len(numbers) > 1 else ''} {words}"
+            ranges.append([number, number])
+    text = ", ".join(str(low) if low == high else f"{low}-{high}" for low, high in ranges)
+    return f"line{'s' if len(numbers) > 1 else ''} {text}"

@@ -1,4 +1,4 @@
-"""The allowed range of a key in words, read from the model's own constraints."""
+"""Text for the allowed values of a key, generated from the constraints of its model."""
 
 import types
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from rig.config.model import Reason
-from rig.config.problems import number_text
+from rig.config.problems import format_number
 from rig.config.yaml_source import KeyPath
 
 _UNITS = {
@@ -21,21 +21,21 @@ _UNITS = {
 }  # fmt: skip
 
 
-class Allowed(NamedTuple):
-    """What a key takes."""
+class AllowedValues(NamedTuple):
+    """The values that a key allows, by its annotation and constraints."""
 
     annotation: Any
     metadata: tuple[object, ...]
 
     def description(self, key: str) -> str:
-        """Range with its unit, or the list of words; empty where anything goes."""
-        words = _literals(self.annotation)
-        if words:
-            return ", ".join(words)
-        return _range(self.metadata, unit(key))
+        """Return the range with its unit, or the list of choices; empty without constraints."""
+        choices = _literals(self.annotation)
+        if choices:
+            return ", ".join(choices)
+        return _format_range(self.metadata, unit_of_key(key))
 
-    def holds(self, value: float) -> bool:
-        """Whether a number lies in the range."""
+    def contains(self, value: float) -> bool:
+        """Return whether a number lies in the range."""
         return all(
             value >= item.ge  # type: ignore[operator]
             if isinstance(item, Ge)
@@ -45,40 +45,44 @@ class Allowed(NamedTuple):
         )
 
     def reason(self) -> str:
-        """Why the range ends where it ends, if the model says so."""
+        """Return the reason for the limits of the range; empty if the model has none."""
         return next((m.text for m in self.metadata if isinstance(m, Reason)), "")
 
 
-def allowed(model: type[BaseModel], key: Sequence[str | int]) -> Allowed | None:
-    """What the model takes at ``key`` (union tags may stand in it); None for an unknown key."""
-    found = [Allowed(model, ())]
+def allowed_values(model: type[BaseModel], key: Sequence[str | int]) -> AllowedValues | None:
+    """Return the allowed values of a key, which may contain union tags; None if unknown."""
+    candidates = [AllowedValues(model, ())]
     for part in key:
-        found = list(_inside(found, part))
-    bare = [Allowed(a, m) for c in found for a, m in _members(c.annotation, c.metadata)]
-    # a list is said by the range of its entries
-    entries = [get_args(c.annotation)[0] for c in bare if get_origin(c.annotation) in (tuple, list)]
-    bare += [Allowed(a, m) for entry in entries for a, m in _members(entry, ())]
-    for candidate in bare:
-        if _range(candidate.metadata, "") or _literals(candidate.annotation):
-            return candidate
-    return bare[0] if bare else None
+        candidates = list(_descend(candidates, part))
+    members = [
+        AllowedValues(a, m) for c in candidates for a, m in _members(c.annotation, c.metadata)
+    ]
+    # the range of a list is the range of its entries
+    entries = [
+        get_args(c.annotation)[0] for c in members if get_origin(c.annotation) in (tuple, list)
+    ]
+    members += [AllowedValues(a, m) for entry in entries for a, m in _members(entry, ())]
+    for member in members:
+        if _format_range(member.metadata, "") or _literals(member.annotation):
+            return member
+    return members[0] if members else None
 
 
 def models_at(model: type[BaseModel], key: Sequence[str | int]) -> tuple[type[BaseModel], ...]:
-    """Models that may stand at ``key``."""
-    found = [Allowed(model, ())]
+    """Return the models that a key allows."""
+    candidates = [AllowedValues(model, ())]
     for part in key:
-        found = list(_inside(found, part))
-    return tuple(a for c in found for a, _ in _members(c.annotation, ()) if _is_model(a))
+        candidates = list(_descend(candidates, part))
+    return tuple(a for c in candidates for a, _ in _members(c.annotation, ()) if _is_model(a))
 
 
 def known_keys(model: type[BaseModel]) -> tuple[str, ...]:
-    """Keys of a mapping, as the file spells them."""
+    """Return the keys of a mapping as the file spells them."""
     return tuple(info.alias or name for name, info in model.model_fields.items())
 
 
-def unit(key: str) -> str:
-    """Unit said by the end of a key: kp_n_s_per_m is in N*s/m; empty if it says none."""
+def unit_of_key(key: str) -> str:
+    """Return the unit in the suffix of a key: N*s/m for kp_n_s_per_m; empty without a unit."""
     parts = key.split("_")
     start = len(parts)
     while start > 1 and (parts[start - 1] in _UNITS or parts[start - 1] == "per"):
@@ -92,24 +96,25 @@ def unit(key: str) -> str:
     return text
 
 
-def _inside(found: Iterable[Allowed], part: str | int) -> Iterable[Allowed]:
-    for candidate in found:
+def _descend(candidates: Iterable[AllowedValues], part: str | int) -> Iterable[AllowedValues]:
+    """Yield the allowed values one level down a key path, for each candidate."""
+    for candidate in candidates:
         members = list(_members(candidate.annotation, candidate.metadata))
         fields = [_field(m, part) for m, _ in members if _is_model(m)]
-        hits = [field for field in fields if field is not None]
-        if hits:
-            yield from (Allowed(f.annotation, tuple(f.metadata)) for f in hits)
+        matches = [field for field in fields if field is not None]
+        if matches:
+            yield from (AllowedValues(f.annotation, tuple(f.metadata)) for f in matches)
             continue
         tagged = [m for m, _ in members if _is_model(m) and part in _tags(m)]
         if tagged:
-            yield from (Allowed(m, ()) for m in tagged)
+            yield from (AllowedValues(m, ()) for m in tagged)
             continue
         for member, _ in members:
             arguments = get_args(member)
             if get_origin(member) in (tuple, list) and isinstance(part, int):
-                yield Allowed(arguments[0], ())
+                yield AllowedValues(arguments[0], ())
             elif get_origin(member) is dict and isinstance(part, str):
-                yield Allowed(arguments[1], ())
+                yield AllowedValues(arguments[1], ())
 
 
 def _field(model: Any, part: str | int) -> FieldInfo | None:
@@ -123,11 +128,11 @@ def _field(model: Any, part: str | int) -> FieldInfo | None:
 def _members(
     annotation: Any, metadata: tuple[object, ...]
 ) -> Iterable[tuple[Any, tuple[object, ...]]]:
-    """The annotation's alternatives, each with its constraints, wrappers taken off."""
+    """Yield the members of a union, each with its constraints and without `Annotated`."""
     origin = get_origin(annotation)
     if origin is Annotated:
         inner, *more = get_args(annotation)
-        yield from _members(inner, (*metadata, *_flat(more)))
+        yield from _members(inner, (*metadata, *_flatten(more)))
     elif origin in (Union, types.UnionType):
         for member in get_args(annotation):
             yield from _members(member, metadata)
@@ -135,7 +140,7 @@ def _members(
         yield annotation, metadata
 
 
-def _flat(metadata: Iterable[object]) -> Iterable[object]:
+def _flatten(metadata: Iterable[object]) -> Iterable[object]:
     for item in metadata:
         if isinstance(item, FieldInfo):
             yield from item.metadata
@@ -148,7 +153,7 @@ def _is_model(annotation: Any) -> bool:
 
 
 def _tags(model: Any) -> tuple[object, ...]:
-    """Words that tell this model from others of a union: those of a key that takes one word."""
+    """Return the tags that identify a model in a union: its literals with a single choice."""
     fields: dict[str, FieldInfo] = model.model_fields
     return tuple(
         tag
@@ -160,24 +165,24 @@ def _tags(model: Any) -> tuple[object, ...]:
 
 def _literals(annotation: Any) -> tuple[str, ...]:
     return tuple(
-        str(word)
+        str(choice)
         for member, _ in _members(annotation, ())
         if get_origin(member) is Literal
-        for word in get_args(member)
+        for choice in get_args(member)
     )
 
 
-def _range(metadata: Iterable[object], in_unit: str) -> str:
+def _format_range(metadata: Iterable[object], unit: str) -> str:
     low = high = ""
     for item in metadata:
         if isinstance(item, Ge):
-            low = number_text(float(item.ge))  # type: ignore[arg-type]
+            low = format_number(float(item.ge))  # type: ignore[arg-type]
         elif isinstance(item, Gt):
-            low = f"above {number_text(float(item.gt))}"  # type: ignore[arg-type]
+            low = f"above {format_number(float(item.gt))}"  # type: ignore[arg-type]
         elif isinstance(item, Le):
-            high = number_text(float(item.le))  # type: ignore[arg-type]
+            high = format_number(float(item.le))  # type: ignore[arg-type]
         elif isinstance(item, Lt):
-            high = f"below {number_text(float(item.lt))}"  # type: ignore[arg-type]
+            high = f"below {format_number(float(item.lt))}"  # type: ignore[arg-type]
     if low and high:
         text = f"{low} .. {high}"
     elif low:
@@ -186,9 +191,9 @@ def _range(metadata: Iterable[object], in_unit: str) -> str:
         text = high if high.startswith("below") else f"at most {high}"
     else:
         return ""
-    return f"{text} {in_unit}".rstrip()
+    return f"{text} {unit}".rstrip()
 
 
-def last_name(key: KeyPath) -> str:
-    """The last named part of a key path: whose unit counts."""
+def last_named_part(key: KeyPath) -> str:
+    """Return the last part of a key path that is not an index; its suffix holds the unit."""
     return next((part for part in reversed(key) if isinstance(part, str)), "")

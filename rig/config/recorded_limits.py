@@ -1,11 +1,11 @@
-"""Limits in the records of runs that are older than a check."""
+"""Completion of limits recorded by runs that are older than a check."""
 
 from collections.abc import Mapping
 from typing import Any
 
 # A limits file has no defaults, and a run recorded before a check existed has no limit for it. Such
-# a run is opened and replayed with the weakest value that a file may have: no drive of these rigs
-# comes near it, so the check never trips and the run comes out as it did without it.
+# a run is opened and replayed with the weakest value that a file may have. No drive of these rigs
+# comes near it, so the check never trips and the replay gives the same result as the run.
 _NO_CURRENT_CHECK = {"current_difference_stop_a": 500.0, "current_difference_time_s": 60.0}
 _NO_MOTOR_POWER_CHECK = {
     "time_s": 600.0,
@@ -35,17 +35,18 @@ _BENCH: dict[str, dict[str, float]] = {
 }
 
 
-def wavebot_limits(recorded: Mapping[str, Any]) -> dict[str, Any]:
-    """The limits in a WaveBot's record, those of later checks added so that they never trip."""
-    return _completed(recorded, _WAVEBOT)
+def complete_wavebot_limits(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a WaveBot's recorded limits with limits of later checks that never trip."""
+    return _complete(recorded, _WAVEBOT)
 
 
-def bench_limits(recorded: Mapping[str, Any]) -> dict[str, Any]:
-    """The same of a bench's record."""
-    return _completed(recorded, _BENCH)
+def complete_bench_limits(recorded: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a bench's recorded limits with limits of later checks that never trip."""
+    return _complete(recorded, _BENCH)
 
 
-def _completed(
+def _complete(
     recorded: Mapping[str, Any], later: Mapping[str, Mapping[str, float]]
 ) -> dict[str, Any]:
-    return {**recorded, **{key: {**more, **recorded.get(key, {})} for key, more in later.items()}}
+    sections = {key: {**added, **recorded.get(key, {})} for key, added in later.items()}
+    return {**recorded, **sections}

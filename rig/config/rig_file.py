@@ -1,4 +1,4 @@
-"""The file of a WaveBot rig: what is screwed together, and how its numbers are scaled."""
+"""The rig file of a WaveBot: its components and their scales."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -6,59 +6,62 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from rig.config.calibration_file import CalibrationFile, Stroke, Table
+from rig.config.calibration_file import CalibrationFile, Stroke, TableCorrection
 from rig.config.columns import (
     BusVoltage,
     CurrentThreshold,
     DischargeLevel,
     HysteresisTolerance,
-    Scheme,
+    ModulationScheme,
     SurgeKi,
     SurgeKp,
     SwitchingPeriod,
     VelocityThreshold,
 )
-from rig.config.model import Broken, FileModel, Reason, Several, Whole, refuse
-from rig.config.problems import number_text
+from rig.config.model import FileModel, Reason, RuleViolation, TupleOf, WholeNumber, rule_error
+from rig.config.problems import format_number
 from rig.config.wiring import Wiring
 
 SupervisorTimeout = Annotated[float, Field(ge=0.3, le=30)]
-"""Seconds without a sign of life of `rig run` after which the loop stops the rig (category 1).
+"""Time without a heartbeat of `rig run` after which the loop stops the rig (category 1), s.
 
-The signs come every 0.1 s; the shortest time leaves room for a lost one and a busy host."""
+The heartbeat has a period of 0.1 s; the minimum tolerates a lost heartbeat on a busy host."""
 
 SUPERVISOR_TIMEOUT: SupervisorTimeout = 1.0
 
 _SECOND = 10**9  # ns
-_FASTEST = 2000  # Hz
+_MAX_RATE = 2000  # Hz
 
 
-def _whole_nanoseconds(slowest: int) -> AfterValidator:
-    def validated(rate: int) -> int:
+def _whole_nanoseconds(min_rate: int) -> AfterValidator:
+    """Return a validator for rates whose tick is a whole number of ns."""
+
+    def check_rate(rate: int) -> int:
         if _SECOND % rate:
-            whole = (str(r) for r in range(slowest, _FASTEST + 1) if _SECOND % r == 0)
-            raise refuse(
-                f"{rate} gives a tick of no whole number of ns; allowed {', '.join(whole)} Hz"
+            allowed = (str(r) for r in range(min_rate, _MAX_RATE + 1) if _SECOND % r == 0)
+            raise rule_error(
+                f"{rate} gives a tick that is not a whole number of ns; "
+                f"allowed {', '.join(allowed)} Hz"
             )
         return rate
 
-    return AfterValidator(validated)
+    return AfterValidator(check_rate)
 
 
 Rate = Annotated[
-    Whole,
-    Field(ge=200, le=_FASTEST),
+    WholeNumber,
+    Field(ge=200, le=_MAX_RATE),
     Reason("a tick is at most 5 ms and a whole number of ns"),
     _whole_nanoseconds(200),
 ]
-"""Ticks a second, Hz."""
+"""Rate of the loop, Hz."""
 BenchRate = Annotated[
-    Whole,
-    Field(ge=500, le=_FASTEST),
+    WholeNumber,
+    Field(ge=500, le=_MAX_RATE),
     Reason("a bench's tick is at most 2 ms and a whole number of ns"),
     _whole_nanoseconds(500),
 ]
-"""Ticks a second of a bench, Hz: its driveline is stiffer than a body in water."""
+"""Rate of a bench's loop, Hz; its driveline is stiffer than a body in water."""
 
 
 class Axis(FileModel):
@@ -66,8 +69,8 @@ class Axis(FileModel):
 
     torque_constant_n_m_per_a: float = Field(ge=0.01, le=100)
     gear_ratio_rad_per_m: float = Field(ge=0.1, le=1000)
-    counts_per_revolution: Whole = Field(ge=100, le=100_000_000)
-    encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation besides quantisation
+    counts_per_revolution: WholeNumber = Field(ge=100, le=100_000_000)
+    encoder_noise_counts: float = Field(ge=0, le=1000)  # standard deviation, without quantisation
     jerk_density_m2_per_s5: float = Field(ge=1e-4, le=1e6)
     gain_ramp_s: float = Field(ge=0, le=10)
 
@@ -81,10 +84,10 @@ class SpringPoint(FileModel):
 
 
 class SpringMapping(FileModel):
-    """What a spring map is worked out with."""
+    """Parameters for computing a spring map from measurements."""
 
-    slew_lever_m: float = Field(ge=0.01, le=10)  # of the load cell that takes the torque
-    moving_mass_kg: float = Field(ge=1, le=1e6)  # with the water's: natural frequency, eq. 3.1
+    slew_lever_m: float = Field(ge=0.01, le=10)  # lever arm of the load cell that holds the torque
+    moving_mass_kg: float = Field(ge=1, le=1e6)  # with added mass: natural frequency, eq. 3.1
 
 
 class MagneticSpring(FileModel):
@@ -93,48 +96,50 @@ class MagneticSpring(FileModel):
     metres_per_radian: float = Field(ge=0.01, le=10)
     arrival_tolerance_percent: float = Field(ge=0.01, le=10)
     move_timeout_s: float = Field(ge=1, le=600)
-    mapping: SpringMapping | None = None  # none: no map can be made of it
-    map: Several[SpringPoint] = Field(min_length=2, strict=False)
+    mapping: SpringMapping | None = None  # None: a map cannot be measured
+    map: TupleOf[SpringPoint] = Field(min_length=2, strict=False)
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """The map can be inverted: stator rises, and the rate only rises or only falls."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that the map is invertible: the stator rises, the rate is strictly monotone."""
         falling = self.map[1].rate_n_per_m < self.map[0].rate_n_per_m
         for i in range(1, len(self.map)):
-            before, here = self.map[i - 1], self.map[i]
-            if here.stator_percent <= before.stator_percent:
-                yield Broken(
+            previous, point = self.map[i - 1], self.map[i]
+            if point.stator_percent <= previous.stator_percent:
+                yield RuleViolation(
                     ("map", i, "stator_percent"),
-                    f"{number_text(here.stator_percent)} does not rise above "
-                    f"{number_text(before.stator_percent)} of the entry before",
-                    here.stator_percent,
+                    f"{format_number(point.stator_percent)} does not rise above "
+                    f"{format_number(previous.stator_percent)} of the previous entry",
+                    point.stator_percent,
                 )
-            if here.rate_n_per_m == before.rate_n_per_m or falling != (
-                here.rate_n_per_m < before.rate_n_per_m
-            ):
-                way = "fall" if falling else "rise"
-                yield Broken(
+            rate, previous_rate = point.rate_n_per_m, previous.rate_n_per_m
+            if rate == previous_rate or falling != (rate < previous_rate):
+                direction = "fall" if falling else "rise"
+                yield RuleViolation(
                     ("map", i, "rate_n_per_m"),
-                    f"{number_text(here.rate_n_per_m)} after {number_text(before.rate_n_per_m)}: "
-                    f"the map must {way} strictly, or a rate has two stator positions",
-                    here.rate_n_per_m,
+                    f"{format_number(rate)} after {format_number(previous_rate)}: "
+                    f"the map must {direction} strictly, or a rate has two stator positions",
+                    rate,
                 )
 
     def by_rate(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Rates (N/m, increasing) and the stator positions (%) that give them."""
+        """Return the rates (N/m, increasing) and the stator position (%) of each rate."""
         pairs = sorted((point.rate_n_per_m, point.stator_percent) for point in self.map)
         return tuple(rate for rate, _ in pairs), tuple(position for _, position in pairs)
 
     def rate(self, stator: float) -> float | None:
-        """Spring rate (N/m) at a stator position (%); None beyond the ends of the map."""
+        """Return the spring rate (N/m) at a stator position (%); None outside the map."""
         for low, high in pairwise(self.map):
             if low.stator_percent <= stator <= high.stator_percent:
                 span = high.stator_percent - low.stator_percent
-                share = (stator - low.stator_percent) / span
-                return low.rate_n_per_m + share * (high.rate_n_per_m - low.rate_n_per_m)
+                fraction = (stator - low.stator_percent) / span
+                return low.rate_n_per_m + fraction * (high.rate_n_per_m - low.rate_n_per_m)
         return None
 
     def stroke(self, rate: float) -> float:
-        """Stroke (m, either way) at a spring rate (N/m): the lesser of the stations beside it."""
+        """Return the stroke (m, either direction) at a spring rate (N/m).
+
+        Between two stations of the map it is the smaller of their strokes.
+        """
         ranked = sorted((point.rate_n_per_m, point.stroke_m) for point in self.map)
         above = next((i for i, (r, _) in enumerate(ranked) if r >= rate), len(ranked) - 1)
         below = above if ranked[above][0] == rate else max(above - 1, 0)
@@ -142,35 +147,35 @@ class MagneticSpring(FileModel):
 
 
 class StationKeeping(FileModel):
-    """What holds surge where the campaign says nothing else."""
+    """Default station keeping of surge, which a campaign may change."""
 
     kp_n_s_per_m: SurgeKp
     ki_n_per_m: SurgeKi
-    reach_m: float = Field(gt=0, le=2)  # either way from the station: no soft stop within
+    reach_m: float = Field(gt=0, le=2)  # distance of the soft stops, either side of the station
     soft_stop_n_per_m: float = Field(ge=0, le=1e6)
-    soft_stop_n_s_per_m2: float = Field(ge=0, le=1e6)  # its damping, per metre of depth
+    soft_stop_n_s_per_m2: float = Field(ge=0, le=1e6)  # damping per metre of penetration
 
 
-class Hold(FileModel):
-    """What holds surge in place where a campaign asks for that."""
+class SurgeHold(FileModel):
+    """Position hold of surge, for campaigns with `surge.use: hold`."""
 
     stiffness_n_per_m: float = Field(ge=0, le=1e6)
     damping_n_s_per_m: float = Field(ge=0, le=1e5)
-    speed_m_per_s: float = Field(gt=0, le=1)  # on the way to the zero
+    speed_m_per_s: float = Field(gt=0, le=1)  # of the approach to zero
     acceleration_m_per_s2: float = Field(gt=0, le=10)
 
 
 class CotsDrive(FileModel):
-    """A commercial drive: nothing to set from row to row."""
+    """A commercial drive, without settings that change from row to row."""
 
     kind: Literal["cots"]
 
 
 class CustomDrive(FileModel):
-    """A drive with own firmware: what it is set to where the campaign says nothing else."""
+    """A drive with our own firmware; these are its settings unless the campaign changes them."""
 
     kind: Literal["custom"]
-    modulation: Scheme
+    modulation: ModulationScheme
     bus_voltage_v: BusVoltage
     switching_period_s: SwitchingPeriod
     hysteresis_a: HysteresisTolerance
@@ -180,32 +185,32 @@ class CustomDrive(FileModel):
 
 
 class Stability(FileModel):
-    """What a row of the gain matrix must leave of the heave stiffness."""
+    """The minimum heave stiffness that every row of the gain matrix must leave."""
 
     hydrostatic_stiffness_n_per_m: float = Field(ge=100, le=1e6)
-    small_displacement_factor: float = Field(ge=0.5, le=3)  # small-signal over table rate
+    small_displacement_factor: float = Field(ge=0.5, le=3)  # small-signal rate over table rate
     least_stiffness_n_per_m: float = Field(ge=0, le=1e5)
 
 
 class StopTiming(FileModel):
-    """How long a controlled stop takes, and how soon it is pure damping."""
+    """Duration of a controlled stop, and its transition to pure damping."""
 
     duration_s: float = Field(ge=0.1, le=60)
-    ramp_s: float = Field(ge=0, le=2)  # from what the run asked for to pure damping
+    ramp_s: float = Field(ge=0, le=2)  # from the demand of the run to pure damping
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """At least half of a stop is pure damping."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that at least half of a stop is pure damping."""
         if self.ramp_s > 0.5 * self.duration_s:
-            yield Broken(
+            yield RuleViolation(
                 ("ramp_s",),
-                f"{number_text(self.ramp_s)} leaves too little of the stop to pure damping; "
-                f"allowed up to half of duration_s = {number_text(self.duration_s)} s",
+                f"{format_number(self.ramp_s)} leaves too little of the stop to pure damping; "
+                f"allowed up to half of duration_s = {format_number(self.duration_s)} s",
                 self.ramp_s,
             )
 
 
 class Stop(StopTiming):
-    """A controlled stop: passive damping for a while, then power off."""
+    """A controlled stop: passive damping for ``duration_s``, then power off."""
 
     damping_n_s_per_m: float = Field(gt=0, le=20_000)  # of the body; the force is -damping * v
 
@@ -220,36 +225,38 @@ class RigFile(FileModel):
     rate_hz: Rate
     realtime: Literal["best effort", "required"]
     limits: str = Field(min_length=1)  # file, relative to this one
-    plant: str = Field(min_length=1)  # file, relative to this one; stands in for the hardware
+    plant: str = Field(min_length=1)  # file, relative to this one; simulates the hardware
     heave: Axis
     surge: Axis
     station_keeping: StationKeeping
-    surge_hold: Hold
+    surge_hold: SurgeHold
     drive: Annotated[CotsDrive | CustomDrive, Field(discriminator="kind")]  # of heave
-    spring_map: CalibrationFile | None = None  # a file: as measured, in place of spring.map
+    spring_map: CalibrationFile | None = None  # in a file: measured, replaces spring.map
     spring: MagneticSpring
     stability: Stability
     drive_enable_timeout_s: float = Field(ge=0.1, le=60)
     stop: Stop
     supervisor_timeout_s: SupervisorTimeout = SUPERVISOR_TIMEOUT
-    wiring: Wiring | None = None  # none: it can only be rehearsed
+    wiring: Wiring | None = None  # None: the rig can only be rehearsed
 
     @field_validator("spring_map")
     @classmethod
-    def _a_spring_map(cls, file: CalibrationFile | None) -> CalibrationFile | None:
+    def _require_spring_map(cls, file: CalibrationFile | None) -> CalibrationFile | None:
         if file is not None and file.quantity != "spring_map":
-            raise refuse(f"{file.title} corrects {file.quantity}; allowed a spring_map", "quantity")
+            raise rule_error(
+                f"{file.title} corrects {file.quantity}; allowed a spring_map", "quantity"
+            )
         return file
 
     @field_validator("spring", mode="before")
     @classmethod
-    def _as_measured(cls, spring: Any, info: ValidationInfo) -> Any:
-        """The stations of a measured map take the place of those in the file."""
+    def _use_measured_map(cls, spring: Any, info: ValidationInfo) -> Any:
+        """Replace the stations in the file by those of a measured map."""
         measured = info.data.get("spring_map")
         if measured is None or not isinstance(spring, dict):
             return spring
-        assert isinstance(measured.correction, Table)
+        assert isinstance(measured.correction, TableCorrection)
         table = measured.correction
         stations = zip(table.recorded, table.corrected, measured.stroke_m or (), strict=True)
         names = ("stator_percent", "rate_n_per_m", "stroke_m")
-        return {**spring, "map": [dict(zip(names, one, strict=True)) for one in stations]}
+        return {**spring, "map": [dict(zip(names, station, strict=True)) for station in stations]}

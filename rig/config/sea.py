@@ -1,4 +1,4 @@
-"""The sea of a campaign: calm, regular, JONSWAP, pink, multisine or recorded."""
+"""The sea states of campaigns: calm, regular, JONSWAP, pink, multisine or recorded."""
 
 import math
 from collections.abc import Iterator
@@ -6,15 +6,15 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from rig.config.model import Broken, FileModel, Whole
-from rig.config.problems import number_text
+from rig.config.model import FileModel, RuleViolation, WholeNumber
+from rig.config.problems import format_number
 
 _NOT_HS = "a regular sea is given by its amplitude (amplitude_m), an irregular one by hs_m"
 _NOT_TP = "a regular sea has frequency_hz or period_s; tp_s belongs to an irregular one"
 _NOT_AMPLITUDE = "an irregular sea is given by hs_m, a regular one by its amplitude"
 _NOT_FREQUENCY = "an irregular sea has tp_s; frequency_hz and period_s belong to a regular one"
-_NOT_HS_OF_LINES = "a sea of a band has hm0_m or rms_m"
-_NOT_OF_A_BAND = "a sea of a band has low_hz and high_hz"
+_NOT_HS_OF_LINES = "the height of a pink or multisine sea is hm0_m or rms_m"
+_NOT_OF_A_BAND = "the band of a pink or multisine sea is low_hz and high_hz"
 
 Height = Annotated[float, Field(ge=0.001, le=1)]
 """Significant wave height, m."""
@@ -22,7 +22,7 @@ Height = Annotated[float, Field(ge=0.001, le=1)]
 Repeat = Annotated[float, Field(ge=10, le=3600)]
 """Repeat period of an irregular sea, s."""
 
-Seed = Annotated[Whole, Field(ge=0, le=4_294_967_295)]
+Seed = Annotated[WholeNumber, Field(ge=0, le=4_294_967_295)]
 """Seed of random phases."""
 
 
@@ -32,12 +32,12 @@ class CalmSea(FileModel):
     kind: Literal["calm"]
 
     def description(self) -> str:
-        """The sea in a line."""
+        """Return one line of text."""
         return "calm"
 
 
 class RegularSea(FileModel):
-    """One sine, given by its amplitude, not its height; period or frequency, not both."""
+    """One sine, given by its amplitude (not its height) and either its period or frequency."""
 
     kind: Literal["regular"]
     amplitude_m: float = Field(ge=0.001, le=0.5)
@@ -46,15 +46,15 @@ class RegularSea(FileModel):
 
     foreign_keys: ClassVar[dict[str, str]] = {"hs_m": _NOT_HS, "height_m": _NOT_HS, "tp_s": _NOT_TP}
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """Frequency or period, exactly one of them."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that exactly one of frequency and period is given."""
         if self.frequency_hz is None and self.period_s is None:
-            yield Broken(
+            yield RuleViolation(
                 (), "frequency missing; allowed frequency_hz 0.05 .. 2 Hz or period_s 0.5 .. 20 s"
             )
         if self.frequency_hz is not None and self.period_s is not None:
             message = "frequency_hz is given already; allowed one of the two"
-            yield Broken(("period_s",), message, self.period_s)
+            yield RuleViolation(("period_s",), message, self.period_s)
 
     @property
     def frequency(self) -> float:
@@ -70,15 +70,15 @@ class RegularSea(FileModel):
         return 1.0 / self.frequency_hz
 
     def description(self) -> str:
-        """The sea in a line."""
+        """Return one line of text."""
         return (
-            f"regular, amplitude {number_text(self.amplitude_m)} m, "
+            f"regular, amplitude {format_number(self.amplitude_m)} m, "
             f"{self.frequency:.4g} Hz (period {self.period:.4g} s)"
         )
 
 
 class JonswapSea(FileModel):
-    """An irregular sea that repeats; amplitudes such that Hm0 is ``hs_m`` exactly."""
+    """A periodic irregular sea; its amplitudes are scaled so that Hm0 is exactly ``hs_m``."""
 
     kind: Literal["jonswap"]
     hs_m: Height
@@ -99,17 +99,17 @@ class JonswapSea(FileModel):
         return self.repeat_s
 
     def description(self) -> str:
-        """The sea in a line."""
+        """Return one line of text."""
         return (
-            f"JONSWAP, Hs {number_text(self.hs_m)} m, Tp {number_text(self.tp_s)} s, "
-            f"gamma {number_text(self.gamma)}, repeats after {number_text(self.repeat_s)} s"
+            f"JONSWAP, Hs {format_number(self.hs_m)} m, Tp {format_number(self.tp_s)} s, "
+            f"gamma {format_number(self.gamma)}, repeats after {format_number(self.repeat_s)} s"
         )
 
 
 class BandSea(FileModel):
-    """A sea on all multiples of 1/repeat of a band, each with a random phase.
+    """A sea on all multiples of 1/repeat in a band, each with a random phase.
 
-    A seed and the number of a realisation name the phases; its height is Hm0 = 4 rms exactly.
+    Seed and realisation number determine the phases. The height is exactly Hm0 = 4 rms.
     """
 
     hm0_m: Height | None = None
@@ -118,8 +118,8 @@ class BandSea(FileModel):
     high_hz: float = Field(default=1.0, ge=0.05, le=2)
     repeat_s: Repeat = 300.0
     seed: Seed | None = None  # the campaign's if missing
-    realisation: Whole = Field(default=1, ge=1, le=1000)
-    largest_m: float | None = Field(default=None, ge=0.001, le=1)  # refused where it goes beyond
+    realisation: WholeNumber = Field(default=1, ge=1, le=1000)
+    largest_m: float | None = Field(default=None, ge=0.001, le=1)  # maximum elevation, if checked
 
     foreign_keys: ClassVar[dict[str, str]] = {
         "hs_m": _NOT_HS_OF_LINES,
@@ -129,20 +129,21 @@ class BandSea(FileModel):
         "period_s": _NOT_OF_A_BAND,
     }
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """One height, and a band that holds at least one multiple of 1/repeat."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check that one height is given and that the band contains a multiple of 1/repeat."""
         if self.hm0_m is None and self.rms_m is None:
-            yield Broken(
+            yield RuleViolation(
                 (), "height missing; allowed hm0_m 0.001 .. 1 m or rms_m 0.00025 .. 0.25 m"
             )
         if self.hm0_m is not None and self.rms_m is not None:
-            yield Broken(("rms_m",), "hm0_m is given already; allowed one of the two", self.rms_m)
+            message = "hm0_m is given already; allowed one of the two"
+            yield RuleViolation(("rms_m",), message, self.rms_m)
         first, last = self.low_hz * self.repeat_s, self.high_hz * self.repeat_s
         if math.floor(last + 1e-6) < math.ceil(first - 1e-6):
-            yield Broken(
+            yield RuleViolation(
                 ("high_hz",),
-                f"{number_text(self.high_hz)} leaves no multiple of 1/repeat_s in the band; "
-                f"allowed {number_text(math.ceil(first - 1e-6) / self.repeat_s)} .. 2 Hz",
+                f"{format_number(self.high_hz)} leaves no multiple of 1/repeat_s in the band; "
+                f"allowed {format_number(math.ceil(first - 1e-6) / self.repeat_s)} .. 2 Hz",
                 self.high_hz,
             )
 
@@ -160,48 +161,48 @@ class BandSea(FileModel):
         return self.repeat_s
 
     def band_description(self) -> str:
-        """Height, band and phases."""
+        """Return height, band and realisation as text."""
         height = (
-            f"rms {number_text(self.rms_m)} m"
+            f"rms {format_number(self.rms_m)} m"
             if self.rms_m is not None
-            else f"Hm0 {number_text(4.0 * self.rms)} m"
+            else f"Hm0 {format_number(4.0 * self.rms)} m"
         )
         return (
-            f"{height}, {number_text(self.low_hz)} .. {number_text(self.high_hz)} Hz, "
-            f"realisation {self.realisation}, repeats after {number_text(self.repeat_s)} s"
+            f"{height}, {format_number(self.low_hz)} .. {format_number(self.high_hz)} Hz, "
+            f"realisation {self.realisation}, repeats after {format_number(self.repeat_s)} s"
         )
 
 
 class PinkSea(BandSea):
-    """A sea for identification: line amplitudes proportional to f^exponent, phases as drawn."""
+    """A sea for identification: amplitudes proportional to f^exponent, phases of a single draw."""
 
     kind: Literal["pink"]
     exponent: float = Field(default=-0.5, ge=-3, le=0)
 
     def description(self) -> str:
-        """The sea in a line."""
-        return f"pink, amplitude ~ f^{number_text(self.exponent)}, {self.band_description()}"
+        """Return one line of text."""
+        return f"pink, amplitude ~ f^{format_number(self.exponent)}, {self.band_description()}"
 
 
 class MultisineSea(BandSea):
-    """A sea for identification whose phases are the best of many draws: least peak to peak."""
+    """A sea for identification whose phases have the least peak-to-peak value of many draws."""
 
     kind: Literal["multisine"]
     colour: Literal["flat", "pink"] = "flat"
-    draws: Whole = Field(default=100, ge=1, le=1000)
+    draws: WholeNumber = Field(default=100, ge=1, le=1000)
 
     @property
     def exponent(self) -> float:
-        """Line amplitudes are proportional to f^exponent."""
+        """Exponent of the amplitudes, which are proportional to f^exponent."""
         return -0.5 if self.colour == "pink" else 0.0
 
     def description(self) -> str:
-        """The sea in a line."""
+        """Return one line of text."""
         return f"multisine, {self.colour}, best of {self.draws} draws, {self.band_description()}"
 
 
 class RecordedSea(FileModel):
-    """A measured elevation, played from ``start_s`` to ``end_s`` of its file and over again."""
+    """A measured elevation, played from ``start_s`` to ``end_s`` of its file repeatedly."""
 
     kind: Literal["recorded"]
     file: str = Field(min_length=1)  # .twe or .csv, relative to this file
@@ -217,37 +218,38 @@ class RecordedSea(FileModel):
         "amplitude_m": "a recorded sea has the height of its record",
     }
 
-    def broken_rules(self) -> Iterator[Broken]:
-        """A window that holds at least one repeat period, of a file we can read."""
+    def check_rules(self) -> Iterator[RuleViolation]:
+        """Check the file's suffix, and that the window holds at least one repeat period."""
         if not self.file.lower().endswith((".twe", ".csv")):
-            yield Broken(("file",), f"{self.file!r} is not read; allowed *.twe, *.csv", self.file)
+            message = f"{self.file!r} cannot be read; allowed *.twe, *.csv"
+            yield RuleViolation(("file",), message, self.file)
         length = self.end_s - self.start_s
         if length <= 0.0:
-            yield Broken(
+            yield RuleViolation(
                 ("end_s",),
-                f"{number_text(self.end_s)} does not lie after the start; "
-                f"allowed above start_s = {number_text(self.start_s)} s",
+                f"{format_number(self.end_s)} is not after the start; "
+                f"allowed above start_s = {format_number(self.start_s)} s",
                 self.end_s,
             )
         elif self.repeat_s is not None and self.repeat_s > length * (1 + 1e-9):
-            yield Broken(
+            yield RuleViolation(
                 ("repeat_s",),
-                f"{number_text(self.repeat_s)} is longer than the window; "
-                f"allowed up to end_s - start_s = {number_text(length)} s",
+                f"{format_number(self.repeat_s)} is longer than the window; "
+                f"allowed up to end_s - start_s = {format_number(length)} s",
                 self.repeat_s,
             )
 
     @property
     def repeat(self) -> float:
-        """Repeat period, s: the window's length unless the file says otherwise."""
+        """Repeat period, s; the window's length unless the file gives ``repeat_s``."""
         return self.repeat_s if self.repeat_s is not None else self.end_s - self.start_s
 
     def description(self) -> str:
-        """The sea in a line."""
+        """Return one line of text."""
         return (
             f"recorded, {self.channel} of {self.file}, "
-            f"{number_text(self.start_s)} .. {number_text(self.end_s)} s, "
-            f"repeats after {number_text(self.repeat)} s"
+            f"{format_number(self.start_s)} .. {format_number(self.end_s)} s, "
+            f"repeats after {format_number(self.repeat)} s"
         )
 
 

@@ -1,43 +1,54 @@
-"""The kinds of session that a bench or a flap can run, and what the rows of each are made of."""
+"""The kinds of session of a bench or a flap, and the columns that their rows have."""
 
 from typing import Literal, NamedTuple
 
 
-class Demand(NamedTuple):
-    """What the rows of a session must and may have."""
+class SessionRequirements(NamedTuple):
+    """Columns that the rows of a kind of session must and may have, and its options."""
 
     loop: Literal["velocity", "torque"]
-    amplitude: str  # the column of the amplitude
-    columns: tuple[str, ...]  # those that may stand beside it and the period
-    needed: tuple[str, ...] = ()  # those that must
-    irregular: bool = False  # the reference may be irregular
-    correction: bool = False  # the position may be corrected
-    feedback: bool = False  # the torque loop may be closed
-    flap: Literal["", "free", "coupled"] = ""  # it needs a flap, its rigid coupling out or in
-    waves: bool = False  # the amplitude is that of waves
+    amplitude_column: str
+    optional_columns: tuple[str, ...]  # in addition to amplitude and period
+    required_columns: tuple[str, ...] = ()  # in addition to amplitude and period
+    allows_irregular: bool = False  # the reference may be irregular
+    allows_correction: bool = False  # the position may be corrected
+    allows_feedback: bool = False  # the torque loop may be closed
+    flap_coupling: Literal["", "free", "coupled"] = ""  # rigid coupling of the flap; "": no flap
+    needs_waves: bool = False  # the amplitude is that of waves
 
 
-_BRAKED = ("damping_n_m_s_per_rad", "brake_current_a")
-SESSIONS = {
-    "driveline": Demand("velocity", "amplitude_deg", _BRAKED, irregular=True, correction=True),
-    "velocity_constant": Demand("velocity", "amplitude_deg", ()),
-    "brake_map": Demand("velocity", "amplitude_deg", ("brake_current_a",)),
-    "losses": Demand("velocity", "amplitude_deg", _BRAKED),
-    "torque_constant": Demand("torque", "current_amplitude_a", ("brake_current_a",)),
-    "torque_tracking": Demand(
-        "torque", "torque_amplitude_n_m", ("brake_current_a",), feedback=True
+_BRAKE_COLUMNS = ("damping_n_m_s_per_rad", "brake_current_a")
+SESSION_KINDS = {
+    "driveline": SessionRequirements(
+        "velocity", "amplitude_deg", _BRAKE_COLUMNS, allows_irregular=True, allows_correction=True
     ),
-    "flap_free_decay": Demand("torque", "release_deg", (), flap="free"),
-    "flap_hydrostatic": Demand("velocity", "amplitude_deg", (), flap="coupled"),
-    "flap_rao": Demand("torque", "wave_amplitude_m", (), irregular=True, flap="free", waves=True),
-    "flap_pto_sweep": Demand(
+    "velocity_constant": SessionRequirements("velocity", "amplitude_deg", ()),
+    "brake_map": SessionRequirements("velocity", "amplitude_deg", ("brake_current_a",)),
+    "losses": SessionRequirements("velocity", "amplitude_deg", _BRAKE_COLUMNS),
+    "torque_constant": SessionRequirements("torque", "current_amplitude_a", ("brake_current_a",)),
+    "torque_tracking": SessionRequirements(
+        "torque", "torque_amplitude_n_m", ("brake_current_a",), allows_feedback=True
+    ),
+    "flap_free_decay": SessionRequirements("torque", "release_deg", (), flap_coupling="free"),
+    "flap_hydrostatic": SessionRequirements(
+        "velocity", "amplitude_deg", (), flap_coupling="coupled"
+    ),
+    "flap_rao": SessionRequirements(
+        "torque",
+        "wave_amplitude_m",
+        (),
+        allows_irregular=True,
+        flap_coupling="free",
+        needs_waves=True,
+    ),
+    "flap_pto_sweep": SessionRequirements(
         "torque",
         "wave_amplitude_m",
         (),
         ("pto_damping_n_m_s_per_rad",),
-        irregular=True,
-        flap="coupled",
-        waves=True,
+        allows_irregular=True,
+        flap_coupling="coupled",
+        needs_waves=True,
     ),
 }
-"""The kinds of session, each with what its rows are made of."""
+"""The requirements of each kind of session."""

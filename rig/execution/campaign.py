@@ -8,7 +8,7 @@ from rig.execution.rehearsal import emulation, job
 from rig.execution.task import Ended, ExecutionMode, Task, View, carry_out_task
 from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
-from rig.planning.campaign import Campaign, Plan, resolved
+from rig.planning.campaign import Campaign, Plan, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.processes.wire_locks import wires_of
 
@@ -52,7 +52,7 @@ def task_of(campaign: Campaign, plan: Plan) -> Task:
         len(plan.rows),
         rig.realtime == "required",
         rig.supervisor_timeout_s,
-        resolved(campaign),
+        resolved_config(campaign),
         _planned(campaign, plan),
     )
 

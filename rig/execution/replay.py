@@ -17,8 +17,8 @@ import numpy as np
 from rig.kinds import oswec_bench
 from rig.kinds.wavebot import KIND, Sense
 from rig.kinds.wavebot.build import wavebot_params
-from rig.planning.campaign import Plan, plan
-from rig.planning.campaign.recorded import Logged, campaign_as_logged
+from rig.planning.campaign import Plan, build_plan
+from rig.planning.campaign.recorded import RecordedCampaign, campaign_from_record
 from rig.planning.session.assemble import bench_params
 from rig.planning.session.plan import plan_session
 from rig.planning.session.recorded import session_as_logged
@@ -241,10 +241,10 @@ class _Tally:
         return tuple(sorted(self._found.values(), key=lambda found: found.first))
 
 
-def as_logged(known: Facts) -> Logged:
+def as_logged(known: Facts) -> RecordedCampaign:
     """What a run was configured to do; RunError where its record has none that holds today."""
     try:
-        return campaign_as_logged(known.config)
+        return campaign_from_record(known.config)
     except KeyError as error:
         raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
@@ -263,7 +263,7 @@ def _subject(known: Facts) -> _Subject:
 
 def _wavebot(known: Facts) -> _Subject:
     campaign, rig, limits, points, record = as_logged(known)
-    planned: Plan = plan(campaign, rig, points)
+    planned: Plan = build_plan(campaign, rig, points)
     params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints, record)
     places = {word: _LOGGED_AS.get(word, word) for word in Sense._fields}
     return _Subject(KIND, Sense, places, params, planned.dt)

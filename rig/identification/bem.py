@@ -11,7 +11,7 @@ import numpy as np
 import xarray
 
 from rig.identification.periods import Complexes, Floats
-from rig.regular_file import TABLE_MOST, open_regular
+from rig.regular_file import MAX_TABLE_BYTES, open_regular
 
 
 class Bem(NamedTuple):
@@ -26,7 +26,7 @@ def read_bem(path: Path) -> Bem:
     """Read a file; ValueError where it is none of these or has not the fields."""
     try:
         if path.suffix == ".npz":
-            with open_regular(path, TABLE_MOST) as file, np.load(file) as data:
+            with open_regular(path, MAX_TABLE_BYTES) as file, np.load(file) as data:
                 frequency, force = np.array(data["f_hz"]), np.array(data["Fe_complex"])
         elif path.suffix == ".nc":
             frequency, force = _from_netcdf(path)
@@ -46,7 +46,7 @@ def at(bem: Bem, frequency: Floats) -> Complexes:
 
 def _from_netcdf(path: Path) -> tuple[Floats, Complexes]:
     with (
-        open_regular(path, TABLE_MOST) as file,
+        open_regular(path, MAX_TABLE_BYTES) as file,
         xarray.open_dataset(file, engine="h5netcdf") as data,
     ):
         omega = data["omega"].values

@@ -13,7 +13,7 @@ import numpy as np
 from rig.identification.periods import Complexes, Floats
 from rig.identification.report import JSON
 from rig.recording.runs import RunError
-from rig.regular_file import TABLE_MOST, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 NEAR = 0.1  # of the amplitude: farther apart, two models are no pair
 RESPONSES = ("Z_i", "Z_id", "Z_d")
@@ -55,7 +55,7 @@ class Comparison(NamedTuple):
 def read(path: Path) -> SavedIdentification:
     """An identification.json; RunError where it is none."""
     try:
-        content = json.loads(read_regular(path, TABLE_MOST))
+        content = json.loads(read_regular(path, MAX_TABLE_BYTES))
     except (OSError, ValueError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from None
     if not isinstance(content, dict) or "models" not in content:

@@ -1,1 +1,1 @@
-"""From the files that people write to the table that the loop executes."""
+"""Planning: campaign and session files become the table of segments that the loop executes."""

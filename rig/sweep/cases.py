@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, reduced
 from rig.config.campaign_file import CampaignFile
-from rig.planning.campaign import Campaign, CampaignRow, Plan, plan
+from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep import InterruptedSweepError
 from rig.sweep.parameters import Chosen, Files, Over
@@ -116,7 +116,7 @@ class Cases:
             planned, stator = variant.plan, None
         else:
             point = campaign.points[self._points[case.row]]
-            planned = plan(alone(campaign.file, self.asked.lead_in), campaign.rig, (point,))
+            planned = build_plan(alone(campaign.file, self.asked.lead_in), campaign.rig, (point,))
             stator = planned.rows[0].stator_position
         walk = variant.subject.walk(planned, go_on, stator)
         rows = []
@@ -131,7 +131,7 @@ class Cases:
         from rig.sweep.simulation import Subject  # noqa: PLC0415 - numba; who runs nothing waits not
 
         campaign = self._files.opened(self.chosen(variant))
-        planned = plan(campaign.file, campaign.rig, campaign.points)
+        planned = build_plan(campaign.file, campaign.rig, campaign.points)
         period = repeat_period(campaign.file.sea)
         ticks = period / planned.dt if period else None
         return _Variant(campaign, planned, Subject(campaign, planned), ticks)

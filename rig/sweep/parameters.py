@@ -14,8 +14,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from rig.config import ranges
-from rig.config.problems import ConfigError, Problem, shown, value_text
-from rig.config.yaml_source import KeyPath, Locate, Place, load_mapping
+from rig.config.problems import ConfigError, Problem, display_path, format_value
+from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
 from rig.execution.rehearsal.job import TWINS, problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.sweep.inputs import DATA, inputs
@@ -91,7 +91,7 @@ def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
         place = f"value {values.index(None) + 1} of {len(values)}" if len(values) > 1 else "value"
         return f"{place} is missing; {write}"
     same = [v for i, v in enumerate(values) if v in values[:i]]
-    return f"{value_text(same[0])} stands twice" if same else ""
+    return f"{format_value(same[0])} stands twice" if same else ""
 
 
 class Files:
@@ -102,7 +102,7 @@ class Files:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._read: dict[tuple[Path, str], tuple[dict[str, Any], Locate]] = {}
+        self._read: dict[tuple[Path, str], tuple[dict[str, Any], SourceMap]] = {}
         self._data: dict[Path, str] = {}  # sha256
 
     def opened(self, chosen: Chosen = ()) -> Campaign:
@@ -112,8 +112,11 @@ class Files:
         """
 
         def load(
-            path: Path, asked: Place | None = None, key: str = "", inline: tuple[str, ...] = ()
-        ) -> tuple[dict[str, Any], Locate]:
+            path: Path,
+            asked: SourceLocation | None = None,
+            key: str = "",
+            inline: tuple[str, ...] = (),
+        ) -> tuple[dict[str, Any], SourceMap]:
             if (path, key) not in self._read:
                 self._read[path, key] = load_mapping(path, asked, key, inline)
             mapping, locate = copy.deepcopy(self._read[path, key])
@@ -127,12 +130,12 @@ class Files:
         campaign = open_campaign(self.path, problems, load=load)
         for role, path, sha256 in inputs(campaign):
             if role in DATA and self._data.setdefault(path.resolve(), sha256) != sha256:
-                raise ValueError(f"{shown(path)} was changed since the sweep began")
+                raise ValueError(f"{display_path(path)} was changed since the sweep began")
         return campaign
 
 
 def _tell_the_rig(
-    mapping: dict[str, Any], locate: Locate, over: Over, value: Any, chosen: Chosen
+    mapping: dict[str, Any], locate: SourceMap, over: Over, value: Any, chosen: Chosen
 ) -> None:
     """What the rig must know of its plant it is told, unless it is asked to believe otherwise."""
     name = next(ours for ours, theirs in TWINS.items() if theirs == over.path)
@@ -141,9 +144,9 @@ def _tell_the_rig(
         _put(mapping, locate, over, twin, value)
 
 
-def _put(mapping: dict[str, Any], locate: Locate, over: Over, path: KeyPath, value: Any) -> None:
+def _put(mapping: dict[str, Any], locate: SourceMap, over: Over, path: KeyPath, value: Any) -> None:
     """Set a value; its place, and that of mappings made for it, is the command line's."""
-    at = Place(Path(OPTION), over.number)
+    at = SourceLocation(Path(OPTION), over.number)
     inside: Any = mapping
     for depth, part in enumerate(path, 1):
         where = int(part) if isinstance(inside, list) and str(part).isdigit() else part
@@ -152,14 +155,14 @@ def _put(mapping: dict[str, Any], locate: Locate, over: Over, path: KeyPath, val
             isinstance(inside, list) and isinstance(where, int) and where < len(inside)
         )
         if not known:
-            message = f"{value_text(inside)} stands where a mapping would have to"
+            message = f"{format_value(inside)} stands where a mapping would have to"
             raise ConfigError([Problem(OPTION, over.number, over.key, value, message)])
         if last:
             inside[where] = value
         elif isinstance(inside, dict) and inside.get(str(where)) is None:
             inside[where] = {}
-        if last or (*path[: depth - 1], where) not in locate.places:
-            locate.places[(*path[: depth - 1], where)] = at
+        if last or (*path[: depth - 1], where) not in locate.locations:
+            locate.locations[(*path[: depth - 1], where)] = at
         inside = inside[where]
 
 
@@ -210,4 +213,4 @@ def unit(over: Over, campaign: Campaign) -> str:
         for part in over.path[: over.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
-    return ranges.unit(ranges.last_name(over.path))
+    return ranges.unit_of_key(ranges.last_named_part(over.path))

@@ -21,7 +21,7 @@ from rig.analysis.points import Matrix, matrix
 from rig.analysis.rows import COMPLETE, POWERS, row_table
 from rig.analysis.surfaces import KINDS, NO_OTHERS, write_surfaces
 from rig.config import ranges
-from rig.config.problems import number_text
+from rig.config.problems import format_number
 
 _MANY = 40  # lines of one panel that can be told apart at all
 
@@ -122,7 +122,7 @@ def _setting(table: xarray.Dataset, name: str, index: int) -> str:
     value = (
         table[name].values[index].item() if _is_number(table, name) else table[name].values[index]
     )
-    shown = number_text(value) if isinstance(value, float) else str(value)
+    shown = format_number(value) if isinstance(value, float) else str(value)
     return f"{name} {shown} {table[name].attrs.get('units', '')}".rstrip()
 
 
@@ -263,7 +263,7 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
 def _axis(table: xarray.Dataset, name: str) -> str:
     """A parameter's key, and its unit where the key does not say it."""
     unit = table[name].attrs.get("units", "")
-    told = ranges.unit(name.rpartition(".")[2])
+    told = ranges.unit_of_key(name.rpartition(".")[2])
     return f"{name}, {unit}" if unit and not told else name
 
 

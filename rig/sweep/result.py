@@ -10,7 +10,7 @@ import numpy.typing as npt
 from rig.analysis.rows import COMPLETE, INTERRUPTED, NOT_RUN, SETTINGS, UNITS
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
-from rig.planning.campaign import Campaign, CampaignRow, resolved
+from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
 from rig.sweep.cases import Cases, Outcome, alone
@@ -54,7 +54,9 @@ def dataset(
     file = campaign.file if asked.sequential else alone(campaign.file, asked.lead_in)
     for key, value in _as_walked(file):
         if key not in coords:
-            coords[key] = xarray.Variable((), value, _units(ranges.unit(key.rpartition(".")[2])))
+            coords[key] = xarray.Variable(
+                (), value, _units(ranges.unit_of_key(key.rpartition(".")[2]))
+            )
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
     data = {}
@@ -144,7 +146,7 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
         "campaign": campaign.file.name,
         "sea": campaign.file.sea.description(),
         "sequential": int(cases.asked.sequential),
-        "config": resolved(campaign),
+        "config": resolved_config(campaign),
         "code_version": code["version"],
         "code_git": code["git"],
         "overs": json.dumps({over.key: over.values for over in cases.asked.parameters}),

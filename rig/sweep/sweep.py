@@ -13,8 +13,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from rig.config.problems import ConfigError, Problem, value_text
-from rig.planning.campaign import Campaign, plan
+from rig.config.problems import ConfigError, Problem, format_value
+from rig.planning.campaign import Campaign, build_plan
 from rig.recording.runs.create import BusyError, RunLock, hold_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
@@ -65,9 +65,9 @@ def open_sweep(
             raise ConfigError([Problem(OPTION, over.number, over.key, None, message)])
         most = max((v for v in over.values if isinstance(v, int | float)), default=0.0)
         if over.key == "start.set_point_s" and not sequential and most > lead_in:
-            message = f"{value_text(most)} is longer than the lead-in; allowed up to --lead-in"
+            message = f"{format_value(most)} is longer than the lead-in; allowed up to --lead-in"
             raise ConfigError([Problem(OPTION, over.number, over.key, most, message)])
-    planned = plan(base.file, base.rig, base.points)
+    planned = build_plan(base.file, base.rig, base.points)
     asked = SweepRequest(str(path), read.parameters, sequential, lead_in)
     digest = _digest(asked, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
@@ -100,7 +100,7 @@ def same_cases(asked: SweepRequest, digest: str) -> Cases:
         raise ValueError(
             f"{platform.node()} has other files for {asked.campaign}, or other code, than who asks"
         )
-    return Cases(asked, plan(base.file, base.rig, base.points).rows, files)
+    return Cases(asked, build_plan(base.file, base.rig, base.points).rows, files)
 
 
 def hold(sweep: Sweep) -> RunLock:

@@ -10,7 +10,7 @@ import numpy as np
 
 from controllers.signals import Count, Metre, Second, Tick
 from rig.kinds.wavebot import WaveSense
-from rig.planning.campaign.multisine import Multisine, design
+from rig.planning.campaign.multisine import Multisine, design_multisine
 from rig.realtime import safety
 from rig.realtime.cycle import PlanRecord
 from rig.realtime.safety import Mode, Reason
@@ -69,7 +69,7 @@ class BareRow(NamedTuple):
     tick_end: Tick
 
 
-SEA = design(0.2, 1.0, 20.0, rms=0.05, exponent=-0.5, seed=1)
+SEA = design_multisine(0.2, 1.0, 20.0, rms=0.05, exponent=-0.5, seed=1)
 
 
 def elevation(sea: Multisine, time: Any) -> Any:

@@ -7,7 +7,7 @@ import pytest
 from measured_data import reference
 
 from rig.analysis.wave_lines import Samples, by_period, lines, significant_height
-from rig.planning.campaign.multisine import lines as band
+from rig.planning.campaign.multisine import line_range as band
 
 REPEAT = 300.0
 CYCLES = np.array(band(0.2, 1.0, REPEAT))

@@ -22,7 +22,7 @@ from rig.analysis.spring_map.files import write_calibration
 from rig.analysis.spring_map.passes import FIT, Samples
 from rig.analysis.spring_map.result import findings, natural_frequency, spring_map
 from rig.config import ConfigError, RigFile, load
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.realtime.sequence import Phase
 from rig.recording.calibration import At, corrected, open_calibration, recorded
 from rig.recording.runs import RunError
@@ -87,7 +87,7 @@ def test_the_positioner_uses_the_map(
             },
         },
     )
-    report = check(asked)
+    report = check_campaign(asked)
     assert report.plan is not None, report.text()
     assert report.campaign is not None
     # 2 % of the largest of the two rates, by the slope of the map between the two stations
@@ -287,7 +287,7 @@ def test_what_a_hoist_campaign_may_not_say(tmp_path: Path) -> None:
             "hoist": {"stations_percent": [7], "low_m": -0.3, "high_m": 0.3,
                       "speed_m_per_s": 0.05},
         }  # fmt: skip
-        return check(yaml_file(tmp_path / "x.yaml", {**whole, **keys})).text()
+        return check_campaign(yaml_file(tmp_path / "x.yaml", {**whole, **keys})).text()
 
     assert "period" in said()
     grid = {"grid": [{"spring_n_per_m": 0, "kp_n_s_per_m": 0, "ki_n_per_m": 0}]}

@@ -16,7 +16,7 @@ from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 from rig.analysis.rows import POWERS
 from rig.analysis.surge_damping import Row as Damped
 from rig.analysis.surge_damping import allowed_stroke, as_dict, as_text, choose, measured
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import facts
@@ -169,6 +169,6 @@ def test_other_runs_are_refused(tmp_path: Path) -> None:
 
 
 def test_the_shipped_campaign_can_be_run() -> None:
-    report = check(CONFIGS / "campaigns" / "surge_damping.yaml")
+    report = check_campaign(CONFIGS / "campaigns" / "surge_damping.yaml")
     assert report.plan is not None, report.text()
     assert {row.spring_rate for row in report.plan.rows} == {7690.0}

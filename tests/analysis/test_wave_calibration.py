@@ -17,7 +17,7 @@ from rig.analysis.report import summary_of, write_products
 from rig.analysis.summary import as_text
 from rig.analysis.wave_calibration import calibration, findings
 from rig.analysis.wave_lines import Samples, by_period, coefficients, lines, mean_period
-from rig.planning.campaign.multisine import design
+from rig.planning.campaign.multisine import design_multisine
 from rig.recording.runs import RunError
 
 
@@ -311,7 +311,7 @@ def test_the_products_of_a_run(tmp_path: Path) -> None:
 
 def test_a_long_sea_of_many_lines_is_read_in_seconds(tmp_path: Path) -> None:
     """586 lines of a JONSWAP sea's band over 300 s, with holes: the slow way through."""
-    sea = design(0.05, 2.0, 300.0, rms=0.03, seed=3)
+    sea = design_multisine(0.05, 2.0, 300.0, rms=0.03, seed=3)
     time = np.delete(0.02 * np.arange(15_000), [100, 7000, 7001])
     found = coefficients(Samples(time, elevation(sea, time)), 300.0, sea.cycles)
     np.testing.assert_allclose(np.abs(found), sea.amplitude, rtol=1e-8)

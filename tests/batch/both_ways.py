@@ -20,7 +20,7 @@ from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import connect
 from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import wavebot_params
-from rig.planning.campaign import Campaign, Plan, check
+from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER
 from rig.realtime.safety import STOP_0, Reason
@@ -46,7 +46,7 @@ class Given(NamedTuple):
 
 def opened(path: Path) -> tuple[Campaign, Plan]:
     """A campaign and its plan."""
-    report = check(path)
+    report = check_campaign(path)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     return report.campaign, report.plan

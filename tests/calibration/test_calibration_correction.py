@@ -13,7 +13,7 @@ from calibration_files import CALIBRATIONS, calibration
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from rig.config.calibration_file import Offset, Scale, Table
+from rig.config.calibration_file import OffsetCorrection, ScaleCorrection, TableCorrection
 from rig.recording.calibration import (
     At,
     OutsideError,
@@ -61,7 +61,7 @@ finite = st.floats(-1e12, 1e12).filter(lambda x: x == 0.0 or abs(x) > 1e-12)
 
 @given(decimals(11), factors)
 def test_a_scale_of_four_digits_is_taken_back_to_the_last_bit(x: float, factor: float) -> None:
-    scale = Scale(kind="scale", factor=factor)
+    scale = ScaleCorrection(kind="scale", factor=factor)
     assert invert(scale, apply(scale, x)) == x
 
 
@@ -69,14 +69,14 @@ def test_a_scale_of_four_digits_is_taken_back_to_the_last_bit(x: float, factor: 
 def test_an_offset_is_taken_back_to_the_last_bit(x: float, offset: float) -> None:
     """Where the sum has no more than the 15 digits that a float holds."""
     assume(abs(offset) <= 1e6)
-    shift = Offset(kind="offset", offset=offset)
+    shift = OffsetCorrection(kind="offset", offset=offset)
     assert invert(shift, apply(shift, x)) == x
 
 
 @given(finite, factors)
 def test_a_scale_is_the_nearest_float_to_the_exact_product(x: float, factor: float) -> None:
     """Fractions of the decimals know nothing of this arithmetic."""
-    scale = Scale(kind="scale", factor=factor)
+    scale = ScaleCorrection(kind="scale", factor=factor)
     exact = Fraction(repr(x)) * Fraction(repr(factor))
     assert apply(scale, x) == float(exact)
     # back: half an ulp of the product, half an ulp of the quotient
@@ -94,7 +94,7 @@ def test_a_table_is_exact_at_its_pairs_and_monotone_between(
     ys = data.draw(st.lists(decimals(6), min_size=size, max_size=size, unique=True).map(sorted))
     if data.draw(st.booleans()):
         ys = ys[::-1]
-    table = Table(kind="table", recorded=tuple(xs), corrected=tuple(ys))
+    table = TableCorrection(kind="table", recorded=tuple(xs), corrected=tuple(ys))
     for x, y in zip(xs, ys, strict=True):
         assert apply(table, x) == y
         assert invert(table, y) == x
@@ -110,7 +110,7 @@ def test_a_table_is_exact_at_its_pairs_and_monotone_between(
 
 
 def test_a_table_ends_where_it_ends() -> None:
-    table = Table(kind="table", recorded=(0.0, 1.0), corrected=(10.0, 5.0))
+    table = TableCorrection(kind="table", recorded=(0.0, 1.0), corrected=(10.0, 5.0))
     assert apply(table, 0.5) == 7.5
     assert invert(table, 7.5) == 0.5
     for action, value in ((apply, -0.1), (apply, 1.1), (invert, 4.9), (invert, 10.1)):
@@ -121,15 +121,15 @@ def test_a_table_ends_where_it_ends() -> None:
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_is_refused(value: float) -> None:
     for correction in (
-        Scale(kind="scale", factor=2.0),
-        Offset(kind="offset", offset=1.0),
-        Table(kind="table", recorded=(0.0, 1.0), corrected=(0.0, 1.0)),
+        ScaleCorrection(kind="scale", factor=2.0),
+        OffsetCorrection(kind="offset", offset=1.0),
+        TableCorrection(kind="table", recorded=(0.0, 1.0), corrected=(0.0, 1.0)),
     ):
         for action in (apply, invert):
             with pytest.raises(ValueError, match="not a finite number"):
                 action(correction, value)
     with pytest.raises(ValueError, match="larger than any float"):
-        apply(Scale(kind="scale", factor=10.0), 1e308)
+        apply(ScaleCorrection(kind="scale", factor=10.0), 1e308)
 
 
 def test_outside_its_range_a_calibration_refuses_or_leaves_alone(tmp_path: Path) -> None:

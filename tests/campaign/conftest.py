@@ -1,4 +1,4 @@
-"""A copy of the shipped rig and limits, with a plant of no content, to write campaigns beside."""
+"""Fixture that writes campaigns next to copies of the shipped rig and limits, and a stub plant."""
 
 import shutil
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Write = Callable[..., Path]
 
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
-    """Write a campaign (without `matrix` it gets one row) and give its path."""
+    """Return a function that writes a campaign (by default with one row) and returns its path."""
     for folder in ("rigs", "limits"):
         shutil.copytree(CONFIGS / folder, tmp_path / folder)
     (tmp_path / "plants").mkdir()

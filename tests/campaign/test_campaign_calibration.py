@@ -1,4 +1,4 @@
-"""Wave calibration campaigns: the plan without the device, and what such a file may not say."""
+"""Wave calibration campaigns: the plan without the device, and the keys that are refused."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rig.config import ConfigError
 from rig.config.campaign_file import Timing
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
 from rig.execution.rehearsal.job import asked_sea, devices_of, problems
-from rig.planning.campaign import WindowError, check, open_campaign, plan
-from rig.planning.campaign.windows import calibration
+from rig.planning.campaign import WindowError, build_plan, check_campaign, open_campaign
+from rig.planning.campaign.windows import calibration_window
 from rig.realtime import sequence
 from rig.realtime.sequence import NO_ROW, Phase
 
@@ -22,90 +22,90 @@ PINK = "sea: {kind: pink, hm0_m: 0.2, repeat_s: 20, seed: 3}\n"
 
 
 def write_file(write: Any, body: str, sea: str = PINK) -> Path:
-    """A calibration; the fixture would add a matrix to a body that names none."""
+    """Write a calibration campaign without a matrix, which the fixture alone would add."""
     path: Path = write("extends: nothing\n", head="")
     path.write_text(HEAD + sea + "device: absent\n" + body)
     return path
 
 
-def told(path: Path) -> list[tuple[str, str]]:
-    with pytest.raises(ConfigError) as caught:
+def reported_problems(path: Path) -> list[tuple[str, str]]:
+    with pytest.raises(ConfigError) as error_info:
         open_campaign(path)
-    return [(p.key, p.message) for p in caught.value.problems]
+    return [(p.key, p.message) for p in error_info.value.problems]
 
 
 def test_the_plan_is_a_lead_in_and_one_window_with_all_power_off(write: Any) -> None:
     campaign = open_campaign(write_file(write, "start: {lead_in_s: 30}\ntiming: {periods: 3}\n"))
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    s = made.segments
-    assert (made.rows, campaign.points) == ((), ())
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    s = planned.segments
+    assert (planned.rows, campaign.points) == ((), ())
     table = list(zip(s.row, s.phase, s.ticks, s.wait, s.drive, s.waves, strict=True))
     assert table == [
         (NO_ROW, Phase.LEAD_IN, 30_000, 0, 0, 1),
         (NO_ROW, Phase.MEASURE, 60_000, 0, 0, 1),
         (NO_ROW, Phase.DONE, 0, 0, 0, 0),
     ]
-    assert (made.duration, made.wave_seconds, made.spring_moves) == (90.0, 90.0, 0)
-    assert sum(made.phases) == made.phases.lead_in + made.phases.measure == 90.0
+    assert (planned.duration, planned.wave_seconds, planned.spring_moves) == (90.0, 90.0, 0)
+    assert sum(planned.phases) == planned.phases.lead_in + planned.phases.measure == 90.0
     assert devices_of(campaign._replace(plant={"bem": "x"}))["device"] == "absent"
 
 
-def test_the_walk_asks_for_no_drive_and_ends(write: Any) -> None:
+def test_the_plan_runs_to_its_end_without_the_drive(write: Any) -> None:
     body = "start: {lead_in_s: 5}\ntiming: {periods: 1}\n"
     campaign = open_campaign(write_file(write, body))
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    state, seen = sequence.start(0), dict.fromkeys(Phase, 0)
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    state, phase_ticks = sequence.start(0), dict.fromkeys(Phase, 0)
     for tick in range(30_000):
-        # the drive never comes up: nothing is running or held but the plan itself
-        state, position = sequence.step(made.segments, state, tick, 0, True, False)
-        seen[Phase(made.segments.phase[state.segment])] += 1
-        assert made.segments.drive[state.segment] == 0
+        # the drive is never enabled; the plan alone runs
+        state, position = sequence.step(planned.segments, state, tick, 0, True, False)
+        phase_ticks[Phase(planned.segments.phase[state.segment])] += 1
+        assert planned.segments.drive[state.segment] == 0
         if position.finished:
             break
-    assert (seen[Phase.LEAD_IN], seen[Phase.MEASURE]) == (5000, 20_000)
-    assert seen[Phase.TARE] == seen[Phase.MOVING] == 0
+    assert (phase_ticks[Phase.LEAD_IN], phase_ticks[Phase.MEASURE]) == (5000, 20_000)
+    assert phase_ticks[Phase.TARE] == phase_ticks[Phase.MOVING] == 0
 
 
 def test_the_shipped_calibrations_are_three_realisations_of_one_sea() -> None:
-    found = []
+    seas = []
     for number in ("", "_2", "_3"):
-        report = check(CONFIGS / "campaigns" / f"wave_calibration{number}.yaml", problems)
+        report = check_campaign(CONFIGS / "campaigns" / f"wave_calibration{number}.yaml", problems)
         assert report.ok, report.text()
         assert report.campaign is not None
         assert report.plan is not None
         assert (report.plan.phases.lead_in, report.plan.phases.measure) == (120.0, 1200.0)
-        found.append(report.campaign.file.sea.model_dump())
+        seas.append(report.campaign.file.sea.model_dump())
         assert "device absent" in report.text()
         assert "configs/seas/pink_0p254m.yaml" in report.text()
-    assert [sea.pop("realisation") for sea in found] == [1, 2, 3]
-    assert found[0] == found[1] == found[2]
+    assert [sea.pop("realisation") for sea in seas] == [1, 2, 3]
+    assert seas[0] == seas[1] == seas[2]
 
 
-def test_a_check_tells_the_whole_sea(write: Any, tmp_path: Path) -> None:
+def test_the_report_describes_the_sea(write: Any, tmp_path: Path) -> None:
     (tmp_path / "seas").mkdir()
     (tmp_path / "seas" / "pink.yaml").write_text("kind: pink\nhm0_m: 0.2\nhigh_hz: 0.9\n")
     path = write_file(write, "seed: 8\n", "sea: ../seas/pink.yaml\n")
-    report = check(path)
+    report = check_campaign(path)
     assert (
         "pink, amplitude ~ f^-0.5, Hm0 0.2 m, 0.2 .. 0.9 Hz, realisation 1, repeats after 300 s, "
         "phases of seed 8" in report.text()
     )
-    said = report.summary()
-    assert said["device"] == "absent"
-    assert said["sea_keys"]["high_hz"] == 0.9
-    assert said["sea_keys"]["seed"] == 8
-    assert [f["role"] for f in said["files"]][:2] == ["campaign", "sea"]
-    assert (said["rows"], said["periods_per_row"], said["measured_s"]) == (0, 4, 1200.0)
+    summary = report.summary()
+    assert summary["device"] == "absent"
+    assert summary["sea_keys"]["high_hz"] == 0.9
+    assert summary["sea_keys"]["seed"] == 8
+    assert [f["role"] for f in summary["files"]][:2] == ["campaign", "sea"]
+    assert (summary["rows"], summary["periods_per_row"], summary["measured_s"]) == (0, 4, 1200.0)
 
 
 @pytest.mark.parametrize(
-    ("body", "key", "said"),
+    ("body", "key", "expected"),
     [
         ("tare: {duration_s: 6}\n", "tare", "device: absent has no use for it"),
         ("repeat: 2\n", "repeat", "device: absent has no use for it"),
         ("order: random\n", "order", "device: absent has no use for it"),
-        ("timing: mask4\n", "timing", "device: absent has no rows to time"),
-        ("timing: {settle_s: 3}\n", "timing.settle_s", "allowed is a longer start.lead_in_s"),
+        ("timing: mask4\n", "timing", "device: absent has no rows; leave the key out"),
+        ("timing: {settle_s: 3}\n", "timing.settle_s", "use a longer start.lead_in_s instead"),
         (
             "start: {set_point: {kp_n_s_per_m: -1, ki_n_per_m: 0}}\n",
             "start.set_point",
@@ -119,19 +119,21 @@ def test_a_check_tells_the_whole_sea(write: Any, tmp_path: Path) -> None:
         ("timing: {interval_s: 19}\n", "timing.interval_s", "at least 20 s"),
     ],
 )
-def test_what_has_no_use_without_the_device(write: Any, body: str, key: str, said: str) -> None:
-    ((at, message),) = told(write_file(write, body))
+def test_keys_without_a_use_are_refused_without_the_device(
+    write: Any, body: str, key: str, expected: str
+) -> None:
+    ((at, message),) = reported_problems(write_file(write, body))
     assert at == key
-    assert said in message
+    assert expected in message
 
 
 def test_calm_water_and_a_missing_matrix(write: Any) -> None:
-    assert told(write_file(write, "", "sea: {kind: calm}\n")) == [
+    assert reported_problems(write_file(write, "", "sea: {kind: calm}\n")) == [
         ("sea.kind", "calm water has no waves to calibrate; allowed any other sea")
     ]
     path = write_file(write, "")
     path.write_text(path.read_text().replace("device: absent", "repeat: 0"))
-    assert [key for key, _ in told(path)] == ["matrix", "repeat"]
+    assert [key for key, _ in reported_problems(path)] == ["matrix", "repeat"]
 
 
 PINK_SEA = PinkSea.model_validate({"kind": "pink", "hm0_m": 0.2, "repeat_s": 25})
@@ -161,23 +163,23 @@ def recorded(end: float, repeat: float) -> RecordedSea:
     ],
 )
 def test_windows(sea: Any, timing: dict[str, Any], measure: float, periods: int) -> None:
-    cut = calibration(sea, Timing.model_validate(timing))
-    assert (cut.settle, cut.tail, cut.move, cut.periods) == (0.0, 0.0, 0.0, periods)
-    assert cut.measure == pytest.approx(measure)
+    window = calibration_window(sea, Timing.model_validate(timing))
+    assert (window.settle, window.tail, window.move, window.periods) == (0.0, 0.0, 0.0, periods)
+    assert window.measure == pytest.approx(measure)
 
 
 def test_windows_that_cannot_be_cut() -> None:
-    with pytest.raises(WindowError, match=r"window of 65 s is no whole number of .* 20 s"):
-        calibration(recorded(65, 20), Timing())
+    with pytest.raises(WindowError, match=r"window of 65 s is not a whole number of .* 20 s"):
+        calibration_window(recorded(65, 20), Timing())
     with pytest.raises(WindowError, match="no waves"):
-        calibration(CalmSea(kind="calm"), Timing())
-    with pytest.raises(WindowError, match="3 repeat periods of 25 s does not fit") as caught:
-        calibration(PINK_SEA, Timing(interval_s=60, periods=3))
-    assert caught.value.key == ("timing", "interval_s")
+        calibration_window(CalmSea(kind="calm"), Timing())
+    with pytest.raises(WindowError, match="3 repeat periods of 25 s do not fit") as error_info:
+        calibration_window(PINK_SEA, Timing(interval_s=60, periods=3))
+    assert error_info.value.key == ("timing", "interval_s")
 
 
 def test_the_lines_of_a_record_and_of_a_regular_sea(write: Any, tmp_path: Path) -> None:
-    """Of a window of three repeat periods every third line; of a sine its own period."""
+    """A window of three repeat periods gives every third line; a sine gives its own period."""
     import numpy as np
 
     t = np.arange(600) * 0.1
@@ -188,15 +190,15 @@ def test_the_lines_of_a_record_and_of_a_regular_sea(write: Any, tmp_path: Path) 
         "sea: {kind: recorded, file: r.csv, channel: eta, unit: m, start_s: 0, end_s: 60, "
         "repeat_s: 20}\n"
     )
-    asked = asked_sea(open_campaign(write_file(write, "", sea)))
-    assert asked["repeat_s"] == pytest.approx(20.0)
-    assert asked["cycles"] == list(range(1, 41))  # 0.05 to 2 Hz
-    assert asked["amplitude_m"][7] == pytest.approx(0.05, abs=1e-8)
-    assert asked["phase_rad"][7] == pytest.approx(-0.4, abs=1e-6)
-    assert max(asked["amplitude_m"][:7]) < 1e-8  # 7 cycles in 60 s are none of 20 s
+    lines = asked_sea(open_campaign(write_file(write, "", sea)))
+    assert lines["repeat_s"] == pytest.approx(20.0)
+    assert lines["cycles"] == list(range(1, 41))  # 0.05 to 2 Hz
+    assert lines["amplitude_m"][7] == pytest.approx(0.05, abs=1e-8)
+    assert lines["phase_rad"][7] == pytest.approx(-0.4, abs=1e-6)
+    assert max(lines["amplitude_m"][:7]) < 1e-8  # 7 cycles in 60 s are not a line of 20 s
     sea = "sea: {kind: regular, amplitude_m: 0.1, period_s: 3.45}\n"
-    asked = asked_sea(open_campaign(write_file(write, "", sea)))
-    assert asked == {
+    lines = asked_sea(open_campaign(write_file(write, "", sea)))
+    assert lines == {
         "repeat_s": pytest.approx(3.45),
         "cycles": [1],
         "amplitude_m": [0.1],
@@ -205,12 +207,12 @@ def test_the_lines_of_a_record_and_of_a_regular_sea(write: Any, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("kind", ["pink", "multisine"])
-def test_a_sea_that_goes_beyond_its_largest_elevation(write: Any, kind: str) -> None:
-    """Hm0 0.2 m is an rms of 0.05 m: peaks beyond 0.1 m, none beyond 0.3 m."""
+def test_a_sea_above_its_largest_elevation_is_refused(write: Any, kind: str) -> None:
+    """Hm0 0.2 m is an rms of 0.05 m: peaks exceed 0.1 m, but not 0.3 m."""
     sea = f"sea: {{kind: {kind}, hm0_m: 0.2, repeat_s: 60, seed: 1, largest_m: LARGEST}}\n"
     path = write_file(write, "", sea.replace("LARGEST", "0.1"))
-    ((key, said),) = told(path)
+    ((key, message),) = reported_problems(path)
     assert key == "sea.largest_m"
-    assert said.startswith("the elevation reaches 0.1")
-    assert "more than 0.1 m" in said
-    assert check(write_file(write, "", sea.replace("LARGEST", "0.3"))).ok
+    assert message.startswith("the elevation reaches 0.1")
+    assert "more than 0.1 m" in message
+    assert check_campaign(write_file(write, "", sea.replace("LARGEST", "0.3"))).ok

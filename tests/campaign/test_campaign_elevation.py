@@ -1,4 +1,4 @@
-"""Recorded elevation: a real basin file where it is at hand, and broken ones."""
+"""Recorded elevation: a real basin file, if available, and broken files."""
 
 from pathlib import Path
 from typing import Any
@@ -9,17 +9,17 @@ from measured_data import reference
 
 from rig.config import ConfigError
 from rig.config.sea import RecordedSea
-from rig.planning.campaign import open_campaign, plan, read_elevation
+from rig.planning.campaign import build_plan, open_campaign, read_elevation
 
 RECORD = "AWDC-SAADAQ-s00113.twe"  # measured: see tests/measured_data.py
 
 
 def sea(**changes: Any) -> RecordedSea:
-    whole = {
+    keys = {
         "kind": "recorded", "file": "x.csv", "channel": "eta", "unit": "m", "start_s": 0.0,
         "end_s": 10.0,
     }  # fmt: skip
-    return RecordedSea.model_validate({**whole, **changes})
+    return RecordedSea.model_validate({**keys, **changes})
 
 
 def csv(folder: Path, time: Any, eta: Any) -> Path:
@@ -30,12 +30,12 @@ def csv(folder: Path, time: Any, eta: Any) -> Path:
 
 
 def test_a_real_record_of_the_basin() -> None:
-    read = read_elevation(
+    recorded = read_elevation(
         reference(RECORD),
         sea(file=RECORD, channel="SAA 01", unit="inch", start_s=120.0, end_s=1320.0),
     )
-    eta = read.elevation
-    assert read.rate_hz == 20.0
+    eta = recorded.elevation
+    assert recorded.rate_hz == 20.0
     assert len(eta) == 24_000
     assert abs(eta.mean()) < 1e-12
     assert 4 * eta.std() == pytest.approx(0.253, rel=0.005)
@@ -44,7 +44,7 @@ def test_a_real_record_of_the_basin() -> None:
         eta[:-n] @ eta[n:] / np.sqrt((eta[:-n] @ eta[:-n]) * (eta[n:] @ eta[n:]))
         for n in range(lag // 2, 3 * lag // 2)
     ]
-    assert np.argmax(shifts) == lag - lag // 2  # the sea repeats after 300.0 s and nothing else
+    assert np.argmax(shifts) == lag - lag // 2  # the sea repeats after exactly 300.0 s
     assert max(shifts) >= 0.98
 
 
@@ -63,17 +63,17 @@ sea:
 """
     campaign = open_campaign(write(head=head))
     assert campaign.elevation is not None
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    assert (made.rows[0].measure, made.rows[0].periods) == (300.0, 1)
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    assert (planned.rows[0].measure, planned.rows[0].periods) == (300.0, 1)
 
 
 def test_csv_in_millimetres_over_a_window(tmp_path: Path) -> None:
     time = np.arange(1000) / 50.0
     path = csv(tmp_path, time, 7.0 + 100.0 * np.sin(2 * np.pi * 0.5 * time))
-    read = read_elevation(path, sea(start_s=2.0, end_s=12.0, unit="mm", rate_hz=50.0))
-    assert read.rate_hz == 50.0
-    assert len(read.elevation) == 500
-    assert np.allclose(read.elevation, 0.1 * np.sin(2 * np.pi * 0.5 * (time[100:600] - 2.0)))
+    recorded = read_elevation(path, sea(start_s=2.0, end_s=12.0, unit="mm", rate_hz=50.0))
+    assert recorded.rate_hz == 50.0
+    assert len(recorded.elevation) == 500
+    assert np.allclose(recorded.elevation, 0.1 * np.sin(2 * np.pi * 0.5 * (time[100:600] - 2.0)))
 
 
 def twe(folder: Path, data: str, names: str = "UTC Time\tTime\tP1\tP2") -> Path:
@@ -85,32 +85,32 @@ def twe(folder: Path, data: str, names: str = "UTC Time\tTime\tP1\tP2") -> Path:
 
 def test_twe_with_its_label_column_and_trailing_tab(tmp_path: Path) -> None:
     data = "DATA:\t212720.7\t0.00\t1\t5\t\n\t212720.8\t0.05\t2\t6\t\n\t212720.8\t0.10\t3\t7\t\n"
-    read = read_elevation(twe(tmp_path, data), sea(channel="P2", unit="inch", end_s=0.15))
-    assert read.rate_hz == 20.0
-    assert np.allclose(read.elevation, np.array([-1, 0, 1]) * 0.0254)
+    recorded = read_elevation(twe(tmp_path, data), sea(channel="P2", unit="inch", end_s=0.15))
+    assert recorded.rate_hz == 20.0
+    assert np.allclose(recorded.elevation, np.array([-1, 0, 1]) * 0.0254)
 
 
 @pytest.mark.parametrize(
-    ("change", "line", "said"),
+    ("change", "line", "expected"),
     [
         ({"channel": "zeta"}, 1, "'zeta' is not in the record; allowed other, eta"),
         ({"end_s": 30.0}, 1, "the window 0 .. 30 s is not in the record; it has 0 .. 20 s"),
-        ({"rate_hz": 20.0}, 1, "the campaign says 20 Hz, the time column 50 Hz"),
+        ({"rate_hz": 20.0}, 1, "the campaign gives 20 Hz, the time column 50 Hz"),
     ],
 )
-def test_a_campaign_that_asks_for_what_is_not_there(
-    tmp_path: Path, change: dict[str, Any], line: int, said: str
+def test_a_channel_window_or_rate_not_in_the_record_is_refused(
+    tmp_path: Path, change: dict[str, Any], line: int, expected: str
 ) -> None:
     time = np.arange(1000) / 50.0
-    with pytest.raises(ConfigError, match="x") as caught:
+    with pytest.raises(ConfigError, match="x") as error_info:
         read_elevation(csv(tmp_path, time, time), sea(**change))
-    (problem,) = caught.value.problems
+    (problem,) = error_info.value.problems
     assert problem.line == line
-    assert said in problem.message
+    assert expected in problem.message
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "said"),
+    ("text", "line", "expected"),
     [
         ("", 1, "no time column"),
         ("a,eta\n0,1\n", 1, "no time column"),
@@ -123,13 +123,13 @@ def test_a_campaign_that_asks_for_what_is_not_there(
         ("time_s,eta\n0,1\n1,2\nnan,3\n3,3\n", 4, "jumps by nan s"),
     ],
 )
-def test_broken_csv(tmp_path: Path, text: str, line: int, said: str) -> None:
+def test_broken_csv(tmp_path: Path, text: str, line: int, expected: str) -> None:
     path = tmp_path / "x.csv"
     path.write_text(text)
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         read_elevation(path, sea(end_s=2.0))
-    (problem,) = caught.value.problems
-    assert (problem.line, said in problem.message) == (line, True), problem
+    (problem,) = error_info.value.problems
+    assert (problem.line, expected in problem.message) == (line, True), problem
 
 
 def test_broken_twe(tmp_path: Path) -> None:
@@ -141,12 +141,12 @@ def test_broken_twe(tmp_path: Path) -> None:
         read_elevation(tmp_path / "none.twe", sea())
 
 
-def test_a_record_that_is_not_there_is_told_in_the_campaign(write: Any) -> None:
+def test_a_missing_record_is_reported_in_the_campaign(write: Any) -> None:
     head = (
         "name: test\nrig: ../rigs/wavebot.yaml\n"
         "sea: {kind: recorded, channel: eta, unit: m, start_s: 0, end_s: 60,\n  file: none.csv}\n"
     )
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         open_campaign(write(head=head))
-    (problem,) = caught.value.problems
+    (problem,) = error_info.value.problems
     assert (problem.line, problem.key) == (4, "sea.file")

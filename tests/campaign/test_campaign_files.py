@@ -1,4 +1,4 @@
-"""Opening a campaign: the whole chain of files, all problems at once, CSV matrices, stability."""
+"""Opening of a campaign: its chain of files, all problems at once, CSV matrices, stability."""
 
 import json
 import time
@@ -8,34 +8,36 @@ from typing import Any
 import pytest
 
 from rig.config import CampaignFile, ConfigError
-from rig.planning.campaign import check, open_campaign, resolved
-from rig.planning.campaign.points import outside_map
+from rig.planning.campaign import check_campaign, open_campaign, resolved_config
+from rig.planning.campaign.points import spring_map_problems
 from rig.planning.campaign.stability import largest_ki, total_stiffness
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
 
-def told(path: Path) -> list[tuple[str, int, str, str]]:
-    with pytest.raises(ConfigError) as caught:
+def reported_problems(path: Path) -> list[tuple[str, int, str, str]]:
+    with pytest.raises(ConfigError) as error_info:
         open_campaign(path)
-    return [(Path(p.file).name, p.line, p.key, p.message) for p in caught.value.problems]
+    return [(Path(p.file).name, p.line, p.key, p.message) for p in error_info.value.problems]
 
 
 @pytest.mark.parametrize(
     "path", sorted((CONFIGS / "campaigns").glob("*.yaml")), ids=lambda p: p.stem
 )
 def test_every_shipped_campaign_can_be_run(path: Path) -> None:
-    report = check(path)
+    report = check_campaign(path)
     assert report.ok, report.text()
 
 
 @pytest.mark.parametrize("folder", ["rigs", "limits", "plants", "seas"])
-def test_of_a_file_of_another_kind_only_that_is_said(folder: str) -> None:
+def test_a_file_of_another_kind_gives_a_single_problem(folder: str) -> None:
     path = min((CONFIGS / folder).glob("*.yaml"))
-    assert told(path) == [(path.name, 1, "", "no campaign: it has none of rig, sea, matrix")]
+    assert reported_problems(path) == [
+        (path.name, 1, "", "not a campaign: it has none of the keys rig, sea, matrix")
+    ]
 
 
-def test_problems_of_all_files_at_once(write: Any, tmp_path: Path) -> None:
+def test_problems_of_all_files_are_reported_together(write: Any, tmp_path: Path) -> None:
     for file, old, new in (
         ("rigs/wavebot.yaml", "rate_hz: 1000", "rate_hz: 10"),
         ("limits/wavebot.yaml", "  current_rms_a: 20 ", "  current_rmsa: 20 "),
@@ -44,8 +46,8 @@ def test_problems_of_all_files_at_once(write: Any, tmp_path: Path) -> None:
         path = tmp_path / file
         assert old in path.read_text()
         path.write_text(path.read_text().replace(old, new))
-    found = told(write("repeat: 0\norder: wrong\n"))
-    assert [(file, key) for file, _, key, _ in found] == [
+    problems = reported_problems(write("repeat: 0\norder: wrong\n"))
+    assert [(file, key) for file, _, key, _ in problems] == [
         ("test.yaml", "repeat"),
         ("test.yaml", "order"),
         ("wavebot.yaml", "rate_hz"),
@@ -53,23 +55,23 @@ def test_problems_of_all_files_at_once(write: Any, tmp_path: Path) -> None:
         ("wavebot.yaml", "heave.current_rmsa"),
         ("wavebot.yaml", ""),
     ]
-    assert "YAML syntax" in found[-1][3]
+    assert "YAML syntax" in problems[-1][3]
 
 
-def test_missing_files_are_told_where_they_are_named(write: Any, tmp_path: Path) -> None:
+def test_missing_files_are_reported_where_they_are_named(write: Any, tmp_path: Path) -> None:
     path = write()
     (tmp_path / "limits" / "wavebot.yaml").unlink()
     (tmp_path / "plants" / "wavebot.yaml").unlink()
     rig = (tmp_path / "rigs" / "wavebot.yaml").read_text().splitlines()
-    limits, plant = told(path)
+    limits, plant = reported_problems(path)
     assert limits[2] == "limits"
     assert rig[limits[1] - 1].startswith("limits:")
     assert plant[2] == "plant"
     assert rig[plant[1] - 1].startswith("plant:")
     assert "No such file" in plant[3]
     (tmp_path / "rigs" / "wavebot.yaml").unlink()
-    assert [p[:3] for p in told(path)] == [("test.yaml", 2, "rig")]
-    assert told(tmp_path / "none.yaml")[0][:2] == ("none.yaml", 1)
+    assert [p[:3] for p in reported_problems(path)] == [("test.yaml", 2, "rig")]
+    assert reported_problems(tmp_path / "none.yaml")[0][:2] == ("none.yaml", 1)
 
 
 def test_the_campaign_may_name_another_plant(write: Any, tmp_path: Path) -> None:
@@ -89,12 +91,12 @@ def test_the_campaign_may_name_another_plant(write: Any, tmp_path: Path) -> None
     ]
 
 
-def test_an_empty_plant_leaves_the_rigs(write: Any) -> None:
+def test_an_empty_plant_key_keeps_the_plant_of_the_rig(write: Any) -> None:
     assert open_campaign(write("plant:\n")).plant == {"kind": "stub"}
-    assert [p[2] for p in told(write("plant: 5\n"))] == ["plant"]
+    assert [p[2] for p in reported_problems(write("plant: 5\n"))] == ["plant"]
 
 
-def test_paths_of_an_extended_campaign_are_relative_to_where_they_stand(
+def test_paths_of_an_extended_campaign_are_relative_to_its_own_file(
     write: Any, tmp_path: Path
 ) -> None:
     write("matrix: {csv: m.csv}\n")
@@ -109,7 +111,7 @@ def test_paths_of_an_extended_campaign_are_relative_to_where_they_stand(
     assert campaign.points[0].kp == -1000.0
 
 
-def test_grid_runs_kp_outer_ki_inner(write: Any) -> None:
+def test_in_a_grid_ki_changes_fastest(write: Any) -> None:
     body = (
         "matrix: {grid: [{spring_n_per_m: [0, 100], kp_n_s_per_m: [-1, -2],"
         " ki_n_per_m: {from: 0.1, to: 0.3, step: 0.1}}]}\n"
@@ -127,16 +129,16 @@ def test_an_extended_campaign_may_change_the_form_of_its_matrix(write: Any, tmp_
     top.write_text(f"extends: test.yaml\nmatrix:\n  list:\n  {grid}\n")
     assert [p.kp for p in open_campaign(top).points] == [-1.0]
     top.write_text(f"extends: test.yaml\nmatrix:\n  {grid}\n")
-    ((_, line, key, said),) = told(top)
+    ((_, line, key, message),) = reported_problems(top)
     assert (line, key) == (2, "matrix")
-    assert said == "grid and list given; allowed exactly one of grid, list, csv"
+    assert message == "grid and list given; allowed exactly one of grid, list, csv"
 
 
 HEADER = "spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "place", "key", "said"),
+    ("text", "place", "key", "expected"),
     [
         ("", "m.csv:1", "", "no row; allowed a header"),
         (HEADER, "m.csv:1", "", "no row"),
@@ -155,18 +157,20 @@ HEADER = "spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n"
         (HEADER + "0,-1,25000\n", "m.csv:2", "ki_n_per_m", "Ki is allowed up to 21337 N/m"),
     ],
 )  # fmt: skip
-def test_bad_csv(write: Any, tmp_path: Path, text: str, place: str, key: str, said: str) -> None:
+def test_bad_csv(
+    write: Any, tmp_path: Path, text: str, place: str, key: str, expected: str
+) -> None:
     (tmp_path / "campaigns" / "m.csv").write_text(text)
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         open_campaign(write("matrix: {csv: m.csv}\n"))
-    (problem,) = caught.value.problems
+    (problem,) = error_info.value.problems
     assert f"{place}: {key + ': ' if key else ''}" in problem.text()
-    assert said in problem.message
+    assert expected in problem.message
 
 
 def test_all_bad_cells_of_a_csv(write: Any, tmp_path: Path) -> None:
     (tmp_path / "campaigns" / "m.csv").write_text(HEADER + "a,b,c\n0,-1,0\n0,d,0\n0,-999,0\nx\n")
-    assert [p[1:3] for p in told(write("matrix: {csv: m.csv}\n"))] == [
+    assert [p[1:3] for p in reported_problems(write("matrix: {csv: m.csv}\n"))] == [
         (2, "spring_n_per_m"),
         (2, "kp_n_s_per_m"),
         (2, "ki_n_per_m"),
@@ -181,12 +185,12 @@ def test_the_end_mark_is_never_commanded(write: Any, tmp_path: Path) -> None:
     campaign = open_campaign(write("matrix: {csv: m.csv}\n"))
     assert [(p.kp, p.ki) for p in campaign.points] == [(-1000.0, 0.0), (-1500.0, 2000.0)]
     assert campaign.files[-1].role == "matrix"
-    (warning,) = check(write("matrix: {csv: m.csv}\n")).warnings
+    (warning,) = check_campaign(write("matrix: {csv: m.csv}\n")).warnings
     assert (Path(warning.file).name, warning.line) == ("m.csv", 6)
     assert warning.message == "rows after the end mark (Kp = -999): 1 (line 6), will not be run"
-    ((_, line, key, said),) = told(write("matrix: {csv: gone.csv}\n"))
+    ((_, line, key, message),) = reported_problems(write("matrix: {csv: gone.csv}\n"))
     assert (line, key) == (4, "matrix.csv")
-    assert "No such file" in said
+    assert "No such file" in message
 
 
 @pytest.mark.parametrize(
@@ -198,7 +202,7 @@ def test_largest_ki_at_each_spring_rate(write: Any, rate: float, ki: float) -> N
     assert total_stiffness(stability, rate, largest_ki(stability, rate)) == pytest.approx(3000)
 
 
-def test_a_row_with_too_little_stiffness_is_named(write: Any) -> None:
+def test_a_row_with_too_little_stiffness_is_reported(write: Any) -> None:
     body = """\
 matrix:
   grid:
@@ -206,15 +210,15 @@ matrix:
       kp_n_s_per_m: [-1000, -2000]
       ki_n_per_m: [0, 14000, 15000]
 """
-    ((_, line, key, said),) = told(write(body))
+    ((_, line, key, message),) = reported_problems(write(body))
     assert (line, key) == (8, "matrix.grid[0].ki_n_per_m[2]")
-    assert said.startswith(
+    assert message.startswith(
         "point 2 and 1 more (spring -5715 N/m, Kp -1000 N*s/m, Ki 15000 N/m) leaves 2405 N/m of "
         "stiffness, less than 3000; at this spring rate Ki is allowed up to 14405 N/m"
     )
 
 
-def test_a_set_point_with_too_little_stiffness(write: Any) -> None:
+def test_a_set_point_with_too_little_stiffness_is_reported(write: Any) -> None:
     body = """\
 order: fewest spring moves
 start:
@@ -224,10 +228,10 @@ matrix:
     - {spring_n_per_m: -8508, kp_n_s_per_m: -2000, ki_n_per_m: 0}
     - {spring_n_per_m: 0, kp_n_s_per_m: -2000, ki_n_per_m: 0}
 """
-    ((_, line, key, said),) = told(write(body))
+    ((_, line, key, message),) = reported_problems(write(body))
     assert (line, key) == (6, "start.set_point.ki_n_per_m")
-    assert "leaves 2017 N/m of stiffness at the first row's spring rate of -8508 N/m" in said
-    assert said.endswith("allowed up to 11017 N/m")
+    assert "leaves 2017 N/m of stiffness at the first row's spring rate of -8508 N/m" in message
+    assert message.endswith("allowed up to 11017 N/m")
 
 
 @pytest.mark.parametrize(
@@ -238,7 +242,9 @@ matrix:
         ("{from: 8300, to: 8400, step: 100}", 6, "matrix.grid[0].spring_n_per_m"),
     ],
 )
-def test_spring_rates_outside_the_map(write: Any, rate: str, line: int, key: str) -> None:
+def test_spring_rates_outside_the_map_are_reported(
+    write: Any, rate: str, line: int, key: str
+) -> None:
     body = f"""\
 matrix:
   grid:
@@ -246,12 +252,12 @@ matrix:
       kp_n_s_per_m: [-1, -2]
       ki_n_per_m: [0, 1]
 """
-    ((_, *where, said),) = told(write(body))
-    assert where == [line, key]
-    assert "spring rate 8400 is outside the rig's spring map; allowed -10013 .. 8340 N/m" in said
+    ((_, *location, message),) = reported_problems(write(body))
+    assert location == [line, key]
+    assert "spring rate 8400 is outside the rig's spring map; allowed -10013 .. 8340 N/m" in message
 
 
-def test_entries_of_a_list_are_told_at_their_own_keys(write: Any) -> None:
+def test_entries_of_a_list_are_reported_at_their_own_keys(write: Any) -> None:
     body = """\
 matrix:
   list:
@@ -262,76 +268,80 @@ matrix:
       kp_n_s_per_m: -1
       ki_n_per_m: 15000
 """
-    assert [place[1:3] for place in told(write(body))] == [
+    assert [problem[1:3] for problem in reported_problems(write(body))] == [
         (6, "matrix.list[0].spring_n_per_m"),
         (11, "matrix.list[1].ki_n_per_m"),
     ]
     campaign = open_campaign(write())
-    assert outside_map(campaign.points, campaign.rig.spring) == ()
+    assert spring_map_problems(campaign.points, campaign.rig.spring) == ()
 
 
-def test_too_many_rows(write: Any) -> None:
+def test_too_many_rows_are_refused(write: Any) -> None:
     grid = "{spring_n_per_m: 0, kp_n_s_per_m: {from: 0, to: -199, step: -1}, ki_n_per_m: [0, 1]}"
-    ((_, line, key, said),) = told(write(f"repeat: 100\nmatrix: {{grid: [{grid}]}}\n"))
-    assert (line, key, said) == (4, "repeat", "40000 rows; allowed at most 10000")
+    ((_, line, key, message),) = reported_problems(
+        write(f"repeat: 100\nmatrix: {{grid: [{grid}]}}\n")
+    )
+    assert (line, key, message) == (4, "repeat", "40000 rows; allowed at most 10000")
 
 
 def test_a_grid_of_millions_is_refused_from_its_lengths(write: Any) -> None:
     many = "{from: 0, to: -1998, step: -2}"
     grid = f"{{spring_n_per_m: [0, 1, 2], kp_n_s_per_m: {many}, ki_n_per_m: {many}}}"
     started = time.perf_counter()
-    ((_, line, key, said),) = told(write(f"matrix: {{grid: [{grid}]}}\n"))
-    assert (line, key, said) == (4, "matrix", "3000000 rows; allowed at most 10000")
+    ((_, line, key, message),) = reported_problems(write(f"matrix: {{grid: [{grid}]}}\n"))
+    assert (line, key, message) == (4, "matrix", "3000000 rows; allowed at most 10000")
     assert time.perf_counter() - started < 2.0
 
 
-def test_a_csv_of_too_many_rows_is_refused_where_they_begin(write: Any, tmp_path: Path) -> None:
+def test_a_csv_with_too_many_rows_is_refused_at_the_first_excess_row(
+    write: Any, tmp_path: Path
+) -> None:
     (tmp_path / "campaigns" / "m.csv").write_text(HEADER + "0,-1,0\n" * 10_001)
-    found = told(write("matrix: {csv: m.csv}\n"))
-    assert found == [("m.csv", 10_002, "", "more than 10000 rows; allowed at most 10000")]
+    problems = reported_problems(write("matrix: {csv: m.csv}\n"))
+    assert problems == [("m.csv", 10_002, "", "more than 10000 rows; allowed at most 10000")]
 
 
-def test_windows_that_do_not_fit_are_told_with_the_interval_that_would(write: Any) -> None:
+def test_windows_that_do_not_fit_are_reported_with_the_minimum_interval(write: Any) -> None:
     body = "timing:\n  settle_s: 10\n  interval_s: 11\n"
-    assert [p[1:3] for p in told(write(body))] == [(6, "timing.interval_s")]
-    assert "allowed interval_s at least 12 s" in told(write(body))[0][3]
+    assert [p[1:3] for p in reported_problems(write(body))] == [(6, "timing.interval_s")]
+    assert "allowed interval_s at least 12 s" in reported_problems(write(body))[0][3]
 
 
-def test_resolved_holds_everything_and_can_be_read_again(write: Any) -> None:
+def test_the_resolved_configuration_is_complete_and_can_be_read_again(write: Any) -> None:
     campaign = open_campaign(write("tare: none\ntiming: mask4\n"))
-    text = resolved(campaign)
-    whole = json.loads(text)
-    assert set(whole) == {"campaign", "points", "rig", "limits", "plant", "files"}
-    assert whole["campaign"]["start"]["lead_in_s"] == 120.0
-    assert whole["campaign"]["tare"] == "none"
-    assert whole["limits"]["heave"]["position_stop_m"] == 0.35
-    assert whole["plant"] == {"kind": "stub"}
-    assert all(len(file["sha256"]) == 64 for file in whole["files"])
-    assert CampaignFile.model_validate(whole["campaign"]) == campaign.file
-    assert text == resolved(campaign)
+    text = resolved_config(campaign)
+    config = json.loads(text)
+    assert set(config) == {"campaign", "points", "rig", "limits", "plant", "files"}
+    assert config["campaign"]["start"]["lead_in_s"] == 120.0
+    assert config["campaign"]["tare"] == "none"
+    assert config["limits"]["heave"]["position_stop_m"] == 0.35
+    assert config["plant"] == {"kind": "stub"}
+    assert all(len(file["sha256"]) == 64 for file in config["files"])
+    assert CampaignFile.model_validate(config["campaign"]) == campaign.file
+    assert text == resolved_config(campaign)
 
 
 def test_report(write: Any) -> None:
-    good = check(write())
+    good = check_campaign(write())
     assert good.ok
     assert "wave clock 140 s" in good.text()
-    whole = json.loads(good.to_json())
-    assert whole["ok"] is True
-    assert whole["rows"] == 1
-    assert whole["phases_s"] == {
+    config = json.loads(good.to_json())
+    assert config["ok"] is True
+    assert config["rows"] == 1
+    assert config["phases_s"] == {
         "tare": 5.0, "lead_in": 120.0, "moving": 0.5, "settle": 5.0, "measure": 14.0, "tail": 1.0,
     }  # fmt: skip
-    bad = check(write("repeat: 0\n"))
+    bad = check_campaign(write("repeat: 0\n"))
     assert not bad.ok
     assert bad.text().endswith("repeat: 0 is out of range; allowed 1 .. 1000\n1 problem")
     assert json.loads(bad.to_json())["problems"][0]["key"] == "repeat"
 
 
 def test_lines_after_the_end_mark_are_counted(write: Any, tmp_path: Path) -> None:
-    """Also those that could not be read: nobody looks at them."""
+    """Lines after the end mark are counted even if they are invalid; they are not parsed."""
     path = tmp_path / "campaigns" / "m.csv"
     path.write_text(HEADER + "0,-1,0\n# end\n0,-999,0\n\n0,-2,0\nx\n# no row\n0,-999,0\n0,-3,0\n")
-    (warning,) = check(write("matrix: {csv: m.csv}\n")).warnings
+    (warning,) = check_campaign(write("matrix: {csv: m.csv}\n")).warnings
     assert "4 (lines 6-7, 9-10), will not be run" in warning.message
-    path.write_text(HEADER + "0,-1,0\n0,-999,0\n\n# that was all\n")
-    assert check(write("matrix: {csv: m.csv}\n")).warnings == ()
+    path.write_text(HEADER + "0,-1,0\n0,-999,0\n\n# nothing after the mark\n")
+    assert check_campaign(write("matrix: {csv: m.csv}\n")).warnings == ()

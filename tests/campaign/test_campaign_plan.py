@@ -1,4 +1,4 @@
-"""From a campaign to the plan table: windows, segments, order."""
+"""The plan of a campaign: windows, segments, order of the rows."""
 
 import itertools
 from pathlib import Path
@@ -8,22 +8,30 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.config import CampaignFile, Place, RigFile, load
+from rig.config import CampaignFile, RigFile, SourceLocation, load
 from rig.config.campaign_file import Timing
-from rig.config.columns import ALWAYS
+from rig.config.columns import REQUIRED_COLUMNS
 from rig.config.sea import CalmSea, JonswapSea, RecordedSea, RegularSea
-from rig.planning.campaign import Plan, Point, WindowError, check, open_campaign, plan, windows
-from rig.planning.campaign.order import least_travel, turns
-from rig.planning.campaign.point import Where, point
+from rig.planning.campaign import (
+    Plan,
+    Point,
+    WindowError,
+    build_plan,
+    check_campaign,
+    open_campaign,
+    row_windows,
+)
+from rig.planning.campaign.order import least_travel, order_points
+from rig.planning.campaign.point import ValueLocation, make_point
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
-NOWHERE = Where(Place(Path("x.yaml"), 1), "x")
+UNKNOWN_LOCATION = ValueLocation(SourceLocation(Path("x.yaml"), 1), "x")
 
 
-def at_nowhere(rate: float, kp: float, ki: float) -> Point:
-    return point(ALWAYS, [(value, NOWHERE) for value in (rate, kp, ki)])
+def point_without_location(rate: float, kp: float, ki: float) -> Point:
+    return make_point(REQUIRED_COLUMNS, [(value, UNKNOWN_LOCATION) for value in (rate, kp, ki)])
 
 
 RATES = (490.9, -5715.0, 8340.0, -10013.0, 0.0)
@@ -63,12 +71,12 @@ RECORDED = RecordedSea.model_validate(
     ],
 )
 def test_windows(sea: Any, timing: dict[str, Any], expected: tuple[float, ...]) -> None:
-    cut = windows(sea, Timing.model_validate(timing))
-    assert tuple(cut) == pytest.approx(expected)
+    row_window = row_windows(sea, Timing.model_validate(timing))
+    assert tuple(row_window) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
-    ("sea", "timing", "key", "said"),
+    ("sea", "timing", "key", "expected"),
     [
         (regular(period_s=16), {}, "timing", "one wave period of 16 s after 5 s of settling does "
          "not fit into an interval of 20 s; allowed interval_s at least 21 s"),
@@ -78,39 +86,52 @@ def test_windows(sea: Any, timing: dict[str, Any], expected: tuple[float, ...]) 
         (JONSWAP, {"scheme": "mask4", "settle_s": 300}, "timing.settle_s", "leaves nothing"),
         (CalmSea(kind="calm"), {"settle_s": 30}, "timing.settle_s", "leaves nothing to measure"),
         (CalmSea(kind="calm"), {"interval_s": 4}, "timing.interval_s", "leaves nothing"),
-        (CalmSea(kind="calm"), {"periods": 4}, "timing.periods", "4 periods of a calm sea"),
+        (CalmSea(kind="calm"), {"periods": 4}, "timing.periods", "but a calm sea has none"),
     ],
 )  # fmt: skip
-def test_windows_that_cannot_be_cut(sea: Any, timing: dict[str, Any], key: str, said: str) -> None:
-    with pytest.raises(WindowError) as caught:
-        windows(sea, Timing.model_validate(timing))
-    assert ".".join(str(k) for k in caught.value.key) == key
-    assert said in caught.value.message
+def test_windows_that_cannot_be_cut(
+    sea: Any, timing: dict[str, Any], key: str, expected: str
+) -> None:
+    with pytest.raises(WindowError) as error_info:
+        row_windows(sea, Timing.model_validate(timing))
+    assert ".".join(str(k) for k in error_info.value.key) == key
+    assert expected in error_info.value.message
 
 
-def lengths(made: Plan, row: int) -> list[tuple[Phase, int]]:
-    s = made.segments
+def lengths(planned: Plan, row: int) -> list[tuple[Phase, int]]:
+    s = planned.segments
     return [(Phase(p), t) for r, p, t in zip(s.row, s.phase, s.ticks, strict=True) if r == row]
 
 
 def test_the_default_campaign() -> None:
-    made = check(CONFIGS / "campaigns" / "default.yaml").plan
-    assert made is not None
-    assert len(made.rows) == 66
-    assert made.wave_seconds == 1460.0
-    assert made.spring_moves == 1
-    assert made.dt == 0.001
-    assert lengths(made, 0) == [(Phase.SETTLE, 5000), (Phase.MEASURE, 14000), (Phase.TAIL, 1000)]
-    assert lengths(made, 36)[0] == (Phase.MOVING, 20_000)
+    planned = check_campaign(CONFIGS / "campaigns" / "default.yaml").plan
+    assert planned is not None
+    assert len(planned.rows) == 66
+    assert planned.wave_seconds == 1460.0
+    assert planned.spring_moves == 1
+    assert planned.dt == 0.001
+    assert lengths(planned, 0) == [(Phase.SETTLE, 5000), (Phase.MEASURE, 14000), (Phase.TAIL, 1000)]
+    assert lengths(planned, 36)[0] == (Phase.MOVING, 20_000)
     for row, stator, expected in (
         (0, -13.0, (490.9, -1000.0, 0.0)),
         (1, -13.0, (490.9, -1000.0, 2000.0)),
         (36, 27.0, (-5715.0, -1000.0, -4000.0)),
         (65, 27.0, (-5715.0, -3500.0, 4000.0)),
     ):
-        assert made.rows[row].stator_position == stator
-        assert made.rows[row].setting[:3] == expected
-        assert made.rows[row].setting[3:] == (0.0, 1.0, 0.0, -2500.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        assert planned.rows[row].stator_position == stator
+        assert planned.rows[row].setting[:3] == expected
+        assert planned.rows[row].setting[3:] == (
+            0.0,
+            1.0,
+            0.0,
+            -2500.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
 
 
 def test_windows_at_0p3_hz_end_on_the_nearest_sample(write: Any) -> None:
@@ -119,18 +140,18 @@ def test_windows_at_0p3_hz_end_on_the_nearest_sample(write: Any) -> None:
         "sea: {kind: regular, amplitude_m: 0.1, frequency_hz: 0.3}\n"
     )
     campaign = open_campaign(write("repeat: 3\n", head=head))
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    for row in made.rows:
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    for row in planned.rows:
         assert row.periods == 4
         assert row.measure == pytest.approx(40 / 3)
-        assert lengths(made, row.row) == [
+        assert lengths(planned, row.row) == [
             (Phase.SETTLE, 5000),
             (Phase.MEASURE, 13_333),
             (Phase.TAIL, 1667),
         ]
 
 
-def test_the_opening(write: Any) -> None:
+def test_the_segments_before_the_first_row(write: Any) -> None:
     body = """\
 start: {set_point_s: 7, lead_in_s: 30, set_point: {kp_n_s_per_m: -2500, ki_n_per_m: 100}}
 matrix:
@@ -139,17 +160,17 @@ matrix:
     - {spring_n_per_m: 490.9, kp_n_s_per_m: -1000, ki_n_per_m: 2000}
 """
     campaign = open_campaign(write(body))
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    s, p = made.segments, made.setpoints
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    s, p = planned.segments, planned.setpoints
     gains = [(p.kp[i], p.ki[i], p.spring_rate[i]) for i in s.setpoint]
     table = list(zip(s.row, s.phase, s.ticks, s.wait, s.timeout, s.restart, s.drive, s.waves,
                      gains, strict=True))  # fmt: skip
-    held, first, second = (-2500, 100, -5715), (-1000, 2000, -5715), (-1000, 2000, 490.9)
+    set_point, first, second = (-2500, 100, -5715), (-1000, 2000, -5715), (-1000, 2000, 490.9)
     both = WAIT_STATOR | WAIT_DRIVE
     assert table == [
-        (NO_ROW, Phase.TARE, 5000, 0, 0, 0, 0, 0, held),
-        (NO_ROW, Phase.MOVING, 500, both, 60_000, 1, 1, 0, held),
-        (NO_ROW, Phase.LEAD_IN, 7000, 0, 0, 2, 1, 1, held),
+        (NO_ROW, Phase.TARE, 5000, 0, 0, 0, 0, 0, set_point),
+        (NO_ROW, Phase.MOVING, 500, both, 60_000, 1, 1, 0, set_point),
+        (NO_ROW, Phase.LEAD_IN, 7000, 0, 0, 2, 1, 1, set_point),
         (NO_ROW, Phase.LEAD_IN, 23_000, 0, 0, 2, 1, 1, first),
         (0, Phase.SETTLE, 5000, 0, 0, 4, 1, 1, first),
         (0, Phase.MEASURE, 14_000, 0, 0, 4, 1, 1, first),
@@ -165,14 +186,17 @@ matrix:
 def test_the_default_set_point_is_the_first_rows_damping_alone(write: Any) -> None:
     body = "matrix: {list: [{spring_n_per_m: 0, kp_n_s_per_m: -1500, ki_n_per_m: 3000}]}\n"
     campaign = open_campaign(write("tare: none\nstart: {set_point_s: 0, lead_in_s: 0}\n" + body))
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    assert (made.setpoints.kp[0], made.setpoints.ki[0]) == (-1500.0, 0.0)
-    phases = [Phase(p) for p in made.segments.phase]
-    assert phases[:2] == [Phase.MOVING, Phase.SETTLE]  # no tare, no lead-in: no segment of no ticks
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    assert (planned.setpoints.kp[0], planned.setpoints.ki[0]) == (-1500.0, 0.0)
+    phases = [Phase(p) for p in planned.segments.phase]
+    assert phases[:2] == [
+        Phase.MOVING,
+        Phase.SETTLE,
+    ]  # no tare and no lead-in: empty segments are left out
 
 
-def test_gains_are_borne_by_the_spring_on_the_whole_way_of_the_stator(write: Any) -> None:
-    """Ki 20 kN/m is fine at 490.9 N/m and would tip the body over at the rate before."""
+def test_ki_is_limited_to_a_stable_value_while_the_stator_moves(write: Any) -> None:
+    """Ki 20 kN/m is stable at 490.9 N/m, but unstable at the previous spring rate."""
     body = """\
 start: {set_point: {kp_n_s_per_m: -2000, ki_n_per_m: 9191}}
 matrix:
@@ -182,14 +206,14 @@ matrix:
     - {spring_n_per_m: -8508, kp_n_s_per_m: -2000, ki_n_per_m: 11000}
 """
     campaign = open_campaign(write(body))
-    made = plan(campaign.file, campaign.rig, campaign.points)
-    s = made.segments
+    planned = build_plan(campaign.file, campaign.rig, campaign.points)
+    s = planned.segments
     moving = [i for i, phase in enumerate(s.phase) if phase == Phase.MOVING]
-    first, second, third = (made.setpoints.ki[s.setpoint[i]] for i in moving)
+    first, second, third = (planned.setpoints.ki[s.setpoint[i]] for i in moving)
     assert first == 9191.0
     assert second == pytest.approx(24337 - 1.213 * 10013 - 3000)
     assert third == 11_000.0
-    assert made.setpoints.ki[s.setpoint[moving[1] + 1]] == 20_000.0
+    assert planned.setpoints.ki[s.setpoint[moving[1] + 1]] == 20_000.0
 
 
 POINTS = st.lists(
@@ -200,7 +224,7 @@ POINTS = st.lists(
     ),
     min_size=1,
     max_size=12,
-).map(lambda found: tuple(at_nowhere(*point) for point in found))
+).map(lambda sequence: tuple(point_without_location(*point) for point in sequence))
 
 
 @given(POINTS, st.sampled_from(["as given", "fewest spring moves", "random"]), st.integers(1, 3))
@@ -208,36 +232,36 @@ def test_every_point_is_run_once_per_repetition(
     points: tuple[Point, ...], order: Any, repeat: int
 ) -> None:
     positions = {rate: -rate for rate in RATES}
-    found = turns(points, order, repeat, 7, positions)
+    sequence = order_points(points, order, repeat, 7, positions)
     everyone = itertools.product(range(len(points)), range(repeat))
-    assert sorted(found) == sorted(everyone)
-    assert found == turns(points, order, repeat, 7, positions)
-    rates = [points[turn.point].spring_rate for turn in found]
+    assert sorted(sequence) == sorted(everyone)
+    assert sequence == order_points(points, order, repeat, 7, positions)
+    rates = [points[turn.point].spring_rate for turn in sequence]
     moves = sum(a != b for a, b in itertools.pairwise(rates))
     if order == "as given":
         given_rates = [point.spring_rate for point in points]
         assert moves == sum(a != b for a, b in itertools.pairwise(given_rates))
     if order == "fewest spring moves":
         assert moves == len(set(rates)) - 1
-        for rate in set(rates):  # the order of the file within a spring rate
-            block = [t for t in found if points[t.point].spring_rate == rate]
+        for rate in set(rates):  # within a spring rate, the order is that of the file
+            block = [t for t in sequence if points[t.point].spring_rate == rate]
             assert block == sorted(block, key=lambda t: (t.repetition, t.point))
 
 
 @given(st.lists(st.sampled_from(RATES), min_size=1, max_size=8))
-def test_no_order_of_the_spring_rates_moves_the_stator_less(rates: list[float]) -> None:
+def test_the_order_of_spring_rates_has_the_least_stator_travel(rates: list[float]) -> None:
     def travel(order: tuple[float, ...]) -> float:
         return sum(abs(a - b) for a, b in itertools.pairwise(order))
 
-    found = least_travel(rates, {rate: rate / 100 for rate in RATES})
-    assert travel(found) == min(travel(p) for p in itertools.permutations(set(rates)))
-    back = tuple(reversed(found))
-    assert rates.index(found[0]) <= rates.index(back[0])  # the end the file names first begins
+    sequence = least_travel(rates, {rate: rate / 100 for rate in RATES})
+    assert travel(sequence) == min(travel(p) for p in itertools.permutations(set(rates)))
+    back = tuple(reversed(sequence))
+    assert rates.index(sequence[0]) <= rates.index(back[0])  # first named end first
 
 
-def test_another_seed_is_another_random_order() -> None:
-    points = tuple(at_nowhere(0.0, -float(i), 0.0) for i in range(20))
-    assert turns(points, "random", 1, 1, {}) != turns(points, "random", 1, 2, {})
+def test_another_seed_gives_another_random_order() -> None:
+    points = tuple(point_without_location(0.0, -float(i), 0.0) for i in range(20))
+    assert order_points(points, "random", 1, 1, {}) != order_points(points, "random", 1, 2, {})
 
 
 SEAS = st.one_of(
@@ -250,7 +274,7 @@ SEAS = st.one_of(
 @settings(max_examples=200)
 @given(SEAS, POINTS, st.sampled_from(["as given", "random"]), st.integers(1, 2),
        st.integers(100, 2000), st.floats(0, 20), st.floats(0, 20))  # fmt: skip
-def test_any_plan_is_whole(
+def test_any_plan_is_consistent(
     sea: dict[str, Any], points: tuple[Point, ...], order: str, repeat: int, rate: int,
     set_point: float, rest: float,
 ) -> None:  # fmt: skip
@@ -261,35 +285,40 @@ def test_any_plan_is_whole(
             "start": {"set_point_s": set_point, "lead_in_s": set_point + rest},
         }
     )  # fmt: skip
-    made = plan(campaign, RIG.model_copy(update={"rate_hz": rate}), points)
-    s = made.segments
+    planned = build_plan(campaign, RIG.model_copy(update={"rate_hz": rate}), points)
+    s = planned.segments
     n = len(s.phase)
-    cut = windows(campaign.sea, campaign.timing)
+    row_window = row_windows(campaign.sea, campaign.timing)
     assert all(len(column) == n for column in s)
     assert s.phase[-1] == Phase.DONE
     assert s.phase.count(Phase.DONE) == 1
     assert all(ticks > 0 for ticks in s.ticks[:-1])
-    # what is planned in seconds is what stands in ticks
-    assert sum(s.ticks) * made.dt == pytest.approx(made.duration)
-    assert sum(made.phases) == pytest.approx(made.duration)
-    waves = set_point + rest + len(made.rows) * cut.interval + made.spring_moves * cut.move
-    assert made.wave_seconds == pytest.approx(waves, abs=1.01 * made.dt)
+    # durations in seconds agree with the ticks
+    assert sum(s.ticks) * planned.dt == pytest.approx(planned.duration)
+    assert sum(planned.phases) == pytest.approx(planned.duration)
+    waves = (
+        set_point
+        + rest
+        + len(planned.rows) * row_window.interval
+        + planned.spring_moves * row_window.move
+    )
+    assert planned.wave_seconds == pytest.approx(waves, abs=1.01 * planned.dt)
     # rows are contiguous, in order, and each measured exactly once, to the nearest sample
-    assert [r for r, _ in itertools.groupby(s.row)] == [NO_ROW, *range(len(made.rows)), NO_ROW]
-    for row in made.rows:
-        phases = lengths(made, row.row)
+    assert [r for r, _ in itertools.groupby(s.row)] == [NO_ROW, *range(len(planned.rows)), NO_ROW]
+    for row in planned.rows:
+        phases = lengths(planned, row.row)
         assert [p for p, _ in phases] == sorted({p for p, _ in phases})
         ((_, measured),) = [p for p in phases if p[0] is Phase.MEASURE]
-        assert measured * made.dt == pytest.approx(cut.measure, abs=1.01 * made.dt)
+        assert measured * planned.dt == pytest.approx(row_window.measure, abs=1.01 * planned.dt)
     for i in range(n):
-        again = s.restart[i]
-        assert again <= i
-        assert s.row[again] == s.row[i]
-        assert again == 0 or s.row[again - 1] != s.row[i] or s.row[i] == NO_ROW
+        restart = s.restart[i]
+        assert restart <= i
+        assert s.row[restart] == s.row[i]
+        assert restart == 0 or s.row[restart - 1] != s.row[i] or s.row[i] == NO_ROW
         if s.row[i] != NO_ROW:
-            given = made.rows[s.row[i]].setting
+            given = planned.rows[s.row[i]].setting
             j = s.setpoint[i]
-            p = made.setpoints
+            p = planned.setpoints
             assert (p.kp[j], p.spring_rate[j]) == (given.kp, given.spring_rate)
             assert p.ki[j] == given.ki or (s.phase[i] == Phase.MOVING and p.ki[j] < given.ki)
             assert (s.drive[i], s.waves[i]) == (1, 1)

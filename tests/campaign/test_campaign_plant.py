@@ -1,4 +1,4 @@
-"""What the simulated plant adds to the problems of a campaign, whatever else is wrong with it."""
+"""Problems of the simulated plant are reported together with other problems of a campaign."""
 
 import shutil
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from rig.execution.rehearsal.job import problems
 from rig.kinds.wavebot import build
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 BROKEN_SEA = """\
@@ -27,28 +27,30 @@ def change(path: Path, *pairs: tuple[str, str]) -> None:
 
 
 def line_of(path: Path, text: str) -> int:
-    before, found, _ = path.read_text().partition(text)
-    assert found
+    before, problem_keys, _ = path.read_text().partition(text)
+    assert problem_keys
     return before.count("\n") + 1
 
 
 @pytest.fixture
 def rig(tmp_path: Path, write: Any) -> Path:
-    """The shipped rig, beside the shipped plant instead of the stub."""
+    """The shipped rig, with the shipped plant instead of the stub."""
     shutil.copytree(CONFIGS / "plants", tmp_path / "plants", dirs_exist_ok=True)
     return tmp_path / "rigs" / "wavebot.yaml"
 
 
-def told(path: Path) -> list[tuple[str, int, str, str]]:
-    report = check(path, problems)
+def reported_problems(path: Path) -> list[tuple[str, int, str, str]]:
+    report = check_campaign(path, problems)
     return [(Path(p.file).name, p.line, p.key, p.message) for p in report.problems]
 
 
-def test_nothing_is_wrong_with_the_shipped_files(rig: Path, write: Any) -> None:
-    assert told(write()) == []
+def test_the_shipped_files_have_no_problems(rig: Path, write: Any) -> None:
+    assert reported_problems(write()) == []
 
 
-def test_problems_of_the_plant_come_with_all_others(rig: Path, write: Any, tmp_path: Path) -> None:
+def test_problems_of_the_plant_are_reported_with_all_others(
+    rig: Path, write: Any, tmp_path: Path
+) -> None:
     change(
         rig,
         ("name: WaveBot\n", "name: ''\n"),
@@ -60,8 +62,10 @@ def test_problems_of_the_plant_come_with_all_others(rig: Path, write: Any, tmp_p
         ("bem: wavebot_bem.npz", "bem: none.npz"),
         ("delay_ticks: {value: 1,", "delay_ticks: {value: 1.5,"),
     )
-    found = [place[:3:2] for place in told(write("repeat: 0\n", head=BROKEN_SEA))]
-    assert found == [
+    problem_keys = [
+        place[:3:2] for place in reported_problems(write("repeat: 0\n", head=BROKEN_SEA))
+    ]
+    assert problem_keys == [
         ("test.yaml", "sea.frequency_hz"),
         ("test.yaml", "repeat"),
         ("wavebot.yaml", "name"),
@@ -79,80 +83,80 @@ def test_problems_of_the_plant_come_with_all_others(rig: Path, write: Any, tmp_p
         ("torque_constant_n_m_per_a", "6.1745", "6.1746"),
     ],
 )
-def test_scales_that_differ_from_the_plants(
+def test_scales_of_rig_and_plant_must_agree(
     rig: Path, write: Any, key: str, old: str, new: str
 ) -> None:
     change(rig, (f"{key}: {old} ", f"{key}: {new} "), ("name: WaveBot\n", "name: ''\n"))
-    *_, (file, line, at, said) = told(write())
+    *_, (file, line, at, message) = reported_problems(write())
     assert (file, line, at) == ("wavebot.yaml", line_of(rig, f"{key}:"), f"heave.{key}")
-    assert said.startswith(f"{new} is not the simulated plant's {old} (")
-    assert said.endswith("; the two must agree")
+    assert message.startswith(f"{new} is not the simulated plant's {old} (")
+    assert message.endswith("; the two must agree")
 
 
-def test_an_estimator_that_cannot_be_designed(
+def test_an_estimator_that_cannot_be_designed_is_reported(
     rig: Path, write: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rig.design.estimator._MOST_STEPS", 2)
-    build._designed.cache_clear()  # gains that an earlier test had designed
-    ((file, line, key, said),) = told(write())
+    build._designed.cache_clear()  # removes gains designed by an earlier test
+    ((file, line, key, message),) = reported_problems(write())
     at = line_of(rig, "jerk_density_m2_per_s5:")
     assert (file, line, key) == ("wavebot.yaml", at, "heave.jerk_density_m2_per_s5")
-    assert said.startswith("0.5: the estimator's gain did not settle")
+    assert message.startswith("0.5: the estimator's gain did not settle")
 
 
-def test_a_plant_that_cannot_be_built(rig: Path, write: Any, tmp_path: Path) -> None:
+def test_a_plant_that_cannot_be_built_is_reported(rig: Path, write: Any, tmp_path: Path) -> None:
     plant = tmp_path / "plants" / "wavebot.yaml"
     change(plant, ("0.685398163", "1.0e-200"))
-    ((file, line, key, said),) = told(write())
+    ((file, line, key, message),) = reported_problems(write())
     assert (file, line, key) == ("wavebot.yaml", 1, "")
-    assert said.startswith("cannot be simulated: ")
+    assert message.startswith("cannot be simulated: ")
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04cut off", b"text"])
-def test_a_bem_file_that_is_none(rig: Path, write: Any, tmp_path: Path, content: bytes) -> None:
+def test_an_invalid_bem_file_is_reported(
+    rig: Path, write: Any, tmp_path: Path, content: bytes
+) -> None:
     (tmp_path / "plants" / "wavebot_bem.npz").write_bytes(content)
-    ((_, line, key, said),) = told(write())
+    ((_, line, key, message),) = reported_problems(write())
     assert (line, key) == (line_of(tmp_path / "plants" / "wavebot.yaml", "bem:"), "bem")
-    assert said.startswith("cannot be read: ")
+    assert message.startswith("cannot be read: ")
 
 
-def test_the_bem_file_of_surge_is_read_too(rig: Path, write: Any, tmp_path: Path) -> None:
+def test_the_bem_file_of_surge_is_checked_too(rig: Path, write: Any, tmp_path: Path) -> None:
     (tmp_path / "plants" / "wavebot_surge_bem.npz").write_bytes(b"text")
-    ((_, line, key, said),) = told(write())
+    ((_, line, key, message),) = reported_problems(write())
     place = line_of(tmp_path / "plants" / "wavebot.yaml", "bem: wavebot_surge_bem")
     assert (line, key) == (place, "surge.bem")
-    assert said.startswith("cannot be read: ")
+    assert message.startswith("cannot be read: ")
 
 
 @pytest.mark.parametrize("name", sorted(p.name for p in (CONFIGS / "plants").glob("wavebot*.yaml")))
 def test_every_shipped_plant_can_be_rehearsed(rig: Path, write: Any, name: str) -> None:
-    assert told(write(f"plant: ../plants/{name}\n")) == []
+    assert reported_problems(write(f"plant: ../plants/{name}\n")) == []
 
 
-def test_what_is_wrong_with_a_drive_is_told_at_its_key(
-    rig: Path, write: Any, tmp_path: Path
-) -> None:
+def test_problems_of_a_drive_are_reported_at_its_key(rig: Path, write: Any, tmp_path: Path) -> None:
     plant = tmp_path / "plants" / "wavebot.yaml"
     change(plant, ("analyser_window: {value: 0.005,", "analyser_window: {value: 5.0,"))
-    ((_, line, key, said),) = told(write())
+    ((_, line, key, message),) = reported_problems(write())
     at = "drive.analyser_window.value"
     assert (line, key) == (line_of(plant, "analyser_window:"), at)
-    assert said.startswith("5 is out of range; allowed ")
+    assert message.startswith("5 is out of range; allowed ")
     change(plant, ("kind: cots", "kind: amc"))
-    ((_, line, key, said),) = told(write())
+    ((_, line, key, message),) = reported_problems(write())
     assert (line, key) == (line_of(plant, "kind: amc"), "drive.kind")
-    assert said.startswith("'amc' is not known; allowed cots, custom")
+    assert message.startswith("'amc' is not known; allowed cots, custom")
 
 
-def test_a_bem_file_cut_anywhere(rig: Path, write: Any, tmp_path: Path) -> None:
+def test_a_truncated_or_damaged_bem_file_is_reported(rig: Path, write: Any, tmp_path: Path) -> None:
     path = tmp_path / "plants" / "wavebot_bem.npz"
     whole = path.read_bytes()
     for i in range(1, 12):
         path.write_bytes(whole[: i * len(whole) // 12])
-        assert [p[2] for p in told(write())] == ["bem"]
+        assert [p[2] for p in reported_problems(write())] == ["bem"]
         start = i * len(whole) // 12
         path.write_bytes(whole[:start] + bytes(40) + whole[start + 40 :])
-        assert {p[2] for p in told(write())} <= {"bem"}
+        assert {p[2] for p in reported_problems(write())} <= {"bem"}
 
 
 @pytest.mark.parametrize(
@@ -163,15 +167,17 @@ def test_a_bem_file_cut_anywhere(rig: Path, write: Any, tmp_path: Path) -> None:
         ("period_s", 3.45678, [3.456777996070727, 3.45679012345679]),
     ],
 )
-def test_a_wave_that_does_not_repeat_is_told_its_neighbours(
+def test_a_wave_that_does_not_repeat_is_reported_with_the_nearest_ones(
     rig: Path, write: Any, key: str, value: float, nearest: list[float]
 ) -> None:
     head = "name: test\nrig: ../rigs/wavebot.yaml\nsea:\n  kind: regular\n  amplitude_m: 0.1\n"
-    ((_, line, at, said),) = told(write(head=f"{head}  {key}: {value}\n"))
+    ((_, line, at, message),) = reported_problems(write(head=f"{head}  {key}: {value}\n"))
     assert (line, at) == (6, f"sea.{key}")
     unit = {"frequency_hz": "Hz", "period_s": "s"}[key]
-    assert said.startswith(f"{value} {unit} repeats on no whole second up to 3600 s; the nearest ")
+    assert message.startswith(
+        f"{value} {unit} repeats on no whole second up to 3600 s; the nearest "
+    )
     assert nearest[0] < value < nearest[1]
-    for one in nearest:
-        assert f"{one!r} {unit} (repeats after " in said
-        assert told(write(head=f"{head}  {key}: {one!r}\n")) == []
+    for neighbour in nearest:
+        assert f"{neighbour!r} {unit} (repeats after " in message
+        assert reported_problems(write(head=f"{head}  {key}: {neighbour!r}\n")) == []

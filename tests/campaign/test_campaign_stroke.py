@@ -1,4 +1,4 @@
-"""The rig's stroke limits against the stator force of the simulated spring."""
+"""The rig's stroke limits compared with the stator force of the simulated spring."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
 PLANT = Plant.model_validate(load_mapping(CONFIGS / "plants" / "wavebot.yaml")[0]).build()
 
 
-def reverses_at(stator: float) -> float:
-    """Heave (m) at which the simulated stator force changes its sign; inf: nowhere."""
+def reversal_stroke(stator: float) -> float:
+    """Return the heave (m) at which the simulated stator force changes sign; inf if never."""
     return reversal(PLANT.stator, PLANT.spring, stator).stroke
 
 
-def test_no_spring_rate_lets_the_body_go_where_the_stator_force_reverses() -> None:
+def test_every_stroke_ends_before_the_stator_force_reverses() -> None:
     rates, positions = RIG.spring.by_rate()
     for rate in np.linspace(rates[0], rates[-1], 400):
         stator = float(np.interp(rate, rates, positions))
-        assert RIG.spring.stroke(float(rate)) < reverses_at(stator), (rate, stator)
+        assert RIG.spring.stroke(float(rate)) < reversal_stroke(stator), (rate, stator)
 
 
-def test_the_limit_costs_stroke_only_where_it_has_to() -> None:
-    """Large rates never reverse: there the stop of heave alone counts."""
+def test_the_stroke_is_limited_only_where_the_force_reverses() -> None:
+    """The force never reverses at large rates; there the stop of heave is the limit."""
     for point in RIG.spring.map:
-        free = reverses_at(point.stator_percent) > 0.35
-        assert point.stroke_m == pytest.approx(0.35 if free else 0.25)
+        never_reverses = reversal_stroke(point.stator_percent) > 0.35
+        assert point.stroke_m == pytest.approx(0.35 if never_reverses else 0.25)
 
 
 @pytest.mark.parametrize(
     ("rate", "stroke"),
     [(490.9, 0.25), (491.0, 0.25), (3379.0, 0.35), (0.0, 0.25), (-2763.0, 0.35), (9e9, 0.35)],
 )
-def test_between_stations_the_lesser_stroke_counts(rate: float, stroke: float) -> None:
+def test_between_stations_the_smaller_stroke_applies(rate: float, stroke: float) -> None:
     assert RIG.spring.stroke(rate) == stroke

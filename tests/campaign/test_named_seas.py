@@ -1,4 +1,4 @@
-"""The shipped sea files: heights, spectra, energy periods, against formulas of this file alone."""
+"""The shipped sea files: heights, spectra and energy periods against independent formulas."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from scipy.signal import welch
 
 from rig.execution.rehearsal.devices import build_sea
 from rig.execution.rehearsal.job import asked_sea, devices_of, problems
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from sim_plant import waves
 from sim_plant.bem import read_bem
 
@@ -29,15 +29,15 @@ DT = 0.001
 # MASK4 report (Sandia), Table 3-1: Hs (m), Tp (s), gamma.
 TABLE = {(0.127, 3.45), (0.127, 2.5), (0.254, 2.5), (0.127, 1.58), (0.254, 1.58)}
 # Share of energy in 0.2-1 Hz and energy period (s) of the whole spectrum, by peak period.
-KNOWN = {3.45: (0.992, 3.116), 2.5: (0.980, 2.258), 1.58: (0.882, 1.427)}
+KNOWN_BY_TP = {3.45: (0.992, 3.116), 2.5: (0.980, 2.258), 1.58: (0.882, 1.427)}
 
 
-def told(path: Path) -> dict[str, Any]:
+def sea_file(path: Path) -> dict[str, Any]:
     mapping: dict[str, Any] = YAML(typ="safe").load(path)
     return mapping
 
 
-JONSWAP = [path for path in SEAS if told(path)["kind"] == "jonswap"]
+JONSWAP = [path for path in SEAS if sea_file(path)["kind"] == "jonswap"]
 
 
 def density(f: float, hs: float, tp: float, gamma: float) -> float:
@@ -46,9 +46,9 @@ def density(f: float, hs: float, tp: float, gamma: float) -> float:
     """
     fp = 1.0 / tp
     sigma = 0.07 if f <= fp else 0.09
-    peaked = gamma ** math.exp(-0.5 * ((f - fp) / (sigma * fp)) ** 2)
+    peak_factor = gamma ** math.exp(-0.5 * ((f - fp) / (sigma * fp)) ** 2)
     pm = 5.0 / 16.0 * hs**2 * fp**4 / f**5 * math.exp(-1.25 * (fp / f) ** 4)
-    return (1.0 - 0.287 * math.log(gamma)) * pm * peaked
+    return (1.0 - 0.287 * math.log(gamma)) * pm * peak_factor
 
 
 def moment(n: int, low: float, high: float, hs: float, tp: float) -> float:
@@ -60,27 +60,27 @@ def moment(n: int, low: float, high: float, hs: float, tp: float) -> float:
 
 
 def campaign(tmp_path: Path, sea: Path, device: str = "present") -> Any:
-    """A campaign that takes a sea by one line."""
+    """Return the report of a campaign that names a sea file."""
     path = tmp_path / "campaign.yaml"
     matrix = "matrix: {list: [{spring_n_per_m: 0, kp_n_s_per_m: -2000, ki_n_per_m: 0}]}\n"
     path.write_text(
         f"name: x\nrig: {CONFIGS / 'rigs' / 'wavebot.yaml'}\nsea: {sea}\n"
         f"device: {device}\n{matrix if device == 'present' else ''}"
     )
-    report = check(path, problems)
+    report = check_campaign(path, problems)
     assert report.ok, report.text()
     return report
 
 
-def built(report: Any) -> waves.Sea:
+def simulated_sea(report: Any) -> waves.Sea:
     return build_sea(devices_of(report.campaign)["sea"])
 
 
-def test_all_of_table_3_1_is_there_and_named_for_what_it_is() -> None:
-    found = {(sea["hs_m"], sea["tp_s"]) for sea in map(told, JONSWAP)}
-    assert found == TABLE
+def test_table_3_1_is_complete_and_its_file_names_match() -> None:
+    result = {(sea["hs_m"], sea["tp_s"]) for sea in map(sea_file, JONSWAP)}
+    assert result == TABLE
     for path in JONSWAP:
-        sea = told(path)
+        sea = sea_file(path)
         name = re.fullmatch(r"jonswap_(\d+)p(\d+)m_(\d+)p(\d+)s", path.stem)
         assert name is not None
         assert float(f"{name[1]}.{name[2]}") == sea["hs_m"]
@@ -88,11 +88,11 @@ def test_all_of_table_3_1_is_there_and_named_for_what_it_is() -> None:
         assert (sea["gamma"], sea["repeat_s"]) == (3.3, 300)
 
 
-@pytest.mark.parametrize("tp", sorted(KNOWN))
+@pytest.mark.parametrize("tp", sorted(KNOWN_BY_TP))
 def test_the_formula_of_this_file_gives_the_known_shares_and_energy_periods(tp: float) -> None:
-    """Known to three digits; the share also depends on where the tail was cut (0.002)."""
+    """The values have three digits; the share also depends on the cut of the tail (0.002)."""
     m0 = moment(0, 0.01, 20.0, 0.127, tp)
-    share, te = KNOWN[tp]
+    share, te = KNOWN_BY_TP[tp]
     assert moment(0, 0.2, 1.0, 0.127, tp) / m0 == pytest.approx(share, abs=0.002)
     assert moment(-1, 0.01, 20.0, 0.127, tp) / m0 == pytest.approx(te, abs=0.001)
     assert 4.0 * math.sqrt(m0) / 0.127 == pytest.approx(1.0012, abs=1e-4)
@@ -100,12 +100,12 @@ def test_the_formula_of_this_file_gives_the_known_shares_and_energy_periods(tp: 
 
 @pytest.mark.parametrize("path", JONSWAP, ids=lambda p: p.stem)
 def test_jonswap_seas(path: Path, tmp_path: Path) -> None:
-    """Hm0 to 1e-6; moments, share and each line against the formula over the same 0.05-2 Hz.
+    """Compare Hm0 (to 1e-6), moments, share and each line with the formula over 0.05-2 Hz.
 
-    Lines stand 1/300 Hz apart, so sums differ from integrals by less than 1e-3 of m0.
+    Lines have a spacing of 1/300 Hz, so sums differ from integrals by less than 1e-3 of m0.
     """
-    sea = built(campaign(tmp_path, path))
-    hs, tp = told(path)["hs_m"], told(path)["tp_s"]
+    sea = simulated_sea(campaign(tmp_path, path))
+    hs, tp = sea_file(path)["hs_m"], sea_file(path)["tp_s"]
     table = waves.tables(sea, BEM, DT).elevation
     assert 4.0 * table.std() == pytest.approx(hs, rel=1e-6)
     bins = np.fft.rfft(table) / table.size
@@ -119,9 +119,9 @@ def test_jonswap_seas(path: Path, tmp_path: Path) -> None:
     assert share == pytest.approx(moment(0, 0.2, 1.0, hs, tp) / m0, abs=1e-3)
     te = (energy / f).sum() / energy.sum()
     assert te == pytest.approx(moment(-1, 0.05, 2.0, hs, tp) / m0, rel=1e-3)
-    assert te == pytest.approx(KNOWN[tp][1], rel=0.007)  # cut at 2 Hz
-    # the known shares are of the whole spectrum; the cut at 2 Hz adds 0.7 % to the shortest sea's
-    assert share == pytest.approx(KNOWN[tp][0], abs=0.007)
+    assert te == pytest.approx(KNOWN_BY_TP[tp][1], rel=0.007)  # cut at 2 Hz
+    # the known shares refer to the full spectrum; the cut at 2 Hz adds 0.7 % for the shortest sea
+    assert share == pytest.approx(KNOWN_BY_TP[tp][0], abs=0.007)
     line = np.array([density(x, hs, tp, 3.3) for x in f]) / 300.0
     scale = (hs / 4.0) ** 2 / line.sum()
     np.testing.assert_allclose(energy, scale * line, rtol=1e-6, atol=1e-12 * hs**2)
@@ -130,25 +130,25 @@ def test_jonswap_seas(path: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", JONSWAP, ids=lambda p: p.stem)
 def test_welch_finds_the_spectrum(path: Path, tmp_path: Path) -> None:
-    """As a basin would look at it: 75 s windows, half overlapped, at 50 Hz over one period.
+    """Estimate the spectrum as a basin does: 75 s windows, 50 % overlap, 50 Hz, one repeat period.
 
-    Averages of seven windows scatter by 40 % a bin; over bands of a tenth of a hertz by 15 %.
+    Averages of seven windows scatter by 40 % per bin, and by 15 % over bands of 0.1 Hz.
     """
-    sea = built(campaign(tmp_path, path))
-    hs, tp = told(path)["hs_m"], told(path)["tp_s"]
+    sea = simulated_sea(campaign(tmp_path, path))
+    hs, tp = sea_file(path)["hs_m"], sea_file(path)["tp_s"]
     table = waves.tables(sea, BEM, DT).elevation[::20]
-    f, found = welch(np.tile(table, 4), 50.0, nperseg=3750, noverlap=1875)
+    f, result = welch(np.tile(table, 4), 50.0, nperseg=3750, noverlap=1875)
     for low in np.arange(0.2, 0.9, 0.1):
         inside = (f >= low) & (f < low + 0.1)
-        wanted = moment(0, low, low + 0.1, hs, tp)
-        if wanted > 0.02 * hs**2 / 16.0:
-            assert found[inside].sum() * (f[1] - f[0]) == pytest.approx(wanted, rel=0.4)
-    assert 4.0 * math.sqrt(np.trapezoid(found, f)) == pytest.approx(hs, rel=0.03)
+        expected = moment(0, low, low + 0.1, hs, tp)
+        if expected > 0.02 * hs**2 / 16.0:
+            assert result[inside].sum() * (f[1] - f[0]) == pytest.approx(expected, rel=0.4)
+    assert 4.0 * math.sqrt(np.trapezoid(result, f)) == pytest.approx(hs, rel=0.03)
 
 
 def test_the_pink_sea_is_that_of_the_report(tmp_path: Path) -> None:
-    """0.2 to 1 Hz, lines of 1/300 Hz, amplitude ~ f^-0.5, Hm0 exact, nothing elsewhere."""
-    sea = built(campaign(tmp_path, CONFIGS / "seas" / "pink_0p254m.yaml"))
+    """The lines are 1/300 Hz apart from 0.2 to 1 Hz, with amplitude ~ f^-0.5 and an exact Hm0."""
+    sea = simulated_sea(campaign(tmp_path, CONFIGS / "seas" / "pink_0p254m.yaml"))
     tables = waves.tables(sea, BEM, DT)
     assert 4.0 * tables.elevation.std() == pytest.approx(0.254, rel=1e-6)
     bins = np.abs(np.fft.rfft(tables.elevation)) * 2.0 / 300_000
@@ -161,7 +161,7 @@ def test_the_pink_sea_is_that_of_the_report(tmp_path: Path) -> None:
 
 
 def test_the_multisine_sea_has_low_peaks(tmp_path: Path) -> None:
-    sea = built(campaign(tmp_path, CONFIGS / "seas" / "multisine_0p127m.yaml"))
+    sea = simulated_sea(campaign(tmp_path, CONFIGS / "seas" / "multisine_0p127m.yaml"))
     table = waves.tables(sea, BEM, DT).elevation
     assert 4.0 * table.std() == pytest.approx(0.127, rel=1e-6)
     assert np.abs(table).max() / table.std() < 3.2  # random phases: 3.5 and more
@@ -169,34 +169,34 @@ def test_the_multisine_sea_has_low_peaks(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", SEAS, ids=lambda p: p.stem)
-def test_every_named_sea_repeats_to_the_bit_and_is_the_same_in_every_campaign(
+def test_every_sea_file_repeats_exactly_and_is_the_same_in_every_campaign(
     path: Path, tmp_path: Path
 ) -> None:
-    """The world's table is one period; a second one synthesised over two periods is its double."""
+    """The plant's table is one period; a table synthesised over two periods repeats it."""
     report = campaign(tmp_path, path)
-    one = built(report)
+    one = simulated_sea(report)
     assert one.repeat == 300.0
     table = waves.tables(one, BEM, 0.02).elevation
     twice = waves.tables(one._replace(repeat=600.0, cycles=2 * one.cycles), BEM, 0.02).elevation
     np.testing.assert_allclose(twice[:15_000], twice[15_000:], atol=1e-15)
     np.testing.assert_allclose(twice[:15_000], table, atol=1e-14)
     text = (tmp_path / "campaign.yaml").read_text()
-    (tmp_path / "campaign.yaml").write_text(f"seed: 99\n{text}")  # of noise and order alone
-    other = check(tmp_path / "campaign.yaml", problems)
-    assert np.array_equal(built(other).amplitude, one.amplitude)
+    (tmp_path / "campaign.yaml").write_text(f"seed: 99\n{text}")  # affects only noise and order
+    other = check_campaign(tmp_path / "campaign.yaml", problems)
+    assert np.array_equal(simulated_sea(other).amplitude, one.amplitude)
 
 
 @pytest.mark.parametrize("path", SEAS, ids=lambda p: p.stem)
-def test_the_lines_asked_for_are_those_of_the_plant(path: Path, tmp_path: Path) -> None:
+def test_the_requested_lines_are_those_of_the_plant(path: Path, tmp_path: Path) -> None:
     report = campaign(tmp_path, path, device="absent")
-    asked = asked_sea(report.campaign)
-    assert asked["repeat_s"] == 300.0
+    lines = asked_sea(report.campaign)
+    assert lines["repeat_s"] == 300.0
     time = np.arange(0.0, 300.0, 0.31)
-    found = np.zeros(time.size)
-    for k, a, phase in zip(asked["cycles"], asked["amplitude_m"], asked["phase_rad"], strict=True):
-        found += a * np.cos(2.0 * np.pi * k * time / 300.0 + phase)
-    table = waves.tables(built(report), BEM, 0.01).elevation
-    np.testing.assert_allclose(found, table[np.round(time / 0.01).astype(int)], atol=1e-12)
+    result = np.zeros(time.size)
+    for k, a, phase in zip(lines["cycles"], lines["amplitude_m"], lines["phase_rad"], strict=True):
+        result += a * np.cos(2.0 * np.pi * k * time / 300.0 + phase)
+    table = waves.tables(simulated_sea(report), BEM, 0.01).elevation
+    np.testing.assert_allclose(result, table[np.round(time / 0.01).astype(int)], atol=1e-12)
 
 
 SCRIPT = """
@@ -204,32 +204,34 @@ import hashlib, sys
 from pathlib import Path
 from rig.execution.rehearsal.devices import build_sea
 from rig.execution.rehearsal.job import devices_of
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 for path in sys.argv[1:]:
-    sea = build_sea(devices_of(check(Path(path)).campaign)["sea"])
+    sea = build_sea(devices_of(check_campaign(Path(path)).campaign)["sea"])
     print(hashlib.sha256(sea.amplitude.tobytes() + sea.cycles.tobytes()).hexdigest())
 """
 
 
 def test_another_process_builds_the_same_waves_and_realisations_differ() -> None:
-    """Three realisations of the pink sea: 241 lines correlate by chance with 0.046; four times
-    that is allowed.
+    """Realisations of the pink sea are independent.
+
+    Random signals of 241 lines correlate with a standard deviation of 0.046; the test allows four
+    times that value.
     """
     paths = [CONFIGS / "campaigns" / f"wave_calibration{n}.yaml" for n in ("", "_2", "_3")]
-    here = [built(check(path)) for path in paths]
-    done = subprocess.run(
+    seas = [simulated_sea(check_campaign(path)) for path in paths]
+    process = subprocess.run(
         [sys.executable, "-c", SCRIPT, *map(str, [*paths, paths[0]])],
         capture_output=True,
         text=True,
         check=True,
     )
-    first, second, third, again = done.stdout.split()
-    assert first == again
+    first, second, third, first_again = process.stdout.split()
+    assert first == first_again
     assert len({first, second, third}) == 3
     repeated = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(paths[1])], capture_output=True, text=True, check=True
     )
     assert repeated.stdout.split() == [second]
-    tables = [waves.tables(sea, BEM, 0.02).elevation for sea in here]
+    tables = [waves.tables(sea, BEM, 0.02).elevation for sea in seas]
     rho = np.corrcoef(tables)[np.triu_indices(3, 1)]
     assert np.abs(rho).max() < 4.0 / math.sqrt(2.0 * 241.0)

@@ -1,4 +1,4 @@
-"""A spring map out of its validity is warned of by who checks and by who runs."""
+"""`rig check` and `rig run` warn of a spring map that is not valid on the day of the run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from rehearsing import CONFIGS, yaml_file
 from rig_command import rig_here
 
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 
 MAP = """\
 name: spring_map
@@ -31,7 +31,7 @@ reason: to see
 
 
 def campaign(folder: Path, valid: str, outside: str = "refuse", **keys: Any) -> Path:
-    """Three seconds on a rig with a spring map of that validity."""
+    """Write a campaign of three seconds on a rig with a spring map of the given validity."""
     (folder / "map.yaml").write_text(MAP.format(valid=valid, outside=outside))
     wavebot = str(CONFIGS / "rigs" / "wavebot.yaml")
     yaml_file(folder / "rig.yaml", {"extends": wavebot, "spring_map": "map.yaml"})
@@ -51,38 +51,38 @@ def campaign(folder: Path, valid: str, outside: str = "refuse", **keys: Any) -> 
 
 
 @pytest.mark.parametrize(
-    ("day", "told"),
+    ("day", "warnings"),
     [("2026-03-01", 0), ("2026-05-31", 0), ("2026-02-28", 1), ("2026-06-01", 1)],
 )
 @pytest.mark.parametrize("outside", ["refuse", "unchanged"])
-def test_a_day_outside_is_told_with_file_and_line(
-    day: str, told: int, outside: str, tmp_path: Path
+def test_a_day_outside_the_validity_gives_a_warning_with_file_and_line(
+    day: str, warnings: int, outside: str, tmp_path: Path
 ) -> None:
     path = campaign(tmp_path, "{dates: {from: 2026-03-01, before: 2026-06-01}}", outside)
-    report = check(path, day=date.fromisoformat(day))
+    report = check_campaign(path, day=date.fromisoformat(day))
     assert report.ok
-    assert len(report.warnings) == told
-    for one in report.warnings:
-        assert Path(one.file) == tmp_path / "map.yaml"
-        assert (one.line, one.key) == (10, "spring_map.valid")
-        said = "valid for dates from 2026-03-01 before 2026-06-01"
-        assert f"spring_map v1 does not hold on {day}: {said}" in one.message
-        assert report.text().endswith(f"warning: {one.text()}")
-    assert check(path).warnings == ()  # nobody said when it is to run
+    assert len(report.warnings) == warnings
+    for warning in report.warnings:
+        assert Path(warning.file) == tmp_path / "map.yaml"
+        assert (warning.line, warning.key) == (10, "spring_map.valid")
+        validity = "valid for dates from 2026-03-01 before 2026-06-01"
+        assert f"spring_map v1 does not hold on {day}: {validity}" in warning.message
+        assert report.text().endswith(f"warning: {warning.text()}")
+    assert check_campaign(path).warnings == ()  # the day of the run is not given
 
 
-def test_a_validity_by_run_number_cannot_be_told(tmp_path: Path) -> None:
+def test_a_validity_by_run_number_gives_a_warning(tmp_path: Path) -> None:
     path = campaign(tmp_path, "{runs: {series: MASK4, before: 51}}")
-    (one,) = check(path, day=date(2026, 3, 1)).warnings
-    assert "no run number is known" in one.message
+    (warning,) = check_campaign(path, day=date(2026, 3, 1)).warnings
+    assert "no run number is known" in warning.message
 
 
-def test_a_rig_without_a_measured_map_has_nothing_to_tell() -> None:
-    assert check(CONFIGS / "campaigns" / "quick.yaml", day=date(1990, 1, 1)).warnings == ()
+def test_a_rig_without_a_measured_map_gives_no_warning() -> None:
+    assert check_campaign(CONFIGS / "campaigns" / "quick.yaml", day=date(1990, 1, 1)).warnings == ()
 
 
-def test_check_and_run_warn_of_today(tmp_path: Path) -> None:
-    """Both by the host's date; a map that held in 2001 alone holds on none of them."""
+def test_check_and_run_use_the_date_of_the_host(tmp_path: Path) -> None:
+    """Both commands use the host's date; a map valid before 2001 is never valid."""
     path = campaign(tmp_path, "{dates: {before: 2001-01-01}}")
     code, out, _ = rig_here("check", path, "--json")
     assert code == 0

@@ -1,4 +1,4 @@
-"""Unbroken files of the bench as mappings, among them every key that takes a number."""
+"""Valid files of the bench as mappings; together they contain every key with a number."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ DRIVELINE = {
 }  # fmt: skip
 
 
-def gridded(mapping: dict[str, Any]) -> dict[str, Any]:
-    """The same rows as a grid."""
-    whole = deepcopy(mapping)
-    (row,) = whole.pop("rows")
-    whole["grid"] = [{key: [value] for key, value in row.items()}]
-    return whole
+def as_grid(mapping: dict[str, Any]) -> dict[str, Any]:
+    """Return the session with its row as a grid."""
+    mapping_copy = deepcopy(mapping)
+    (row,) = mapping_copy.pop("rows")
+    mapping_copy["grid"] = [{key: [value] for key, value in row.items()}]
+    return mapping_copy
 
 
 def session(kind: str, row: dict[str, float], **keys: Any) -> dict[str, Any]:
-    """A session of one row."""
+    """Return a session of one row."""
     return {"name": "test", "session": kind, "rig": "rig.yaml", "timing": TIMING, "rows": [row],
             **keys}  # fmt: skip
 
@@ -63,34 +63,34 @@ CONSTANTS = {
 }  # fmt: skip
 
 
-def wired() -> dict[str, Any]:
-    """The bench on wires, and what the shipped file has no use for."""
-    whole, _ = load_mapping(CONFIGS / "rigs" / "oswec_bench_hil.yaml")
-    wiring = whole["wiring"]
+def wired_bench() -> dict[str, Any]:
+    """Return the wired bench, with the optional keys that the shipped file lacks."""
+    rig, _ = load_mapping(CONFIGS / "rigs" / "oswec_bench_hil.yaml")
+    wiring = rig["wiring"]
     wiring["lines"]["amplifiers"] = {
         "kind": "rtu", "port": "/tmp/amplifiers", "baud": 115200, "parity": "N", "stop_bits": 1,
         "timeout_s": 0.25, "slowest_s": 0.25,
     }  # fmt: skip
     for name in ("inputs", "brake"):
         wiring[name]["prepare"] = deepcopy(wiring["analog"]["prepare"])
-    return whole
+    return rig
 
 
 BASES: dict[str, tuple[type[BaseModel], dict[str, Any]]] = {
     "driveline": (SessionFile, DRIVELINE),
-    "driveline, grid": (SessionFile, gridded(DRIVELINE)),
+    "driveline, grid": (SessionFile, as_grid(DRIVELINE)),
     "tracking": (SessionFile, TRACKING),
-    "tracking, grid": (SessionFile, gridded(TRACKING)),
+    "tracking, grid": (SessionFile, as_grid(TRACKING)),
     "current": (SessionFile, CURRENT),
-    "current, grid": (SessionFile, gridded(CURRENT)),
+    "current, grid": (SessionFile, as_grid(CURRENT)),
     "decay": (SessionFile, DECAY),
-    "decay, grid": (SessionFile, gridded(DECAY)),
+    "decay, grid": (SessionFile, as_grid(DECAY)),
     "sweep": (SessionFile, SWEEP),
-    "sweep, grid": (SessionFile, gridded(SWEEP)),
+    "sweep, grid": (SessionFile, as_grid(SWEEP)),
     "irregular": (SessionFile, IRREGULAR),
     "rig": (BenchRigFile, load_mapping(CONFIGS / "rigs" / "oswec_bench.yaml")[0]),
-    "wired": (BenchRigFile, wired()),
+    "wired": (BenchRigFile, wired_bench()),
     "limits": (BenchLimitsFile, load_mapping(CONFIGS / "limits" / "oswec_bench.yaml")[0]),
     "constants": (ConstantsFile, CONSTANTS),
 }
-"""By name: the model, and a mapping that it accepts."""
+"""Model and a mapping that it accepts, by name."""

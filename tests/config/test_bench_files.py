@@ -1,4 +1,4 @@
-"""The bench's files: one broken file for every rule, and what stands between several files."""
+"""The bench's files: one broken file for every rule, and rules between several files."""
 
 from __future__ import annotations
 
@@ -48,48 +48,48 @@ constants:
   torque_constant: {value: 16.7, unit: N*m/A, uncertainty: 0.2}
 deflection_map: {torque_n_m: [-90, 0, 90], deflection_deg: [-0.2, 0, 0.2]}
 """
-WIRED = (CONFIGS / "rigs" / "oswec_bench_hil.yaml").read_text()
-WIRED = WIRED.replace("extends: ", f"extends: {CONFIGS / 'rigs'}/")
+HIL_RIG = (CONFIGS / "rigs" / "oswec_bench_hil.yaml").read_text()
+HIL_RIG = HIL_RIG.replace("extends: ", f"extends: {CONFIGS / 'rigs'}/")
 FILES: dict[str, tuple[str, type[BaseModel]]] = {
     "session": (SESSION, SessionFile),
     "torque": (TORQUE, SessionFile),
     "rig": ((CONFIGS / "rigs" / "oswec_bench.yaml").read_text(), BenchRigFile),
-    "wired": (WIRED, BenchRigFile),
+    "wired": (HIL_RIG, BenchRigFile),
     "limits": ((CONFIGS / "limits" / "oswec_bench.yaml").read_text(), BenchLimitsFile),
     "constants": (CONSTANTS, ConstantsFile),
 }
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_the_unbroken_file(name: str, tmp_path: Path) -> None:
+def test_valid_files_load(name: str, tmp_path: Path) -> None:
     text, model = FILES[name]
     (tmp_path / "x.yaml").write_text(text)
     load(tmp_path / "x.yaml", model)
 
 
 RULES = [
-    pytest.param(name, rule, id=f"{name} {rule['key']}: {rule['says']}")
+    pytest.param(name, rule, id=f"{name} {rule['key']}: {rule['message']}")
     for name in FILES
     for rule in BROKEN[name]
 ]
 
 
 @pytest.mark.parametrize(("name", "rule"), RULES)
-def test_every_rule(name: str, rule: Any, tmp_path: Path) -> None:
+def test_each_rule_reports_line_key_and_message(name: str, rule: Any, tmp_path: Path) -> None:
     text, model = FILES[name]
     assert text.count(rule["old"]) == 1
     path = tmp_path / "x.yaml"
     path.write_text(text.replace(rule["old"], rule["new"]))
     line = rule["line"] or text[: text.index(rule["old"])].count("\n") + 1
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         load(path, model)
-    told = [(p.line, p.key, p.message) for p in caught.value.problems]
-    found = [one for one in told if one[1] == rule["key"]]
-    assert [one[:2] for one in found] == [(line, rule["key"])], told
-    assert rule["says"] in found[0][2]
+    reported = [(p.line, p.key, p.message) for p in error_info.value.problems]
+    matching = [problem for problem in reported if problem[1] == rule["key"]]
+    assert [problem[:2] for problem in matching] == [(line, rule["key"])], reported
+    assert rule["message"] in matching[0][2]
 
 
-def point(row: int, amplitude: float, damping: float) -> dict[str, float]:
+def driveline_point(row: int, amplitude: float, damping: float) -> dict[str, float]:
     speed = math.radians(amplitude) * 2.0 * math.pi / 1.5 / math.sqrt(2.0)
     return {
         "row": row, "amplitude_deg": amplitude, "period_s": 1.5, "damping_n_m_s_per_rad": damping,
@@ -99,12 +99,14 @@ def point(row: int, amplitude: float, damping: float) -> dict[str, float]:
     }  # fmt: skip
 
 
-POINTS = [point(i, a, r) for i, (a, r) in enumerate(((5, 42), (5, 104), (15, 42), (15, 104)))]
+POINTS = [
+    driveline_point(i, a, r) for i, (a, r) in enumerate(((5, 42), (5, 104), (15, 42), (15, 104)))
+]
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder with the shipped rig, and the results of earlier sessions."""
+    """A folder with the shipped rig and the results of earlier sessions."""
     for kind in ("rigs", "limits"):
         (tmp_path / kind).mkdir()
         text = (CONFIGS / kind / "oswec_bench.yaml").read_text()
@@ -114,12 +116,12 @@ def folder(tmp_path: Path) -> Path:
     rig = (tmp_path / "rigs" / "oswec_bench.yaml").read_text()
     (tmp_path / "rig.yaml").write_text(rig.replace("../", ""))
     (tmp_path / "constants.yaml").write_text(CONSTANTS)
-    known = {"name": "driveline", "rig": "b", "run": "r1", "date": "2026-11-22"}
-    (tmp_path / "driveline.yaml").write_text(json.dumps(known | {"driveline": POINTS}))
+    header = {"name": "driveline", "rig": "b", "run": "r1", "date": "2026-11-22"}
+    (tmp_path / "driveline.yaml").write_text(json.dumps(header | {"driveline": POINTS}))
     return tmp_path
 
 
-def complaints(folder: Path, text: str, **others: str) -> list[tuple[str, str, str]]:
+def reported_problems(folder: Path, text: str, **others: str) -> list[tuple[str, str, str]]:
     for name, content in others.items():
         (folder / f"{name}.yaml").write_text(content)
     (folder / "x.yaml").write_text(text)
@@ -127,8 +129,8 @@ def complaints(folder: Path, text: str, **others: str) -> list[tuple[str, str, s
     return [(Path(p.file).name, p.key, p.message) for p in report.problems]
 
 
-def corrected(words: str, rows: str = "") -> str:
-    text = SESSION.replace("correction: none", f"correction: {words}")
+def with_correction(correction: str, rows: str = "") -> str:
+    text = SESSION.replace("correction: none", f"correction: {correction}")
     return (
         text.replace("{amplitude_deg: 5, damping_n_m_s_per_rad: 42, period_s: 1.5}", rows)
         if (rows)
@@ -136,7 +138,7 @@ def corrected(words: str, rows: str = "") -> str:
     )
 
 
-BETWEEN = [
+RULES_BETWEEN_FILES = [
     (SESSION.replace("amplitude_deg: 5", "amplitude_deg: 32"), "rows[0].amplitude_deg",
      "32 is more than limits and rig allow; allowed below 32 deg"),
     (SESSION.replace("period_s", "brake_current_a: 1.1, period_s"), "rows[0].brake_current_a",
@@ -145,50 +147,59 @@ BETWEEN = [
      "130 is more than limits and rig allow; allowed below 120 N*m"),
     (SESSION.replace("rig.yaml", "none.yaml"), "rig", "No such file"),
     (SESSION + "calibrations: [none.yaml]\n", "calibrations[0]", "No such file"),
-    (corrected("{kind: online, regressions: none.yaml}"), "correction.regressions", "No such file"),
-    (corrected("{kind: online, regressions: constants.yaml}"), "correction.regressions",
+    (with_correction("{kind: online, regressions: none.yaml}"), "correction.regressions",
+     "No such file"),
+    (with_correction("{kind: online, regressions: constants.yaml}"), "correction.regressions",
      "has no driveline; allowed a file that has"),
-    (corrected("{kind: instantaneous, map: driveline.yaml}"), "correction.map",
+    (with_correction("{kind: instantaneous, map: driveline.yaml}"), "correction.map",
      "has no deflection_map; allowed a file that has"),
-    (corrected("{kind: online, regressions: driveline.yaml}",
+    (with_correction("{kind: online, regressions: driveline.yaml}",
                "{amplitude_deg: 6, damping_n_m_s_per_rad: 42, period_s: 1.5}"),
      "rows[0].amplitude_deg", "no uncorrected row of these conditions in r1"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("text", "key", "says"), BETWEEN)
-def test_rules_between_files(folder: Path, text: str, key: str, says: str) -> None:
-    told = complaints(folder, text)
-    assert [one[:2] for one in told] == [("x.yaml", key)], told
-    assert says in told[0][2]
+@pytest.mark.parametrize(("text", "key", "message"), RULES_BETWEEN_FILES)
+def test_rules_between_files(folder: Path, text: str, key: str, message: str) -> None:
+    reported = reported_problems(folder, text)
+    assert [problem[:2] for problem in reported] == [("x.yaml", key)], reported
+    assert message in reported[0][2]
 
 
 def test_too_many_rows_are_refused_before_they_are_built(folder: Path) -> None:
-    (told,) = complaints(folder, SESSION.replace("rows:\n  -", "repeat: 1000\nrows:\n  - {amplitude_deg: 4, period_s: 1}\n  -"))  # fmt: skip  # noqa: E501
-    assert told[1:] == ("repeat", "2000 rows; allowed at most 1000")
+    (reported,) = reported_problems(folder, SESSION.replace("rows:\n  -", "repeat: 1000\nrows:\n  - {amplitude_deg: 4, period_s: 1}\n  -"))  # fmt: skip  # noqa: E501
+    assert reported[1:] == ("repeat", "2000 rows; allowed at most 1000")
 
 
-def test_three_other_rows_make_a_line_and_two_do_not(folder: Path) -> None:
-    text = corrected("{kind: online, regressions: driveline.yaml}")
-    assert complaints(folder, text) == []
-    few = {"name": "d", "rig": "b", "run": "r2", "date": "2026-11-22", "driveline": POINTS[:3]}
-    (told,) = complaints(folder, text, driveline=json.dumps(few))
-    assert told[1:] == ("rows[0].amplitude_deg", "2 other rows in r2; a line needs 3")
+def test_a_regression_needs_three_other_rows(folder: Path) -> None:
+    text = with_correction("{kind: online, regressions: driveline.yaml}")
+    assert reported_problems(folder, text) == []
+    three_points = {
+        "name": "d",
+        "rig": "b",
+        "run": "r2",
+        "date": "2026-11-22",
+        "driveline": POINTS[:3],
+    }
+    (reported,) = reported_problems(folder, text, driveline=json.dumps(three_points))
+    assert reported[1:] == ("rows[0].amplitude_deg", "2 other rows in r2; a line needs 3")
 
 
-def test_scales_that_rig_and_simulated_bench_do_not_share(folder: Path) -> None:
+def test_scales_of_rig_and_simulated_bench_must_agree(folder: Path) -> None:
     rig = (folder / "rig.yaml").read_text().replace("524288", "262144")
-    (told,) = complaints(folder, SESSION, rig=rig)
-    assert told[:2] == ("rig.yaml", "shaft_encoder.counts_per_revolution")
-    assert "262144 is not the simulated bench's 524288" in told[2]
+    (reported,) = reported_problems(folder, SESSION, rig=rig)
+    assert reported[:2] == ("rig.yaml", "shaft_encoder.counts_per_revolution")
+    assert "262144 is not the simulated bench's 524288" in reported[2]
 
 
-def test_all_problems_of_all_files_at_once(folder: Path) -> None:
+def test_problems_of_all_files_are_reported_together(folder: Path) -> None:
     rig = (folder / "rig.yaml").read_text().replace("gear_ratio: 15", "gear_ratio: 0")
     limits = (folder / "limits" / "oswec_bench.yaml").read_text().replace("26\n", "99\n")
     (folder / "limits" / "oswec_bench.yaml").write_text(limits)
-    told = complaints(folder, SESSION.replace("seed", "sed").replace("5,", "95,"), rig=rig)
-    assert [one[0] for one in told] == ["x.yaml", "rig.yaml", "oswec_bench.yaml"]
+    reported = reported_problems(
+        folder, SESSION.replace("seed", "sed").replace("5,", "95,"), rig=rig
+    )
+    assert [problem[0] for problem in reported] == ["x.yaml", "rig.yaml", "oswec_bench.yaml"]
 
 
 def test_every_shipped_session_can_be_run() -> None:

@@ -1,7 +1,7 @@
-"""Every number in the bench's files has a range, and a file beyond it is refused at its place.
+"""Every number in the bench's files has a range; a value outside it is reported at its key.
 
-`bench_ranges.yaml` holds the ranges as a person reads them, one line a number; that it names every
-number of the models is tested too, so none can be added without its range.
+`bench_ranges.yaml` holds the ranges in the form of the messages, one line per number. A test checks
+that the table contains every number of the models, so that no number can be added without a range.
 """
 
 from __future__ import annotations
@@ -36,44 +36,50 @@ UNBOUNDED = {
     "constants: deflection_map.deflection_deg[]",
     "constants: deflection_map.torque_n_m[]",
 }
-"""Lists of measured values, which are checked for their order only."""
+"""Lists of measured values; only their order is checked."""
 
-FREE = ((r"^constants[.]stiffness", "constants.*"), (r"^wiring[.]lines[.]\w+", "wiring.lines.*"))
-"""Keys that a file names itself, and how a schema calls them."""
+FREE_KEYS = (
+    (r"^constants[.]stiffness", "constants.*"),
+    (r"^wiring[.]lines[.]\w+", "wiring.lines.*"),
+)
+"""Patterns of keys that a file chooses freely, and their names in a JSON schema."""
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_the_base(base: str, tmp_path: Path) -> None:
+def test_base_files_are_valid(base: str, tmp_path: Path) -> None:
     model, mapping = BASES[base]
     (tmp_path / "x.yaml").write_text(json.dumps(mapping))
     load(tmp_path / "x.yaml", model)
 
 
 @pytest.mark.parametrize(("base", "key", "bad", "allowed"), CASES)
-def test_a_number_out_of_its_range(
+def test_a_number_out_of_range_is_reported(
     base: str, key: str, bad: float, allowed: str, tmp_path: Path
 ) -> None:
     model, mapping = BASES[base]
     broken = deepcopy(mapping)
-    *way, last = (int(part) if part.isdigit() else part for part in re.findall(r"\w+", key))
+    *parents, last = (int(part) if part.isdigit() else part for part in re.findall(r"\w+", key))
     inner: Any = broken
-    for part in way:
+    for part in parents:
         inner = inner[part]
     inner[last] = bad
     (tmp_path / "x.yaml").write_text(json.dumps(broken))
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         load(tmp_path / "x.yaml", model)
-    told = {problem.key: problem.message for problem in caught.value.problems}
-    assert key in told, told
-    assert told[key].endswith(f"is out of range; allowed {allowed}"), told[key]
+    reported = {problem.key: problem.message for problem in error_info.value.problems}
+    assert key in reported, reported
+    assert reported[key].endswith(f"is out of range; allowed {allowed}"), reported[key]
 
 
 def numbers(schema: dict[str, Any], at: dict[str, Any], path: str) -> Iterator[str]:
-    """Places of all numbers in a schema: lists end in [], free keys are *; no choice of numbers."""
+    """Yield the key paths of all numbers in a schema; list entries are [], free keys are *.
+
+    Choices of numbers (enum, const) are left out.
+    """
     if "$ref" in at:
         at = schema["$defs"][at["$ref"].rsplit("/", 1)[-1]]
-    for one in (*at.get("anyOf", ()), *at.get("oneOf", ())):
-        yield from numbers(schema, one, path)
+    for option in (*at.get("anyOf", ()), *at.get("oneOf", ())):
+        yield from numbers(schema, option, path)
     for key, inner in at.get("properties", {}).items():
         yield from numbers(schema, inner, f"{path}.{key}" if path else key)
     if isinstance(at.get("additionalProperties"), dict):
@@ -84,21 +90,21 @@ def numbers(schema: dict[str, Any], at: dict[str, Any], path: str) -> Iterator[s
         yield path
 
 
-def named(key: str) -> str:
-    """A key of the table as a schema has it."""
+def schema_key(key: str) -> str:
+    """Return a key of the table in the form of a schema."""
     key = re.sub(r"\[\d+\]", "[]", key)
-    for free, schema in FREE:
-        key = re.sub(free, schema, key)
+    for pattern, schema in FREE_KEYS:
+        key = re.sub(pattern, schema, key)
     return key
 
 
-def test_the_table_names_every_number() -> None:
-    wanted, told = set(), set()
+def test_the_table_contains_every_number() -> None:
+    expected, listed = set(), set()
     for base, (model, _) in BASES.items():
-        kind = model.__name__
+        model_name = model.__name__
         schema = model.model_json_schema()
-        group = "constants" if base == "constants" else kind
-        wanted |= {f"{group}: {path}" for path in numbers(schema, schema, "")}
-        told |= {f"{group}: {named(key)}" for key in TABLE[base]}
-    assert {path for path in wanted if "from" not in path} - told == UNBOUNDED
-    assert told <= wanted
+        group = "constants" if base == "constants" else model_name
+        expected |= {f"{group}: {path}" for path in numbers(schema, schema, "")}
+        listed |= {f"{group}: {schema_key(key)}" for key in TABLE[base]}
+    assert {path for path in expected if "from" not in path} - listed == UNBOUNDED
+    assert listed <= expected

@@ -1,4 +1,4 @@
-"""Whatever stands in a file, the answer is a model or a list of problems, never another error."""
+"""Any file content gives a model or a list of problems, never another exception."""
 
 import json
 from collections.abc import Callable
@@ -21,7 +21,7 @@ SHIPPED: tuple[tuple[type[BaseModel], str], ...] = (
     (RigFile, "rigs/wavebot.yaml"),
     (LimitsFile, "limits/wavebot.yaml"),
 )
-JUNK = st.recursive(
+JUNK_VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.just(10**400) | st.floats() | st.text(max_size=5)
     | st.sampled_from(["kind", "from", "regular", "mask4", -999, 1e308]),
     lambda inner: st.lists(inner, max_size=3)
@@ -32,21 +32,22 @@ JUNK = st.recursive(
 
 @cache
 def shipped(name: str) -> str:
-    """The mapping of a shipped file as JSON."""
+    """Return the mapping of a shipped file as JSON."""
     return json.dumps(load_mapping(CONFIGS / name)[0])
 
 
-def keys(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+def key_paths(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Return the paths of all keys and list entries of nested mappings and lists."""
     parts = value.items() if isinstance(value, dict) else enumerate(value)
-    found = []
+    paths = []
     for key, inner in parts:
-        found.append((*at, key))
+        paths.append((*at, key))
         if isinstance(inner, (dict, list)):
-            found += keys(inner, (*at, key))
-    return found
+            paths += key_paths(inner, (*at, key))
+    return paths
 
 
-def refusal(attempt: Callable[[], object]) -> ConfigError | None:
+def config_error(attempt: Callable[[], object]) -> ConfigError | None:
     try:
         attempt()
     except ConfigError as error:
@@ -56,31 +57,31 @@ def refusal(attempt: Callable[[], object]) -> ConfigError | None:
 
 @settings(max_examples=300, deadline=None)
 @given(st.data())
-def test_junk_anywhere_is_a_problem_on_a_line_of_the_file(
+def test_invalid_values_are_reported_on_a_line_of_the_file(
     tmp_path_factory: Any, data: st.DataObject
 ) -> None:
     model, name = data.draw(st.sampled_from(SHIPPED))
     mapping = json.loads(shipped(name))
     for _ in range(data.draw(st.integers(1, 3))):
-        *outer, last = data.draw(st.sampled_from(keys(mapping)))
+        *outer, last = data.draw(st.sampled_from(key_paths(mapping)))
         inner = mapping
         for part in outer:
             inner = inner[part]
-        inner[last] = data.draw(JUNK)
+        inner[last] = data.draw(JUNK_VALUES)
     path = tmp_path_factory.getbasetemp() / "junk.yaml"
     text = json.dumps(mapping, indent=1).replace("NaN", ".nan").replace("Infinity", ".inf")
     path.write_text(text)
-    told = refusal(lambda: load(path, model))
-    assert told is None or told.problems
-    for problem in told.problems if told is not None else ():
+    error = config_error(lambda: load(path, model))
+    assert error is None or error.problems
+    for problem in error.problems if error is not None else ():
         assert 1 <= problem.line <= text.count("\n") + 1
         assert json.loads(json.dumps(problem.as_dict(), allow_nan=False))
 
 
 @settings(max_examples=300, deadline=None)
 @given(st.binary(max_size=40) | st.text(max_size=40).map(str.encode))
-def test_any_bytes_are_a_mapping_or_problems(tmp_path_factory: Any, content: bytes) -> None:
+def test_any_bytes_give_a_mapping_or_problems(tmp_path_factory: Any, content: bytes) -> None:
     path = tmp_path_factory.getbasetemp() / "bytes.yaml"
     path.write_bytes(content)
-    told = refusal(lambda: load_mapping(path))
-    assert told is None or told.problems
+    error = config_error(lambda: load_mapping(path))
+    assert error is None or error.problems

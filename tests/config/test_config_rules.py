@@ -1,4 +1,4 @@
-"""One broken file for every rule of the schema, with the message it earns."""
+"""One broken file for every rule of the schema, with the expected message."""
 
 import json
 import math
@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from rig.config import CampaignFile, ConfigError, LimitsFile, RigFile, load, load_mapping
 from rig.config import problems_from as translate
-from rig.config.ranges import unit
+from rig.config.ranges import unit_of_key
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -43,12 +43,12 @@ BROKEN = YAML(typ="safe", pure=True).load(Path(__file__).with_name("broken_files
 
 
 def problems(path: Path, model: type[BaseModel]) -> list[tuple[int, str, str]]:
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         load(path, model)
-    return [(p.line, p.key, p.message) for p in caught.value.problems]
+    return [(p.line, p.key, p.message) for p in error_info.value.problems]
 
 
-def test_the_unbroken_file(tmp_path: Path) -> None:
+def test_a_valid_file_loads_and_is_frozen(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text(CAMPAIGN)
     file, _ = load(path, CampaignFile)
@@ -71,22 +71,24 @@ def broken_files() -> list[Any]:
     cases = []
     for source, text, model in sources:
         for rule in BROKEN[source]:
-            name = f"{source} {rule['key']}: {rule['says']}"
+            name = f"{source} {rule['key']}: {rule['message']}"
             cases.append(pytest.param(text, model, rule, id=name))
     return cases
 
 
 @pytest.mark.parametrize(("text", "model", "rule"), broken_files())
-def test_every_rule(tmp_path: Path, text: str, model: type[BaseModel], rule: Any) -> None:
+def test_each_rule_reports_line_key_and_message(
+    tmp_path: Path, text: str, model: type[BaseModel], rule: Any
+) -> None:
     assert text.count(rule["old"]) == 1
     path = tmp_path / "x.yaml"
     path.write_text(text.replace(rule["old"], rule["new"]))
     line = rule["line"]
     if line == 0:
         line = text[: text.index(rule["old"])].count("\n") + 1
-    found = [p for p in problems(path, model) if p[1] == rule["key"]]
-    assert [p[:2] for p in found] == [(line, rule["key"])], problems(path, model)
-    assert rule["says"] in found[0][2]
+    reported = [p for p in problems(path, model) if p[1] == rule["key"]]
+    assert [p[:2] for p in reported] == [(line, rule["key"])], problems(path, model)
+    assert rule["message"] in reported[0][2]
 
 
 def numbers(value: Any, at: tuple[str | int, ...] = ()) -> list[tuple[str | int, ...]]:
@@ -105,7 +107,7 @@ def every_number() -> list[Any]:
     return cases
 
 
-# Added later: files written before stay valid, and the default is the safe side.
+# Keys added later: older files stay valid, and the default is the safe value.
 OPTIONAL = {("supervisor_timeout_s",)}
 
 
@@ -113,35 +115,35 @@ OPTIONAL = {("supervisor_timeout_s",)}
 def test_every_number_of_rig_and_limits_has_a_range_and_no_default(
     tmp_path: Path, mapping: dict[str, Any], model: type[BaseModel], key: tuple[str | int, ...]
 ) -> None:
-    """Far too large, far too small, text, true and missing: each is refused at its own key."""
+    """Each value that is too large, too small, not a number or missing is reported at its key."""
     path = tmp_path / "x.yaml"
-    for wrong, said in (
+    for wrong, message in (
         (1e300, "is out of range; allowed"),
         (-1e300, "is out of range; allowed"),
         ("5", "is not a"),
         (True, "is not a"),
         (None, "is not a"),
         (math.nan, "is not a"),
-        ("gone", "missing; allowed"),
+        ("missing", "missing; allowed"),
     ):
-        if wrong == "gone" and key in OPTIONAL:
+        if wrong == "missing" and key in OPTIONAL:
             continue
         copy = json.loads(json.dumps(mapping))
         inner = copy
         for part in key[:-1]:
             inner = inner[part]
         inner[key[-1]] = wrong
-        if wrong == "gone":
+        if wrong == "missing":
             del inner[key[-1]]
         path.write_text(json.dumps(copy, indent=1).replace("NaN", ".nan"))
-        told = [p for p in problems(path, model) if p[1].endswith(str(key[-1]))]
-        assert len(told) == 1, (wrong, told)
-        assert said in told[0][2]
-        assert "allowed" in told[0][2]
-        assert unit(str(key[-1])) in told[0][2]
+        reported = [p for p in problems(path, model) if p[1].endswith(str(key[-1]))]
+        assert len(reported) == 1, (wrong, reported)
+        assert message in reported[0][2]
+        assert "allowed" in reported[0][2]
+        assert unit_of_key(str(key[-1])) in reported[0][2]
 
 
-def test_all_problems_of_a_file_at_once_in_its_order(tmp_path: Path) -> None:
+def test_all_problems_of_a_file_are_reported_in_its_order(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text(
         CAMPAIGN.replace("seed: 1", "sed: 1")
@@ -149,8 +151,8 @@ def test_all_problems_of_a_file_at_once_in_its_order(tmp_path: Path) -> None:
         .replace("frequency_hz: 0.5", "hs_m: 0.5")
         .replace("[-1000, -2000]", "[1, -2000, abc]")
     )
-    found = problems(path, CampaignFile)
-    assert [p[:2] for p in found] == [
+    reported = problems(path, CampaignFile)
+    assert [p[:2] for p in reported] == [
         (3, "sed"),
         (5, "repeat"),
         (9, "sea.hs_m"),
@@ -162,13 +164,13 @@ def test_all_problems_of_a_file_at_once_in_its_order(tmp_path: Path) -> None:
 def test_text_and_json_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("x.yaml").write_text(CAMPAIGN.replace("[-1000, -2000]", "abc").replace("0.127", ".nan"))
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         load(Path("x.yaml"), CampaignFile)
-    assert str(caught.value).splitlines() == [
+    assert str(error_info.value).splitlines() == [
         "x.yaml:8: sea.amplitude_m: nan is not a finite number; allowed 0.001 .. 0.5 m",
         "x.yaml:20: matrix.grid[0].kp_n_s_per_m: 'abc' is not a number; allowed -20000 .. 0 N*s/m",
     ]
-    first, second = json.loads(caught.value.to_json())
+    first, second = json.loads(error_info.value.to_json())
     assert first["value"] == "nan"
     assert second == {
         "file": "x.yaml",
@@ -180,42 +182,42 @@ def test_text_and_json_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     }
 
 
-def test_a_value_of_an_extended_file_is_told_in_that_file(tmp_path: Path) -> None:
+def test_a_value_of_an_extended_file_is_reported_in_that_file(tmp_path: Path) -> None:
     (tmp_path / "base.yaml").write_text(CAMPAIGN.replace("0.127", "9"))
     (tmp_path / "top.yaml").write_text("extends: base.yaml\nrepeat: 0\n")
-    with pytest.raises(ConfigError) as caught:
+    with pytest.raises(ConfigError) as error_info:
         load(tmp_path / "top.yaml", CampaignFile)
-    assert [(Path(p.file).name, p.line, p.key) for p in caught.value.problems] == [
+    assert [(Path(p.file).name, p.line, p.key) for p in error_info.value.problems] == [
         ("top.yaml", 2, "repeat"),
         ("base.yaml", 8, "sea.amplitude_m"),
     ]
 
 
-class ForeignPart(BaseModel):
+class OtherPart(BaseModel):
     mass_kg: float = Field(gt=0)
     kind: int | str = 1
 
 
-class Foreign(BaseModel):
-    part: ForeignPart
-    parts: dict[str, ForeignPart] = {}
+class OtherModel(BaseModel):
+    part: OtherPart
+    parts: dict[str, OtherPart] = {}
 
 
-def test_models_from_elsewhere(tmp_path: Path) -> None:
+def test_errors_of_other_pydantic_models_are_translated(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text("part:\n  mass_kg: -1\n  kind: []\nparts:\n  a:\n    mass_kg: x\n")
     mapping, locate = load_mapping(path)
-    with pytest.raises(ValidationError) as caught:
-        Foreign.model_validate(mapping)
-    told = translate(caught.value, locate, Foreign)
-    assert [(p.line, p.key) for p in told][:2] == [(2, "part.mass_kg"), (3, "part.kind")]
-    assert told[0].message == "-1 is out of range; allowed above 0 kg"
-    assert told[-1].message == "'x' is not a number; allowed above 0 kg"
-    assert [p.line for p in translate(caught.value, locate)] == [p.line for p in told]
+    with pytest.raises(ValidationError) as error_info:
+        OtherModel.model_validate(mapping)
+    reported = translate(error_info.value, locate, OtherModel)
+    assert [(p.line, p.key) for p in reported][:2] == [(2, "part.mass_kg"), (3, "part.kind")]
+    assert reported[0].message == "-1 is out of range; allowed above 0 kg"
+    assert reported[-1].message == "'x' is not a number; allowed above 0 kg"
+    assert [p.line for p in translate(error_info.value, locate)] == [p.line for p in reported]
 
 
 @pytest.mark.parametrize(
-    ("key", "said"),
+    ("key", "unit"),
     [
         ("kp_n_s_per_m", "N*s/m"),
         ("jerk_density_m2_per_s5", "m^2/s^5"),
@@ -230,5 +232,5 @@ def test_models_from_elsewhere(tmp_path: Path) -> None:
         ("m", ""),
     ],
 )
-def test_units_are_read_from_keys(key: str, said: str) -> None:
-    assert unit(key) == said
+def test_units_are_read_from_keys(key: str, unit: str) -> None:
+    assert unit_of_key(key) == unit

@@ -1,4 +1,4 @@
-"""Whatever a person names in place of a file: it is refused at once, and the message says why."""
+"""Special files that a user names in place of a regular file are refused at once with a reason."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rig.config import ConfigError, LimitsFile, Place, load, load_mapping
+from rig.config import ConfigError, LimitsFile, SourceLocation, load, load_mapping
 from rig.config.any_rig_file import load_rig
 from rig.identification import bem, comparison
 from rig.interop.basin.recording import read_recording
@@ -22,54 +22,61 @@ from rig.planning.campaign import matrix_csv
 from rig.planning.session import open_session
 from rig.recording.calibration.history import open_calibration
 from rig.recording.runs import RunError, mcap_file, open_run
-from rig.regular_file import CONFIG_MOST, MB, RECORD_MOST, TABLE_MOST, open_regular, read_regular
+from rig.regular_file import (
+    MAX_CONFIG_BYTES,
+    MAX_RECORD_BYTES,
+    MAX_TABLE_BYTES,
+    MB,
+    open_regular,
+    read_regular,
+)
 from sim_plant.bem import read_bem
 
 Read = Callable[[Path], Any]
-HERE = Place(Path("campaign.yaml"), 3)
+NAMED_AT = SourceLocation(Path("campaign.yaml"), 3)
 
 
 @pytest.fixture(autouse=True)
-def at_once() -> Iterator[None]:
-    """A reader that waits for a FIFO, or reads a device without end, fails within seconds."""
+def time_limit() -> Iterator[None]:
+    """Fail a test within 20 s if a reader blocks on a FIFO or reads a device without end."""
 
-    def late(*_: object) -> None:
-        raise AssertionError("it waits")
+    def time_out(*_: object) -> None:
+        raise AssertionError("the reader blocks")
 
-    before = signal.signal(signal.SIGALRM, late)
+    before = signal.signal(signal.SIGALRM, time_out)
     signal.alarm(20)
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
 
 
-def inherited(path: Path) -> Any:
-    """A file that extends it."""
+def load_extending_file(path: Path) -> Any:
+    """Load a file that extends the given file."""
     child = path.with_name("child.yaml")
     child.write_text(f"extends: {path.name}\n")
     return load_mapping(child)
 
 
-READERS: dict[str, tuple[str, Read, int | None]] = {  # by what: ending, reader, most bytes
-    "campaign": (".yaml", load_mapping, CONFIG_MOST),
-    "extends": (".yaml", inherited, CONFIG_MOST),
-    "rig": (".yaml", load_rig, CONFIG_MOST),
-    "limits": (".yaml", lambda path: load(path, LimitsFile), CONFIG_MOST),
-    "session": (".yaml", open_session, CONFIG_MOST),
-    "calibration": (".yaml", open_calibration, CONFIG_MOST),
-    "matrix": (".csv", lambda path: matrix_csv.read(path, HERE), CONFIG_MOST),
-    "elevation": (".csv", read_recording, RECORD_MOST),
-    "basin record": (".twe", read_recording, RECORD_MOST),
-    "old matrix": (".csv", read_table, TABLE_MOST),
-    "old workbook": (".xlsx", read_table, TABLE_MOST),
-    "old .mat": (".mat", read_table, TABLE_MOST),
-    "test log": (".xlsx", read_log, TABLE_MOST),
-    "MASK4 structure": (".mat", lambda path: read_signals(path, None), RECORD_MOST),
-    "BEM of a device": (".npz", bem.read_bem, TABLE_MOST),
-    "BEM of a device, netcdf": (".nc", bem.read_bem, TABLE_MOST),
+READERS: dict[str, tuple[str, Read, int | None]] = {  # suffix, reader, maximum size
+    "campaign": (".yaml", load_mapping, MAX_CONFIG_BYTES),
+    "extends": (".yaml", load_extending_file, MAX_CONFIG_BYTES),
+    "rig": (".yaml", load_rig, MAX_CONFIG_BYTES),
+    "limits": (".yaml", lambda path: load(path, LimitsFile), MAX_CONFIG_BYTES),
+    "session": (".yaml", open_session, MAX_CONFIG_BYTES),
+    "calibration": (".yaml", open_calibration, MAX_CONFIG_BYTES),
+    "matrix": (".csv", lambda path: matrix_csv.read_matrix_csv(path, NAMED_AT), MAX_CONFIG_BYTES),
+    "elevation": (".csv", read_recording, MAX_RECORD_BYTES),
+    "basin record": (".twe", read_recording, MAX_RECORD_BYTES),
+    "old matrix": (".csv", read_table, MAX_TABLE_BYTES),
+    "old workbook": (".xlsx", read_table, MAX_TABLE_BYTES),
+    "old .mat": (".mat", read_table, MAX_TABLE_BYTES),
+    "test log": (".xlsx", read_log, MAX_TABLE_BYTES),
+    "MASK4 structure": (".mat", lambda path: read_signals(path, None), MAX_RECORD_BYTES),
+    "BEM of a device": (".npz", bem.read_bem, MAX_TABLE_BYTES),
+    "BEM of a device, netcdf": (".nc", bem.read_bem, MAX_TABLE_BYTES),
     "BEM of the plant": (".npz", read_bem, None),
     "BEM of the plant, netcdf": (".nc", read_bem, None),
-    "identification": (".json", comparison.read, TABLE_MOST),
+    "identification": (".json", comparison.read, MAX_TABLE_BYTES),
     "record of a run": (".mcap", mcap_file.scan, None),
     "run": (".mcap", open_run, None),
 }
@@ -79,18 +86,18 @@ def fifo(path: Path) -> None:
     os.mkfifo(path)
 
 
-def zeros(path: Path) -> None:
+def zero_device(path: Path) -> None:
     path.symlink_to("/dev/zero")
 
 
 def unix_socket(path: Path) -> None:
-    with socket.socket(socket.AF_UNIX) as one:
-        here = Path.cwd()
-        os.chdir(path.parent)  # a path of a socket has 107 bytes at most
+    with socket.socket(socket.AF_UNIX) as unix:
+        working_directory = Path.cwd()
+        os.chdir(path.parent)  # the path of a socket has at most 107 bytes
         try:
-            one.bind(path.name)
+            unix.bind(path.name)
         finally:
-            os.chdir(here)
+            os.chdir(working_directory)
 
 
 def folder(path: Path) -> None:
@@ -98,37 +105,37 @@ def folder(path: Path) -> None:
 
 
 SPECIAL = (
-    (fifo, "FIFO"), (zeros, "device"), (unix_socket, "socket"), (folder, "directory"),
+    (fifo, "FIFO"), (zero_device, "device"), (unix_socket, "socket"), (folder, "directory"),
 )  # fmt: skip
 
 
 @pytest.mark.parametrize(("make", "word"), SPECIAL)
-@pytest.mark.parametrize("what", READERS)
-def test_what_is_no_file_is_refused_at_once(
-    what: str, make: Callable[[Path], None], word: str, tmp_path: Path
+@pytest.mark.parametrize("name", READERS)
+def test_special_files_are_refused_at_once(
+    name: str, make: Callable[[Path], None], word: str, tmp_path: Path
 ) -> None:
-    ending, read, _ = READERS[what]
+    ending, read, _ = READERS[name]
     path = tmp_path / f"odd{ending}"
     make(path)
-    if what == "run":
-        word = "no "  # no such run; or a folder, and no run in it
+    if name == "run":
+        word = "no "  # no such run, or a folder without a run
     with pytest.raises((ConfigError, OSError, ValueError, RunError)) as refused:
         read(path)
-    said = str(refused.value).lower()
-    assert word.lower() in said or "not a regular file" in said or "no such device" in said
-    assert f"odd{ending}" in said
+    message = str(refused.value).lower()
+    assert word.lower() in message or "not a regular file" in message or "no such device" in message
+    assert f"odd{ending}" in message
 
 
-@pytest.mark.parametrize("what", [name for name, entry in READERS.items() if entry[2]])
-def test_a_file_that_is_too_large_names_the_limit(what: str, tmp_path: Path) -> None:
-    ending, read, most = READERS[what]
-    assert most is not None
+@pytest.mark.parametrize("name", [name for name, entry in READERS.items() if entry[2]])
+def test_a_file_that_is_too_large_names_the_limit(name: str, tmp_path: Path) -> None:
+    ending, read, max_bytes = READERS[name]
+    assert max_bytes is not None
     path = tmp_path / f"large{ending}"
     path.touch()
-    os.truncate(path, most + 1)
+    os.truncate(path, max_bytes + 1)
     with pytest.raises((ConfigError, OSError, ValueError, RunError)) as refused:
         read(path)
-    assert f"allowed at most {most / MB:g} MB" in str(refused.value)
+    assert f"allowed at most {max_bytes / MB:g} MB" in str(refused.value)
 
 
 def test_a_comment_of_60_mb_is_refused_before_it_is_read(tmp_path: Path) -> None:
@@ -141,35 +148,35 @@ def test_a_comment_of_60_mb_is_refused_before_it_is_read(tmp_path: Path) -> None
     assert problem.message.endswith("it has 60 MB or more; allowed at most 4 MB")
 
 
-def test_problems_of_several_files_come_at_once(tmp_path: Path) -> None:
-    """A rig and a matrix that are no files: both are named, each where it is asked for."""
-    from rig.planning.campaign import check
+def test_problems_of_several_files_are_reported_together(tmp_path: Path) -> None:
+    """A rig and a matrix that are special files are both reported, each where it is named."""
+    from rig.planning.campaign import check_campaign
 
     os.mkfifo(tmp_path / "rig.yaml")
     campaign = tmp_path / "campaign.yaml"
     campaign.write_text("name: x\nrig: rig.yaml\nsea: {kind: calm}\nmatrix:\n  csv: /dev/zero\n")
-    said = {problem.key: problem for problem in check(campaign).problems}
-    assert "FIFO" in said["rig"].message
-    assert said["rig"].line == 2
-    assert "device" in said["matrix.csv"].message
-    assert said["matrix.csv"].line == 5
+    problems = {problem.key: problem for problem in check_campaign(campaign).problems}
+    assert "FIFO" in problems["rig"].message
+    assert problems["rig"].line == 2
+    assert "device" in problems["matrix.csv"].message
+    assert problems["matrix.csv"].line == 5
 
 
-def test_links_are_followed_and_nothing_is_left_open(tmp_path: Path) -> None:
+def test_links_are_followed_and_no_descriptor_stays_open(tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(b"text")
     (tmp_path / "b").symlink_to("a")
     before = len(os.listdir("/proc/self/fd"))
     assert read_regular(tmp_path / "b", 4) == b"text"
     with pytest.raises(OSError, match="at most 3e-06 MB"):
         read_regular(tmp_path / "b", 3)
-    with pytest.raises(FileNotFoundError) as gone:
+    with pytest.raises(FileNotFoundError) as error_info:
         open_regular(tmp_path / "c")
-    assert gone.value.filename == str(tmp_path / "c")
+    assert error_info.value.filename == str(tmp_path / "c")
     assert len(os.listdir("/proc/self/fd")) == before
 
 
 def test_a_file_without_a_size_is_read_up_to_the_limit() -> None:
-    """Those of /proc say that they are empty."""
+    """Files in /proc report a size of 0."""
     assert read_regular(Path("/proc/self/status"), 100_000).startswith(b"Name:")
     with pytest.raises(OSError, match="at most"):
         read_regular(Path("/proc/self/status"), 100)

@@ -1,4 +1,4 @@
-"""A sea in a file of its own: merged, changed, replaced, and told of with file and line."""
+"""A sea in its own file: merging, changes, replacement, and problems with file and line."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rig.config import CampaignFile, ConfigError, Place, load, load_mapping
+from rig.config import CampaignFile, ConfigError, SourceLocation, load, load_mapping
 from rig.config.sea import PinkSea
 
 SEA = "kind: pink\nhm0_m: 0.2\nseed: 4\n"
@@ -20,45 +20,47 @@ def write(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-def told(path: Path) -> list[tuple[str, int, str, str]]:
-    with pytest.raises(ConfigError) as caught:
+def reported_problems(path: Path) -> list[tuple[str, int, str, str]]:
+    with pytest.raises(ConfigError) as error_info:
         load(path, CampaignFile)
-    return [(Path(p.file).name, p.line, p.key, p.message) for p in caught.value.problems]
+    return [(Path(p.file).name, p.line, p.key, p.message) for p in error_info.value.problems]
 
 
-def test_a_sea_by_one_line_is_the_sea_of_its_file(tmp_path: Path) -> None:
+def test_a_sea_can_be_the_name_of_a_file(tmp_path: Path) -> None:
     sea = write(tmp_path, "seas/pink.yaml", SEA)
     top = write(tmp_path, "campaigns/a.yaml", HEAD + "sea: ../seas/pink.yaml\n")
     file, locate = load(top, CampaignFile)
     assert isinstance(file.sea, PinkSea)
     assert (file.sea.hm0_m, file.sea_seed) == (0.2, 4)
-    assert locate(("sea", "hm0_m")) == Place(sea, 2)
-    assert locate(("sea", "missing")) == Place(sea, 1)
-    assert locate(("rig",)) == Place(top, 2)
+    assert locate(("sea", "hm0_m")) == SourceLocation(sea, 2)
+    assert locate(("sea", "missing")) == SourceLocation(sea, 1)
+    assert locate(("rig",)) == SourceLocation(top, 2)
     assert (locate.files, locate.inlined) == ((top, sea), (sea,))
-    assert locate.file(("sea", "kind"), "record.csv") == tmp_path / "seas" / "record.csv"
+    assert locate.resolve_path(("sea", "kind"), "record.csv") == tmp_path / "seas" / "record.csv"
 
 
-def test_problems_of_a_sea_are_told_in_its_file(tmp_path: Path) -> None:
+def test_problems_of_a_sea_are_reported_in_its_file(tmp_path: Path) -> None:
     write(tmp_path, "pink.yaml", "kind: pink\nhm0_m: 2\nsead: 4\n")
-    found = told(write(tmp_path, "a.yaml", HEAD + "order: never\nsea: pink.yaml\n"))
-    assert [(file, line, key) for file, line, key, _ in found] == [
+    problems = reported_problems(write(tmp_path, "a.yaml", HEAD + "order: never\nsea: pink.yaml\n"))
+    assert [(file, line, key) for file, line, key, _ in problems] == [
         ("a.yaml", 4, "order"),
         ("pink.yaml", 2, "sea.hm0_m"),
         ("pink.yaml", 3, "sea.sead"),
     ]
-    assert "allowed 0.001 .. 1 m" in found[1][3]
+    assert "allowed 0.001 .. 1 m" in problems[1][3]
     write(tmp_path, "pink.yaml", "kind: pink\n")
-    assert told(tmp_path / "a.yaml")[0][:3] == ("a.yaml", 4, "order")
+    assert reported_problems(tmp_path / "a.yaml")[0][:3] == ("a.yaml", 4, "order")
     write(tmp_path, "pink.yaml", "kind: [pink\n")
-    assert told(tmp_path / "a.yaml")[0][0] == "pink.yaml"
+    assert reported_problems(tmp_path / "a.yaml")[0][0] == "pink.yaml"
 
 
-def test_a_sea_file_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_sea_file_is_reported(tmp_path: Path) -> None:
     top = write(tmp_path, "a.yaml", HEAD + "sea: seas/pink.yaml\n")
-    ((file, line, key, said),) = told(top)
+    ((file, line, key, message),) = reported_problems(top)
     assert (file, line, key) == ("a.yaml", 4, "sea")
-    assert said.endswith("seas/pink.yaml: no such file; allowed a mapping or a file of one")
+    assert message.endswith(
+        "seas/pink.yaml: no such file; allowed a mapping or the name of a file that holds one"
+    )
 
 
 def test_a_sea_file_may_extend_another(tmp_path: Path) -> None:
@@ -68,11 +70,11 @@ def test_a_sea_file_may_extend_another(tmp_path: Path) -> None:
     file, locate = load(top, CampaignFile)
     assert isinstance(file.sea, PinkSea)
     assert (file.sea.hm0_m, file.sea.seed) == (0.3, 4)
-    assert locate(("sea", "hm0_m")) == Place(other, 2)
-    assert locate(("sea", "seed")) == Place(base, 3)
+    assert locate(("sea", "hm0_m")) == SourceLocation(other, 2)
+    assert locate(("sea", "seed")) == SourceLocation(base, 3)
     assert locate.files == (top, other, base)
     other.write_text("extends: ../a.yaml\n")
-    assert "files extend in a circle" in told(top)[0][3]
+    assert "files extend in a circle" in reported_problems(top)[0][3]
 
 
 def test_one_key_of_an_inherited_sea_file_can_be_changed(tmp_path: Path) -> None:
@@ -82,18 +84,18 @@ def test_one_key_of_an_inherited_sea_file_can_be_changed(tmp_path: Path) -> None
     file, locate = load(top, CampaignFile)
     assert isinstance(file.sea, PinkSea)
     assert (file.sea.hm0_m, file.sea.seed, file.sea.realisation) == (0.2, 4, 2)
-    assert locate(("sea", "realisation")) == Place(top, 2)
-    assert locate(("sea", "seed")) == Place(sea, 3)
+    assert locate(("sea", "realisation")) == SourceLocation(top, 2)
+    assert locate(("sea", "seed")) == SourceLocation(sea, 3)
     assert (locate.files, locate.inlined) == ((top, base, sea), (sea,))
 
 
-def test_another_file_replaces_an_inherited_sea_whole(tmp_path: Path) -> None:
+def test_another_file_replaces_an_inherited_sea_entirely(tmp_path: Path) -> None:
     write(tmp_path, "pink.yaml", SEA)
     other = write(tmp_path, "other.yaml", "kind: pink\nhm0_m: 0.1\n")
     base = write(tmp_path, "base.yaml", HEAD + "sea: pink.yaml\n")
     top = write(tmp_path, "top.yaml", "extends: base.yaml\nsea: other.yaml\n")
     mapping, locate = load_mapping(top, inline=("sea",))
-    assert mapping["sea"] == {"kind": "pink", "hm0_m": 0.1}  # no seed of the file before
+    assert mapping["sea"] == {"kind": "pink", "hm0_m": 0.1}  # without the seed of the replaced file
     assert (locate.files, locate.inlined) == ((top, other, base), (other,))
     written = write(tmp_path, "written.yaml", "extends: base.yaml\nsea: {kind: calm}\n")
     mapping, locate = load_mapping(written, inline=("sea",))
@@ -101,7 +103,7 @@ def test_another_file_replaces_an_inherited_sea_whole(tmp_path: Path) -> None:
     assert locate.files == (written, base)
 
 
-def test_only_a_sea_is_taken_from_a_file(tmp_path: Path) -> None:
+def test_only_a_sea_may_be_the_name_of_a_file(tmp_path: Path) -> None:
     write(tmp_path, "matrix.yaml", "csv: x.csv\n")
     text = "name: x\nrig: rig.yaml\nsea: {kind: calm}\nmatrix: matrix.yaml\n"
-    assert told(write(tmp_path, "a.yaml", text))[0][1:3] == (4, "matrix")
+    assert reported_problems(write(tmp_path, "a.yaml", text))[0][1:3] == (4, "matrix")

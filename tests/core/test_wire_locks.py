@@ -20,7 +20,7 @@ from ruamel.yaml import YAML
 
 from rig.config.any_rig_file import load_rig
 from rig.execution.campaign import carry_out, wired
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.processes.wire_locks import (
     REALTIME_PLACE,
     Wire,
@@ -274,7 +274,7 @@ def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
         first, runs = far.rig("first"), tmp_path / "runs"
         other = far.rig("other", io={"port": 1}, analyser={"port": 2})
         campaign.write_text(f"extends: {CONFIGS / 'campaigns' / 'quick.yaml'}\nrig: {other}\n")
-        report = check(campaign)
+        report = check_campaign(campaign)
         assert report.campaign is not None
         assert report.plan is not None
         shared = [one for one in wires_of(load_rig(first)[0]) if one.name == "line amplifiers"]

@@ -15,7 +15,7 @@ from rehearsing import CONFIGS, Watcher, table_of
 from benchmarks.support.host import Busy, others
 from benchmarks.support.wavebot_fault_walk import campaign_file
 from rig.execution.campaign import Ended, carry_out, rehearsal
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import open_run
 
@@ -72,12 +72,12 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
         timing={"settle_s": 2, "interval_s": 12},  # with tare and lead-in 30 s and more
         matrix={"list": list(GAINS)},
     )
-    dry = check(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
+    dry = check_campaign(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
     assert dry.campaign is not None, dry.text()
     assert dry.plan is not None
     mode = rehearsal(dry.campaign, real_clock=False)
     rehearsed = carry_out(dry.campaign, dry.plan, folder, Watcher(), mode)
-    on_wires = check(path)
+    on_wires = check_campaign(path)
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None
     for attempt in range(TRIES):

@@ -10,7 +10,7 @@ import pytest
 
 from drivers.modbus.line import SilentError
 from drivers.modbus.registers import Block, Value
-from rig.config.wiring import Written
+from rig.config.wiring import RegisterSetup
 from rig.execution.hardware.messages import Outputs
 from rig.execution.hardware.modbus_poller import AFTER, TRUST, Given, Polled, _Task, next_turn
 
@@ -195,4 +195,4 @@ def test_what_must_read_so_by_itself_is_not_written(running: int) -> None:
 
 def test_a_register_that_is_neither_written_nor_read_is_refused() -> None:
     with pytest.raises(ValueError, match="neither written nor read"):
-        Written(first=0, value=0, read_back=False, write=False)
+        RegisterSetup(first=0, value=0, read_back=False, write=False)

@@ -11,7 +11,7 @@ from rig_command import rig_here
 
 from rig.interop.legacy import mask4
 from rig.interop.legacy.matrix import read_csv
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 CALIBRATIONS = CONFIGS / "calibrations"
@@ -100,7 +100,7 @@ def test_a_campaign_takes_all_but_its_matrix_from_another(old: Path, tmp_path: P
     assert "--campaign" in errors
     base = CONFIGS / "campaigns" / "default.yaml"
     assert rig(*words, "--campaign", base)[0] == 0
-    report = check(path)
+    report = check_campaign(path)
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.campaign.file.name == "from_mask4"
@@ -163,7 +163,7 @@ def test_steps_become_the_interval_of_a_campaign(tmp_path: Path) -> None:
     base = CONFIGS / "campaigns" / "default.yaml"
     code, _, errors = rig(path, "--style", "foswec", "--to", new, "--campaign", base, *said)
     assert code == 0, errors
-    report = check(new)
+    report = check_campaign(new)
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.campaign.file.timing.interval_s == 31.0

@@ -9,7 +9,7 @@ from rehearsing import CONFIGS, campaign_file, yaml_file
 
 from rig.design.predictions import Prediction, predict
 from rig.execution.rehearsal.job import problems
-from rig.planning.campaign import Report, check
+from rig.planning.campaign import CheckReport, check_campaign
 from rig.sweep import sweep
 from rig.sweep.executors import threads
 
@@ -27,16 +27,16 @@ def rows(*gains: tuple[float, float, float], **more: float) -> dict[str, Any]:
     return {"list": [dict(zip(names, one, strict=True)) | more for one in gains]}
 
 
-def examined(path: Path) -> Report:
+def examined(path: Path) -> CheckReport:
     """The report of a campaign file, as `rig check` makes it."""
-    return check(path, also=problems, foresee=predict)
+    return check_campaign(path, extra_check=problems, predictor=predict)
 
 
 def predicted(path: Path) -> Prediction:
     """The prediction of a campaign file whose rows may be refused."""
     report = examined(path)
-    assert isinstance(report.forecast, Prediction), report.text()
-    return report.forecast
+    assert isinstance(report.prediction, Prediction), report.text()
+    return report.prediction
 
 
 def simulated(path: Path) -> Any:

@@ -174,7 +174,7 @@ def test_there_may_be_nothing_to_predict(sea: dict[str, Any] | None, tmp_path: P
     report = examined(path)
     assert report.ok, report.text()
     if sea is None:
-        assert report.forecast is None
+        assert report.prediction is None
         assert "predictions" not in json.loads(report.to_json())
     else:
         assert predicted(path).rows[0].predicted.position_peak == 0.0

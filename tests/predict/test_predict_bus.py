@@ -12,7 +12,7 @@ from rig.config.yaml_source import load_mapping
 from rig.design.predictions import plant
 from rig.design.predictions.bus import FOLLOWS, Bus, Stretch, stepped, walk
 from rig.design.predictions.grid import grid
-from rig.planning.campaign.set_points import NOTHING
+from rig.planning.campaign.set_points import ZERO_SETTING
 from sim_plant import bus
 
 DT = 0.001
@@ -25,7 +25,7 @@ def told(name: str) -> plant.Given:
 def buses(name: str, voltage: float, level: int) -> tuple[Bus, bus.BusParams]:
     """Ours and theirs at the same settings."""
     given = told(name)
-    setting = NOTHING._replace(
+    setting = ZERO_SETTING._replace(
         bus_voltage=voltage, switching_period=1e-4, hysteresis_tolerance=0.5,
         discharge_level=float(level),
     )  # fmt: skip

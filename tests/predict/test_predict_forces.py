@@ -8,7 +8,7 @@ from predicting import CONFIGS
 
 from rig.config.yaml_source import load_mapping
 from rig.design.predictions import electrics, passive, plant
-from rig.planning.campaign.set_points import NOTHING
+from rig.planning.campaign.set_points import ZERO_SETTING
 from sim_plant import body, custom_drive, magnetic_spring, pto, surge
 
 RNG = np.random.default_rng(1)
@@ -56,7 +56,7 @@ def test_force_in_the_guide() -> None:
 @pytest.mark.parametrize("voltage", [41.0, 75.0, 152.0])
 def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> None:
     told = given("wavebot_custom")
-    setting = NOTHING._replace(
+    setting = ZERO_SETTING._replace(
         bus_voltage=75.0, switching_period=5e-5, hysteresis_tolerance=0.7,
         velocity_threshold=0.2, discharge_level=3.0,
     )  # fmt: skip
@@ -86,7 +86,7 @@ def test_losses_of_the_commercial_drive() -> None:
     from sim_plant import cots_drive
 
     told = given("wavebot")
-    drive = plant.drive(told, [NOTHING], 0, 0.0, np.zeros(1))
+    drive = plant.drive(told, [ZERO_SETTING], 0, 0.0, np.zeros(1))
     motor = plant.motor(told)
     one = F[None, :]
     power = electrics.stations(drive, motor, one, one, V[None, :], 0.0 * one, V[None, :])

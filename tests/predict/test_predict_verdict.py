@@ -150,8 +150,8 @@ def test_a_warning_refuses_nothing(tmp_path: Path) -> None:
     )
     report = examined(path)
     assert report.ok, report.text()
-    assert report.forecast is not None
-    (warning,) = report.forecast.warnings
+    assert report.prediction is not None
+    (warning,) = report.prediction.warnings
     assert "heave.position_warn_m" in warning.message
     assert "a stop is near" in warning.message
 

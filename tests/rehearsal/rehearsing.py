@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, POWERS, row_table
 from rig.execution.campaign import Ended, carry_out, rehearsal
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 from rig.sweep import sweep
 from rig.sweep.executors import threads
@@ -66,7 +66,7 @@ def rows(folder: Path, repeat: int) -> Path:
 
 def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) -> Ended:
     """Rehearse a campaign file."""
-    report = check(path)
+    report = check_campaign(path)
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.plan is not None

@@ -20,7 +20,7 @@ from rig_command import rig
 from rig import cli
 from rig.analysis.rows import row_table
 from rig.execution.rehearsal.job import problems
-from rig.planning.campaign import check
+from rig.planning.campaign import check_campaign
 from rig.realtime.safety import CATEGORY, ENABLING, OFF, RUN, STOP_0, Reason
 from rig.recording.runs import open_run
 
@@ -124,7 +124,9 @@ def test_when_captured_energy_runs_out_the_rig_trips_cleanly(
 ) -> None:
     """Foreseen it is refused; where the prediction was wrong, the drive's own trip ends the run."""
     command = importlib.import_module("rig.cli.run")  # rig.cli.run itself is the command
-    monkeypatch.setattr(command, "examine", lambda path, rig: check(path, also=problems, rig=rig))
+    monkeypatch.setattr(
+        command, "examine", lambda path, rig: check_campaign(path, extra_check=problems, rig=rig)
+    )
     code = command.main(
         starving, tmp_path / "runs", command.Wanted(None, False, False), as_json=True
     )

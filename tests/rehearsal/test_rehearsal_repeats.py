@@ -14,7 +14,7 @@ from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import connect
 from rig.kinds.wavebot import KIND, WaveBotRow
 from rig.kinds.wavebot.build import wavebot_params
-from rig.planning.campaign import Campaign, Plan, check
+from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.mailbox import Mailbox, Request, create
 from rig.realtime import loop
 from rig.realtime.clock import VirtualClock
@@ -43,7 +43,7 @@ def short(folder: Path, **keys: Any) -> Path:
 
 
 def opened(path: Path) -> tuple[Campaign, Plan]:
-    report = check(path)
+    report = check_campaign(path)
     assert report.campaign is not None
     assert report.plan is not None
     return report.campaign, report.plan

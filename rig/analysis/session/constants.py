@@ -10,7 +10,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from rig.analysis.session.estimate import Estimate
 from rig.analysis.session.points import Session
 from rig.analysis.session.result import Result
-from rig.regular_file import CONFIG_MOST, read_regular
+from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 FILE = "calibration.yaml"
 _DIGITS = 9
@@ -56,7 +56,7 @@ def known_constant(run: Path, name: str) -> Estimate:
     path = run / FILE
     if not path.is_file():
         raise ValueError(f"{run}: no {FILE}; analyse that run first")
-    constants = YAML(typ="safe").load(read_regular(path, CONFIG_MOST).decode())["constants"]
+    constants = YAML(typ="safe").load(read_regular(path, MAX_CONFIG_BYTES).decode())["constants"]
     found = (constants or {}).get(name)
     if found is None:
         raise ValueError(f"{path}: no {name}")

@@ -40,5 +40,5 @@ class Model(NamedTuple):
 def model_of(campaign: Campaign) -> Model:
     """The model of a campaign's plant file and rig file."""
     plant = Plant.model_validate(campaign.plant)
-    path = campaign.plant_locate.file(("bem",), campaign.plant["bem"])
+    path = campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
     return Model(plant.build().body, bem.read_bem(Path(path)), metres_per_count(campaign.rig.heave))

@@ -13,7 +13,7 @@ from rig.design.predictions.grid import Floats, record
 from rig.design.predictions.model import Subject, has_excitation, law_of, switching
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import SETTLED, System, steady
-from rig.planning.campaign.set_points import Setting
+from rig.planning.campaign.set_points import RowSetting
 
 
 class Heave(NamedTuple):
@@ -26,7 +26,7 @@ class Heave(NamedTuple):
 
 def heave_of(
     subject: Subject,
-    settings: Sequence[Setting],
+    settings: Sequence[RowSetting],
     stator: Sequence[float],
     lateral: Floats | None,
     voltage: Floats,
@@ -89,7 +89,7 @@ def heave_of(
     return Heave(columns, (motion.change < SETTLED).tolist(), power.dc_record)
 
 
-def heave_poles(subject: Subject, settings: Sequence[Setting], stator: Sequence[float]) -> Poles:
+def heave_poles(subject: Subject, settings: Sequence[RowSetting], stator: Sequence[float]) -> Poles:
     """Poles of the sampled heave loop at each setting."""
     axis = subject.heave
     small = passive.small_rate(plant.spring(subject.plant, stator))

@@ -11,7 +11,7 @@ from rig.config.rig_file import RigFile
 from rig.config.yaml_source import KeyPath
 from rig.design.predictions.bus import Bus
 from rig.design.predictions.row_prediction import RowPredictions
-from rig.planning.campaign.set_points import Setting
+from rig.planning.campaign.set_points import RowSetting
 
 Role = Literal["limits", "rig", "plant", "campaign"]
 """The file a limit stands in; the campaign for what is no limit but the row itself."""
@@ -113,7 +113,7 @@ _FROM_REST = (BUS, OVERVOLTAGE, UNDERVOLTAGE)
 def margins(
     bounds: LimitsFile,
     rig: RigFile,
-    setting: Setting,
+    setting: RowSetting,
     found: RowPredictions,
     bus: Bus | None,
     bus_at_rest: float,

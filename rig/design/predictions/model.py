@@ -27,7 +27,7 @@ from rig.kinds.wavebot.build import (
     zc_sections,
 )
 from rig.planning.campaign import Campaign
-from rig.planning.campaign.set_points import Setting, drive_settings, setting
+from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
 from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.waves import Sea
@@ -101,12 +101,12 @@ def subject_of(campaign: Campaign, rate: float = RATE) -> Subject:
     )
 
 
-def settings_of(campaign: Campaign) -> list[Setting]:
+def settings_of(campaign: Campaign) -> list[RowSetting]:
     """The set point of every point of the matrix."""
-    return [setting(campaign.file, campaign.rig, point) for point in campaign.points]
+    return [row_setting(campaign.file, campaign.rig, point) for point in campaign.points]
 
 
-def has_excitation(subject: Subject, axis: str, settings: Sequence[Setting]) -> Complexes:
+def has_excitation(subject: Subject, axis: str, settings: Sequence[RowSetting]) -> Complexes:
     """Open-loop force on an axis, N; rows by lines."""
     told = subject.reference
     if told.axis != axis:
@@ -118,7 +118,7 @@ def has_excitation(subject: Subject, axis: str, settings: Sequence[Setting]) -> 
     return forces
 
 
-def law_of(subject: Subject, settings: Sequence[Setting]) -> Law:
+def law_of(subject: Subject, settings: Sequence[RowSetting]) -> Law:
     """The heave law of each setting."""
     kp, ki, km = (np.array([getattr(one, name) for one in settings]) for name in Gains._fields)
     return Law(kp, ki, km, zc_sections(subject.campaign.file.law, subject.heave.timing.dt))

@@ -13,7 +13,7 @@ from rig.design.predictions.bus import Bus
 from rig.design.predictions.grid import Floats
 from rig.design.predictions.passive import Friction, Spring
 from rig.design.predictions.sampled import Body
-from rig.planning.campaign.set_points import Setting
+from rig.planning.campaign.set_points import RowSetting
 from sim_plant import building, magnetic_spring
 from sim_plant.body import BodyParams
 from sim_plant.bus import BusParams
@@ -120,7 +120,7 @@ def guide_force(plant: Given, position: Floats, acceleration: Floats, force: Flo
     return force - surge.body.hydrostatic * position - surge.carriage * acceleration
 
 
-def settings_of(setting: Setting, scheme: int) -> DriveSettings:
+def settings_of(setting: RowSetting, scheme: int) -> DriveSettings:
     """What the custom drive is told of a set point."""
     return DriveSettings(
         scheme,
@@ -132,7 +132,7 @@ def settings_of(setting: Setting, scheme: int) -> DriveSettings:
 
 
 def drive(
-    plant: Given, settings: Sequence[Setting], scheme: int, within: float, voltage: Floats
+    plant: Given, settings: Sequence[RowSetting], scheme: int, within: float, voltage: Floats
 ) -> electrics.Drive:
     """Losses and voltage of the heave drive at each setting.
 
@@ -162,7 +162,7 @@ def drive(
     return electrics.Drive(fixed, standing, linear, square, most, below, none + within)
 
 
-def bus(plant: Given, setting: Setting, scheme: int) -> Bus:
+def bus(plant: Given, setting: RowSetting, scheme: int) -> Bus:
     """The DC bus of the custom drive at a setting."""
     params = _fitted(plant, setting, scheme)[1]
     return Bus(
@@ -185,14 +185,14 @@ def idle_power(plant: Given) -> float:
     return built.inverter.fixed_loss if plant.custom else built.cots.fixed_loss
 
 
-def standing_power(plant: Given, setting: Setting, scheme: int) -> float:
+def standing_power(plant: Given, setting: RowSetting, scheme: int) -> float:
     """What the heave drive draws while it is on and nothing moves, W; custom drive, set voltage."""
     inverter, link = _fitted(plant, setting, scheme)
     fixed, standing, *_ = _losses(inverter, link.set_voltage)
     return fixed if setting.velocity_threshold > 0.0 else fixed + standing
 
 
-def bus_at_rest(plant: Given, setting: Setting) -> float:
+def bus_at_rest(plant: Given, setting: RowSetting) -> float:
     """Voltage of the DC bus before anything moves, V."""
     return setting.bus_voltage if plant.custom else plant.built.electrics.cots.bus_voltage
 
@@ -204,7 +204,7 @@ def stiff_bus(plant: Given, power_dc: Floats) -> Floats:
     return voltage
 
 
-def _fitted(plant: Given, setting: Setting, scheme: int) -> tuple[InverterParams, BusParams]:
+def _fitted(plant: Given, setting: RowSetting, scheme: int) -> tuple[InverterParams, BusParams]:
     told = settings_of(setting, scheme)
     params = building.electrics(plant.file.drive, plant.file.pto, told)
     return params.inverter, params.bus

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from rig.config.problems import Problem, key_text
+from rig.config.problems import Problem, format_key
 from rig.design.predictions.margins import Margin, broken
 from rig.design.predictions.row_prediction import RowPredictions
 from rig.design.predictions.travel import Travel
@@ -70,7 +70,7 @@ def _row(one: RowPrediction) -> dict[str, Any]:
         "margins": [
             {
                 "limit": margin.limit.name,
-                "key": key_text(margin.limit.key),
+                "key": format_key(margin.limit.key),
                 "effect": margin.limit.effect,
                 "unit": margin.limit.unit,
                 "predicted": _plain(margin.predicted),

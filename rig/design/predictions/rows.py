@@ -20,14 +20,14 @@ from rig.design.predictions.travel import orders, to_the_first
 from rig.design.predictions.verdict import refused, warnings
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
-from rig.planning.campaign.set_points import Setting
+from rig.planning.campaign.set_points import RowSetting
 from rig.planning.campaign.stability import total_stiffness
 from rig.realtime.sequence import NO_ROW, Phase
 
 MOST_SAMPLES = 500_000  # in one go: a processor's cache, not gigabytes
 PASSES = 2  # of motion and bus, which depend on each other
 
-Row = tuple[Setting, float]
+Row = tuple[RowSetting, float]
 """A setting and the stator's position (%)."""
 
 Margins = tuple[Margin, ...]
@@ -116,7 +116,7 @@ def _tried(
     ]
 
 
-def bus_of(subject: Subject, setting: Setting) -> bus.Bus:
+def bus_of(subject: Subject, setting: RowSetting) -> bus.Bus:
     """The custom drive's bus at a setting, on its supply if both plant and campaign say so."""
     scheme, _ = switching(subject)
     found = plant.bus(subject.plant, setting, scheme)
@@ -251,7 +251,7 @@ def _lead_in(planned: Plan) -> list[CampaignRow]:
     segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
     for phase, index in zip(segments.phase, segments.setpoint, strict=True):
         if phase == Phase.LEAD_IN:
-            columns = (getattr(table, name)[index] for name in Setting._fields)
-            setting = Setting(*(float(value) for value in columns))
+            columns = (getattr(table, name)[index] for name in RowSetting._fields)
+            setting = RowSetting(*(float(value) for value in columns))
             return [] if setting == first.setting else [first._replace(row=NO_ROW, setting=setting)]
     return []

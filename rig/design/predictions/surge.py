@@ -16,7 +16,7 @@ from rig.design.predictions.grid import Floats, record
 from rig.design.predictions.model import Subject, has_excitation
 from rig.design.predictions.sampled import Poles
 from rig.design.predictions.steady import System, steady
-from rig.planning.campaign.set_points import Setting
+from rig.planning.campaign.set_points import RowSetting
 
 
 class Surge(NamedTuple):
@@ -32,7 +32,7 @@ class Surge(NamedTuple):
     poles: Poles | None  # None: no loop, the drive is off
 
 
-def surge_of(subject: Subject, settings: Sequence[Setting]) -> Surge:
+def surge_of(subject: Subject, settings: Sequence[RowSetting]) -> Surge:
     """Surge of each setting; equal ones are worked out once."""
     given, axis, on = subject.plant, subject.surge, subject.grid
     campaign, rig = subject.campaign.file, subject.campaign.rig
@@ -83,7 +83,7 @@ def surge_of(subject: Subject, settings: Sequence[Setting]) -> Surge:
     )
 
 
-def _force_of(subject: Subject, one: Setting) -> tuple[float, float]:
+def _force_of(subject: Subject, one: RowSetting) -> tuple[float, float]:
     """What of a setting chooses the open-loop force on surge."""
     pushes = subject.reference.axis == "surge"
     return (one.reference_scale, one.realisation) if pushes else (0.0, 0.0)
@@ -99,7 +99,7 @@ def soft_stop(keeping: StationKeeping, x: Floats, v: Floats) -> Floats:
 
 
 def _law(
-    campaign: CampaignFile, rig: RigFile, settings: Sequence[Setting]
+    campaign: CampaignFile, rig: RigFile, settings: Sequence[RowSetting]
 ) -> tuple[loop.Law, StationKeeping | None]:
     """Gains of each setting, and the soft stop where there is one."""
     none = np.zeros(len(settings))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from rig.design.predictions import plant
 from rig.planning.campaign import Campaign
-from rig.planning.campaign.plan import Plan, plan
+from rig.planning.campaign.plan import Plan, build_plan
 from rig.realtime.sequence import NO_ROW, WAIT_STATOR, Phase
 
 
@@ -61,5 +61,5 @@ def orders(campaign: Campaign, planned: Plan, given: plant.Given) -> tuple[Trave
     for other in ("as given", "fewest spring moves"):
         if other != campaign.file.order:
             file = campaign.file.model_copy(update={"order": other})
-            out.append(travel(other, plan(file, campaign.rig, campaign.points), given))
+            out.append(travel(other, build_plan(file, campaign.rig, campaign.points), given))
     return tuple(out)

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 
-from rig.config.problems import Problem, key_text, number_text, shown
-from rig.config.yaml_source import KeyPath, Locate, load_mapping
+from rig.config.problems import Problem, display_path, format_key, format_number
+from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
 from rig.design.predictions.margins import (
     LOOP,
     MODULATION,
@@ -21,7 +21,7 @@ from rig.design.predictions.margins import (
 from rig.design.predictions.prediction import RowPrediction
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow
-from rig.planning.campaign.windows import windows
+from rig.planning.campaign.windows import row_windows
 from rig.realtime.sequence import NO_ROW
 
 LEFT_OVER = 0.01  # of a change of gains, in the mean over the measurement
@@ -33,7 +33,7 @@ class Places:
 
     def __init__(self, campaign: Campaign) -> None:
         self._campaign = campaign
-        self._read: dict[str, Locate] = {"plant": campaign.plant_locate}
+        self._read: dict[str, SourceMap] = {"plant": campaign.plant_locate}
 
     def text(self, limit: Limit, row: CampaignRow) -> str:
         """File, line and key of a limit."""
@@ -42,7 +42,7 @@ class Places:
             path = next(file.path for file in self._campaign.files if file.role == limit.role)
             self._read[limit.role] = load_mapping(path)[1]
         place = self._read[limit.role](key)
-        return f"{shown(place.path)}:{place.line}: {key_text(key)}"
+        return f"{display_path(place.path)}:{place.line}: {format_key(key)}"
 
     def _stroke(self, row: CampaignRow) -> KeyPath:
         """The station whose stroke counts at a row's spring rate: the least of those beside it."""
@@ -66,7 +66,7 @@ def refused(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem,
 def warnings(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
     """What is to be told of a row that may run."""
     places = Places(campaign)
-    settle = windows(campaign.file.sea, campaign.file.timing, campaign.file.reference).settle
+    settle = row_windows(campaign.file.sea, campaign.file.timing, campaign.file.reference).settle
     out = []
     for same in _by_point(rows):
         first = same[0]
@@ -96,14 +96,14 @@ def _problem(campaign: Campaign, same: list[RowPrediction], told: list[str]) -> 
     if len(same) > 1:
         name += f" and {len(same) - 1} more of point {row.point}"
     gains = (
-        f"spring {number_text(setting.spring_rate)} N/m, Kp {number_text(setting.kp)} N*s/m, "
-        f"Ki {number_text(setting.ki)} N/m"
+        f"spring {format_number(setting.spring_rate)} N/m, Kp {format_number(setting.kp)} N*s/m, "
+        f"Ki {format_number(setting.ki)} N/m"
     )
     message = f"{name} ({gains}): {'; '.join(told)}"
     key = ("start", "set_point", "kp_n_s_per_m")
-    if row.row == NO_ROW and key in campaign.locate.places:
+    if row.row == NO_ROW and key in campaign.locate.locations:
         return campaign.locate.problem(key, setting.kp, message)
-    return campaign.points[row.point].at["kp"].problem(setting.kp, message)
+    return campaign.points[row.point].locations["kp"].problem(setting.kp, message)
 
 
 def _said(margins: Iterable[Margin], places: Places, row: CampaignRow) -> list[str]:
@@ -134,7 +134,7 @@ def _unstable(margin: Margin) -> str:
 def _bound(margin: Margin, places: Places, row: CampaignRow) -> str:
     limit = margin.limit
     side = "at least" if limit.least else "up to"
-    allowed = number_text(float(f"{margin.allowed:.6g}"))
+    allowed = format_number(float(f"{margin.allowed:.6g}"))
     effect = ""
     if not (margin.broken and limit.effect in ("stop", "unstable")):
         effect = ", torque saturates there" if limit is MODULATION else _EFFECTS[limit.effect]
@@ -149,7 +149,7 @@ def _doubts(one: RowPrediction, settle: float) -> Iterator[str]:
     left = math.exp(-settle / found.decay) * min(1.0, found.decay / max(one.row.measure, 1e-9))
     if one.row.row != NO_ROW and left > LEFT_OVER:
         yield (
-            f"the slowest mode decays in {found.decay:.3g} s, so with {number_text(settle)} s of "
+            f"the slowest mode decays in {found.decay:.3g} s, so with {format_number(settle)} s of "
             f"settling {100.0 * left:.0f} % of a change of gains is left in the mean over "
             f"{one.row.measure:.4g} s"
         )

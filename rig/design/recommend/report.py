@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rig.config.problems import shown
+from rig.config.problems import display_path
 from rig.design.recommend.matrix import campaign_text, words
 from rig.design.recommend.recommendation import Recommendation
 from rig.design.recommend.search import STATIONS
@@ -52,7 +52,7 @@ def as_dict(advice: Recommendation) -> dict[str, Any]:
     """All of it as JSON values, SI."""
     return {
         "runs": list(advice.twin.runs),
-        "campaign": shown(advice.base),
+        "campaign": display_path(advice.base),
         "sea": advice.campaign.file.sea.description(),
         "station": advice.asked.station,
         "best": _tried(advice.best),

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from controllers import magnetic_spring
 from rig.config.problems import ConfigError
-from rig.config.yaml_source import Locate, Place, load_mapping
+from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 from rig.design.predictions import RowPredictions
 from rig.design.predictions.margins import Margin, broken
 from rig.design.predictions.model import Subject, subject_of
@@ -15,8 +15,8 @@ from rig.execution.rehearsal.job import asked_sea, problems
 from rig.identification.twin import plant_file, seas
 from rig.identification.twin.estimate import Twin
 from rig.planning.campaign import Campaign, open_campaign
-from rig.planning.campaign.set_points import Setting, setting
-from rig.planning.campaign.windows import windows
+from rig.planning.campaign.set_points import RowSetting, row_setting
+from rig.planning.campaign.windows import row_windows
 
 
 class Gains(NamedTuple):
@@ -71,8 +71,8 @@ class Bench:
         pushed = subject.heave._replace(excitation=factor * subject.heave.excitation)
         self.campaign = campaign
         self._subject: Subject = subject._replace(heave=pushed)
-        self._base: Setting = setting(campaign.file, campaign.rig, campaign.points[0])
-        interval = windows(campaign.file.sea, campaign.file.timing).interval
+        self._base: RowSetting = row_setting(campaign.file, campaign.rig, campaign.points[0])
+        interval = row_windows(campaign.file.sea, campaign.file.timing).interval
         self._seconds = min(interval, GLANCE_SECONDS) if quick else interval
         spring = campaign.rig.spring
         self._spring = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
@@ -104,8 +104,8 @@ def opened(path: Path, plant: Path) -> Campaign:
     """A campaign on another plant file; raises `ConfigError` with all that is wrong with it."""
 
     def load(
-        file: Path, asked: Place | None = None, key: str = "", inline: tuple[str, ...] = ()
-    ) -> tuple[dict[str, Any], Locate]:
+        file: Path, asked: SourceLocation | None = None, key: str = "", inline: tuple[str, ...] = ()
+    ) -> tuple[dict[str, Any], SourceMap]:
         return load_mapping(plant if key == "plant" else file, asked, key, inline)
 
     found = open_campaign(path, problems, load=load)

@@ -4,7 +4,7 @@ import math
 
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.bench_rig_file import Encoder as EncoderScale
-from rig.config.bench_wiring import BenchWiring, EncoderWord, LoadCell, SerialPort, ServoDrive
+from rig.config.bench_wiring import BenchWiring, EncoderChannel, LoadCell, SerialPort, ServoDrive
 from rig.config.bench_wiring import EncoderBridge as BridgeWiring
 from rig.execution.rehearsal.emulator_process import serial_line
 from rig.kinds.oswec_bench.signals import VELOCITY
@@ -53,7 +53,7 @@ def bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -> Encod
     return EncoderBridge(_line(wiring), angles, *ends, BridgeSettings(rate=0.0))
 
 
-def _encoder(word: EncoderWord, scale: EncoderScale) -> Encoder:
+def _encoder(word: EncoderChannel, scale: EncoderScale) -> Encoder:
     bits = (scale.counts_per_revolution - 1).bit_length()
     return Encoder(EncoderSettings(int(word.protocol.removeprefix("SSI")), bits))
 

@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rig.config.problems import Problem, number_text, shown
+from rig.config.problems import Problem, display_path, format_number
 from rig.config.pydantic_errors import problems_from
-from rig.config.session_kinds import SESSIONS
+from rig.config.session_kinds import SESSION_KINDS
 from rig.config.yaml_source import KeyPath
 from rig.planning.session.files import Pieces, Session
 from rig.planning.session.flume import as_mapping, seas
@@ -41,7 +41,7 @@ def _wrong_flap(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
     if pieces.file is None or pieces.plant is None:
         return
     kind = pieces.file.session
-    wanted = SESSIONS[kind].flap
+    wanted = SESSION_KINDS[kind].flap_coupling
     if not wanted:
         return
     found = ""
@@ -57,7 +57,7 @@ def _wrong_flap(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
         yield pieces.session.locate.problem(
             ("session",),
             kind,
-            f"the simulated plant {words[found]} ({shown(pieces.plant.locate.path)}); a session "
+            f"the simulated plant {words[found]} ({display_path(pieces.plant.locate.path)}); a session "
             f"{kind} needs a flap with its rigid coupling {coupling}",
         )
 
@@ -84,6 +84,6 @@ def _mismatches(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
             yield pieces.rig.locate.problem(
                 name,
                 ours,
-                f"{number_text(ours)} is not the simulated bench's {number_text(theirs)} "
-                f"({shown(place.path)}:{place.line}); the two must agree",
+                f"{format_number(ours)} is not the simulated bench's {format_number(theirs)} "
+                f"({display_path(place.path)}:{place.line}); the two must agree",
             )

@@ -12,22 +12,22 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from rig.config.campaign_file import CampaignFile, Law
-from rig.config.hoist import TURN_S
-from rig.config.problems import Problem, number_text, shown
+from rig.config.campaign_file import CampaignFile, HeaveLawSettings
+from rig.config.hoist import TURNAROUND_S
+from rig.config.problems import Problem, display_path, format_number
 from rig.config.pydantic_errors import problems_from
 from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
 from rig.execution.rehearsal.devices import build_sea
 from rig.kinds.wavebot.build import estimator_params, zc_sections
-from rig.planning.campaign.designed_sea import DesignedSea, designed
+from rig.planning.campaign.designed_sea import DesignedSea, design_sea
 from rig.planning.campaign.elevation import Elevation
 from rig.planning.campaign.files import Campaign
-from rig.planning.campaign.input_files import Source
-from rig.planning.campaign.pieces import Pieces
-from rig.planning.campaign.reference import ticks_of
-from rig.regular_file import TABLE_MOST, open_regular
+from rig.planning.campaign.input_files import ConfigSource
+from rig.planning.campaign.pieces import CampaignParts
+from rig.planning.campaign.reference import repeat_ticks
+from rig.regular_file import MAX_TABLE_BYTES, open_regular
 from sim_plant import waves
 from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
@@ -55,7 +55,7 @@ def devices_of(campaign: Campaign) -> dict[str, Any]:
     """What `connect` needs to stand in for the hardware of a campaign, as JSON values."""
     return {
         "plant": plant_of(campaign),
-        "bem": str(campaign.plant_locate.file(("bem",), campaign.plant["bem"])),
+        "bem": str(campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])),
         "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
@@ -67,7 +67,7 @@ def _hoist_of(file: CampaignFile) -> dict[str, Any]:
     """What moves the simulated body in place of a person at a chain hoist."""
     if file.hoist is None:
         return {}
-    return {"hoist": file.hoist.model_dump(mode="json") | {"turn_s": TURN_S}}
+    return {"hoist": file.hoist.model_dump(mode="json") | {"turn_s": TURNAROUND_S}}
 
 
 def plant_of(campaign: Campaign) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def asked_sea(campaign: Campaign) -> dict[str, Any]:
     }
 
 
-def problems(pieces: Pieces) -> tuple[Problem, ...]:
+def problems(pieces: CampaignParts) -> tuple[Problem, ...]:
     """What would keep the loop or the simulated plant from starting: everything is built once."""
     found = [*_estimator(pieces), *_laws(pieces)]
     bem = None
@@ -117,22 +117,22 @@ def problems(pieces: Pieces) -> tuple[Problem, ...]:
     return (*found, *_sea(pieces, bem))
 
 
-def _estimator(pieces: Pieces) -> Iterator[Problem]:
+def _estimator(pieces: CampaignParts) -> Iterator[Problem]:
     if pieces.rig is None or pieces.heave is None:
         return
     try:
         estimator_params(pieces.heave, 1.0 / (pieces.rate_hz or _ANY_RATE))
     except ValueError as error:
         value = pieces.heave.jerk_density_m2_per_s5
-        message = f"{number_text(value)}: {error}"
+        message = f"{format_number(value)}: {error}"
         yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
 
 
-def _laws(pieces: Pieces) -> Iterator[Problem]:
+def _laws(pieces: CampaignParts) -> Iterator[Problem]:
     """What the law and the reference of the campaign lack; their keys' own rules are told there."""
     campaign, rate = pieces.campaign, pieces.rate_hz or _ANY_RATE
     with suppress(ValidationError):
-        law = Law.model_validate(campaign.mapping.get("law", {}), strict=True)
+        law = HeaveLawSettings.model_validate(campaign.mapping.get("law", {}), strict=True)
         try:
             zc_sections(law, 1.0 / rate)
         except ValueError as error:
@@ -141,26 +141,26 @@ def _laws(pieces: Pieces) -> Iterator[Problem]:
         reference = _REFERENCE.validate_python(campaign.mapping.get("reference"), strict=True)
         try:
             if reference is not None:
-                ticks_of(reference, rate)
+                repeat_ticks(reference, rate)
         except ValueError as error:
             yield campaign.locate.problem(("reference",), None, str(error))
 
 
-def _plant(source: Source) -> tuple[Plant | None, tuple[Problem, ...]]:
+def _plant(source: ConfigSource) -> tuple[Plant | None, tuple[Problem, ...]]:
     try:
         return Plant.model_validate(source.mapping), ()
     except ValidationError as error:
         return None, problems_from(error, source.locate, Plant)
 
 
-def _bem(source: Source, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
+def _bem(source: ConfigSource, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
     """One of the plant's BEM files; that of surge lies beside that of heave."""
     name, heave = _named(source, key), _named(source, ("bem",))
     if name is None or heave is None:
         return None, ()  # the plant's own problem
-    path = source.locate.file(("bem",), heave).with_name(name)
+    path = source.locate.resolve_path(("bem",), heave).with_name(name)
     try:
-        with open_regular(path, TABLE_MOST) as file:
+        with open_regular(path, MAX_TABLE_BYTES) as file:
             if path.suffix == ".npz":
                 zipfile.ZipFile(file).close()  # numpy leaves a file open that is no archive
         return read_bem(path), ()
@@ -169,7 +169,7 @@ def _bem(source: Source, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]
         return None, (source.locate.problem(key, name, message),)
 
 
-def _named(source: Source, key: KeyPath) -> str | None:
+def _named(source: ConfigSource, key: KeyPath) -> str | None:
     """The file name at a key of the plant's file."""
     value: Any = source.mapping
     for part in key:
@@ -178,7 +178,7 @@ def _named(source: Source, key: KeyPath) -> str | None:
 
 
 def _world(
-    pieces: Pieces, plant: Plant, bem: tuple[Bem, Bem], source: Source
+    pieces: CampaignParts, plant: Plant, bem: tuple[Bem, Bem], source: ConfigSource
 ) -> tuple[Problem, ...]:
     dt = 1.0 / (pieces.rate_hz or _ANY_RATE)
     try:
@@ -188,7 +188,7 @@ def _world(
     return ()
 
 
-def _mismatches(pieces: Pieces, plant: Plant, source: Source) -> Iterator[Problem]:
+def _mismatches(pieces: CampaignParts, plant: Plant, source: ConfigSource) -> Iterator[Problem]:
     """Scales that the rig and the plant must share, or commands and counts mean other things."""
     if pieces.rig is None or pieces.heave is None:
         return
@@ -200,12 +200,12 @@ def _mismatches(pieces: Pieces, plant: Plant, source: Source) -> Iterator[Proble
             yield pieces.rig.locate.problem(
                 ("heave", name),
                 ours,
-                f"{number_text(ours)} is not the simulated plant's {number_text(theirs)} "
-                f"({shown(place.path)}:{place.line}); the two must agree",
+                f"{format_number(ours)} is not the simulated plant's {format_number(theirs)} "
+                f"({display_path(place.path)}:{place.line}); the two must agree",
             )
 
 
-def _sea(pieces: Pieces, bem: Bem | None) -> Iterator[Problem]:
+def _sea(pieces: CampaignParts, bem: Bem | None) -> Iterator[Problem]:
     sea, locate = pieces.sea, pieces.campaign.locate
     if sea is None or (sea.kind == "recorded" and pieces.elevation is None):
         return
@@ -263,7 +263,7 @@ def _sea_of(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, An
             "seed": seed,
         }
     if isinstance(sea, DesignedSea):
-        lines = designed(sea, seed)
+        lines = design_sea(sea, seed)
         return {
             "kind": "components",
             "repeat_s": lines.repeat,

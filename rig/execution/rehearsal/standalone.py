@@ -27,14 +27,16 @@ def alone(path: Path) -> Alone:
     The WaveBot's are in calm water; the bench's servo is set up for velocity, its shaft is free.
     """
     rig, locate = load_rig(path)
-    plant, there = load_mapping(locate.file(("plant",), rig.plant), locate(("plant",)), "plant")
+    plant, there = load_mapping(
+        locate.resolve_path(("plant",), rig.plant), locate(("plant",)), "plant"
+    )
     if isinstance(rig, BenchRigFile):
         validate(plant, there, BenchPlant)
         return Alone(rig, emulated_bench(rig, plant, 0, "velocity", 0))
     validate(plant, there, Plant)
     devices: dict[str, Any] = {
         "plant": plant,
-        "bem": str(there.file(("bem",), plant["bem"])),
+        "bem": str(there.resolve_path(("bem",), plant["bem"])),
         "sea": {"kind": "calm"},
         "seed": 0,
         "device": "present",

@@ -16,7 +16,7 @@ from rig.identification.twin.hull import Hull, hull
 from rig.identification.twin.records import Record, read
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import Facts, facts
-from rig.regular_file import TABLE_MOST, open_regular, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 GUIDE = 20.0
 """N, engineering choice: dry friction that waves may add by pressing the guide sideways, where no
@@ -112,7 +112,7 @@ def _template(known: Facts, plant: Path | None) -> Template:
         if not plant.is_file():
             raise RunError(f"{known.run}: its plant file {plant} is not there; give --plant FILE")
     mapping, locate = load_mapping(plant)
-    bem = locate.file(("bem",), mapping["bem"])
+    bem = locate.resolve_path(("bem",), mapping["bem"])
     return Template(plant, mapping, bem, bem.with_name(mapping["surge"]["bem"]))
 
 
@@ -131,9 +131,9 @@ def _coefficient(
     notes: list[str],
 ) -> seas.Coefficient:
     """Excitation by frequency: identified where there are wave calibrations, else BEM."""
-    with open_regular(template.heave_bem, TABLE_MOST) as opened, np.load(opened) as file:
+    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as opened, np.load(opened) as file:
         frequency, force = np.array(file["f_hz"]), np.array(file["Fe_complex"])
-    digest = hashlib.sha256(read_regular(template.heave_bem, TABLE_MOST)).hexdigest()[:12]
+    digest = hashlib.sha256(read_regular(template.heave_bem, MAX_TABLE_BYTES)).hexdigest()[:12]
     bem = seas.Coefficient(frequency, force, f"BEM {template.heave_bem.name} (sha256 {digest})")
     if not calibrated:
         return bem

@@ -19,7 +19,7 @@ from ruamel.yaml.comments import CommentedMap
 from rig.identification.twin import drivetrain, electrics, seas
 from rig.identification.twin.estimate import Template, Twin
 from rig.identification.twin.group import Group
-from rig.regular_file import TABLE_MOST, open_regular, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS = "plant.yaml", "heave_bem.npz", "surge_bem.npz", "twin.json"
 FOLDER = "twin"  # in that of the run
@@ -171,7 +171,7 @@ def identified_up_to(plant: Path) -> dict[str, tuple[float, float]]:
     damaged file.
     """
     try:
-        told = json.loads(read_regular(plant.with_name(NUMBERS), TABLE_MOST))["amplitudes"]
+        told = json.loads(read_regular(plant.with_name(NUMBERS), MAX_TABLE_BYTES))["amplitudes"]
     except (FileNotFoundError, KeyError):
         return {}
     return {name: (float(least), float(greatest)) for name, (least, greatest) in told.items()}
@@ -183,7 +183,7 @@ def _write_bem(template: Template, twin: Twin, path: Path) -> None:
     Whoever reads the file goes straight between its frequencies, and so is added mass and damping
     put on those that are new: they stay what they were.
     """
-    with open_regular(template.heave_bem, TABLE_MOST) as opened, np.load(opened) as file:
+    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as opened, np.load(opened) as file:
         fields = {name: file[name] for name in file.files}
     was, on = fields["f_hz"], twin.coefficient.frequency
     for name in ("omega", "A", "B"):

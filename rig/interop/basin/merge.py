@@ -18,7 +18,7 @@ from rig.interop.basin.resample import cubic
 from rig.interop.basin.sync import Edge, computed, phase_track, rising_edge
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import facts
-from rig.regular_file import RECORD_MOST, read_regular
+from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 TTL = ("ttltrigger", "ttl", "trigger")
 SINE = ("sinesignal", "syncsine", "sine")
@@ -196,7 +196,7 @@ def as_json(merged: Merged) -> list[dict[str, Any]]:
             {
                 "name": source.name,
                 "file": source.path.name,
-                "sha256": hashlib.sha256(read_regular(source.path, RECORD_MOST)).hexdigest(),
+                "sha256": hashlib.sha256(read_regular(source.path, MAX_RECORD_BYTES)).hexdigest(),
                 "rate_hz": record.rate,
                 "samples": len(record.time),
                 "run_time_s": [float(t) for t in clock.to_run(ends)],

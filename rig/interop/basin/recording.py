@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.config.problems import ConfigError, Problem, shown
-from rig.regular_file import RECORD_MOST, read_regular
+from rig.config.problems import ConfigError, Problem, display_path
+from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 Floats = npt.NDArray[np.float64]
 
@@ -49,10 +49,10 @@ def read_recording(path: Path, wanted: Sequence[str] | None = None) -> Recording
     """
     path = Path(path)
     try:
-        text = read_regular(path, RECORD_MOST).decode("latin-1").removeprefix("\ufeff")
+        text = read_regular(path, MAX_RECORD_BYTES).decode("latin-1").removeprefix("\ufeff")
         lines = text.splitlines()
     except OSError as error:
-        message = f"cannot read {shown(path)}: {error.strerror or type(error).__name__}"
+        message = f"cannot read {display_path(path)}: {error.strerror or type(error).__name__}"
         raise refused(path, 1, "", message) from None
     read = _twe if path.suffix.lower() == ".twe" else _csv
     names, rows = read(path, lines)
@@ -61,7 +61,7 @@ def read_recording(path: Path, wanted: Sequence[str] | None = None) -> Recording
 
 def refused(path: Path, line: int, key: str, message: str) -> ConfigError:
     """One problem of a record; ``line`` from 1."""
-    return ConfigError([Problem(shown(path), line, key, None, message)])
+    return ConfigError([Problem(display_path(path), line, key, None, message)])
 
 
 Rows = Iterator[tuple[int, list[str]]]

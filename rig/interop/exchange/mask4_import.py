@@ -24,7 +24,7 @@ from rig.recording.mcap_writer import RowWriter
 from rig.recording.runs import create
 from rig.recording.runs.folder import CONFIG, MCAP, STATUS
 from rig.recording.runs.mcap_file import Records, row_dtype
-from rig.regular_file import RECORD_MOST, read_regular
+from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 Zeros = Literal["window", "run", "none"]
 
@@ -82,7 +82,7 @@ def write_run(signals: Signals, path: Path, runs: Path, said: FileDescription) -
     folder = create.make(runs, said.name, said.started)
     source = {
         "file": path.name,
-        "sha256": hashlib.sha256(read_regular(path, RECORD_MOST)).hexdigest(),
+        "sha256": hashlib.sha256(read_regular(path, MAX_RECORD_BYTES)).hexdigest(),
         "zeros": said.zeros,
         "timing": said.timing._asdict() if said.timing else "labels of the file",
         "remarks": remarks,

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.config.problems import ConfigError, Problem, shown
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.interop.exchange.mask4_fields import ELSEWHERE, FIELDS, NEEDED, Field
 from rig.interop.legacy import matlab
 
@@ -79,4 +79,4 @@ def _on_time(field: Field, found: dict[str, Any], time: Floats) -> tuple[Floats,
 
 
 def _refused(path: Path, messages: list[str]) -> ConfigError:
-    return ConfigError(Problem(shown(path), 1, "", None, message) for message in messages)
+    return ConfigError(Problem(display_path(path), 1, "", None, message) for message in messages)

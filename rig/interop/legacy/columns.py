@@ -8,7 +8,7 @@ import difflib
 import re
 from typing import NamedTuple
 
-from rig.config.problems import Problem, value_text
+from rig.config.problems import Problem, format_value
 from rig.interop.legacy.table import SKIPPED, Row, Table
 
 SPRING, KP, KI = "spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m"
@@ -129,7 +129,7 @@ def _name(word: str, known: tuple[Column, ...]) -> tuple[str, str]:
     names = [column.legacy for column in known]
     near = difflib.get_close_matches(bare, names, n=1, cutoff=0.6)
     nearest = f"did you mean {near[0]}?" if near else f"known are {', '.join(names)}"
-    said = f"{value_text(word)} is no known column" if word else "a column without a name"
+    said = f"{format_value(word)} is no known column" if word else "a column without a name"
     return "", f"{said}; {nearest}"
 
 

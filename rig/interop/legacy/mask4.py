@@ -7,7 +7,7 @@ recognised and reported. None of them is ever among the rows that are commanded.
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.problems import ConfigError, Problem, lines_text, number_text
+from rig.config.problems import ConfigError, Problem, format_line_numbers, format_number
 from rig.interop.legacy import mask4_rows
 from rig.interop.legacy.columns import KP, MASK4, NEEDED, SPRING, by_header, by_list
 from rig.interop.legacy.mask4_rows import Found, UnknownLeadError, Values
@@ -110,7 +110,7 @@ def _remarks(
     said = []
     for i in found.undoubled:
         said.append(
-            f"line {lines[i]}: the spring rate changes to {number_text(values[i][spring])} N/m and "
+            f"line {lines[i]}: the spring rate changes to {format_number(values[i][spring])} N/m and "
             "the row stands only once: there was no time for the stator to move"
         )
     for i in found.repeated:
@@ -119,7 +119,7 @@ def _remarks(
         said.append("no end mark (Kp = -999): the old scripts took data to the end of the file")
     if found.after:
         after = [lines[i] for i in found.after]
-        which = lines_text(after)
+        which = format_line_numbers(after)
         said.append(f"rows after the end mark: {len(after)} ({which}), never reached, left out")
     driving = [lines[i] for i in found.rows if values[i][kp] > 0.0]
     if driving:

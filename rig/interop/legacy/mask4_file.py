@@ -3,7 +3,7 @@
 import csv
 from pathlib import Path
 
-from rig.config.problems import ConfigError, Problem, shown
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.interop.legacy.columns import KI, KP, MASK4, NEEDED, SPRING
 from rig.interop.legacy.mask4_rows import Values, wrapped
 from rig.interop.legacy.matrix import Matrix, plain, problems
@@ -23,11 +23,11 @@ def write(path: Path, matrix: Matrix, *, header: bool = True) -> int:
     path = Path(path)
     wrong = problems(matrix, path=path)
     if not matrix.rows:
-        wrong.append(Problem(shown(path), 1, "", None, "no row to write"))
+        wrong.append(Problem(display_path(path), 1, "", None, "no row to write"))
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
         message = f"{path.suffix!r} is not written; allowed {', '.join(SUFFIXES)}"
-        wrong.append(Problem(shown(path), 1, "", None, message))
+        wrong.append(Problem(display_path(path), 1, "", None, message))
     if wrong:
         raise ConfigError(wrong)
     order = (KP, KI, SPRING, *(name for name in matrix.columns if name not in NEEDED))

@@ -13,7 +13,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.regular_file import RECORD_MOST, open_regular
+from rig.regular_file import MAX_RECORD_BYTES, open_regular
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -46,7 +46,7 @@ def signals(path: Path) -> "dict[str, npt.NDArray[Any]]":
     """
     import numpy as np  # noqa: PLC0415 - tables of text need none
 
-    with open_regular(path, RECORD_MOST) as file:  # the child has this very file
+    with open_regular(path, MAX_RECORD_BYTES) as file:  # the child has this very file
         made = _apart([_SIGNALS, f"/proc/{os.getpid()}/fd/{file.fileno()}"], b"", 60.0 * _MINUTES)
     with np.load(io.BytesIO(made), allow_pickle=False) as found:
         return {str(name): found[name] for name in found.files}

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from rig.config.columns import END_MARK
 from rig.config.matrix import Combination
-from rig.config.problems import ConfigError, Problem, number_text, shown
-from rig.config.ranges import allowed
+from rig.config.problems import ConfigError, Problem, display_path, format_number
+from rig.config.ranges import allowed_values
 from rig.interop.legacy.columns import KI, KP, MASK4, NEEDED, SPRING, by_header
 from rig.interop.legacy.table import Table, numbers, read_table
 
@@ -49,21 +49,23 @@ def problems(matrix: Matrix, place: Place | None = None, path: Path | None = Non
                 line, column = place.lines[i], place.positions[j]
                 found.append(place.table.problem(line, column, name, value, message))
             else:
-                found.append(Problem(shown(path or Path("matrix")), i + 1, name, value, message))
+                found.append(
+                    Problem(display_path(path or Path("matrix")), i + 1, name, value, message)
+                )
     return found
 
 
 def _refusal(name: str, value: float) -> str:
     if not math.isfinite(value):
-        return f"{number_text(value)} is not a finite number"
+        return f"{format_number(value)} is not a finite number"
     if name == KP and value == END_MARK:
         return "-999 ends a matrix and is never a gain"
     if name == "discharge_level" and value not in range(16):
-        return f"{number_text(value)} is out of range; allowed a 4-bit mask, whole 0 .. 15"
-    known = allowed(Combination, (name,))
-    if known is not None and not known.holds(value):
+        return f"{format_number(value)} is out of range; allowed a 4-bit mask, whole 0 .. 15"
+    known = allowed_values(Combination, (name,))
+    if known is not None and not known.contains(value):
         reason = f" ({known.reason()})" if known.reason() else ""
-        return f"{number_text(value)} is out of range; allowed {known.description(name)}{reason}"
+        return f"{format_number(value)} is out of range; allowed {known.description(name)}{reason}"
     return ""
 
 

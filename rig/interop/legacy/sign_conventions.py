@@ -17,7 +17,7 @@ where Kt' is the torque constant the controller divided by and Kt the true one.
 import math
 from typing import Literal, NamedTuple
 
-from rig.config.problems import ConfigError, Problem, number_text, shown
+from rig.config.problems import ConfigError, Problem, display_path, format_number
 from rig.interop.legacy.columns import KI, KP, SPRING
 from rig.interop.legacy.matrix import Matrix, problems
 from rig.interop.legacy.stepped import Stepped, cell_column
@@ -41,9 +41,9 @@ class Statement(NamedTuple):
     def description(self) -> str:
         """The statement in a line, as it is written into what comes of it."""
         said = (
-            f"lever {number_text(self.lever)} m, gear {number_text(self.gear)}, positive damping "
+            f"lever {format_number(self.lever)} m, gear {format_number(self.gear)}, positive damping "
             f"{self.positive_damping}, torque constant true/used "
-            f"{number_text(self.torque_constant_ratio)}, spring {number_text(self.spring_rate)} N/m"
+            f"{format_number(self.torque_constant_ratio)}, spring {format_number(self.spring_rate)} N/m"
         )
         return f"{said}, {self.flap} flap" if self.flap else said
 
@@ -79,7 +79,7 @@ def converted(found: Stepped, said: Statement) -> Matrix:
             cell_column(found, name),
             name,
             found.rows[i][found.columns.index(name)],
-            f"{number_text(found.rows[i][found.columns.index(name)])} acts from one flap on the "
+            f"{format_number(found.rows[i][found.columns.index(name)])} acts from one flap on the "
             "other; F = Kp v + Ki x of one axis has no place for it",
         )
         for i in found.active
@@ -106,14 +106,14 @@ def _gains_of(style: str, flap: str | None) -> tuple[str, str]:
 
 
 def _senseless(found: Stepped, said: Statement) -> list[Problem]:
-    file, wrong = shown(found.path), []
+    file, wrong = display_path(found.path), []
     for name, value in (
         ("lever", said.lever),
         ("gear", said.gear),
         ("torque constant ratio", said.torque_constant_ratio),
     ):
         if not (math.isfinite(value) and value > 0.0):
-            message = f"{number_text(value)} is out of range; allowed above 0"
+            message = f"{format_number(value)} is out of range; allowed above 0"
             wrong.append(Problem(file, 1, name, value, message))
     if found.style == "foswec" and said.flap not in FLAPS:
         message = f"{said.flap} is not known; allowed {', '.join(FLAPS)}"
@@ -128,11 +128,11 @@ def _refused(found: Stepped, matrix: Matrix, names: tuple[str, str]) -> list[Pro
     for problem in problems(matrix):
         name = source.get(problem.key, "")
         if not name:
-            told.append(problem._replace(file=shown(found.path)))
+            told.append(problem._replace(file=display_path(found.path)))
             continue
         index = found.active[problem.line - 1]
         value = found.rows[index][found.columns.index(name)]
-        message = f"{number_text(value)} becomes {problem.key} {problem.message}"
+        message = f"{format_number(value)} becomes {problem.key} {problem.message}"
         column = cell_column(found, name)
         told.append(found.table.problem(found.lines[index], column, name, value, message))
     return told

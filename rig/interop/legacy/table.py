@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
-from rig.config.problems import ConfigError, Problem, shown, value_text
+from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.interop.legacy import matlab
-from rig.regular_file import TABLE_MOST, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 MOST_ROWS = 10_000
 MOST_COLUMNS = 100
@@ -45,7 +45,7 @@ class Table(NamedTuple):
 
     def problem(self, line: int, column: int, name: str, value: object, message: str) -> Problem:
         """A problem of a cell; ``column`` from 1, 0 for the whole row."""
-        return Problem(shown(self.path), line, name, value, message, column)
+        return Problem(display_path(self.path), line, name, value, message, column)
 
 
 def read_table(path: Path, sheet: str | None = None, variable: str | None = None) -> Table:
@@ -62,7 +62,7 @@ def read_table(path: Path, sheet: str | None = None, variable: str | None = None
         if given is not None and kind != of:
             raise _refused(path, f"a {name} is named, but only {of} files have one")
     try:
-        data = read_regular(path, TABLE_MOST)
+        data = read_regular(path, MAX_TABLE_BYTES)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise _refused(path, f"cannot be read: {reason}") from None
@@ -122,14 +122,14 @@ def wrong(cell: object) -> str:
     if cell is None:
         return "blank; allowed a number (a formula that was never calculated is blank too)"
     if not isinstance(cell, float):
-        return f"{value_text(cell)} is not a number"
+        return f"{format_value(cell)} is not a number"
     if not math.isfinite(cell):
-        return f"{value_text(cell)} is not a finite number"
+        return f"{format_value(cell)} is not a finite number"
     return ""
 
 
 def _refused(path: Path, message: str) -> ConfigError:
-    return ConfigError([Problem(shown(path), 1, "", None, message)])
+    return ConfigError([Problem(display_path(path), 1, "", None, message)])
 
 
 def _bounded(path: Path, rows: Iterable[Row]) -> list[Row]:
@@ -154,7 +154,7 @@ def _text(path: Path, data: bytes) -> list[Row]:
         for mark, name in ((";", "semicolons"), ("\t", "tabs")):
             if mark in line and "," not in line:
                 message = f"the cells are separated by {name}; allowed commas"
-                raise ConfigError([Problem(shown(path), number, "", line, message)])
+                raise ConfigError([Problem(display_path(path), number, "", line, message)])
     reader = csv.reader(io.StringIO("\n".join(lines)), skipinitialspace=True)
     try:
         return _bounded(
@@ -166,7 +166,9 @@ def _text(path: Path, data: bytes) -> list[Row]:
             ),
         )
     except csv.Error as error:
-        raise ConfigError([Problem(shown(path), reader.line_num, "", None, str(error))]) from None
+        raise ConfigError(
+            [Problem(display_path(path), reader.line_num, "", None, str(error))]
+        ) from None
 
 
 def _cell(text: str) -> object:

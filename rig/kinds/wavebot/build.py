@@ -15,7 +15,7 @@ from controllers import (
 )
 from controllers.biquads import Biquad
 from controllers.signals import Modulation
-from rig.config.campaign_file import CampaignFile, Law
+from rig.config.campaign_file import CampaignFile, HeaveLawSettings
 from rig.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.config.reference import MultisineReference
 from rig.config.rig_file import Axis, RigFile, Stop
@@ -24,7 +24,7 @@ from rig.design.impedance import design as design_zc
 from rig.kinds import wavebot
 from rig.kinds.wavebot import stations
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
-from rig.planning.campaign.reference import Record, table
+from rig.planning.campaign.reference import ReferenceRecord, force_table
 from rig.planning.campaign.set_points import drive_settings
 from rig.realtime import average, axis, cycle, limits, safety
 from rig.realtime.sequence import Segments
@@ -65,7 +65,7 @@ def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     return _designed(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
 
 
-def zc_sections(law: Law, dt: float) -> tuple[Biquad, ...]:
+def zc_sections(law: HeaveLawSettings, dt: float) -> tuple[Biquad, ...]:
     """Z_c(s) of the heave law as sections for a period ``dt`` (s); ValueError if impossible."""
     zc = law.zc
     return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
@@ -75,7 +75,7 @@ def reference_table(
     campaign: CampaignFile,
     rig: RigFile,
     realisations: Sequence[int] = (1,),
-    record: Record | None = None,
+    record: ReferenceRecord | None = None,
 ) -> tuple[float, ...]:
     """A repeat period of the open-loop force of each realisation (N, a tick each).
 
@@ -84,7 +84,7 @@ def reference_table(
     reference = campaign.reference
     motor = rig.surge if reference is not None and reference.axis == "surge" else rig.heave
     scale = newtons_per_ampere(motor)
-    return table(reference, scale, rig.rate_hz, campaign.seed, realisations, record)
+    return force_table(reference, scale, rig.rate_hz, campaign.seed, realisations, record)
 
 
 def realisations_of(numbers: Iterable[float]) -> tuple[int, ...]:
@@ -106,7 +106,7 @@ def wavebot_params(
     bounds: LimitsFile,
     segments: Segments,
     setpoints: wavebot.Setpoints,
-    record: Record | None = None,
+    record: ReferenceRecord | None = None,
 ) -> cycle.Params:
     """Everything the cycle of a WaveBot needs, designed estimators included."""
     dt = 1.0 / rig.rate_hz
@@ -195,7 +195,7 @@ def _stations(
     campaign: CampaignFile, rig: RigFile, bounds: PowerLimits, dt: float
 ) -> stations.Params:
     return stations.Params(
-        absorbs=1 if campaign.only_gains else 0,
+        absorbs=1 if campaign.uses_gains_only else 0,
         newest=average.share(bounds.time_s, dt),
         fed_stop=bounds.fed_stop_w,
         motor_stop=bounds.motor_difference_stop_w,

@@ -1,34 +1,34 @@
-"""Campaigns: from the file a person writes to the table the loop walks.
+"""Campaigns: the campaign file becomes the table of segments that the loop executes.
 
-Runs in the supervisor only; the loop gets the finished `Plan`.
+The supervisor alone runs this package; the loop receives the finished `Plan`.
 """
 
-from rig.planning.campaign.check import Report, check
+from rig.planning.campaign.check import CheckReport, check_campaign
 from rig.planning.campaign.elevation import Elevation, read_elevation
 from rig.planning.campaign.files import Campaign, open_campaign
-from rig.planning.campaign.input_files import ReadFile
-from rig.planning.campaign.pieces import Pieces
-from rig.planning.campaign.plan import CampaignRow, PhaseSeconds, Plan, plan
+from rig.planning.campaign.input_files import InputFile
+from rig.planning.campaign.pieces import CampaignParts
+from rig.planning.campaign.plan import CampaignRow, PhaseSeconds, Plan, build_plan
 from rig.planning.campaign.point import Point
-from rig.planning.campaign.resolved import resolved
-from rig.planning.campaign.windows import WindowError, Windows, windows
+from rig.planning.campaign.resolved import resolved_config
+from rig.planning.campaign.windows import RowWindows, WindowError, row_windows
 
 __all__ = [
     "Campaign",
+    "CampaignParts",
     "CampaignRow",
+    "CheckReport",
     "Elevation",
+    "InputFile",
     "PhaseSeconds",
-    "Pieces",
     "Plan",
     "Point",
-    "ReadFile",
-    "Report",
+    "RowWindows",
     "WindowError",
-    "Windows",
-    "check",
+    "build_plan",
+    "check_campaign",
     "open_campaign",
-    "plan",
     "read_elevation",
-    "resolved",
-    "windows",
+    "resolved_config",
+    "row_windows",
 ]

@@ -1,16 +1,19 @@
-"""Pink and multisine seas as the lines they ask of a wave maker."""
+"""Pink and multisine seas as the spectral lines for a wave maker."""
 
-from rig.config.problems import Problem, number_text
+from rig.config.problems import Problem, format_number
 from rig.config.sea import AnySea, MultisineSea, PinkSea
-from rig.config.yaml_source import Locate
-from rig.planning.campaign.multisine import Multisine, design, peak
+from rig.config.yaml_source import SourceMap
+from rig.planning.campaign.multisine import Multisine, design_multisine, peak
 
 DesignedSea = PinkSea | MultisineSea
 
 
-def designed(sea: DesignedSea, seed: int) -> Multisine:
-    """The lines of a sea, m; ``seed`` where it has none of its own. Hm0 is exact."""
-    return design(
+def design_sea(sea: DesignedSea, seed: int) -> Multisine:
+    """Return the lines of a sea, with amplitudes in m and an exact Hm0.
+
+    ``seed`` is used if the sea has no seed of its own.
+    """
+    return design_multisine(
         sea.low_hz,
         sea.high_hz,
         sea.repeat_s,
@@ -22,15 +25,15 @@ def designed(sea: DesignedSea, seed: int) -> Multisine:
     )
 
 
-def too_large(sea: AnySea, seed: int, locate: Locate) -> tuple[Problem, ...]:
-    """A problem if the elevation of a designed sea goes beyond its ``largest_m``."""
+def largest_elevation_problems(sea: AnySea, seed: int, locate: SourceMap) -> tuple[Problem, ...]:
+    """Return a problem if the elevation of a designed sea exceeds its ``largest_m``."""
     if not isinstance(sea, DesignedSea) or sea.largest_m is None:
         return ()
-    found = peak(designed(sea, seed))
-    if found <= sea.largest_m:
+    largest = peak(design_sea(sea, seed))
+    if largest <= sea.largest_m:
         return ()
     message = (
-        f"the elevation reaches {found:.4g} m, more than {number_text(sea.largest_m)} m; "
+        f"the elevation reaches {largest:.4g} m, more than {format_number(sea.largest_m)} m; "
         "allowed is a smaller height, another realisation, or a larger largest_m"
     )
     return (locate.problem(("sea", "largest_m"), sea.largest_m, message),)

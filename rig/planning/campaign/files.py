@@ -1,4 +1,4 @@
-"""Opening a campaign: every file it stands on, every problem in them at once."""
+"""Opening of a campaign: all its input files are read, and all their problems are reported."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -11,68 +11,78 @@ from rig.config.pydantic_errors import validate
 from rig.config.reference import AnyReference, RecordedReference
 from rig.config.rig_file import RigFile
 from rig.config.sea import AnySea, RecordedSea
-from rig.config.yaml_source import Locate, load_mapping
-from rig.planning.campaign.designed_sea import too_large
+from rig.config.yaml_source import SourceMap, load_mapping
+from rig.planning.campaign.designed_sea import largest_elevation_problems
 from rig.planning.campaign.elevation import Elevation, read_elevation
 from rig.planning.campaign.input_files import (
-    Load,
-    ReadFile,
-    Source,
-    in_order,
-    named_source,
-    read_file,
-    read_files,
+    ConfigSource,
+    InputFile,
+    MappingLoader,
+    hash_input_file,
+    hash_input_files,
+    load_named_source,
+    sort_problems,
 )
-from rig.planning.campaign.order import turns
-from rig.planning.campaign.pieces import Pieces, pieces, sea_of
-from rig.planning.campaign.point import MOST_ROWS, Point
-from rig.planning.campaign.points import count, hoisted, outside_map, points, stator_positions
-from rig.planning.campaign.reference import Record, read_record, unplayable
-from rig.planning.campaign.set_points import foreign_to_drive
-from rig.planning.campaign.stability import unstable, unstable_set_point
-from rig.planning.campaign.windows import WindowError, calibration, windows
+from rig.planning.campaign.order import order_points
+from rig.planning.campaign.pieces import CampaignParts, valid_parts, valid_sea
+from rig.planning.campaign.point import MAX_ROWS, Point
+from rig.planning.campaign.points import (
+    count_points,
+    hoist_points,
+    matrix_points,
+    spring_map_problems,
+    stator_positions,
+)
+from rig.planning.campaign.reference import (
+    ReferenceRecord,
+    read_reference_record,
+    realisation_problems,
+)
+from rig.planning.campaign.set_points import drive_setting_problems
+from rig.planning.campaign.stability import set_point_stability_problems, stability_problems
+from rig.planning.campaign.windows import WindowError, calibration_window, row_windows
 
 T = TypeVar("T")
 
-_OWN = ("rig", "sea", "matrix")  # keys without which a file is not even a broken campaign
+_CAMPAIGN_KEYS = ("rig", "sea", "matrix")  # a file without any of them is not a campaign at all
 
 
 class Campaign(NamedTuple):
-    """A campaign whose files passed every check that needs no plant."""
+    """A campaign whose files passed all checks that need no simulated plant."""
 
     file: CampaignFile
-    locate: Locate  # where each value of the campaign file stands
+    locate: SourceMap  # of the campaign file
     rig: RigFile
-    rig_locate: Locate  # where each value of the rig file stands
+    rig_locate: SourceMap  # of the rig file
     limits: LimitsFile
-    plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
-    plant_locate: Locate  # where each value of the plant file stands
-    points: tuple[Point, ...]  # none without the device
+    plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
+    plant_locate: SourceMap  # of the plant file
+    points: tuple[Point, ...]  # empty without the device
     elevation: Elevation | None  # of a recorded sea
-    record: Record | None  # of a recorded reference
-    files: tuple[ReadFile, ...]  # with those they extend
+    record: ReferenceRecord | None  # of a recorded reference
+    files: tuple[InputFile, ...]  # with the files that they extend
 
 
-Also = Callable[[Pieces], Iterable[Problem]]
-"""A further check of a campaign, made whatever else is wrong with it."""
+ExtraCheck = Callable[[CampaignParts], Iterable[Problem]]
+"""An additional check of a campaign's valid parts; it runs even if other parts have problems."""
 
 
-def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
-    """No further check."""
+def no_extra_check(parts: CampaignParts) -> tuple[Problem, ...]:
+    """Return no problems: there is no additional check."""
     return ()
 
 
 def open_campaign(
     path: Path,
-    also: Also = nothing_more,
+    extra_check: ExtraCheck = no_extra_check,
     rig_path: Path | None = None,
-    load: Load = load_mapping,
+    load: MappingLoader = load_mapping,
 ) -> Campaign:
-    """Read and check a campaign, its rig, that rig's limits, and the syntax of its plant.
+    """Read and check a campaign, its rig, the rig's limits, and the syntax of its plant.
 
-    ``also`` is where the simulated plant has its say, which is not known here; ``rig_path`` stands
-    in for the rig that the campaign names; ``load`` reads the files, and may change what they say.
-    Raises `ConfigError` with every problem of all these files.
+    ``extra_check`` adds problems of other packages, such as those of the simulated plant;
+    ``rig_path`` replaces the rig that the campaign names; ``load`` reads the files and may change
+    their values. Raises `ConfigError` with every problem of all these files.
     """
     problems: list[Problem] = []
 
@@ -83,65 +93,65 @@ def open_campaign(
             problems.extend(error.problems)
             return None
 
-    top = attempt(lambda: _top(Path(path), load))
+    top = attempt(lambda: _read_campaign(Path(path), load))
     if top is None:
         raise ConfigError(problems)
     rig_source = attempt(
         lambda: (
-            named_source(top, ("rig",), load, RigFile.inline)
+            load_named_source(top, ("rig",), load, RigFile.inline)
             if rig_path is None
-            else Source(*load(rig_path, inline=RigFile.inline))
+            else ConfigSource(*load(rig_path, inline=RigFile.inline))
         )
     )
     limits_source = plant_source = None
     if rig_source is not None:
-        limits_source = attempt(lambda: named_source(rig_source, ("limits",), load))
+        limits_source = attempt(lambda: load_named_source(rig_source, ("limits",), load))
     owner = rig_source if top.mapping.get("plant") is None else top
     if owner is not None:
-        plant_source = attempt(lambda: named_source(owner, ("plant",), load))
+        plant_source = attempt(lambda: load_named_source(owner, ("plant",), load))
 
     campaign = attempt(lambda: validate(top.mapping, top.locate, CampaignFile))
-    rig = limits = found = recorded = None
+    rig = limits = points = record = None
     if rig_source is not None:
         rig = attempt(lambda: validate(rig_source.mapping, rig_source.locate, RigFile))
     if limits_source is not None:
         limits = attempt(lambda: validate(limits_source.mapping, limits_source.locate, LimitsFile))
     files = [
-        *read_files("campaign", top, "sea"),
-        *read_files("rig", rig_source, "spring map"),
-        *read_files("limits", limits_source),
-        *read_files("plant", plant_source),
+        *hash_input_files("campaign", top, "sea"),
+        *hash_input_files("rig", rig_source, "spring map"),
+        *hash_input_files("limits", limits_source),
+        *hash_input_files("plant", plant_source),
     ]
     rows = 0
     if campaign is not None:
-        found = attempt(lambda: _points(campaign, rig, top.locate))
-        rows = _rows(campaign, found)
-        problems += _own_rules(campaign, rows, top.locate)
-        if campaign.matrix is not None and campaign.matrix.csv is not None and found:
-            files.append(read_file("matrix", found[0].at["kp"].place.path))
-        recorded = attempt(lambda: _record(campaign.reference, top.locate, files))
-    sea = sea_of(top)
-    elevation = attempt(lambda: _elevation(sea, top.locate, files))
-    if rig is not None and found is not None:
-        outside = outside_map(found, rig.spring)
+        points = attempt(lambda: _read_points(campaign, rig, top.locate))
+        rows = _count_rows(campaign, points)
+        problems += _campaign_problems(campaign, rows, top.locate)
+        if campaign.matrix is not None and campaign.matrix.csv is not None and points:
+            files.append(hash_input_file("matrix", points[0].locations["kp"].location.path))
+        record = attempt(lambda: _read_record(campaign.reference, top.locate, files))
+    sea = valid_sea(top)
+    elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
+    if rig is not None and points is not None:
+        outside_map = spring_map_problems(points, rig.spring)
         problems += (
-            *outside,
-            *unstable(found, rig.stability),
-            *foreign_to_drive(campaign, found, rig, top.locate),
-            *(unplayable(campaign.reference, found, rig.rate_hz) if campaign else ()),
+            *outside_map,
+            *stability_problems(points, rig.stability),
+            *drive_setting_problems(campaign, points, rig, top.locate),
+            *(realisation_problems(campaign.reference, points, rig.rate_hz) if campaign else ()),
         )
-        if campaign is not None and found and not outside and rows <= MOST_ROWS:
-            first = _first(campaign, found, rig)
-            problems += unstable_set_point(campaign, first, rig.stability, top.locate)
-    problems += also(pieces(top, rig_source, plant_source, sea, elevation))
+        if campaign is not None and points and not outside_map and rows <= MAX_ROWS:
+            first = _first_point(campaign, points, rig)
+            problems += set_point_stability_problems(campaign, first, rig.stability, top.locate)
+    problems += extra_check(valid_parts(top, rig_source, plant_source, sea, elevation))
     if problems:
-        raise ConfigError(in_order(problems, (top, rig_source, limits_source, plant_source)))
+        raise ConfigError(sort_problems(problems, (top, rig_source, limits_source, plant_source)))
     assert campaign is not None
     assert rig is not None
     assert rig_source is not None
     assert limits is not None
     assert plant_source is not None
-    assert found is not None
+    assert points is not None
     return Campaign(
         campaign,
         top.locate,
@@ -150,84 +160,95 @@ def open_campaign(
         limits,
         plant_source.mapping,
         plant_source.locate,
-        found,
+        points,
         elevation,
-        recorded,
+        record,
         tuple(files),
     )
 
 
-def _top(path: Path, load: Load) -> Source:
-    """The campaign's own file; of a file of another kind only that is said."""
-    found = Source(*load(path, inline=CampaignFile.inline))
-    if not any(key in found.mapping for key in _OWN):
-        message = f"no campaign: it has none of {', '.join(_OWN)}"
-        raise ConfigError([found.locate.problem((), None, message)])
-    return found
+def _read_campaign(path: Path, load: MappingLoader) -> ConfigSource:
+    """Return the campaign's own file; a file of another kind is a single problem."""
+    source = ConfigSource(*load(path, inline=CampaignFile.inline))
+    if not any(key in source.mapping for key in _CAMPAIGN_KEYS):
+        message = f"not a campaign: it has none of the keys {', '.join(_CAMPAIGN_KEYS)}"
+        raise ConfigError([source.locate.problem((), None, message)])
+    return source
 
 
-def _points(
-    campaign: CampaignFile, rig: RigFile | None, locate: Locate
+def _read_points(
+    campaign: CampaignFile, rig: RigFile | None, locate: SourceMap
 ) -> tuple[Point, ...] | None:
-    """None where there are too many: to build millions takes its time, only to be refused."""
+    """Return the points; None if there are too many, as building millions of them takes long."""
     if campaign.hoist is not None:
-        return hoisted(campaign.hoist, rig.spring, locate) if rig is not None else None
+        return hoist_points(campaign.hoist, rig.spring, locate) if rig is not None else None
     if campaign.matrix is None:
         return ()
-    return points(campaign.matrix, locate) if count(campaign.matrix) <= MOST_ROWS else None
+    return (
+        matrix_points(campaign.matrix, locate)
+        if count_points(campaign.matrix) <= MAX_ROWS
+        else None
+    )
 
 
-def _rows(campaign: CampaignFile, found: tuple[Point, ...] | None) -> int:
-    """Rows asked for; from the matrix itself where its points were too many to build."""
-    if found is not None or campaign.matrix is None:
-        return campaign.repeat * len(found or ())
-    return campaign.repeat * count(campaign.matrix)
+def _count_rows(campaign: CampaignFile, points: tuple[Point, ...] | None) -> int:
+    """Return the number of rows; from the lengths of the matrix if its points were not built."""
+    if points is not None or campaign.matrix is None:
+        return campaign.repeat * len(points or ())
+    return campaign.repeat * count_points(campaign.matrix)
 
 
-def _own_rules(campaign: CampaignFile, rows: int, locate: Locate) -> tuple[Problem, ...]:
-    problems = [*too_large(campaign.sea, campaign.sea_seed, locate)]
+def _campaign_problems(campaign: CampaignFile, rows: int, locate: SourceMap) -> tuple[Problem, ...]:
+    problems = [*largest_elevation_problems(campaign.sea, campaign.sea_seed, locate)]
     try:
         if campaign.device == "present":
-            windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
+            row_windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
         else:
-            calibration(campaign.sea, campaign.timing)
+            calibration_window(campaign.sea, campaign.timing)
     except WindowError as error:
         problems.append(locate.problem(error.key, error.value, error.message))
-    if rows > MOST_ROWS:
+    if rows > MAX_ROWS:
         key = ("repeat",) if campaign.repeat > 1 else ("matrix",)
-        problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MOST_ROWS}"))
+        problems.append(locate.problem(key, rows, f"{rows} rows; allowed at most {MAX_ROWS}"))
     return tuple(problems)
 
 
-def _first(campaign: CampaignFile, found: tuple[Point, ...], rig: RigFile) -> Point:
-    positions = stator_positions(found, rig.spring)
-    turn, *_ = turns(found, campaign.order, campaign.repeat, campaign.seed, positions)
-    return found[turn.point]
+def _first_point(campaign: CampaignFile, points: tuple[Point, ...], rig: RigFile) -> Point:
+    """Return the point of the first row."""
+    positions = stator_positions(points, rig.spring)
+    first, *_ = order_points(points, campaign.order, campaign.repeat, campaign.seed, positions)
+    return points[first.point]
 
 
-def _elevation(sea: AnySea | None, locate: Locate, files: list[ReadFile]) -> Elevation | None:
-    """The elevation of a recorded sea, whose file is added to ``files``."""
+def _read_elevation(
+    sea: AnySea | None, locate: SourceMap, files: list[InputFile]
+) -> Elevation | None:
+    """Return the elevation of a recorded sea, and add its file to ``files``."""
     if not isinstance(sea, RecordedSea):
         return None
-    path = _there(sea.file, "sea", locate)
-    found = read_elevation(path, sea)
-    files.append(read_file("elevation", path))
-    return found
+    path = _existing_path(sea.file, "sea", locate)
+    elevation = read_elevation(path, sea)
+    files.append(hash_input_file("elevation", path))
+    return elevation
 
 
-def _record(reference: AnyReference, locate: Locate, files: list[ReadFile]) -> Record | None:
-    """The samples of a recorded reference, whose file is added to ``files``."""
+def _read_record(
+    reference: AnyReference, locate: SourceMap, files: list[InputFile]
+) -> ReferenceRecord | None:
+    """Return the samples of a recorded reference, and add its file to ``files``."""
     if not isinstance(reference, RecordedReference):
         return None
-    path = _there(reference.file, "reference", locate)
-    found = read_record(path, reference)
-    files.append(read_file("reference", path))
-    return found
+    path = _existing_path(reference.file, "reference", locate)
+    record = read_reference_record(path, reference)
+    files.append(hash_input_file("reference", path))
+    return record
 
 
-def _there(name: str, section: str, locate: Locate) -> Path:
+def _existing_path(name: str, section: str, locate: SourceMap) -> Path:
+    """Return the path of the file in a section; a missing file is a problem at its key."""
     key = (section, "file")
-    path = locate.file(key, name)
+    path = locate.resolve_path(key, name)
     if not path.exists():
-        raise ConfigError([locate.problem(key, name, f"{name!r} is not there")])
+        message = f"{name!r} does not exist; allowed a file relative to the one with this key"
+        raise ConfigError([locate.problem(key, name, message)])
     return path

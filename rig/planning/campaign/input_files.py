@@ -1,71 +1,81 @@
-"""The files that a campaign or a session stands on, as they are read."""
+"""Input files of a campaign or a session: reading, order of problems, sha256."""
 
 import hashlib
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.problems import Problem, key_text, shown
-from rig.config.yaml_source import KeyPath, Locate, load_mapping
-from rig.regular_file import RECORD_MOST, read_regular
+from rig.config.problems import Problem, display_path, format_key
+from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
+from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 
-class ReadFile(NamedTuple):
-    """A file that something to be run stands on."""
+class InputFile(NamedTuple):
+    """An input file of a campaign or session."""
 
     role: str  # campaign or session, sea, rig, limits, plant, matrix, elevation, calibration
     path: Path
     sha256: str
 
 
-class Source(NamedTuple):
-    """A file as read, not validated, and where each of its values stands."""
+class ConfigSource(NamedTuple):
+    """A file as read but not validated, and the file and line of each value."""
 
     mapping: dict[str, Any]
-    locate: Locate
+    locate: SourceMap
 
 
-Load = Callable[..., tuple[dict[str, Any], Locate]]
-"""Reads a file as `rig.config.yaml_source.load_mapping` does; it may change what the file says."""
+MappingLoader = Callable[..., tuple[dict[str, Any], SourceMap]]
+"""Reads a file as `rig.config.yaml_source.load_mapping` does; it may change the values."""
 
 
-def named_source(
-    owner: Source, key: KeyPath, load: Load = load_mapping, inline: tuple[str, ...] = ()
-) -> Source | None:
-    """The file another one names; None where the name itself is a problem told elsewhere.
+def load_named_source(
+    owner: ConfigSource,
+    key: KeyPath,
+    load: MappingLoader = load_mapping,
+    inline: tuple[str, ...] = (),
+) -> ConfigSource | None:
+    """Return the file that another file names at ``key``.
 
-    ``inline`` are its keys that may name a file with their mapping.
+    Returns None if the value is not a file name, which the validation of ``owner`` reports.
+    ``inline`` lists the keys that may name a file with their mapping.
     """
     value: Any = owner.mapping
     for part in key:
         if isinstance(value, dict):
             value = value.get(str(part))
         else:
-            inside = isinstance(value, list) and isinstance(part, int) and part < len(value)
-            value = value[part] if inside else None
+            exists = isinstance(value, list) and isinstance(part, int) and part < len(value)
+            value = value[part] if exists else None
     if not isinstance(value, str) or not value:
         return None
-    path = owner.locate.file(key, value)
-    return Source(*load(path, owner.locate(key), key_text(key), inline))
+    path = owner.locate.resolve_path(key, value)
+    return ConfigSource(*load(path, owner.locate(key), format_key(key), inline))
 
 
-def in_order(problems: list[Problem], sources: Iterable[Source | None]) -> list[Problem]:
-    """File by file, the first source's first, and down each file."""
-    files = [shown(path) for opened in sources if opened for path in opened.locate.files]
+def sort_problems(problems: list[Problem], sources: Iterable[ConfigSource | None]) -> list[Problem]:
+    """Return problems in the order of the sources' files, and by line within each file."""
+    files = [display_path(path) for source in sources if source for path in source.locate.files]
     rank = {file: i for i, file in reversed(list(enumerate(files)))}
     return sorted(problems, key=lambda problem: (rank.get(problem.file, len(files)), problem.line))
 
 
-def read_files(role: str, opened: Source | None, inlined_role: str = "") -> list[ReadFile]:
-    """The files of a source with those they extend and, by their role, those of its keys."""
-    if opened is None:
+def hash_input_files(
+    role: str, source: ConfigSource | None, inlined_role: str = ""
+) -> list[InputFile]:
+    """Return the files of a source, with the files it extends.
+
+    Files that hold the mapping of a key have the role ``inlined_role``.
+    """
+    if source is None:
         return []
-    inlined = opened.locate.inlined
+    inlined = source.locate.inlined
     return [
-        read_file(inlined_role if path in inlined else role, path) for path in opened.locate.files
+        hash_input_file(inlined_role if path in inlined else role, path)
+        for path in source.locate.files
     ]
 
 
-def read_file(role: str, path: Path) -> ReadFile:
-    """A file with its hash."""
-    return ReadFile(role, path, hashlib.sha256(read_regular(path, RECORD_MOST)).hexdigest())
+def hash_input_file(role: str, path: Path) -> InputFile:
+    """Return a file with its sha256."""
+    return InputFile(role, path, hashlib.sha256(read_regular(path, MAX_RECORD_BYTES)).hexdigest())

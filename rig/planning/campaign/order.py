@@ -1,4 +1,4 @@
-"""The order in which the points of a matrix are run, with their repetitions."""
+"""The order of the points of a matrix and their repetitions in a campaign."""
 
 import itertools
 import random
@@ -10,46 +10,45 @@ from rig.planning.campaign.point import Point
 Order = Literal["as given", "fewest spring moves", "random"]
 
 
-class Turn(NamedTuple):
-    """A point's turn to be run."""
+class PointRepetition(NamedTuple):
+    """One repetition of a point."""
 
-    point: int  # index into the points as the file gives them
+    point: int  # index in the order of the file
     repetition: int  # from 0
 
 
-def turns(
+def order_points(
     points: Sequence[Point], order: Order, repeat: int, seed: int, positions: dict[float, float]
-) -> tuple[Turn, ...]:
-    """Every point ``repeat`` times.
+) -> tuple[PointRepetition, ...]:
+    """Return the sequence in which every point is run ``repeat`` times.
 
     ``positions`` gives the stator position (%) of each spring rate (N/m). Repetitions stay within
-    a stretch of one spring rate, so they add no moves of the stator; only `random` mixes all.
+    a block of one spring rate, so they add no moves of the stator; only `random` mixes all.
     """
     rates = [point.spring_rate for point in points]
     if order == "random":
-        mixed = [Turn(i, r) for r in range(repeat) for i in range(len(points))]
-        random.Random(seed).shuffle(mixed)
-        return tuple(mixed)
+        shuffled = [PointRepetition(i, r) for r in range(repeat) for i in range(len(points))]
+        random.Random(seed).shuffle(shuffled)
+        return tuple(shuffled)
     if order == "as given":
-        stretches: Iterable[list[int]] = (
-            list(stretch)
-            for _, stretch in itertools.groupby(range(len(points)), key=rates.__getitem__)
+        blocks: Iterable[list[int]] = (
+            list(block) for _, block in itertools.groupby(range(len(points)), key=rates.__getitem__)
         )
     else:
-        stretches = (
+        blocks = (
             [i for i, other in enumerate(rates) if other == rate]
             for rate in least_travel(rates, positions)
         )
-    return tuple(Turn(i, r) for stretch in stretches for r in range(repeat) for i in stretch)
+    return tuple(PointRepetition(i, r) for block in blocks for r in range(repeat) for i in block)
 
 
 def least_travel(rates: Sequence[float], positions: dict[float, float]) -> tuple[float, ...]:
-    """Each spring rate once, in the order in which the stator travels least in total.
+    """Return each spring rate once, in the order with the least total travel of the stator.
 
-    From end to end of a line is the shortest way past all its points, and as long back as forth:
-    the end that the file names first begins.
+    The shortest path through points on a line leads from one end to the other. Both directions are
+    equally long; the sequence starts at the end that is named first in the file.
     """
-    line = sorted(set(rates), key=positions.__getitem__)
-    if rates.index(line[-1]) < rates.index(line[0]):
-        line.reverse()
-    return tuple(line)
+    path = sorted(set(rates), key=positions.__getitem__)
+    if rates.index(path[-1]) < rates.index(path[0]):
+        path.reverse()
+    return tuple(path)

@@ -1,7 +1,7 @@
-"""What of a campaign is right by itself, for checks that `rig.planning.campaign` cannot make.
+"""The valid parts of a campaign's files, for the checks of other packages.
 
-The simulated plant is such a check: it is told of plant, sea and rig even when another key of the
-same file is wrong, so that all problems come at once.
+The check of the simulated plant, for example, needs plant, sea and rig. It runs even if another
+key of the same files is invalid, so that all problems are reported at once.
 """
 
 from typing import NamedTuple, TypeVar
@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig.config.rig_file import Axis, Rate
 from rig.config.sea import AnySea, Sea
 from rig.planning.campaign.elevation import Elevation
-from rig.planning.campaign.input_files import Source
+from rig.planning.campaign.input_files import ConfigSource
 
 T = TypeVar("T")
 
@@ -20,36 +20,36 @@ _RATE: TypeAdapter[int] = TypeAdapter(Rate)
 _HEAVE: TypeAdapter[Axis] = TypeAdapter(Axis)
 
 
-class Pieces(NamedTuple):
-    """Parts of a campaign; None for what is missing or wrong, which is told elsewhere."""
+class CampaignParts(NamedTuple):
+    """Parts of a campaign; None for a missing or invalid part, which validation reports."""
 
-    campaign: Source
-    rig: Source | None
-    plant: Source | None
+    campaign: ConfigSource
+    rig: ConfigSource | None
+    plant: ConfigSource | None
     sea: AnySea | None
     elevation: Elevation | None  # of a recorded sea
     rate_hz: int | None
     heave: Axis | None
 
 
-def sea_of(campaign: Source) -> AnySea | None:
-    """The sea of a campaign file, if it is right."""
-    return _part(campaign, "sea", _SEA)
+def valid_sea(campaign: ConfigSource) -> AnySea | None:
+    """Return the sea of a campaign file; None if it is invalid."""
+    return _validate_key(campaign, "sea", _SEA)
 
 
-def pieces(
-    campaign: Source,
-    rig: Source | None,
-    plant: Source | None,
+def valid_parts(
+    campaign: ConfigSource,
+    rig: ConfigSource | None,
+    plant: ConfigSource | None,
     sea: AnySea | None,
     elevation: Elevation | None,
-) -> Pieces:
-    """The pieces of a campaign's files."""
-    rate, heave = _part(rig, "rate_hz", _RATE), _part(rig, "heave", _HEAVE)
-    return Pieces(campaign, rig, plant, sea, elevation, rate, heave)
+) -> CampaignParts:
+    """Return the valid parts of a campaign's files."""
+    rate, heave = _validate_key(rig, "rate_hz", _RATE), _validate_key(rig, "heave", _HEAVE)
+    return CampaignParts(campaign, rig, plant, sea, elevation, rate, heave)
 
 
-def _part(source: Source | None, key: str, kind: TypeAdapter[T]) -> T | None:
+def _validate_key(source: ConfigSource | None, key: str, kind: TypeAdapter[T]) -> T | None:
     if source is None:
         return None
     try:

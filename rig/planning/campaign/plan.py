@@ -1,12 +1,13 @@
-"""From a campaign to the table the loop walks: rows, segments, set points.
+"""The plan of a campaign: rows, segments and set points that the loop executes.
 
-The plan: tare (calm water, drive off), stator and drive made ready, lead-in while the sea builds
-up, then row after row settle, measure, tail. The wave maker runs from the first segment of the
-lead-in on; its seconds are the wave clock. Before a row with another spring rate its combination
-is held for an extra interval while the stator moves (MASK4 report (Sandia), section 3.2.3).
+A plan consists of the tare (calm water, drive off), the preparation of stator and drive, the
+lead-in while the sea builds up, and then settle, measure and tail for each row. The wave maker
+runs from the first segment of the lead-in; the wave clock counts its seconds. Before a row with
+another spring rate, its combination is held for an extra interval while the stator moves (MASK4
+report (Sandia), section 3.2.3).
 
 Without the device (a wave calibration) there is only a lead-in and one window of whole repeat
-periods; the drive is never asked for.
+periods; the drive stays off.
 """
 
 import math
@@ -15,13 +16,13 @@ from typing import NamedTuple
 from rig.config.campaign_file import CampaignFile
 from rig.config.rig_file import RigFile
 from rig.kinds.wavebot import Setpoints
-from rig.planning.campaign.order import turns
+from rig.planning.campaign.order import order_points
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.points import stator_positions
-from rig.planning.campaign.segments import Piece, cut_into_ticks
-from rig.planning.campaign.set_points import NOTHING, Setting, setting
+from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
+from rig.planning.campaign.set_points import ZERO_SETTING, RowSetting, row_setting
 from rig.planning.campaign.stability import max_stable_ki
-from rig.planning.campaign.windows import Windows, calibration, windows
+from rig.planning.campaign.windows import RowWindows, calibration_window, row_windows
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, WAIT_STATOR, Phase, Segments
 
 
@@ -32,18 +33,18 @@ class CampaignRow(NamedTuple):
     point: int  # from 0, in the order of the file
     repetition: int  # from 0
     stator_position: float  # %
-    setting: Setting
-    periods: int  # whole wave or repeat periods measured; 0: not a whole number of them
+    setting: RowSetting
+    periods: int  # wave or repeat periods measured; 0: not a whole number
     measure: float  # s
 
     @property
     def spring_rate(self) -> float:
-        """N/m."""
+        """Spring rate, N/m."""
         return self.setting.spring_rate
 
 
 class PhaseSeconds(NamedTuple):
-    """Planned seconds of each phase."""
+    """Planned duration of each phase, s."""
 
     tare: float
     lead_in: float
@@ -54,7 +55,7 @@ class PhaseSeconds(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """A campaign ready to be walked by `rig.realtime.sequence.step`."""
+    """A campaign that `rig.realtime.sequence.step` can execute."""
 
     rows: tuple[CampaignRow, ...]
     segments: Segments
@@ -66,107 +67,119 @@ class Plan(NamedTuple):
     phases: PhaseSeconds
 
 
-def plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Plan:
-    """The plan of a campaign that passed all checks (`rig.planning.campaign.open_campaign`).
+def build_plan(campaign: CampaignFile, rig: RigFile, points: tuple[Point, ...]) -> Plan:
+    """Return the plan of a campaign that passed all checks of `open_campaign`.
 
-    ``points`` are those of its matrix, none without the device. Raises `WindowError` when no
-    window can be cut.
+    ``points`` are those of its matrix, and empty without the device. Raises `WindowError` if the
+    window of a row does not fit.
     """
     if campaign.device == "absent":
-        return _table((), _waves_alone(campaign), rig)
-    cut = windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
+        return _assemble((), _calibration_segments(campaign), rig)
+    windows = row_windows(campaign.sea, campaign.timing, campaign.reference, campaign.hoist)
     positions = stator_positions(points, rig.spring)
     rows = tuple(
         CampaignRow(
             row,
-            turn.point,
-            turn.repetition,
-            positions[points[turn.point].spring_rate],
-            setting(campaign, rig, points[turn.point]),
-            cut.periods,
-            cut.measure,
+            repetition.point,
+            repetition.repetition,
+            positions[points[repetition.point].spring_rate],
+            row_setting(campaign, rig, points[repetition.point]),
+            windows.periods,
+            windows.measure,
         )
-        for row, turn in enumerate(
-            turns(points, campaign.order, campaign.repeat, campaign.seed, positions)
+        for row, repetition in enumerate(
+            order_points(points, campaign.order, campaign.repeat, campaign.seed, positions)
         )
     )
-    pieces = [*_opening(campaign, rig, rows[0]), *_rows(rows, cut, rig)]
-    made = _table(rows, pieces, rig)
+    plan_segments = [
+        *_opening_segments(campaign, rig, rows[0]),
+        *_row_segments(rows, windows, rig),
+    ]
+    plan = _assemble(rows, plan_segments, rig)
     if campaign.hoist is None:
-        return made
-    # Where the stator's force reverses is what the hoist is there to find; rotor and heave travel
-    # end where the rig's limits say.
-    anywhere = (math.inf,) * len(made.setpoints.stroke)
-    return made._replace(setpoints=made.setpoints._replace(stroke=anywhere))
+        return plan
+    # A hoist campaign measures the position at which the stator's force reverses, so the plan has
+    # no stroke limit; the rig's limits still bound the travel of rotor and heave.
+    unlimited = (math.inf,) * len(plan.setpoints.stroke)
+    return plan._replace(setpoints=plan.setpoints._replace(stroke=unlimited))
 
 
-def _waves_alone(campaign: CampaignFile) -> list[Piece[Setting]]:
-    """Lead-in and one window: the wave maker runs, the probes are read, all power is off."""
-    cut = calibration(campaign.sea, campaign.timing)
+def _calibration_segments(campaign: CampaignFile) -> list[PlanSegment[RowSetting]]:
+    """Return lead-in and one window: the wave maker runs, the probes are read, power is off."""
+    windows = calibration_window(campaign.sea, campaign.timing)
     return [
-        Piece(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, NOTHING, drive=0),
-        Piece(NO_ROW, Phase.MEASURE, cut.measure, NOTHING, drive=0),
-        Piece(NO_ROW, Phase.DONE, 0.0, NOTHING, waves=0, drive=0),
+        PlanSegment(NO_ROW, Phase.LEAD_IN, campaign.start.lead_in_s, ZERO_SETTING, drive=0),
+        PlanSegment(NO_ROW, Phase.MEASURE, windows.measure, ZERO_SETTING, drive=0),
+        PlanSegment(NO_ROW, Phase.DONE, 0.0, ZERO_SETTING, waves=0, drive=0),
     ]
 
 
-def _opening(campaign: CampaignFile, rig: RigFile, first: CampaignRow) -> list[Piece[Setting]]:
-    """Tare, readiness and lead-in: everything before the first row."""
+def _opening_segments(
+    campaign: CampaignFile, rig: RigFile, first: CampaignRow
+) -> list[PlanSegment[RowSetting]]:
+    """Return the segments before the first row: tare, preparation and lead-in."""
     start = campaign.start
-    given, gains = start.set_point, first.setting
-    kp, ki = (given.kp_n_s_per_m, given.ki_n_per_m) if given is not None else (gains.kp, 0.0)
+    configured, gains = start.set_point, first.setting
+    kp, ki = gains.kp, 0.0
+    if configured is not None:
+        kp, ki = configured.kp_n_s_per_m, configured.ki_n_per_m
     set_point = gains._replace(kp=kp, ki=ki)
-    # Where the stator stands before its first move is not known: bearable anywhere.
-    anywhere = max_stable_ki(rig.stability, rig.spring.by_rate()[0], ki)
-    ready = Piece(
+    # The stator's position before its first move is unknown: Ki must be stable at all positions.
+    safe_ki = max_stable_ki(rig.stability, rig.spring.by_rate()[0], ki)
+    ready = PlanSegment(
         NO_ROW,
         Phase.MOVING,
         max(rig.heave.gain_ramp_s, 1.0 / rig.rate_hz),
-        set_point._replace(ki=anywhere),
+        set_point._replace(ki=safe_ki),
         wait=WAIT_STATOR | WAIT_DRIVE,
         timeout=max(rig.spring.move_timeout_s, rig.drive_enable_timeout_s),
         waves=0,
     )
     return [
-        Piece(NO_ROW, Phase.TARE, campaign.tare_duration, set_point, waves=0, drive=0),
+        PlanSegment(NO_ROW, Phase.TARE, campaign.tare_duration, set_point, waves=0, drive=0),
         ready,
-        Piece(NO_ROW, Phase.LEAD_IN, start.set_point_s, set_point),
-        Piece(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, gains),
+        PlanSegment(NO_ROW, Phase.LEAD_IN, start.set_point_s, set_point),
+        PlanSegment(NO_ROW, Phase.LEAD_IN, start.lead_in_s - start.set_point_s, gains),
     ]
 
 
-def _rows(rows: tuple[CampaignRow, ...], cut: Windows, rig: RigFile) -> list[Piece[Setting]]:
-    pieces = []
+def _row_segments(
+    rows: tuple[CampaignRow, ...], windows: RowWindows, rig: RigFile
+) -> list[PlanSegment[RowSetting]]:
+    plan_segments = []
     rate = rows[0].spring_rate
     for row in rows:
         gains = row.setting
         if row.spring_rate != rate:
-            # Gains change at once, the stator takes seconds: until then the old spring bears them.
+            # The gains change at once, but the stator moves for seconds: until then, Ki must be
+            # stable with the old spring rate, too.
             ki = max_stable_ki(rig.stability, (rate, row.spring_rate), gains.ki)
             rate = row.spring_rate
-            pieces.append(
-                Piece(
+            plan_segments.append(
+                PlanSegment(
                     row.row,
                     Phase.MOVING,
-                    max(cut.move, 1.0 / rig.rate_hz),
+                    max(windows.move, 1.0 / rig.rate_hz),
                     gains._replace(ki=ki),
                     wait=WAIT_STATOR,
                     timeout=rig.spring.move_timeout_s,
                 )
             )
-        pieces += [
-            Piece(row.row, Phase.SETTLE, cut.settle, gains),
-            Piece(row.row, Phase.MEASURE, cut.measure, gains),
-            Piece(row.row, Phase.TAIL, cut.tail, gains),
+        plan_segments += [
+            PlanSegment(row.row, Phase.SETTLE, windows.settle, gains),
+            PlanSegment(row.row, Phase.MEASURE, windows.measure, gains),
+            PlanSegment(row.row, Phase.TAIL, windows.tail, gains),
         ]
     last = rows[-1].setting._replace(ki=0.0)
-    return [*pieces, Piece(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
+    return [*plan_segments, PlanSegment(NO_ROW, Phase.DONE, 0.0, last, waves=0, drive=0)]
 
 
-def _table(rows: tuple[CampaignRow, ...], pieces: list[Piece[Setting]], rig: RigFile) -> Plan:
-    """Segments in ticks: ends are rounded on the plan's own clock, so nothing drifts."""
+def _assemble(
+    rows: tuple[CampaignRow, ...], plan_segments: list[PlanSegment[RowSetting]], rig: RigFile
+) -> Plan:
+    """Return the plan with its segments in ticks."""
     rate = float(rig.rate_hz)
-    segments, kept, table = cut_into_ticks(pieces, rate)
+    segments, kept, settings = cut_into_ticks(plan_segments, rate)
     ticks = segments.ticks
 
     def seconds(phase: Phase) -> float:
@@ -185,7 +198,7 @@ def _table(rows: tuple[CampaignRow, ...], pieces: list[Piece[Setting]], rig: Rig
     return Plan(
         rows,
         segments,
-        _setpoints(table, rig),
+        _setpoints(settings, rig),
         1.0 / rate,
         sum(ticks) / rate,
         waves,
@@ -194,11 +207,14 @@ def _table(rows: tuple[CampaignRow, ...], pieces: list[Piece[Setting]], rig: Rig
     )
 
 
-def _setpoints(table: tuple[Setting, ...], rig: RigFile) -> Setpoints:
-    """The set points by columns, as the loop takes them."""
-    columns = {name: tuple(getattr(one, name) for one in table) for name in Setting._fields}
-    masks = tuple(int(one.discharge_level) for one in table)
-    stroke = tuple(rig.spring.stroke(one.spring_rate) for one in table)
-    played = tuple(int(one.realisation) for one in table)
-    whole = {"discharge_level": masks, "realisation": played}
-    return Setpoints(**{**columns, **whole}, stroke=stroke)
+def _setpoints(settings: tuple[RowSetting, ...], rig: RigFile) -> Setpoints:
+    """Return the set points by columns, as the loop uses them."""
+    columns = {
+        name: tuple(getattr(setting, name) for setting in settings) for name in RowSetting._fields
+    }
+    integer_columns = {
+        "discharge_level": tuple(int(setting.discharge_level) for setting in settings),
+        "realisation": tuple(int(setting.realisation) for setting in settings),
+    }
+    stroke = tuple(rig.spring.stroke(setting.spring_rate) for setting in settings)
+    return Setpoints(**{**columns, **integer_columns}, stroke=stroke)

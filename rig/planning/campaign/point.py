@@ -1,52 +1,53 @@
-"""A point of the gain matrix, and where in the campaign's files its numbers stand."""
+"""A point of the gain matrix, with the file and line of each of its numbers."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from rig.config.columns import Column
-from rig.config.problems import Problem, shown
-from rig.config.yaml_source import Place
+from rig.config.problems import Problem, display_path
+from rig.config.yaml_source import SourceLocation
 
-MOST_ROWS = 10_000
-"""Most rows of a campaign, repetitions included; two days of regular waves."""
+MAX_ROWS = 10_000
+"""Maximum number of rows of a campaign, with repetitions: two days of regular waves."""
 
 
-class Where(NamedTuple):
-    """Where a number of the matrix stands."""
+class ValueLocation(NamedTuple):
+    """Location and key of a number of the matrix."""
 
-    place: Place
+    location: SourceLocation
     key: str  # key path, or the column of a CSV
 
     def problem(self, value: object, message: str) -> Problem:
-        """A problem of this number."""
-        return Problem(shown(self.place.path), self.place.line, self.key, value, message)
+        """Return a problem of this number."""
+        return Problem(
+            display_path(self.location.path), self.location.line, self.key, value, message
+        )
 
 
 class Point(NamedTuple):
-    """One combination of the matrix: what is given of each set point, and where it stands."""
+    """One combination of the matrix: the given values, and the location of each."""
 
-    given: dict[str, float]  # by the set point's name (`rig.config.columns`)
-    at: dict[str, Where]
+    values: dict[str, float]  # by the set point's name (`rig.config.columns`)
+    locations: dict[str, ValueLocation]
 
     @property
     def spring_rate(self) -> float:
         """N/m."""
-        return self.given["spring_rate"]
+        return self.values["spring_rate"]
 
     @property
     def kp(self) -> float:
         """N*s/m."""
-        return self.given["kp"]
+        return self.values["kp"]
 
     @property
     def ki(self) -> float:
         """N/m."""
-        return self.given["ki"]
+        return self.values["ki"]
 
 
-def point(columns: Iterable[Column], pairs: Iterable[tuple[float, Where]]) -> Point:
-    """The point of these columns' values."""
+def make_point(columns: Iterable[Column], pairs: Iterable[tuple[float, ValueLocation]]) -> Point:
+    """Return the point with a value and its location for each column."""
     named = list(zip((column.name for column in columns), pairs, strict=True))
-    return Point(
-        {name: float(value) for name, (value, _) in named}, {name: at for name, (_, at) in named}
-    )
+    values = {name: float(value) for name, (value, _) in named}
+    return Point(values, {name: location for name, (_, location) in named})

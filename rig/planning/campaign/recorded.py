@@ -1,4 +1,4 @@
-"""A campaign again from the configuration in a run's record: what it was told to do."""
+"""Reconstruction of a campaign from the configuration in a run's record."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -6,53 +6,54 @@ from typing import Any, NamedTuple
 from rig.config.campaign_file import CampaignFile
 from rig.config.columns import COLUMNS
 from rig.config.limits_file import LimitsFile
-from rig.config.recorded_limits import wavebot_limits
+from rig.config.recorded_limits import complete_wavebot_limits
 from rig.config.reference import RecordedReference
 from rig.config.rig_file import RigFile
-from rig.planning.campaign.input_files import read_file
+from rig.planning.campaign.input_files import hash_input_file
 from rig.planning.campaign.point import Point
-from rig.planning.campaign.reference import Record, read_record
+from rig.planning.campaign.reference import ReferenceRecord, read_reference_record
 
 
-class Logged(NamedTuple):
-    """The configuration in a run's record, as today's code understands it."""
+class RecordedCampaign(NamedTuple):
+    """The configuration in a run's record, validated by the current models."""
 
     file: CampaignFile
     rig: RigFile
     limits: LimitsFile
-    points: tuple[Point, ...]  # as the run keeps them; where they stood in a file nobody asks
-    record: Record | None  # of a recorded reference
+    points: tuple[Point, ...]  # as recorded, without their locations in a file
+    record: ReferenceRecord | None  # of a recorded reference
 
 
-def campaign_as_logged(config: dict[str, Any]) -> Logged:
-    """The campaign of a run, with the recorded reference that it names.
+def campaign_from_record(config: dict[str, Any]) -> RecordedCampaign:
+    """Return the campaign of a run, with the recorded reference that it names.
 
-    Raises KeyError where the record lacks a part, ValueError where it is none of today's or the
-    reference is not what it was.
+    Raises KeyError if the record lacks a part, and ValueError if the current models refuse it or
+    the file of the reference has changed.
     """
     file = CampaignFile.model_validate(config["campaign"])
-    return Logged(
+    return RecordedCampaign(
         file,
         RigFile.model_validate(config["rig"]),
-        LimitsFile.model_validate(wavebot_limits(config["limits"])),
+        LimitsFile.model_validate(complete_wavebot_limits(config["limits"])),
         tuple(
-            Point({c.name: float(given[c.key]) for c in COLUMNS if c.key in given}, {})
-            for given in config["points"]
+            Point({c.name: float(values[c.key]) for c in COLUMNS if c.key in values}, {})
+            for values in config["points"]
         ),
-        _record(file, config),
+        _read_record(file, config),
     )
 
 
-def _record(file: CampaignFile, config: dict[str, Any]) -> Record | None:
-    """The samples of a recorded reference: a run keeps their file's place and sha256, not them."""
+def _read_record(file: CampaignFile, config: dict[str, Any]) -> ReferenceRecord | None:
+    """Return the samples of a recorded reference, whose file a run stores by path and sha256."""
     if not isinstance(file.reference, RecordedReference):
         return None
-    (then,) = (each for each in config["files"] if each["role"] == "reference")
+    (recorded,) = (entry for entry in config["files"] if entry["role"] == "reference")
     try:
-        now = read_file("reference", Path(then["path"]))
+        current = hash_input_file("reference", Path(recorded["path"]))
     except OSError as error:
-        message = f"its recorded reference {then['path']} cannot be read: {error.strerror}"
+        message = f"its recorded reference {recorded['path']} cannot be read: {error.strerror}"
         raise ValueError(message) from None
-    if now.sha256 != then["sha256"]:
-        raise ValueError(f"its recorded reference {then['path']} is no longer what it was")
-    return read_record(now.path, file.reference)
+    if current.sha256 != recorded["sha256"]:
+        message = f"its recorded reference {recorded['path']} has changed since the run (sha256)"
+        raise ValueError(message)
+    return read_reference_record(current.path, file.reference)

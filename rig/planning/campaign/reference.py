@@ -1,4 +1,4 @@
-"""The open-loop reference as the loop takes it: repeat periods of force, one value a tick."""
+"""The open-loop reference as a table for the loop: repeat periods of force, one value per tick."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 
 from rig.config.problems import Problem
 from rig.config.reference import (
-    LONGEST_S,
+    MAX_REPEAT_S,
     AnyReference,
     AnyStimulus,
     ChirpReference,
@@ -16,156 +16,161 @@ from rig.config.reference import (
     RecordedReference,
     SineReference,
     SteppedSineReference,
-    whole_seconds,
+    rational_frequency,
 )
-from rig.planning.campaign.elevation import read_window
+from rig.planning.campaign.elevation import read_channel_window
 from rig.planning.campaign.multisine import (
     Floats,
-    design,
+    design_multisine,
     odd_lines,
-    scaled_to_peak,
-    series,
-    some_odd_lines,
+    one_period,
+    random_odd_lines,
+    scale_to_peak,
 )
 from rig.planning.campaign.point import Point
 
-MOST_ENTRIES = 8_000_000
-"""Longest table: all realisations of a campaign together."""
+MAX_TABLE_ENTRIES = 8_000_000
+"""Maximum length of a table with all realisations of a campaign."""
 
 
-class Record(NamedTuple):
+class ReferenceRecord(NamedTuple):
     """The samples of a recorded reference."""
 
     rate_hz: float
-    value: Floats  # in the unit of the file
+    values: Floats  # in the unit of the file
 
 
-def read_record(path: Path, reference: RecordedReference) -> Record:
-    """The window of a recorded reference; raises `ConfigError` naming file and line."""
+def read_reference_record(path: Path, reference: RecordedReference) -> ReferenceRecord:
+    """Return the window of a recorded reference; raises `ConfigError` with file and line."""
     window = (reference.start_s, reference.end_s)
-    return Record(*read_window(path, reference.channel, window, reference.rate_hz))
+    return ReferenceRecord(*read_channel_window(path, reference.channel, window, reference.rate_hz))
 
 
-def table(
+def force_table(
     reference: AnyReference,
     newtons_per_ampere: float,
     rate_hz: int,
     seed: int,
     realisations: Iterable[int] = (1,),
-    record: Record | None = None,
+    record: ReferenceRecord | None = None,
 ) -> tuple[float, ...]:
-    """Force on the body (N) over one repeat period of each realisation; empty without a reference.
+    """Return the force on the body (N) over one repeat period of each realisation.
 
-    ``seed`` is for a multisine that has none of its own, ``record`` for a recorded one; only a
-    multisine has more realisations than one. Raises ValueError where the signal does not repeat
-    after a whole number of ticks, or the table would be too long.
+    The table is empty without a reference. ``newtons_per_ampere`` is Kt N of the axis. ``seed`` is
+    used for a multisine without its own seed, ``record`` for a recorded reference; only a
+    multisine has more than one realisation. Raises ValueError if the signal does not repeat after
+    a whole number of ticks, or if the table would be too long.
     """
     if reference is None:
         return ()
-    several = list(realisations) if isinstance(reference, MultisineReference) else [1]
-    ticks = ticks_of(reference, rate_hz)
-    if ticks * len(several) > MOST_ENTRIES:
+    numbers = list(realisations) if isinstance(reference, MultisineReference) else [1]
+    ticks = repeat_ticks(reference, rate_hz)
+    if ticks * len(numbers) > MAX_TABLE_ENTRIES:
         raise ValueError(
-            f"{len(several)} realisations of {ticks} ticks; allowed {MOST_ENTRIES} in all"
+            f"{len(numbers)} realisations of {ticks} ticks; "
+            f"allowed {MAX_TABLE_ENTRIES} ticks in total"
         )
     if isinstance(reference, RecordedReference):
         if record is None:
-            raise ValueError("its record was not read")
+            raise ValueError("the record of the recorded reference was not read")
         scale = newtons_per_ampere if reference.unit == "A" else 1.0
-        return tuple((scale * _resampled(record, ticks, rate_hz)).tolist())
-    scale = reference.newtons(newtons_per_ampere)
-    periods = [_period(reference, scale, ticks, seed, one) for one in several]
+        return tuple((scale * _resample(record, ticks, rate_hz)).tolist())
+    scale = reference.force_amplitude(newtons_per_ampere)
+    periods = [_repeat_period(reference, scale, ticks, seed, number) for number in numbers]
     return tuple(np.concatenate(periods).tolist())
 
 
-def unplayable(
+def realisation_problems(
     reference: AnyReference, points: tuple[Point, ...], rate_hz: int
 ) -> Iterator[Problem]:
-    """A problem for the first point whose realisation the reference cannot play."""
-    asked = {p.given["realisation"]: p for p in points if "realisation" in p.given}
-    several = isinstance(reference, MultisineReference)
-    for number, point in asked.items():
-        if not several and number != 1.0:
+    """Yield a problem for the first point whose realisation the reference does not have."""
+    requested = {p.values["realisation"]: p for p in points if "realisation" in p.values}
+    is_multisine = isinstance(reference, MultisineReference)
+    for number, point in requested.items():
+        if not is_multisine and number != 1.0:
             message = "only a multisine reference has realisations; allowed 1"
-            yield point.at["realisation"].problem(number, message)
+            yield point.locations["realisation"].problem(number, message)
             return
-    if several and reference is not None:
-        entries = reference.period * rate_hz * max(1, len(asked))
-        if asked and entries > MOST_ENTRIES:
-            most = int(MOST_ENTRIES // (reference.period * rate_hz))
-            last = asked[max(asked)]
-            message = f"{len(asked)} realisations of this length; allowed {most} in a campaign"
-            yield last.at["realisation"].problem(max(asked), message)
+    if is_multisine and reference is not None:
+        entries = reference.period * rate_hz * max(1, len(requested))
+        if requested and entries > MAX_TABLE_ENTRIES:
+            limit = int(MAX_TABLE_ENTRIES // (reference.period * rate_hz))
+            last = requested[max(requested)]
+            message = f"{len(requested)} realisations of this length; allowed {limit} in a campaign"
+            yield last.locations["realisation"].problem(max(requested), message)
 
 
-def ticks_of(reference: AnyStimulus, rate_hz: int) -> int:
-    """Ticks after which the force repeats; ValueError where it is no whole number of them."""
+def repeat_ticks(reference: AnyStimulus, rate_hz: int) -> int:
+    """Return the ticks after which the force repeats; raises ValueError unless they are whole."""
     if isinstance(reference, SineReference):
-        whole = whole_seconds(reference.frequency_hz)
-        if whole is None:
-            near = reference.frequency_hz
-            raise ValueError(f"a sine of {near!r} Hz repeats on no whole second up to {LONGEST_S}")
-        return whole.denominator * rate_hz
+        frequency = rational_frequency(reference.frequency_hz)
+        if frequency is None:
+            raise ValueError(
+                f"a sine of {reference.frequency_hz!r} Hz does not repeat on a whole second up to "
+                f"{MAX_REPEAT_S} s"
+            )
+        return frequency.denominator * rate_hz
     ticks = reference.period * rate_hz
     if abs(ticks - round(ticks)) > 1e-6:
-        raise ValueError(f"repeats after {reference.period!r} s, no whole number of ticks")
+        raise ValueError(f"repeats after {reference.period!r} s, not a whole number of ticks")
     return round(ticks)
 
 
-def _period(
+def _repeat_period(
     reference: SineReference | SteppedSineReference | ChirpReference | MultisineReference,
     scale: float,
     ticks: int,
     seed: int,
     realisation: int,
 ) -> Floats:
-    """One repeat period, N."""
+    """Return one repeat period, N."""
     time = np.arange(ticks) / ticks  # of the period
     if isinstance(reference, SineReference):
-        whole = whole_seconds(reference.frequency_hz)
-        assert whole is not None
-        return np.asarray(scale * np.sin(2.0 * np.pi * whole.numerator * time))
+        frequency = rational_frequency(reference.frequency_hz)
+        assert frequency is not None
+        return np.asarray(scale * np.sin(2.0 * np.pi * frequency.numerator * time))
     if isinstance(reference, SteppedSineReference):
         count = len(reference.frequencies_hz)
-        held = time * count
-        which = np.minimum(held.astype(np.int64), count - 1)
+        holds = time * count  # time in units of one hold
+        index = np.minimum(holds.astype(np.int64), count - 1)
         cycles = np.round(np.array(reference.frequencies_hz) * reference.hold_s)
-        return np.asarray(scale * np.sin(2.0 * np.pi * cycles[which] * (held - which)))
+        return np.asarray(scale * np.sin(2.0 * np.pi * cycles[index] * (holds - index)))
     if isinstance(reference, ChirpReference):
-        return np.asarray(scale * np.sin(2.0 * np.pi * _swept(reference, time)))
-    own = seed if reference.seed is None else reference.seed
-    choose = {"all": None, "odd": odd_lines, "random odd": some_odd_lines(own)}
-    signal = design(
+        return np.asarray(scale * np.sin(2.0 * np.pi * _chirp_cycles(reference, time)))
+    phase_seed = seed if reference.seed is None else reference.seed
+    choose = {"all": None, "odd": odd_lines, "random odd": random_odd_lines(phase_seed)}
+    signal = design_multisine(
         reference.low_hz,
         reference.high_hz,
         reference.repeat_s,
         rms=1.0,
         exponent=-0.5 if reference.colour == "pink" else 0.0,
-        seed=own,
+        seed=phase_seed,
         realisation=realisation,
         draws=reference.draws,
         choose=choose[reference.lines],
     )
-    return series(scaled_to_peak(signal, scale), ticks)
+    return one_period(scale_to_peak(signal, scale), ticks)
 
 
-def _swept(chirp: ChirpReference, time: Floats) -> Floats:
-    """Cycles of a chirp since the period began, a whole number of them in all."""
+def _chirp_cycles(chirp: ChirpReference, time: Floats) -> Floats:
+    """Return the cycles of a chirp since the start of the period; their total is whole."""
     low, high = chirp.low_hz, chirp.high_hz
     if chirp.sweep == "linear":
         cycles = low * time + 0.5 * (high - low) * time * time
-        whole = 0.5 * (low + high)
+        mean_hz = 0.5 * (low + high)
     else:
         ratio = np.log(high / low)
         cycles = low * np.expm1(ratio * time) / ratio
-        whole = (high - low) / ratio
-    moved: Floats = cycles * (max(1, round(whole * chirp.repeat_s)) / whole)
-    return moved
+        mean_hz = (high - low) / ratio
+    scaled: Floats = cycles * (max(1, round(mean_hz * chirp.repeat_s)) / mean_hz)
+    return scaled
 
 
-def _resampled(record: Record, ticks: int, rate_hz: int) -> Floats:
-    """The record at the loop's rate; its last sample leads back to its first."""
-    count = len(record.value)
-    at = np.arange(ticks) * (record.rate_hz / rate_hz)
-    played: Floats = np.interp(at, np.arange(count + 1), np.append(record.value, record.value[0]))
-    return played
+def _resample(record: ReferenceRecord, ticks: int, rate_hz: int) -> Floats:
+    """Return the record at the loop's rate; its first sample follows its last one."""
+    count = len(record.values)
+    position = np.arange(ticks) * (record.rate_hz / rate_hz)  # in samples of the record
+    samples = np.append(record.values, record.values[0])
+    resampled: Floats = np.interp(position, np.arange(count + 1), samples)
+    return resampled

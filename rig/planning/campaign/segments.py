@@ -1,4 +1,4 @@
-"""From pieces in seconds to the table of ticks that the loop walks."""
+"""Conversion of plan segments in seconds to the table in ticks that the loop executes."""
 
 from collections.abc import Sequence
 from typing import Generic, NamedTuple, TypeVar
@@ -8,8 +8,8 @@ from rig.realtime.sequence import NO_ROW, Phase, Segments
 S = TypeVar("S")
 
 
-class Piece(NamedTuple, Generic[S]):
-    """One stretch of a plan, in seconds; a segment once it is cut into ticks."""
+class PlanSegment(NamedTuple, Generic[S]):
+    """One segment of a plan, with its duration in seconds."""
 
     row: int
     phase: Phase
@@ -21,50 +21,54 @@ class Piece(NamedTuple, Generic[S]):
     drive: int = 1
 
 
-class Cut(NamedTuple, Generic[S]):
-    """The table, the pieces that are in it, and the set points its indices mean."""
+class SegmentTable(NamedTuple, Generic[S]):
+    """The table in ticks, the plan segments in it, and the set points that its indices refer to."""
 
     segments: Segments
-    pieces: tuple[Piece[S], ...]
+    plan_segments: tuple[PlanSegment[S], ...]
     setpoints: tuple[S, ...]
 
 
-def cut_into_ticks(pieces: Sequence[Piece[S]], rate: float) -> Cut[S]:
-    """Segments at ``rate`` (Hz): ends are rounded on the plan's own clock, so nothing drifts."""
-    kept: list[Piece[S]] = []
+def cut_into_ticks(plan_segments: Sequence[PlanSegment[S]], rate: float) -> SegmentTable[S]:
+    """Return the segments in ticks at ``rate`` (Hz).
+
+    The end times since the start of the plan are rounded, not the durations, so that rounding
+    errors do not accumulate.
+    """
+    kept: list[PlanSegment[S]] = []
     ticks: list[int] = []
     clock, tick = 0.0, 0
-    for piece in pieces:
-        clock += piece.seconds
+    for segment in plan_segments:
+        clock += segment.seconds
         length = round(clock * rate) - tick
-        if length > 0 or piece.phase is Phase.DONE:  # a segment of no ticks would still take one
-            kept.append(piece)
+        if length > 0 or segment.phase is Phase.DONE:  # an empty segment would take one tick
+            kept.append(segment)
             ticks.append(length)
             tick += length
-    table = tuple(dict.fromkeys(piece.setpoint for piece in kept))
+    table = tuple(dict.fromkeys(segment.setpoint for segment in kept))
     index = {setpoint: i for i, setpoint in enumerate(table)}
     segments = Segments(
-        row=tuple(piece.row for piece in kept),
-        phase=tuple(int(piece.phase) for piece in kept),
+        row=tuple(segment.row for segment in kept),
+        phase=tuple(int(segment.phase) for segment in kept),
         ticks=tuple(ticks),
-        wait=tuple(piece.wait for piece in kept),
+        wait=tuple(segment.wait for segment in kept),
         timeout=tuple(
-            max(round(piece.timeout * rate), length) if piece.wait else 0
-            for piece, length in zip(kept, ticks, strict=True)
+            max(round(segment.timeout * rate), length) if segment.wait else 0
+            for segment, length in zip(kept, ticks, strict=True)
         ),
         restart=_restarts(kept),
-        drive=tuple(piece.drive for piece in kept),
-        waves=tuple(piece.waves for piece in kept),
-        setpoint=tuple(index[piece.setpoint] for piece in kept),
+        drive=tuple(segment.drive for segment in kept),
+        waves=tuple(segment.waves for segment in kept),
+        setpoint=tuple(index[segment.setpoint] for segment in kept),
     )
-    return Cut(segments, tuple(kept), table)
+    return SegmentTable(segments, tuple(kept), table)
 
 
-def _restarts(kept: Sequence[Piece[S]]) -> tuple[int, ...]:
-    """Where each segment starts over: its row's first segment, or the first of its phase."""
+def _restarts(kept: Sequence[PlanSegment[S]]) -> tuple[int, ...]:
+    """Return the index at which each segment restarts: the first one of its row or of its phase."""
     first: dict[tuple[int, Phase | None], int] = {}
-    found = []
-    for i, piece in enumerate(kept):
-        key = (piece.row, piece.phase if piece.row == NO_ROW else None)
-        found.append(first.setdefault(key, i))
-    return tuple(found)
+    restarts = []
+    for i, segment in enumerate(kept):
+        key = (segment.row, segment.phase if segment.row == NO_ROW else None)
+        restarts.append(first.setdefault(key, i))
+    return tuple(restarts)

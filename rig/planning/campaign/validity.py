@@ -1,4 +1,4 @@
-"""Whether what was measured of a rig holds on the day on which a campaign runs on it."""
+"""Validity of a rig's measured spring map on the day of a campaign."""
 
 from datetime import date
 
@@ -8,20 +8,20 @@ from rig.recording.calibration import At, OutsideError
 from rig.recording.calibration.correction import holds
 
 
-def out_of_date(campaign: Campaign, day: date) -> tuple[Problem, ...]:
-    """What is told of the spring map that the positioner goes by, on a day in UTC.
+def validity_warnings(campaign: Campaign, day: date) -> tuple[Problem, ...]:
+    """Return a warning if the calibration of the spring map is not valid on a day (UTC).
 
-    Nothing where the rig file has its own map, or where the calibration holds on that day. One that
-    is valid by run number cannot be told for a run to come, and that is said.
+    The result is empty if the rig file has its own map or if the calibration is valid. The
+    validity of a calibration by run number is unknown before the run, which also gives a warning.
     """
-    known = campaign.rig.spring_map
-    if known is None:
+    spring_map = campaign.rig.spring_map
+    if spring_map is None:
         return ()
     try:
-        if holds(known.valid, At(day=day)):
+        if holds(spring_map.valid, At(day=day)):
             return ()
-        why = f"does not hold on {day.isoformat()}: valid for {known.valid.description()}"
+        reason = f"does not hold on {day.isoformat()}: valid for {spring_map.valid.description()}"
     except OutsideError as error:
-        why = str(error)
-    message = f"{known.title} {why}; the stator goes where it says all the same"
+        reason = str(error)
+    message = f"{spring_map.title} {reason}; the stator is nevertheless positioned by this map"
     return (campaign.rig_locate.problem(("spring_map", "valid"), None, message),)

@@ -1,12 +1,13 @@
-"""How a row's interval is cut into settling, measurement and rest.
+"""Division of a row's interval into settling, measurement and tail.
 
-Regular sea: 20 s, of which 5 s settle; the window is the largest whole number of wave periods
-that fits. Irregular and recorded: 10 s settle and exactly one repeat period. `mask4` gives the
-windows of the MASK4 report (Sandia): the same for regular seas, and for irregular ones rows of
-300 s measured from 2 s on, which is 2 s short of the repeat period. In calm water an open-loop
-reference takes the place of the sea: whole repeat periods of it; with a hoist its whole cycles.
+For a regular sea the interval is 20 s with 5 s of settling; the measurement is the largest whole
+number of wave periods that fits. For irregular and recorded seas it is 10 s of settling and
+exactly one repeat period. `mask4` gives the windows of the MASK4 report (Sandia): the same for
+regular seas, and for irregular ones rows of 300 s measured from 2 s on, which is 2 s short of the
+repeat period. In calm water the measurement is whole repeat periods of an open-loop reference, or
+whole cycles of a hoist.
 
-A wave calibration has no rows: one window of whole periods after the lead-in.
+A wave calibration has no rows, but one window of whole periods after the lead-in.
 """
 
 import math
@@ -14,31 +15,31 @@ from typing import NamedTuple
 
 from rig.config.campaign_file import Timing
 from rig.config.hoist import Hoist
-from rig.config.problems import number_text
+from rig.config.problems import format_number
 from rig.config.reference import AnyReference, SineReference
 from rig.config.sea import AnySea, CalmSea, RecordedSea, RegularSea
 from rig.config.yaml_source import KeyPath
 
-_NEARLY = 1e-9  # a window that misses a whole period by rounding alone still holds it
+_ROUNDING = 1e-9  # periods; a window that is shorter than whole periods only by rounding fits
 
 
-class Windows(NamedTuple):
-    """One row's interval, s, and what is held before it when the spring has to move."""
+class RowWindows(NamedTuple):
+    """The parts of a row's interval, s, and the interval before it if the stator moves."""
 
     settle: float
     measure: float
     tail: float
-    move: float  # least length of the extra interval in which the stator moves
-    periods: int  # whole wave or repeat periods in the measurement; 0: not a whole number of them
+    move: float  # minimum length of the extra interval in which the stator moves
+    periods: int  # wave or repeat periods in the measurement; 0: not a whole number
 
     @property
     def interval(self) -> float:
-        """The whole row, s."""
+        """Duration of the row, s."""
         return self.settle + self.measure + self.tail
 
 
 class WindowError(Exception):
-    """No window can be cut; ``key`` is the key of the campaign file that should change."""
+    """A window that does not fit; ``key`` is the key of the campaign file that must change."""
 
     def __init__(self, key: KeyPath, value: object, message: str) -> None:
         super().__init__(message)
@@ -47,135 +48,143 @@ class WindowError(Exception):
         self.message = message
 
 
-def windows(
+def row_windows(
     sea: AnySea, timing: Timing, reference: AnyReference = None, hoist: Hoist | None = None
-) -> Windows:
-    """Windows of every row of a campaign; raises `WindowError` if nothing fits.
+) -> RowWindows:
+    """Return the windows of every row of a campaign; raises `WindowError` if none fits.
 
-    Before a row with another spring rate its combination is held for one more interval while the
-    stator moves, as the MASK4 report does. An irregular sea would cost 300 s that way, so there
-    the settling time is the least length (the plan waits for the stator anyway); `mask4` keeps
-    the whole interval.
+    Before a row with another spring rate, its combination is held for an extra interval while the
+    stator moves, as in the MASK4 report. For an irregular sea this would take 300 s, so there the
+    settling time is the minimum (the plan waits for the stator in any case); `mask4` keeps the
+    whole interval.
     """
-    if hoist is not None:  # wherever it stands when the row begins: whole cycles see all of it
-        settle = _given(timing.settle_s, 2.0)
-        return Windows(settle, hoist.cycles * hoist.period, 0.0, settle, hoist.cycles)
+    if hoist is not None:  # whole cycles cover the travel, whatever the position at the start
+        settle = _value_or(timing.settle_s, 2.0)
+        return RowWindows(settle, hoist.cycles * hoist.period, 0.0, settle, hoist.cycles)
     if isinstance(sea, CalmSea):
-        return _calm(timing) if reference is None else _pushed(reference, timing)
+        if reference is None:
+            return _calm_windows(timing)
+        return _reference_windows(reference, timing)
     if isinstance(sea, RegularSea):
-        settle = _given(timing.settle_s, 5.0)
-        interval = _given(timing.interval_s, 20.0)
+        settle = _value_or(timing.settle_s, 5.0)
+        interval = _value_or(timing.interval_s, 20.0)
         return _whole_periods(timing, settle, interval, sea.period, "wave period", interval)
     if timing.scheme == "mask4" and timing.periods is None:
-        settle = _given(timing.settle_s, 2.0)
-        interval = _given(timing.interval_s, 300.0)
-        _room(timing, settle, interval)
-        periods = _fitting(interval - settle, sea.repeat)
+        settle = _value_or(timing.settle_s, 2.0)
+        interval = _value_or(timing.interval_s, 300.0)
+        _check_interval(timing, settle, interval)
+        periods = _count_periods(interval - settle, sea.repeat)
         exact = abs(periods * sea.repeat - (interval - settle)) < 1e-6
-        return Windows(settle, interval - settle, 0.0, interval, periods if exact else 0)
+        return RowWindows(settle, interval - settle, 0.0, interval, periods if exact else 0)
     mask4 = timing.scheme == "mask4"
-    settle = _given(timing.settle_s, 2.0 if mask4 else 10.0)
-    interval = _given(timing.interval_s, settle + sea.repeat * (timing.periods or 1))
+    settle = _value_or(timing.settle_s, 2.0 if mask4 else 10.0)
+    interval = _value_or(timing.interval_s, settle + sea.repeat * (timing.periods or 1))
     move = interval if mask4 else settle
     return _whole_periods(timing, settle, interval, sea.repeat, "repeat period", move)
 
 
-def calibration(sea: AnySea, timing: Timing) -> Windows:
-    """The one window of a wave calibration, whole repeat periods; raises `WindowError`.
+def calibration_window(sea: AnySea, timing: Timing) -> RowWindows:
+    """Return the window of a wave calibration, whole repeat periods; raises `WindowError`.
 
-    Four periods of an irregular sea unless the file says otherwise (four are also in the basin's
-    own calibration record in the public fbWecCntrl repository), as many of a regular one as fit
-    into 60 s.
+    The default is four periods of an irregular sea (as in the basin's own calibration record in
+    the public fbWecCntrl repository), or the periods of a regular sea that fit into 60 s.
     """
     if isinstance(sea, CalmSea):
         raise WindowError(("sea",), "calm", "calm water has no waves to calibrate")
     regular = isinstance(sea, RegularSea)
     period = sea.period if isinstance(sea, RegularSea) else sea.repeat
-    periods = timing.periods or (_fitting(60.0, period) if regular else 4)
+    periods = timing.periods or (_count_periods(60.0, period) if regular else 4)
     if (
         isinstance(sea, RecordedSea)
-        and _fitting(length := sea.end_s - sea.start_s, period) * period < length - 1e-6
+        and _count_periods(length := sea.end_s - sea.start_s, period) * period < length - 1e-6
     ):
         raise WindowError(
             ("sea",),
             length,
-            f"the record's window of {number_text(length)} s is no whole number of its repeat "
-            f"period of {number_text(period)} s, so it does not repeat",
+            f"the record's window of {format_number(length)} s is not a whole number of its repeat "
+            f"periods of {format_number(period)} s, so it does not repeat",
         )
-    interval = _given(timing.interval_s, periods * period)
-    what = "wave period" if regular else "repeat period"
-    cut = _whole_periods(timing, 0.0, interval, period, what, 0.0)
-    return Windows(0.0, cut.measure, 0.0, 0.0, cut.periods)
+    interval = _value_or(timing.interval_s, periods * period)
+    period_name = "wave period" if regular else "repeat period"
+    window = _whole_periods(timing, 0.0, interval, period, period_name, 0.0)
+    return RowWindows(0.0, window.measure, 0.0, 0.0, window.periods)
 
 
 def repeat_period(sea: AnySea) -> float | None:
-    """Seconds after which a sea repeats; None in calm water."""
+    """Return the repeat period of a sea, s; None in calm water."""
     if isinstance(sea, RegularSea):
         return sea.period
     repeat: float | None = getattr(sea, "repeat", None)
     return repeat
 
 
-def _calm(timing: Timing) -> Windows:
+def _calm_windows(timing: Timing) -> RowWindows:
     if timing.periods is not None:
-        message = f"{timing.periods} periods of a calm sea; leave the key out"
+        message = f"{timing.periods} periods, but a calm sea has none; leave the key out"
         raise WindowError(("timing", "periods"), timing.periods, message)
-    settle = _given(timing.settle_s, 5.0)
-    interval = _given(timing.interval_s, 20.0)
-    _room(timing, settle, interval)
-    return Windows(settle, interval - settle, 0.0, interval, 0)
+    settle = _value_or(timing.settle_s, 5.0)
+    interval = _value_or(timing.interval_s, 20.0)
+    _check_interval(timing, settle, interval)
+    return RowWindows(settle, interval - settle, 0.0, interval, 0)
 
 
-def _pushed(reference: AnyReference, timing: Timing) -> Windows:
-    """Whole repeat periods of an open-loop force in calm water; a sine as a regular sea."""
+def _reference_windows(reference: AnyReference, timing: Timing) -> RowWindows:
+    """Return windows of whole repeat periods of an open-loop force; a sine as a regular sea."""
     assert reference is not None
     if isinstance(reference, SineReference):
-        settle = _given(timing.settle_s, 5.0)
-        interval = _given(timing.interval_s, 20.0)
+        settle = _value_or(timing.settle_s, 5.0)
+        interval = _value_or(timing.interval_s, 20.0)
         period = reference.period
         return _whole_periods(timing, settle, interval, period, "period of the reference", interval)
-    settle = _given(timing.settle_s, 10.0)
-    interval = _given(timing.interval_s, settle + reference.period * (timing.periods or 1))
-    what = "repeat period of the reference"
-    return _whole_periods(timing, settle, interval, reference.period, what, settle)
+    settle = _value_or(timing.settle_s, 10.0)
+    interval = _value_or(timing.interval_s, settle + reference.period * (timing.periods or 1))
+    period_name = "repeat period of the reference"
+    return _whole_periods(timing, settle, interval, reference.period, period_name, settle)
 
 
 def _whole_periods(
-    timing: Timing, settle: float, interval: float, period: float, what: str, move: float
-) -> Windows:
-    fitting = _fitting(interval - settle, period)
-    wanted = timing.periods or max(fitting, 1)
-    if wanted > fitting:
-        least = math.ceil((settle + wanted * period) * 1000.0 - _NEARLY) / 1000.0
-        many = f"{wanted} {what}s" if wanted > 1 else f"one {what}"
+    timing: Timing, settle: float, interval: float, period: float, period_name: str, move: float
+) -> RowWindows:
+    """Return windows with the given number of periods, or with the most that fit.
+
+    Raises `WindowError` if the periods do not fit; ``period_name`` is the text in its message.
+    """
+    max_periods = _count_periods(interval - settle, period)
+    periods = timing.periods or max(max_periods, 1)
+    if periods > max_periods:
+        min_interval = math.ceil((settle + periods * period) * 1000.0 - _ROUNDING) / 1000.0
+        count = f"{periods} {period_name}s" if periods > 1 else f"one {period_name}"
+        fit = "do not fit" if periods > 1 else "does not fit"
         key = ("timing", "interval_s") if timing.interval_s is not None else ("timing",)
-        settling = f" after {number_text(settle)} s of settling" if settle else ""
+        settling = f" after {format_number(settle)} s of settling" if settle else ""
         raise WindowError(
             key,
             interval,
-            f"{many} of {period:.4g} s{settling} does not fit into "
-            f"an interval of {number_text(interval)} s; allowed interval_s at least "
-            f"{number_text(least)} s",
+            f"{count} of {period:.4g} s{settling} {fit} into "
+            f"an interval of {format_number(interval)} s; allowed interval_s at least "
+            f"{format_number(min_interval)} s",
         )
-    measure = wanted * period
+    measure = periods * period
     tail = interval - settle - measure
-    return Windows(settle, measure, tail if tail > 1e-6 else 0.0, move, wanted)
+    return RowWindows(settle, measure, tail if tail > 1e-6 else 0.0, move, periods)
 
 
-def _fitting(room: float, period: float) -> int:
-    return math.floor(room / period + _NEARLY)
+def _count_periods(duration: float, period: float) -> int:
+    """Return the number of whole periods in a duration."""
+    return math.floor(duration / period + _ROUNDING)
 
 
-def _room(timing: Timing, settle: float, interval: float) -> None:
+def _check_interval(timing: Timing, settle: float, interval: float) -> None:
+    """Raise `WindowError` unless the interval is longer than the settling time."""
     if interval <= settle:
         key = "interval_s" if timing.interval_s is not None else "settle_s"
         raise WindowError(
             ("timing", key),
             interval if key == "interval_s" else settle,
-            f"an interval of {number_text(interval)} s leaves nothing to measure after "
-            f"{number_text(settle)} s of settling",
+            f"an interval of {format_number(interval)} s leaves nothing to measure after "
+            f"{format_number(settle)} s of settling",
         )
 
 
-def _given(value: float | None, default: float) -> float:
+def _value_or(value: float | None, default: float) -> float:
     return default if value is None else value

@@ -4,10 +4,10 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.config.problems import ConfigError, Problem, shown
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.config.session_kinds import SESSIONS
-from rig.planning.campaign.check import duration_text
+from rig.config.session_kinds import SESSION_KINDS
+from rig.planning.campaign.check import format_duration
 from rig.planning.session.files import Also, Session, nothing_more, open_session
 from rig.planning.session.plan import SessionPlan, plan_session
 
@@ -40,7 +40,7 @@ class SessionReport(NamedTuple):
                 "measured",
                 f"{plan.rows[0].periods} periods a row, {plan.phases.measure:.6g} s in all",
             ),
-            ("duration", f"{duration_text(plan.duration)} and waiting for the drive"),
+            ("duration", f"{format_duration(plan.duration)} and waiting for the drive"),
             ("phases", ", ".join(phases)),
             (
                 "constants",
@@ -60,13 +60,15 @@ class SessionReport(NamedTuple):
             count = len(self.problems)
             lines = [problem.text() for problem in self.problems]
             return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
-        sources = [(f.role, shown(f.path)) for f in self.session.files] if self.session else []
+        sources = (
+            [(f.role, display_path(f.path)) for f in self.session.files] if self.session else []
+        )
         return "\n".join(f"{label:11} {text}" for label, text in [*self.facts(), *sources])
 
     def to_json(self) -> str:
         """For programs: `ok`, `problems`, and what the session will do."""
         whole: dict[str, Any] = {
-            "file": shown(self.path),
+            "file": display_path(self.path),
             "ok": self.ok,
             "problems": [problem.as_dict() for problem in self.problems],
         }
@@ -86,7 +88,7 @@ class SessionReport(NamedTuple):
                 "phases_s": plan.phases._asdict(),
                 "constants": self.session.constants.origin,
                 "files": [
-                    {"role": f.role, "path": shown(f.path), "sha256": f.sha256}
+                    {"role": f.role, "path": display_path(f.path), "sha256": f.sha256}
                     for f in self.session.files
                 ],
             }
@@ -112,12 +114,12 @@ _COUPLING = {"free": "taken out", "coupled": "in"}
 
 def _drive(session: Session) -> str:
     file: SessionFile = session.file
-    told = SESSIONS[file.session]
-    if told.flap and file.loop == "torque":
-        drive = "as a damper" if told.needed else "without torque"
-        moved = "by hand" if not told.waves else "in waves"
+    told = SESSION_KINDS[file.session]
+    if told.flap_coupling and file.loop == "torque":
+        drive = "as a damper" if told.required_columns else "without torque"
+        moved = "by hand" if not told.needs_waves else "in waves"
         moved += "" if file.irregular is None else ", irregular"
-        return f"torque loop, {drive}; the flap moved {moved}, its coupling {_COUPLING[told.flap]}"
+        return f"torque loop, {drive}; the flap moved {moved}, its coupling {_COUPLING[told.flap_coupling]}"
     if file.loop == "torque":
         return f"torque loop, {file.control}, shaft {file.shaft}"
     motion = "sine" if file.irregular is None else "irregular"

@@ -23,7 +23,7 @@ import numpy as np
 from rig.config.constants_file import ConstantsFile, DrivelinePoint
 from rig.config.problems import ConfigError, Problem
 from rig.config.session_file import InstantaneousCorrection, OnlineCorrection, SessionFile
-from rig.config.yaml_source import Locate
+from rig.config.yaml_source import SourceMap
 from rig.planning.session.rows import SessionPoint
 
 LEAST_POINTS = 3
@@ -64,7 +64,7 @@ def correction(
     file: SessionFile,
     points: tuple[SessionPoint, ...],
     used: dict[str, ConstantsFile | None],
-    locate: Locate,
+    locate: SourceMap,
 ) -> Correction:
     """The correction of a session; ``used`` are the files its keys name.
 
@@ -90,7 +90,7 @@ def _online(
     told: OnlineCorrection,
     points: tuple[SessionPoint, ...],
     used: dict[str, ConstantsFile | None],
-    locate: Locate,
+    locate: SourceMap,
 ) -> tuple[Ahead, ...]:
     fitted = used["regressions"]
     if fitted is None or not fitted.driveline:
@@ -154,5 +154,5 @@ def _same(known: DrivelinePoint, point: SessionPoint, repeat: float) -> bool:
     return all(abs(one - other) <= 1e-6 * max(abs(one), 1.0) for one, other in pairs)
 
 
-def _lacks(locate: Locate, key: str, value: object, wanted: str) -> Problem:
+def _lacks(locate: SourceMap, key: str, value: object, wanted: str) -> Problem:
     return locate.problem(("correction", key), value, f"has no {wanted}; allowed a file that has")

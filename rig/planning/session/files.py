@@ -10,8 +10,14 @@ from rig.config.constants_file import ConstantsFile
 from rig.config.problems import ConfigError, Problem
 from rig.config.pydantic_errors import validate
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.config.yaml_source import KeyPath, Locate, load_mapping
-from rig.planning.campaign.input_files import ReadFile, Source, in_order, named_source, read_files
+from rig.config.yaml_source import KeyPath, SourceMap, load_mapping
+from rig.planning.campaign.input_files import (
+    ConfigSource,
+    InputFile,
+    hash_input_files,
+    load_named_source,
+    sort_problems,
+)
 from rig.planning.session.constants import Constants, gathered
 from rig.planning.session.correction import Correction, correction
 from rig.planning.session.flume import repeats_in_ticks
@@ -23,9 +29,9 @@ T = TypeVar("T")
 class Pieces(NamedTuple):
     """What of a session is there for further checks; None for what is missing or wrong."""
 
-    session: Source
-    rig: Source | None
-    plant: Source | None
+    session: ConfigSource
+    rig: ConfigSource | None
+    plant: ConfigSource | None
     rig_file: BenchRigFile | None
     file: SessionFile | None
 
@@ -34,15 +40,15 @@ class Session(NamedTuple):
     """A session whose files passed every check that needs no plant."""
 
     file: SessionFile
-    locate: Locate  # where each value of the session file stands
+    locate: SourceMap  # where each value of the session file stands
     rig: BenchRigFile
     limits: BenchLimitsFile
     plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
-    plant_locate: Locate
+    plant_locate: SourceMap
     points: tuple[SessionPoint, ...]
     constants: Constants
     correction: Correction
-    files: tuple[ReadFile, ...]  # with those they extend
+    files: tuple[InputFile, ...]  # with those they extend
 
 
 Also = Callable[[Pieces], Iterable[Problem]]
@@ -68,8 +74,8 @@ class _Opening:
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
-        self.sources: list[Source | None] = []
-        self.files: list[ReadFile] = []
+        self.sources: list[ConfigSource | None] = []
+        self.files: list[InputFile] = []
 
     def attempt(self, step: Callable[[], T]) -> T | None:
         """What a step gives, or None where it found problems."""
@@ -80,29 +86,33 @@ class _Opening:
             return None
 
     def read(
-        self, role: str, owner: Source | None, key: KeyPath, instead: Path | None = None
-    ) -> Source | None:
+        self, role: str, owner: ConfigSource | None, key: KeyPath, instead: Path | None = None
+    ) -> ConfigSource | None:
         """The file named at a key of another, or ``instead``."""
         if owner is None:
             return None
         source = self.attempt(
-            lambda: named_source(owner, key) if instead is None else Source(*load_mapping(instead))
+            lambda: (
+                load_named_source(owner, key)
+                if instead is None
+                else ConfigSource(*load_mapping(instead))
+            )
         )
         self.sources.append(source)
-        self.files += read_files(role, source)
+        self.files += hash_input_files(role, source)
         return source
 
-    def model(self, source: Source | None, model: type[T]) -> T | None:
+    def model(self, source: ConfigSource | None, model: type[T]) -> T | None:
         """A source as its model."""
         if source is None:
             return None
         return self.attempt(lambda: validate(source.mapping, source.locate, model))  # type: ignore[type-var]
 
-    def constants(self, owner: Source | None, key: KeyPath) -> ConstantsFile | None:
+    def constants(self, owner: ConfigSource | None, key: KeyPath) -> ConstantsFile | None:
         """The file of constants named at a key."""
         return self.model(self.read("calibration", owner, key), ConstantsFile)
 
-    def calibrations(self, owner: Source | None) -> list[ConstantsFile]:
+    def calibrations(self, owner: ConfigSource | None) -> list[ConstantsFile]:
         """Every file that is named under `calibrations`."""
         named = owner.mapping.get("calibrations") if owner is not None else None
         keys = range(len(named)) if isinstance(named, list) else ()
@@ -117,9 +127,9 @@ def open_session(path: Path, also: Also = nothing_more, rig_path: Path | None = 
     session names. Raises `ConfigError` with every problem of all these files.
     """
     opening = _Opening()
-    top = Source(*load_mapping(Path(path)))
+    top = ConfigSource(*load_mapping(Path(path)))
     opening.sources.append(top)
-    opening.files += read_files("session", top)
+    opening.files += hash_input_files("session", top)
     rig_source = opening.read("rig", top, ("rig",), rig_path)
     limits = opening.model(opening.read("limits", rig_source, ("limits",)), BenchLimitsFile)
     owner = top if top.mapping.get("plant") is not None else rig_source
@@ -147,7 +157,7 @@ def open_session(path: Path, also: Also = nothing_more, rig_path: Path | None = 
             opening.problems += repeats_in_ticks(file, found, float(rig.rate_hz))
     opening.problems += also(Pieces(top, rig_source, plant, rig, file))
     if opening.problems:
-        raise ConfigError(in_order(opening.problems, opening.sources))
+        raise ConfigError(sort_problems(opening.problems, opening.sources))
     assert file is not None
     assert rig is not None
     assert limits is not None

@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from rig.config.problems import Problem, number_text
-from rig.config.session_file import Irregular, SessionFile
-from rig.config.session_kinds import SESSIONS
+from rig.config.problems import Problem, format_number
+from rig.config.session_file import IrregularReference, SessionFile
+from rig.config.session_kinds import SESSION_KINDS
 from rig.kinds.oswec_bench.signals import NO_FLUME, Flume
-from rig.planning.campaign.multisine import design, scaled_to_peak
+from rig.planning.campaign.multisine import design_multisine, scale_to_peak
 from rig.planning.session.rows import SessionPoint
 
 _WHOLE = 1e-6  # ticks
@@ -32,12 +32,12 @@ class Sea(NamedTuple):
     phase_rad: tuple[float, ...]  # at zero of the wave clock
 
 
-def irregular_lines(told: Irregular) -> Lines:
+def irregular_lines(told: IrregularReference) -> Lines:
     """The lines of an irregular signal."""
-    signal = design(
+    signal = design_multisine(
         told.low_hz, told.high_hz, told.repeat_s, rms=1.0, seed=told.seed, draws=told.draws
     )
-    signal = scaled_to_peak(signal, 1.0)
+    signal = scale_to_peak(signal, 1.0)
     return Lines(
         told.repeat_s,
         tuple(int(k) for k in signal.cycles),
@@ -58,18 +58,18 @@ def sea(file: SessionFile, point: SessionPoint) -> Sea:
 
 def seas(file: SessionFile, points: tuple[SessionPoint, ...]) -> tuple[Sea, ...]:
     """One a point of the file; none where a session makes no waves."""
-    if not SESSIONS[file.session].waves:
+    if not SESSION_KINDS[file.session].needs_waves:
         return ()
     return tuple(sea(file, point) for point in points)
 
 
 def flume(file: SessionFile, point: SessionPoint, index: int) -> Flume:
     """What a row asks of flap and flume; ``index`` is that of its sea."""
-    told = SESSIONS[file.session]
-    if not told.flap:
+    told = SESSION_KINDS[file.session]
+    if not told.flap_coupling:
         return NO_FLUME
     return Flume(
-        index if told.waves else -1,
+        index if told.needs_waves else -1,
         1 if "release" in point.given else 0,
         math.radians(point.given.get("release", 0.0)),
         point.given.get("pto_damping", 0.0),
@@ -80,13 +80,13 @@ def repeats_in_ticks(
     file: SessionFile, points: tuple[SessionPoint, ...], rate_hz: float
 ) -> Iterator[Problem]:
     """Waves whose period is no whole number of ticks: a table cannot repeat them."""
-    if not SESSIONS[file.session].waves or file.irregular is not None:
+    if not SESSION_KINDS[file.session].needs_waves or file.irregular is not None:
         return
     for point in points:
         ticks = point.given["period"] * rate_hz
         if abs(ticks - round(ticks)) > _WHOLE:
-            message = f"{number_text(point.given['period'])} s is no whole number of ticks"
-            message += f"; allowed multiples of {number_text(1.0 / rate_hz)} s"
+            message = f"{format_number(point.given['period'])} s is no whole number of ticks"
+            message += f"; allowed multiples of {format_number(1.0 / rate_hz)} s"
             yield point.at["period"].problem(point.given["period"], message)
 
 

@@ -14,7 +14,7 @@ from controllers.oswec_position import PI, Component
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.kinds.oswec_bench import Flume, Setpoints
 from rig.kinds.oswec_bench.signals import NO_FLUME
-from rig.planning.campaign.segments import Piece, cut_into_ticks
+from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
 from rig.planning.session.correction import Ahead
 from rig.planning.session.files import Session
 from rig.planning.session.flume import flume, irregular_lines
@@ -75,7 +75,7 @@ def plan_session(session: Session) -> SessionPlan:
     rows, pieces = (
         [],
         [
-            Piece(NO_ROW, Phase.TARE, file.tare_duration, REST, waves=0, drive=0),
+            PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, REST, waves=0, drive=0),
         ],
     )
     for number, (repetition, index) in enumerate(_turns(file, len(session.points))):
@@ -96,16 +96,16 @@ def plan_session(session: Session) -> SessionPlan:
         given = {c.key: point.given[c.name] for c in SESSION_COLUMNS if c.name in point.given}
         rows.append(SessionRow(number, index, repetition, given, file.timing.periods, measure))
         pieces += [
-            Piece(
+            PlanSegment(
                 number, Phase.MOVING, rig.homing.duration_s, setting,
                 wait=WAIT_DRIVE, timeout=rig.homing.duration_s + rig.drive_enable_timeout_s,
                 waves=0,
             ),
-            Piece(number, Phase.SETTLE, settle, setting),
-            Piece(number, Phase.MEASURE, measure, free),
-            Piece(number, Phase.TAIL, rise, free),
+            PlanSegment(number, Phase.SETTLE, settle, setting),
+            PlanSegment(number, Phase.MEASURE, measure, free),
+            PlanSegment(number, Phase.TAIL, rise, free),
         ]  # fmt: skip
-    pieces.append(Piece(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
+    pieces.append(PlanSegment(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
     return _table(tuple(rows), pieces, float(rig.rate_hz))
 
 
@@ -149,7 +149,7 @@ def components(session: Session, point: SessionPoint, ahead: Ahead) -> tuple[Com
 
 
 def _table(
-    rows: tuple[SessionRow, ...], pieces: list[Piece[BenchSetting]], rate: float
+    rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetting]], rate: float
 ) -> SessionPlan:
     segments, kept, table = cut_into_ticks(pieces, rate)
 

@@ -5,9 +5,9 @@ from typing import Any
 
 from rig.config.bench_limits_file import BenchLimitsFile
 from rig.config.bench_rig_file import BenchRigFile
-from rig.config.recorded_limits import bench_limits
+from rig.config.recorded_limits import complete_bench_limits
 from rig.config.session_file import SessionFile
-from rig.config.yaml_source import Locate
+from rig.config.yaml_source import SourceMap
 from rig.planning.session.constants import Constants
 from rig.planning.session.correction import Ahead, Correction
 from rig.planning.session.files import Session
@@ -20,13 +20,13 @@ def session_as_logged(config: dict[str, Any]) -> Session:
     Nothing knows where its values stood in files. Raises KeyError where the record lacks a part,
     ValueError where it is none of today's.
     """
-    nowhere = Locate(Path("config.json"), {}, ())
+    nowhere = SourceMap(Path("config.json"), {}, ())
     file = SessionFile.model_validate(config["session"])
     return Session(
         file,
         nowhere,
         BenchRigFile.model_validate(config["rig"]),
-        BenchLimitsFile.model_validate(bench_limits(config["limits"])),
+        BenchLimitsFile.model_validate(complete_bench_limits(config["limits"])),
         config["plant"],
         nowhere,
         points(file, nowhere),

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from rig.config.problems import shown
+from rig.config.problems import display_path
 from rig.planning.session.assemble import scales
 from rig.planning.session.files import Session
 from rig.planning.session.flume import as_mapping, seas
@@ -25,7 +25,7 @@ def resolved_session(session: Session) -> str:
         "correction": session.correction._asdict(),
         "calibration_runs": session.correction.runs,
         "files": [
-            {"role": file.role, "path": shown(file.path), "sha256": file.sha256}
+            {"role": file.role, "path": display_path(file.path), "sha256": file.sha256}
             for file in session.files
         ],
     }

@@ -4,10 +4,10 @@ import itertools
 import math
 from typing import NamedTuple
 
-from rig.config.problems import key_text
+from rig.config.problems import format_key
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
-from rig.config.yaml_source import KeyPath, Locate
-from rig.planning.campaign.point import Where
+from rig.config.yaml_source import KeyPath, SourceMap
+from rig.planning.campaign.point import ValueLocation
 
 MOST_ROWS = 1000
 """Most rows of a session, repetitions included."""
@@ -17,7 +17,7 @@ class SessionPoint(NamedTuple):
     """One row of the file: what is given of it, by the names of the columns, and where."""
 
     given: dict[str, float]
-    at: dict[str, Where]
+    at: dict[str, ValueLocation]
 
 
 def count(file: SessionFile) -> int:
@@ -28,7 +28,7 @@ def count(file: SessionFile) -> int:
     return sum(math.prod(lengths) for lengths in sizes)
 
 
-def points(file: SessionFile, locate: Locate) -> tuple[SessionPoint, ...]:
+def points(file: SessionFile, locate: SourceMap) -> tuple[SessionPoint, ...]:
     """The rows in the order of the file."""
     if file.rows is not None:
         return tuple(
@@ -45,7 +45,7 @@ def points(file: SessionFile, locate: Locate) -> tuple[SessionPoint, ...]:
 
 
 def _point(
-    given: dict[str, float], index: dict[str, int], at: KeyPath, locate: Locate
+    given: dict[str, float], index: dict[str, int], at: KeyPath, locate: SourceMap
 ) -> SessionPoint:
     """A point of these values by file key; ``index``: which entry of its list each one is."""
     named, places = {}, {}
@@ -53,7 +53,7 @@ def _point(
         if column.key in given:
             key: KeyPath = (*at, column.key)
             entry = (*key, index[column.key]) if column.key in index else key
-            key = entry if entry in locate.places else key
+            key = entry if entry in locate.locations else key
             named[column.name] = float(given[column.key])
-            places[column.name] = Where(locate(key), key_text(key))
+            places[column.name] = ValueLocation(locate(key), format_key(key))
     return SessionPoint(named, places)

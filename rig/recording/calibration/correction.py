@@ -9,8 +9,14 @@ from datetime import date, datetime
 from decimal import Decimal, localcontext
 from typing import NamedTuple
 
-from rig.config.calibration_file import CalibrationFile, Offset, Scale, Table, Valid
-from rig.config.problems import number_text
+from rig.config.calibration_file import (
+    CalibrationFile,
+    OffsetCorrection,
+    ScaleCorrection,
+    TableCorrection,
+    Validity,
+)
+from rig.config.problems import format_number
 
 DIGITS = 40  # of the arithmetic between two floats of 17
 
@@ -49,29 +55,29 @@ class Applied(NamedTuple):
     def description(self) -> str:
         """What produced the value, in a line."""
         if self.inside:
-            return f"{number_text(self.given)} by {self.by} is {number_text(self.value)}"
-        return f"{number_text(self.given)}: outside the range of {self.by}, unchanged"
+            return f"{format_number(self.given)} by {self.by} is {format_number(self.value)}"
+        return f"{format_number(self.given)}: outside the range of {self.by}, unchanged"
 
 
-def apply(correction: Scale | Offset | Table, value: float) -> float:
+def apply(correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float) -> float:
     """The corrected value of a recorded one.
 
     Raises `OutsideError` beyond the ends of a table, ValueError for a value that is not finite or
     does not stay so.
     """
-    if isinstance(correction, Table):
+    if isinstance(correction, TableCorrection):
         return _between(correction.recorded, correction.corrected, value)
     return _plain(correction, value, forward=True)
 
 
-def invert(correction: Scale | Offset | Table, value: float) -> float:
+def invert(correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float) -> float:
     """The recorded value of a corrected one; raises as `apply` does."""
-    if isinstance(correction, Table):
+    if isinstance(correction, TableCorrection):
         return _between(correction.corrected, correction.recorded, value)
     return _plain(correction, value, forward=False)
 
 
-def holds(valid: Valid, at: At) -> bool:
+def holds(valid: Validity, at: At) -> bool:
     """Whether a calibration holds there; `OutsideError` if that cannot be told."""
     if valid.runs is not None:
         if at.run is None or not at.series:
@@ -121,11 +127,11 @@ def _inside(calibration: CalibrationFile, at: At) -> bool:
     return inside
 
 
-def _plain(correction: Scale | Offset, value: float, *, forward: bool) -> float:
+def _plain(correction: ScaleCorrection | OffsetCorrection, value: float, *, forward: bool) -> float:
     number = _decimal(value)
     with localcontext() as context:
         context.prec = DIGITS
-        if isinstance(correction, Scale):
+        if isinstance(correction, ScaleCorrection):
             factor = _decimal(correction.factor)
             made = number * factor if forward else number / factor
         else:
@@ -140,8 +146,8 @@ def _between(known: tuple[float, ...], wanted: tuple[float, ...], value: float) 
     if known[0] > known[-1]:
         known, wanted = known[::-1], wanted[::-1]
     if not known[0] <= value <= known[-1]:
-        ends = f"{number_text(known[0])} .. {number_text(known[-1])}"
-        raise OutsideError(f"{number_text(value)} is outside the table; allowed {ends}")
+        ends = f"{format_number(known[0])} .. {format_number(known[-1])}"
+        raise OutsideError(f"{format_number(value)} is outside the table; allowed {ends}")
     i = max(i for i in range(len(known) - 1) if known[i] <= value)
     x0, x1 = _decimal(known[i]), _decimal(known[i + 1])
     y0, y1 = _decimal(wanted[i]), _decimal(wanted[i + 1])
@@ -153,7 +159,7 @@ def _between(known: tuple[float, ...], wanted: tuple[float, ...], value: float) 
 def _decimal(value: float) -> Decimal:
     """The shortest decimal number that reads back as this float."""
     if not math.isfinite(value):
-        raise ValueError(f"{number_text(value)} is not a finite number")
+        raise ValueError(f"{format_number(value)} is not a finite number")
     return Decimal(repr(float(value)))
 
 

@@ -3,7 +3,12 @@
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from rig.config.calibration_file import CalibrationFile, Offset, Scale, Table
+from rig.config.calibration_file import (
+    CalibrationFile,
+    OffsetCorrection,
+    ScaleCorrection,
+    TableCorrection,
+)
 from rig.recording.calibration.correction import At, OutsideError, corrected, holds
 from rig.recording.calibration.sources import Stood
 
@@ -66,7 +71,7 @@ def difference(old: CalibrationFile, new: CalibrationFile, stood: Iterable[Stood
             else:
                 changed.append(_change(one, None, None))
             continue
-        if one.mean and rules[0] != rules[1] and any(isinstance(r, Table) for r in rules):
+        if one.mean and rules[0] != rules[1] and any(isinstance(r, TableCorrection) for r in rules):
             untold.setdefault(one.where, "a mean cannot be corrected by a table; read the record")
             continue
         before, after = _read(old, one), _read(new, one)
@@ -88,8 +93,8 @@ def _rule(calibration: CalibrationFile, at: At) -> object:
     if not holds(calibration.valid, at):
         return calibration.outside
     correction = calibration.correction
-    nothing = (isinstance(correction, Scale) and correction.factor == 1.0) or (
-        isinstance(correction, Offset) and correction.offset == 0.0
+    nothing = (isinstance(correction, ScaleCorrection) and correction.factor == 1.0) or (
+        isinstance(correction, OffsetCorrection) and correction.offset == 0.0
     )
     return "unchanged" if nothing else correction
 

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.config.calibration_file import CalibrationFile
-from rig.config.problems import ConfigError, Problem, shown
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.pydantic_errors import load
-from rig.config.yaml_source import Locate
-from rig.regular_file import CONFIG_MOST, read_regular
+from rig.config.yaml_source import SourceMap
+from rig.regular_file import MAX_CONFIG_BYTES, read_regular
 
 
 class Known(NamedTuple):
@@ -43,7 +43,9 @@ class History(NamedTuple):
         chain = self.chain(name)
         if not chain:
             there = ", ".join(self.names()) or "none"
-            raise KeyError(f"no calibration {name!r} in {shown(self.folder)}/; there are: {there}")
+            raise KeyError(
+                f"no calibration {name!r} in {display_path(self.folder)}/; there are: {there}"
+            )
         if not version:
             return chain[-1]
         for known in chain:
@@ -58,12 +60,12 @@ def open_calibration(path: Path) -> Known:
     return _opened(path)[0]
 
 
-def _opened(path: Path) -> tuple[Known, Locate]:
+def _opened(path: Path) -> tuple[Known, SourceMap]:
     path = Path(path)
     file, locate = load(path, CalibrationFile)
     digest = hashlib.sha256()
     for each in locate.files:
-        digest.update(read_regular(each, CONFIG_MOST))
+        digest.update(read_regular(each, MAX_CONFIG_BYTES))
     return Known(file, path, digest.hexdigest()), locate
 
 
@@ -75,10 +77,12 @@ def open_history(folder: Path) -> History:
     change of quantity between versions.
     """
     folder = Path(folder)
-    found: list[tuple[Known, Locate]] = []
+    found: list[tuple[Known, SourceMap]] = []
     problems: list[Problem] = []
     if not folder.is_dir():
-        raise ConfigError([Problem(shown(folder), 1, "", None, "no such folder of calibrations")])
+        raise ConfigError(
+            [Problem(display_path(folder), 1, "", None, "no such folder of calibrations")]
+        )
     for path in sorted(folder.glob("*.yaml")):
         try:
             found.append(_opened(path))
@@ -91,7 +95,7 @@ def open_history(folder: Path) -> History:
     return History(folder, tuple(known for known, _ in found))
 
 
-def _broken_chains(found: list[tuple[Known, Locate]]) -> list[Problem]:
+def _broken_chains(found: list[tuple[Known, SourceMap]]) -> list[Problem]:
     problems = []
     seen: dict[tuple[str, int], Known] = {}
     followed: dict[tuple[str, int], Known] = {}
@@ -99,7 +103,7 @@ def _broken_chains(found: list[tuple[Known, Locate]]) -> list[Problem]:
         file = known.file
         key = (file.name, file.version)
         if key in seen:
-            message = f"{file.title} stands in {shown(seen[key].path)} already"
+            message = f"{file.title} stands in {display_path(seen[key].path)} already"
             problems.append(locate.problem(("version",), file.version, message))
             continue
         seen[key] = known

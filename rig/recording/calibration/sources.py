@@ -6,12 +6,12 @@ from datetime import date
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.calibration_file import TORQUE_CONSTANT
+from rig.config.calibration_file import TORQUE_CONSTANT_KEY
 from rig.interop.legacy.testlog import Activity, Entry, Log
 from rig.recording.calibration.correction import At
 from rig.recording.runs import RunError, facts, list_runs
 from rig.recording.runs.folder import Facts
-from rig.regular_file import TABLE_MOST, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 PRODUCTS = (
     *("rows.csv", "rows.nc", "effects.csv"),
@@ -99,10 +99,10 @@ def _of_run(path: Path, known: Facts, quantity: str) -> list[Stood]:
 
 
 def _in_config(known: Facts, at: At, there: tuple[str, ...]) -> list[Stood]:
-    value = known.configured(*TORQUE_CONSTANT)
+    value = known.configured(*TORQUE_CONSTANT_KEY)
     if value is None:
         return []
-    return [Stood(known.run, ".".join(TORQUE_CONSTANT), at, value, "", there)]
+    return [Stood(known.run, ".".join(TORQUE_CONSTANT_KEY), at, value, "", there)]
 
 
 def _in_table(path: Path, known: Facts, at: At, there: tuple[str, ...]) -> list[Stood]:
@@ -110,7 +110,7 @@ def _in_table(path: Path, known: Facts, at: At, there: tuple[str, ...]) -> list[
     if "rows.csv" not in there:
         note = "no rows.csv; rig plot makes it"
         return [Stood(known.run, "position_mean", at, None, note, there)]
-    with io.StringIO(read_regular(path / "rows.csv", TABLE_MOST).decode()) as file:
+    with io.StringIO(read_regular(path / "rows.csv", MAX_TABLE_BYTES).decode()) as file:
         return [
             Stood(known.run, f"row {row['row']}", at, value, "", there, mean=True)
             for row in csv.DictReader(file)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from rig.recording import process_identity
 from rig.recording.row_schema import CLOCK, START_KEY
 from rig.recording.runs.mcap_file import Contents, RunError, scan
-from rig.regular_file import TABLE_MOST, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # in the place of a run.mcap that is torn
@@ -121,7 +121,7 @@ class Facts(NamedTuple):
 
 
 def _text(path: Path) -> dict[str, Any]:
-    return _json(read_regular(path, TABLE_MOST))
+    return _json(read_regular(path, MAX_TABLE_BYTES))
 
 
 def _json(data: bytes | None) -> dict[str, Any]:

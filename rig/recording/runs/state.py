@@ -11,7 +11,7 @@ from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import folder
 from rig.recording.runs.account import Account, Counting, Ending
 from rig.recording.runs.mcap_file import Contents, Records
-from rig.regular_file import TABLE_MOST, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 WHOLE, RECOVERED = "complete", "recovered"
 LOOP = "the loop"  # as a witness of its own end
@@ -124,7 +124,7 @@ class Reading:
 def text_of(path: Path) -> dict[str, Any]:
     """A small JSON text; empty where there is none that can be read."""
     with suppress(OSError, ValueError):
-        value = json.loads(read_regular(path, TABLE_MOST))
+        value = json.loads(read_regular(path, MAX_TABLE_BYTES))
         return value if isinstance(value, dict) else {}
     return {}
 

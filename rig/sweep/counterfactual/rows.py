@@ -21,7 +21,7 @@ from rig.design.predictions.device import model_of
 from rig.execution.rehearsal import job
 from rig.execution.replay import as_logged
 from rig.identification.twin.plant_file import identified_up_to
-from rig.planning.campaign import Campaign, Plan, plan
+from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import Facts, facts
@@ -179,7 +179,7 @@ def counterfactual_rows(
         for name, unit in RANGES.items()
         for each in ([row[name] for row in measured.rows],)
     }
-    plant = campaign.plant_locate.file(("bem",), campaign.plant["bem"])
+    plant = campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
     known = identified_up_to(plant).items()
     identified = {name: Span(*each, RANGES[name]) for name, each in known if name in RANGES}
     rows = []
@@ -259,9 +259,9 @@ def _run(
     """Each point of a campaign and what it gives in a sea, in the words of the row table."""
     file = alone(campaign.file, lead_in)
     period = repeat_period(file.sea)
-    subject = Subject(campaign, plan(file, campaign.rig, campaign.points), sea)
+    subject = Subject(campaign, build_plan(file, campaign.rig, campaign.points), sea)
     for number, point in enumerate(campaign.points):
-        planned: Plan = plan(file, campaign.rig, (point,))
+        planned: Plan = build_plan(file, campaign.rig, (point,))
         walk = subject.walk(planned, stator=planned.rows[0].stator_position)
         (row,) = table(walk, planned, period / planned.dt if period else None)
         yield number, row

@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
-from rig.config.problems import ConfigError, Problem, shown
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.interop.legacy.testlog.entry import (
     Condition,
     Entry,
@@ -19,7 +19,7 @@ from rig.interop.legacy.testlog.notes import read_bias, read_notes
 from rig.interop.legacy.testlog.settings import read_settings
 from rig.interop.legacy.testlog.sheet import SheetRow, read_sheet
 from rig.interop.legacy.testlog.waves import read_waves
-from rig.regular_file import TABLE_MOST, read_regular
+from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
 _RUN = re.compile(r"\s*([A-Za-z][A-Za-z0-9]*)_(\d{1,6})\s*")
 _FILE = re.compile(r"\w+?_(\d{4})_(\d\d)_(\d\d)_(\d\d)_(\d\d)_(\d\d)")
@@ -63,11 +63,11 @@ def read_log(path: Path) -> Log:
     """
     path = Path(path)
     try:
-        data = read_regular(path, TABLE_MOST)
+        data = read_regular(path, MAX_TABLE_BYTES)
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise ConfigError(
-            [Problem(shown(path), 1, "", None, f"cannot be read: {reason}")]
+            [Problem(display_path(path), 1, "", None, f"cannot be read: {reason}")]
         ) from None
     rows = read_sheet(path, data)
     runs = _runs(path, rows)
@@ -108,17 +108,17 @@ def _runs(path: Path, rows: tuple[SheetRow, ...]) -> list[tuple[str, int] | None
         if named is None:
             if any(c.isalnum() for c in text):
                 message = f"{text!r} is no run ID; allowed as MASK4_001"
-                problems.append(Problem(shown(path), row.row, "Run ID", text, message))
+                problems.append(Problem(display_path(path), row.row, "Run ID", text, message))
             found.append(None)
             continue
         key = (named[1], int(named[2]))
         if key in seen:
             message = f"{text.strip()} stands twice, first in row {seen[key]}"
-            problems.append(Problem(shown(path), row.row, "Run ID", text, message))
+            problems.append(Problem(display_path(path), row.row, "Run ID", text, message))
         seen.setdefault(key, row.row)
         found.append(key)
     if not seen and not problems:
-        problems.append(Problem(shown(path), 1, "Run ID", None, "no run in the log"))
+        problems.append(Problem(display_path(path), 1, "Run ID", None, "no run in the log"))
     if problems:
         raise ConfigError(problems)
     return found

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import ParseError
 
-from rig.config.problems import ConfigError, Problem, shown
+from rig.config.problems import ConfigError, Problem, display_path
 from rig.interop.legacy.testlog.entry import Condition
 
 COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
@@ -82,7 +82,7 @@ def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
 
 
 def _refused(path: Path, line: int, message: str) -> ConfigError:
-    return ConfigError([Problem(shown(path), line, "", None, message)])
+    return ConfigError([Problem(display_path(path), line, "", None, message)])
 
 
 def _columns(sheet: Any) -> tuple[int, ...] | None:

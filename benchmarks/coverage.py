@@ -77,7 +77,7 @@ def blind(seed: int) -> Held:
         *_brake(values, seed),
     )  # fmt: skip
     return {
-        name: (found.holds(truth), found.uncertainty / abs(truth)) for name, found, truth in every
+        name: (found.covers(truth), found.uncertainty / abs(truth)) for name, found, truth in every
     }
 
 
@@ -87,11 +87,11 @@ Found = Iterator[tuple[str, Estimate, float]]
 def _torque(values: dict[str, float], seed: int) -> Found:
     rows = [Row({"current_amplitude_a": a}, a, 10.0, 3) for a in CURRENTS]
     run = blind_bench.session(values, seed, "torque_constant", rows)
-    motor = torque_report.result(run).constants["torque_constant_motor"]
+    motor = torque_report.analyse_session(run).constants["torque_constant_motor"]
     yield "torque constant of the motor", motor, OUTPUT * values["motor.torque_constant"]
     rows = [_turned(a, period, 10) for a in TURNED for period in (1.5, 3.0)]
     run = blind_bench.session(values, seed, "losses", rows)
-    found = losses_report.result(run, motor).constants
+    found = losses_report.analyse_session(run, motor).constants
     yield "bearing, clockwise", found["bearing_positive"], values["bearing.clockwise"]
     yield "bearing, counter-clockwise", found["bearing_negative"], values["bearing.counter"]
     yield "bearing, viscous", found["bearing_viscous"], values["bearing.viscous"]
@@ -99,7 +99,7 @@ def _torque(values: dict[str, float], seed: int) -> Found:
     share = 0.5 * (values["gearbox.share_forward"] + values["gearbox.share_back"])
     load = 0.5 * (values["bearing.clockwise"] + values["bearing.counter"])
     load += values["bearing.viscous"] * float(
-        np.mean([np.abs(p.wanted_velocity).mean() for p in run.points])
+        np.mean([np.abs(p.reference_velocity).mean() for p in run.points])
     )
     yield "gearbox, dry", found["gearbox_dry"], values["gearbox.dry"] + share * load
 
@@ -107,14 +107,14 @@ def _torque(values: dict[str, float], seed: int) -> Found:
 def _velocity(values: dict[str, float], seed: int) -> Found:
     rows = [_turned(a, 1.5, 10) for a in (5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0)]
     run = blind_bench.session(values, seed, "velocity_constant", rows)
-    found = velocity_report.result(run).constants["velocity_constant"]
+    found = velocity_report.analyse_session(run).constants["velocity_constant"]
     yield "velocity constant", found, values["velocity_loop.gain"]
 
 
 def _driveline(values: dict[str, float], seed: int) -> Found:
     rows = [_turned(a, 1.5, 4, damping=r) for a in TURNED for r in (42.0, 83.3)]
     run = blind_bench.session(values, seed, "driveline", rows)
-    known = torque_map.fit([torque_map.loaded(point.motion()) for point in run.points])
+    known = torque_map.fit_map([torque_map.bin_deflection(point.motion()) for point in run.points])
     line = blind_bench.plant(values, braked=True).build().transmission
     yield "half gap", known.half_gap, values["transmission.half_gap"] * DEGREE
     yield "soft zone", known.soft_zone, values["transmission.soft_deflection"] * DEGREE
@@ -127,7 +127,7 @@ def _brake(values: dict[str, float], seed: int) -> Found:
         for current in BRAKED
     ]
     run = blind_bench.session(values, seed, "brake_map", rows)
-    branches: Any = brake_report.result(run).maps["brake_map"]
+    branches: Any = brake_report.analyse_session(run).maps["brake_map"]
     params = blind_bench.plant(values, braked=True).build()
     for name, sign in (("rising", -1.0), ("falling", 1.0)):
         branch = branches[name]

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from rig.analysis.session.points import Point, Session
+from rig.analysis.session.points import SessionRun, SetpointData
 from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.compiled_bench import CompiledStepper
 from rig.recording.runs.folder import Facts
@@ -96,7 +96,7 @@ def _advance() -> Any:
     return CompiledStepper(start)._array._code.advance
 
 
-def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> Session:
+def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> SessionRun:
     """Play a session's rows, one after the other, and hand over what was read."""
     braked = kind in ("driveline", "brake_map", "torque_constant")
     params = plant(values, braked=braked).build()
@@ -121,7 +121,9 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
         there, then = slice(settle, ticks), slice(settle + 1, ticks + 1)
         columns = (told[there] - [zero[0], zero[1], 0.0, zero[3], 0.0]).T
         points.append(_point(number, row, params, columns, wires[then], angle[then], tick - ticks))
-    return Session(_NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False, _WHOLE, ())
+    return SessionRun(
+        _NOBODY, kind, kind, points, NOMINAL_CONSTANT, NOMINAL_GAIN, False, _WHOLE, ()
+    )
 
 
 def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats]:
@@ -145,15 +147,15 @@ def _wires(params: Any, row: Row, mode: int, ticks: int) -> tuple[Floats, Floats
 
 def _point(
     number: int, row: Row, params: Any, told: Floats, wires: Floats, angle: Floats, tick: int
-) -> Point:
+) -> SetpointData:
     motor, shaft, current, torque, brake = told
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
     nothing = np.zeros(len(motor))
-    return Point(
-        row=number, asked=row.asked, incomplete_reason="", lost=0, limited=0, period=row.period, dt=DT,
-        start=tick * DT, clock=0.0, age=0.0, tare_samples=TARE,
+    return SetpointData(
+        row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0, period=row.period, dt=DT,
+        start_time=tick * DT, wave_clock=0.0, encoder_age=0.0, tare_samples=TARE,
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
         torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,
-        wanted_angle=angle, wanted_velocity=NOMINAL_GAIN * volts,
-        wanted_torque=NOMINAL_CONSTANT * amperes, correction=nothing,
+        reference_angle=angle, reference_velocity=NOMINAL_GAIN * volts,
+        reference_torque=NOMINAL_CONSTANT * amperes, correction=nothing,
     )  # fmt: skip

@@ -33,7 +33,7 @@ def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
 
     ``rig`` stands in for the rig that the session names.
     """
-    return check_session(path, also=problems_of_session, rig=rig)
+    return check_session(path, further_check=problems_of_session, rig=rig)
 
 
 def main(path: Path, runs: Path, wanted: BenchOptions, *, as_json: bool) -> int:
@@ -115,7 +115,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], 
     except (RunError, OSError, ValueError) as error:
         trouble = f"no results: {error}" if outcome.status == "complete" else ""
         return {}, [], "" if trouble else f"no results: {error}", trouble
-    return summary.as_dict(), list(summary.written), summary.as_text(), ""
+    return summary.as_dict(), list(summary.files), summary.as_text(), ""
 
 
 def _rows_done(ended: Ended, planned: int) -> int:

@@ -36,7 +36,7 @@ class SessionProgress(RunPanel):
             return "row", walked_words(snapshot, count)
         if row == NO_ROW:
             return "row", f"- of {count}   {phase.name.lower()}"
-        given = self._plan.rows[row].given
+        given = self._plan.rows[row].values
         point = "   ".join(f"{value:g} {_UNITS[key]}" for key, value in given.items())
         return "row", f"{row} ({row + 1} of {count})   {phase.name.lower()}   {point}"
 

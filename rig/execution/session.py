@@ -5,7 +5,7 @@ from rig.execution.rehearsal import bench_emulation
 from rig.execution.rehearsal.bench_job import devices_of_session
 from rig.execution.task import ExecutionMode, Task
 from rig.kinds.oswec_bench import KIND
-from rig.planning.session import Session, SessionPlan, planned, resolved_session
+from rig.planning.session import Session, SessionPlan, plan_as_dict, resolved_session
 from rig.planning.session.assemble import bench_params
 from rig.processes.wire_locks import wires_of
 
@@ -46,5 +46,5 @@ def task_of(session: Session, plan: SessionPlan) -> Task:
         session.rig.realtime == "required",
         session.rig.supervisor_timeout_s,
         resolved_session(session),
-        planned(session, plan),
+        plan_as_dict(session, plan),
     )

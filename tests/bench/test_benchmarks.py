@@ -1,4 +1,4 @@
-"""Every measurement runs in a very short form and gives figures that can be figures."""
+"""Every benchmark runs in a very short form and returns valid figures."""
 
 from __future__ import annotations
 
@@ -54,49 +54,49 @@ def recorded(campaign: Path) -> Recorded:
 
 
 class Live(NamedTuple):
-    """What the measurements give that start whole runs."""
+    """Results of the benchmarks that start whole runs."""
 
     speed: rehearsal.Speed
     stalled: ring.Stalled
     killed: Fate
-    folder: Path  # of the stalled run
+    folder: Path  # run folder of the stalled run
 
 
 @pytest.fixture(scope="module")
 def live(scratch: Path, campaign: Path) -> Live:
-    """At once what may: most of their time is starting up. The real clock is for one at a time."""
-    own = {name: scratch / name for name in ("killed", "stalled")}
-    for folder in own.values():
+    """Run what can run at once; most of the time is start-up. Only one run has the real clock."""
+    folders = {name: scratch / name for name in ("killed", "stalled")}
+    for folder in folders.values():
         folder.mkdir()
 
     with ThreadPoolExecutor() as pool:
         speed = pool.submit(rehearsal.speed, campaign, scratch / "speed", 0.001, None)
         kill = Kill("loop", False, (0.2,))
-        stood = ring.stalled_run(own["stalled"], 0.6, 0.2)
-        killed = kills.killed(campaign, own["killed"], kill, real_clock=True)
-        found = speed.result(), stood, killed
-    return Live(*found, next((own["stalled"] / "stalled").glob("*_benchmark")))
+        stalled = ring.stalled_run(folders["stalled"], 0.6, 0.2)
+        killed = kills.killed(campaign, folders["killed"], kill, real_clock=True)
+        results = speed.result(), stalled, killed
+    return Live(*results, next((folders["stalled"] / "stalled").glob("*_benchmark")))
 
 
-def test_the_cycle_repeats_its_rows_and_costs_something(recorded: Recorded) -> None:
+def test_the_cycle_repeats_its_rows_and_takes_time(recorded: Recorded) -> None:
     assert cycle.repeats(recorded)
     blocks = cycle.alternate(recorded, 2)
     assert all(len(values) == 2 and min(values) > 0.0 for values in blocks)
     assert all(a <= b <= c for a, b, c in zip(blocks.p50, blocks.p99, blocks.p999, strict=True))
 
 
-def test_a_put_is_measured_without_losing_a_row(recorded: Recorded) -> None:
-    found = ring.cost(recorded, 1)
-    assert found.put[0] > 0.0
-    assert found.p99[0] > 0.0
-    assert len(found.added) == len(found.cycle) == 1
+def test_the_cost_of_a_put_is_measured_without_row_loss(recorded: Recorded) -> None:
+    cost = ring.cost(recorded, 1)
+    assert cost.put[0] > 0.0
+    assert cost.p99[0] > 0.0
+    assert len(cost.added) == len(cost.cycle) == 1
 
 
-def test_a_tick_is_taken_apart(campaign: Path) -> None:
-    found = rehearsal.breakdown(parts(campaign), 0.3)
-    assert found.plain > 0.0
-    assert len(found.parts) == 4
-    assert all(part > 0.0 for part in found.parts)
+def test_a_tick_is_split_into_its_parts(campaign: Path) -> None:
+    breakdown = rehearsal.breakdown(parts(campaign), 0.3)
+    assert breakdown.plain > 0.0
+    assert len(breakdown.parts) == 4
+    assert all(part > 0.0 for part in breakdown.parts)
 
 
 @pytest.mark.realtime
@@ -116,23 +116,25 @@ def test_a_stalled_logger_is_counted(live: Live) -> None:
 
 @pytest.mark.realtime
 def test_every_period_of_a_real_loop_is_accounted_for(live: Live) -> None:
-    found = lateness.timing_of(live.folder, 0.4, 0.0)
-    late = found.late
-    assert found.imbalance == 0
-    assert 200 <= late.wakes + found.skipped <= 400  # a gap may reach over the end, of any length
+    timing = lateness.timing_of(live.folder, 0.4, 0.0)
+    late = timing.late
+    assert timing.imbalance == 0
+    assert (
+        200 <= late.wakes + timing.skipped <= 400
+    )  # a gap of any length may extend beyond the end
     assert 0.0 <= late.p50 <= late.p99 <= late.worst
-    assert 0.0 < found.work[0] <= found.work[1] <= found.work[2]
+    assert 0.0 < timing.work[0] <= timing.work[1] <= timing.work[2]
 
 
 @pytest.mark.realtime
-def test_what_a_killed_loop_leaves_is_counted(live: Live) -> None:
+def test_the_rows_of_a_killed_loop_are_counted(live: Live) -> None:
     assert live.killed.wrong == ()
     assert live.killed.put > 0
     assert live.killed.lost == 0
     assert 0.0 <= live.killed.seconds < 1.0
-    told = {one.name: one for one in crash.rehearsed_figures(crash.REAL, [live.killed])}
-    assert told[f"{crash.REAL}, loop killed: time lost"].held
-    assert told[f"{crash.REAL}: claims that failed"].held
+    figures = {one.name: one for one in crash.rehearsed_figures(crash.REAL, [live.killed])}
+    assert figures[f"{crash.REAL}, loop killed: time lost"].held
+    assert figures[f"{crash.REAL}: claims that failed"].held
 
 
 def test_a_histogram_gives_percentiles() -> None:
@@ -142,16 +144,16 @@ def test_a_histogram_gives_percentiles() -> None:
 
 
 @pytest.mark.skipif(shutil.which("cyclictest") is None, reason=lateness.MISSING)
-def test_cyclictest_is_understood() -> None:
+def test_the_output_of_cyclictest_is_parsed() -> None:
     try:
-        found = lateness.cyclictest(0.1)
+        block = lateness.cyclictest(0.1)
     except RuntimeError as error:
         pytest.skip(str(error))
-    assert 95 <= found.wakes <= 100
-    assert found.p50 <= found.p99 <= found.worst
+    assert 95 <= block.wakes <= 100
+    assert block.p50 <= block.p99 <= block.worst
 
 
-def test_drift_is_free_of_looks_that_come_late() -> None:
+def test_late_peeks_do_not_count_as_drift() -> None:
     even = [Peek(10.0 + 0.01 * i + (0.003 if i % 3 else 0.0), 10 * i) for i in range(40)]
     assert abs(lateness.drift(even)) < 0.01
     runaway = [Peek(peek.at, peek.tick + i // 4) for i, peek in enumerate(even)]
@@ -161,9 +163,9 @@ def test_drift_is_free_of_looks_that_come_late() -> None:
 def test_reading_counts_rows_and_memory(recorded: Recorded, tmp_path: Path) -> None:
     path = tmp_path / "rows.mcap"
     reading.write_tiled(path, _packed(recorded), 2000)
-    found = reading.opened(path, reading.TEN, 2000)
-    assert 0.0 < found.call < found.whole
-    assert 10.0 < found.peak < 2000.0
+    result = reading.opened(path, reading.TEN, 2000)
+    assert 0.0 < result.call < result.whole
+    assert 10.0 < result.peak < 2000.0
     assert reading.stock(path) > 0.0
     assert reading.ours(path) > 0.0
 
@@ -187,7 +189,7 @@ def test_the_command_line_is_found() -> None:
 # --- results and the runner
 
 
-def test_a_figure_is_judged_by_its_median_or_its_worst() -> None:
+def test_a_figure_is_compared_by_its_median_or_its_worst_value() -> None:
     assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0).held is True
     assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0, judge="worst").held is False
     assert figure("a", "x", [30.0, 40.0], at_least=31.0, judge="worst").held is False
@@ -200,71 +202,71 @@ def test_a_figure_is_judged_by_its_median_or_its_worst() -> None:
         figure("a", "s", [float("nan")])
 
 
-def test_quantiles_are_values_that_were_measured() -> None:
+def test_quantiles_are_measured_values() -> None:
     assert quantile([3, 1, 2], 0.5) == 2.0
     assert quantile(list(range(1, 1001)), 0.999) == 999.0
     assert quantile([5], 0.99) == 5.0
 
 
 @pytest.mark.parametrize(
-    ("value", "words"),
+    ("value", "expected"),
     [(0.0, "0"), (1234.0, "1234"), (1234.56, "1235"), (0.012345, "0.0123"), (12.345, "12.3")],
 )
-def test_numbers_read_well(value: float, words: str) -> None:
-    assert number(value) == words
+def test_numbers_are_rounded_for_people(value: float, expected: str) -> None:
+    assert number(value) == expected
 
 
-def _made(short: bool) -> Result:
+def fixed_result(short: bool) -> Result:
     figures = (figure("cost", "us", [1.0, 2.5], at_most=1.0), figure("loss", "rows", 0, at_most=0))
     return Result("cycle", f"a thing, short: {short}", "2 blocks", figures, ("by hand",))
 
 
 @pytest.fixture
-def runner_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
-    def run(measure: Callable[[bool], Result], *words: str) -> int:
+def run_with(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    def run(measure: Callable[[bool], Result], *arguments: str) -> int:
         monkeypatch.setattr(runner, "MEASUREMENTS", {"cycle": measure})
         monkeypatch.setattr(runner, "RESULTS", tmp_path)
-        monkeypatch.setattr(sys, "argv", ["benchmarks", *words])
+        monkeypatch.setattr(sys, "argv", ["benchmarks", *arguments])
         return runner.main()
 
     return run
 
 
-def test_a_result_is_printed_and_kept(
-    runner_with: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_result_is_printed_and_stored(
+    run_with: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert runner_with(_made) == 0
+    assert run_with(fixed_result) == 0
     printed = capsys.readouterr().out
     assert "NO" in printed
     assert "not held:\n  cycle: cost, 1.75 us" in printed
-    kept = json.loads((tmp_path / "cycle.json").read_text())
-    assert [Figure(**one).held for one in kept["figures"]] == [False, True]
+    stored = json.loads((tmp_path / "cycle.json").read_text())
+    assert [Figure(**one).held for one in stored["figures"]] == [False, True]
     table = (tmp_path / "README.md").read_text()
     assert "| cost | 1.75 | 1 - 2.50 | us | <= 1 | NO |" in table
-    assert kept["host"]["kernel"] in table
+    assert stored["host"]["kernel"] in table
 
 
-def test_a_short_run_keeps_nothing(
-    runner_with: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_short_run_stores_nothing(
+    run_with: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert runner_with(_made, "--short", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["short"] is True
-    assert told["results"]["cycle"]["what"] == "a thing, short: True"
+    assert run_with(fixed_result, "--short", "--json") == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["short"] is True
+    assert document["results"]["cycle"]["what"] == "a thing, short: True"
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_cannot_be_measured_is_said(
-    runner_with: Callable[..., int], capsys: pytest.CaptureFixture[str]
+def test_a_failed_measurement_is_reported(
+    run_with: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(short: bool) -> Result:
         raise RuntimeError("no such thing here")
 
-    assert runner_with(broken) == 1
+    assert run_with(broken) == 1
     assert "not measured: cycle: RuntimeError: no such thing here" in capsys.readouterr().err
 
 
-def test_every_measurement_is_known_by_the_name_of_its_file(
+def test_every_measurement_has_the_name_of_its_file(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["benchmarks", "--help"])
@@ -276,7 +278,7 @@ def test_every_measurement_is_known_by_the_name_of_its_file(
         assert re.search(rf"^  {name} +\S", printed, re.MULTILINE)
 
 
-def test_the_host_is_told_without_its_name() -> None:
+def test_the_host_is_described_without_its_name() -> None:
     facts = host.facts()
     assert facts["cores"] >= 1
     assert "name" not in facts
@@ -284,6 +286,6 @@ def test_the_host_is_told_without_its_name() -> None:
     assert load["other_work_cores"] >= 0.0
 
 
-def test_a_table_says_what_was_left_out() -> None:
-    assert text(_made(True)).endswith("note: by hand")
+def test_a_result_text_ends_with_its_notes() -> None:
+    assert text(fixed_result(True)).endswith("note: by hand")
     assert report.closing([]) == "every number that was measured is held"

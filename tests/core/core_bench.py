@@ -1,4 +1,4 @@
-"""A bench with the shipped configuration: parameters, quiet devices, the simulated bench."""
+"""A bench with the shipped configuration: parameters, motionless devices, the simulated bench."""
 
 from __future__ import annotations
 
@@ -30,45 +30,45 @@ from rig.realtime.sequence import WAIT_DRIVE, Phase
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 DT = 0.001
-TURN = Component(math.radians(5.0), 2.0 * math.pi / 0.4, 0.0, 1.0, 0.0)
-PULL = Component(20.0, 2.0 * math.pi / 0.4, -0.5 * math.pi, 1.0, 0.0)  # N*m
+VELOCITY_COMPONENT = Component(math.radians(5.0), 2.0 * math.pi / 0.4, 0.0, 1.0, 0.0)
+TORQUE_COMPONENT = Component(20.0, 2.0 * math.pi / 0.4, -0.5 * math.pi, 1.0, 0.0)  # N*m
 
-SHORT = plan(
+SHORT_PLAN = plan(
     (-1, Phase.TARE, 60, 0, 0),
     (0, Phase.MOVING, 200, WAIT_DRIVE, 0),
     (0, Phase.SETTLE, 400, 0, 0),
     (0, Phase.MEASURE, 400, 0, 0),
     (0, Phase.TAIL, 100, 0, 0),
 )
-QUICK = safety.Params(enable_ticks=300, stop_ticks=200)
+QUICK_SAFETY = safety.Params(enable_ticks=300, stop_ticks=200)
 
 
 def setpoints(component: Component, damping: float = 60.0, brake_current: float = 0.0) -> Setpoints:
-    """One set point."""
+    """Return a table of one set point."""
     return Setpoints(((component,),), (damping,), (brake_current,), (0.1,), (0.8,), (NO_FLUME,))
 
 
 @cache
-def shipped(name: str) -> cycle.Params:
-    """Parameters of a shipped session."""
+def shipped_params(name: str) -> cycle.Params:
+    """Return the parameters of a shipped session."""
     session = open_session(CONFIGS / "sessions" / f"{name}.yaml")
     return bench_params(session, plan_session(session))
 
 
 def params(
-    component: Component = TURN,
-    segments: sequence.Segments = SHORT,
+    component: Component = VELOCITY_COMPONENT,
+    segments: sequence.Segments = SHORT_PLAN,
     name: str = "driveline_short",
     **changes: Any,
 ) -> cycle.Params:
-    """Parameters of a short run with one set point; ``changes`` replace the kind's own."""
-    made = shipped(name)
-    inner = made.rig._replace(**{"setpoints": setpoints(component), **changes})
-    return made._replace(rig=inner, segments=segments, safety=QUICK)
+    """Return parameters of a short run with one set point; ``changes`` replace the kind's own."""
+    base = shipped_params(name)
+    rig_params = base.rig._replace(**{"setpoints": setpoints(component), **changes})
+    return base._replace(rig=rig_params, segments=segments, safety=QUICK_SAFETY)
 
 
 class Quiet:
-    """The devices of a bench whose shaft stands still, whatever it is told."""
+    """Devices of a bench whose shaft stands still whatever the command."""
 
     def __init__(self) -> None:
         self.commands: list[Command] = []
@@ -94,7 +94,7 @@ class Quiet:
         """Nothing to release."""
 
 
-def plant(name: str = "oswec_bench") -> BenchDevices:
-    """The simulated bench as shipped, interpreted, seeded."""
+def simulated_bench(name: str = "oswec_bench") -> BenchDevices:
+    """Return the simulated bench as shipped, interpreted, with a fixed seed."""
     mapping, _ = load_mapping(CONFIGS / "plants" / f"{name}.yaml")
     return connect({"plant": mapping, "seed": 1, "compiled": False}, DT)

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from core_bench import params as bench_params
-from core_bench import plant as bench_plant
 from core_bench import setpoints
+from core_bench import simulated_bench as bench_plant
 from core_runs import Ran, plan, run
 from core_wavebot import READY, Bent, params, plant, table
 

@@ -14,7 +14,7 @@ from rehearsing import CONFIGS, yaml_file
 
 from benchmarks.support.fault_walk import Watcher, free_port, when_free
 from benchmarks.support.host import Busy, others
-from rig.analysis.session.driveline import find
+from rig.analysis.session.driveline import analyse_driveline
 from rig.analysis.session.points import open_session
 from rig.execution.rehearsal.bench_job import problems_of_session
 from rig.execution.session import rehearsal, task_of, wired
@@ -96,12 +96,12 @@ def points_of(ended: Ended) -> list[dict[str, float]]:
     """
     return [
         {
-            "deflection 95th": math.degrees(row.behind.deflection_high),
-            "deflection mean": math.degrees(row.behind.deflection_mean),
-            "amplitude difference": math.degrees(np.median(row.behind.amplitude_difference)),
-            "phase shift": 100.0 * float(np.median(row.behind.phase_shift)),
+            "deflection 95th": math.degrees(row.lag.deflection_high),
+            "deflection mean": math.degrees(row.lag.deflection_mean),
+            "amplitude difference": math.degrees(np.median(row.lag.amplitude_difference)),
+            "phase shift": 100.0 * float(np.median(row.lag.phase_shift)),
         }
-        for row in find(open_session(ended.folder)).plain
+        for row in analyse_driveline(open_session(ended.folder)).uncorrected
     ]
 
 

@@ -210,7 +210,7 @@ def test_the_plan_of_table_2_1() -> None:
     assert report.session is not None
     assert report.plan is not None
     rows, plan = report.plan.rows, report.plan
-    assert [(r.given["amplitude_deg"], r.given["damping_n_m_s_per_rad"]) for r in rows][-4:] == [
+    assert [(r.values["amplitude_deg"], r.values["damping_n_m_s_per_rad"]) for r in rows][-4:] == [
         (15.0, 104.0), (20.0, 42.0), (20.0, 62.5), (20.0, 104.0),
     ]  # fmt: skip
     assert len(rows) == 15

@@ -190,7 +190,7 @@ def test_the_best_damping_in_a_one_second_sea(tmp_path: Path) -> None:
 
 
 def complaints(path: Path) -> list[tuple[str, str]]:
-    report = check_session(path, also=problems_of_session)
+    report = check_session(path, further_check=problems_of_session)
     return [(one.key, one.message) for one in report.problems]
 
 

@@ -1,4 +1,6 @@
-"""Sessions of the bench: what a dynamometer run gives, in the form of the OSWEC thesis."""
+"""Analysis of sessions of the bench: the results of a dynamometer run in the form of the OSWEC
+thesis.
+"""
 
 from rig.analysis.session.analyse import KINDS, Summary, analyse
 

@@ -1,4 +1,6 @@
-"""The door: a session's run in, its tables, figures, page and calibration file out."""
+"""Entry point of the analysis: reads a session's run; writes tables, figures, page, calibration
+file.
+"""
 
 import os
 from collections.abc import Callable
@@ -18,99 +20,102 @@ from rig.analysis.session import (
     tracking_report,
     velocity_report,
 )
-from rig.analysis.session.constants import FILE, known_constant, write_constants
+from rig.analysis.session.constants import FILE, read_constant, write_constants
 from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.page import notes, write_page
-from rig.analysis.session.points import Session, open_session, session_of
-from rig.analysis.session.result import Picture, Result, words
-from rig.analysis.session.tables import as_json, write_tables
+from rig.analysis.session.page import page_notes, write_page
+from rig.analysis.session.points import SessionRun, open_session, session_config
+from rig.analysis.session.result import FigureSpec, Result, format_estimate
+from rig.analysis.session.tables import result_as_dict, write_tables
 from rig.analysis.stop_reason import Ending, LostTicks, ending_of, stop_of
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import Facts, facts, list_runs
 from rig.recording.runs.state import RecordState
 
-_ALONE: dict[str, Callable[[Session], Result]] = {
-    "torque_constant": torque_report.result,
-    "velocity_constant": velocity_report.result,
-    "brake_map": brake_report.result,
-    "flap_hydrostatic": flap_stiffness_report.result,
-    "flap_rao": flap_rao_report.result,
-    "flap_pto_sweep": flap_pto_report.result,
+_SINGLE_RUN: dict[str, Callable[[SessionRun], Result]] = {
+    "torque_constant": torque_report.analyse_session,
+    "velocity_constant": velocity_report.analyse_session,
+    "brake_map": brake_report.analyse_session,
+    "flap_hydrostatic": flap_stiffness_report.analyse_session,
+    "flap_rao": flap_rao_report.analyse_session,
+    "flap_pto_sweep": flap_pto_report.analyse_session,
 }
-_AGAINST: dict[str, Callable[[Session, Session | None], Result]] = {
-    "driveline": driveline_report.result,
-    "torque_tracking": tracking_report.result,
+_WITH_BASELINE: dict[str, Callable[[SessionRun, SessionRun | None], Result]] = {
+    "driveline": driveline_report.analyse_session,
+    "torque_tracking": tracking_report.analyse_session,
 }
-_WITH: dict[str, tuple[Callable[[Session, Estimate | None], Result], str, str]] = {
-    "losses": (losses_report.result, "torque_constant", "torque_constant_motor"),
-    "flap_free_decay": (flap_decay_report.result, "flap_hydrostatic", "flap_stiffness"),
+_WITH_CONSTANT: dict[str, tuple[Callable[[SessionRun, Estimate | None], Result], str, str]] = {
+    "losses": (losses_report.analyse_session, "torque_constant", "torque_constant_motor"),
+    "flap_free_decay": (flap_decay_report.analyse_session, "flap_hydrostatic", "flap_stiffness"),
 }
-KINDS = (*_ALONE, *_AGAINST, *_WITH)
+KINDS = (*_SINGLE_RUN, *_WITH_BASELINE, *_WITH_CONSTANT)
 """Sessions that have an analysis."""
 
 
 class Summary(NamedTuple):
-    """What came of it, for a terminal and for programs."""
+    """Outcome of an analysis, for a terminal and for programs."""
 
     session: str
     run: str
     ending: Ending
-    lost_ticks: LostTicks | None  # before a trip, where they may be its cause
+    lost_ticks: LostTicks | None  # ticks lost before a trip, if they may be its cause
     record: RecordState
     result: Result
     notes: tuple[str, ...]
-    written: tuple[Path, ...]
+    files: tuple[Path, ...]
 
     @property
-    def held(self) -> bool:
-        """Whether everything that was asked of the run holds."""
-        return all(each.held is not False for each in self.result.compared)
+    def targets_met(self) -> bool:
+        """Whether the run meets every target that it has."""
+        return all(each.target_met is not False for each in self.result.comparisons)
 
     def as_text(self) -> str:
-        """Lines for a terminal."""
+        """Return the summary as lines for a terminal."""
         marks = {True: "ok  ", False: "NOT ", None: "    "}
-        wide = max((len(each.quantity) for each in self.result.compared), default=0)
+        width = max((len(each.quantity) for each in self.result.comparisons), default=0)
         lines = [
             f"session {self.session}, run {self.run}",
             f"{self.ending.description}.",
             f"{self.record.sentence}.",
         ]
-        for each in self.result.compared:
-            told = [f"{each.found}"]
-            told += [f"thesis: {each.thesis}"] if each.thesis else []
-            told += [f"wanted: {each.wanted}"] if each.wanted else []
-            lines.append(f"  {marks[each.held]}{each.quantity:<{wide}}  {'; '.join(told)}")
-        lines += [f"  {name} = {words(c)}" for name, c in self.result.constants.items()]
+        for each in self.result.comparisons:
+            details = [f"{each.measured}"]
+            details += [f"thesis: {each.thesis}"] if each.thesis else []
+            details += [f"required: {each.target}"] if each.target else []
+            lines.append(
+                f"  {marks[each.target_met]}{each.quantity:<{width}}  {'; '.join(details)}"
+            )
+        lines += [f"  {name} = {format_estimate(c)}" for name, c in self.result.constants.items()]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
-        """The same as JSON can hold it, without tables' columns."""
-        told = as_json(self.result)
-        told.pop("tables")
+        """Return the summary in the form of JSON, without the tables' columns."""
+        document = result_as_dict(self.result)
+        document.pop("tables")
         return {
             "session": self.session,
             "run": self.run,
             "ending": self.ending.description,
             "lost_ticks": self.lost_ticks and self.lost_ticks._asdict(),
             "record": self.record.as_dict(),
-            "held": self.held,
-            **told,
+            "targets_met": self.targets_met,
+            **document,
             "notes": list(self.notes),
-            "written": [str(path) for path in self.written],
+            "written": [str(path) for path in self.files],
         }
 
 
 def analyse(
     run_folder: str | os.PathLike[str], against: str | os.PathLike[str] | None = None
 ) -> Summary:
-    """Analyse a session's run and write everything into its folder.
+    """Analyse a session's run and write all results into its folder.
 
-    ``against``: the run without correction, or in open loop, by which a corrected or closed-loop
-    one is judged; for losses, the analysed torque constant run whose constant of the motor they
-    rest on; for a free decay, the analysed hydrostatic run whose spring makes moments of it. If not
-    given, the newest such run beside it. RunError for a run that is no
-    session's, or of which nothing can be made; the message says why.
+    ``against`` names the reference run. For a corrected or closed-loop run it is the run without
+    correction or in open loop that serves as the baseline; for losses, the analysed torque constant
+    run that supplies the motor's constant; for a free decay, the analysed hydrostatic run whose
+    spring converts the results to moments. By default it is the newest such run in the same parent
+    folder. Raises RunError if the run is not a session's, or if it has no usable set point; the
+    message gives the reason.
     """
     run = Path(run_folder)
     session = open_session(run)
@@ -119,98 +124,104 @@ def analyse(
     except ValueError as error:
         raise RunError(f"{run}: {error}") from error
     folder = run if run.is_dir() else run.parent
-    lost = stop_of(run, session.known.status).lost
-    ending = ending_of(session.known.status, lost)
-    told = {
+    lost_ticks = stop_of(run, session.metadata.status).lost
+    ending = ending_of(session.metadata.status, lost_ticks)
+    attributes = {
         "session": session.kind,
-        **session.known.attributes(),
+        **session.metadata.attributes(),
         "ending": ending.description,
         **session.record.attributes(),
     }
-    pictures = [_draw(each, told, folder) for each in result.pictures]
-    written = [
-        *write_tables(result, told, folder),
+    figures = [_draw_figure(each, attributes, folder) for each in result.figures]
+    files = [
+        *write_tables(result, attributes, folder),
         *write_constants(result, session, folder),
-        *pictures,
-        write_page(result, session, ending, pictures, folder),
+        *figures,
+        write_page(result, session, ending, figures, folder),
     ]
-    said = tuple(notes(result, session))
+    notes = tuple(page_notes(result, session))
     return Summary(
         session.kind,
-        session.known.run,
+        session.metadata.run,
         ending,
-        lost,
+        lost_ticks,
         session.record,
         result,
-        said,
-        tuple(written),
+        notes,
+        tuple(files),
     )
 
 
-def _result(session: Session, run: Path, against: str | os.PathLike[str] | None) -> Result:
-    if session.kind in _ALONE:
+def _result(session: SessionRun, run: Path, against: str | os.PathLike[str] | None) -> Result:
+    if session.kind in _SINGLE_RUN:
         if against is not None:
-            raise ValueError(f"a session {session.kind} is not judged against another run")
-        return _ALONE[session.kind](session)
-    if session.kind in _WITH:
-        make, kind, constant = _WITH[session.kind]
-        other = Path(against) if against is not None else _with_constants(run, kind)
-        return make(session, known_constant(other, constant) if other else None)
-    if session.kind not in _AGAINST:
-        raise ValueError(f"session {session.kind!r} has no analysis; there are {', '.join(KINDS)}")
+            raise ValueError(f"a session {session.kind} takes no reference run")
+        return _SINGLE_RUN[session.kind](session)
+    if session.kind in _WITH_CONSTANT:
+        analysis, kind, constant = _WITH_CONSTANT[session.kind]
+        other = Path(against) if against is not None else _find_analysed_run(run, kind)
+        return analysis(session, read_constant(other, constant) if other else None)
+    if session.kind not in _WITH_BASELINE:
+        raise ValueError(
+            f"session {session.kind!r} has no analysis; known kinds: {', '.join(KINDS)}"
+        )
     if against is not None:
-        return _AGAINST[session.kind](session, open_session(against))
-    other = None if _plain(session_of(session.known)) else _beside(session, run)
-    return _AGAINST[session.kind](session, open_session(other) if other else None)
+        return _WITH_BASELINE[session.kind](session, open_session(against))
+    other = None if _is_baseline(session_config(session.metadata)) else _find_baseline(session, run)
+    return _WITH_BASELINE[session.kind](session, open_session(other) if other else None)
 
 
-def _plain(told: dict[str, Any]) -> bool:
-    """Whether a session file asks for neither correction nor feedback."""
-    correction = told.get("correction") or "none"
+def _is_baseline(config: dict[str, Any]) -> bool:
+    """Return whether a session file has neither correction nor feedback."""
+    correction = config.get("correction") or "none"
     kind = correction.get("kind") if isinstance(correction, dict) else correction
-    return kind == "none" and told.get("control", "open loop") == "open loop"
+    return kind == "none" and config.get("control", "open loop") == "open loop"
 
 
-def _beside(session: Session, run: Path) -> Path | None:
-    """The plain run of this kind that a run is judged by, of those beside it.
+def _find_baseline(session: SessionRun, run: Path) -> Path | None:
+    """Return the uncorrected run of this kind, in the same parent folder, that serves as the
+    baseline.
 
-    One whose drive was commanded by the same constants, or a better constant would be taken for a
-    correction; else the one that the correction was made from; else the newest.
+    A run whose drive was commanded by the same constants comes first, since a better constant would
+    look like a correction; then the run that the correction was computed from; then the newest.
     """
-    mine = session_of(session.known)
-    named = (session.known.config.get("calibration_runs") or {}).values()
-    regular = mine.get("irregular") is None
-    found = []
+    config = session_config(session.metadata)
+    calibration_runs = (session.metadata.config.get("calibration_runs") or {}).values()
+    regular = config.get("irregular") is None
+    candidates = []
     for each in list_runs(run.resolve().parent)[::-1]:
         if each.status != "complete" or each.path.resolve() == run.resolve():
             continue
-        other = facts(each.path, ())
-        told = session_of(other)
-        same = told.get("session") == session.kind and (told.get("irregular") is None) == regular
-        if same and _plain(told):
-            driven = _scales(facts(each.path)) == _scales(session.known)
-            found.append((not driven, each.run not in named, each.path))
-    found.sort(key=lambda each: each[:2])
-    return found[0][2] if found else None
+        other_metadata = facts(each.path, ())
+        other_config = session_config(other_metadata)
+        same_kind = (
+            other_config.get("session") == session.kind
+            and (other_config.get("irregular") is None) == regular
+        )
+        if same_kind and _is_baseline(other_config):
+            same_scales = _command_scales(facts(each.path)) == _command_scales(session.metadata)
+            candidates.append((not same_scales, each.run not in calibration_runs, each.path))
+    candidates.sort(key=lambda each: each[:2])
+    return candidates[0][2] if candidates else None
 
 
-def _scales(known: Facts) -> dict[str, Any]:
-    """The constants that a run's drive was commanded by."""
-    told = known.plan.get("scales") or {}
-    return {key: value for key, value in told.items() if key != "origin"}
+def _command_scales(metadata: Facts) -> dict[str, Any]:
+    """Return the constants by which a run's drive was commanded."""
+    scales = metadata.plan.get("scales") or {}
+    return {key: value for key, value in scales.items() if key != "origin"}
 
 
-def _with_constants(run: Path, kind: str) -> Path | None:
-    """The newest analysed run of a kind of session beside a run."""
+def _find_analysed_run(run: Path, kind: str) -> Path | None:
+    """Return the newest analysed run of a kind of session in the parent folder of a run."""
     for each in list_runs(run.resolve().parent)[::-1]:
         if (each.path / FILE).is_file():
-            told = session_of(facts(each.path, ()))
-            if told.get("session") == kind:
+            config = session_config(facts(each.path, ()))
+            if config.get("session") == kind:
                 return each.path
     return None
 
 
-def _draw(of: Picture, told: dict[str, Any], folder: Path) -> Path:
-    figure, body = picture.framed(*of.size, of.title, told, "", of.caption)
-    of.draw(body)
-    return picture.save(figure, folder / f"{of.name}.png")
+def _draw_figure(spec: FigureSpec, attributes: dict[str, Any], folder: Path) -> Path:
+    figure, body = picture.framed(*spec.size, spec.title, attributes, "", spec.caption)
+    spec.draw(body)
+    return picture.save(figure, folder / f"{spec.name}.png")

@@ -1,4 +1,4 @@
-"""The brake's torque over current: a rising and a falling branch, each point with its interval."""
+"""Brake torque over current: a rising and a falling branch, each point with its interval."""
 
 from typing import NamedTuple
 
@@ -6,19 +6,19 @@ import numpy as np
 
 from rig.analysis.session import periods
 from rig.analysis.session.deflection import WINDOW, Motion
-from rig.analysis.session.estimate import CELL, Estimate, Floats, mean, with_floor
+from rig.analysis.session.estimate import CELL_UNCERTAINTY, Estimate, Floats, mean, with_floor
 
 
-class Held(NamedTuple):
-    """One set point: a current, and the torque that the brake held the moving shaft with."""
+class BrakePoint(NamedTuple):
+    """One set point: a brake current, and the brake's torque on the moving shaft."""
 
     current: float  # A, measured
-    torque: Estimate  # N*m, both directions in one
+    torque: Estimate  # N*m, mean of both directions
     rising: bool  # reached from a smaller current
 
 
 class Branch(NamedTuple):
-    """Torque over current, rising strictly."""
+    """Torque over current; currents are strictly rising."""
 
     current: Floats  # A
     torque: Floats  # N*m
@@ -26,79 +26,81 @@ class Branch(NamedTuple):
 
 
 class BrakeMap(NamedTuple):
-    """Both branches; a falling one that was not measured is empty."""
+    """Both branches; a falling branch that was not measured is empty."""
 
     rising: Branch
     falling: Branch
-    hysteresis: Estimate  # N*m, falling less rising at one current, mean
+    hysteresis: Estimate  # N*m, falling less rising branch at equal current, mean
 
 
-def torque_of(of: Motion) -> Estimate:
-    """The torque against which the shaft turns at speed, half the difference of both directions.
+def brake_torque(motion: Motion) -> Estimate:
+    """Return the torque against the rotation at speed: half the difference of both directions.
 
-    Where the shaft has at least half of its largest speed: there the magnetisation has settled and
-    no gap is crossed. The interval is by scatter of the periods.
+    Only samples with at least half of the shaft's top speed count: there the magnetisation has
+    settled and the driveline's gap is closed. The interval rests on the scatter of the periods.
     """
-    speed = periods.velocity(of.shaft, of.of.dt, WINDOW)
-    fast = 0.5 * np.abs(speed).max()
-    found = []
-    cuts = [periods.pieces(each, of.of) for each in (speed, of.torque)]
-    for v, torque in zip(*cuts, strict=True):
-        ways = [torque[v > fast], torque[v < -fast]]
-        if all(len(way) for way in ways):
-            found.append(0.5 * (ways[0].mean() - ways[1].mean()))
-    return with_floor(mean(found, "N*m", f"{len(found)} periods, by their scatter"), CELL)
+    velocity = periods.velocity(motion.shaft, motion.cut.dt, WINDOW)
+    fast = 0.5 * np.abs(velocity).max()
+    torques = []
+    signals = [periods.split_periods(each, motion.cut) for each in (velocity, motion.torque)]
+    for v, torque in zip(*signals, strict=True):
+        directions = [torque[v > fast], torque[v < -fast]]
+        if all(len(direction) for direction in directions):
+            torques.append(0.5 * (directions[0].mean() - directions[1].mean()))
+    return with_floor(
+        mean(torques, "N*m", f"{len(torques)} periods, by their scatter"), CELL_UNCERTAINTY
+    )
 
 
-def held(points: list[Motion], currents: list[float]) -> list[Held]:
-    """The points in the order of time; the first counts as reached from below."""
-    out = []
-    before = -np.inf
-    way = True
+def brake_points(points: list[Motion], currents: list[float]) -> list[BrakePoint]:
+    """Return the points in the order of time; the first one counts as reached from below."""
+    points_with_torque = []
+    previous = -np.inf
+    rising = True
     for point, current in zip(points, currents, strict=True):
-        if abs(current - before) > 1e-3:
-            way = current > before
-        out.append(Held(current, torque_of(point), way))
-        before = current
-    return out
+        if abs(current - previous) > 1e-3:
+            rising = current > previous
+        points_with_torque.append(BrakePoint(current, brake_torque(point), rising))
+        previous = current
+    return points_with_torque
 
 
-def brake_map(points: list[Held]) -> BrakeMap:
-    """Branches of the points: equal currents of one branch are averaged.
+def brake_map(points: list[BrakePoint]) -> BrakeMap:
+    """Return the branches of the points; points of a branch with equal current are averaged.
 
-    The largest current stands on both branches: from there the falling one sets out.
+    The largest current is part of both branches: the falling one starts there.
     """
     if len(points) < 2:
         raise ValueError(f"{len(points)} set points; a brake map needs at least 2")
-    up = [each for each in points if each.rising]
-    down = [each for each in points if not each.rising]
-    if down:
-        top = max(each.current for each in down)
-        down += [each for each in up if each.current > top + 1e-3][-1:]
-    rising, falling = _branch(up), _branch(down)
+    rising_points = [each for each in points if each.rising]
+    falling_points = [each for each in points if not each.rising]
+    if falling_points:
+        max_current = max(each.current for each in falling_points)
+        falling_points += [each for each in rising_points if each.current > max_current + 1e-3][-1:]
+    rising, falling = _branch(rising_points), _branch(falling_points)
     return BrakeMap(rising, falling, _hysteresis(rising, falling))
 
 
-def _branch(points: list[Held]) -> Branch:
+def _branch(points: list[BrakePoint]) -> Branch:
     rows: list[tuple[float, float, float]] = []
     for each in sorted(points, key=lambda point: point.current):
-        here = (each.current, each.torque.value, each.torque.uncertainty)
-        if rows and here[0] - rows[-1][0] < 1e-3:
+        row = (each.current, each.torque.value, each.torque.uncertainty)
+        if rows and row[0] - rows[-1][0] < 1e-3:
             last = rows.pop()
-            here = tuple(0.5 * (a + b) for a, b in zip(last, here, strict=True))  # type: ignore[assignment]
-        rows.append(here)
+            row = tuple(0.5 * (a + b) for a, b in zip(last, row, strict=True))  # type: ignore[assignment]
+        rows.append(row)
     columns = np.array(rows, np.float64).reshape(-1, 3).T
     return Branch(*columns)
 
 
 def _hysteresis(rising: Branch, falling: Branch) -> Estimate:
-    how = "falling less rising branch, by scatter between currents"
+    method = "falling less rising branch, by scatter between currents"
     if len(falling.current) < 2 or len(rising.current) < 2:
-        return Estimate(float("nan"), float("nan"), "N*m", how)
+        return Estimate(float("nan"), float("nan"), "N*m", method)
     low = max(rising.current[0], falling.current[0])
     high = min(rising.current[-1], falling.current[-1])
-    at = falling.current[(falling.current > low + 1e-3) & (falling.current < high - 1e-3)]
-    width = np.interp(at, falling.current, falling.torque) - np.interp(
-        at, rising.current, rising.torque
+    currents = falling.current[(falling.current > low + 1e-3) & (falling.current < high - 1e-3)]
+    width = np.interp(currents, falling.current, falling.torque) - np.interp(
+        currents, rising.current, rising.torque
     )
-    return mean(width, "N*m", how)
+    return mean(width, "N*m", method)

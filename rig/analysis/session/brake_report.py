@@ -8,88 +8,113 @@ import numpy as np
 from matplotlib.figure import SubFigure
 
 from rig.analysis.session import brake_map
-from rig.analysis.session.brake_map import BrakeMap, Held
-from rig.analysis.session.drawing import BLUE, RED, axes_of, note
+from rig.analysis.session.brake_map import BrakeMap, BrakePoint
+from rig.analysis.session.drawing import BLUE, RED, annotate_corner, prepare_axes
 from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.points import Session
-from rig.analysis.session.result import Column, Compared, Picture, Result, Table, number, words
+from rig.analysis.session.points import SessionRun
+from rig.analysis.session.result import (
+    Column,
+    Comparison,
+    FigureSpec,
+    Result,
+    Table,
+    format_estimate,
+    format_number,
+)
 
-RANGE = (2.0, 95.0)
-"""N*m of the brake, OSWEC thesis, section 2.1."""
+THESIS_RANGE = (2.0, 95.0)
+"""Torque range of the brake, N*m: OSWEC thesis, section 2.1."""
 
 
-def result(session: Session) -> Result:
-    """Analyse a run."""
-    whole = session.whole
-    held = brake_map.held(
-        [point.motion() for point in whole],
-        [float(np.median(point.brake_current)) for point in whole],
+def analyse_session(session: SessionRun) -> Result:
+    """Analyse a run of the session."""
+    points = session.complete_points
+    brake_points = brake_map.brake_points(
+        [point.motion() for point in points],
+        [float(np.median(point.brake_current)) for point in points],
     )
-    found = brake_map.brake_map(held)
-    idle = held[int(np.argmin([each.current for each in held]))]
-    named = {"brake_residual": idle.torque, "brake_hysteresis": found.hysteresis}
+    measured_map = brake_map.brake_map(brake_points)
+    idle = brake_points[int(np.argmin([each.current for each in brake_points]))]
+    constants = {"brake_residual": idle.torque, "brake_hysteresis": measured_map.hysteresis}
     return Result(
-        (_table(held, [point.row for point in whole]),),
-        _compared(held, found, idle.torque),
-        named,
+        (_table(brake_points, [point.row for point in points]),),
+        _comparisons(brake_points, measured_map, idle.torque),
+        constants,
         (
-            Picture("brake_map", "The brake's torque over current", "Points with 95 % intervals.",
-                    (7.2, 4.8), partial(_draw, found)),
+            FigureSpec(
+                "brake_map",
+                "The brake's torque over current",
+                "Points with 95 % intervals.",
+                (7.2, 4.8),
+                partial(_draw, measured_map),
+            ),
         ),
         (
-            "Torque is the load cell's, so the bearing's (below 0.4 N·m) is in it. A branch is the "
-            "way its current was reached from the set point before.",
+            "Torque is the load cell's, so the bearing's (below 0.4 N·m) is in it. The branch "
+            "of a point follows from the current of the previous set point.",
         ),
-        _maps(found),
-    )  # fmt: skip
+        _maps(measured_map),
+    )
 
 
-def _table(held: Sequence[Held], rows: list[int]) -> Table:
+def _table(brake_points: Sequence[BrakePoint], rows: list[int]) -> Table:
     return Table(
         "brake_points",
         "Brake: torque by set point",
         (
             Column("row", "", tuple(rows)),
-            Column("current", "A", tuple(each.current for each in held)),
-            Column("branch", "", tuple("rising" if e.rising else "falling" for e in held)),
-            Column("torque", "N*m", tuple(each.torque.value for each in held)),
-            Column("torque ±", "N*m", tuple(each.torque.uncertainty for each in held)),
+            Column("current", "A", tuple(each.current for each in brake_points)),
+            Column("branch", "", tuple("rising" if e.rising else "falling" for e in brake_points)),
+            Column("torque", "N*m", tuple(each.torque.value for each in brake_points)),
+            Column("torque ±", "N*m", tuple(each.torque.uncertainty for each in brake_points)),
         ),
     )
 
 
-def _compared(held: Sequence[Held], found: BrakeMap, idle: Estimate) -> tuple[Compared, ...]:
-    most = max(each.torque.value for each in held)
+def _comparisons(
+    brake_points: Sequence[BrakePoint], measured_map: BrakeMap, idle: Estimate
+) -> tuple[Comparison, ...]:
+    max_torque = max(each.torque.value for each in brake_points)
     return (
-        Compared("residual torque", f"{RANGE[0]:g} N·m", "", words(idle), None),
-        Compared("largest torque", f"{RANGE[1]:g} N·m", "", f"{number(most, 4)} N·m", None),
-        Compared("falling less rising branch", "", "", words(found.hysteresis), None),
+        Comparison("residual torque", f"{THESIS_RANGE[0]:g} N·m", "", format_estimate(idle), None),
+        Comparison(
+            "largest torque",
+            f"{THESIS_RANGE[1]:g} N·m",
+            "",
+            f"{format_number(max_torque, 4)} N·m",
+            None,
+        ),
+        Comparison(
+            "falling less rising branch", "", "", format_estimate(measured_map.hysteresis), None
+        ),
     )
 
 
-def _maps(found: BrakeMap) -> dict[str, Any]:
+def _maps(measured_map: BrakeMap) -> dict[str, Any]:
     branches = {}
     for name in ("rising", "falling"):
-        branch = getattr(found, name)
-        rises = np.append(True, np.diff(np.maximum.accumulate(branch.torque)) > 1e-6)
-        if rises.sum() < 2:
+        branch = getattr(measured_map, name)
+        strictly_rising = np.append(True, np.diff(np.maximum.accumulate(branch.torque)) > 1e-6)
+        if strictly_rising.sum() < 2:
             return {}
         branches[name] = {
-            "current_a": branch.current[rises].tolist(),
-            "torque_n_m": branch.torque[rises].tolist(),
-            "uncertainty_n_m": branch.uncertainty[rises].tolist(),
+            "current_a": branch.current[strictly_rising].tolist(),
+            "torque_n_m": branch.torque[strictly_rising].tolist(),
+            "uncertainty_n_m": branch.uncertainty[strictly_rising].tolist(),
         }
     return {"brake_map": branches}
 
 
-def _draw(found: BrakeMap, body: SubFigure) -> None:
-    axes = axes_of(body, "brake current, A", "torque, N·m")
+def _draw(measured_map: BrakeMap, body: SubFigure) -> None:
+    axes = prepare_axes(body, "brake current, A", "torque, N·m")
     for name, colour, mark in (("rising", BLUE, "o-"), ("falling", RED, "s--")):
-        branch = getattr(found, name)
+        branch = getattr(measured_map, name)
         if len(branch.current):
             half = np.nan_to_num(branch.uncertainty)
             axes.errorbar(branch.current, branch.torque, half, fmt=mark, ms=4, lw=1.2,
                           color=colour, capsize=2.5, label=name)  # fmt: skip
     axes.set_ylim(0.0, None)
     axes.legend(frameon=False, fontsize=8, loc="upper left")
-    note(axes, f"falling less rising {words(found.hysteresis)}", "lower right")
+    annotate_corner(
+        axes, f"falling less rising {format_estimate(measured_map.hysteresis)}", "lower right"
+    )

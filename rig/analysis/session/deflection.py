@@ -1,7 +1,8 @@
-"""How far the shaft stays behind the motor at one set point: deflection, phase shift, amplitude.
+"""Lag of the shaft behind the motor at one set point: deflection, phase shift, amplitude
+difference.
 
-The quantities of figure 2.2 of the OSWEC thesis, from measured encoder angles at the gearbox
-output (rad) and the load cell's torque (N*m).
+The quantities are those of figure 2.2 of the OSWEC thesis, from measured encoder angles at the
+gearbox output (rad) and the load cell's torque (N*m).
 """
 
 from typing import NamedTuple
@@ -11,16 +12,16 @@ from scipy.ndimage import minimum_filter1d
 
 from rig.analysis.session import periods
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.periods import Cut
+from rig.analysis.session.periods import PeriodCut
 
 WINDOW = 0.015  # s, of the moving-window differentiator
-LEVEL = 95.0  # percentile by which a deflection is judged
+PERCENTILE = 95.0  # percentile that rates a deflection
 
 
 class Motion(NamedTuple):
-    """A set point cut to its whole periods, drift and mean taken out of the angles."""
+    """A set point, cut to its whole periods, with drift and mean of the angles removed."""
 
-    of: Cut
+    cut: PeriodCut
     motor: Floats  # rad
     shaft: Floats  # rad
     torque: Floats  # N*m, positive as the motor's on the brake
@@ -31,10 +32,10 @@ class Motion(NamedTuple):
         return self.motor - self.shaft
 
 
-class Behind(NamedTuple):
-    """What a set point says of the driveline; arrays by period."""
+class ShaftLag(NamedTuple):
+    """The driveline's results at a set point; arrays are by period."""
 
-    phase_shift: Floats  # share of the period by which the shaft comes later
+    phase_shift: Floats  # delay of the shaft as a share of the period
     amplitude_difference: Floats  # rad, half stroke of the motor less that of the shaft
     amplitude: float  # rad, of the motor
     rms_velocity: float  # rad/s, of the motor
@@ -44,53 +45,61 @@ class Behind(NamedTuple):
     deflection_high: float  # rad, its 95th
 
 
-def motion(motor: Floats, shaft: Floats, torque: Floats, of: Cut) -> Motion:
-    """Signals as measured, (samples,), made ready for the rest of this room."""
+def trim_motion(motor: Floats, shaft: Floats, torque: Floats, cut: PeriodCut) -> Motion:
+    """Return measured signals, (samples,), cut to whole periods and detrended."""
     return Motion(
-        of,
-        periods.detrended(motor, of),
-        periods.detrended(shaft, of),
-        torque[of.edges[0] : of.edges[-1]],
+        cut,
+        periods.detrend(motor, cut),
+        periods.detrend(shaft, cut),
+        torque[cut.edges[0] : cut.edges[-1]],
     )
 
 
-def behind(of: Motion) -> Behind:
-    """Phase shift by the fundamentals, amplitude difference by the peaks, period by period."""
-    motor, shaft = (periods.fundamentals(each, of.of) for each in (of.motor, of.shaft))
-    strokes = [periods.half_strokes(each, of.of) for each in (of.motor, of.shaft)]
-    size = np.abs(of.deflection)
-    low, high = np.percentile(size, [100.0 - LEVEL, LEVEL])
-    speed = periods.velocity(of.motor, of.of.dt, WINDOW)
-    return Behind(
-        np.angle(motor * np.conj(shaft)) / (2.0 * np.pi),
+def shaft_lag(motion: Motion) -> ShaftLag:
+    """Return the lag: phase shift by the fundamentals, amplitude difference by the peaks, by
+    period.
+    """
+    motor_fundamentals, shaft_fundamentals = (
+        periods.fundamentals(each, motion.cut) for each in (motion.motor, motion.shaft)
+    )
+    strokes = [periods.half_strokes(each, motion.cut) for each in (motion.motor, motion.shaft)]
+    magnitude = np.abs(motion.deflection)
+    low, high = np.percentile(magnitude, [100.0 - PERCENTILE, PERCENTILE])
+    velocity = periods.velocity(motion.motor, motion.cut.dt, WINDOW)
+    return ShaftLag(
+        np.angle(motor_fundamentals * np.conj(shaft_fundamentals)) / (2.0 * np.pi),
         strokes[0] - strokes[1],
         float(strokes[0].mean()),
-        periods.rms(speed),
-        periods.rms(of.torque),
-        float(size.mean()),
+        periods.rms(velocity),
+        periods.rms(motion.torque),
+        float(magnitude.mean()),
         float(low),
         float(high),
     )
 
 
-def judged(error: Floats) -> float:
-    """The 95th percentile of the magnitude of a position error, rad."""
-    return float(np.percentile(np.abs(error), LEVEL))
+def error_percentile(error: Floats) -> float:
+    """Return the 95th percentile of the magnitude of a position error, rad."""
+    return float(np.percentile(np.abs(error), PERCENTILE))
 
 
-def pooled(errors: list[Floats]) -> float:
-    """The same over all samples of several set points."""
-    return judged(np.concatenate(errors))
+def pooled_percentile(errors: list[Floats]) -> float:
+    """Return the 95th percentile over all samples of several set points, rad."""
+    return error_percentile(np.concatenate(errors))
 
 
-def engaged(of: Motion) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Samples at which the teeth are in contact and the shaft moves against its load.
+def engaged(motion: Motion) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return a mask of the samples at which the teeth are in contact and the shaft moves against
+    its load.
 
-    Behind a reversal the shaft rests until the gap is crossed; what the load cell reads there is
-    not what turns the driveline.
+    After a reversal the shaft rests until the gap is crossed; meanwhile the load cell's torque is
+    not the torque that the driveline transmits.
     """
-    speed = periods.velocity(of.shaft, of.of.dt, WINDOW)
-    moving = (np.abs(speed) > 0.15 * np.abs(speed).max()) & (speed * of.torque > 0.0)
-    around = 2 * round(WINDOW / of.of.dt) + 1  # the window sees a start before it happens
-    out: np.ndarray[tuple[int], np.dtype[np.bool_]] = minimum_filter1d(moving, around)
-    return out
+    velocity = periods.velocity(motion.shaft, motion.cut.dt, WINDOW)
+    moving = (np.abs(velocity) > 0.15 * np.abs(velocity).max()) & (velocity * motion.torque > 0.0)
+    # The window responds to a start before it happens.
+    window_samples = 2 * round(WINDOW / motion.cut.dt) + 1
+    in_contact: np.ndarray[tuple[int], np.dtype[np.bool_]] = minimum_filter1d(
+        moving, window_samples
+    )
+    return in_contact

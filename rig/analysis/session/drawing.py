@@ -1,4 +1,6 @@
-"""What the figures of sessions share: axes, shades of blue, a line with its band, a note."""
+"""Shared parts of the figures of sessions: axes, shades of blue, a line with its band, a corner
+note.
+"""
 
 from typing import Any
 
@@ -8,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 
 from rig.analysis.picture import INK, quiet
-from rig.analysis.session.linear_fit import Line, at, band
+from rig.analysis.session.linear_fit import Line, band, value_at
 
-BLUE, RED, DEPTH = "#0b6e99", "#d1495b", "#2e933c"
-CLOCKWISE, COUNTER = "#16222c", "#8f9aa3"  # black and grey, as the thesis has its directions
+BLUE, RED, GREEN = "#0b6e99", "#d1495b", "#2e933c"
+CLOCKWISE, COUNTER = "#16222c", "#8f9aa3"  # black and grey, the thesis's colours of the directions
 _BLUES = colormaps["Blues"]
 _CORNERS = {
     "upper left": (0.02, 0.97),
@@ -22,43 +24,43 @@ _CORNERS = {
 }
 
 
-def axes_of(body: SubFigure, x: str, y: str, axes: Axes | None = None) -> Axes:
-    """Axes with labels and a grid that stand back behind what is shown."""
-    made: Any = body.subplots() if axes is None else axes
-    quiet(made)
-    made.set_xlabel(x, fontsize=8.5)
-    made.set_ylabel(y, fontsize=8.5)
-    made.grid(alpha=0.25)
-    found: Axes = made
-    return found
+def prepare_axes(body: SubFigure, x_label: str, y_label: str, axes: Axes | None = None) -> Axes:
+    """Return axes with labels, and a grid in the background; ``axes`` reuses existing ones."""
+    new_axes: Any = body.subplots() if axes is None else axes
+    quiet(new_axes)
+    new_axes.set_xlabel(x_label, fontsize=8.5)
+    new_axes.set_ylabel(y_label, fontsize=8.5)
+    new_axes.grid(alpha=0.25)
+    styled: Axes = new_axes
+    return styled
 
 
 def shade(index: int, count: int) -> Any:
-    """A blue that darkens with the index."""
+    """Return a blue that darkens with the index."""
     return _BLUES(0.25 + 0.75 * index / max(1, count - 1))
 
 
-def trend(axes: Axes, fitted: Line, over: Any, times: float = 1.0) -> None:
-    """A line through points at x = ``over`` with its 95 % band, y multiplied by ``times``."""
-    low, high = min(over), max(over)
-    room = 0.05 * (high - low)
-    x = np.linspace(low - room, high + room, 100)
-    y, half = times * at(fitted, x), times * band(fitted, x)
-    axes.fill_between(x, y - half, y + half, color=BLUE, alpha=0.15, lw=0)
+def draw_trend(axes: Axes, line: Line, points_x: Any, factor: float = 1.0) -> None:
+    """Draw a line over the range of ``points_x`` with its 95 % band, y multiplied by ``factor``."""
+    low, high = min(points_x), max(points_x)
+    margin = 0.05 * (high - low)
+    x = np.linspace(low - margin, high + margin, 100)
+    y, half_width = factor * value_at(line, x), factor * band(line, x)
+    axes.fill_between(x, y - half_width, y + half_width, color=BLUE, alpha=0.15, lw=0)
     axes.plot(x, y, color=BLUE, lw=1.2)
 
 
-def note(axes: Axes, text: str, where: str) -> None:
-    """Words in a corner."""
-    x, y = _CORNERS[where]
-    down, side = where.split(" ")
+def annotate_corner(axes: Axes, text: str, corner: str) -> None:
+    """Write a text into a corner of the axes."""
+    x, y = _CORNERS[corner]
+    vertical, horizontal = corner.split(" ")
     axes.text(
         x,
         y,
         text,
         transform=axes.transAxes,
-        ha=side,
-        va="top" if down == "upper" else "bottom",
+        ha=horizontal,
+        va="top" if vertical == "upper" else "bottom",
         fontsize=8,
         color=INK,
         bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 2.0},

@@ -1,8 +1,8 @@
 """The driveline session: deflection between motor and shaft, its trends, its correction.
 
-Chapter 2 of the OSWEC thesis. Corrected set points are judged by the reference less the shaft,
-beside the uncorrected one of the same amplitude and damping; the drive's own following error
-(reference less motor) stands apart.
+The analysis follows chapter 2 of the OSWEC thesis. A corrected set point is rated by reference
+minus shaft, compared with the uncorrected one of the same amplitude and damping; the drive's own
+following error (reference minus motor) is listed separately.
 """
 
 from typing import NamedTuple
@@ -10,165 +10,197 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.analysis.session import periods, regressions, torque_map
-from rig.analysis.session.deflection import WINDOW, Behind, Motion, behind, judged, pooled
+from rig.analysis.session.deflection import (
+    WINDOW,
+    Motion,
+    ShaftLag,
+    error_percentile,
+    pooled_percentile,
+    shaft_lag,
+)
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.points import Point, Session
+from rig.analysis.session.points import SessionRun, SetpointData
 from rig.analysis.session.regressions import Correction, Regressions
 from rig.analysis.session.torque_map import TorqueMap
 
 DEGREE = float(np.pi / 180.0)
 
 
-class Driven(NamedTuple):
-    """A set point with all that is judged of it."""
+class DrivelineSetpoint(NamedTuple):
+    """A set point with its results."""
 
-    point: Point
+    point: SetpointData
     motion: Motion
-    behind: Behind
-    error: Floats  # rad, reference less shaft, drift taken out
-    following: Floats  # rad, reference less motor
+    lag: ShaftLag
+    error: Floats  # rad, reference minus shaft, drift removed
+    following_error: Floats  # rad, reference minus motor
     drift: float  # rad/s, of the motor
-    gain: float  # rad/s/V, of the drive: motor's velocity over command, fundamentals
-    lag: float  # s, of the drive: the motor behind its command, the age of the readings apart
+    drive_gain: float  # rad/s/V, motor's velocity over command, fundamentals
+    drive_lag: float  # s, of the motor behind its command, without the age of the readings
 
     @property
-    def place(self) -> tuple[float, float]:
-        """Amplitude (deg) and damping (N*m*s/rad) asked for."""
+    def setpoint(self) -> tuple[float, float]:
+        """Requested amplitude (deg) and damping (N*m*s/rad)."""
         return (
-            round(self.point.number("amplitude_deg"), 3),
-            round(self.point.number("damping_n_m_s_per_rad"), 3),
+            round(self.point.plan_value("amplitude_deg"), 3),
+            round(self.point.plan_value("damping_n_m_s_per_rad"), 3),
         )
 
 
-class Offline(NamedTuple):
-    """Equation 2.6 on uncorrected set points, rad; one entry a set point."""
+class OfflineErrors(NamedTuple):
+    """Errors after equation 2.6 on uncorrected set points, rad; one entry per set point."""
 
-    by_all: list[Floats]  # corrected motor less shaft, regressions of all set points
-    by_others: list[Floats]  # regressions without the judged one
-    by_torque: list[Floats]  # the same, the delay over torque
+    all_points: list[Floats]  # corrected motor minus shaft, regressions of all set points
+    leave_one_out: list[Floats]  # regressions without the rated set point
+    delay_over_torque: list[Floats]  # as before, with the delay over torque
 
 
-class Scheme(NamedTuple):
-    """A correction in the loop beside the uncorrected set points."""
+class CorrectionScheme(NamedTuple):
+    """A correction in the loop, compared with the uncorrected set points."""
 
     name: str
-    pairs: list[tuple[Driven, Driven]]  # corrected, uncorrected
+    pairs: list[tuple[DrivelineSetpoint, DrivelineSetpoint]]  # corrected, uncorrected
 
     @property
-    def corrected(self) -> float:
-        """95th percentile over all pairs, rad."""
-        return pooled([one.error for one, _ in self.pairs])
+    def corrected_error(self) -> float:
+        """95th percentile of the error over all pairs, rad."""
+        return pooled_percentile([corrected.error for corrected, _ in self.pairs])
 
     @property
-    def uncorrected(self) -> float:
-        """The same without correction, rad."""
-        return pooled([other.error for _, other in self.pairs])
+    def uncorrected_error(self) -> float:
+        """95th percentile of the error without correction, rad."""
+        return pooled_percentile([other.error for _, other in self.pairs])
 
 
-class Found(NamedTuple):
-    """All that the session gives, in SI."""
+class DrivelineResult(NamedTuple):
+    """All results of the session, in SI units."""
 
-    plain: list[Driven]  # uncorrected
-    corrected: list[Driven]
-    trends: Regressions | None  # None for fewer than three uncorrected set points
-    offline: Offline | None
-    known: TorqueMap | None
-    schemes: list[Scheme]
+    uncorrected: list[DrivelineSetpoint]  # uncorrected
+    corrected: list[DrivelineSetpoint]
+    regressions: Regressions | None  # None with fewer than three uncorrected set points
+    offline: OfflineErrors | None
+    torque_map: TorqueMap | None
+    schemes: list[CorrectionScheme]
 
 
-def driven(point: Point) -> Driven:
-    """One set point."""
-    made = point.motion()
-    wanted = periods.detrended(point.due_angle, made.of)
-    return Driven(
+def analyse_point(point: SetpointData) -> DrivelineSetpoint:
+    """Return the results of one set point."""
+    motion = point.motion()
+    reference = periods.detrend(point.delayed_reference_angle, motion.cut)
+    return DrivelineSetpoint(
         point,
-        made,
-        behind(made),
-        wanted - made.shaft,
-        wanted - made.motor,
-        periods.drift(point.motor, made.of),
-        *_drive(point, made),
+        motion,
+        shaft_lag(motion),
+        reference - motion.shaft,
+        reference - motion.motor,
+        periods.drift(point.motor, motion.cut),
+        *_drive_gain_and_lag(point, motion),
     )
 
 
-def _drive(point: Point, of: Motion) -> tuple[float, float]:
-    """Gain and lag of the velocity loop under load; NaN where nothing was commanded."""
-    command = periods.fundamentals(point.over(point.volts, of.of), of.of).mean()
+def _drive_gain_and_lag(point: SetpointData, motion: Motion) -> tuple[float, float]:
+    """Return gain and lag of the velocity loop under load; NaN if there was no command."""
+    command = periods.fundamentals(point.trim(point.volts, motion.cut), motion.cut).mean()
     if not abs(command) > 1e-6:
         return float("nan"), float("nan")
-    ratio = 1j * of.of.omega * periods.fundamentals(of.motor, of.of).mean() / command
-    return float(np.abs(ratio)), float(-np.angle(ratio) / of.of.omega) - point.age
+    ratio = 1j * motion.cut.omega * periods.fundamentals(motion.motor, motion.cut).mean() / command
+    return float(np.abs(ratio)), float(-np.angle(ratio) / motion.cut.omega) - point.encoder_age
 
 
-def find(session: Session, against: Session | None = None) -> Found:
-    """Analyse a run; ``against`` holds the uncorrected set points where this run has none."""
-    every = [driven(point) for point in session.whole]
+def analyse_driveline(session: SessionRun, baseline: SessionRun | None = None) -> DrivelineResult:
+    """Analyse a run; ``baseline`` supplies uncorrected set points that this run lacks."""
+    points = [analyse_point(point) for point in session.complete_points]
     if session.irregular:
-        every = [each._replace(behind=_by_delay(each)) for each in every]
-    plain = [each for each in every if each.point.correction_name == "none"]
-    others = [driven(p) for p in against.whole] if against else []
-    base = {each.place: each for each in others if each.point.correction_name == "none"}
-    base |= {each.place: each for each in plain}
-    corrected = [each for each in every if each.point.correction_name != "none"]
-    sinusoids = [] if session.irregular else plain
-    trends = regressions.regress([e.behind for e in sinusoids]) if len(sinusoids) >= 3 else None
-    loads = [torque_map.loaded(each.motion) for each in plain]
-    loads = [each for each in loads if len(each.torque) >= 4]
+        points = [each._replace(lag=_lag_by_delay(each)) for each in points]
+    uncorrected = [each for each in points if each.point.correction_name == "none"]
+    baseline_points = [analyse_point(p) for p in baseline.complete_points] if baseline else []
+    reference_points = {
+        each.setpoint: each for each in baseline_points if each.point.correction_name == "none"
+    }
+    reference_points |= {each.setpoint: each for each in uncorrected}
+    corrected = [each for each in points if each.point.correction_name != "none"]
+    sinusoids = [] if session.irregular else uncorrected
+    fitted_regressions = (
+        regressions.fit_regressions([e.lag for e in sinusoids]) if len(sinusoids) >= 3 else None
+    )
+    binned = [torque_map.bin_deflection(each.motion) for each in uncorrected]
+    binned = [each for each in binned if len(each.torque) >= 4]
     names = dict.fromkeys(each.point.correction_name for each in corrected)
     schemes = [
-        Scheme(name, pairs)
+        CorrectionScheme(name, pairs)
         for name in names
         if (
             pairs := [
-                (each, base[each.place])
+                (each, reference_points[each.setpoint])
                 for each in corrected
-                if each.point.correction_name == name and each.place in base
+                if each.point.correction_name == name and each.setpoint in reference_points
             ]
         )
     ]
-    return Found(
-        plain,
+    return DrivelineResult(
+        uncorrected,
         corrected,
-        trends,
-        _offline(plain, trends),
-        torque_map.fit(loads) if len(loads) >= 3 else None,
+        fitted_regressions,
+        _offline_errors(uncorrected, fitted_regressions),
+        torque_map.fit_map(binned) if len(binned) >= 3 else None,
         schemes,
     )
 
 
-def _by_delay(of: Driven) -> Behind:
-    """An irregular set point has no one phase: its delay as a share of its repeat period.
+def _lag_by_delay(point: DrivelineSetpoint) -> ShaftLag:
+    """Return the lag of an irregular set point, with its delay as a share of the repeat period.
 
-    s(t) = m(t - d) is m - d m' to first order, so d = sum (m - s) m' / sum m'^2.
+    An irregular motion has no single phase. s(t) = m(t - d) is m - d m' to first order, so d = sum
+    (m - s) m' / sum m'^2.
     """
-    motor, cut = of.motion.motor, of.motion.of
-    rate = periods.velocity(motor, cut.dt, WINDOW)
-    bent = of.motion.deflection
+    motor, cut = point.motion.motor, point.motion.cut
+    velocity = periods.velocity(motor, cut.dt, WINDOW)
+    deflection = point.motion.deflection
     delays = [
         float((d * v).sum() / (v * v).sum())
-        for d, v in zip(periods.pieces(bent, cut), periods.pieces(rate, cut), strict=True)
+        for d, v in zip(
+            periods.split_periods(deflection, cut),
+            periods.split_periods(velocity, cut),
+            strict=True,
+        )
     ]
-    return of.behind._replace(phase_shift=np.array(delays) / cut.period)
+    return point.lag._replace(phase_shift=np.array(delays) / cut.period)
 
 
-def _offline(plain: list[Driven], trends: Regressions | None) -> Offline | None:
-    if trends is None or len(plain) < 4:
+def _offline_errors(
+    uncorrected: list[DrivelineSetpoint], all_regressions: Regressions | None
+) -> OfflineErrors | None:
+    if all_regressions is None or len(uncorrected) < 4:
         return None
-    points = [each.behind for each in plain]
+    lags = [each.lag for each in uncorrected]
 
-    def error(i: int, by: Correction) -> Floats:
-        of = plain[i].motion
-        return regressions.offline(of, by, points[i].amplitude) - of.shaft
+    def error(i: int, correction: Correction) -> Floats:
+        motion = uncorrected[i].motion
+        return regressions.correct_offline(motion, correction, lags[i].amplitude) - motion.shaft
 
-    others = [regressions.without(points, i) for i in range(len(points))]
-    numbers = range(len(points))
-    return Offline(
-        [error(i, regressions.predicted(trends, points[i])) for i in numbers],
-        [error(i, regressions.predicted(others[i], points[i])) for i in numbers],
-        [error(i, regressions.predicted(others[i], points[i], by_torque=True)) for i in numbers],
+    left_out_regressions = [regressions.leave_one_out(lags, i) for i in range(len(lags))]
+    indices = range(len(lags))
+    return OfflineErrors(
+        [error(i, regressions.predict_correction(all_regressions, lags[i])) for i in indices],
+        [
+            error(i, regressions.predict_correction(left_out_regressions[i], lags[i]))
+            for i in indices
+        ],
+        [
+            error(
+                i,
+                regressions.predict_correction(
+                    left_out_regressions[i], lags[i], delay_over_torque=True
+                ),
+            )
+            for i in indices
+        ],
     )
 
 
-def highest(found: Found) -> float:
-    """The largest 95th percentile of the deflection of any uncorrected set point, rad."""
-    return max((judged(each.motion.deflection) for each in found.plain), default=float("nan"))
+def max_deflection(result: DrivelineResult) -> float:
+    """Return the largest 95th percentile of the deflection of any uncorrected set point, rad."""
+    return max(
+        (error_percentile(each.motion.deflection) for each in result.uncorrected),
+        default=float("nan"),
+    )

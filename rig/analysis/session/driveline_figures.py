@@ -9,75 +9,98 @@ from matplotlib.figure import SubFigure
 
 from rig.analysis.picture import INK, MARK, SOFT
 from rig.analysis.session import periods, regressions, torque_map
-from rig.analysis.session.deflection import Behind
-from rig.analysis.session.drawing import BLUE, DEPTH, RED, axes_of, note, shade, trend
-from rig.analysis.session.driveline import DEGREE, Driven, Found
+from rig.analysis.session.deflection import ShaftLag
+from rig.analysis.session.drawing import (
+    BLUE,
+    GREEN,
+    RED,
+    annotate_corner,
+    draw_trend,
+    prepare_axes,
+    shade,
+)
+from rig.analysis.session.driveline import DEGREE, DrivelineResult, DrivelineSetpoint
 from rig.analysis.session.linear_fit import Line
-from rig.analysis.session.result import Picture
+from rig.analysis.session.result import FigureSpec
 
-WIDE = (7.2, 4.4)
+FIGURE_SIZE = (7.2, 4.4)
 
 
-def pictures(found: Found) -> tuple[Picture, ...]:
-    """What the run has data for."""
-    made = []
-    if found.trends is not None:
-        one = _nearest(found.plain, 15.0, 83.3)
-        told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad"
-        made += [
-            Picture("fig_2_2", "Fig. 2.2: motor and shaft over a period",
-                    f"{told}; the difference of both drawn 10 times as large.",
-                    WIDE, partial(_parameters, one)),
-            Picture("fig_2_3", "Fig. 2.3: deflection and torque, period by period",
-                    f"{told}; later periods darker.", (7.2, 5.6), partial(_by_period, one)),
-        ]  # fmt: skip
-        made += _trends(found)
-    if found.offline is not None:
-        made += _offline(found)
-    if found.plain:
-        said = "Means over periods, darker for larger damping"
-        said += "." if found.known is None else "; dashed: the fitted map."
-        made.append(
-            Picture("fig_2_9", "Fig. 2.9: deflection over torque", said, (7.2, 5.0),
-                    partial(_over_torque, found))
+def figures(result: DrivelineResult) -> tuple[FigureSpec, ...]:
+    """Return the figures that the run has data for."""
+    figure_specs = []
+    if result.regressions is not None:
+        example = _nearest_setpoint(result.uncorrected, 15.0, 83.3)
+        setpoint = f"{example.setpoint[0]:g}°, R = {example.setpoint[1]:g} N·m·s/rad"
+        figure_specs += [
+            FigureSpec(
+                "fig_2_2",
+                "Fig. 2.2: motor and shaft over a period",
+                f"{setpoint}; their difference is drawn 10 times as large.",
+                FIGURE_SIZE,
+                partial(_draw_lag_parameters, example),
+            ),
+            FigureSpec(
+                "fig_2_3",
+                "Fig. 2.3: deflection and torque, period by period",
+                f"{setpoint}; later periods darker.",
+                (7.2, 5.6),
+                partial(_draw_by_period, example),
+            ),
+        ]
+        figure_specs += _trend_figures(result)
+    if result.offline is not None:
+        figure_specs += _offline_figures(result)
+    if result.uncorrected:
+        caption = "Means over periods, darker for larger damping"
+        caption += "." if result.torque_map is None else "; dashed: the fitted map."
+        figure_specs.append(
+            FigureSpec("fig_2_9", "Fig. 2.9: deflection over torque", caption, (7.2, 5.0),
+                    partial(_draw_deflection_over_torque, result))
         )  # fmt: skip
-    if found.schemes:
-        made += _corrections(found)
-    return tuple(made)
+    if result.schemes:
+        figure_specs += _correction_figures(result)
+    return tuple(figure_specs)
 
 
-def _corrections(found: Found) -> list[Picture]:
-    pairs = [pair for scheme in found.schemes for pair in scheme.pairs]
-    one = _nearest([other for _, other in pairs], 15.0, 83.3)
-    told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad, mean of the periods."
-    made = [
-        Picture("corrections_in_time", "Corrections in the loop, over time", told, (7.2, 5.4),
-                partial(_in_time, found, one)),
+def _correction_figures(result: DrivelineResult) -> list[FigureSpec]:
+    pairs = [pair for scheme in result.schemes for pair in scheme.pairs]
+    example = _nearest_setpoint([other for _, other in pairs], 15.0, 83.3)
+    caption = (
+        f"{example.setpoint[0]:g}°, R = {example.setpoint[1]:g} N·m·s/rad, mean of the periods."
+    )
+    figures = [
+        FigureSpec("corrections_in_time", "Corrections in the loop, over time", caption, (7.2, 5.4),
+                partial(_draw_corrections_in_time, result, example)),
     ]  # fmt: skip
-    if len({other.place for _, other in pairs}) > 1:
-        made.insert(0, Picture(
-            "corrections", "Corrections in the loop: reference less shaft",
-            "95th percentile of each set point, drift taken out.", (7.2, 4.6),
-            partial(_schemes, found),
+    if len({other.setpoint for _, other in pairs}) > 1:
+        figures.insert(0, FigureSpec(
+            "corrections", "Corrections in the loop: reference minus shaft",
+            "95th percentile of each set point, drift removed.", (7.2, 4.6),
+            partial(_draw_schemes, result),
         ))  # fmt: skip
-    return made
+    return figures
 
 
-def _in_time(found: Found, base: Driven, body: SubFigure) -> None:
+def _draw_corrections_in_time(
+    result: DrivelineResult, uncorrected: DrivelineSetpoint, body: SubFigure
+) -> None:
     upper, lower = body.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.2])
-    upper = axes_of(body, "", "reference, deg", upper)
-    lower = axes_of(body, "time in the period, s", "less shaft, deg", lower)
-    of = base.motion.of
-    wanted = periods.mean_period(base.error + base.motion.shaft, of) / DEGREE
-    t = of.dt * np.arange(len(wanted))
-    upper.plot(t, wanted, color=INK, lw=1.2)
-    lower.plot(t, periods.mean_period(base.error, of) / DEGREE, color=INK, label="uncorrected")
-    for scheme, colour in zip(found.schemes, (BLUE, RED, DEPTH), strict=False):
-        for one, other in scheme.pairs:
-            if other.place == base.place:
-                left = periods.mean_period(one.error, one.motion.of) / DEGREE
-                at = one.motion.of.dt * np.arange(len(left))
-                lower.plot(at, left, color=colour, label=scheme.name)
+    upper = prepare_axes(body, "", "reference, deg", upper)
+    lower = prepare_axes(body, "time in the period, s", "minus shaft, deg", lower)
+    cut = uncorrected.motion.cut
+    reference = periods.mean_period(uncorrected.error + uncorrected.motion.shaft, cut) / DEGREE
+    t = cut.dt * np.arange(len(reference))
+    upper.plot(t, reference, color=INK, lw=1.2)
+    lower.plot(
+        t, periods.mean_period(uncorrected.error, cut) / DEGREE, color=INK, label="uncorrected"
+    )
+    for scheme, colour in zip(result.schemes, (BLUE, RED, GREEN), strict=False):
+        for corrected, other in scheme.pairs:
+            if other.setpoint == uncorrected.setpoint:
+                error = periods.mean_period(corrected.error, corrected.motion.cut) / DEGREE
+                times = corrected.motion.cut.dt * np.arange(len(error))
+                lower.plot(times, error, color=colour, label=scheme.name)
     lower.axhline(0.0, color=SOFT, lw=0.5)
     low, high = lower.get_ylim()
     lower.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
@@ -85,27 +108,31 @@ def _in_time(found: Found, base: Driven, body: SubFigure) -> None:
     lower.margins(x=0.0)
 
 
-def _nearest(among: Sequence[Driven], amplitude: float, damping: float) -> Driven:
-    def far(each: Driven) -> float:
-        a, r = each.place
+def _nearest_setpoint(
+    points: Sequence[DrivelineSetpoint], amplitude: float, damping: float
+) -> DrivelineSetpoint:
+    def distance(each: DrivelineSetpoint) -> float:
+        a, r = each.setpoint
         return abs(a / amplitude - 1.0) + abs(r / damping - 1.0)
 
-    return min(among, key=far)
+    return min(points, key=distance)
 
 
-def _parameters(one: Driven, body: SubFigure) -> None:
-    axes = axes_of(body, "time, s", "angle, deg")
-    of = one.motion.of
-    mean = {n: periods.mean_period(getattr(one.motion, n), of) / DEGREE for n in ("motor", "shaft")}
-    t = of.dt * np.arange(len(mean["motor"]))
-    shown = mean["motor"] - 10.0 * (mean["motor"] - mean["shaft"])
+def _draw_lag_parameters(point: DrivelineSetpoint, body: SubFigure) -> None:
+    axes = prepare_axes(body, "time, s", "angle, deg")
+    cut = point.motion.cut
+    mean = {
+        n: periods.mean_period(getattr(point.motion, n), cut) / DEGREE for n in ("motor", "shaft")
+    }
+    t = cut.dt * np.arange(len(mean["motor"]))
+    exaggerated = mean["motor"] - 10.0 * (mean["motor"] - mean["shaft"])
     axes.plot(t, mean["motor"], color=BLUE, lw=1.8, label="motor")
-    axes.plot(t, shown, color=RED, lw=1.8, label="shaft")
+    axes.plot(t, exaggerated, color=RED, lw=1.8, label="shaft")
     axes.axhline(mean["motor"].max(), color=SOFT, lw=0.6, ls=":")
-    axes.axhline(shown.max(), color=SOFT, lw=0.6, ls=":")
-    shift = 100.0 * one.behind.phase_shift.mean()
-    loss = one.behind.amplitude_difference.mean() / DEGREE
-    note(
+    axes.axhline(exaggerated.max(), color=SOFT, lw=0.6, ls=":")
+    shift = 100.0 * point.lag.phase_shift.mean()
+    loss = point.lag.amplitude_difference.mean() / DEGREE
+    annotate_corner(
         axes,
         f"phase shift {shift:.3f} % of period\namplitude difference {loss:.4f}°",
         "upper center",
@@ -114,163 +141,195 @@ def _parameters(one: Driven, body: SubFigure) -> None:
     axes.legend(frameon=False, fontsize=8, loc="lower left")
 
 
-def _by_period(one: Driven, body: SubFigure) -> None:
+def _draw_by_period(point: DrivelineSetpoint, body: SubFigure) -> None:
     upper, lower = body.subplots(2, 1, sharex=True)
-    upper = axes_of(body, "", "deflection, deg", upper)
-    lower = axes_of(body, "time in the period, s", "torque, N·m", lower)
-    of = one.motion.of
-    for axes, values in ((upper, one.motion.deflection / DEGREE), (lower, one.motion.torque)):
-        for i, piece in enumerate(periods.pieces(values, of)):
-            t = of.dt * np.arange(len(piece))
-            axes.plot(t, piece, color=shade(i, of.whole), lw=0.7)
+    upper = prepare_axes(body, "", "deflection, deg", upper)
+    lower = prepare_axes(body, "time in the period, s", "torque, N·m", lower)
+    cut = point.motion.cut
+    for axes, values in ((upper, point.motion.deflection / DEGREE), (lower, point.motion.torque)):
+        for i, period in enumerate(periods.split_periods(values, cut)):
+            t = cut.dt * np.arange(len(period))
+            axes.plot(t, period, color=shade(i, cut.period_count), lw=0.7)
         axes.axhline(0.0, color=SOFT, lw=0.5)
     lower.margins(x=0.0)
 
 
-def _statistics(
-    found: Found,
-    fitted: Line,
-    of: Callable[[Behind], tuple[float, Any]],
+def _draw_trend_points(
+    result: DrivelineResult,
+    line: Line,
+    coordinates: Callable[[ShaftLag], tuple[float, Any]],
     labels: tuple[str, str],
     body: SubFigure,
 ) -> None:
-    axes = axes_of(body, *labels)
-    trend(axes, fitted, [of(each.behind)[0] for each in found.plain], _times(labels[1]))
-    dampings = sorted({each.place[1] for each in found.plain})
-    for each in found.plain:
-        x, values = of(each.behind)
-        values = _times(labels[1]) * values
+    axes = prepare_axes(body, *labels)
+    draw_trend(
+        axes,
+        line,
+        [coordinates(each.lag)[0] for each in result.uncorrected],
+        _label_factor(labels[1]),
+    )
+    dampings = sorted({each.setpoint[1] for each in result.uncorrected})
+    for each in result.uncorrected:
+        x, values = coordinates(each.lag)
+        values = _label_factor(labels[1]) * values
         low, mid, high = np.percentile(values, 5), values.mean(), np.percentile(values, 95)
-        colour = shade(dampings.index(each.place[1]) + 1, len(dampings) + 1)
+        colour = shade(dampings.index(each.setpoint[1]) + 1, len(dampings) + 1)
         axes.errorbar(x, mid, [[mid - low], [high - mid]], fmt="o", ms=5, color=colour, capsize=3)
     for i, damping in enumerate(dampings):
         axes.plot([], [], "o", color=shade(i + 1, len(dampings) + 1), label=f"R = {damping:g}")
     axes.legend(frameon=False, fontsize=8)
 
 
-def _times(label: str) -> float:
+def _label_factor(label: str) -> float:
     return 100.0 if "%" in label else 1.0 / DEGREE
 
 
-def _trends(found: Found) -> list[Picture]:
-    assert found.trends is not None
-    said = "Mean of the periods with 5th and 95th percentile; line with its 95 % band. R² {:.3f}; "
-    amplitude, phase, delay = found.trends
+def _trend_figures(result: DrivelineResult) -> list[FigureSpec]:
+    assert result.regressions is not None
+    caption = (
+        "Mean of the periods with 5th and 95th percentile; line with its 95 % band. R² {:.3f}; "
+    )
+    amplitude, phase, delay = result.regressions
     phase_label, loss_label = "phase shift, % of period", "amplitude difference, deg"
     speed, load = "rms motor velocity, rad/s", "rms torque, N·m"
     return [
-        Picture("fig_2_4", "Fig. 2.4: phase shift over velocity",
-                said.format(phase.r_squared) + "thesis 0.81.", WIDE,
-                partial(_statistics, found, phase,
+        FigureSpec("fig_2_4", "Fig. 2.4: phase shift over velocity",
+                caption.format(phase.r_squared) + "thesis 0.81.", FIGURE_SIZE,
+                partial(_draw_trend_points, result, phase,
                         lambda b: (b.rms_velocity, b.phase_shift), (speed, phase_label))),
-        Picture("fig_2_4_torque", "Phase shift over torque, beside Fig. 2.4",
-                said.format(delay.r_squared) + "not in the thesis.", WIDE,
-                partial(_statistics, found, delay,
+        FigureSpec("fig_2_4_torque", "Phase shift over torque, for comparison with Fig. 2.4",
+                caption.format(delay.r_squared) + "not in the thesis.", FIGURE_SIZE,
+                partial(_draw_trend_points, result, delay,
                         lambda b: (b.rms_torque, b.phase_shift), (load, phase_label))),
-        Picture("fig_2_5", "Fig. 2.5: amplitude difference over torque",
-                said.format(amplitude.r_squared) + "thesis 0.97.", WIDE,
-                partial(_statistics, found, amplitude,
+        FigureSpec("fig_2_5", "Fig. 2.5: amplitude difference over torque",
+                caption.format(amplitude.r_squared) + "thesis 0.97.", FIGURE_SIZE,
+                partial(_draw_trend_points, result, amplitude,
                         lambda b: (b.rms_torque, b.amplitude_difference), (load, loss_label))),
     ]  # fmt: skip
 
 
-def _offline(found: Found) -> list[Picture]:
-    one = _nearest(found.plain, 20.0, 104.0)
-    told = f"{one.place[0]:g}°, R = {one.place[1]:g} N·m·s/rad; below, what each is off the shaft."
+def _offline_figures(result: DrivelineResult) -> list[FigureSpec]:
+    example = _nearest_setpoint(result.uncorrected, 20.0, 104.0)
+    caption = (
+        f"{example.setpoint[0]:g}°, R = {example.setpoint[1]:g} N·m·s/rad; "
+        "below: difference from the shaft."
+    )
     return [
-        Picture("fig_2_7", "Fig. 2.7: motor corrected by equation 2.6", told,
-                (7.2, 5.4), partial(_one_corrected, found, one)),
-        Picture("fig_2_8", "Fig. 2.8: deflection, offline correction",
-                "Mean, 5th and 95th percentile of each set point; the thesis says within 0.25° "
-                "before, below 0.12° after.", (7.6, 4.6), partial(_before_after, found)),
+        FigureSpec("fig_2_7", "Fig. 2.7: motor corrected by equation 2.6", caption,
+                (7.2, 5.4), partial(_draw_offline_correction, result, example)),
+        FigureSpec("fig_2_8", "Fig. 2.8: deflection, offline correction",
+                "Mean, 5th and 95th percentile of each set point; thesis: within 0.25° "
+                "before, below 0.12° after.", (7.6, 4.6), partial(_draw_before_after, result)),
     ]  # fmt: skip
 
 
-def _one_corrected(found: Found, one: Driven, body: SubFigure) -> None:
-    assert found.trends is not None
+def _draw_offline_correction(
+    result: DrivelineResult, point: DrivelineSetpoint, body: SubFigure
+) -> None:
+    assert result.regressions is not None
     upper, lower = body.subplots(2, 1, sharex=True, height_ratios=[1.2, 1.0])
-    upper = axes_of(body, "", "angle, deg", upper)
-    lower = axes_of(body, "time, s", "less shaft, deg", lower)
-    by = regressions.predicted(found.trends, one.behind)
-    of = one.motion.of
-    moved = regressions.offline(one.motion, by, one.behind.amplitude)
-    names = ((one.motion.motor, BLUE, "motor", "-"), (moved, DEPTH, "corrected motor", "--"))
-    shaft = periods.mean_period(one.motion.shaft, of) / DEGREE
-    t = of.dt * np.arange(len(shaft))
-    for values, colour, name, style in names:
-        here = periods.mean_period(values, of) / DEGREE
-        upper.plot(t, here, style, color=colour, lw=1.6, label=name)
-        lower.plot(t, here - shaft, style, color=colour, lw=1.4)
+    upper = prepare_axes(body, "", "angle, deg", upper)
+    lower = prepare_axes(body, "time, s", "minus shaft, deg", lower)
+    correction = regressions.predict_correction(result.regressions, point.lag)
+    cut = point.motion.cut
+    corrected = regressions.correct_offline(point.motion, correction, point.lag.amplitude)
+    curves = ((point.motion.motor, BLUE, "motor", "-"), (corrected, GREEN, "corrected motor", "--"))
+    shaft = periods.mean_period(point.motion.shaft, cut) / DEGREE
+    t = cut.dt * np.arange(len(shaft))
+    for values, colour, name, style in curves:
+        angle = periods.mean_period(values, cut) / DEGREE
+        upper.plot(t, angle, style, color=colour, lw=1.6, label=name)
+        lower.plot(t, angle - shaft, style, color=colour, lw=1.4)
     upper.plot(t, shaft, color=RED, lw=1.2, label="shaft")
     lower.axhline(0.0, color=SOFT, lw=0.6)
     upper.legend(frameon=False, fontsize=8, loc="upper center")
     lower.margins(x=0.0)
 
 
-def _before_after(found: Found, body: SubFigure) -> None:
-    assert found.offline is not None
-    axes = axes_of(body, "amplitude, deg   /   R, N·m·s/rad", "deflection, deg")
+def _draw_before_after(result: DrivelineResult, body: SubFigure) -> None:
+    assert result.offline is not None
+    axes = prepare_axes(body, "amplitude, deg   /   R, N·m·s/rad", "deflection, deg")
     sets = (
-        ([each.motion.deflection for each in found.plain], BLUE, "before", -0.15),
-        (found.offline.by_all, RED, "after", 0.15),
+        ([each.motion.deflection for each in result.uncorrected], BLUE, "before", -0.15),
+        (result.offline.all_points, RED, "after", 0.15),
     )
-    for errors, colour, name, aside in sets:
+    for errors, colour, name, offset in sets:
         for i, error in enumerate(errors):
-            size = np.abs(error) / DEGREE
-            low, high = np.percentile(size, [5, 95])
-            mid = size.mean()
-            bar = [[mid - low], [high - mid]]
+            magnitude = np.abs(error) / DEGREE
+            low, high = np.percentile(magnitude, [5, 95])
+            mid = magnitude.mean()
+            error_bar = [[mid - low], [high - mid]]
             label = name if i == 0 else None
             axes.errorbar(
-                i + aside, mid, bar, fmt="o", ms=4, color=colour, capsize=2.5, label=label
+                i + offset, mid, error_bar, fmt="o", ms=4, color=colour, capsize=2.5, label=label
             )
     for level, name in ((0.25, "0.25°"), (0.12, "0.12°")):
         axes.axhline(level, color=SOFT, lw=0.8, ls="--")
         axes.annotate(name, (1.0, level), xycoords=("axes fraction", "data"), ha="right",
                       va="bottom", fontsize=7.5, color=SOFT)  # fmt: skip
-    ticks = [f"{a:g}\n{r:g}" for a, r in (each.place for each in found.plain)]
+    ticks = [f"{a:g}\n{r:g}" for a, r in (each.setpoint for each in result.uncorrected)]
     axes.set_xticks(range(len(ticks)), ticks)
     axes.set_ylim(0.0, 1.15 * max(0.25, axes.get_ylim()[1]))  # room for the legend
     axes.legend(frameon=False, fontsize=8, loc="upper left", ncols=2)
 
 
-def _over_torque(found: Found, body: SubFigure) -> None:
-    axes = axes_of(body, "driveline torque, N·m", "deflection, deg")
-    ordered = sorted(found.plain, key=lambda each: each.behind.rms_torque)
+def _draw_deflection_over_torque(result: DrivelineResult, body: SubFigure) -> None:
+    axes = prepare_axes(body, "driveline torque, N·m", "deflection, deg")
+    ordered = sorted(result.uncorrected, key=lambda each: each.lag.rms_torque)
     for i, each in enumerate(ordered):
-        of = each.motion.of
-        torque = periods.mean_period(each.motion.torque, of)
-        bent = periods.mean_period(each.motion.deflection, of) / DEGREE
-        axes.plot(torque, bent, color=shade(i + 1, len(ordered) + 1), lw=1.0)
-    if found.known is not None:
-        top = max(np.abs(each.motion.torque).max() for each in found.plain)
+        cut = each.motion.cut
+        torque = periods.mean_period(each.motion.torque, cut)
+        deflection = periods.mean_period(each.motion.deflection, cut) / DEGREE
+        axes.plot(torque, deflection, color=shade(i + 1, len(ordered) + 1), lw=1.0)
+    if result.torque_map is not None:
+        max_torque = max(np.abs(each.motion.torque).max() for each in result.uncorrected)
         for sign in (1.0, -1.0):
-            x = sign * np.linspace(0.3, top, 200)
+            x = sign * np.linspace(0.3, max_torque, 200)
             label = "fitted map" if sign > 0 else None
-            y = torque_map.deflection(found.known, x) / DEGREE
+            y = torque_map.map_deflection(result.torque_map, x) / DEGREE
             axes.plot(x, y, "--", color=MARK, lw=1.6, label=label)
         axes.legend(frameon=False, fontsize=8, loc="upper left")
-        known = found.known
-        note(axes, f"half gap {known.half_gap.value / DEGREE:.4f}°\n"
-             f"soft zone {known.soft_zone.value / DEGREE:.3f}° to {known.knee.value:.1f} N·m\n"
-             f"stiffness {known.stiffness.value:.0f} N·m/rad", "lower right")  # fmt: skip
+        fitted_map = result.torque_map
+        annotate_corner(
+            axes,
+            f"half gap {fitted_map.half_gap.value / DEGREE:.4f}°\n"
+            f"soft zone {fitted_map.soft_zone.value / DEGREE:.3f}° "
+            f"to {fitted_map.knee.value:.1f} N·m\n"
+            f"stiffness {fitted_map.stiffness.value:.0f} N·m/rad",
+            "lower right",
+        )
     axes.axhline(0.0, color=SOFT, lw=0.5)
     axes.axvline(0.0, color=SOFT, lw=0.5)
 
 
-def _schemes(found: Found, body: SubFigure) -> None:
-    axes = axes_of(body, "amplitude, deg   /   R, N·m·s/rad", "reference less shaft, 95th, deg")
-    places = sorted({one.place for scheme in found.schemes for one, _ in scheme.pairs})
-    base: dict[tuple[float, float], Driven] = {}
-    for scheme in found.schemes:
-        base |= {other.place: other for _, other in scheme.pairs}
-    level = [np.percentile(np.abs(base[p].error), 95) / DEGREE for p in places]
-    axes.plot(range(len(places)), level, "o", ms=6, color=INK, label="uncorrected")
-    axes.plot(range(len(places)), np.array(level) / 2.0, "_", ms=12, color=SOFT, label="half of it")
-    for scheme, colour, mark in zip(found.schemes, (BLUE, RED, DEPTH), "sD^", strict=False):
-        at = [places.index(one.place) for one, _ in scheme.pairs]
-        size = [np.percentile(np.abs(one.error), 95) / DEGREE for one, _ in scheme.pairs]
-        axes.plot(at, size, mark, ms=5, color=colour, label=scheme.name)
-    axes.set_xticks(range(len(places)), [f"{a:g}\n{r:g}" for a, r in places])
+def _draw_schemes(result: DrivelineResult, body: SubFigure) -> None:
+    axes = prepare_axes(
+        body, "amplitude, deg   /   R, N·m·s/rad", "reference minus shaft, 95th percentile, deg"
+    )
+    setpoints = sorted(
+        {corrected.setpoint for scheme in result.schemes for corrected, _ in scheme.pairs}
+    )
+    uncorrected: dict[tuple[float, float], DrivelineSetpoint] = {}
+    for scheme in result.schemes:
+        uncorrected |= {other.setpoint: other for _, other in scheme.pairs}
+    uncorrected_errors = [
+        np.percentile(np.abs(uncorrected[p].error), 95) / DEGREE for p in setpoints
+    ]
+    axes.plot(range(len(setpoints)), uncorrected_errors, "o", ms=6, color=INK, label="uncorrected")
+    axes.plot(
+        range(len(setpoints)),
+        np.array(uncorrected_errors) / 2.0,
+        "_",
+        ms=12,
+        color=SOFT,
+        label="half of uncorrected",
+    )
+    for scheme, colour, mark in zip(result.schemes, (BLUE, RED, GREEN), "sD^", strict=False):
+        positions = [setpoints.index(corrected.setpoint) for corrected, _ in scheme.pairs]
+        errors = [
+            np.percentile(np.abs(corrected.error), 95) / DEGREE for corrected, _ in scheme.pairs
+        ]
+        axes.plot(positions, errors, mark, ms=5, color=colour, label=scheme.name)
+    axes.set_xticks(range(len(setpoints)), [f"{a:g}\n{r:g}" for a, r in setpoints])
     axes.set_ylim(0.0, None)
     axes.legend(frameon=False, fontsize=8, ncols=2)

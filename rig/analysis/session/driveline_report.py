@@ -1,38 +1,44 @@
-"""The driveline session: everything of it in one result."""
+"""The driveline session: tables, comparisons, constants and figures in one result."""
 
 from rig.analysis.session import driveline, driveline_figures, driveline_tables
-from rig.analysis.session.points import Session
+from rig.analysis.session.points import SessionRun
 from rig.analysis.session.result import Result
 
 
-def result(session: Session, against: Session | None = None) -> Result:
-    """Analyse a run; ``against`` is a run of the same rows without correction."""
-    found = driveline.find(session, against)
-    if not (found.plain or found.corrected):
-        raise ValueError("no set point was measured to its end")
+def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> Result:
+    """Analyse a run; ``baseline`` is a run of the same rows without correction."""
+    result = driveline.analyse_driveline(session, baseline)
+    if not (result.uncorrected or result.corrected):
+        raise ValueError("no set point was measured completely")
     return Result(
-        driveline_tables.tables(found),
-        driveline_tables.compared(found),
-        driveline_tables.constants(found),
-        driveline_figures.pictures(found),
-        _notes(session, against, found),
-        driveline_tables.maps(found),
+        driveline_tables.tables(result),
+        driveline_tables.comparisons(result),
+        driveline_tables.constants(result),
+        driveline_figures.figures(result),
+        _notes(session, baseline, result),
+        driveline_tables.calibration_maps(result),
     )
 
 
-def _notes(session: Session, against: Session | None, found: driveline.Found) -> tuple[str, ...]:
-    out = [
-        "Phase shift is that of the fundamentals, amplitude difference that of half strokes, "
+def _notes(
+    session: SessionRun, baseline: SessionRun | None, result: driveline.DrivelineResult
+) -> tuple[str, ...]:
+    lines = [
+        "The phase shift compares fundamentals, the amplitude difference half strokes, "
         "period by period. Drift is the slope of period means.",
     ]
-    if against is not None:
-        out.append(f"Uncorrected set points are those of run {against.known.run}.")
-    elif found.corrected and not found.schemes:
-        out.append("Corrected set points stand alone: no uncorrected run to judge them by.")
-    saturated = [p.row for p in session.points if p.limited]
+    if baseline is not None:
+        lines.append(f"Uncorrected set points are those of run {baseline.metadata.run}.")
+    elif result.corrected and not result.schemes:
+        lines.append(
+            "Corrected set points are not rated: there is no uncorrected run to compare them with."
+        )
+    saturated = [p.row for p in session.points if p.limited_ticks]
     if saturated:
-        out.append(f"Commands were limited in rows {', '.join(map(str, saturated))}.")
-    if found.known is not None:
-        rest = 1e3 * found.known.residual / driveline.DEGREE
-        out.append(f"The map leaves {rest:.2f} mdeg rms of the binned deflection unexplained.")
-    return tuple(out)
+        lines.append(f"Commands were limited in rows {', '.join(map(str, saturated))}.")
+    if result.torque_map is not None:
+        residual_mdeg = 1e3 * result.torque_map.residual / driveline.DEGREE
+        lines.append(
+            f"The map leaves {residual_mdeg:.2f} mdeg rms of the binned deflection unexplained."
+        )
+    return tuple(lines)

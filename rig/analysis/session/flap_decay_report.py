@@ -1,4 +1,4 @@
-"""The free decay session of the flap: how it swings out."""
+"""The free decay session of the flap: releases, fitted decay, losses by half swing."""
 
 from functools import partial
 from typing import NamedTuple
@@ -7,79 +7,98 @@ import numpy as np
 from matplotlib.figure import SubFigure
 
 from rig.analysis.session import flap_decay
-from rig.analysis.session.drawing import BLUE, RED, axes_of, note, shade
+from rig.analysis.session.drawing import BLUE, RED, annotate_corner, prepare_axes, shade
 from rig.analysis.session.estimate import Estimate
-from rig.analysis.session.flap_decay import Decay, Loss, Release
-from rig.analysis.session.points import Point, Session
-from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
+from rig.analysis.session.flap_decay import Decay, HalfSwingLoss, Release
+from rig.analysis.session.points import SessionRun, SetpointData
+from rig.analysis.session.result import (
+    Column,
+    Comparison,
+    FigureSpec,
+    Result,
+    Table,
+    format_estimate,
+)
 
 
-class Swung(NamedTuple):
+class MeasuredRelease(NamedTuple):
     """A release as measured."""
 
-    point: Point
+    point: SetpointData
     release: Release
-    lost: list[Loss]
+    losses: list[HalfSwingLoss]
 
 
-def result(session: Session, stiffness: Estimate | None = None) -> Result:
-    """Analyse a run; with the flap's ``stiffness`` (N*m/rad) also what it means in moments."""
-    whole = session.whole
-    releases = [flap_decay.release(point.shaft, point.dt) for point in whole]
-    found = flap_decay.decay(releases)
-    rest = found.rest.value
-    swung = [
-        Swung(point, each, flap_decay.losses(each, rest))
-        for point, each in zip(whole, releases, strict=True)
+def analyse_session(session: SessionRun, stiffness: Estimate | None = None) -> Result:
+    """Analyse a run; with the flap's ``stiffness`` (N*m/rad) the result contains moments, too."""
+    points = session.complete_points
+    releases = [flap_decay.prepare_release(point.shaft, point.dt) for point in points]
+    decay = flap_decay.fit_decay(releases)
+    rest_angle = decay.rest_angle.value
+    measured = [
+        MeasuredRelease(point, each, flap_decay.half_swing_losses(each, rest_angle))
+        for point, each in zip(points, releases, strict=True)
     ]
-    named = {
-        "flap_natural_period": found.period,
-        "flap_decay_rate": found.rate,
-        "flap_damping_ratio": found.ratio,
-        "flap_quadratic_over_spring": found.quadratic,
-        "flap_friction_angle": found.friction,
+    constants = {
+        "flap_natural_period": decay.period,
+        "flap_decay_rate": decay.decay_rate,
+        "flap_damping_ratio": decay.damping_ratio,
+        "flap_quadratic_over_spring": decay.quadratic,
+        "flap_friction_angle": decay.friction,
     }
-    moments = _moments(found, stiffness) if stiffness is not None else {}
-    said = [
-        "The flap alone, its rigid coupling taken out; added inertia and radiation are those at "
-        "its own period. Dry friction is that of bearings and seals.",
+    moments = _moments(decay, stiffness) if stiffness is not None else {}
+    notes = [
+        "The flap alone, with its rigid coupling removed; added inertia and radiation are those "
+        "at its natural period. Dry friction is that of bearings and seals.",
     ]
     if stiffness is None:
-        said.append("Without a flap_hydrostatic run beside this one there are no moments.")
+        notes.append("No moments: there is no analysed flap_hydrostatic run in the same folder.")
     return Result(
-        (_table(swung),),
-        _compared({**named, **moments}),
-        {**named, **moments},
+        (_table(measured),),
+        _comparisons({**constants, **moments}),
+        {**constants, **moments},
         (
-            Picture("flap_decay", "The flap let go", "Blue: measured; red: the fit, integrated.",
-                    (7.6, 4.8), partial(_draw, swung, found)),
-            Picture("flap_extinction", "What half a swing loses over its amplitude",
-                    "Points: turning points of each release; red: those of the fit.",
-                    (7.2, 4.6), partial(_draw_losses, swung, found)),
+            FigureSpec(
+                "flap_decay",
+                "Free decay of the flap",
+                "Blue: measured; red: the fit, integrated.",
+                (7.6, 4.8),
+                partial(_draw_releases, measured, decay),
+            ),
+            FigureSpec(
+                "flap_extinction",
+                "Amplitude loss of half a swing over its amplitude",
+                "Points: turning points of each release; red: those of the fit.",
+                (7.2, 4.6),
+                partial(_draw_losses, measured, decay),
+            ),
         ),
-        tuple(said),
-    )  # fmt: skip
+        tuple(notes),
+    )
 
 
-def _moments(found: Decay, stiffness: Estimate) -> dict[str, Estimate]:
-    """Inertia and damping by the spring; of inertia and linear damping radiation is a part."""
+def _moments(decay: Decay, stiffness: Estimate) -> dict[str, Estimate]:
+    """Return inertia and damping by the spring rate.
 
-    def times(factor: float, unit: str, *shares: Estimate) -> Estimate:
+    Inertia and linear damping include radiation.
+    """
+
+    def scaled(factor: float, unit: str, *shares: Estimate) -> Estimate:
         relative = [each.uncertainty / each.value for each in (stiffness, *shares)]
         value = factor * stiffness.value
-        how = f"{shares[0].method}; spring {stiffness.method}"
-        return Estimate(value, abs(value) * float(np.linalg.norm(relative)), unit, how)
+        method = f"{shares[0].method}; spring {stiffness.method}"
+        return Estimate(value, abs(value) * float(np.linalg.norm(relative)), unit, method)
 
-    natural, rate = found.natural, found.rate
+    natural, rate = decay.natural_squared, decay.decay_rate
     return {
-        "flap_inertia": times(1.0 / natural.value, "kg*m^2", natural),
-        "flap_linear_damping": times(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural),
-        "flap_quadratic_damping": times(found.quadratic.value, "N*m*s^2/rad^2", found.quadratic),
-        "flap_dry_friction": times(found.friction.value, "N*m", found.friction),
+        "flap_inertia": scaled(1.0 / natural.value, "kg*m^2", natural),
+        "flap_linear_damping": scaled(2.0 * rate.value / natural.value, "N*m*s/rad", rate, natural),
+        "flap_quadratic_damping": scaled(decay.quadratic.value, "N*m*s^2/rad^2", decay.quadratic),
+        "flap_dry_friction": scaled(decay.friction.value, "N*m", decay.friction),
     }
 
 
-_SAID = {
+_LABELS = {
     "flap_natural_period": "natural period of small swings",
     "flap_decay_rate": "decay rate of small swings",
     "flap_damping_ratio": "damping ratio, linear",
@@ -92,56 +111,68 @@ _SAID = {
 }
 
 
-def _compared(named: dict[str, Estimate]) -> tuple[Compared, ...]:
+def _comparisons(constants: dict[str, Estimate]) -> tuple[Comparison, ...]:
     return tuple(
-        Compared(_SAID[name], "not run", "", words(each), None) for name, each in named.items()
+        Comparison(_LABELS[name], "not run", "", format_estimate(each), None)
+        for name, each in constants.items()
     )
 
 
-def _table(swung: list[Swung]) -> Table:
+def _table(releases: list[MeasuredRelease]) -> Table:
     return Table(
         "flap_releases",
         "Releases",
         (
-            Column("row", "", tuple(each.point.row for each in swung)),
-            Column("released at", "deg", tuple(e.point.number("release_deg") for e in swung)),
-            Column("from", "deg", tuple(float(np.degrees(e.release.angle[0])) for e in swung)),
-            Column("half swings", "", tuple(len(each.lost) for each in swung)),
-            Column("came to rest at", "deg",
-                   tuple(float(np.degrees(each.release.angle[-1])) for each in swung)),
+            Column("row", "", tuple(each.point.row for each in releases)),
+            Column(
+                "released at", "deg", tuple(e.point.plan_value("release_deg") for e in releases)
+            ),
+            Column(
+                "measured start",
+                "deg",
+                tuple(float(np.degrees(e.release.angle[0])) for e in releases),
+            ),
+            Column("half swings", "", tuple(len(each.losses) for each in releases)),
+            Column(
+                "rest angle",
+                "deg",
+                tuple(float(np.degrees(each.release.angle[-1])) for each in releases),
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
-def _draw(swung: list[Swung], found: Decay, body: SubFigure) -> None:
-    axes = axes_of(body, "time since it was let go, s", "angle, deg")
-    for each in swung:
+def _draw_releases(releases: list[MeasuredRelease], decay: Decay, body: SubFigure) -> None:
+    axes = prepare_axes(body, "time since the release, s", "angle, deg")
+    for each in releases:
         t, angle, dt = each.release.time, each.release.angle, each.release.dt
         axes.plot(t, np.degrees(angle), color=BLUE, lw=1.8)
-        fitted = flap_decay.swing(found.fit, float(angle[0]), len(angle), dt)
+        fitted = flap_decay.simulate_release(decay.fit, float(angle[0]), len(angle), dt)
         axes.plot(t, np.degrees(fitted), "--", color=RED, lw=0.9)
     axes.set_xlim(0.0, None)
-    told = (
-        f"natural period {words(found.period)}",
-        f"damping ratio {words(found.ratio)}",
-        f"quadratic damping over spring {words(found.quadratic)}",
-        f"friction holds within {words(found.friction, 'deg', 180.0 / np.pi)}",
+    lines = (
+        f"natural period {format_estimate(decay.period)}",
+        f"damping ratio {format_estimate(decay.damping_ratio)}",
+        f"quadratic damping over spring {format_estimate(decay.quadratic)}",
+        f"friction holds within {format_estimate(decay.friction, 'deg', 180.0 / np.pi)}",
     )
-    note(axes, "\n".join(told), "upper right")
+    annotate_corner(axes, "\n".join(lines), "upper right")
 
 
-def _draw_losses(swung: list[Swung], found: Decay, body: SubFigure) -> None:
-    axes = axes_of(body, "mean amplitude of half a swing, deg", "lost in it, deg")
-    for i, each in enumerate(swung):
-        told = each.release
-        angle = flap_decay.swing(found.fit, float(told.angle[0]), len(told.angle), told.dt)
-        fitted = flap_decay.losses(told._replace(angle=angle), found.rest.value)
-        if each.lost and fitted:
+def _draw_losses(releases: list[MeasuredRelease], decay: Decay, body: SubFigure) -> None:
+    axes = prepare_axes(body, "mean amplitude of half a swing, deg", "amplitude loss, deg")
+    for i, each in enumerate(releases):
+        release = each.release
+        angle = flap_decay.simulate_release(
+            decay.fit, float(release.angle[0]), len(release.angle), release.dt
+        )
+        fitted = flap_decay.half_swing_losses(release._replace(angle=angle), decay.rest_angle.value)
+        if each.losses and fitted:
             colour, label = (
-                shade(i + 1, len(swung) + 1),
-                f"{each.point.number('release_deg'):g} deg",
+                shade(i + 1, len(releases) + 1),
+                f"{each.point.plan_value('release_deg'):g} deg",
             )
-            axes.plot(*np.degrees(each.lost).T, "o", ms=6, color=colour, label=label)
+            axes.plot(*np.degrees(each.losses).T, "o", ms=6, color=colour, label=label)
             axes.plot(*np.degrees(fitted).T, "+", ms=10, color=RED)
     axes.set_xlim(0.0, None)
     axes.set_ylim(0.0, None)

@@ -1,16 +1,16 @@
-"""The motor as a damper of the flap in waves: power over damping, and the best damping.
+"""The motor as a damper of the flap in waves: power over damping, and the optimal damping.
 
 Between flap and load cell the motor is a load R + i X. A flap of intrinsic impedance Z under a
-moment F gives it the power
+moment F delivers to it the power
 
     P = |F|^2 R / (2 |Z + i X + R|^2) = a R / (R^2 + 2 b R + c^2)
 
-so a fit of a, b = Re Z and c = |Z + i X| over the measured R finds the best damping, c, and its
+so a fit of a, b = Re Z and c = |Z + i X| over the measured R gives the optimal damping, c, and its
 power a / (2 (b + c)): equation 2.2 of the OSWEC thesis (University of Washington), with the
-frequency omega where the velocity is printed, the motor's own inertia in it. Where the loop's delay
-lets X grow with R, k R, the form is the same and c = |Z| / sqrt(1 + k^2). R is what the load
-cell and the shaft say, friction of the gearbox included, not what was asked. Intervals by leaving
-out one damping at a time.
+frequency omega where the thesis prints the velocity, and including the motor's own inertia. If the
+loop's delay makes X grow with R, as k R, the form is the same and c = |Z| / sqrt(1 + k^2). R is
+measured by load cell and shaft, friction of the gearbox included; it is not the requested damping.
+Intervals are by leaving out one damping at a time.
 """
 
 from typing import NamedTuple
@@ -20,90 +20,110 @@ from scipy.optimize import least_squares
 
 from rig.analysis.session import periods
 from rig.analysis.session.estimate import Estimate, Floats, jackknife, mean
-from rig.analysis.session.periods import Cut
+from rig.analysis.session.periods import PeriodCut
 
-LEAST = 5
-"""Dampings, for a fit of three unknowns."""
+MIN_DAMPINGS = 5
+"""Minimum number of dampings for a fit of three unknowns."""
 
 
-class Taken(NamedTuple):
-    """One set point."""
+class PtoPoint(NamedTuple):
+    """Results of one set point."""
 
     damping: float  # N*m*s/rad, R by the fundamentals of torque and velocity at the cell
     reactance: float  # N*m*s/rad, X
-    power: Estimate  # W, taken out of the flap, by scatter of the periods
-    motor: Estimate  # W, of that what reaches the motor's shaft
-    amplitude: float  # rad, of the flap
+    power: Estimate  # W, absorbed from the flap, interval by scatter of the periods
+    motor_power: Estimate  # W, part of it that reaches the motor's shaft
+    amplitude: float  # rad, of the flap's motion
 
 
-class Best(NamedTuple):
-    """The fit."""
+class OptimalDamping(NamedTuple):
+    """Results of the fit."""
 
     unknowns: Floats  # a, b, c
     damping: Estimate  # N*m*s/rad
     power: Estimate  # W
 
 
-def taken(
-    shaft: Floats, motor: Floats, torque: Floats, motor_torque: Floats, of: Cut, window: float
-) -> Taken:
-    """Angles (rad) and torques (N*m, positive as the motor's on the flap), as measured."""
-    here = slice(of.edges[0], of.edges[-1])
-    speeds = [periods.velocity(each, of.dt, window)[here] for each in (shaft, motor)]
-    torques = [torque[here], motor_torque[here]]
+def pto_point(
+    shaft: Floats,
+    motor: Floats,
+    torque: Floats,
+    motor_torque: Floats,
+    cut: PeriodCut,
+    window: float,
+) -> PtoPoint:
+    """Return the results of a set point.
+
+    Angles (rad) and torques (N*m, positive as the motor's on the flap) are as measured.
+    """
+    trimmed = slice(cut.edges[0], cut.edges[-1])
+    velocities = [
+        periods.velocity(period_powers, cut.dt, window)[trimmed] for period_powers in (shaft, motor)
+    ]
+    torques = [torque[trimmed], motor_torque[trimmed]]
     powers = []
-    for speed, pull, said in zip(speeds, torques, ("cell", "motor"), strict=True):
-        each = [-float(np.mean(part)) for part in periods.pieces(speed * pull, of)]
-        powers.append(mean(each, "W", f"at the {said}, {of.whole} periods by their scatter"))
+    for speed, torque_signal, place in zip(velocities, torques, ("cell", "motor"), strict=True):
+        period_powers = [
+            -float(np.mean(part)) for part in periods.split_periods(speed * torque_signal, cut)
+        ]
+        powers.append(
+            mean(period_powers, "W", f"at the {place}, {cut.period_count} periods by their scatter")
+        )
     ratio = -(
-        periods.fundamentals(torques[0], of).mean() / periods.fundamentals(speeds[0], of).mean()
+        periods.fundamentals(torques[0], cut).mean()
+        / periods.fundamentals(velocities[0], cut).mean()
     )
-    swing = abs(periods.fundamentals(periods.detrended(shaft, of), of).mean())
-    return Taken(float(ratio.real), float(ratio.imag), powers[0], powers[1], float(swing))
+    amplitude = abs(periods.fundamentals(periods.detrend(shaft, cut), cut).mean())
+    return PtoPoint(float(ratio.real), float(ratio.imag), powers[0], powers[1], float(amplitude))
 
 
 def expected_power(unknowns: Floats, damping: Floats) -> Floats:
-    """Power by the fit, W."""
+    """Return the power by the fit, W."""
     a, b, c = unknowns
-    out: Floats = a * damping / (damping * damping + 2.0 * b * damping + c * c)
-    return out
+    power: Floats = a * damping / (damping * damping + 2.0 * b * damping + c * c)
+    return power
 
 
-def best(points: list[Taken]) -> Best | None:
-    """The fit over dampings in one sea; None for fewer than `LEAST` of them."""
-    if len(points) < LEAST:
+def optimal_damping(points: list[PtoPoint]) -> OptimalDamping | None:
+    """Return the fit over dampings in one sea; None for fewer than `MIN_DAMPINGS`."""
+    if len(points) < MIN_DAMPINGS:
         return None
     damping = np.array([each.damping for each in points])
     power = np.array([each.power.value for each in points])
-    top = int(np.argmax(power))
-    start = np.array([3.0 * power[top] * damping[top], 0.5 * damping[top], damping[top]])
-    unknowns = _fit(damping, power, start)
-    whole = _told(unknowns)
-    everyone = np.arange(len(points))
-    fewer = np.array([
-        _told(_fit(damping[everyone != i], power[everyone != i], unknowns)) for i in everyone
-    ])  # fmt: skip
-    half = jackknife(whole, fewer)
-    how = f"power of a damper through {len(points)} dampings, jackknife over them"
-    return Best(
+    largest = int(np.argmax(power))
+    start = np.array(
+        [3.0 * power[largest] * damping[largest], 0.5 * damping[largest], damping[largest]]
+    )
+    unknowns = _fit_unknowns(damping, power, start)
+    values = _optimum(unknowns)
+    indices = np.arange(len(points))
+    leave_one_out = np.array(
+        [
+            _optimum(_fit_unknowns(damping[indices != i], power[indices != i], unknowns))
+            for i in indices
+        ]
+    )
+    half_widths = jackknife(values, leave_one_out)
+    method = f"power of a damper through {len(points)} dampings, jackknife over them"
+    return OptimalDamping(
         unknowns,
-        Estimate(float(whole[0]), float(half[0]), "N*m*s/rad", how),
-        Estimate(float(whole[1]), float(half[1]), "W", how),
+        Estimate(float(values[0]), float(half_widths[0]), "N*m*s/rad", method),
+        Estimate(float(values[1]), float(half_widths[1]), "W", method),
     )
 
 
-def _fit(damping: Floats, power: Floats, start: Floats) -> Floats:
-    size = float(power.max())
+def _fit_unknowns(damping: Floats, power: Floats, start: Floats) -> Floats:
+    max_power = float(power.max())
     solved = least_squares(
-        lambda x: (expected_power(x, damping) - power) / size,
+        lambda x: (expected_power(x, damping) - power) / max_power,
         start,
         bounds=([0.0, 0.0, 1e-6], [np.inf, np.inf, np.inf]),
         x_scale="jac",
     )
-    out: Floats = solved.x
-    return out
+    unknowns: Floats = solved.x
+    return unknowns
 
 
-def _told(unknowns: Floats) -> Floats:
+def _optimum(unknowns: Floats) -> Floats:
     a, b, c = unknowns
     return np.array([c, a / (2.0 * (b + c))])

@@ -6,8 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from rig.analysis.phrases import mode_stamp, utc
-from rig.analysis.session.points import Session
-from rig.analysis.session.result import Column, Picture, Result, Table, number, words
+from rig.analysis.session.points import SessionRun
+from rig.analysis.session.result import (
+    Column,
+    FigureSpec,
+    Result,
+    Table,
+    format_estimate,
+    format_number,
+)
 from rig.analysis.stop_reason import ENDINGS, Ending
 from rig.analysis.windows import GONE
 from rig.recording.runs.state import RECOVERED, WHOLE
@@ -30,116 +37,122 @@ footer{margin:40px 0 20px;color:#66727d;font-size:12px}
 
 
 def write_page(
-    result: Result, session: Session, ending: Ending, pictures: list[Path], folder: Path
+    result: Result, session: SessionRun, ending: Ending, figure_paths: list[Path], folder: Path
 ) -> Path:
-    """``session.html``: pictures inside, nothing is loaded from elsewhere."""
-    known = session.known
-    said = f"run {known.run}, started {utc(known.started_utc)}"
+    """Write ``session.html``, which contains its figures and loads nothing. Return its path."""
+    metadata = session.metadata
+    subtitle = f"run {metadata.run}, started {utc(metadata.started_utc)}"
     body = [
-        f"<header><span class=stamp>{_text(mode_stamp(known.mode))}</span>"
-        f"<h1>Session {_text(session.name)}</h1><p>{_text(said)}</p></header>",
-        _state(ending.description, ending.title == ENDINGS["complete"]),
-        _state(session.record.sentence, session.record.state in (WHOLE, RECOVERED)),
-        _compared(result),
-        _constants(result),
-        "<h2>Notes</h2><ul>" + "".join(f"<li>{_text(n)}</li>" for n in notes(result, session))
+        f"<header><span class=stamp>{_escape(mode_stamp(metadata.mode))}</span>"
+        f"<h1>Session {_escape(session.name)}</h1><p>{_escape(subtitle)}</p></header>",
+        _status_line(ending.description, ending.title == ENDINGS["complete"]),
+        _status_line(session.record.sentence, session.record.state in (WHOLE, RECOVERED)),
+        _comparison_table(result),
+        _constants_table(result),
+        "<h2>Notes</h2><ul>"
+        + "".join(f"<li>{_escape(n)}</li>" for n in page_notes(result, session))
         + "</ul>",
         "<h2>Figures</h2>",
-        *(_picture(p, path) for p, path in zip(result.pictures, pictures, strict=True)),
-        *(_table(table) for table in result.tables),
-        f"<footer>{_text(_foot(session))}</footer>",
-    ]  # fmt: skip
-    head = f"<meta charset=utf-8><title>{_text(session.name)}</title><style>{_STYLE}</style>"
+        *(_inline_figure(p, path) for p, path in zip(result.figures, figure_paths, strict=True)),
+        *(_html_table(table) for table in result.tables),
+        f"<footer>{_escape(_footer(session))}</footer>",
+    ]
+    head = f"<meta charset=utf-8><title>{_escape(session.name)}</title><style>{_STYLE}</style>"
     path = folder / FILE
     text = "\n".join(["<!doctype html><html lang=en>", head, *filter(None, body), "</html>"])
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def notes(result: Result, session: Session) -> list[str]:
-    """What a reader has to know: of the method, and of what is missing in the run."""
-    out = [*result.notes, "Of the load cell's own calibration 0.1 % is in the intervals, no more."]
-    lost = sum(point.lost for point in session.whole)
-    if lost:
-        out.append(f"{lost} ticks were lost while measuring; they are interpolated.")
-    why = {
+def page_notes(result: Result, session: SessionRun) -> list[str]:
+    """Return notes for the reader: on the method, and on ticks and rows that the run lacks."""
+    lines = [
+        *result.notes,
+        "The intervals include 0.1 % for the load cell's own calibration, no more.",
+    ]
+    lost_ticks = sum(point.lost_ticks for point in session.complete_points)
+    if lost_ticks:
+        lines.append(f"{lost_ticks} ticks were lost while measuring; they are interpolated.")
+    reasons = {
         point.row: point.incomplete_reason for point in session.points if point.incomplete_reason
     }
-    why |= dict.fromkeys(session.gone, GONE)
-    return [*out, *(f"Row {row} is left out: {why[row]}." for row in sorted(why))]
+    reasons |= dict.fromkeys(session.missing_rows, GONE)
+    return [*lines, *(f"Row {row} is left out: {reasons[row]}." for row in sorted(reasons))]
 
 
-def _state(said: str, good: bool) -> str:
-    return f"<p>{_text(said)}.</p>" if good else f"<p class=no>{_text(said)}.</p>"
+def _status_line(sentence: str, good: bool) -> str:
+    return f"<p>{_escape(sentence)}.</p>" if good else f"<p class=no>{_escape(sentence)}.</p>"
 
 
-def _text(value: Any) -> str:
+def _escape(value: Any) -> str:
     return html.escape(str(value))
 
 
-def _compared(result: Result) -> str:
-    if not result.compared:
+def _comparison_table(result: Result) -> str:
+    if not result.comparisons:
         return ""
     rows = []
-    for each in result.compared:
+    for each in result.comparisons:
         verdict = {True: "<td class=yes>✓</td>", False: "<td class=no>✗</td>", None: "<td></td>"}
-        cells = (each.quantity, each.thesis, each.wanted, each.found)
-        told = "".join(f"<td class=text>{_text(c)}</td>" for c in cells)
-        rows.append(f"<tr>{told}{verdict[each.held]}</tr>")
-    heads = ("quantity", "thesis", "must show", "this run")
+        cells = (each.quantity, each.thesis, each.target, each.measured)
+        texts = "".join(f"<td class=text>{_escape(c)}</td>" for c in cells)
+        rows.append(f"<tr>{texts}{verdict[each.target_met]}</tr>")
+    heads = ("quantity", "thesis", "required", "this run")
     head = "".join(f"<th class=text>{h}</th>" for h in heads) + "<th></th>"
-    return f"<h2>Beside the thesis</h2><table><tr>{head}</tr>{''.join(rows)}</table>"
+    return f"<h2>Comparison with the thesis</h2><table><tr>{head}</tr>{''.join(rows)}</table>"
 
 
-def _constants(result: Result) -> str:
+def _constants_table(result: Result) -> str:
     if not result.constants:
         return ""
     rows = [
-        f"<tr><td class=text>{_text(name)}</td><td>{_text(words(each))}</td>"
-        f"<td class=text>{_text(each.method)}</td></tr>"
+        f"<tr><td class=text>{_escape(name)}</td><td>{_escape(format_estimate(each))}</td>"
+        f"<td class=text>{_escape(each.method)}</td></tr>"
         for name, each in result.constants.items()
     ]
     head = "<tr><th class=text>constant</th><th>value ± 95 %</th><th class=text>method</th></tr>"
     return f"<h2>Constants</h2><table>{head}{''.join(rows)}</table>"
 
 
-def _picture(of: Picture, path: Path) -> str:
+def _inline_figure(figure: FigureSpec, path: Path) -> str:
     data = base64.b64encode(path.read_bytes()).decode()
-    return f'<figure><img alt="{_text(of.title)}" src="data:image/png;base64,{data}"></figure>'
+    return (
+        f'<figure><img alt="{_escape(figure.title)}" src="data:image/png;base64,{data}"></figure>'
+    )
 
 
-def _table(of: Table) -> str:
-    texts = [_is_text(c) for c in of.columns]
+def _html_table(table: Table) -> str:
+    texts = [_is_text(c) for c in table.columns]
     head = "".join(
-        f"<th{' class=text' if t else ''}>{_text(c.name)}"
-        f"{f'<br>{_text(c.unit)}'.replace('*', '·') if c.unit else ''}</th>"
-        for c, t in zip(of.columns, texts, strict=True)
+        f"<th{' class=text' if t else ''}>{_escape(c.name)}"
+        f"{f'<br>{_escape(c.unit)}'.replace('*', '·') if c.unit else ''}</th>"
+        for c, t in zip(table.columns, texts, strict=True)
     )
     rows = []
-    for values in zip(*(c.values for c in of.columns), strict=True):
+    for values in zip(*(c.values for c in table.columns), strict=True):
         cells = (
-            f"<td class=text>{_text(v)}</td>" if t else f"<td>{_shown(v)}</td>"
+            f"<td class=text>{_escape(v)}</td>" if t else f"<td>{_format_cell(v)}</td>"
             for v, t in zip(values, texts, strict=True)
         )
         rows.append(f"<tr>{''.join(cells)}</tr>")
-    table = f"<div class=wide><table><tr>{head}</tr>{''.join(rows)}</table></div>"
-    return f"<h2>{_text(of.title)}</h2>{table}"
+    markup = f"<div class=wide><table><tr>{head}</tr>{''.join(rows)}</table></div>"
+    return f"<h2>{_escape(table.title)}</h2>{markup}"
 
 
 def _is_text(column: Column) -> bool:
     return any(isinstance(value, str) for value in column.values)
 
 
-def _shown(value: Any) -> str:
-    return str(value) if isinstance(value, int) else number(float(value))
+def _format_cell(value: Any) -> str:
+    return str(value) if isinstance(value, int) else format_number(float(value))
 
 
-def _foot(session: Session) -> str:
-    known = session.known
-    code = known.code.get("version") or "not recorded"
+def _footer(session: SessionRun) -> str:
+    metadata = session.metadata
+    code = metadata.code.get("version") or "not recorded"
     parts = (
-        f"rig {(known.config.get('rig') or {}).get('name', 'not recorded')}",
-        f"code {code} ({str(known.code.get('git') or 'no commit')[:12]})",
+        f"rig {(metadata.config.get('rig') or {}).get('name', 'not recorded')}",
+        f"code {code} ({str(metadata.code.get('git') or 'no commit')[:12]})",
         "OSWEC thesis: University of Washington; intervals 95 %",
     )
     return "; ".join(parts)

@@ -1,7 +1,7 @@
-"""A bench run as set points of evenly sampled arrays: what every session's analysis begins with.
+"""A bench run as set points of evenly sampled arrays, the input of every session's analysis.
 
-Angles are the measured ones, counts times the encoder's scale less the tared zero; never the
-filtered estimates, whose lag would be taken for the driveline's.
+Angles are measured ones, counts times the encoder's scale less the tared zero. Filtered estimates
+are not used: their lag would count as lag of the driveline.
 """
 
 import os
@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis.session import periods
-from rig.analysis.session.deflection import Motion, motion
+from rig.analysis.session.deflection import Motion, trim_motion
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.periods import Cut
+from rig.analysis.session.periods import PeriodCut
 from rig.analysis.windows import Window, gone, windows
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import Facts, facts
@@ -35,20 +35,20 @@ FIELDS = (
 )
 
 
-class Point(NamedTuple):
+class SetpointData(NamedTuple):
     """The measured ticks of one set point, (samples,) each."""
 
     row: int
-    asked: dict[str, Any]  # its columns in the plan
-    incomplete_reason: str  # why it is not whole; empty if it is
-    lost: int  # ticks that were not logged: interpolated
-    limited: int  # ticks whose command was not granted in full
-    period: float  # s, after which its reference repeats
+    plan_row: dict[str, Any]  # columns of its row in the plan
+    incomplete_reason: str  # reason why it is incomplete; empty if it is complete
+    lost_ticks: int  # ticks without a log row, interpolated
+    limited_ticks: int  # ticks whose command was limited
+    period: float  # s, repeat period of its reference
     dt: float  # s
-    start: float  # s from run start
-    clock: float  # s of the row's own clock, at its first tick
-    age: float  # s, how old its angles are
-    tare_samples: int  # averaged for its zeros; 0: provisional zeros
+    start_time: float  # s from run start
+    wave_clock: float  # s of the row's clock at its first tick
+    encoder_age: float  # s, mean age of its angles
+    tare_samples: int  # ticks averaged for its zeros; 0: provisional zeros
     motor: Floats  # rad
     shaft: Floats  # rad
     torque: Floats  # N*m, of the load cell, tared
@@ -56,110 +56,118 @@ class Point(NamedTuple):
     current_command: Floats  # A
     volts: Floats  # V
     brake_current: Floats  # A, measured
-    wanted_angle: Floats  # rad, uncorrected reference
-    wanted_velocity: Floats  # rad/s
-    wanted_torque: Floats  # N*m
+    reference_angle: Floats  # rad, uncorrected reference
+    reference_velocity: Floats  # rad/s
+    reference_torque: Floats  # N*m
     correction: Floats  # rad, added by the position correction
 
     @property
-    def due_angle(self) -> Floats:
-        """The reference as it was when the angles were read, rad."""
-        t = self.dt * np.arange(len(self.wanted_angle))
-        out: Floats = np.interp(t - self.age, t, self.wanted_angle)
-        return out
+    def delayed_reference_angle(self) -> Floats:
+        """The reference at the times when the angles were read, rad."""
+        t = self.dt * np.arange(len(self.reference_angle))
+        delayed: Floats = np.interp(t - self.encoder_age, t, self.reference_angle)
+        return delayed
 
-    def number(self, column: str, otherwise: float = float("nan")) -> float:
-        """A column of the plan as a number."""
-        value = self.asked.get(column)
-        return float(value) if isinstance(value, int | float) else otherwise
+    def plan_value(self, column: str, default: float = float("nan")) -> float:
+        """Return a column of the plan as a number."""
+        value = self.plan_row.get(column)
+        return float(value) if isinstance(value, int | float) else default
 
     @property
     def correction_name(self) -> str:
-        """none, offline, online or instantaneous."""
-        return str(self.asked.get("correction") or "none")
+        """Kind of correction: none, offline, online or instantaneous."""
+        return str(self.plan_row.get("correction") or "none")
 
-    def cut(self) -> Cut:
-        """All its whole periods, whatever phase they begin with."""
-        return periods.cut(len(self.motor), self.period, self.dt)
+    def whole_periods(self) -> PeriodCut:
+        """Return all whole periods, whatever their initial phase."""
+        return periods.cut_periods(len(self.motor), self.period, self.dt)
 
-    def aligned(self, command: Floats) -> Cut:
-        """Its whole periods from a maximum of a command on, as the thesis's figures have them."""
-        first = periods.begin(command, self.period, self.dt)
-        whole = self.cut()
-        if whole.whole < 2:
-            return whole
-        return periods.cut(len(self.motor), self.period, self.dt, first)
+    def aligned_periods(self, command: Floats) -> PeriodCut:
+        """Return the whole periods from a maximum of a command on, as in the thesis's figures."""
+        first = periods.first_maximum(command, self.period, self.dt)
+        cut = self.whole_periods()
+        if cut.period_count < 2:
+            return cut
+        return periods.cut_periods(len(self.motor), self.period, self.dt, first)
 
     def motion(self) -> Motion:
-        """Motor, shaft and torque over the whole periods of the reference angle."""
-        return motion(self.motor, self.shaft, self.torque, self.aligned(self.wanted_angle))
+        """Return motor, shaft and torque over the whole periods of the reference angle."""
+        return trim_motion(
+            self.motor, self.shaft, self.torque, self.aligned_periods(self.reference_angle)
+        )
 
-    def over(self, values: Floats, of: Cut) -> Floats:
-        """A signal cut to whole periods."""
-        return values[of.edges[0] : of.edges[-1]]
+    def trim(self, values: Floats, cut: PeriodCut) -> Floats:
+        """Return a signal cut to whole periods."""
+        return values[cut.edges[0] : cut.edges[-1]]
 
 
-class Session(NamedTuple):
+class SessionRun(NamedTuple):
     """A run of a session."""
 
-    known: Facts
+    metadata: Facts
     kind: str  # driveline, torque_constant, ...
     name: str
-    points: list[Point]  # in the order of the run
+    points: list[SetpointData]  # in the order of the run
     torque_constant: float  # N*m/A, in use in the run
     velocity_constant: float  # rad/s/V, in use in the run
-    irregular: bool  # the reference is no sinusoid
+    irregular: bool  # the reference is not a sinusoid
     record: RecordState
-    gone: tuple[int, ...]  # rows of which the record lacks all ticks
+    missing_rows: tuple[int, ...]  # rows without any tick in the record
 
     @property
-    def whole(self) -> list[Point]:
-        """Set points that were measured to their end."""
+    def complete_points(self) -> list[SetpointData]:
+        """Set points that were measured completely."""
         return [point for point in self.points if not point.incomplete_reason]
 
 
-def session_of(known: Facts) -> dict[str, Any]:
-    """The session file of a run, as resolved; empty for a run that is no session's."""
-    told = known.config.get("session")
-    return told if isinstance(told, dict) else {}
+def session_config(metadata: Facts) -> dict[str, Any]:
+    """Return the resolved session file of a run; empty for a run that is not a session's."""
+    config = metadata.config.get("session")
+    return config if isinstance(config, dict) else {}
 
 
-def open_session(run: str | os.PathLike[str]) -> Session:
-    """Read a run; RunError if it is no session's or nothing was measured."""
+def open_session(run: str | os.PathLike[str]) -> SessionRun:
+    """Read a run; RunError if it is not a session's or has no measured set point."""
     source = reader.source(run)
-    known = facts(run, source.contents)
-    told = session_of(known)
-    if not told:
-        raise RunError(f"{run}: no run of a bench session (its configuration names none)")
-    scales = known.plan.get("scales") or {}
-    dt = float(known.plan["dt"])
-    rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
-    repeat = float((told.get("irregular") or {}).get("repeat_s") or np.nan)
-    latest: dict[int, Point] = {}
-    seen = Reading(source.contents, source.damage)
-    for window in windows(source, list(FIELDS), known.plan, reading=seen):
+    metadata = facts(run, source.contents)
+    config = session_config(metadata)
+    if not config:
+        raise RunError(f"{run}: not a run of a bench session: its configuration names no session")
+    scales = metadata.plan.get("scales") or {}
+    dt = float(metadata.plan["dt"])
+    rows = {int(row["row"]): row for row in metadata.plan.get("rows", [])}
+    repeat_period = float((config.get("irregular") or {}).get("repeat_s") or np.nan)
+    latest: dict[int, SetpointData] = {}
+    reading = Reading(source.contents, source.damage)
+    for window in windows(source, list(FIELDS), metadata.plan, reading=reading):
         if window.row >= 0:
-            latest.pop(window.row, None)  # a later attempt takes the place of an earlier one
-            latest[window.row] = _point(window, rows.get(window.row, {}), scales, repeat, dt)
+            latest.pop(window.row, None)  # a later attempt replaces an earlier one
+            latest[window.row] = _setpoint_data(
+                window, rows.get(window.row, {}), scales, repeat_period, dt
+            )
     if not latest:
         raise RunError(f"{run}: no set point was measured")
-    record = seen.state(run)
-    return Session(
-        known,
-        str(told.get("session") or ""),
-        str(told.get("name") or told.get("session") or ""),
+    record = reading.state(run)
+    return SessionRun(
+        metadata,
+        str(config.get("session") or ""),
+        str(config.get("name") or config.get("session") or ""),
         list(latest.values()),
         float(scales.get("torque_constant_n_m_per_a") or np.nan),
         float(scales.get("velocity_constant_rad_per_s_per_v") or np.nan),
-        bool(told.get("irregular")),
+        bool(config.get("irregular")),
         record,
-        tuple(sorted(gone(known.plan, latest, record))),
+        tuple(sorted(gone(metadata.plan, latest, record))),
     )
 
 
-def _point(
-    window: Window, asked: dict[str, Any], scales: dict[str, Any], repeat: float, dt: float
-) -> Point:
+def _setpoint_data(
+    window: Window,
+    plan_row: dict[str, Any],
+    scales: dict[str, Any],
+    repeat_period: float,
+    dt: float,
+) -> SetpointData:
     data = window.data
     ticks = data["tick"]
     grid = np.arange(ticks[0], ticks[-1] + 1)
@@ -169,19 +177,23 @@ def _point(
         values = np.asarray(data[name], np.float64)
         return np.interp(grid, ticks, values) if gaps else values
 
-    length = asked.get("measure_s")
-    short = window.incomplete_reason
-    if not short and isinstance(length, int | float) and len(grid) < 0.99 * length / dt - 1.0:
-        short = "shorter than planned"
+    planned_duration = plan_row.get("measure_s")
+    incomplete_reason = window.incomplete_reason
+    if (
+        not incomplete_reason
+        and isinstance(planned_duration, int | float)
+        and len(grid) < 0.99 * planned_duration / dt - 1.0
+    ):
+        incomplete_reason = "shorter than planned"
     motor = field("encoders.motor_counts") * float(scales["motor_rad_per_count"])
     shaft = field("encoders.shaft_counts") * float(scales["shaft_rad_per_count"])
-    return Point(
+    return SetpointData(
         window.row,
-        asked,
-        short,
+        plan_row,
+        incomplete_reason,
         len(grid) - len(ticks),
         int((data["command.limited"] != 0).sum()),
-        float(asked.get("period_s") or repeat),
+        float(plan_row.get("period_s") or repeat_period),
         dt,
         float(data["time"][0]),
         float(data["plan.wave_clock"][0]),

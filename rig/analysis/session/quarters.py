@@ -1,7 +1,7 @@
-"""The quarters of a sinusoidal command, told by its own phase: growing and falling, either sign.
+"""Quarters of a sinusoidal command, split by its own phase: rising and falling, of either sign.
 
-Domains of fits are chosen in them (OSWEC thesis, Figs. 3.1 and 3.5: by hand and in rectangles;
-here by rule).
+Fits choose their domains in them (OSWEC thesis, Figs. 3.1 and 3.5: by hand and in rectangles; here
+by rule).
 """
 
 from typing import NamedTuple
@@ -10,62 +10,68 @@ import numpy as np
 
 from rig.analysis.session import periods
 from rig.analysis.session.estimate import Floats
-from rig.analysis.session.linear_fit import Line, line
-from rig.analysis.session.periods import Cut
+from rig.analysis.session.linear_fit import Line, fit_line
+from rig.analysis.session.periods import PeriodCut
 
 
 class Quarter(NamedTuple):
     """A quarter of one oscillation."""
 
-    half: int  # which half wave, from zero through its peak to zero; from 0
+    half: int  # index of the half wave (zero, peak, zero), from 0
     sign: int  # of the command: 1, -1
-    growing: bool  # its magnitude
-    where: slice  # of the signals cut to their whole periods
+    growing: bool  # the magnitude grows
+    samples: slice  # in signals cut to their whole periods
 
 
-class Domain(NamedTuple):
-    """The part of a quarter that a line was fitted to."""
+class FitDomain(NamedTuple):
+    """The part of a quarter to which a line was fitted."""
 
     quarter: Quarter
-    where: slice
-    fitted: Line
+    samples: slice
+    line: Line
 
 
-def quarters(command: Floats, of: Cut) -> list[Quarter]:
-    """Every whole quarter of a command, cut to its periods, in the order of time."""
-    turn = periods.fundamentals(command, of).mean()
-    if not abs(turn) > 1e-9:
+def split_quarters(command: Floats, cut: PeriodCut) -> list[Quarter]:
+    """Return every whole quarter of a command that is cut to its periods, in the order of time."""
+    fundamental = periods.fundamentals(command, cut).mean()
+    if not abs(fundamental) > 1e-9:
         return []
-    per = of.period / of.dt / 4.0
+    quarter_samples = cut.period / cut.dt / 4.0
     # The command is a cosine of phase angle(turn): maxima where it is 0, a quarter every pi / 2.
-    first = -float(np.angle(turn)) / (0.5 * np.pi)
+    first = -float(np.angle(fundamental)) / (0.5 * np.pi)
     begin = int(np.ceil(-first - 1e-6))
-    out = []
-    for k in range(begin, begin + 4 * of.whole + 1):
-        low, high = round((first + k) * per), round((first + k + 1) * per)
+    result = []
+    for k in range(begin, begin + 4 * cut.period_count + 1):
+        low, high = round((first + k) * quarter_samples), round((first + k + 1) * quarter_samples)
         if low < 0 or high > len(command):
             continue
         sign, growing = ((1, False), (-1, True), (-1, False), (1, True))[k % 4]
-        out.append(Quarter((k + 1) // 2, sign, growing, slice(low, high)))
-    return out
+        result.append(Quarter((k + 1) // 2, sign, growing, slice(low, high)))
+    return result
 
 
-def domain(
-    quarter: Quarter, command: Floats, response: Floats, *, by: Floats, low: float, high: float
-) -> Domain | None:
-    """The line of response over command where ``by`` lies between shares of its largest value.
+def fit_domain(
+    quarter: Quarter,
+    command: Floats,
+    response: Floats,
+    *,
+    criterion: Floats,
+    low: float,
+    high: float,
+) -> FitDomain | None:
+    """Return the line of response over command where ``criterion`` lies between shares of its peak.
 
-    ``by`` (a signal like the others) is taken along the quarter's sign; its first and last sample
-    between the shares end the domain. None if fewer than ten samples remain.
+    ``criterion`` (a signal like the others) is multiplied by the quarter's sign; its first and last
+    sample between the shares bound the domain. The result is None if fewer than ten samples remain.
     """
-    at = quarter.where
-    size = quarter.sign * by[at]
-    top = size.max()
-    inside = np.flatnonzero((size >= low * top) & (size <= high * top))
+    samples = quarter.samples
+    magnitude = quarter.sign * criterion[samples]
+    top = magnitude.max()
+    inside = np.flatnonzero((magnitude >= low * top) & (magnitude <= high * top))
     if len(inside) < 10 or top <= 0.0:
         return None
-    where = slice(at.start + int(inside[0]), at.start + int(inside[-1]) + 1)
-    x = command[where]
+    domain_samples = slice(samples.start + int(inside[0]), samples.start + int(inside[-1]) + 1)
+    x = command[domain_samples]
     if not np.ptp(x) > 0.0:
         return None
-    return Domain(quarter, where, line(x, response[where]))
+    return FitDomain(quarter, domain_samples, fit_line(x, response[domain_samples]))

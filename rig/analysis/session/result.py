@@ -1,4 +1,4 @@
-"""What a session's analysis hands to tables, figures, page and calibration file."""
+"""Results of a session's analysis, as tables, figures, page and calibration file use them."""
 
 from collections.abc import Callable, Mapping
 from math import isnan
@@ -11,7 +11,7 @@ from rig.analysis.session.estimate import Estimate
 
 
 class Column(NamedTuple):
-    """A column of a table; ``unit`` empty for texts and pure numbers."""
+    """A column of a table; ``unit`` is empty for texts and pure numbers."""
 
     name: str
     unit: str
@@ -19,27 +19,27 @@ class Column(NamedTuple):
 
 
 class Table(NamedTuple):
-    """A table in the thesis's form, the thesis's values beside the run's where it gives any."""
+    """A table in the thesis's form, with the thesis's values for comparison where it gives any."""
 
-    name: str  # of its files
+    name: str  # stem of its file names
     title: str
     columns: tuple[Column, ...]
 
 
-class Compared(NamedTuple):
-    """A quantity beside the thesis's."""
+class Comparison(NamedTuple):
+    """A quantity compared with the thesis's."""
 
     quantity: str
-    thesis: str  # empty where the thesis gives none
-    wanted: str  # what the run must show; empty where nothing was asked
-    found: str
-    held: bool | None  # whether it does; None where nothing was asked
+    thesis: str  # empty if the thesis gives none
+    target: str  # requirement on the run; empty if there is none
+    measured: str
+    target_met: bool | None  # whether the run meets the target; None without a target
 
 
-class Picture(NamedTuple):
-    """A figure of the thesis redrawn from the run."""
+class FigureSpec(NamedTuple):
+    """A figure of the thesis, redrawn from the run."""
 
-    name: str  # of its file
+    name: str  # stem of its file name
     title: str
     caption: str
     size: tuple[float, float]  # in
@@ -47,36 +47,36 @@ class Picture(NamedTuple):
 
 
 class Result(NamedTuple):
-    """All that a session gives."""
+    """All results of a session."""
 
     tables: tuple[Table, ...]
-    compared: tuple[Compared, ...]
+    comparisons: tuple[Comparison, ...]
     constants: Mapping[str, Estimate]
-    pictures: tuple[Picture, ...]
-    notes: tuple[str, ...] = ()  # what a reader has to know, a sentence each
+    figures: tuple[FigureSpec, ...]
+    notes: tuple[str, ...] = ()  # notes for the reader, one sentence each
     maps: Mapping[str, Any] = MappingProxyType({})  # further parts of the calibration file
 
 
-def number(value: float, digits: int = 4) -> str:
-    """A number as people write it."""
+def format_number(value: float, digits: int = 4) -> str:
+    """Return a number for people: minus sign, dash for NaN."""
     if isnan(value):
         return "–"
     return f"{value:.{digits}g}".replace("-", "−")
 
 
-def words(of: Estimate, unit: str = "", times: float = 1.0) -> str:
-    """Value and interval with as many digits as the interval allows."""
-    value, half = times * of.value, times * of.uncertainty
-    unit = unit or of.unit
-    tail = "" if unit == "1" else f" {unit.replace('*', '·')}"
+def format_estimate(estimate: Estimate, unit: str = "", factor: float = 1.0) -> str:
+    """Return value and interval, with as many digits as the interval supports."""
+    value, half_width = factor * estimate.value, factor * estimate.uncertainty
+    unit = unit or estimate.unit
+    unit_suffix = "" if unit == "1" else f" {unit.replace('*', '·')}"
     if isnan(value):
         return "–"
-    if isnan(half) or half == 0.0:
-        return f"{number(value)}{tail}"
-    places = max(0, 1 - _exponent(half))
-    return f"{value:.{places}f} ± {half:.{places}f}{tail}".replace("-", "−")
+    if isnan(half_width) or half_width == 0.0:
+        return f"{format_number(value)}{unit_suffix}"
+    decimals = max(0, 1 - _decimal_exponent(half_width))
+    return f"{value:.{decimals}f} ± {half_width:.{decimals}f}{unit_suffix}".replace("-", "−")
 
 
-def _exponent(value: float) -> int:
-    """Of ten, of a number's first digit."""
+def _decimal_exponent(value: float) -> int:
+    """Return the power of ten of a number's first digit."""
     return int(f"{abs(value):e}".partition("e")[2])

@@ -3,86 +3,93 @@
 Section 3.1 of the OSWEC thesis: lines of measured torque over current command where the torque
 grows, per oscillation and direction.
 
-The motor's own constant is hidden in them by gearbox friction, but not in the hysteresis. At its
-peak the torque T stands while the current falls from I1, where friction F held against the motor,
-to I2, where it gives way the other way: K I1 = T + F and K I2 = T - F. Nothing has moved between,
-so F is one and the same, whatever it depends on: K = 2 T / (I1 + I2).
+Gearbox friction hides the motor's own constant in these lines, but not in the hysteresis. At its
+peak the torque T is constant while the current falls from I1, where friction F opposed the motor,
+to I2, where friction opposes the back-off: K I1 = T + F and K I2 = T - F. The shaft has not moved
+in between, so F is the same, whatever it depends on: K = 2 T / (I1 + I2).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rig.analysis.session.estimate import CELL, Estimate, Floats, mean, with_floor
-from rig.analysis.session.periods import Cut, rms
-from rig.analysis.session.quarters import Domain, domain, quarters
+from rig.analysis.session.estimate import CELL_UNCERTAINTY, Estimate, Floats, mean, with_floor
+from rig.analysis.session.periods import PeriodCut, rms
+from rig.analysis.session.quarters import FitDomain, fit_domain, split_quarters
 
 RAMP = (0.10, 0.97)
-"""Share of a quarter's largest torque between which a ramp is fitted."""
+"""Domain of a ramp fit: shares of a quarter's largest torque."""
 BACK_OFF = (0.15, 0.85)
-"""The same for the way back: not its plateau, where stiction holds the torque."""
-RELEASE = (0.70, 0.95)
-"""Where the way back has just begun: its line is followed back to the peak's torque."""
-PEAK = 0.1
-"""Share of the way back in which stiction surely holds the torque."""
+"""Domain of the back-off fit: without its plateau, where stiction holds the torque."""
+PLATEAU_END = (0.70, 0.95)
+"""Start of the back-off: its line is extrapolated back to the peak's torque."""
+PLATEAU = 0.1
+"""Share of the back-off in which stiction certainly holds the torque."""
 UNIT = "N*m/A"
 
 
-class Ramps(NamedTuple):
-    """One set point."""
+class RampFits(NamedTuple):
+    """Fits of one set point."""
 
-    up: list[Domain]  # torque grows
-    back: list[Domain]  # torque falls
-    motor: Floats  # N*m/A, the motor's own constant by half wave
+    ramp_up: list[FitDomain]  # torque grows
+    back_off: list[FitDomain]  # torque falls
+    motor_constants: Floats  # N*m/A, motor constant by half wave
     current_amplitude: float  # A
     rms_torque: float  # N*m
-    hysteresis: float  # N*m, torque at half the current, falling less growing, mean
+    hysteresis: float  # N*m, torque at half the current, falling less rising, mean
 
     def slopes(self, sign: int) -> Floats:
-        """Constants of one direction (1: positive torque), N*m/A."""
-        return np.array([d.fitted.slope for d in self.up if d.quarter.sign == sign])
+        """Return the constants of one direction (1: positive torque), N*m/A."""
+        return np.array([d.line.slope for d in self.ramp_up if d.quarter.sign == sign])
 
 
-def ramps(current: Floats, torque: Floats, of: Cut) -> Ramps:
-    """Domains of a set point, found in signals cut to their whole periods."""
-    up: list[Domain] = []
-    own = []
-    back: list[Domain] = []
-    gaps = []
-    for each in quarters(current, of):
+def fit_ramps(current: Floats, torque: Floats, cut: PeriodCut) -> RampFits:
+    """Return the fitted domains of a set point; signals are cut to their whole periods."""
+    ramp_up: list[FitDomain] = []
+    motor_constants = []
+    back_off: list[FitDomain] = []
+    half_current_torques = []
+    for each in split_quarters(current, cut):
         low, high = RAMP if each.growing else BACK_OFF
-        found = domain(each, current, torque, by=torque, low=low, high=high)
-        if found is not None and found.fitted.slope > 0.0:
-            (up if each.growing else back).append(found)
+        fitted_domain = fit_domain(each, current, torque, criterion=torque, low=low, high=high)
+        if fitted_domain is not None and fitted_domain.line.slope > 0.0:
+            (ramp_up if each.growing else back_off).append(fitted_domain)
         if not each.growing:
-            low, high = RELEASE
-            begun = domain(each, current, torque, by=torque, low=low, high=high)
-            if begun is not None and begun.fitted.slope > 0.0:
-                own.append(_own(begun, current, torque))
-        half = np.abs(np.abs(current[each.where]) - 0.5 * np.abs(current).max())
+            low, high = PLATEAU_END
+            release = fit_domain(each, current, torque, criterion=torque, low=low, high=high)
+            if release is not None and release.line.slope > 0.0:
+                motor_constants.append(_motor_constant(release, current, torque))
+        distance = np.abs(np.abs(current[each.samples]) - 0.5 * np.abs(current).max())
         sign = -1.0 if each.growing else 1.0
-        gaps.append(sign * each.sign * torque[each.where][int(np.argmin(half))])
-    return Ramps(
-        up,
-        back,
-        np.array(own),
+        half_current_torques.append(
+            sign * each.sign * torque[each.samples][int(np.argmin(distance))]
+        )
+    return RampFits(
+        ramp_up,
+        back_off,
+        np.array(motor_constants),
         float(0.5 * np.ptp(current)),
         rms(torque),
-        2.0 * float(np.mean(gaps)) if gaps else float("nan"),
+        2.0 * float(np.mean(half_current_torques)) if half_current_torques else float("nan"),
     )
 
 
-def _own(back: Domain, current: Floats, torque: Floats) -> float:
-    """The motor's constant of one peak; I2 is where the way back meets the peak's torque."""
-    at = back.quarter.where
-    few = slice(at.start, at.start + max(1, round(PEAK * (at.stop - at.start))))
-    peak = float(np.median(torque[few]))
-    release = (peak - back.fitted.intercept) / back.fitted.slope
-    return 2.0 * peak / (float(current[at.start]) + release)
+def _motor_constant(back_off: FitDomain, current: Floats, torque: Floats) -> float:
+    """Return the motor's constant of one peak.
+
+    The back-off line reaches the peak's torque at I2.
+    """
+    samples = back_off.quarter.samples
+    plateau = slice(
+        samples.start, samples.start + max(1, round(PLATEAU * (samples.stop - samples.start)))
+    )
+    peak = float(np.median(torque[plateau]))
+    release_current = (peak - back_off.line.intercept) / back_off.line.slope
+    return 2.0 * peak / (float(current[samples.start]) + release_current)
 
 
-class Constants(NamedTuple):
-    """What the session gives."""
+class TorqueConstants(NamedTuple):
+    """Results of the session."""
 
     both: Estimate
     positive: Estimate
@@ -90,34 +97,44 @@ class Constants(NamedTuple):
     motor: Estimate
     spread_positive: float  # (largest - smallest) / mean of single ramps
     spread_negative: float
-    least: float  # N*m/A, of all ramps
-    most: float
+    smallest: float  # N*m/A, of all ramps
+    largest: float
 
 
-def constants(points: list[Ramps]) -> Constants:
-    """Means over set points, each with the interval by the scatter between set points."""
-    every = {sign: [each.slopes(sign) for each in points] for sign in (1, -1)}
-    how = f"lines of ramp-up, mean of {len(points)} set points, by their scatter"
+def torque_constants(points: list[RampFits]) -> TorqueConstants:
+    """Return means over set points, each with the interval by the scatter between set points."""
+    slopes_by_sign = {sign: [each.slopes(sign) for each in points] for sign in (1, -1)}
+    method = f"lines of ramp-up, mean of {len(points)} set points, by their scatter"
 
-    def of(sign: int) -> Estimate:
-        return with_floor(mean([s.mean() for s in every[sign] if len(s)], UNIT, how), CELL)
+    def mean_of_direction(sign: int) -> Estimate:
+        return with_floor(
+            mean([s.mean() for s in slopes_by_sign[sign] if len(s)], UNIT, method), CELL_UNCERTAINTY
+        )
 
     def spread(sign: int) -> float:
-        values = np.concatenate(every[sign])
+        values = np.concatenate(slopes_by_sign[sign])
         return float(np.ptp(values) / values.mean())
 
-    together = [np.concatenate(pair) for pair in zip(every[1], every[-1], strict=True)]
-    single = np.concatenate(together)
-    peaks = "at the peaks, where friction holds either way: without it; mean of "
-    peaks += f"{len(points)} set points, by their scatter"
-    own = mean([each.motor.mean() for each in points if len(each.motor)], UNIT, peaks)
-    return Constants(
-        with_floor(mean([s.mean() for s in together if len(s)], UNIT, how), CELL),
-        of(1),
-        of(-1),
-        with_floor(own, CELL),
+    slopes_by_point = [
+        np.concatenate(pair) for pair in zip(slopes_by_sign[1], slopes_by_sign[-1], strict=True)
+    ]
+    all_slopes = np.concatenate(slopes_by_point)
+    motor_method = "at the peaks, where friction cancels; mean of "
+    motor_method += f"{len(points)} set points, by their scatter"
+    motor = mean(
+        [each.motor_constants.mean() for each in points if len(each.motor_constants)],
+        UNIT,
+        motor_method,
+    )
+    return TorqueConstants(
+        with_floor(
+            mean([s.mean() for s in slopes_by_point if len(s)], UNIT, method), CELL_UNCERTAINTY
+        ),
+        mean_of_direction(1),
+        mean_of_direction(-1),
+        with_floor(motor, CELL_UNCERTAINTY),
         spread(1),
         spread(-1),
-        float(single.min()),
-        float(single.max()),
+        float(all_slopes.min()),
+        float(all_slopes.max()),
     )

@@ -10,66 +10,82 @@ from matplotlib.figure import SubFigure
 from matplotlib.patches import Rectangle
 
 from rig.analysis.session import thesis, torque_constant
-from rig.analysis.session.drawing import BLUE, CLOCKWISE, COUNTER, RED, axes_of, note, shade
+from rig.analysis.session.drawing import (
+    BLUE,
+    CLOCKWISE,
+    COUNTER,
+    RED,
+    annotate_corner,
+    prepare_axes,
+    shade,
+)
 from rig.analysis.session.estimate import Floats, mean
-from rig.analysis.session.linear_fit import at
-from rig.analysis.session.periods import Cut
-from rig.analysis.session.points import Point, Session
-from rig.analysis.session.quarters import Domain
-from rig.analysis.session.result import Column, Compared, Picture, Result, Table, number, words
-from rig.analysis.session.torque_constant import Constants, Ramps
+from rig.analysis.session.linear_fit import value_at
+from rig.analysis.session.periods import PeriodCut
+from rig.analysis.session.points import SessionRun, SetpointData
+from rig.analysis.session.quarters import FitDomain
+from rig.analysis.session.result import (
+    Column,
+    Comparison,
+    FigureSpec,
+    Result,
+    Table,
+    format_estimate,
+    format_number,
+)
+from rig.analysis.session.torque_constant import RampFits, TorqueConstants
 
-WAYS = ((1, "clockwise", CLOCKWISE), (-1, "counter-clockwise", COUNTER))
+DIRECTIONS = ((1, "clockwise", CLOCKWISE), (-1, "counter-clockwise", COUNTER))
 
 
-class Locked(NamedTuple):
+class LockedPoint(NamedTuple):
     """A set point of the locked shaft."""
 
-    point: Point
-    of: Cut
+    point: SetpointData
+    cut: PeriodCut
     current: Floats  # A, commanded
     torque: Floats  # N*m
-    ramps: Ramps
+    ramps: RampFits
 
 
-def result(session: Session) -> Result:
-    """Analyse a run."""
-    points = [_locked(point) for point in session.whole]
-    points = sorted((p for p in points if p.ramps.up), key=lambda each: each.ramps.rms_torque)
+def analyse_session(session: SessionRun) -> Result:
+    """Analyse a run of the session."""
+    points = [_locked_point(point) for point in session.complete_points]
+    points = sorted((p for p in points if p.ramps.ramp_up), key=lambda each: each.ramps.rms_torque)
     if not points:
         raise ValueError("no set point has a ramp of torque")
-    found = torque_constant.constants([each.ramps for each in points])
-    named = {
-        "torque_constant": found.both,
-        "torque_constant_positive": found.positive,
-        "torque_constant_negative": found.negative,
-        "torque_constant_motor": found.motor,
+    torque_constants = torque_constant.torque_constants([each.ramps for each in points])
+    constants = {
+        "torque_constant": torque_constants.both,
+        "torque_constant_positive": torque_constants.positive,
+        "torque_constant_negative": torque_constants.negative,
+        "torque_constant_motor": torque_constants.motor,
         "torque_hysteresis": mean(
             [each.ramps.hysteresis for each in points],
             "N*m",
-            "torque at half the current, falling less growing; by scatter of set points",
+            "torque at half the current, falling less rising; by scatter of set points",
         ),
     }
     return Result(
         (_table(points, session.torque_constant),),
-        _compared(found, named["torque_hysteresis"].value),
-        named,
-        _pictures(points),
+        _comparisons(torque_constants, constants["torque_hysteresis"].value),
+        constants,
+        _figures(points),
         (
-            "Clockwise is positive torque. The torque constant is the thesis's, of ramps: gearbox "
-            "friction is in it. torque_constant_motor has it taken out, by the hysteresis.",
+            "Clockwise is positive torque. torque_constant is the thesis's, from ramps, and "
+            "includes gearbox friction. torque_constant_motor excludes it, by the hysteresis.",
         ),
     )
 
 
-def _locked(point: Point) -> Locked:
-    of = point.cut()
-    current = point.over(point.current_command, of)
-    torque = point.over(point.torque, of)
-    return Locked(point, of, current, torque, torque_constant.ramps(current, torque, of))
+def _locked_point(point: SetpointData) -> LockedPoint:
+    cut = point.whole_periods()
+    current = point.trim(point.current_command, cut)
+    torque = point.trim(point.torque, cut)
+    return LockedPoint(point, cut, current, torque, torque_constant.fit_ramps(current, torque, cut))
 
 
-def _table(points: Sequence[Locked], in_use: float) -> Table:
+def _table(points: Sequence[LockedPoint], constant_in_use: float) -> Table:
     currents = [each.ramps.current_amplitude for each in points]
     columns = [
         Column("row", "", tuple(each.point.row for each in points)),
@@ -80,135 +96,195 @@ def _table(points: Sequence[Locked], in_use: float) -> Table:
         Column(
             "torque, thesis nominal",
             "N*m",
-            tuple(thesis.beside(i, thesis.CURRENTS, thesis.TORQUES) for i in currents),
+            tuple(thesis.matching_value(i, thesis.CURRENTS, thesis.TORQUES) for i in currents),
         ),
-        Column("torque by constant in use", "N*m", tuple(in_use * i for i in currents)),
+        Column("torque by constant in use", "N*m", tuple(constant_in_use * i for i in currents)),
         Column("rms torque", "N*m", tuple(each.ramps.rms_torque for each in points)),
     ]
-    for sign, way, _ in WAYS:
+    for sign, direction, _ in DIRECTIONS:
         slopes = [each.ramps.slopes(sign) for each in points]
-        fits = [[d.fitted.r_squared for d in p.ramps.up if d.quarter.sign == sign] for p in points]
-        for name, of in (("mean", np.mean), ("min", np.min), ("max", np.max)):
-            values = tuple(float(of(s)) if len(s) else float("nan") for s in slopes)
-            columns.append(Column(f"{way} {name}", "N*m/A", values))
-        columns.append(Column(f"{way} R² min", "", tuple(min(f, default=np.nan) for f in fits)))
+        fits = [
+            [d.line.r_squared for d in p.ramps.ramp_up if d.quarter.sign == sign] for p in points
+        ]
+        for name, statistic in (("mean", np.mean), ("min", np.min), ("max", np.max)):
+            values = tuple(float(statistic(s)) if len(s) else float("nan") for s in slopes)
+            columns.append(Column(f"{direction} {name}", "N*m/A", values))
+        columns.append(
+            Column(f"{direction} R² min", "", tuple(min(f, default=np.nan) for f in fits))
+        )
     columns.append(Column("hysteresis", "N*m", tuple(p.ramps.hysteresis for p in points)))
     title = "Table 3.1: torque constants of ramps by set point"
     return Table("torque_constants", title, tuple(columns))
 
 
-def _compared(found: Constants, hysteresis: float) -> tuple[Compared, ...]:
-    off = found.both.value / thesis.TORQUE_CONSTANT - 1.0
+def _comparisons(constants: TorqueConstants, hysteresis: float) -> tuple[Comparison, ...]:
+    deviation = constants.both.value / thesis.TORQUE_CONSTANT - 1.0
     low, high = thesis.TORQUE_CONSTANTS
-    spread = (found.most - found.least) / found.both.value
-    theirs = (high - low) / thesis.TORQUE_CONSTANT
-    ways = thesis.TORQUE_SPREADS
+    spread = (constants.largest - constants.smallest) / constants.both.value
+    thesis_spread = (high - low) / thesis.TORQUE_CONSTANT
+    direction_spreads = thesis.TORQUE_SPREADS
     return (
-        Compared("torque constant, mean of ramps", f"{thesis.TORQUE_CONSTANT} N·m/A",
-                 "within 2 %", f"{words(found.both)} ({100.0 * off:+z.1f} %)", abs(off) <= 0.02),
-        Compared("single ramps", f"{low} to {high} N·m/A", "spread of the same order",
-                 f"{found.least:.2f} to {found.most:.2f} N·m/A", 0.5 <= spread / theirs <= 2.0),
-        Compared("clockwise", "trends higher", "", words(found.positive), None),
-        Compared("counter-clockwise", "", "", words(found.negative), None),
-        Compared("spread, clockwise and counter-clockwise",
-                 f"{100 * ways[0]:.0f} and {100 * ways[1]:.0f} %", "",
-                 f"{100 * found.spread_positive:.0f} and "
-                 f"{100 * found.spread_negative:.0f} %", None),
-        Compared("motor's own constant, friction out", f"specified {thesis.TORQUE_SPECIFIED} N·m/A",
-                 "", words(found.motor), None),
-        Compared("torque on back-off less torque on ramp, at half current", "hysteresis",
-                 "visible", f"{number(hysteresis, 3)} N·m", hysteresis > 0.5),
-    )  # fmt: skip
+        Comparison(
+            "torque constant, mean of ramps",
+            f"{thesis.TORQUE_CONSTANT} N·m/A",
+            "within 2 %",
+            f"{format_estimate(constants.both)} ({100.0 * deviation:+z.1f} %)",
+            abs(deviation) <= 0.02,
+        ),
+        Comparison(
+            "single ramps",
+            f"{low} to {high} N·m/A",
+            "spread of the same order",
+            f"{constants.smallest:.2f} to {constants.largest:.2f} N·m/A",
+            0.5 <= spread / thesis_spread <= 2.0,
+        ),
+        Comparison("clockwise", "trends higher", "", format_estimate(constants.positive), None),
+        Comparison("counter-clockwise", "", "", format_estimate(constants.negative), None),
+        Comparison(
+            "spread, clockwise and counter-clockwise",
+            f"{100 * direction_spreads[0]:.0f} and {100 * direction_spreads[1]:.0f} %",
+            "",
+            f"{100 * constants.spread_positive:.0f} and {100 * constants.spread_negative:.0f} %",
+            None,
+        ),
+        Comparison(
+            "motor's own constant, without friction",
+            f"specified {thesis.TORQUE_SPECIFIED} N·m/A",
+            "",
+            format_estimate(constants.motor),
+            None,
+        ),
+        Comparison(
+            "torque on back-off minus torque on ramp, at half current",
+            "hysteresis",
+            "visible",
+            f"{format_number(hysteresis, 3)} N·m",
+            hysteresis > 0.5,
+        ),
+    )
 
 
-def _pictures(points: Sequence[Locked]) -> tuple[Picture, ...]:
-    middle = points[len(points) // 2]
-    told = f"Current amplitude {middle.ramps.current_amplitude:.2f} A"
+def _figures(points: Sequence[LockedPoint]) -> tuple[FigureSpec, ...]:
+    example = points[len(points) // 2]
+    setpoint = f"Current amplitude {example.ramps.current_amplitude:.2f} A"
     return (
-        Picture("fig_3_1", "Fig. 3.1: commanded and measured torque over time",
-                f"{told}; boxes: domains of the fits, black clockwise, grey counter-clockwise.",
-                (7.6, 4.4), partial(_over_time, middle)),
-        Picture("fig_3_2", "Fig. 3.2: fits of the largest set point",
-                "One domain each way, every fifth sample.", (7.2, 5.8), partial(_fits, points[-1])),
-        Picture("fig_3_3", "Fig. 3.3: torque constants over torque",
-                "Mean, least and largest of the ramps of each set point.", (7.2, 5.8),
-                partial(_constants, points)),
-        Picture("hysteresis", "Torque over current: ramp and back-off",
-                "All set points; darker: larger amplitude.", (7.2, 5.0),
-                partial(_hysteresis, points)),
-    )  # fmt: skip
+        FigureSpec(
+            "fig_3_1",
+            "Fig. 3.1: commanded and measured torque over time",
+            f"{setpoint}; boxes: domains of the fits, black clockwise, grey counter-clockwise.",
+            (7.6, 4.4),
+            partial(_draw_over_time, example),
+        ),
+        FigureSpec(
+            "fig_3_2",
+            "Fig. 3.2: fits of the largest set point",
+            "One domain per direction, every fifth sample.",
+            (7.2, 5.8),
+            partial(_draw_fits, points[-1]),
+        ),
+        FigureSpec(
+            "fig_3_3",
+            "Fig. 3.3: torque constants over torque",
+            "Mean, smallest and largest of the ramps of each set point.",
+            (7.2, 5.8),
+            partial(_draw_constants, points),
+        ),
+        FigureSpec(
+            "hysteresis",
+            "Torque over current: ramp and back-off",
+            "All set points; darker: larger amplitude.",
+            (7.2, 5.0),
+            partial(_draw_hysteresis, points),
+        ),
+    )
 
 
-def boxes(axes: Axes, domains: Sequence[Domain], dt: float, values: Floats) -> None:
-    """Rectangles around the domains of fits."""
+def draw_domain_boxes(axes: Axes, domains: Sequence[FitDomain], dt: float, values: Floats) -> None:
+    """Draw rectangles around the domains of fits."""
     for each in domains:
-        low, high = values[each.where].min(), values[each.where].max()
-        room = 0.03 * np.ptp(values)
-        x, wide = dt * each.where.start, dt * (each.where.stop - each.where.start)
+        low, high = values[each.samples].min(), values[each.samples].max()
+        margin = 0.03 * np.ptp(values)
+        x, width = dt * each.samples.start, dt * (each.samples.stop - each.samples.start)
         colour = CLOCKWISE if each.quarter.sign > 0 else COUNTER
         style: dict[str, Any] = {"fill": False, "ec": colour, "lw": 1.6, "zorder": 4}
-        axes.add_patch(Rectangle((x, low - room), wide, high - low + 2.0 * room, **style))
+        axes.add_patch(Rectangle((x, low - margin), width, high - low + 2.0 * margin, **style))
 
 
-def _over_time(one: Locked, body: SubFigure) -> None:
-    axes = axes_of(body, "time, s", "torque, N·m")
-    slope = np.mean([d.fitted.slope for d in one.ramps.up])
-    t = one.of.dt * np.arange(len(one.torque))
-    axes.plot(t, slope * one.current, "--", color=RED, lw=1.1, label="command × mean constant")
-    axes.plot(t, one.torque, color=BLUE, lw=1.1, label="measured")
-    boxes(axes, one.ramps.up, one.of.dt, one.torque)
+def _draw_over_time(point: LockedPoint, body: SubFigure) -> None:
+    axes = prepare_axes(body, "time, s", "torque, N·m")
+    slope = np.mean([d.line.slope for d in point.ramps.ramp_up])
+    t = point.cut.dt * np.arange(len(point.torque))
+    axes.plot(t, slope * point.current, "--", color=RED, lw=1.1, label="command × mean constant")
+    axes.plot(t, point.torque, color=BLUE, lw=1.1, label="measured")
+    draw_domain_boxes(axes, point.ramps.ramp_up, point.cut.dt, point.torque)
     axes.margins(x=0.0)
     axes.legend(frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
 
 
-def _fits(one: Locked, body: SubFigure) -> None:
+def _draw_fits(point: LockedPoint, body: SubFigure) -> None:
     panels: Any = body.subplots(2, 1)
-    for (sign, way, colour), place in zip(WAYS, panels, strict=True):
-        axes = axes_of(body, "current command, A", "torque, N·m", place)
-        mine = [d for d in one.ramps.up if d.quarter.sign == sign]
-        if not mine:
+    for (sign, direction, colour), panel in zip(DIRECTIONS, panels, strict=True):
+        axes = prepare_axes(body, "current command, A", "torque, N·m", panel)
+        domains = [d for d in point.ramps.ramp_up if d.quarter.sign == sign]
+        if not domains:
             continue
-        x = one.current[mine[0].where]
-        axes.plot(x[::5], one.torque[mine[0].where][::5], ".", ms=2.5, color=BLUE, alpha=0.5)
-        axes.plot(x, at(mine[0].fitted, x), color=colour, lw=1.6)
-        said = f"{way}\n{mine[0].fitted.slope:.2f} N·m/A, R² {mine[0].fitted.r_squared:.4f}"
-        note(axes, said, "upper left" if sign > 0 else "lower right")
+        x = point.current[domains[0].samples]
+        axes.plot(x[::5], point.torque[domains[0].samples][::5], ".", ms=2.5, color=BLUE, alpha=0.5)
+        axes.plot(x, value_at(domains[0].line, x), color=colour, lw=1.6)
+        text = f"{direction}\n{domains[0].line.slope:.2f} N·m/A, R² {domains[0].line.r_squared:.4f}"
+        annotate_corner(axes, text, "upper left" if sign > 0 else "lower right")
 
 
-def _constants(points: Sequence[Locked], body: SubFigure) -> None:
+def _draw_constants(points: Sequence[LockedPoint], body: SubFigure) -> None:
     upper, lower = body.subplots(2, 1, sharex=True, height_ratios=[1.6, 1.0])
-    upper = axes_of(body, "", "torque constant, N·m/A", upper)
-    lower = axes_of(body, "rms torque, N·m", "R²", lower)
-    for sign, way, colour in WAYS:
-        fits = [[d.fitted for d in p.ramps.up if d.quarter.sign == sign] for p in points]
-        places = [p.ramps.rms_torque for p in points]
-        bars(upper, places, [[f.slope for f in each] for each in fits], colour, way, 0.15 * sign)
-        bars(lower, places, [[f.r_squared for f in e] for e in fits], colour, way, 0.15 * sign)
+    upper = prepare_axes(body, "", "torque constant, N·m/A", upper)
+    lower = prepare_axes(body, "rms torque, N·m", "R²", lower)
+    for sign, direction, colour in DIRECTIONS:
+        fits = [[d.line for d in p.ramps.ramp_up if d.quarter.sign == sign] for p in points]
+        torques = [p.ramps.rms_torque for p in points]
+        draw_ranges(
+            upper,
+            torques,
+            [[f.slope for f in each] for each in fits],
+            colour,
+            direction,
+            0.15 * sign,
+        )
+        draw_ranges(
+            lower, torques, [[f.r_squared for f in e] for e in fits], colour, direction, 0.15 * sign
+        )
     upper.axhline(thesis.TORQUE_CONSTANT, color=RED, lw=0.9, ls="--")
     upper.axhspan(*thesis.TORQUE_CONSTANTS, color=RED, alpha=0.07, lw=0)
-    note(upper, "red: thesis, mean and range", "lower right")
+    annotate_corner(upper, "red: thesis, mean and range", "lower right")
     upper.legend(frameon=False, fontsize=8, loc="upper right")
 
 
-def bars(
-    axes: Axes, x: Sequence[float], sets: Sequence[Any], colour: str, label: str, aside: float
+def draw_ranges(
+    axes: Axes, x: Sequence[float], sets: Sequence[Any], colour: str, label: str, offset: float
 ) -> None:
-    """Mean with bars to the least and largest of each set."""
-    first: str | None = label
-    for place, values in zip(x, sets, strict=True):
+    """Draw the mean of each set, with bars to its smallest and largest value."""
+    legend_label: str | None = label
+    for position, values in zip(x, sets, strict=True):
         if len(values):
-            mid = float(np.mean(values))
-            reach = [[mid - min(values)], [max(values) - mid]]
+            mean = float(np.mean(values))
+            error_bar = [[mean - min(values)], [max(values) - mean]]
             axes.errorbar(
-                place + aside, mid, reach, fmt="o", ms=4, color=colour, capsize=3, label=first
+                position + offset,
+                mean,
+                error_bar,
+                fmt="o",
+                ms=4,
+                color=colour,
+                capsize=3,
+                label=legend_label,
             )
-            first = None
+            legend_label = None
 
 
-def _hysteresis(points: Sequence[Locked], body: SubFigure) -> None:
-    axes = axes_of(body, "current command, A", "torque, N·m")
+def _draw_hysteresis(points: Sequence[LockedPoint], body: SubFigure) -> None:
+    axes = prepare_axes(body, "current command, A", "torque, N·m")
     for i, each in enumerate(points):
-        last = slice(each.of.edges[-2] - each.of.edges[0], None)
+        last = slice(each.cut.edges[-2] - each.cut.edges[0], None)
         axes.plot(
             each.current[last], each.torque[last], color=shade(i + 1, len(points) + 1), lw=0.9
         )

@@ -1,4 +1,4 @@
-"""The torque tracking session: measured torque beside the wanted one, open and closed loop."""
+"""The torque tracking session: measured torque and demand, in open and closed loop."""
 
 from functools import partial
 from typing import NamedTuple
@@ -7,129 +7,165 @@ import numpy as np
 from matplotlib.figure import SubFigure
 
 from rig.analysis.session import tracking
-from rig.analysis.session.drawing import BLUE, RED, axes_of
+from rig.analysis.session.drawing import BLUE, RED, prepare_axes
 from rig.analysis.session.estimate import Estimate, Floats
-from rig.analysis.session.periods import Cut
-from rig.analysis.session.points import Point, Session, session_of
-from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
-from rig.analysis.session.tracking import Tracked
+from rig.analysis.session.periods import PeriodCut
+from rig.analysis.session.points import SessionRun, SetpointData, session_config
+from rig.analysis.session.result import (
+    Column,
+    Comparison,
+    FigureSpec,
+    Result,
+    Table,
+    format_estimate,
+)
+from rig.analysis.session.tracking import TrackingError
 
-CLOSED = "closed loop"
+CLOSED_LOOP = "closed loop"
 
 
-class Followed(NamedTuple):
-    """A set point."""
+class TrackingPoint(NamedTuple):
+    """A set point with its demand and measurement."""
 
-    point: Point
-    of: Cut
-    wanted: Floats  # N*m
+    point: SetpointData
+    cut: PeriodCut
+    demand: Floats  # N*m
     measured: Floats  # N*m
-    tracked: Tracked
+    tracking: TrackingError
 
     @property
-    def place(self) -> tuple[float, float]:
-        """Torque amplitude (N*m) and period (s) asked for."""
-        return round(self.point.number("torque_amplitude_n_m"), 3), round(self.point.period, 3)
+    def setpoint(self) -> tuple[float, float]:
+        """Requested torque amplitude (N*m) and period (s)."""
+        return round(self.point.plan_value("torque_amplitude_n_m"), 3), round(self.point.period, 3)
 
 
-def result(session: Session, against: Session | None = None) -> Result:
-    """Analyse a run; ``against`` is a run of the same rows in open loop."""
-    mine = [_followed(point) for point in session.whole]
-    if not mine:
-        raise ValueError("no set point was measured to its end")
-    loop = _loop(session)
-    others = [_followed(point) for point in against.whole] if against is not None else []
-    base = {each.place: each for each in others}
-    pairs = [(each, base[each.place]) for each in mine if each.place in base]
-    named: dict[str, Estimate] = {}
+def analyse_session(session: SessionRun, baseline: SessionRun | None = None) -> Result:
+    """Analyse a run; ``baseline`` is a run of the same rows in open loop."""
+    points = [_tracking_point(point) for point in session.complete_points]
+    if not points:
+        raise ValueError("no set point was measured completely")
+    loop = _loop_name(session)
+    baseline_points = (
+        [_tracking_point(point) for point in baseline.complete_points]
+        if baseline is not None
+        else []
+    )
+    open_loop_points = {each.setpoint: each for each in baseline_points}
+    pairs = [
+        (each, open_loop_points[each.setpoint])
+        for each in points
+        if each.setpoint in open_loop_points
+    ]
+    constants: dict[str, Estimate] = {}
     if pairs:
-        named["tracking_improvement"] = tracking.improvement(
-            [other.tracked for _, other in pairs], [one.tracked for one, _ in pairs]
+        constants["tracking_improvement"] = tracking.closed_loop_improvement(
+            [other.tracking for _, other in pairs],
+            [closed_loop_point.tracking for closed_loop_point, _ in pairs],
         )
     return Result(
-        (_table(mine, base, loop),),
-        _compared(mine, pairs, loop, named.get("tracking_improvement")),
-        named,
-        _pictures(mine, base, loop),
-        (f"Open loop: run {against.known.run}.",) if against is not None else (),
+        (_table(points, open_loop_points, loop),),
+        _comparisons(points, pairs, loop, constants.get("tracking_improvement")),
+        constants,
+        _figures(points, open_loop_points, loop),
+        (f"Open loop: run {baseline.metadata.run}.",) if baseline is not None else (),
     )
 
 
-def _loop(session: Session) -> str:
-    return str(session_of(session.known).get("control") or "open loop")
+def _loop_name(session: SessionRun) -> str:
+    return str(session_config(session.metadata).get("control") or "open loop")
 
 
-def _followed(point: Point) -> Followed:
-    of = point.cut()
-    wanted, measured = (point.over(each, of) for each in (point.wanted_torque, point.torque))
-    return Followed(point, of, wanted, measured, tracking.tracked(wanted, measured, of))
+def _tracking_point(point: SetpointData) -> TrackingPoint:
+    cut = point.whole_periods()
+    demand, measured = (point.trim(each, cut) for each in (point.reference_torque, point.torque))
+    return TrackingPoint(
+        point, cut, demand, measured, tracking.tracking_error(demand, measured, cut)
+    )
 
 
-def _table(mine: list[Followed], base: dict[tuple[float, float], Followed], loop: str) -> Table:
+def _table(
+    points: list[TrackingPoint],
+    open_loop_points: dict[tuple[float, float], TrackingPoint],
+    loop: str,
+) -> Table:
     columns = [
-        Column("row", "", tuple(each.point.row for each in mine)),
-        Column("torque amplitude", "N*m", tuple(each.place[0] for each in mine)),
-        Column("period", "s", tuple(each.place[1] for each in mine)),
-        Column(f"rms error, {loop}", "N*m", tuple(e.tracked.error.value for e in mine)),
-        Column(f"rms error, {loop} ±", "N*m", tuple(e.tracked.error.uncertainty for e in mine)),
-        Column("error / wanted", "", tuple(each.tracked.share for each in mine)),
+        Column("row", "", tuple(each.point.row for each in points)),
+        Column("torque amplitude", "N*m", tuple(each.setpoint[0] for each in points)),
+        Column("period", "s", tuple(each.setpoint[1] for each in points)),
+        Column(f"rms error, {loop}", "N*m", tuple(e.tracking.error.value for e in points)),
+        Column(f"rms error, {loop} ±", "N*m", tuple(e.tracking.error.uncertainty for e in points)),
+        Column("error / demand", "", tuple(each.tracking.relative for each in points)),
     ]
-    if base:
-        other = [
-            base[e.place].tracked.error.value if e.place in base else float("nan") for e in mine
+    if open_loop_points:
+        open_loop_errors = [
+            open_loop_points[e.setpoint].tracking.error.value
+            if e.setpoint in open_loop_points
+            else float("nan")
+            for e in points
         ]
-        ratio = [e.tracked.error.value / o for e, o in zip(mine, other, strict=True)]
+        ratio = [e.tracking.error.value / o for e, o in zip(points, open_loop_errors, strict=True)]
         columns += [
-            Column("rms error, open loop", "N*m", tuple(other)),
+            Column("rms error, open loop", "N*m", tuple(open_loop_errors)),
             Column("closed / open", "", tuple(ratio)),
         ]
     return Table("torque_tracking", "Torque tracking by set point", tuple(columns))
 
 
-def _compared(
-    mine: list[Followed],
-    pairs: list[tuple[Followed, Followed]],
+def _comparisons(
+    points: list[TrackingPoint],
+    pairs: list[tuple[TrackingPoint, TrackingPoint]],
     loop: str,
-    improved: Estimate | None,
-) -> tuple[Compared, ...]:
-    share = 100.0 * float(np.mean([each.tracked.share for each in mine]))
-    out = [Compared(f"rms error, {loop}", "not built", "", f"{share:.1f} % of the wanted", None)]
-    if pairs and improved is not None:
-        sums = [
-            np.sqrt(np.mean([np.mean((e.wanted - e.measured) ** 2) for e in side]))
+    improvement: Estimate | None,
+) -> tuple[Comparison, ...]:
+    share = 100.0 * float(np.mean([each.tracking.relative for each in points]))
+    comparisons = [
+        Comparison(f"rms error, {loop}", "not built", "", f"{share:.1f} % of the demand", None)
+    ]
+    if pairs and improvement is not None:
+        pooled_errors = [
+            np.sqrt(np.mean([np.mean((e.demand - e.measured) ** 2) for e in side]))
             for side in zip(*pairs, strict=True)
         ]
-        ratio = float(sums[0] / sums[1])
-        out.append(
-            Compared("rms error, closed over open loop", "not built", "≤ 1/3",
-                     f"{ratio:.3f} pooled; {words(improved)} by set points", ratio <= 1.0 / 3.0)
-        )  # fmt: skip
-    return tuple(out)
+        ratio = float(pooled_errors[0] / pooled_errors[1])
+        comparisons.append(
+            Comparison(
+                "rms error, closed over open loop",
+                "not built",
+                "≤ 1/3",
+                f"{ratio:.3f} pooled; {format_estimate(improvement)} by set points",
+                ratio <= 1.0 / 3.0,
+            )
+        )
+    return tuple(comparisons)
 
 
-def _pictures(
-    mine: list[Followed], base: dict[tuple[float, float], Followed], loop: str
-) -> tuple[Picture, ...]:
-    one = max(mine, key=lambda each: each.place[0])
-    said = f"Torque amplitude {one.place[0]:g} N·m, one period; below, the error."
+def _figures(
+    points: list[TrackingPoint],
+    open_loop_points: dict[tuple[float, float], TrackingPoint],
+    loop: str,
+) -> tuple[FigureSpec, ...]:
+    largest = max(points, key=lambda each: each.setpoint[0])
+    caption = f"Torque amplitude {largest.setpoint[0]:g} N·m, one period; below: the error."
     return (
-        Picture("torque_tracking", "Torque: wanted and measured", said, (7.2, 5.6),
-                partial(_draw, one, base.get(one.place), loop)),
+        FigureSpec("torque_tracking", "Torque: demand and measurement", caption, (7.2, 5.6),
+                partial(_draw_tracking, largest, open_loop_points.get(largest.setpoint), loop)),
     )  # fmt: skip
 
 
-def _draw(one: Followed, other: Followed | None, loop: str, body: SubFigure) -> None:
+def _draw_tracking(
+    point: TrackingPoint, open_loop_point: TrackingPoint | None, loop: str, body: SubFigure
+) -> None:
     upper, lower = body.subplots(2, 1, sharex=True)
-    upper = axes_of(body, "", "torque, N·m", upper)
-    lower = axes_of(body, "time, s", "error, N·m", lower)
-    count = round(one.of.period / one.of.dt)
-    t = one.of.dt * np.arange(count)
-    upper.plot(t, one.wanted[:count], "k--", lw=1.0, label="wanted")
-    shown = [(one, BLUE, loop)]
-    if other is not None and len(other.measured) >= count:
-        shown.insert(0, (other, RED, "open loop"))
-    for each, colour, name in shown:
+    upper = prepare_axes(body, "", "torque, N·m", upper)
+    lower = prepare_axes(body, "time, s", "error, N·m", lower)
+    count = round(point.cut.period / point.cut.dt)
+    t = point.cut.dt * np.arange(count)
+    upper.plot(t, point.demand[:count], "k--", lw=1.0, label="demand")
+    curves = [(point, BLUE, loop)]
+    if open_loop_point is not None and len(open_loop_point.measured) >= count:
+        curves.insert(0, (open_loop_point, RED, "open loop"))
+    for each, colour, name in curves:
         upper.plot(t, each.measured[:count], color=colour, lw=1.2, label=name)
-        lower.plot(t, (each.wanted - each.measured)[:count], color=colour, lw=1.0)
+        lower.plot(t, (each.demand - each.measured)[:count], color=colour, lw=1.0)
     upper.legend(frameon=False, fontsize=8)
     lower.margins(x=0.0)

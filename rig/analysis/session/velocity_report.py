@@ -9,208 +9,313 @@ from matplotlib.figure import SubFigure
 from scipy.ndimage import uniform_filter1d
 
 from rig.analysis.session import periods, thesis, velocity_constant
-from rig.analysis.session.deflection import Behind, Motion, behind
-from rig.analysis.session.drawing import BLUE, CLOCKWISE, COUNTER, RED, axes_of, note, shade
+from rig.analysis.session.deflection import Motion, ShaftLag, shaft_lag
+from rig.analysis.session.drawing import (
+    BLUE,
+    CLOCKWISE,
+    COUNTER,
+    RED,
+    annotate_corner,
+    prepare_axes,
+    shade,
+)
 from rig.analysis.session.driveline import DEGREE
 from rig.analysis.session.estimate import Estimate, mean
-from rig.analysis.session.linear_fit import at
-from rig.analysis.session.periods import Cut
-from rig.analysis.session.points import Point, Session
-from rig.analysis.session.result import Column, Compared, Picture, Result, Table, words
-from rig.analysis.session.torque_report import WAYS, bars, boxes
-from rig.analysis.session.velocity_constant import Constants, Slowing
+from rig.analysis.session.linear_fit import value_at
+from rig.analysis.session.periods import PeriodCut
+from rig.analysis.session.points import SessionRun, SetpointData
+from rig.analysis.session.result import (
+    Column,
+    Comparison,
+    FigureSpec,
+    Result,
+    Table,
+    format_estimate,
+)
+from rig.analysis.session.torque_report import DIRECTIONS, draw_domain_boxes, draw_ranges
+from rig.analysis.session.velocity_constant import Deceleration, VelocityConstants
 
 NOMINAL = 37.5 * 2.0 * np.pi / 10.0 / 15.0  # rad/s/V, equation 3.2
 
 
-class Free(NamedTuple):
-    """A set point of the freely turning shaft."""
+class UnloadedPoint(NamedTuple):
+    """A set point of the unloaded shaft."""
 
-    point: Point
-    of: Cut
-    slowing: Slowing
+    point: SetpointData
+    cut: PeriodCut
+    deceleration: Deceleration
     motion: Motion
-    behind: Behind
+    lag: ShaftLag
 
 
-def result(session: Session) -> Result:
-    """Analyse a run."""
-    points = [_free(point) for point in session.whole]
-    points = sorted((p for p in points if p.slowing.down), key=lambda p: p.slowing.rms_velocity)
+def analyse_session(session: SessionRun) -> Result:
+    """Analyse a run of the session."""
+    points = [_unloaded_point(point) for point in session.complete_points]
+    points = sorted(
+        (p for p in points if p.deceleration.thesis_fits), key=lambda p: p.deceleration.rms_velocity
+    )
     if not points:
         raise ValueError("no set point has a deceleration")
-    found = velocity_constant.constants([each.slowing for each in points])
-    loss = mean(
-        [each.behind.amplitude_difference.mean() / DEGREE for each in points],
-        "deg",
-        "half strokes of motor less shaft, unloaded; by scatter of set points",
+    velocity_constants = velocity_constant.velocity_constants(
+        [each.deceleration for each in points]
     )
-    named = {
-        "velocity_constant": found.constant,
-        "velocity_constant_deceleration": found.thesis,
-        "velocity_constant_fastest": found.fastest,
-        "velocity_lag": found.lag,
-        "velocity_droop": found.droop,
-        "amplitude_difference_unloaded": loss,
+    amplitude_loss = mean(
+        [each.lag.amplitude_difference.mean() / DEGREE for each in points],
+        "deg",
+        "half strokes of motor minus shaft, unloaded; by scatter of set points",
+    )
+    constants = {
+        "velocity_constant": velocity_constants.constant,
+        "velocity_constant_deceleration": velocity_constants.thesis,
+        "velocity_constant_fastest": velocity_constants.fastest,
+        "velocity_lag": velocity_constants.lag,
+        "velocity_droop": velocity_constants.droop,
+        "amplitude_difference_unloaded": amplitude_loss,
     }
     return Result(
         (_table(points),),
-        _compared(found, loss, points),
-        named,
-        _pictures(points, found.constant.value),
+        _comparisons(velocity_constants, amplitude_loss, points),
+        constants,
+        _figures(points, velocity_constants.constant.value),
         (
-            "velocity_constant is that of the motor going as told, behind the wait at the begin of "
-            "each deceleration, lag and droop of the drive apart; the thesis's lines take them in. "
-            "velocity_droop is that without any load; the bearing's takes some of it away.",
+            "velocity_constant holds while the motor follows its command, after the wait at the "
+            "start of each deceleration, without lag and droop of the drive; the thesis's lines "
+            "include them. velocity_droop is the value without load; the load of the bearing "
+            "reduces it.",
         ),
     )
 
 
-def _free(point: Point) -> Free:
-    of = point.aligned(point.volts)
+def _unloaded_point(point: SetpointData) -> UnloadedPoint:
+    cut = point.aligned_periods(point.volts)
     motion = point.motion()
-    slow = velocity_constant.slowing(point.motor, point.volts, point.torque, of)
-    return Free(point, of, slow, motion, behind(motion))
+    deceleration = velocity_constant.fit_decelerations(point.motor, point.volts, point.torque, cut)
+    return UnloadedPoint(point, cut, deceleration, motion, shaft_lag(motion))
 
 
-def _table(points: Sequence[Free]) -> Table:
-    volts = [each.slowing.volts_amplitude for each in points]
+def _table(points: Sequence[UnloadedPoint]) -> Table:
+    volts = [each.deceleration.voltage_amplitude for each in points]
     columns = [
         Column("row", "", tuple(each.point.row for each in points)),
         Column("voltage amplitude", "V", tuple(volts)),
         Column("velocity, nominal (eq. 3.2)", "rad/s", tuple(NOMINAL * v for v in volts)),
         Column("velocity, thesis nominal", "rad/s",
-               tuple(thesis.beside(v, thesis.VOLTS, thesis.SPEEDS) for v in volts)),
-        Column("rms velocity", "rad/s", tuple(each.slowing.rms_velocity for each in points)),
+               tuple(thesis.matching_value(v, thesis.VOLTS, thesis.SPEEDS) for v in volts)),
+        Column("rms velocity", "rad/s", tuple(each.deceleration.rms_velocity for each in points)),
     ]  # fmt: skip
-    for sign, way, _ in WAYS:
-        slopes = [each.slowing.slopes(sign) for each in points]
+    for sign, direction, _ in DIRECTIONS:
+        slopes = [each.deceleration.slopes(sign) for each in points]
         fits = [
-            [d.fitted.r_squared for d in p.slowing.down if d.quarter.sign == sign] for p in points
+            [d.line.r_squared for d in p.deceleration.thesis_fits if d.quarter.sign == sign]
+            for p in points
         ]
-        for name, of in (("mean", np.mean), ("min", np.min), ("max", np.max)):
-            values = tuple(float(of(s)) if len(s) else float("nan") for s in slopes)
-            columns.append(Column(f"{way} {name}", "rad/s/V", values))
-        columns.append(Column(f"{way} R² min", "", tuple(min(f, default=np.nan) for f in fits)))
+        for name, statistic in (("mean", np.mean), ("min", np.min), ("max", np.max)):
+            values = tuple(float(statistic(s)) if len(s) else float("nan") for s in slopes)
+            columns.append(Column(f"{direction} {name}", "rad/s/V", values))
+        columns.append(
+            Column(f"{direction} R² min", "", tuple(min(f, default=np.nan) for f in fits))
+        )
     columns += [
         Column("amplitude difference", "deg",
-               tuple(float(p.behind.amplitude_difference.mean()) / DEGREE for p in points)),
+               tuple(float(p.lag.amplitude_difference.mean()) / DEGREE for p in points)),
     ]  # fmt: skip
     title = "Table 3.2: velocity constants of decelerations by set point"
     return Table("velocity_constants", title, tuple(columns))
 
 
-def _compared(found: Constants, loss: Estimate, points: Sequence[Free]) -> tuple[Compared, ...]:
-    off = found.thesis.value / thesis.VELOCITY_CONSTANT - 1.0
-    top = found.fastest.value / thesis.VELOCITY_FASTEST - 1.0
+def _comparisons(
+    constants: VelocityConstants, amplitude_loss: Estimate, points: Sequence[UnloadedPoint]
+) -> tuple[Comparison, ...]:
+    deviation = constants.thesis.value / thesis.VELOCITY_CONSTANT - 1.0
+    fastest_deviation = constants.fastest.value / thesis.VELOCITY_FASTEST - 1.0
     low, high = thesis.VELOCITY_CONSTANTS
-    mid, half = thesis.UNLOADED_DIFFERENCE
-    slowest = float(np.mean([d.fitted.slope for d in points[0].slowing.down]))
+    mid, half_width = thesis.UNLOADED_DIFFERENCE
+    slowest = float(np.mean([d.line.slope for d in points[0].deceleration.thesis_fits]))
     torque = max(float(np.abs(p.motion.torque).max()) for p in points)
     return (
-        Compared("velocity constant, mean", f"{thesis.VELOCITY_CONSTANT} rad/s/V", "within 2 %",
-                 f"{words(found.thesis)} ({100 * off:+z.1f} %)", abs(off) <= 0.02),
-        Compared("mean of the three fastest", f"{thesis.VELOCITY_FASTEST} rad/s/V", "within 2 %",
-                 f"{words(found.fastest)} ({100 * top:+z.1f} %)", abs(top) <= 0.02),
-        Compared("spread of the three fastest", f"{100 * thesis.VELOCITY_SPREAD:.1f} %", "",
-                 f"{100 * found.spread:.1f} %", None),
-        Compared("single lines", f"{low} to {high} rad/s/V", "",
-                 f"{found.least:.2f} to {found.most:.2f} rad/s/V", None),
-        Compared("slowest set point", "lower", "low-amplitude bias visible",
-                 f"{slowest:.3f} rad/s/V", slowest < 0.99 * found.fastest.value),
-        Compared("motor going as told", "trends towards 1.5 rad/s/V", "",
-                 words(found.constant), None),
-        Compared("amplitude difference, unloaded", f"{mid} ± {half} deg", "inside", words(loss),
-                 abs(loss.value - mid) <= half),
-        Compared("largest torque of the bearing", "under 0.4 N·m", "", f"{torque:.2f} N·m", None),
-    )  # fmt: skip
+        Comparison(
+            "velocity constant, mean",
+            f"{thesis.VELOCITY_CONSTANT} rad/s/V",
+            "within 2 %",
+            f"{format_estimate(constants.thesis)} ({100 * deviation:+z.1f} %)",
+            abs(deviation) <= 0.02,
+        ),
+        Comparison(
+            "mean of the three fastest",
+            f"{thesis.VELOCITY_FASTEST} rad/s/V",
+            "within 2 %",
+            f"{format_estimate(constants.fastest)} ({100 * fastest_deviation:+z.1f} %)",
+            abs(fastest_deviation) <= 0.02,
+        ),
+        Comparison(
+            "spread of the three fastest",
+            f"{100 * thesis.VELOCITY_SPREAD:.1f} %",
+            "",
+            f"{100 * constants.spread:.1f} %",
+            None,
+        ),
+        Comparison(
+            "single lines",
+            f"{low} to {high} rad/s/V",
+            "",
+            f"{constants.smallest:.2f} to {constants.largest:.2f} rad/s/V",
+            None,
+        ),
+        Comparison(
+            "slowest set point",
+            "lower",
+            "low-amplitude bias visible",
+            f"{slowest:.3f} rad/s/V",
+            slowest < 0.99 * constants.fastest.value,
+        ),
+        Comparison(
+            "motor following its command",
+            "trends towards 1.5 rad/s/V",
+            "",
+            format_estimate(constants.constant),
+            None,
+        ),
+        Comparison(
+            "amplitude difference, unloaded",
+            f"{mid} ± {half_width} deg",
+            "within",
+            format_estimate(amplitude_loss),
+            abs(amplitude_loss.value - mid) <= half_width,
+        ),
+        Comparison("largest torque of the bearing", "under 0.4 N·m", "", f"{torque:.2f} N·m", None),
+    )
 
 
-def _pictures(points: Sequence[Free], constant: float) -> tuple[Picture, ...]:
-    said = "boxes: domains of the fits, black clockwise, grey counter-clockwise."
+def _figures(points: Sequence[UnloadedPoint], constant: float) -> tuple[FigureSpec, ...]:
+    domains_caption = "boxes: domains of the fits, black clockwise, grey counter-clockwise."
     return (
-        Picture("fig_2_6", "Fig. 2.6: amplitude difference, unloaded",
-                "Mean of the periods with 5th and 95th percentile; red: thesis 0.025 ± 0.015°.",
-                (7.2, 4.2), partial(_unloaded, points)),
-        Picture("fig_3_5", "Fig. 3.5: commanded and measured velocity",
-                f"Slowest set point above, fastest below; {said}", (7.6, 5.8),
-                partial(_over_time, (points[0], points[-1]), constant)),
-        Picture("fig_3_6", "Fig. 3.6: fits of the fastest set point", "One deceleration each way.",
-                (7.2, 5.8), partial(_fits, points[-1])),
-        Picture("fig_3_7", "Fig. 3.7: velocity constants over velocity",
-                "Mean, least and largest of the decelerations of each set point.", (7.2, 5.8),
-                partial(_constants, points, constant)),
-        Picture("fig_3_8", "Fig. 3.8: torque of the bearing over the phase",
-                "Means over periods and 15 ms; darker: faster.", (7.2, 4.4),
-                partial(_torque, points)),
-    )  # fmt: skip
+        FigureSpec(
+            "fig_2_6",
+            "Fig. 2.6: amplitude difference, unloaded",
+            "Mean of the periods with 5th and 95th percentile; red: thesis 0.025 ± 0.015°.",
+            (7.2, 4.2),
+            partial(_draw_unloaded, points),
+        ),
+        FigureSpec(
+            "fig_3_5",
+            "Fig. 3.5: commanded and measured velocity",
+            f"Slowest set point above, fastest below; {domains_caption}",
+            (7.6, 5.8),
+            partial(_draw_over_time, (points[0], points[-1]), constant),
+        ),
+        FigureSpec(
+            "fig_3_6",
+            "Fig. 3.6: fits of the fastest set point",
+            "One deceleration per direction.",
+            (7.2, 5.8),
+            partial(_draw_fits, points[-1]),
+        ),
+        FigureSpec(
+            "fig_3_7",
+            "Fig. 3.7: velocity constants over velocity",
+            "Mean, smallest and largest of the decelerations of each set point.",
+            (7.2, 5.8),
+            partial(_draw_constants, points, constant),
+        ),
+        FigureSpec(
+            "fig_3_8",
+            "Fig. 3.8: torque of the bearing over the phase",
+            "Means over periods and 15 ms; darker: faster.",
+            (7.2, 4.4),
+            partial(_draw_bearing_torque, points),
+        ),
+    )
 
 
-def _unloaded(points: Sequence[Free], body: SubFigure) -> None:
-    axes = axes_of(body, "rms motor velocity, rad/s", "amplitude difference, deg")
-    mid, half = thesis.UNLOADED_DIFFERENCE
-    axes.axhspan(mid - half, mid + half, color=RED, alpha=0.1, lw=0)
+def _draw_unloaded(points: Sequence[UnloadedPoint], body: SubFigure) -> None:
+    axes = prepare_axes(body, "rms motor velocity, rad/s", "amplitude difference, deg")
+    mid, half_width = thesis.UNLOADED_DIFFERENCE
+    axes.axhspan(mid - half_width, mid + half_width, color=RED, alpha=0.1, lw=0)
     axes.axhline(mid, color=RED, lw=0.9, ls="--")
     for each in points:
-        values = each.behind.amplitude_difference / DEGREE
+        values = each.lag.amplitude_difference / DEGREE
         low, high = np.percentile(values, [5, 95])
-        reach = [[values.mean() - low], [high - values.mean()]]
-        place = (each.behind.rms_velocity, values.mean())
-        axes.errorbar(*place, reach, fmt="o", ms=5, color=BLUE, capsize=3)
+        error_bar = [[values.mean() - low], [high - values.mean()]]
+        position = (each.lag.rms_velocity, values.mean())
+        axes.errorbar(*position, error_bar, fmt="o", ms=5, color=BLUE, capsize=3)
     axes.set_ylim(0.0, None)
 
 
-def _over_time(pair: tuple[Free, Free], constant: float, body: SubFigure) -> None:
+def _draw_over_time(
+    pair: tuple[UnloadedPoint, UnloadedPoint], constant: float, body: SubFigure
+) -> None:
     panels: Any = body.subplots(2, 1, sharex=True)
-    for each, place in zip(pair, panels, strict=True):
-        axes = axes_of(body, "time, s" if place is panels[-1] else "", "velocity, rad/s", place)
-        count = min(len(each.slowing.velocity), round(2.0 * each.of.period / each.of.dt))
-        t = each.of.dt * np.arange(count)
-        wanted = constant * each.slowing.volts[:count]
-        axes.plot(t, wanted, "--", color=RED, lw=1.1, label="command × constant")
-        axes.plot(t, each.slowing.velocity[:count], color=BLUE, lw=1.2, label="measured")
-        shown = [d for d in each.slowing.down if d.where.stop <= count]
-        boxes(axes, shown, each.of.dt, each.slowing.velocity)
+    for each, panel in zip(pair, panels, strict=True):
+        axes = prepare_axes(
+            body, "time, s" if panel is panels[-1] else "", "velocity, rad/s", panel
+        )
+        count = min(len(each.deceleration.velocity), round(2.0 * each.cut.period / each.cut.dt))
+        t = each.cut.dt * np.arange(count)
+        expected = constant * each.deceleration.volts[:count]
+        axes.plot(t, expected, "--", color=RED, lw=1.1, label="command × constant")
+        axes.plot(t, each.deceleration.velocity[:count], color=BLUE, lw=1.2, label="measured")
+        shown = [d for d in each.deceleration.thesis_fits if d.samples.stop <= count]
+        draw_domain_boxes(axes, shown, each.cut.dt, each.deceleration.velocity)
         axes.margins(x=0.0)
     panels[0].legend(
         frameon=False, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2
     )
 
 
-def _fits(one: Free, body: SubFigure) -> None:
+def _draw_fits(point: UnloadedPoint, body: SubFigure) -> None:
     panels: Any = body.subplots(2, 1)
-    for (sign, way, colour), place in zip(WAYS, panels, strict=True):
-        axes = axes_of(body, "voltage command, V", "velocity, rad/s", place)
-        mine = [d for d in one.slowing.down if d.quarter.sign == sign]
-        if not mine:
+    for (sign, direction, colour), panel in zip(DIRECTIONS, panels, strict=True):
+        axes = prepare_axes(body, "voltage command, V", "velocity, rad/s", panel)
+        domains = [d for d in point.deceleration.thesis_fits if d.quarter.sign == sign]
+        if not domains:
             continue
-        x = one.slowing.volts[mine[0].where]
-        axes.plot(x, one.slowing.velocity[mine[0].where], ".", ms=3, color=BLUE, alpha=0.5)
-        axes.plot(x, at(mine[0].fitted, x), color=colour, lw=1.4)
-        said = f"{way}\n{mine[0].fitted.slope:.3f} rad/s/V, R² {mine[0].fitted.r_squared:.5f}"
-        note(axes, said, "upper left" if sign > 0 else "lower right")
+        x = point.deceleration.volts[domains[0].samples]
+        axes.plot(
+            x, point.deceleration.velocity[domains[0].samples], ".", ms=3, color=BLUE, alpha=0.5
+        )
+        axes.plot(x, value_at(domains[0].line, x), color=colour, lw=1.4)
+        text = (
+            f"{direction}\n{domains[0].line.slope:.3f} rad/s/V, R² {domains[0].line.r_squared:.5f}"
+        )
+        annotate_corner(axes, text, "upper left" if sign > 0 else "lower right")
 
 
-def _constants(points: Sequence[Free], constant: float, body: SubFigure) -> None:
+def _draw_constants(points: Sequence[UnloadedPoint], constant: float, body: SubFigure) -> None:
     upper, lower = body.subplots(2, 1, sharex=True, height_ratios=[1.6, 1.0])
-    upper = axes_of(body, "", "velocity constant, rad/s/V", upper)
-    lower = axes_of(body, "rms motor velocity, rad/s", "R²", lower)
-    for sign, way, colour in WAYS:
-        fits = [[d.fitted for d in p.slowing.down if d.quarter.sign == sign] for p in points]
-        places = [p.slowing.rms_velocity for p in points]
-        bars(upper, places, [[f.slope for f in each] for each in fits], colour, way, 0.004 * sign)
-        bars(lower, places, [[f.r_squared for f in e] for e in fits], colour, way, 0.004 * sign)
-    upper.axhline(constant, color=BLUE, lw=0.9, label="going as told")
+    upper = prepare_axes(body, "", "velocity constant, rad/s/V", upper)
+    lower = prepare_axes(body, "rms motor velocity, rad/s", "R²", lower)
+    for sign, direction, colour in DIRECTIONS:
+        fits = [
+            [d.line for d in p.deceleration.thesis_fits if d.quarter.sign == sign] for p in points
+        ]
+        velocities = [p.deceleration.rms_velocity for p in points]
+        draw_ranges(
+            upper,
+            velocities,
+            [[f.slope for f in each] for each in fits],
+            colour,
+            direction,
+            0.004 * sign,
+        )
+        draw_ranges(
+            lower,
+            velocities,
+            [[f.r_squared for f in e] for e in fits],
+            colour,
+            direction,
+            0.004 * sign,
+        )
+    upper.axhline(constant, color=BLUE, lw=0.9, label="following its command")
     upper.axhline(
         thesis.VELOCITY_FASTEST, color=RED, lw=0.9, ls="--", label="thesis, three fastest"
     )
     upper.legend(frameon=False, fontsize=8, loc="lower right")
 
 
-def _torque(points: Sequence[Free], body: SubFigure) -> None:
-    axes = axes_of(body, "phase of the oscillation, share of a period", "torque, N·m")
+def _draw_bearing_torque(points: Sequence[UnloadedPoint], body: SubFigure) -> None:
+    axes = prepare_axes(body, "phase of the oscillation, share of a period", "torque, N·m")
     for i, each in enumerate(points):
-        torque = periods.mean_period(each.motion.torque, each.motion.of)
+        torque = periods.mean_period(each.motion.torque, each.motion.cut)
         share = np.arange(len(torque)) / len(torque)
         smooth = uniform_filter1d(torque, 15, mode="wrap")
         axes.plot(share, smooth, color=shade(i + 1, len(points) + 1), lw=1.0)

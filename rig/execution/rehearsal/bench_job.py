@@ -9,8 +9,8 @@ from rig.config.problems import Problem, display_path, format_number
 from rig.config.pydantic_errors import problems_from
 from rig.config.session_kinds import SESSION_KINDS
 from rig.config.yaml_source import KeyPath
-from rig.planning.session.files import Pieces, Session
-from rig.planning.session.flume import as_mapping, seas
+from rig.planning.session.files import Session, SessionParts
+from rig.planning.session.flume import sea_as_dict, session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
@@ -20,11 +20,11 @@ _SAME = 1e-6  # relative
 def devices_of_session(session: Session) -> dict[str, Any]:
     """What `connect` needs to stand in for the bench, as JSON values."""
     told: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
-    found = seas(session.file, session.points)
-    return told | {"seas": [as_mapping(sea) for sea in found]} if found else told
+    found = session_seas(session.file, session.points)
+    return told | {"seas": [sea_as_dict(sea) for sea in found]} if found else told
 
 
-def problems_of_session(pieces: Pieces) -> tuple[Problem, ...]:
+def problems_of_session(pieces: SessionParts) -> tuple[Problem, ...]:
     """What is wrong with the simulated bench, by itself and beside the rig."""
     if pieces.plant is None:
         return ()
@@ -36,7 +36,7 @@ def problems_of_session(pieces: Pieces) -> tuple[Problem, ...]:
     return (*_mismatches(pieces, plant), *_wrong_flap(pieces, plant))
 
 
-def _wrong_flap(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
+def _wrong_flap(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
     """A session of the flap without a flap, or with its rigid coupling where it must not be."""
     if pieces.file is None or pieces.plant is None:
         return
@@ -62,7 +62,7 @@ def _wrong_flap(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
         )
 
 
-def _mismatches(pieces: Pieces, plant: BenchPlant) -> Iterator[Problem]:
+def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
     """Scales that the rig and the bench must share, or counts mean other things.
 
     The constants are not among them: to find them is what sessions are for.

@@ -1,4 +1,4 @@
-"""The OSWEC bench: its words, what trips it, and its part of the cycle."""
+"""The OSWEC bench as a kind of rig: its signals, its trip checks and its part of the cycle."""
 
 from rig.kinds.oswec_bench.kind import KIND
 from rig.kinds.oswec_bench.signals import (

@@ -1,61 +1,67 @@
-"""What trips the bench: every check of a tick, those that allow no controlled stop first."""
+"""Trip checks of the bench, evaluated every tick.
+
+Checks whose reason allows no controlled stop (stop category 0) come first.
+"""
 
 from controllers.blocks import finite
 from controllers.signals import AxisSense
 from rig.kinds.oswec_bench.signals import Motion, Sense, WrenchSense
-from rig.kinds.oswec_bench.state import LoadLimits, Params, State, zeros
+from rig.kinds.oswec_bench.state import LoadLimits, Params, State, zeros_in_use
 from rig.realtime import axis
 from rig.realtime.safety import CATEGORY, FINE, Reason
 
 
 def motor_sense(sense: Sense) -> AxisSense:
-    """Encoder and servo as the axis that they are."""
+    """Return encoder and servo readings in the form of an axis."""
     encoders, servo, _, _, _ = sense
     current, enabled, fault, age = servo
     return AxisSense(encoders.motor_counts, encoders.age, current, enabled, fault, age)
 
 
 def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int) -> int:
-    """The first reason to trip, those that allow no controlled stop before others, or NONE."""
+    """Return the first reason to trip, or NONE.
+
+    Reasons that allow no controlled stop come before all others.
+    """
     encoders, _, load, brake, panel = sense
     motor, shaft = motion
-    limits, tared = params.limits, state.tare
+    limits, tare_state = params.limits, state.tare
     e_stop, _, panel_age = panel
     if e_stop != 0:
         return Reason.EMERGENCY_STOP.value
     fx, fy, fz, tx, ty, tz, load_age = load
     current, brake_age = brake
     x, v, a = shaft
-    # One sum instead of many tests: it is finite only if every term is.
-    told = fx + fy + fz + tx + ty + tz + load_age + current + brake_age + panel_age + x + v + a
-    if state.speed.absurd == 1 or not finite(told):
+    # One sum replaces many tests: it is finite only if every term is finite.
+    total = fx + fy + fz + tx + ty + tz + load_age + current + brake_age + panel_age + x + v + a
+    if state.speed.not_finite == 1 or not finite(total):
         return Reason.NOT_FINITE.value
-    zero, shaft_zero = zeros(params, state, encoders)
-    powers = state.stations.reason
-    fault = axis.check(params.motor, state.motor, motor_sense(sense), motor, zero, mode)
+    motor_zero, shaft_zero = zeros_in_use(params, state, encoders)
+    station_reason = state.stations.reason
+    fault = axis.check(params.motor, state.motor, motor_sense(sense), motor, motor_zero, mode)
     if fault != FINE and CATEGORY[fault] == 0:
         return fault
     most = limits.shaft_jump_stop
     measured = encoders.shaft_counts * params.shaft.radians_per_count - shaft_zero
-    late = encoders.age - state.motor.min_age
-    if late > 0.0:  # where the shaft is by now
-        measured = measured + late * (v - 0.5 * late * a)
+    excess_age = encoders.age - state.motor.min_age
+    if excess_age > 0.0:  # extrapolate the estimate to the present
+        measured = measured + excess_age * (v - 0.5 * excess_age * a)
     if not -most <= measured - x <= most:
         return Reason.SHAFT_ENCODER_JUMP.value
     most = limits.slip_stop
     if not -most <= motor.position - x <= most:
         return Reason.COUPLING_SLIP.value
-    if overloaded(load, limits.load_stop):
+    if exceeds_range(load, limits.load_stop):
         return Reason.LOAD_CELL_OVERLOAD.value
     if state.mismatch >= limits.velocity_ticks_stop:
         return Reason.VELOCITY_DISAGREES.value
-    if powers != FINE:
-        return powers
+    if station_reason != FINE:
+        return station_reason
     if fault != FINE:
         return fault
     if panel.limit_switch != 0:
         return Reason.LIMIT_SWITCH.value
-    if not 0.0 <= panel_age <= limits.panel_age_stop:  # below 0: a clock is wrong
+    if not 0.0 <= panel_age <= limits.panel_age_stop:  # an age below 0 means that a clock is wrong
         return Reason.STALE_PANEL.value
     if not 0.0 <= load_age <= limits.load_age_stop:
         return Reason.STALE_LOAD_CELL.value
@@ -63,20 +69,20 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return Reason.STALE_BRAKE.value
     if state.brake.mismatch_ticks >= limits.brake_ticks_stop:
         return Reason.BRAKE_LOST.value
-    if tared.samples > 0 and tared.highest - tared.lowest > limits.tare_span_stop:
+    if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > limits.tare_span_stop:
         return Reason.NOT_CALM.value
     return FINE
 
 
-def overloaded(load: WrenchSense, most: LoadLimits) -> bool:
-    """True if a force or a torque of the load cell is beyond its range."""
+def exceeds_range(load: WrenchSense, bounds: LoadLimits) -> bool:
+    """Return True if a force or a torque of the load cell lies outside its range."""
     fx, fy, fz, tx, ty, tz, _ = load
-    across, along, bending, twisting = most
+    lateral, axial, bending, torsion = bounds
     return not (
-        -across <= fx <= across
-        and -across <= fy <= across
-        and -along <= fz <= along
+        -lateral <= fx <= lateral
+        and -lateral <= fy <= lateral
+        and -axial <= fz <= axial
         and -bending <= tx <= bending
         and -bending <= ty <= bending
-        and -twisting <= tz <= twisting
+        and -torsion <= tz <= torsion
     )

@@ -1,6 +1,6 @@
-"""The words of the bench: what is sensed and commanded in a tick, its row, its set points.
+"""Signals of the bench: readings and commands of a tick, the log row, the set points.
 
-All angles, velocities and torques are those of the gearbox output, the motor's own ones divided
+All angles, velocities and torques refer to the gearbox output: the motor's own values divided
 (torques multiplied) by the gear ratio. Signs: a positive torque of the motor turns the shaft to
 positive angles; the brake's torque opposes the shaft's velocity.
 """
@@ -30,18 +30,18 @@ from rig.realtime import cycle, safety
 
 
 class DriveMode(IntEnum):
-    """Which loop of the servo drive is closed."""
+    """The closed loop of the servo drive."""
 
     VELOCITY = 0  # commanded in volts
     TORQUE = 1  # commanded in amperes
 
 
-# Plain ints for the tick, as in `rig.realtime.safety`.
+# Plain ints for the compiled tick, as in `rig.realtime.safety`.
 VELOCITY, TORQUE = (int(mode) for mode in DriveMode)
 
 
 class EncoderSense(NamedTuple):
-    """Both encoders, read in one frame: they are equally old."""
+    """Both encoders; one frame carries both, so they have one age."""
 
     motor_counts: Count  # unwrapped, arbitrary zero; of the motor's shaft
     shaft_counts: Count  # unwrapped, arbitrary zero; behind the coupling
@@ -49,16 +49,16 @@ class EncoderSense(NamedTuple):
 
 
 class ServoSense(NamedTuple):
-    """The servo drive."""
+    """Readings of the servo drive."""
 
     current: Ampere  # measured motor current
-    enabled: Flag  # its power stage is on
-    fault: Index  # its error code, 0: none
+    enabled: Flag  # power stage is on
+    fault: Index  # error code, 0: none
     age: Second
 
 
 class WrenchSense(NamedTuple):
-    """The six-axis load cell between shaft and brake; z lies along the shaft."""
+    """The six-axis load cell between shaft and brake; z is the axis of the shaft."""
 
     fx: Newton
     fy: Newton
@@ -70,14 +70,14 @@ class WrenchSense(NamedTuple):
 
 
 class BrakeSense(NamedTuple):
-    """The amplifier of the particle brake."""
+    """Readings of the particle brake's amplifier."""
 
     current: Ampere  # measured, >= 0
     age: Second
 
 
 class Sense(NamedTuple):
-    """All that is read in a tick."""
+    """All readings of a tick."""
 
     encoders: EncoderSense
     servo: ServoSense
@@ -87,7 +87,7 @@ class Sense(NamedTuple):
 
 
 class Rotation(NamedTuple):
-    """Estimated motion about the shaft's axis, from the tared zero."""
+    """Estimated motion about the shaft's axis, relative to the tared zero."""
 
     angle: Radian
     velocity: RadianPerSecond
@@ -104,7 +104,7 @@ class Zeros(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """What the shaft should do; that of the loop not in use is 0."""
+    """The reference of the shaft; fields of the loop that is not in use are 0."""
 
     angle: Radian
     velocity: RadianPerSecond
@@ -112,38 +112,36 @@ class Reference(NamedTuple):
 
 
 class LoopDemand(NamedTuple):
-    """What is asked of the drive before limits; that of the loop not in use is 0."""
+    """The demand on the drive before limits; the field of the loop that is not in use is 0."""
 
     torque: NewtonMetre
     velocity: RadianPerSecond
 
 
 class Command(NamedTuple):
-    """All that is written in a tick, after all limits."""
+    """All outputs of a tick, after all limits."""
 
     mode: Index  # `DriveMode`
     velocity: RadianPerSecond
     volts: Volt  # velocity command of the drive
     torque: NewtonMetre
     current: Ampere  # motor current, torque loop
-    enable: Flag  # the drive shall have its power stage on
-    limited: (
-        Flag  # set of `rig.realtime.limits.Limited`: why what was asked was not granted in full
-    )
-    brake_torque: NewtonMetre  # asked of the brake, >= 0 whichever way the shaft turns
-    brake_current: Ampere  # of the brake's amplifier
-    locked: Flag  # 1: somebody has clamped the shaft for this session, or holds the flap
-    sea: Index = -1  # of the session's seas, what the wave maker shall run; -1: still water
-    clamp: Radian = 0.0  # where the shaft is held while it is locked
+    enable: Flag  # request to keep the drive's power stage on
+    limited: Flag  # set of `rig.realtime.limits.Limited`: reasons why the demand was reduced
+    brake_torque: NewtonMetre  # demand on the brake, >= 0 in both directions of rotation
+    brake_current: Ampere  # setpoint of the brake's amplifier
+    locked: Flag  # 1: the shaft is clamped for this session, or a person holds the flap
+    sea: Index = -1  # sea for the wave maker, index into the session's seas; -1: still water
+    clamp: Radian = 0.0  # angle of the shaft while it is locked
 
 
 class BenchRow(NamedTuple):
-    """One tick of a bench run; tick stands first and last so that a torn row shows."""
+    """One tick of a bench run; the tick stands first and last so that readers detect a torn row."""
 
     tick: Tick
-    time: Second  # planned, since run start
+    time: Second  # planned time since run start
     timing: cycle.Timing
-    plan: cycle.PlanRecord  # its wave clock is the row's own: since its motion began
+    plan: cycle.PlanRecord  # its wave clock counts from the start of each row's motion
     safety: safety.State
     encoders: EncoderSense
     servo: ServoSense
@@ -154,41 +152,41 @@ class BenchRow(NamedTuple):
     shaft: Rotation
     tared: Zeros
     reference: Reference  # without correction and feedback
-    correction: Turning  # what is added for the driveline's deflection
+    correction: Turning  # compensation of the driveline's deflection
     demand: LoopDemand
     command: Command
     tick_end: Tick
 
 
 class Flume(NamedTuple):
-    """What a set point asks of a flap in its flume, in the brake's place."""
+    """The flap's part of a set point; it takes the place of the brake's part."""
 
-    sea: Index  # of the session's seas; -1: still water
-    held: Flag  # 1: somebody holds the flap
-    angle: Radian  # at this angle
-    damping: float  # N*m*s/rad, of the motor as a power take-off
+    sea: Index  # index into the session's seas; -1: still water
+    flap_held: Flag  # 1: a person holds the flap
+    hold_angle: Radian  # of the held flap
+    pto_damping: float  # N*m*s/rad, of the motor acting as power take-off
 
 
 NO_FLUME = Flume(-1, 0, 0.0, 0.0)
-"""A set point of the bench."""
+"""The flume part of a set point without a flap."""
 
 
 class Setpoints(NamedTuple):
-    """Table of set points by columns, all of one length; a plan segment names its index.
+    """Set points as columns of equal length; a plan segment names an index into them.
 
     ``components`` are those of the reference: rad in the velocity loop, N*m in the torque loop.
     """
 
     components: tuple[tuple[Component, ...], ...]
     damping: tuple[float, ...]  # N*m*s/rad, R of the brake law T = R |v|
-    brake_current: tuple[float, ...]  # A, beside the brake law
-    rise: tuple[float, ...]  # s, in which the reference grows from nothing
-    until: tuple[float, ...]  # s of the row's own clock, when it begins to fade
+    brake_current: tuple[float, ...]  # A, added to the current of the brake law
+    rise: tuple[float, ...]  # s, ramp of the reference from zero
+    until: tuple[float, ...]  # s of the row's clock; the fade-out starts then
     flume: tuple[Flume, ...]
 
 
-# Motor and shaft from their zeros, as `rig.realtime.axis` has them: rad for m.
+# Motion of motor and shaft relative to their zeros, as in `rig.realtime.axis`, rad for m.
 Motion = tuple[Estimate, Estimate]
 
-# The bench's own part of a row, made in the tick.
+# The bench's own part of a row, computed in the tick.
 TickSignals = tuple[Motion, Zeros, Reference, Turning, LoopDemand]

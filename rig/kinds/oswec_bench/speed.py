@@ -1,4 +1,4 @@
-"""The velocity command: what is asked -> what the drive is told, in volts, within limits."""
+"""The velocity command: a demanded velocity becomes volts of the drive's input, within limits."""
 
 from typing import NamedTuple
 
@@ -10,21 +10,21 @@ from rig.realtime.safety import ENABLING, RUN, STOP_1
 class Params(NamedTuple):
     """Scale and limits of the velocity command."""
 
-    constant: float  # rad/s per volt, measured
-    most_volts: float  # V either way
-    most: float  # rad/s either way
-    acceleration: float  # rad/s^2, most change of the command
+    velocity_constant: float  # rad/s per volt, measured
+    max_volts: float  # V, both directions
+    max_velocity: float  # rad/s, both directions
+    acceleration: float  # rad/s^2, maximum rate of change of the command
 
 
 class State(NamedTuple):
     """Memory of the limiter."""
 
-    velocity: float  # rad/s, granted in the tick before
-    absurd: int  # 1: what was asked last was not a finite number
+    velocity: float  # rad/s, command of the previous tick
+    not_finite: int  # 1: the last demand was not a finite number
 
 
-class Granted(NamedTuple):
-    """What the drive is told."""
+class VelocityCommand(NamedTuple):
+    """The command to the drive."""
 
     velocity: float  # rad/s
     volts: float  # V
@@ -33,32 +33,32 @@ class Granted(NamedTuple):
 
 
 def start() -> State:
-    """State at switch-on: no command."""
+    """Return the state at switch-on: no command."""
     return State(0.0, 0)
 
 
-def grant(
-    params: Params, state: State, asked: float, mode: int, dt: float
-) -> tuple[State, Granted]:
-    """The command for an asked velocity (rad/s).
+def limit_command(
+    params: Params, state: State, demand: float, mode: int, dt: float
+) -> tuple[State, VelocityCommand]:
+    """Return new state and command for a demanded velocity (rad/s).
 
-    ENABLING asks the drive on at rest; RUN and the controlled stops grant a velocity; every other
-    mode takes command and power away in this very tick. What is not a finite number is granted as
-    rest, and trips in the next tick.
+    ENABLING requests power at zero velocity; RUN and the controlled stops pass a velocity; every
+    other mode removes command and power in the same tick. A demand that is not finite yields zero
+    velocity, and the next tick trips.
     """
     if not RUN <= mode <= STOP_1:
-        limited = 0 if asked == 0.0 else Limited.MODE.value
-        return State(0.0, 0), Granted(0.0, 0.0, 1 if mode == ENABLING else 0, limited)
-    if not finite(asked):
-        return State(0.0, 1), Granted(0.0, 0.0, 1, Limited.NOT_FINITE.value)
-    constant, most_volts, most, acceleration = params
-    ceiling = most_volts * constant
-    ceiling = min(ceiling, most)
-    velocity, limited = clamp(asked, -ceiling, ceiling), 0
-    if velocity != asked:
+        limited = 0 if demand == 0.0 else Limited.MODE.value
+        return State(0.0, 0), VelocityCommand(0.0, 0.0, 1 if mode == ENABLING else 0, limited)
+    if not finite(demand):
+        return State(0.0, 1), VelocityCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
+    velocity_constant, max_volts, max_velocity, acceleration = params
+    ceiling = max_volts * velocity_constant
+    ceiling = min(ceiling, max_velocity)
+    velocity, limited = clamp(demand, -ceiling, ceiling), 0
+    if velocity != demand:
         limited = Limited.VELOCITY.value
     change = acceleration * dt
-    within = clamp(velocity, state.velocity - change, state.velocity + change)
-    if within != velocity:
+    slewed = clamp(velocity, state.velocity - change, state.velocity + change)
+    if slewed != velocity:
         limited = limited | Limited.SLEW.value
-    return State(within, 0), Granted(within, within / constant, 1, limited)
+    return State(slewed, 0), VelocityCommand(slewed, slewed / velocity_constant, 1, limited)

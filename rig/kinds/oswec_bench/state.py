@@ -1,4 +1,4 @@
-"""What the bench's cycle is given for a run, and what it remembers from tick to tick."""
+"""Parameters of the bench's cycle for a run, and its state from tick to tick."""
 
 from typing import NamedTuple
 
@@ -18,30 +18,30 @@ class ShaftParams(NamedTuple):
 
 
 class Homing(NamedTuple):
-    """How the velocity loop brings the shaft back to its zero between rows."""
+    """Return of the shaft to its zero between rows, in the velocity loop."""
 
-    rate: float  # 1/s: of the way that is left
-    most: float  # rad/s
+    rate: float  # 1/s, velocity over remaining angle
+    max_velocity: float  # rad/s
 
 
 class LoadLimits(NamedTuple):
-    """Range of the load cell, either way."""
+    """Range of the load cell, both directions."""
 
-    across: float  # N, fx and fy
-    along: float  # N, fz
+    lateral: float  # N, fx and fy
+    axial: float  # N, fz
     bending: float  # N*m, tx and ty
-    twisting: float  # N*m, tz
+    torsion: float  # N*m, tz
 
 
 class Limits(NamedTuple):
-    """Limits of what is not the motor's own."""
+    """Limits of everything but the motor."""
 
     slip_stop: float  # rad between motor and shaft
-    shaft_jump_stop: float  # rad, between what was measured and what the estimate says
+    shaft_jump_stop: float  # rad, between measurement and estimate
     load_stop: LoadLimits
     load_age_stop: float  # s
-    brake_difference_stop: float  # A, between what the brake was told and what it has
-    brake_ticks_stop: int  # ticks in a row it may be so
+    brake_difference_stop: float  # A, between command and measured current of the brake
+    brake_ticks_stop: int  # consecutive ticks that the difference may last
     velocity_difference_stop: float  # rad/s, between the motor's velocity and its command
     velocity_ticks_stop: int  # ticks that the difference may last
     brake_age_stop: float  # s
@@ -50,14 +50,16 @@ class Limits(NamedTuple):
 
 
 class Params(NamedTuple):
-    """Constants of a bench run; the motor is an axis that turns: rad for m, N*m for N."""
+    """Constants of a bench run; the motor is a rotating axis: rad for m, N*m for N."""
 
     mode: int  # `DriveMode`
     motor: axis.Params
     shaft: ShaftParams
     speed: speed.Params
     homing: Homing
-    feedback: float  # 1/s, from the motor's angle to the velocity command; 0: it may drift
+    position_feedback: (
+        float  # 1/s, gain from the motor's angle error to the velocity command; 0: free drift
+    )
     position: oswec_position.Params
     torque: torque_tracking.Params
     brake: brake_damping.Params
@@ -71,18 +73,18 @@ class ShaftState(NamedTuple):
     """Memory of the shaft's estimate."""
 
     motion: Estimate
-    age: float  # s, of the counts in the last tick
+    age: float  # s, age of the counts in the last tick
 
 
 class BrakeState(NamedTuple):
-    """What the brake was told, and since when it has not obeyed."""
+    """The brake's last command, and for how long the brake has not followed it."""
 
-    told: brake_damping.Braked
-    mismatch_ticks: int  # ticks in a row
+    command: brake_damping.Braked
+    mismatch_ticks: int  # consecutive ticks
 
 
 class Laws(NamedTuple):
-    """Memory of the laws; it starts afresh whenever they do not act."""
+    """Memory of the laws; it is reset whenever they do not act."""
 
     position: oswec_position.State
     torque: torque_tracking.State
@@ -91,7 +93,7 @@ class Laws(NamedTuple):
 class ActiveSetpoint(NamedTuple):
     """The set point in use."""
 
-    setpoint: int  # its index, -1: none yet
+    setpoint: int  # index, -1: none yet
     components: tuple[Component, ...]
     span: Span
     damping: float  # N*m*s/rad
@@ -107,7 +109,7 @@ class State(NamedTuple):
     speed: speed.State
     laws: Laws
     brake: BrakeState
-    mismatch: int  # ticks of a velocity that disagrees with its command, as those of a current
+    mismatch: int  # ticks in which the velocity disagrees with its command
     stations: stations.State
     tare: tare.State
     active_setpoint: ActiveSetpoint
@@ -117,7 +119,7 @@ LAWS_AT_REST = Laws(oswec_position.start(), torque_tracking.start())
 
 
 def start(params: Params) -> State:
-    """State before the first tick."""
+    """Return the state before the first tick."""
     return State(
         axis.start(),
         ShaftState(Estimate(0.0, 0.0, 0.0), 0.0),
@@ -131,8 +133,8 @@ def start(params: Params) -> State:
     )
 
 
-def hold(table: Setpoints, setpoint: int) -> ActiveSetpoint:
-    """The set point of an index, made once and used until the next one."""
+def activate_setpoint(table: Setpoints, setpoint: int) -> ActiveSetpoint:
+    """Return the set point of an index; it is built once and used until the next one."""
     return ActiveSetpoint(
         setpoint,
         table.components[setpoint],
@@ -143,16 +145,19 @@ def hold(table: Setpoints, setpoint: int) -> ActiveSetpoint:
     )
 
 
-def zeros(params: Params, state: State, encoders: EncoderSense) -> tuple[float, float]:
-    """The zeros of motor and shaft in use (rad in their encoders' frames), at first their own."""
-    tared = state.tare
-    if tared.seeded == 1:
-        return tared.zeros.motor, tared.zeros.shaft
-    return angles(params, encoders)
+def zeros_in_use(params: Params, state: State, encoders: EncoderSense) -> tuple[float, float]:
+    """Return the zeros of motor and shaft, rad in their encoders' frames.
+
+    Before there are zeros, the present angles take their place.
+    """
+    tare_state = state.tare
+    if tare_state.seeded == 1:
+        return tare_state.zeros.motor, tare_state.zeros.shaft
+    return encoder_angles(params, encoders)
 
 
-def angles(params: Params, encoders: EncoderSense) -> tuple[float, float]:
-    """What the counts of motor and shaft say, rad in the encoders' own frames."""
+def encoder_angles(params: Params, encoders: EncoderSense) -> tuple[float, float]:
+    """Return the angles of motor and shaft, rad in the encoders' own frames."""
     return (
         encoders.motor_counts * params.motor.metres_per_count,
         encoders.shaft_counts * params.shaft.radians_per_count,

@@ -1,14 +1,15 @@
-"""Power of the bench's motor by its current and by the load cell, averaged over some seconds.
+"""Comparison of the motor's power by current with that by the load cell, averaged over some
+seconds.
 
-    Kt i v    the motor's, at the gearbox output          tz v    what leaves by the load cell
+    Kt i v    motor power at the gearbox output          tz v    power through the load cell
 
-What is between the two is known: friction of gearbox and bearing, a few watts and a share of the
-torque (OSWEC thesis (University of Washington), 3.1.2), and the motor's inertia, which stores next
-to nothing. An inverted or dead load cell, a motor that gives another torque than its current says,
-do not go together. On a clamped shaft, or one that hardly turns, there is no power to compare.
+The difference of the two is known: friction of gearbox and bearing, a few watts and a share of the
+torque (OSWEC thesis (University of Washington), 3.1.2), and the motor's inertia, which stores
+almost nothing. An inverted or dead load cell, or a motor whose torque does not match its current,
+breaks this balance. On a shaft that is clamped or hardly turns there is no power to compare.
 
-Power sign: while the motor is nothing but the damping of a flap's power take-off, power only comes
-in, tz v < 0 on the average. Where it does not, the damping pushes the flap on.
+Power sign: while the motor acts only as the damping of a flap's power take-off, power flows only
+into the motor: tz v < 0 on average. A positive average means that the damping drives the flap.
 """
 
 from typing import NamedTuple
@@ -23,28 +24,28 @@ _SIGN = Reason.POWER_SIGN.value
 class Params(NamedTuple):
     """Scale and limits."""
 
-    newest: float  # share of a tick in the averages
-    fed_stop: float  # W, into a flap by its power take-off
-    motor_stop: float  # W, between motor current and load cell
-    motor_ratio: float  # 1, the same as a share of the load cell's power
+    average_weight: float  # weight of the newest tick in the averages
+    fed_power_stop: float  # W, mean power from the power take-off into the flap
+    difference_stop: float  # W, difference between motor and load cell
+    difference_ratio: float  # 1, permitted share of the load cell's power
     torque_constant: float  # N*m/A
 
 
 class State(NamedTuple):
     """Averages, W."""
 
-    fed: float  # out of the load cell while the motor only damps
-    motor: float  # Kt i v less tz v
-    size: float  # |tz v|
+    fed_power: float  # mean of tz v while the motor only damps
+    difference: float  # mean of Kt i v less tz v
+    cell_power: float  # mean of |tz v|
     reason: int  # to stop, or NONE
 
 
-_NOTHING = State(0.0, 0.0, 0.0, FINE)
+_ZERO_POWER = State(0.0, 0.0, 0.0, FINE)
 
 
 def start() -> State:
-    """State at switch-on: no power anywhere."""
-    return _NOTHING
+    """Return the state at switch-on: zero power."""
+    return _ZERO_POWER
 
 
 def step(
@@ -53,27 +54,27 @@ def step(
     current: float,
     torque: float,
     velocity: float,
-    damps: bool,
+    damps_only: bool,
     mode: int,
 ) -> State:
-    """Averages with this tick in them, and the reason to stop that they give.
+    """Return averages that include this tick, and the reason to stop that they give.
 
-    ``torque`` is the load cell's tz less its zero (N*m), ``velocity`` the motor's (rad/s);
-    ``damps`` says that the motor is nothing but a power take-off now. Without power on the drive
-    nothing is averaged.
+    ``torque`` is the load cell's tz less its zero (N*m), ``velocity`` the motor's (rad/s).
+    ``damps_only`` is True while the motor is a power take-off and nothing else. Without power on
+    the drive the averages are reset.
     """
     if not RUN <= mode <= STOP_1:
-        return _NOTHING
-    newest, fed_stop, motor_stop, ratio, constant = params
-    fed, motor, size, _ = state
+        return _ZERO_POWER
+    weight, fed_power_stop, difference_stop, difference_ratio, torque_constant = params
+    fed_power, difference, cell_power, _ = state
     power = torque * velocity
-    fed = average.step(fed, power if damps else 0.0, newest)
-    motor = average.step(motor, constant * current * velocity - power, newest)
-    size = average.step(size, abs(power), newest)
+    fed_power = average.step(fed_power, power if damps_only else 0.0, weight)
+    difference = average.step(difference, torque_constant * current * velocity - power, weight)
+    cell_power = average.step(cell_power, abs(power), weight)
     reason = FINE
-    apart = motor_stop + ratio * size
-    if not -apart <= motor <= apart:
+    max_difference = difference_stop + difference_ratio * cell_power
+    if not -max_difference <= difference <= max_difference:
         reason = _FORCE
-    elif fed > fed_stop:
+    elif fed_power > fed_power_stop:
         reason = _SIGN
-    return State(fed, motor, size, reason)
+    return State(fed_power, difference, cell_power, reason)

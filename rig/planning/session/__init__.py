@@ -1,23 +1,23 @@
-"""Sessions of the bench: from the file a person writes to the table the loop walks.
+"""Sessions of the bench: from the session file to the table that the loop runs.
 
-Runs in the supervisor only; the loop gets the finished plan.
+This package runs in the supervisor only; the loop receives the finished plan.
 """
 
 from rig.planning.session.check import SessionReport, check_session
-from rig.planning.session.files import Pieces, Session, is_session, open_session
+from rig.planning.session.files import Session, SessionParts, is_session, open_session
 from rig.planning.session.plan import SessionPlan, SessionRow, plan_session
-from rig.planning.session.resolved import planned, resolved_session
+from rig.planning.session.resolved import plan_as_dict, resolved_session
 
 __all__ = [
-    "Pieces",
     "Session",
+    "SessionParts",
     "SessionPlan",
     "SessionReport",
     "SessionRow",
     "check_session",
     "is_session",
     "open_session",
+    "plan_as_dict",
     "plan_session",
-    "planned",
     "resolved_session",
 ]

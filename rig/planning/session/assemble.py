@@ -1,4 +1,6 @@
-"""From a checked session to the loop's parameters: where degrees, counts and volts are turned."""
+"""Conversion of a checked session to the loop's parameters, with units of degrees, counts and
+volts.
+"""
 
 import math
 from typing import Any
@@ -17,18 +19,18 @@ from rig.realtime import average, axis, cycle, limits, safety
 
 
 def motor_radians_per_count(rig: BenchRigFile) -> float:
-    """Angle at the gearbox output per count of the motor's encoder."""
+    """Return the angle at the gearbox output per count of the motor's encoder, rad."""
     servo = rig.servo
     return 2.0 * math.pi / (servo.encoder.counts_per_revolution * servo.gear_ratio)
 
 
 def shaft_radians_per_count(rig: BenchRigFile) -> float:
-    """Angle per count of the encoder behind the coupling."""
+    """Return the angle per count of the encoder behind the coupling, rad."""
     return 2.0 * math.pi / rig.shaft_encoder.counts_per_revolution
 
 
-def scales(session: Session) -> dict[str, Any]:
-    """What the analysis needs to read counts and commands of a run."""
+def analysis_scales(session: Session) -> dict[str, Any]:
+    """Return the constants by which the analysis reads counts and commands of a run."""
     constants = session.constants
     return {
         "motor_rad_per_count": motor_radians_per_count(session.rig),
@@ -43,19 +45,19 @@ def scales(session: Session) -> dict[str, Any]:
 
 
 def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
-    """Everything the cycle of a bench needs, designed estimators included."""
-    rig, bounds, file = session.rig, session.limits, session.file
-    dt, in_torque = plan.dt, file.loop == "torque"
+    """Return all parameters of the bench's cycle, with the designed estimators."""
+    rig, limits_file, session_file = session.rig, session.limits, session.file
+    dt, in_torque_loop = plan.dt, session_file.loop == "torque"
     return cycle.Params(
         segments=plan.segments,
         safety=safety.Params(
             enable_ticks=round(rig.drive_enable_timeout_s / dt),
             stop_ticks=round(rig.stop.duration_s / dt),
         ),
-        lost_ticks_stop=bounds.loop.lost_ticks_stop,
+        lost_ticks_stop=limits_file.loop.lost_ticks_stop,
         rig=oswec_bench.Params(
-            mode=TORQUE if in_torque else VELOCITY,
-            motor=_motor(rig, bounds, in_torque, dt),
+            mode=TORQUE if in_torque_loop else VELOCITY,
+            motor=_motor(rig, limits_file, in_torque_loop, dt),
             shaft=ShaftParams(
                 shaft_radians_per_count(rig),
                 _estimator(rig.shaft_encoder, shaft_radians_per_count(rig), dt),
@@ -63,11 +65,11 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             speed=speed.Params(
                 session.constants.velocity,
                 rig.servo.command_v,
-                bounds.motor.velocity_command_rad_per_s,
-                bounds.motor.acceleration_rad_per_s2,
+                limits_file.motor.velocity_command_rad_per_s,
+                limits_file.motor.acceleration_rad_per_s2,
             ),
             homing=Homing(rig.homing.rate_per_s, rig.homing.speed_rad_per_s),
-            feedback=file.position_feedback_per_s,
+            position_feedback=session_file.position_feedback_per_s,
             position=_position(session),
             torque=_torque(session),
             brake=brake_damping.Params(
@@ -76,13 +78,13 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
                 rig.brake.slew_a_per_s,
                 rig.brake.velocity_filter_s,
             ),
-            locked=1 if file.shaft == "clamped" else 0,
-            limits=_limits(bounds, in_torque, dt),
+            locked=1 if session_file.shaft == "clamped" else 0,
+            limits=_limits(limits_file, in_torque_loop, dt),
             stations=stations.Params(
-                newest=average.share(bounds.power.time_s, dt),
-                fed_stop=bounds.power.fed_stop_w,
-                motor_stop=bounds.power.motor_difference_stop_w,
-                motor_ratio=bounds.power.motor_difference_ratio,
+                average_weight=average.share(limits_file.power.time_s, dt),
+                fed_power_stop=limits_file.power.fed_stop_w,
+                difference_stop=limits_file.power.motor_difference_stop_w,
+                difference_ratio=limits_file.power.motor_difference_ratio,
                 torque_constant=rig.servo.torque_constant_n_m_per_a,
             ),
             setpoints=plan.setpoints,
@@ -94,12 +96,15 @@ def _estimator(encoder: Encoder, radians_per_count: float, dt: float) -> Any:
     return design(radians_per_count, encoder.noise_counts, encoder.jerk_density_rad2_per_s5, dt)
 
 
-def _motor(rig: BenchRigFile, bounds: BenchLimitsFile, in_torque: bool, dt: float) -> axis.Params:
-    """The motor as an axis that turns: rad for m, N*m for N.
+def _motor(
+    rig: BenchRigFile, limits_file: BenchLimitsFile, in_torque_loop: bool, dt: float
+) -> axis.Params:
+    """Return the motor as a rotating axis: rad for m, N*m for N.
 
-    In the velocity loop the drive makes its current itself: nothing commands it.
+    In the velocity loop the drive controls its current itself, so there is no commanded current to
+    compare with.
     """
-    motor, scale = bounds.motor, motor_radians_per_count(rig)
+    motor, scale = limits_file.motor, motor_radians_per_count(rig)
     constant = rig.servo.torque_constant_n_m_per_a
     return axis.Params(
         metres_per_count=scale,
@@ -115,7 +120,7 @@ def _motor(rig: BenchRigFile, bounds: BenchLimitsFile, in_torque: bool, dt: floa
             encoder_age_stop=motor.encoder_age_stop_s,
             encoder_jump_stop=math.radians(motor.encoder_jump_stop_deg),
             drive_age_stop=motor.drive_age_stop_s,
-            current_difference_stop=motor.current_difference_stop_a if in_torque else math.inf,
+            current_difference_stop=motor.current_difference_stop_a if in_torque_loop else math.inf,
             current_ticks_stop=max(1, round(motor.current_difference_time_s / dt)),
             newtons_per_ampere=constant,
         ),
@@ -147,21 +152,24 @@ def _torque(session: Session) -> torque_tracking.Params:
     )
 
 
-def _limits(bounds: BenchLimitsFile, in_torque: bool, dt: float) -> oswec_bench.Limits:
-    cell, brake, motor = bounds.load_cell, bounds.brake, bounds.motor
-    speed_apart = motor.velocity_difference_stop_rad_per_s
+def _limits(limits_file: BenchLimitsFile, in_torque_loop: bool, dt: float) -> oswec_bench.Limits:
+    load_cell, brake, motor = limits_file.load_cell, limits_file.brake, limits_file.motor
+    max_velocity_difference = motor.velocity_difference_stop_rad_per_s
     return oswec_bench.Limits(
-        slip_stop=math.radians(bounds.shaft.slip_stop_deg),
-        shaft_jump_stop=math.radians(bounds.shaft.encoder_jump_stop_deg),
+        slip_stop=math.radians(limits_file.shaft.slip_stop_deg),
+        shaft_jump_stop=math.radians(limits_file.shaft.encoder_jump_stop_deg),
         load_stop=oswec_bench.LoadLimits(
-            cell.across_stop_n, cell.along_stop_n, cell.bending_stop_n_m, cell.twisting_stop_n_m
+            load_cell.across_stop_n,
+            load_cell.along_stop_n,
+            load_cell.bending_stop_n_m,
+            load_cell.twisting_stop_n_m,
         ),
-        load_age_stop=bounds.loop.load_cell_age_stop_s,
+        load_age_stop=limits_file.loop.load_cell_age_stop_s,
         brake_difference_stop=brake.difference_stop_a,
         brake_ticks_stop=max(1, round(brake.difference_time_s / dt)),
-        velocity_difference_stop=math.inf if in_torque else speed_apart,
+        velocity_difference_stop=math.inf if in_torque_loop else max_velocity_difference,
         velocity_ticks_stop=max(1, round(motor.velocity_difference_time_s / dt)),
         brake_age_stop=brake.age_stop_s,
-        panel_age_stop=bounds.loop.panel_age_stop_s,
-        tare_span_stop=math.radians(bounds.tare.angle_span_stop_deg),
+        panel_age_stop=limits_file.loop.panel_age_stop_s,
+        tare_span_stop=math.radians(limits_file.tare.angle_span_stop_deg),
     )

@@ -1,4 +1,4 @@
-"""What `rig check SESSION` says: every problem, or what the session will do and how long."""
+"""The report of `rig check SESSION`: every problem, or rows, phases and duration of the session."""
 
 import json
 from pathlib import Path
@@ -8,7 +8,7 @@ from rig.config.problems import ConfigError, Problem, display_path
 from rig.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.config.session_kinds import SESSION_KINDS
 from rig.planning.campaign.check import format_duration
-from rig.planning.session.files import Also, Session, nothing_more, open_session
+from rig.planning.session.files import FurtherCheck, Session, no_further_check, open_session
 from rig.planning.session.plan import SessionPlan, plan_session
 
 
@@ -25,8 +25,8 @@ class SessionReport(NamedTuple):
         """True if the session can be run."""
         return not self.problems
 
-    def facts(self) -> list[tuple[str, str]]:
-        """The summary in words: a label and what it says. Empty if its files have problems."""
+    def summary(self) -> list[tuple[str, str]]:
+        """Return the summary as pairs of label and text; it is empty if the files have problems."""
         if self.session is None or self.plan is None:
             return []
         session, plan = self.session, self.plan
@@ -34,8 +34,8 @@ class SessionReport(NamedTuple):
         phases = (f"{name} {s:.6g} s" for name, s in plan.phases._asdict().items())
         return [
             ("session", f"{file.name} ({file.session}) on {rig.name}, {rig.rate_hz} Hz"),
-            ("drive", _drive(session)),
-            ("rows", f"{len(plan.rows)}: {_columns(session)}"),
+            ("drive", _describe_drive(session)),
+            ("rows", f"{len(plan.rows)}: {_describe_columns(session)}"),
             (
                 "measured",
                 f"{plan.rows[0].periods} periods a row, {plan.phases.measure:.6g} s in all",
@@ -55,7 +55,7 @@ class SessionReport(NamedTuple):
         ]
 
     def text(self) -> str:
-        """For people: problems one a line, or the summary."""
+        """Return the report for people: one problem a line, or the summary."""
         if self.problems:
             count = len(self.problems)
             lines = [problem.text() for problem in self.problems]
@@ -63,25 +63,25 @@ class SessionReport(NamedTuple):
         sources = (
             [(f.role, display_path(f.path)) for f in self.session.files] if self.session else []
         )
-        return "\n".join(f"{label:11} {text}" for label, text in [*self.facts(), *sources])
+        return "\n".join(f"{label:11} {text}" for label, text in [*self.summary(), *sources])
 
     def to_json(self) -> str:
-        """For programs: `ok`, `problems`, and what the session will do."""
-        whole: dict[str, Any] = {
+        """Return the report for programs: `ok`, `problems`, rows, phases, duration and files."""
+        document: dict[str, Any] = {
             "file": display_path(self.path),
             "ok": self.ok,
             "problems": [problem.as_dict() for problem in self.problems],
         }
         if self.session is not None and self.plan is not None:
             file, plan = self.session.file, self.plan
-            whole |= {
+            document |= {
                 "name": file.name,
                 "session": file.session,
                 "rig": self.session.rig.name,
                 "rate_hz": self.session.rig.rate_hz,
                 "loop": file.loop,
                 "correction": file.correction.kind,
-                "rows": [row.given for row in plan.rows],
+                "rows": [row.values for row in plan.rows],
                 "periods_per_row": file.timing.periods,
                 "measured_s": plan.phases.measure,
                 "duration_s": plan.duration,
@@ -92,46 +92,50 @@ class SessionReport(NamedTuple):
                     for f in self.session.files
                 ],
             }
-        return json.dumps(whole, ensure_ascii=False, allow_nan=False)
+        return json.dumps(document, ensure_ascii=False, allow_nan=False)
 
 
-def check_session(path: Path, also: Also = nothing_more, rig: Path | None = None) -> SessionReport:
-    """Check a session file and all it stands on; needs no hardware and never raises for a file.
+def check_session(
+    path: Path, further_check: FurtherCheck = no_further_check, rig: Path | None = None
+) -> SessionReport:
+    """Check a session file and all files that it refers to.
 
-    ``also`` adds the problems of a further check, such as the simulated plant's; ``rig`` stands in
-    for the rig that the session names.
+    No hardware is needed, and no error is raised for the contents of a file. ``further_check`` adds
+    the problems of a further check, such as that of the simulated plant; ``rig`` replaces the rig
+    that the session names.
     """
     path = Path(path)
     try:
-        session = open_session(path, also, rig)
+        session = open_session(path, further_check, rig)
     except ConfigError as error:
         return SessionReport(path, error.problems, None, None)
     return SessionReport(path, (), session, plan_session(session))
 
 
-_COUPLING = {"free": "taken out", "coupled": "in"}
+_COUPLING = {"free": "removed", "coupled": "installed"}
 
 
-def _drive(session: Session) -> str:
+def _describe_drive(session: Session) -> str:
     file: SessionFile = session.file
-    told = SESSION_KINDS[file.session]
-    if told.flap_coupling and file.loop == "torque":
-        drive = "as a damper" if told.required_columns else "without torque"
-        moved = "by hand" if not told.needs_waves else "in waves"
-        moved += "" if file.irregular is None else ", irregular"
-        return f"torque loop, {drive}; the flap moved {moved}, its coupling {_COUPLING[told.flap_coupling]}"
+    demand = SESSION_KINDS[file.session]
+    if demand.flap_coupling and file.loop == "torque":
+        drive = "as a damper" if demand.required_columns else "without torque"
+        flap_motion = "by hand" if not demand.needs_waves else "in waves"
+        flap_motion += "" if file.irregular is None else ", irregular"
+        coupling = _COUPLING[demand.flap_coupling]
+        return f"torque loop, {drive}; flap moved {flap_motion}, rigid coupling {coupling}"
     if file.loop == "torque":
         return f"torque loop, {file.control}, shaft {file.shaft}"
     motion = "sine" if file.irregular is None else "irregular"
     return f"velocity loop, {motion}, correction: {file.correction.kind}"
 
 
-def _columns(session: Session) -> str:
-    told = []
+def _describe_columns(session: Session) -> str:
+    descriptions = []
     for column in SESSION_COLUMNS:
-        values = [p.given[column.name] for p in session.points if column.name in p.given]
+        values = [p.values[column.name] for p in session.points if column.name in p.values]
         if values:
             low, high = min(values), max(values)
             span = f"{low:g}" if low == high else f"{low:g} .. {high:g}"
-            told.append(f"{column.label} {span} {column.unit}")
-    return ", ".join(told)
+            descriptions.append(f"{column.label} {span} {column.unit}")
+    return ", ".join(descriptions)

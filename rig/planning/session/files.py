@@ -1,4 +1,6 @@
-"""Opening a session of the bench: every file it stands on, every problem in them at once."""
+"""Opening a session of the bench: reads every file that it refers to, and reports every problem at
+once.
+"""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -18,16 +20,16 @@ from rig.planning.campaign.input_files import (
     load_named_source,
     sort_problems,
 )
-from rig.planning.session.constants import Constants, gathered
-from rig.planning.session.correction import Correction, correction
-from rig.planning.session.flume import repeats_in_ticks
-from rig.planning.session.rows import MOST_ROWS, SessionPoint, count, points
+from rig.planning.session.constants import Constants, select_constants
+from rig.planning.session.correction import Correction, session_correction
+from rig.planning.session.flume import check_wave_periods
+from rig.planning.session.rows import MAX_ROWS, SessionPoint, count_rows, session_points
 
 T = TypeVar("T")
 
 
-class Pieces(NamedTuple):
-    """What of a session is there for further checks; None for what is missing or wrong."""
+class SessionParts(NamedTuple):
+    """Parts of a session for further checks; None for a part that is missing or invalid."""
 
     session: ConfigSource
     rig: ConfigSource | None
@@ -40,28 +42,28 @@ class Session(NamedTuple):
     """A session whose files passed every check that needs no plant."""
 
     file: SessionFile
-    locate: SourceMap  # where each value of the session file stands
+    locate: SourceMap  # file and line of each value of the session file
     rig: BenchRigFile
     limits: BenchLimitsFile
-    plant: dict[str, Any]  # merged, not validated: sim_plant knows its own parameters
+    plant: dict[str, Any]  # merged, not validated: sim_plant validates its own parameters
     plant_locate: SourceMap
     points: tuple[SessionPoint, ...]
     constants: Constants
     correction: Correction
-    files: tuple[InputFile, ...]  # with those they extend
+    files: tuple[InputFile, ...]  # with the files that they extend
 
 
-Also = Callable[[Pieces], Iterable[Problem]]
-"""A further check of a session, made whatever else is wrong with it."""
+FurtherCheck = Callable[[SessionParts], Iterable[Problem]]
+"""A further check of a session; it runs even if the session has other problems."""
 
 
-def nothing_more(pieces: Pieces) -> tuple[Problem, ...]:
-    """No further check."""
+def no_further_check(parts: SessionParts) -> tuple[Problem, ...]:
+    """Return no problems: there is no further check."""
     return ()
 
 
 def is_session(path: Path) -> bool:
-    """Whether a file is one of a session, and not of a campaign; False for one nobody can read."""
+    """Return whether a file is a session file, not a campaign; False for an unreadable file."""
     try:
         mapping, _ = load_mapping(Path(path))
     except ConfigError:
@@ -69,8 +71,8 @@ def is_session(path: Path) -> bool:
     return "session" in mapping
 
 
-class _Opening:
-    """Reads file after file and keeps what is wrong with each."""
+class _FileReader:
+    """Reads file after file and collects the problems of each."""
 
     def __init__(self) -> None:
         self.problems: list[Problem] = []
@@ -78,7 +80,7 @@ class _Opening:
         self.files: list[InputFile] = []
 
     def attempt(self, step: Callable[[], T]) -> T | None:
-        """What a step gives, or None where it found problems."""
+        """Return the result of a step, or None if it found problems."""
         try:
             return step()
         except ConfigError as error:
@@ -86,102 +88,113 @@ class _Opening:
             return None
 
     def read(
-        self, role: str, owner: ConfigSource | None, key: KeyPath, instead: Path | None = None
+        self, role: str, owner: ConfigSource | None, key: KeyPath, replacement: Path | None = None
     ) -> ConfigSource | None:
-        """The file named at a key of another, or ``instead``."""
+        """Return the file named at a key of another file, or ``replacement``."""
         if owner is None:
             return None
         source = self.attempt(
             lambda: (
                 load_named_source(owner, key)
-                if instead is None
-                else ConfigSource(*load_mapping(instead))
+                if replacement is None
+                else ConfigSource(*load_mapping(replacement))
             )
         )
         self.sources.append(source)
         self.files += hash_input_files(role, source)
         return source
 
-    def model(self, source: ConfigSource | None, model: type[T]) -> T | None:
-        """A source as its model."""
+    def validated(self, source: ConfigSource | None, model: type[T]) -> T | None:
+        """Return a source as its model, or None if it is invalid."""
         if source is None:
             return None
         return self.attempt(lambda: validate(source.mapping, source.locate, model))  # type: ignore[type-var]
 
     def constants(self, owner: ConfigSource | None, key: KeyPath) -> ConstantsFile | None:
-        """The file of constants named at a key."""
-        return self.model(self.read("calibration", owner, key), ConstantsFile)
+        """Return the constants file named at a key."""
+        return self.validated(self.read("calibration", owner, key), ConstantsFile)
 
     def calibrations(self, owner: ConfigSource | None) -> list[ConstantsFile]:
-        """Every file that is named under `calibrations`."""
-        named = owner.mapping.get("calibrations") if owner is not None else None
-        keys = range(len(named)) if isinstance(named, list) else ()
-        found = [self.constants(owner, ("calibrations", i)) for i in keys]
-        return [one for one in found if one is not None]
+        """Return every file that is listed under `calibrations`."""
+        names = owner.mapping.get("calibrations") if owner is not None else None
+        keys = range(len(names)) if isinstance(names, list) else ()
+        files = [self.constants(owner, ("calibrations", i)) for i in keys]
+        return [file for file in files if file is not None]
 
 
-def open_session(path: Path, also: Also = nothing_more, rig_path: Path | None = None) -> Session:
+def open_session(
+    path: Path, further_check: FurtherCheck = no_further_check, rig_path: Path | None = None
+) -> Session:
     """Read and check a session, its rig, that rig's limits, and the calibrations of both.
 
-    ``also`` is where the simulated plant has its say; ``rig_path`` stands in for the rig that the
+    ``further_check`` adds the checks of the simulated plant; ``rig_path`` replaces the rig that the
     session names. Raises `ConfigError` with every problem of all these files.
     """
-    opening = _Opening()
-    top = ConfigSource(*load_mapping(Path(path)))
-    opening.sources.append(top)
-    opening.files += hash_input_files("session", top)
-    rig_source = opening.read("rig", top, ("rig",), rig_path)
-    limits = opening.model(opening.read("limits", rig_source, ("limits",)), BenchLimitsFile)
-    owner = top if top.mapping.get("plant") is not None else rig_source
-    plant = opening.read("plant", owner, ("plant",))
-    file, rig = opening.model(top, SessionFile), opening.model(rig_source, BenchRigFile)
-    measured = [*opening.calibrations(top), *opening.calibrations(rig_source)]
-    used = {
-        name: opening.constants(top, ("correction", name))
+    reader = _FileReader()
+    session_source = ConfigSource(*load_mapping(Path(path)))
+    reader.sources.append(session_source)
+    reader.files += hash_input_files("session", session_source)
+    rig_source = reader.read("rig", session_source, ("rig",), rig_path)
+    limits = reader.validated(reader.read("limits", rig_source, ("limits",)), BenchLimitsFile)
+    owner = session_source if session_source.mapping.get("plant") is not None else rig_source
+    plant = reader.read("plant", owner, ("plant",))
+    file, rig = (
+        reader.validated(session_source, SessionFile),
+        reader.validated(rig_source, BenchRigFile),
+    )
+    measured = [*reader.calibrations(session_source), *reader.calibrations(rig_source)]
+    correction_files = {
+        name: reader.constants(session_source, ("correction", name))
         for name in ("regressions", "conditions", "map")
     }
-    found: tuple[SessionPoint, ...] = ()
-    corrected: Correction | None = None
+    expanded_points: tuple[SessionPoint, ...] = ()
+    computed_correction: Correction | None = None
     if file is not None:
-        rows = file.repeat * count(file)
-        if rows > MOST_ROWS:
-            message = f"{rows} rows; allowed at most {MOST_ROWS}"
+        row_count = file.repeat * count_rows(file)
+        if row_count > MAX_ROWS:
+            message = f"{row_count} rows; allowed at most {MAX_ROWS}"
             key = "repeat" if file.repeat > 1 else "grid"
-            opening.problems.append(top.locate.problem((key,), rows, message))
+            reader.problems.append(session_source.locate.problem((key,), row_count, message))
         else:
-            found = points(file, top.locate)
-    if file is not None and not opening.problems:
-        corrected = opening.attempt(lambda: correction(file, found, used, top.locate))
+            expanded_points = session_points(file, session_source.locate)
+    if file is not None and not reader.problems:
+        computed_correction = reader.attempt(
+            lambda: session_correction(
+                file, expanded_points, correction_files, session_source.locate
+            )
+        )
         if rig is not None and limits is not None:
-            opening.problems += _beyond(found, rig, limits)
-            opening.problems += repeats_in_ticks(file, found, float(rig.rate_hz))
-    opening.problems += also(Pieces(top, rig_source, plant, rig, file))
-    if opening.problems:
-        raise ConfigError(sort_problems(opening.problems, opening.sources))
+            reader.problems += _setpoints_beyond_limits(expanded_points, rig, limits)
+            reader.problems += check_wave_periods(file, expanded_points, float(rig.rate_hz))
+    reader.problems += further_check(SessionParts(session_source, rig_source, plant, rig, file))
+    if reader.problems:
+        raise ConfigError(sort_problems(reader.problems, reader.sources))
     assert file is not None
     assert rig is not None
     assert limits is not None
     assert plant is not None
-    assert corrected is not None
+    assert computed_correction is not None
     return Session(
         file,
-        top.locate,
+        session_source.locate,
         rig,
         limits,
         plant.mapping,
         plant.locate,
-        found,
-        gathered(rig, file, [*(one for one in used.values() if one is not None), *measured]),
-        corrected,
-        tuple(opening.files),
+        expanded_points,
+        select_constants(
+            rig, file, [*(one for one in correction_files.values() if one is not None), *measured]
+        ),
+        computed_correction,
+        tuple(reader.files),
     )
 
 
-def _beyond(
-    found: tuple[SessionPoint, ...], rig: BenchRigFile, limits: BenchLimitsFile
+def _setpoints_beyond_limits(
+    setpoints: tuple[SessionPoint, ...], rig: BenchRigFile, limits: BenchLimitsFile
 ) -> list[Problem]:
-    """Set points that the limits would never grant."""
-    most = {
+    """Return a problem for each set point that the limits would reduce."""
+    bounds = {
         "amplitude": limits.motor.angle_stop_deg,
         "release": limits.shaft.slip_stop_deg,
         "torque_amplitude": limits.load_cell.twisting_stop_n_m,
@@ -190,16 +203,16 @@ def _beyond(
     }
     units = {column.name: column.unit for column in SESSION_COLUMNS}
     problems: dict[tuple[str, int], Problem] = {}
-    for point in found:
-        for name, bound in most.items():
-            value = point.given.get(name, 0.0)
+    for point in setpoints:
+        for name, bound in bounds.items():
+            value = point.values.get(name, 0.0)
             strict = name in ("amplitude", "torque_amplitude", "release")
             if abs(value) > bound or (strict and abs(value) == bound):
-                told = "below" if strict else "up to"
+                relation = "below" if strict else "up to"
                 message = (
-                    f"{value:g} is more than limits and rig allow; allowed {told} {bound:g} "
+                    f"{value:g} is more than limits and rig allow; allowed {relation} {bound:g} "
                     f"{units[name]}"
                 )
-                problem = point.at[name].problem(value, message)
+                problem = point.locations[name].problem(value, message)
                 problems.setdefault((problem.key, problem.line), problem)
     return list(problems.values())

@@ -1,8 +1,9 @@
-"""From a session to the table the loop walks: rows, segments, set points.
+"""Planning of a session: from its file to the table that the loop runs (rows, segments, set
+points).
 
-The plan: tare (drive and brake off, the shaft at rest), then row after row: the shaft is brought
-home while the drive is on (moving), the motion grows and settles for whole periods, whole periods
-are measured, and the motion fades (tail). The wave clock of each row begins with its motion.
+The plan is a tare (drive and brake off, the shaft at rest), then row after row: the shaft is homed
+with the drive on (moving), the motion grows and settles for whole periods, whole periods are
+measured, and the motion fades out (tail). The wave clock of each row starts with its motion.
 """
 
 import math
@@ -15,9 +16,9 @@ from rig.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.kinds.oswec_bench import Flume, Setpoints
 from rig.kinds.oswec_bench.signals import NO_FLUME
 from rig.planning.campaign.segments import PlanSegment, cut_into_ticks
-from rig.planning.session.correction import Ahead
+from rig.planning.session.correction import RowCorrection
 from rig.planning.session.files import Session
-from rig.planning.session.flume import flume, irregular_lines
+from rig.planning.session.flume import irregular_signal, row_flume
 from rig.planning.session.rows import SessionPoint
 from rig.realtime.sequence import NO_ROW, WAIT_DRIVE, Phase, Segments
 
@@ -28,12 +29,12 @@ class SessionRow(NamedTuple):
     row: int  # from 0, in the order of the plan
     point: int  # from 0, in the order of the file
     repetition: int  # from 0
-    given: dict[str, float]  # by file key
-    periods: int  # whole periods measured
+    values: dict[str, float]  # by key of the file
+    periods: int  # number of measured periods
     measure: float  # s
 
 
-class BenchSetting(NamedTuple):
+class BenchSetpoint(NamedTuple):
     """One set point of the plan."""
 
     components: tuple[Component, ...]
@@ -45,7 +46,7 @@ class BenchSetting(NamedTuple):
 
 
 class SessionPhases(NamedTuple):
-    """Planned seconds of each phase."""
+    """Planned duration of each phase, s."""
 
     tare: float
     moving: float
@@ -55,114 +56,118 @@ class SessionPhases(NamedTuple):
 
 
 class SessionPlan(NamedTuple):
-    """A session ready to be walked by `rig.realtime.sequence.step`."""
+    """A planned session, ready for `rig.realtime.sequence.step`."""
 
     rows: tuple[SessionRow, ...]
     segments: Segments
     setpoints: Setpoints
     dt: float  # s, length of a tick
-    duration: float  # s, planned; waiting for the drive may add to it
+    duration: float  # s, planned; waiting for the drive may extend it
     phases: SessionPhases
 
 
-REST = BenchSetting((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
-"""Nothing is asked of motor and brake."""
+REST = BenchSetpoint((), 0.0, 0.0, 0.1, 0.0, NO_FLUME)
+"""The set point at rest: no demand on motor and brake."""
 
 
 def plan_session(session: Session) -> SessionPlan:
-    """The plan of a session that passed all checks (`rig.planning.session.open_session`)."""
+    """Return the plan of a session that passed all checks (`rig.planning.session.open_session`)."""
     file, rig = session.file, session.rig
-    rows, pieces = (
-        [],
-        [
-            PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, REST, waves=0, drive=0),
-        ],
-    )
-    for number, (repetition, index) in enumerate(_turns(file, len(session.points))):
+    rows = []
+    pieces = [PlanSegment(NO_ROW, Phase.TARE, file.tare_duration, REST, waves=0, drive=0)]
+    for row_number, (repetition, index) in enumerate(_row_order(file, len(session.points))):
         point = session.points[index]
         period = _period(file, point)
         rise = file.timing.rise_s
-        whole = math.ceil(rise / period - 1e-9) + file.timing.settle_periods
-        settle, measure = whole * period, file.timing.periods * period
-        setting = BenchSetting(
-            components(session, point, session.correction.rows[index]),
-            point.given.get("damping", 0.0),
-            point.given.get("brake_current", 0.0),
+        settle_periods = math.ceil(rise / period - 1e-9) + file.timing.settle_periods
+        settle, measure = settle_periods * period, file.timing.periods * period
+        setpoint = BenchSetpoint(
+            row_components(session, point, session.correction.rows[index]),
+            point.values.get("damping", 0.0),
+            point.values.get("brake_current", 0.0),
             rise,
             settle + measure,
-            flume(file, point, index),
+            row_flume(file, point, index),
         )
-        free = setting._replace(flume=setting.flume._replace(held=0))  # let go at its measurement
-        given = {c.key: point.given[c.name] for c in SESSION_COLUMNS if c.name in point.given}
-        rows.append(SessionRow(number, index, repetition, given, file.timing.periods, measure))
+        # The flap is released when its measurement starts.
+        released = setpoint._replace(flume=setpoint.flume._replace(flap_held=0))
+        values = {c.key: point.values[c.name] for c in SESSION_COLUMNS if c.name in point.values}
+        rows.append(SessionRow(row_number, index, repetition, values, file.timing.periods, measure))
         pieces += [
             PlanSegment(
-                number, Phase.MOVING, rig.homing.duration_s, setting,
+                row_number, Phase.MOVING, rig.homing.duration_s, setpoint,
                 wait=WAIT_DRIVE, timeout=rig.homing.duration_s + rig.drive_enable_timeout_s,
                 waves=0,
             ),
-            PlanSegment(number, Phase.SETTLE, settle, setting),
-            PlanSegment(number, Phase.MEASURE, measure, free),
-            PlanSegment(number, Phase.TAIL, rise, free),
+            PlanSegment(row_number, Phase.SETTLE, settle, setpoint),
+            PlanSegment(row_number, Phase.MEASURE, measure, released),
+            PlanSegment(row_number, Phase.TAIL, rise, released),
         ]  # fmt: skip
     pieces.append(PlanSegment(NO_ROW, Phase.DONE, 0.0, REST, waves=0, drive=0))
-    return _table(tuple(rows), pieces, float(rig.rate_hz))
+    return _assemble_plan(tuple(rows), pieces, float(rig.rate_hz))
 
 
-def _turns(file: SessionFile, count: int) -> list[tuple[int, int]]:
-    """Repetition and point of every row, in the order of the plan."""
-    turns = [(repetition, i) for repetition in range(file.repeat) for i in range(count)]
+def _row_order(file: SessionFile, count: int) -> list[tuple[int, int]]:
+    """Return repetition and point of every row, in the order of the plan."""
+    rows = [(repetition, i) for repetition in range(file.repeat) for i in range(count)]
     if file.order == "random":
-        order = np.random.default_rng(file.seed).permutation(len(turns))
-        return [turns[i] for i in order]
-    return turns
+        order = np.random.default_rng(file.seed).permutation(len(rows))
+        return [rows[i] for i in order]
+    return rows
 
 
 def _period(file: SessionFile, point: SessionPoint) -> float:
-    return point.given["period"] if file.irregular is None else file.irregular.repeat_s
+    return point.values["period"] if file.irregular is None else file.irregular.repeat_s
 
 
-def components(session: Session, point: SessionPoint, ahead: Ahead) -> tuple[Component, ...]:
-    """The cosines of a row's reference, each with its share of the correction.
+def row_components(
+    session: Session, point: SessionPoint, row_correction: RowCorrection
+) -> tuple[Component, ...]:
+    """Return the cosines of a row's reference, each with its share of the correction.
 
-    Rad in the velocity loop; N*m in the torque loop, where a sine begins without torque. The
-    amplitude of an irregular reference is its greatest magnitude.
+    Unit: rad in the velocity loop; N*m in the torque loop, where a sine starts at zero torque. The
+    amplitude of an irregular reference is its largest magnitude.
     """
-    file, given = session.file, point.given
-    if "wave_amplitude" in given or "release" in given:  # waves or a hand move it, not the drive
-        return ()
+    file, values = session.file, point.values
+    if "wave_amplitude" in values or "release" in values:
+        return ()  # waves or a person move the flap, not the drive
     if file.irregular is not None:
-        lines, peak = irregular_lines(file.irregular), math.radians(given["amplitude"])
+        signal, peak = irregular_signal(file.irregular), math.radians(values["amplitude"])
         cosines = [
-            (peak * share, 2.0 * PI * float(k) / lines.repeat, phase)
-            for share, k, phase in zip(lines.share, lines.cycles, lines.phase, strict=True)
+            (peak * share, 2.0 * PI * float(k) / signal.repeat, phase)
+            for share, k, phase in zip(signal.amplitudes, signal.cycles, signal.phases, strict=True)
         ]
     elif file.loop == "torque":
         constant = session.rig.servo.torque_constant_n_m_per_a
-        torque = given.get("torque_amplitude", given.get("current_amplitude", 0.0) * constant)
-        cosines = [(torque, 2.0 * PI / given["period"], -0.5 * PI)]
+        torque = values.get("torque_amplitude", values.get("current_amplitude", 0.0) * constant)
+        cosines = [(torque, 2.0 * PI / values["period"], -0.5 * PI)]
     else:
-        cosines = [(math.radians(given["amplitude"]), 2.0 * PI / given["period"], 0.0)]
-    equal = math.sqrt(sum(a * a for a, _, _ in cosines))  # amplitude of the sine of equal rms
-    gain, advance = 1.0 + ahead.more / equal, ahead.advance + session.constants.lag
+        cosines = [(math.radians(values["amplitude"]), 2.0 * PI / values["period"], 0.0)]
+    # Amplitude of a sine of equal rms.
+    equivalent_amplitude = math.sqrt(sum(a * a for a, _, _ in cosines))
+    gain = 1.0 + row_correction.extra_amplitude / equivalent_amplitude
+    advance = row_correction.advance + session.constants.lag
     return tuple(Component(a, w, phase, gain, advance) for a, w, phase in cosines)
 
 
-def _table(
-    rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetting]], rate: float
+def _assemble_plan(
+    rows: tuple[SessionRow, ...], pieces: list[PlanSegment[BenchSetpoint]], rate: float
 ) -> SessionPlan:
-    segments, kept, table = cut_into_ticks(pieces, rate)
+    segments, kept_pieces, setpoint_table = cut_into_ticks(pieces, rate)
 
     def seconds(phase: Phase) -> float:
-        return sum(n for n, p in zip(segments.ticks, kept, strict=True) if p.phase is phase) / rate
+        return (
+            sum(n for n, p in zip(segments.ticks, kept_pieces, strict=True) if p.phase is phase)
+            / rate
+        )
 
     setpoints = Setpoints(
-        tuple(one.components for one in table),
-        tuple(one.damping for one in table),
-        tuple(one.brake_current for one in table),
-        tuple(one.rise for one in table),
-        tuple(one.until for one in table),
-        tuple(one.flume for one in table),
+        tuple(setpoint.components for setpoint in setpoint_table),
+        tuple(setpoint.damping for setpoint in setpoint_table),
+        tuple(setpoint.brake_current for setpoint in setpoint_table),
+        tuple(setpoint.rise for setpoint in setpoint_table),
+        tuple(setpoint.until for setpoint in setpoint_table),
+        tuple(setpoint.flume for setpoint in setpoint_table),
     )
     phases = SessionPhases(
         seconds(Phase.TARE),

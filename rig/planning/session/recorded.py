@@ -1,4 +1,4 @@
-"""A session again from the configuration in a run's record, for who asks what it was told to do."""
+"""Reconstruction of a session from the configuration in a run's record."""
 
 from pathlib import Path
 from typing import Any
@@ -9,42 +9,42 @@ from rig.config.recorded_limits import complete_bench_limits
 from rig.config.session_file import SessionFile
 from rig.config.yaml_source import SourceMap
 from rig.planning.session.constants import Constants
-from rig.planning.session.correction import Ahead, Correction
+from rig.planning.session.correction import Correction, RowCorrection
 from rig.planning.session.files import Session
-from rig.planning.session.rows import points
+from rig.planning.session.rows import session_points
 
 
 def session_as_logged(config: dict[str, Any]) -> Session:
-    """The session of a run, of the constants and the correction that it worked with then.
+    """Return the session of a run, with the constants and the correction that it used.
 
-    Nothing knows where its values stood in files. Raises KeyError where the record lacks a part,
-    ValueError where it is none of today's.
+    The locations of its values in files are unknown. Raises KeyError if the record lacks a part,
+    ValueError if a part does not fit today's models.
     """
-    nowhere = SourceMap(Path("config.json"), {}, ())
+    no_location = SourceMap(Path("config.json"), {}, ())
     file = SessionFile.model_validate(config["session"])
     return Session(
         file,
-        nowhere,
+        no_location,
         BenchRigFile.model_validate(config["rig"]),
         BenchLimitsFile.model_validate(complete_bench_limits(config["limits"])),
         config["plant"],
-        nowhere,
-        points(file, nowhere),
+        no_location,
+        session_points(file, no_location),
         _constants(config["constants"]),
         _correction(config["correction"]),
         (),
     )
 
 
-def _constants(told: dict[str, Any]) -> Constants:
-    columns = {name: tuple(told[name]) for name in ("brake_currents", "brake_torques")}
-    return Constants(**{name: told[name] for name in Constants._fields} | columns)
+def _constants(recorded: dict[str, Any]) -> Constants:
+    columns = {name: tuple(recorded[name]) for name in ("brake_currents", "brake_torques")}
+    return Constants(**{name: recorded[name] for name in Constants._fields} | columns)
 
 
-def _correction(told: dict[str, Any]) -> Correction:
+def _correction(recorded: dict[str, Any]) -> Correction:
     return Correction(
-        tuple(Ahead(*one) for one in told["rows"]),
-        tuple(told["torques"]),
-        tuple(told["deflections"]),
-        told["runs"],
+        tuple(RowCorrection(*row) for row in recorded["rows"]),
+        tuple(recorded["torques"]),
+        tuple(recorded["deflections"]),
+        recorded["runs"],
     )

@@ -1,22 +1,22 @@
-"""The complete resolved configuration of a session, as it is stored in each run."""
+"""The complete resolved configuration of a session, as each run stores it."""
 
 import json
 from typing import Any
 
 from rig.config.problems import display_path
-from rig.planning.session.assemble import scales
+from rig.planning.session.assemble import analysis_scales
 from rig.planning.session.files import Session
-from rig.planning.session.flume import as_mapping, seas
+from rig.planning.session.flume import sea_as_dict, session_seas
 from rig.planning.session.plan import SessionPlan
 
 
 def resolved_session(session: Session) -> str:
-    """JSON text: every key of every file with its default filled in, the constants and the
-    correction that come of them, files and sha256.
+    """Return JSON text with every key of every file, and defaults filled in.
 
-    Equal sessions give equal text.
+    The text includes the constants and the correction that result from them, and files with their
+    sha256. Equal sessions give equal text.
     """
-    whole: dict[str, Any] = {
+    document: dict[str, Any] = {
         "session": session.file.model_dump(mode="json"),
         "rig": session.rig.model_dump(mode="json"),
         "limits": session.limits.model_dump(mode="json"),
@@ -29,12 +29,12 @@ def resolved_session(session: Session) -> str:
             for file in session.files
         ],
     }
-    return json.dumps(whole, ensure_ascii=False, indent=2)
+    return json.dumps(document, ensure_ascii=False, indent=2)
 
 
-def planned(session: Session, plan: SessionPlan) -> dict[str, Any]:
-    """What a run says of its plan."""
-    waves = seas(session.file, session.points)
+def plan_as_dict(session: Session, plan: SessionPlan) -> dict[str, Any]:
+    """Return the plan of a run as its record stores it."""
+    seas = session_seas(session.file, session.points)
     return {
         "dt": plan.dt,
         "session": session.file.session,
@@ -43,8 +43,8 @@ def planned(session: Session, plan: SessionPlan) -> dict[str, Any]:
                 "row": row.row,
                 "point": row.point,
                 "repetition": row.repetition,
-                **row.given,
-                **({"sea": as_mapping(waves[row.point])} if waves else {}),
+                **row.values,
+                **({"sea": sea_as_dict(seas[row.point])} if seas else {}),
                 "correction": session.file.correction.kind,
                 "control": session.file.control,
                 "periods": row.periods,
@@ -52,6 +52,6 @@ def planned(session: Session, plan: SessionPlan) -> dict[str, Any]:
             }
             for row in plan.rows
         ],
-        "scales": scales(session),
+        "scales": analysis_scales(session),
         "duration_s": plan.duration,
     }

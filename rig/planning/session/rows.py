@@ -1,4 +1,6 @@
-"""The rows of a session: every combination of its grids, or its list, with where each stands."""
+"""The rows of a session: every combination of its grids, or its list, with the location of each
+value.
+"""
 
 import itertools
 import math
@@ -9,51 +11,51 @@ from rig.config.session_file import SESSION_COLUMNS, SessionFile
 from rig.config.yaml_source import KeyPath, SourceMap
 from rig.planning.campaign.point import ValueLocation
 
-MOST_ROWS = 1000
-"""Most rows of a session, repetitions included."""
+MAX_ROWS = 1000
+"""Maximum number of rows of a session, repetitions included."""
 
 
 class SessionPoint(NamedTuple):
-    """One row of the file: what is given of it, by the names of the columns, and where."""
+    """One row of the file: values by column name, and their locations."""
 
-    given: dict[str, float]
-    at: dict[str, ValueLocation]
+    values: dict[str, float]
+    locations: dict[str, ValueLocation]
 
 
-def count(file: SessionFile) -> int:
-    """Rows of the file, without repetitions."""
+def count_rows(file: SessionFile) -> int:
+    """Return the number of rows of the file, without repetitions."""
     if file.rows is not None:
         return len(file.rows)
-    sizes = ([len(values) for values in one.model_dump().values()] for one in file.grid or ())
+    sizes = ([len(values) for values in grid.model_dump().values()] for grid in file.grid or ())
     return sum(math.prod(lengths) for lengths in sizes)
 
 
-def points(file: SessionFile, locate: SourceMap) -> tuple[SessionPoint, ...]:
-    """The rows in the order of the file."""
+def session_points(file: SessionFile, locate: SourceMap) -> tuple[SessionPoint, ...]:
+    """Return the rows in the order of the file."""
     if file.rows is not None:
         return tuple(
             _point(row.model_dump(), {}, ("rows", i), locate) for i, row in enumerate(file.rows)
         )
-    found = []
+    expanded = []
     for i, grid in enumerate(file.grid or ()):
         columns = grid.model_dump()
         for values in itertools.product(*(enumerate(column) for column in columns.values())):
-            named = {key: value for key, (_, value) in zip(columns, values, strict=True)}
+            values_by_key = {key: value for key, (_, value) in zip(columns, values, strict=True)}
             index = {key: at for key, (at, _) in zip(columns, values, strict=True)}
-            found.append(_point(named, index, ("grid", i), locate))
-    return tuple(found)
+            expanded.append(_point(values_by_key, index, ("grid", i), locate))
+    return tuple(expanded)
 
 
 def _point(
-    given: dict[str, float], index: dict[str, int], at: KeyPath, locate: SourceMap
+    values_by_key: dict[str, float], index: dict[str, int], at: KeyPath, locate: SourceMap
 ) -> SessionPoint:
-    """A point of these values by file key; ``index``: which entry of its list each one is."""
-    named, places = {}, {}
+    """Return a point of these values by file key; ``index`` gives the list entry of each value."""
+    values, locations = {}, {}
     for column in SESSION_COLUMNS:
-        if column.key in given:
+        if column.key in values_by_key:
             key: KeyPath = (*at, column.key)
             entry = (*key, index[column.key]) if column.key in index else key
             key = entry if entry in locate.locations else key
-            named[column.name] = float(given[column.key])
-            places[column.name] = ValueLocation(locate(key), format_key(key))
-    return SessionPoint(named, places)
+            values[column.name] = float(values_by_key[column.key])
+            locations[column.name] = ValueLocation(locate(key), format_key(key))
+    return SessionPoint(values, locations)

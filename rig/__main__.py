@@ -1,12 +1,12 @@
-"""`python -m rig`: the same as the command `rig`."""
+"""`python -m rig` runs the same command line as `rig`."""
 
 import sys
 
-INTERRUPTED = 3  # as `rig.cli.STOPPED`, which may not be there yet
+INTERRUPTED = 3  # equals `rig.cli.STOPPED`, which may not be imported yet
 
 
 def main() -> None:
-    """The command line; an interrupt while it is still being loaded ends it with a word, too."""
+    """Run the command line; an interrupt during its import also ends with a message."""
     try:
         from rig.cli import app  # noqa: PLC0415
     except KeyboardInterrupt:

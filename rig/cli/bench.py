@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig import cli
 from rig.cli.command_error import fail
-from rig.cli.run_end import exit_code, in_words, tell_folder
+from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.cli.session_progress import SessionProgress
 from rig.execution.hardware.job import WiringError
 from rig.execution.rehearsal.bench_job import problems_of_session
@@ -21,29 +21,29 @@ if TYPE_CHECKING:
 
 
 class BenchOptions(NamedTuple):
-    """What the command line asks for beside the session."""
+    """Options of `rig bench` apart from the session file."""
 
-    rig: Path | None  # in place of the session's own
+    rig: Path | None  # replaces the rig file of the session
     realtime: bool
     emulated: bool  # --sim
 
 
 def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
-    """Check a session with all it stands on, the simulated bench included.
+    """Check a session and all its input files, the simulated bench included.
 
-    ``rig`` stands in for the rig that the session names.
+    ``rig`` replaces the rig that the session names.
     """
     return check_session(path, further_check=problems_of_session, rig=rig)
 
 
-def main(path: Path, runs: Path, wanted: BenchOptions, *, as_json: bool) -> int:
-    """Check, run, analyse, and say how it went; gives the exit code."""
-    report = examine_session(path, wanted.rig)
+def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int:
+    """Check, run and analyse a session, print the result, and return the exit code."""
+    report = examine_session(path, options.rig)
     if report.session is None or report.plan is None:
-        return complain(report, as_json=as_json)
+        return print_errors(report, as_json=as_json)
     session, plan = report.session, report.plan
     try:
-        mode = _mode(session, wanted)
+        mode = _execution_mode(session, options)
     except WiringError as error:
         return fail("bench", error, as_json=as_json, code=cli.BAD_INPUT)
     title = f"{session.file.name} on {session.rig.name}"
@@ -52,39 +52,45 @@ def main(path: Path, runs: Path, wanted: BenchOptions, *, as_json: bool) -> int:
             ended = carry_out_task(task_of(session, plan), runs, view, mode)
     except (create.BusyError, OSError, RunError) as error:
         return fail("bench", error, as_json=as_json, code=cli.FAILED)
-    found, products, text, trouble = _analyse(ended, quiet=as_json)
+    results, products, summary_text, trouble = _analyse(ended, quiet=as_json)
     lost = _lost_ticks(ended)
     create.note_rows(ended.folder, _rows_done(ended, len(plan.rows)))
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     if as_json:
         outcome = ended.outcome
-        told = {
+        record = {
             **outcome._asdict(),
-            "last_row": in_words(outcome.last_row),
-            "found": found,
+            "last_row": row_as_json(outcome.last_row),
+            "results": results,
             "lost_ticks": lost and lost._asdict(),
             "folder": str(ended.folder),
             "products": [str(product) for product in products],
             "trouble": trouble,
         }
-        print(json.dumps(told))
+        print(json.dumps(record))
     else:
-        _tell(ended, text, lost)
-        tell_folder(ended, products, trouble)
+        _print_result(ended, summary_text, lost)
+        print_folder(ended, products, trouble)
     return exit_code(ended.outcome, trouble)
 
 
-def _mode(session: Session, wanted: BenchOptions) -> ExecutionMode:
-    """On what to run: a bench with wires is run on them, or, with --sim, on emulated devices."""
+def _execution_mode(session: Session, options: BenchOptions) -> ExecutionMode:
+    """Return the execution mode.
+
+    A bench with wiring runs on its devices or, with --sim, on emulated devices. A bench without
+    wiring runs as a rehearsal.
+    """
     if session.rig.wiring is None:
-        if wanted.emulated:
-            raise WiringError(f"{session.rig.name} has no wiring to hang emulated devices on")
-        return rehearsal(session, real_clock=wanted.realtime)
-    return wired(session, emulated=wanted.emulated)
+        if options.emulated:
+            raise WiringError(
+                f"{session.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
+            )
+        return rehearsal(session, real_clock=options.realtime)
+    return wired(session, emulated=options.emulated)
 
 
-def complain(report: SessionReport, *, as_json: bool) -> int:
-    """Say why a session cannot be run."""
+def print_errors(report: SessionReport, *, as_json: bool) -> int:
+    """Print why a session cannot run, and return the exit code."""
     if as_json:
         print(json.dumps({"status": "bad input"} | json.loads(report.to_json())))
     else:
@@ -93,15 +99,16 @@ def complain(report: SessionReport, *, as_json: bool) -> int:
 
 
 def show(report: SessionReport, *, as_json: bool) -> int:
-    """Print a report, as `rig check` does; 0 if the session can be run."""
+    """Print a report as `rig check` does, and return the exit code (0: the session can run)."""
     print(report.to_json() if as_json else report.text())
     return cli.OK if report.ok else cli.BAD_INPUT
 
 
 def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], str, str]:
-    """What the session found, its files, both in words and, if there is nothing, why.
+    """Return the results, the written files, the summary text and the reason for no results.
 
-    A run without a tick has nothing and needs no reason; nor has one that stopped early.
+    A run without a tick has no results and needs no reason. For a run that stopped early, the
+    summary text explains why there are no results.
     """
     from rig.analysis.session.analyse import analyse
 
@@ -113,35 +120,35 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], 
     try:
         summary = analyse(ended.folder)
     except (RunError, OSError, ValueError) as error:
-        trouble = f"no results: {error}" if outcome.status == "complete" else ""
-        return {}, [], "" if trouble else f"no results: {error}", trouble
+        failure = f"no results: {error}" if outcome.status == "complete" else ""
+        return {}, [], "" if failure else f"no results: {error}", failure
     return summary.as_dict(), list(summary.files), summary.as_text(), ""
 
 
-def _rows_done(ended: Ended, planned: int) -> int:
-    """Rows that were walked to their end: all, or those before the one the run stopped in."""
+def _rows_done(ended: Ended, rows_planned: int) -> int:
+    """Return the number of finished rows: all, or those before the row in which the run stopped."""
     if ended.outcome.status == "complete":
-        return planned
+        return rows_planned
     return max(0, int(ended.outcome.last_row.get("plan.row", 0)))
 
 
 def _lost_ticks(ended: Ended) -> "LostTicks | None":
-    """What the host lost before the rig tripped, where that may be the cause."""
+    """Return the ticks that the host lost before a trip, where they may be its cause."""
     from rig.analysis.stop_reason import stop_of
 
     try:
         return stop_of(ended.folder, {"status": ended.outcome.status}).lost
     except (RunError, OSError):
-        return None  # the analysis has said what is wrong with the record
+        return None  # the analysis has already reported the error in the record
 
 
-def _tell(ended: Ended, text: str, lost: "LostTicks | None") -> None:
+def _print_result(ended: Ended, summary_text: str, lost: "LostTicks | None") -> None:
     from rig.analysis.stop_reason import ending_of
 
     outcome = ended.outcome
-    if text:
-        print(text)
+    if summary_text:
+        print(summary_text)
     ending = ending_of({"status": outcome.status, "reason": outcome.reason}, lost).description
-    told = ending in text and sys.stdout.isatty()  # not twice on one screen
-    if outcome.status != "complete" and not told:
+    already_printed = ending in summary_text and sys.stdout.isatty()  # not twice on one screen
+    if outcome.status != "complete" and not already_printed:
         print(f"\n{ending}.", file=sys.stderr)

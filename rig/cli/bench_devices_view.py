@@ -1,4 +1,4 @@
-"""How `rig devices` shows what it found on a bench."""
+"""Output of `rig devices` for a bench, for people and for programs."""
 
 from typing import Any
 
@@ -6,38 +6,54 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from rig.cli.devices_view import BAD, NOTE, drawn_line, line_dict, valued, verdict
+from rig.cli.devices_view import (
+    BAD_STYLE,
+    NOTE_STYLE,
+    line_as_dict,
+    render_line,
+    render_values,
+    render_verdict,
+    value_as_dict,
+)
 from rig.execution.hardware.bench_survey import BenchFound, StreamFound
 
 
-def as_dict(rig: str, found: BenchFound) -> dict[str, Any]:
-    """All of it as JSON values; null for what did not come."""
+def as_dict(rig: str, survey: BenchFound) -> dict[str, Any]:
+    """Return the survey as JSON values; null for a value that no device sent."""
     return {
-        "status": "trouble" if found.trouble else "ok",
+        "status": "trouble" if survey.trouble else "ok",
         "rig": rig,
-        "trouble": list(found.trouble),
+        "trouble": list(survey.trouble),
         "streams": [
-            {**one._asdict(), "values": [value._asdict() for value in one.values]}
-            for one in found.streams
+            {
+                "name": stream.name,
+                "address": stream.address,
+                "answers": stream.answers,
+                "identity": stream.identity,
+                "age": stream.age,
+                "values": [value_as_dict(value) for value in stream.values],
+                "trouble": stream.trouble,
+            }
+            for stream in survey.streams
         ],
-        "lines": [line_dict(line, found.at) for line in found.lines],
+        "lines": [line_as_dict(line, survey.at) for line in survey.lines],
     }
 
 
-def drawn(rig: str, found: BenchFound) -> Group:
-    """A row a device, the lines with a row a unit, and what is wrong."""
-    parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": who answers on its wires\n")]
-    for one in found.streams:
-        parts += _stream(one)
-    parts += [part for line in found.lines for part in drawn_line(line, found.at)]
-    return Group(*parts, verdict(found.trouble))
+def render(rig: str, survey: BenchFound) -> Group:
+    """Draw one block per device, one table per line with a row per unit, and the verdict."""
+    parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": devices on its wires\n")]
+    for stream in survey.streams:
+        parts += _render_stream(stream)
+    parts += [part for line in survey.lines for part in render_line(line, survey.at)]
+    return Group(*parts, render_verdict(survey.trouble))
 
 
-def _stream(one: StreamFound) -> list[Table | Text]:
-    head = Text.assemble((f"{one.name}  ", "bold cyan"), f"at {one.address}")
-    if not one.answers:
-        return [head.append(f"\n  {one.trouble}", BAD), Text("")]
+def _render_stream(stream: StreamFound) -> list[Table | Text]:
+    head = Text.assemble((f"{stream.name}  ", "bold cyan"), f"at {stream.address}")
+    if not stream.answers:
+        return [head.append(f"\n  {stream.trouble}", BAD_STYLE), Text("")]
     table = Table.grid(padding=(0, 2, 0, 0))
-    age = Text("") if one.age is None else Text(f"{1e3 * one.age:.0f} ms", NOTE)
-    table.add_row(Text("  "), Text(one.identity), age, valued(one.values))
+    age = Text("") if stream.age is None else Text(f"{1e3 * stream.age:.0f} ms", NOTE_STYLE)
+    table.add_row(Text("  "), Text(stream.identity), age, render_values(stream.values))
     return [head, table, Text("")]

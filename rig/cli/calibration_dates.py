@@ -1,4 +1,4 @@
-"""Calibrations that do not hold today, for commands that do not check as `rig check` does."""
+"""Warnings about expired calibrations, for commands that do not run the full `rig check`."""
 
 import sys
 from collections.abc import Iterable
@@ -10,33 +10,39 @@ from rig.planning.campaign import Campaign
 from rig.planning.campaign.validity import validity_warnings
 
 
-def warn(
+def warn_of_expired(
     campaign: Campaign, *, quiet: bool, swept: Iterable[Iterable[Campaign]] = ()
 ) -> list[dict[str, Any]]:
-    """Say on standard error what does not hold today (UTC), unless ``quiet``; give it for JSON.
+    """Warn on standard error of calibrations that are not valid today (UTC), unless ``quiet``.
 
-    ``swept`` has for each parameter of a sweep the campaign with each of its values.
+    Returns the problems as JSON values. ``swept`` holds, for each parameter of a sweep, the
+    campaign with each of the parameter's values.
     """
-    late = of_cases(campaign, swept, datetime.now(UTC).date())
+    expired = expired_calibrations(campaign, swept, datetime.now(UTC).date())
     if not quiet:
-        for problem in late:
+        for problem in expired:
             print(f"warning: {problem.text()}", file=sys.stderr)
-    return [problem.as_dict() for problem in late]
+    return [problem.as_dict() for problem in expired]
 
 
-def of_cases(
+def expired_calibrations(
     campaign: Campaign, swept: Iterable[Iterable[Campaign]], day: date
 ) -> tuple[Problem, ...]:
-    """What is out of date in any case of a sweep, or in a campaign alone.
+    """Return the expired calibrations of a campaign, or of any case of a sweep.
 
-    What the files' own values are to blame for counts only where no parameter puts all of them
-    right: then every case has one of that parameter's values.
+    A problem of the campaign file's own values counts only if every parameter keeps it for at
+    least one value: each case takes one value of each parameter, so a parameter whose values all
+    avoid the problem removes it from every case.
     """
     own = validity_warnings(campaign, day)
-    by_parameter = [
-        {problem: None for each in campaigns for problem in validity_warnings(each, day)}
+    problems_by_parameter = [
+        {problem: None for variant in campaigns for problem in validity_warnings(variant, day)}
         for campaigns in swept
     ]
-    stays = [problem for problem in own if all(problem in told for told in by_parameter)]
-    comes = [problem for told in by_parameter for problem in told if problem not in own]
-    return tuple(dict.fromkeys((*stays, *comes)))
+    remaining = [
+        problem for problem in own if all(problem in problems for problems in problems_by_parameter)
+    ]
+    added = [
+        problem for problems in problems_by_parameter for problem in problems if problem not in own
+    ]
+    return tuple(dict.fromkeys((*remaining, *added)))

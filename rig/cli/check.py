@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from rig.cli import BAD_INPUT, OK
-from rig.cli.check_view import View
+from rig.cli.check_view import CheckView
 from rig.design.predictions import predict
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import CheckReport, check_campaign
@@ -13,16 +13,16 @@ from rig.planning.session.files import is_session
 
 
 def examine(path: Path, rig: Path | None = None) -> CheckReport:
-    """Check a campaign with all it stands on, the simulated plant and its prediction included.
+    """Check a campaign and all its input files, the simulated plant and predictions included.
 
-    ``rig`` stands in for the rig that the campaign names. Calibrations are to hold today.
+    ``rig`` replaces the rig that the campaign names. Calibrations must be valid today (UTC).
     """
     today = datetime.now(UTC).date()
     return check_campaign(path, extra_check=problems, predictor=predict, rig=rig, day=today)
 
 
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:
-    """Print the report; 0 if the campaign or session can be run."""
+    """Print the report, and return the exit code (0: the campaign or session can run)."""
     if is_session(path):
         from rig.cli.bench import examine_session, show
 
@@ -33,12 +33,12 @@ def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool)
     elif report.prediction is None:
         print(report.text())
     else:
-        View(every_row=every_row).show(report)
+        CheckView(every_row=every_row).show(report)
     return OK if report.ok else BAD_INPUT
 
 
-def complain(report: CheckReport, *, as_json: bool) -> int:
-    """Say why a campaign cannot be run."""
+def print_errors(report: CheckReport, *, as_json: bool) -> int:
+    """Print why a campaign cannot run, and return the exit code."""
     if as_json:
         print(json.dumps({"status": "bad input"} | json.loads(report.to_json())))
     else:

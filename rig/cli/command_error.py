@@ -1,4 +1,4 @@
-"""How a command says that it could not do what was asked."""
+"""Error reports of the commands."""
 
 import json
 import sys
@@ -6,8 +6,8 @@ import sys
 from rig import cli
 
 
-def in_words(error: Exception) -> str:
-    """An error's own text, without the quotes of a KeyError and the number of an OSError."""
+def error_text(error: Exception) -> str:
+    """Return an error's text, without the quotes of a KeyError or the number of an OSError."""
     if isinstance(error, KeyError) and error.args:
         return str(error.args[0])
     if isinstance(error, OSError) and error.strerror:
@@ -16,8 +16,8 @@ def in_words(error: Exception) -> str:
 
 
 def fail(command: str, error: Exception, *, as_json: bool, code: int = cli.BAD_INPUT) -> int:
-    """Say it on standard error, or as JSON on standard output; gives the exit code."""
-    message = in_words(error) or type(error).__name__
+    """Print an error on standard error, or as JSON on standard output; return ``code``."""
+    message = error_text(error) or type(error).__name__
     if as_json:
         status = "bad input" if code == cli.BAD_INPUT else "failed"
         print(json.dumps({"status": status, "message": message}))

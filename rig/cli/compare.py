@@ -17,21 +17,21 @@ def command(
     b: Annotated[Path, typer.Argument(help="The run to compare with it.")],
     tolerance: Annotated[
         list[str] | None,
-        typer.Option(help="COLUMN=VALUE (SI): how far matched set points may be apart."),
+        typer.Option(help="COLUMN=VALUE (SI): largest difference of matched set points."),
     ] = None,
     left_out: Annotated[
         list[str] | None,
-        typer.Option(help="COLUMN=VALUE (SI): where the picture's left-out column stands."),
+        typer.Option(help="COLUMN=VALUE (SI): value of a column that is no axis of the picture."),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="PNG to write, a CSV beside it (default: in run B)."),
+        typer.Option("--output", "-o", help="PNG to write, with a CSV (default: in run B)."),
     ] = None,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Compare two runs of one matrix: settings that differ, then power point by point, B less A."""
+    """Compare two runs of one matrix: differing settings, then power point by point, B minus A."""
     columns = tolerance or [], left_out or []
     sys.exit(main(a, b, runs, *columns, output, incomplete_rows=incomplete_rows, as_json=json))
 
@@ -47,7 +47,7 @@ def main(
     incomplete_rows: bool,
     as_json: bool,
 ) -> int:
-    """Print what differs between two runs; a picture and a table go beside the second."""
+    """Print how two runs differ; write a picture and a table into the second run's folder."""
     from rig.analysis.comparison import compare
     from rig.analysis.comparison_picture import write_comparison
     from rig.analysis.comparison_table import as_json as in_json
@@ -56,42 +56,47 @@ def main(
     from rig.cli.find_run import find_run
 
     try:
-        one, other = find_run(a, runs), find_run(b, runs)
-        told = compare(one, other, _values(tolerances), incomplete_rows=incomplete_rows)
-        folder = other if other.is_dir() else other.parent
-        picture = output or folder / f"compared_with_{told.a.run}.png"
-        written = [write_csv(told, picture.with_suffix(".csv"))]
-        if told.matched.pairs:
-            written.append(write_comparison(told, picture, _values(left_out)))
+        first, second = find_run(a, runs), find_run(b, runs)
+        comparison = compare(
+            first, second, _parse_values(tolerances), incomplete_rows=incomplete_rows
+        )
+        folder = second if second.is_dir() else second.parent
+        picture = output or folder / f"compared_with_{comparison.a.run}.png"
+        paths = [write_csv(comparison, picture.with_suffix(".csv"))]
+        if comparison.matched.pairs:
+            paths.append(write_comparison(comparison, picture, _parse_values(left_out)))
     except (KeyError, ValueError, OSError) as error:
         return fail("compare", error, as_json=as_json)
-    files = [str(path) for path in written]
+    files = [str(path) for path in paths]
     if as_json:
-        print(json.dumps({**in_json(told), "written": files}))
+        print(json.dumps({**in_json(comparison), "written": files}))
     else:
-        print(as_text(told))
+        print(as_text(comparison))
         print("\n".join(files))
-        for warning in told.warnings:
+        for warning in comparison.warnings:
             print(f"\n!! {warning}", file=sys.stderr)
     return cli.OK
 
 
-def _values(given: list[str]) -> dict[str, float]:
-    """COLUMN=VALUE words by the column's name."""
-    from rig.analysis.labels import column
-    from rig.cli.command_error import in_words
+def _parse_values(arguments: list[str]) -> dict[str, float]:
+    """Parse COLUMN=VALUE arguments into values by column name.
 
-    found = {}
-    for words in given:
-        name, _, text = words.partition("=")
+    Raises ValueError if an argument has no finite number or names an unknown column.
+    """
+    from rig.analysis.labels import column
+    from rig.cli.command_error import error_text
+
+    values = {}
+    for argument in arguments:
+        name, _, text = argument.partition("=")
         try:
             value = float(text)
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            raise ValueError(f"{words}: write COLUMN=VALUE, the value in SI units")
+            raise ValueError(f"{argument}: write COLUMN=VALUE, the value in SI units")
         try:
-            found[column(name).name] = value
+            values[column(name).name] = value
         except KeyError as error:
-            raise ValueError(f"{words}: {in_words(error)}") from None
-    return found
+            raise ValueError(f"{argument}: {error_text(error)}") from None
+    return values

@@ -1,4 +1,4 @@
-"""Where tables are printed."""
+"""The console for tables."""
 
 import os
 
@@ -8,8 +8,8 @@ WIDTH = 100  # where there is no terminal
 
 
 def table_console() -> Console:
-    """As wide as the terminal, or as COLUMNS says; into a pipe or a file `WIDTH`."""
-    found = Console(highlight=False)
-    if found.is_terminal or os.environ.get("COLUMNS"):
-        return found
+    """Return a console as wide as the terminal or COLUMNS; `WIDTH` in a pipe or a file."""
+    console = Console(highlight=False)
+    if console.is_terminal or os.environ.get("COLUMNS"):
+        return console
     return Console(highlight=False, width=WIDTH)

@@ -12,8 +12,8 @@ from rig import cli
 from rig.cli import bench_devices_view
 from rig.cli.command_error import fail
 from rig.cli.console import table_console
-from rig.cli.devices_view import as_dict, drawn, heard_dict, heard_drawn
-from rig.cli.file_problems import REFUSED, refuse
+from rig.cli.devices_view import as_dict, heard_as_dict, render, render_heard
+from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.rig_file import RigFile
@@ -27,69 +27,75 @@ from rig.recording.runs.create import BusyError
 
 
 def main(path: Path, *, only_listen: bool, objects: bool, as_json: bool) -> int:
-    """Look at every wire and say who answers; 0 if all do and agree with the rig file."""
+    """Survey every wire of a rig, print the result, and return the exit code.
+
+    The code is 0 if all devices answer and agree with the rig file.
+    """
     try:
         rig, _ = load_rig(path)
-        look = _bench(rig) if isinstance(rig, BenchRigFile) else _wavebot(rig, objects)
-    except REFUSED as error:
+        survey_wires = (
+            _bench_survey(rig) if isinstance(rig, BenchRigFile) else _wavebot_survey(rig, objects)
+        )
+    except INPUT_ERRORS as error:
         return refuse("devices", error, as_json=as_json)
-    with ExitStack() as held:
+    with ExitStack() as locks:
         if only_listen:
-            look = _listening(rig)
+            survey_wires = _passive_survey(rig)
         else:
             try:
-                held.enter_context(wire_locks.hold(wire_locks.wires_of(rig), "rig devices"))
+                locks.enter_context(wire_locks.hold(wire_locks.wires_of(rig), "rig devices"))
             except BusyError as error:
-                text = (
-                    f"{error}\n--listen looks without sending: at what the CAN bus says by itself"
-                )
+                text = f"{error}\n--listen sends nothing: it shows what nodes on the CAN bus send"
                 return fail("devices", RuntimeError(text), as_json=as_json, code=cli.FAILED)
         console = table_console()
         if not as_json and console.is_terminal:
-            with console.status("looking at the rig's wires ..."):
-                seen = look()
+            with console.status("surveying the rig's wires ..."):
+                survey_output = survey_wires()
         else:
-            seen = look()
+            survey_output = survey_wires()
     if as_json:
-        print(json.dumps(seen.told, ensure_ascii=False))
+        print(json.dumps(survey_output.data, ensure_ascii=False))
     else:
-        console.print(seen.drawn)
-    return cli.FAILED if seen.trouble else cli.OK
+        console.print(survey_output.rendered)
+    return cli.FAILED if survey_output.trouble else cli.OK
 
 
-class _Seen(NamedTuple):
-    """What a look found, for programs and for people."""
+class _SurveyOutput(NamedTuple):
+    """A survey for programs (``data``) and for people (``rendered``), and its troubles."""
 
-    told: dict[str, Any]
-    drawn: Group
+    data: dict[str, Any]
+    rendered: Group
     trouble: tuple[str, ...]
 
 
-def _wavebot(rig: RigFile, objects: bool) -> Callable[[], _Seen]:
+def _wavebot_survey(rig: RigFile, objects: bool) -> Callable[[], _SurveyOutput]:
     job = job_of(rig)
 
-    def look() -> _Seen:
-        found = survey(job)
-        shown = drawn(rig.name, found, every_object=objects)
-        return _Seen(as_dict(rig.name, found), shown, found.trouble)
+    def run_survey() -> _SurveyOutput:
+        result = survey(job)
+        rendered = render(rig.name, result, all_objects=objects)
+        return _SurveyOutput(as_dict(rig.name, result), rendered, result.trouble)
 
-    return look
+    return run_survey
 
 
-def _bench(rig: BenchRigFile) -> Callable[[], _Seen]:
+def _bench_survey(rig: BenchRigFile) -> Callable[[], _SurveyOutput]:
     job = job_of_bench(rig)
 
-    def look() -> _Seen:
-        found = survey_bench(job)
-        told = bench_devices_view.as_dict(rig.name, found)
-        return _Seen(told, bench_devices_view.drawn(rig.name, found), found.trouble)
+    def run_survey() -> _SurveyOutput:
+        result = survey_bench(job)
+        data = bench_devices_view.as_dict(rig.name, result)
+        rendered = bench_devices_view.render(rig.name, result)
+        return _SurveyOutput(data, rendered, result.trouble)
 
-    return look
+    return run_survey
 
 
-def _listening(rig: AnyRigFile) -> Callable[[], _Seen]:
-    def look() -> _Seen:
-        found = listen(rig)
-        return _Seen(heard_dict(rig.name, found), heard_drawn(rig.name, found), found.trouble)
+def _passive_survey(rig: AnyRigFile) -> Callable[[], _SurveyOutput]:
+    def run_survey() -> _SurveyOutput:
+        heard = listen(rig)
+        return _SurveyOutput(
+            heard_as_dict(rig.name, heard), render_heard(rig.name, heard), heard.trouble
+        )
 
-    return look
+    return run_survey

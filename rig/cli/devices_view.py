@@ -1,4 +1,4 @@
-"""How `rig devices` shows what it found."""
+"""Output of `rig devices`, for people and for programs."""
 
 import math
 from collections.abc import Callable
@@ -14,252 +14,320 @@ from rig.execution.hardware.line_survey import LineFound, UnitFound, ValueFound
 from rig.execution.hardware.listen import Heard
 from rig.execution.hardware.survey import BusFound, Found, NodeFound, register_words
 
-BAD, NOTE = "bold red", "dim"
+BAD_STYLE, NOTE_STYLE = "bold red", "dim"
 
 
-def as_dict(rig: str, found: Found) -> dict[str, Any]:
-    """All of it as JSON values; null for what did not come."""
-    can = found.can
+def as_dict(rig: str, survey: Found) -> dict[str, Any]:
+    """Return the survey as JSON values; null for a value that no device sent."""
+    can = survey.can
     return {
-        "status": "trouble" if found.trouble else "ok",
+        "status": "trouble" if survey.trouble else "ok",
         "rig": rig,
-        "trouble": list(found.trouble),
+        "trouble": list(survey.trouble),
         "can": {
             "interface": can.bus.interface,
             "channel": can.bus.channel,
             "bit_rate": can.bus.bit_rate,
             "planned_load": can.load,
             "trouble": can.trouble,
-            "nodes": [_node_dict(node) for node in can.nodes],
-            "strangers": list(can.strangers),
+            "nodes": [_node_as_dict(node) for node in can.nodes],
+            "unlisted_nodes": list(can.strangers),
         },
-        "lines": [line_dict(line, found.at) for line in found.lines],
+        "lines": [line_as_dict(line, survey.at) for line in survey.lines],
     }
 
 
-def _node_dict(node: NodeFound) -> dict[str, Any]:
-    told = node._asdict()
-    told["identity"] = node.identity._asdict()
-    told["nmt"] = None if node.nmt is None else Nmt(node.nmt).name
-    told["wrong"] = [one._asdict() for one in node.wrong]
-    told["unset"] = [one._asdict() for one in node.unset]
-    code = node.error_code
-    told["error_words"] = emcy.meaning(code) if code else None if code is None else "none"
-    told["status_words"] = None if node.statusword is None else statusword.describe(node.statusword)
-    told["trouble"] = list(node.trouble)
-    return told
+def _node_as_dict(node: NodeFound) -> dict[str, Any]:
+    code, status = node.error_code, node.statusword
+    return {
+        "name": node.name,
+        "node": node.node,
+        "answers": node.answers,
+        "identity": node.identity._asdict(),
+        "nmt": None if node.nmt is None else Nmt(node.nmt).name,
+        "heartbeat_age": node.heartbeat_age,
+        "heartbeat_every": node.heartbeat_every,
+        "error_code": code,
+        "error_text": emcy.meaning(code) if code else None if code is None else "none",
+        "statusword": status,
+        "status_text": None if status is None else statusword.describe(status),
+        "emergency": node.emergency,
+        "checked": node.checked,
+        "wrong": [_mismatch_as_dict(mismatch) for mismatch in node.wrong],
+        "unset": [_mismatch_as_dict(mismatch) for mismatch in node.unset],
+        "trouble": list(node.trouble),
+    }
 
 
-def line_dict(line: LineFound, at: float) -> dict[str, Any]:
-    """A line with its units as JSON values; ``at``: when all had been looked at (s)."""
-    return {**line._asdict(), "units": [_unit_dict(unit, at) for unit in line.units]}
+def _mismatch_as_dict(mismatch: arming.Mismatch) -> dict[str, Any]:
+    return {
+        "object": mismatch.object,
+        "sub": mismatch.sub,
+        "name": mismatch.name,
+        "expected": mismatch.wanted,
+        "actual": mismatch.got,
+    }
 
 
-def _unit_dict(unit: UnitFound, at: float) -> dict[str, Any]:
-    told = unit._asdict() | {"age": at - unit.asked if unit.answers else None}
-    del told["asked"]
-    told["values"] = [
-        value._asdict() | {"value": value.value if math.isfinite(value.value) else None}
-        for value in unit.values
-    ]
-    return told
+def line_as_dict(line: LineFound, at: float) -> dict[str, Any]:
+    """Return a line and its units as JSON values; ``at``: time of the survey, monotonic (s)."""
+    return {
+        "name": line.name,
+        "kind": line.kind,
+        "address": line.address,
+        "trouble": line.trouble,
+        "units": [_unit_as_dict(unit, at) for unit in line.units],
+    }
 
 
-def drawn(rig: str, found: Found, *, every_object: bool) -> Group:
-    """The bus with a column a node, the lines with a row a unit, and what is wrong."""
-    parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": who answers on its wires\n")]
-    parts += [_bus_words(found.can)]
-    if not found.can.trouble:
-        parts.append(_nodes(found.can))
-        if found.can.strangers:
-            numbers = ", ".join(map(str, found.can.strangers))
+def _unit_as_dict(unit: UnitFound, at: float) -> dict[str, Any]:
+    return {
+        "name": unit.name,
+        "unit": unit.unit,
+        "registers": unit.registers,
+        "answers": unit.answers,
+        "answered_in_s": unit.took,
+        "age": at - unit.asked if unit.answers else None,
+        "written_by_run": unit.told,
+        "values": [value_as_dict(value) for value in unit.values],
+        "trouble": unit.trouble,
+    }
+
+
+def value_as_dict(value: ValueFound) -> dict[str, Any]:
+    """Return a value as JSON values; null where it is not finite."""
+    return {
+        "name": value.name,
+        "value": value.value if math.isfinite(value.value) else None,
+        "unit": value.unit,
+        "plausible": value.believed,
+    }
+
+
+def render(rig: str, survey: Found, *, all_objects: bool) -> Group:
+    """Draw the bus with a column per node, the lines with a row per unit, and the verdict."""
+    parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": devices on its wires\n")]
+    parts += [_bus_text(survey.can)]
+    if not survey.can.trouble:
+        parts.append(_node_table(survey.can))
+        if survey.can.strangers:
+            numbers = ", ".join(map(str, survey.can.strangers))
             parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
     parts.append(Text(""))
-    parts += [line for one in found.lines for line in drawn_line(one, found.at)]
-    if every_object:
-        parts += [_objects(node) for node in found.can.nodes if node.unset]
-    parts.append(verdict(found.trouble))
+    parts += [part for line in survey.lines for part in render_line(line, survey.at)]
+    if all_objects:
+        parts += [_unset_objects_text(node) for node in survey.can.nodes if node.unset]
+    parts.append(render_verdict(survey.trouble))
     return Group(*parts)
 
 
-def heard_dict(rig: str, found: Heard) -> dict[str, Any]:
-    """What was heard without sending, as JSON values."""
+def heard_as_dict(rig: str, heard: Heard) -> dict[str, Any]:
+    """Return the nodes heard without sending as JSON values."""
     nodes = [
-        one._asdict() | {"nmt": None if one.nmt is None else Nmt(one.nmt).name}
-        for one in found.nodes
+        {
+            "name": node.name,
+            "node": node.node,
+            "sends": node.sends,
+            "nmt": None if node.nmt is None else Nmt(node.nmt).name,
+            "heartbeat_age": node.heartbeat_age,
+            "emergency": node.emergency,
+        }
+        for node in heard.nodes
     ]
     return {
-        "status": "trouble" if found.trouble else "ok",
+        "status": "trouble" if heard.trouble else "ok",
         "rig": rig,
         "listened_only": True,
-        "trouble": list(found.trouble),
-        "can": {"nodes": nodes, "strangers": list(found.strangers)},
+        "trouble": list(heard.trouble),
+        "can": {"nodes": nodes, "unlisted_nodes": list(heard.strangers)},
     }
 
 
-def heard_drawn(rig: str, found: Heard) -> Group:
-    """A row a node that was heard without sending, and what is wrong."""
-    head = Text.assemble((rig, "bold"), ": what its wires say by themselves; nothing was sent\n")
+def render_heard(rig: str, heard: Heard) -> Group:
+    """Draw a row per node heard without sending, and the verdict."""
+    title = Text.assemble(
+        (rig, "bold"), ": devices that send by themselves; this command sent nothing\n"
+    )
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0))
     for name in ("node", "", "state", "heartbeat", "emergency"):
         table.add_column(name)
-    for one in found.nodes:
-        age = "none" if one.heartbeat_age is None else f"{1e3 * one.heartbeat_age:.0f} ms ago"
-        state = "-" if one.nmt is None else Nmt(one.nmt).name.lower().replace("_", "-")
-        code = emcy.meaning(one.emergency) if one.emergency else "none"
-        table.add_row(str(one.node), one.name, state, age, code)
-    parts: list[Table | Text] = [head, table] if found.nodes else [head]
-    if found.strangers:
-        numbers = ", ".join(map(str, found.strangers))
+    for node in heard.nodes:
+        age = "none" if node.heartbeat_age is None else f"{1e3 * node.heartbeat_age:.0f} ms ago"
+        state = "-" if node.nmt is None else Nmt(node.nmt).name.lower().replace("_", "-")
+        code = emcy.meaning(node.emergency) if node.emergency else "none"
+        table.add_row(str(node.node), node.name, state, age, code)
+    parts: list[Table | Text] = [title, table] if heard.nodes else [title]
+    if heard.strangers:
+        numbers = ", ".join(map(str, heard.strangers))
         parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
-    return Group(*parts, Text(""), verdict(found.trouble))
+    return Group(*parts, Text(""), render_verdict(heard.trouble))
 
 
-def _bus_words(can: BusFound) -> Text:
+def _bus_text(can: BusFound) -> Text:
     bus = can.bus
-    words = (
+    text_line = (
         f"{bus.interface} {bus.channel}, {bus.bit_rate / 1e3:g} kbit/s, "
         f"{100 * can.load:.0f} % full while a campaign runs"
     )
-    text = Text.assemble(("CAN  ", "bold cyan"), words)
-    return text.append(f"\n  {can.trouble}", BAD) if can.trouble else text
+    text = Text.assemble(("CAN  ", "bold cyan"), text_line)
+    return text.append(f"\n  {can.trouble}", BAD_STYLE) if can.trouble else text
 
 
-def _nodes(can: BusFound) -> Table:
+def _node_table(can: BusFound) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0), expand=True)
     table.add_column("", width=18, style="dim")
     for node in can.nodes:
         table.add_column(f"node {node.node}: {node.name}", ratio=1, overflow="fold")
-    for name, words in _ROWS:
+    for name, text_of in _ROWS:
         table.add_row(
             f"  {name}",
-            *(words(node) if node.answers or name == "answers" else Text("") for node in can.nodes),
+            *(
+                text_of(node) if node.answers or name == "answers" else Text("")
+                for node in can.nodes
+            ),
         )
     return table
 
 
-def _some(value: str | None) -> Text:
-    return Text("-", NOTE) if value is None else Text(value)
+def _text_or_dash(value: str | None) -> Text:
+    return Text("-", NOTE_STYLE) if value is None else Text(value)
 
 
-def _hexadecimal(value: int | None) -> Text:
-    return _some(None if value is None else f"{value:#010x}")
+def _hex_text(value: int | None) -> Text:
+    return _text_or_dash(None if value is None else f"{value:#010x}")
 
 
-def _nmt(one: NodeFound) -> Text:
-    if one.nmt is None:
-        return Text("not known: no heartbeat", NOTE)
-    return Text(Nmt(one.nmt).name.lower().replace("_", "-"))
+def _nmt_text(node: NodeFound) -> Text:
+    if node.nmt is None:
+        return Text("not known: no heartbeat", NOTE_STYLE)
+    return Text(Nmt(node.nmt).name.lower().replace("_", "-"))
 
 
-def _heartbeat(one: NodeFound) -> Text:
-    if one.heartbeat_age is not None:
-        every = f" (every {one.heartbeat_every:g} s)" if one.heartbeat_every else ""
-        return Text(f"{one.heartbeat_age:.2f} s ago{every}")
-    return Text("none came", BAD) if one.heartbeat_every else Text("off until a run", NOTE)
+def _heartbeat_text(node: NodeFound) -> Text:
+    if node.heartbeat_age is not None:
+        interval = f" (every {node.heartbeat_every:g} s)" if node.heartbeat_every else ""
+        return Text(f"{node.heartbeat_age:.2f} s ago{interval}")
+    return (
+        Text("none received", BAD_STYLE)
+        if node.heartbeat_every
+        else Text("off until a run", NOTE_STYLE)
+    )
 
 
-def _status(one: NodeFound) -> Text:
-    if one.statusword is None:
-        return Text("-", BAD)
-    bad = statusword.decode(one.statusword) in (statusword.FAULT, statusword.FAULT_REACTION)
-    return Text(statusword.describe(one.statusword), BAD if bad else "")
+def _status_text(node: NodeFound) -> Text:
+    if node.statusword is None:
+        return Text("-", BAD_STYLE)
+    bad = statusword.decode(node.statusword) in (statusword.FAULT, statusword.FAULT_REACTION)
+    return Text(statusword.describe(node.statusword), BAD_STYLE if bad else "")
 
 
-def _register(one: NodeFound) -> Text:
-    value = one.identity.error_register
+def _error_register_text(node: NodeFound) -> Text:
+    value = node.identity.error_register
     if not value:
-        return _some("clear" if value == 0 else None)
-    words = f"{value:#04x} {register_words(value)}"
-    return Text(f"{words}: misses its master", "yellow") if one.waits else Text(words, BAD)
+        return _text_or_dash("clear" if value == 0 else None)
+    text = f"{value:#04x} {register_words(value)}"
+    if node.waits:
+        return Text(f"{text}: no heartbeat of its master", "yellow")
+    return Text(text, BAD_STYLE)
 
 
-def _error(code: int | None) -> Text:
+def _error_code_text(code: int | None) -> Text:
     if not code:
-        return _some("none" if code == 0 else None)
-    return Text(f"{code:#06x} {emcy.meaning(code)}", BAD)
+        return _text_or_dash("none" if code == 0 else None)
+    return Text(f"{code:#06x} {emcy.meaning(code)}", BAD_STYLE)
 
 
-def _standing(one: NodeFound) -> Text:
-    if not one.wrong:
-        return Text("all as wanted", "green")
-    return Text("\n".join(f"not {mismatch.name}" for mismatch in one.wrong), BAD)
+def _settings_text(node: NodeFound) -> Text:
+    if not node.wrong:
+        return Text("all correct", "green")
+    return Text("\n".join(f"not {mismatch.name}" for mismatch in node.wrong), BAD_STYLE)
 
 
-def _unset(one: NodeFound) -> Text:
-    return Text(f"{len(one.unset)} of {one.checked} objects" if one.unset else "nothing", NOTE)
+def _unset_text(node: NodeFound) -> Text:
+    return Text(
+        f"{len(node.unset)} of {node.checked} objects" if node.unset else "nothing", NOTE_STYLE
+    )
 
 
-# A function of the node for each row.
+# Label and text function of each row of the node table.
 _ROWS: tuple[tuple[str, Callable[[NodeFound], Text]], ...] = (
-    ("answers", lambda one: Text("yes", "green") if one.answers else Text("no", BAD)),
-    ("device name", lambda one: _some(one.identity.name)),
-    ("device type", lambda one: _hexadecimal(one.identity.device_type)),
-    ("vendor", lambda one: _hexadecimal(one.identity.vendor)),
-    ("product", lambda one: _hexadecimal(one.identity.product)),
-    ("revision", lambda one: _hexadecimal(one.identity.revision)),
-    ("NMT state", _nmt),
-    ("heartbeat", _heartbeat),
-    ("statusword", _status),
-    ("error register", _register),
-    ("error code", lambda one: _error(one.error_code)),
-    ("must stand there", _standing),
-    ("a run will set", _unset),
+    ("answers", lambda node: Text("yes", "green") if node.answers else Text("no", BAD_STYLE)),
+    ("device name", lambda node: _text_or_dash(node.identity.name)),
+    ("device type", lambda node: _hex_text(node.identity.device_type)),
+    ("vendor", lambda node: _hex_text(node.identity.vendor)),
+    ("product", lambda node: _hex_text(node.identity.product)),
+    ("revision", lambda node: _hex_text(node.identity.revision)),
+    ("NMT state", _nmt_text),
+    ("heartbeat", _heartbeat_text),
+    ("statusword", _status_text),
+    ("error register", _error_register_text),
+    ("error code", lambda node: _error_code_text(node.error_code)),
+    ("fixed settings", _settings_text),
+    ("a run will set", _unset_text),
 )
 
 
-def _objects(node: NodeFound) -> Text:
-    head = f"{node.name} (node {node.node}): what a run will set before it arms\n"
-    text = arming.refusal(node.unset).replace("wanted", "to be").replace("got", "is")
-    return Text.assemble((head, "bold"), text.replace("\n", "\n  ").join(("  ", "\n")))
+def _unset_objects_text(node: NodeFound) -> Text:
+    heading = f"{node.name} (node {node.node}): objects that a run will set before it arms\n"
+    return Text.assemble((heading, "bold"), *map(_unset_object_text, node.unset))
 
 
-def drawn_line(line: LineFound, at: float) -> list[Table | Text]:
-    """A line with a row a unit."""
+def _unset_object_text(mismatch: arming.Mismatch) -> str:
+    actual = "no answer" if mismatch.got is None else f"is {_count_text(mismatch.got)}"
+    index = f"{mismatch.object:#06x}:{mismatch.sub:02x}"
+    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.wanted)}, {actual}\n"
+
+
+def _count_text(value: int) -> str:
+    return f"{value}" if -1000 < value < 1000 else f"{value} ({value:#x})"
+
+
+def render_line(line: LineFound, at: float) -> list[Table | Text]:
+    """Draw a line with a row per unit; ``at``: time of the survey, monotonic (s)."""
     kind = "Modbus TCP" if line.kind == "tcp" else "Modbus RTU"
     head = Text.assemble((f"line {line.name}  ", "bold cyan"), f"{kind} at {line.address}")
     if line.trouble:
-        return [head.append(f"\n  {line.trouble}", BAD), Text("")]
-    table = Table(box=None, header_style=NOTE, pad_edge=False, padding=(0, 2, 0, 0))
+        return [head.append(f"\n  {line.trouble}", BAD_STYLE), Text("")]
+    table = Table(box=None, header_style=NOTE_STYLE, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("  unit", no_wrap=True)
     table.add_column("", style="bold", no_wrap=True, min_width=9)
     table.add_column("answered in", justify="right", no_wrap=True)
     table.add_column("age", justify="right", no_wrap=True)
     table.add_column("")
     for unit in line.units:
-        took, age = Text("no answer", BAD), Text("-", NOTE)
+        took, age = Text("no answer", BAD_STYLE), Text("-", NOTE_STYLE)
         if unit.answers:
             took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.asked:.2f} s")
-        table.add_row(f"  {unit.unit}", unit.name, took, age, _values(unit))
+        table.add_row(f"  {unit.unit}", unit.name, took, age, _unit_values(unit))
     return [head, table, Text("")]
 
 
-def _values(unit: UnitFound) -> Table | Text:
-    """Name and value side by side, never cut between number and unit."""
+def _unit_values(unit: UnitFound) -> Table | Text:
+    """Draw names and values in columns; a number and its unit stay on one line."""
     if not unit.answers:
-        return Text(unit.trouble, BAD)
+        return Text(unit.trouble, BAD_STYLE)
     if unit.told:
-        return Text("is told by a run, not read", NOTE)
-    return valued(unit.values)
+        return Text("written by a run, not read", NOTE_STYLE)
+    return render_values(unit.values)
 
 
-def valued(values: tuple[ValueFound, ...]) -> Table:
-    """Values in a row, each with its name and unit."""
+def render_values(values: tuple[ValueFound, ...]) -> Table:
+    """Draw values in one row, each with its name and unit."""
     table = Table.grid(padding=(0, 3, 0, 0))
     cells = []
     for value in values:
         table.add_column(no_wrap=True, overflow="fold")
         digits = ".0f" if value.unit == "count" else ".4g"
         number = f"{value.value:{digits}}" + (f" {value.unit}" if value.unit != "flag" else "")
-        style = "" if value.believed else BAD
-        cells.append(Text.assemble((f"{value.name} ", NOTE), (number, style)))
+        style = "" if value.believed else BAD_STYLE
+        cells.append(Text.assemble((f"{value.name} ", NOTE_STYLE), (number, style)))
     table.add_row(*cells)
     return table
 
 
-def verdict(trouble: tuple[str, ...]) -> Text:
-    """What it all comes to."""
+def render_verdict(trouble: tuple[str, ...]) -> Text:
+    """Draw the verdict: all correct, or the list of troubles."""
     if not trouble:
-        return Text("All answer, and what must stand in them does.", "bold green")
+        return Text("All devices answer, and their settings are correct.", "bold green")
     head = "One thing is wrong:" if len(trouble) == 1 else f"{len(trouble)} things are wrong:"
     return Text("\n  ".join((head, *trouble)), "bold red")

@@ -9,14 +9,14 @@ from rich.text import Text
 
 from rig import cli
 from rig.cli.console import table_console
-from rig.cli.file_problems import REFUSED, refuse
+from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.any_rig_file import load_rig
 from rig.host import DoctorOptions, Examination, Finding, Use, Verdict, examine
-from rig.host.timing import PLAIN
+from rig.host.timing import UNPRIVILEGED_S
 
-RATE = 1000.0  # Hz, of the loop where nobody says another
-_WIDE = 110  # columns
-_LOOKS = {
+DEFAULT_RATE_HZ = 1000.0  # of the loop, without --rate and --rig
+_WIDE_CONSOLE = 110  # columns
+_MARKS = {
     Verdict.GOOD: ("ok", "green"),
     Verdict.WARNING: ("!", "yellow"),
     Verdict.BAD: ("BAD", "bold red"),
@@ -35,51 +35,53 @@ def main(
     as_json: bool,
     rig: Path | None = None,
 ) -> int:
-    """Examine the host and say what it is fit for; 0 if fit for what was asked.
+    """Examine the host, print the findings, and return the exit code.
 
-    ``rig``: also what its wires need; its rate is the loop's where none is given.
+    The code is 0 if the host is fit for real time or, with ``rehearsal``, for a rehearsal.
+    ``rig``: also check what the wires of this rig file need; without ``rate_hz`` its rate
+    is that of the loop.
     """
     console = table_console()
-    wanted = None
+    rig_config = None
     if rig is not None:
         try:
-            wanted, _ = load_rig(rig)
-        except REFUSED as error:
+            rig_config, _ = load_rig(rig)
+        except INPUT_ERRORS as error:
             return refuse("doctor", error, as_json=as_json)
-    rate = rate_hz or (float(wanted.rate_hz) if wanted is not None else RATE)
-    asked = DoctorOptions(runs, seconds, rate, hours, wanted)
+    rate = rate_hz or (float(rig_config.rate_hz) if rig_config is not None else DEFAULT_RATE_HZ)
+    options = DoctorOptions(runs, seconds, rate, hours, rig_config)
     if not as_json and console.is_terminal:
-        with console.status(
-            f"measuring wake-ups for {seconds + min(seconds, PLAIN):g} s, then the rest ..."
-        ):
-            found = examine(asked)
+        duration = seconds + min(seconds, UNPRIVILEGED_S)
+        with console.status(f"measuring wake-ups for {duration:g} s, then the other checks ..."):
+            examination = examine(options)
     else:
-        found = examine(asked)
+        examination = examine(options)
     if as_json:
-        print(json.dumps(found.as_dict()))
+        print(json.dumps(examination.as_dict()))
     else:
-        console.print(drawn(found, console.width))
-    return cli.OK if found.fit(Use.REHEARSAL if rehearsal else Use.REALTIME) else cli.FAILED
+        console.print(render(examination, console.width))
+    return cli.OK if examination.fit(Use.REHEARSAL if rehearsal else Use.REALTIME) else cli.FAILED
 
 
-def drawn(found: Examination, width: int) -> Group:
-    """The findings by area, advice under what needs it, and the verdict.
+def render(examination: Examination, width: int) -> Group:
+    """Draw the findings by area, advice where a finding needs it, and the verdict.
 
-    Where there is room, every limit stands beside its value; else only those that are not held.
+    A console of `_WIDE_CONSOLE` columns shows every limit in a column of its own; a narrower one
+    shows only the limits that are exceeded.
     """
     parts: list[Table | Text] = []
     area = ""
-    for finding in found.findings:
+    for finding in examination.findings:
         if finding.area != area:
             area = finding.area
             parts.append(Text(f"\n{area}", style="bold"))
             parts.append(_table(width))
         table = parts[-1]
         assert isinstance(table, Table)
-        _add(table, finding)
-    fit = found.fit(Use.REALTIME)
-    style = "bold green" if fit else "bold yellow" if found.fit(Use.REHEARSAL) else "bold red"
-    parts += [Text(""), Text(found.verdict, style=style)]
+        _add_finding(table, finding)
+    fit = examination.fit(Use.REALTIME)
+    style = "bold green" if fit else "bold yellow" if examination.fit(Use.REHEARSAL) else "bold red"
+    parts += [Text(""), Text(examination.verdict, style=style)]
     return Group(*parts)
 
 
@@ -88,16 +90,16 @@ def _table(width: int) -> Table:
     table.add_column(width=4, justify="right")
     table.add_column(width=28)
     table.add_column(ratio=1)
-    if width >= _WIDE:
+    if width >= _WIDE_CONSOLE:
         table.add_column(ratio=1)
     return table
 
 
-def _add(table: Table, finding: Finding) -> None:
-    mark, style = _LOOKS[finding.verdict]
+def _add_finding(table: Table, finding: Finding) -> None:
+    mark, style = _MARKS[finding.verdict]
     value, limit = Text(finding.value), Text(finding.limit, style="dim")
     advice = Text(f"-> {finding.advice}", style="cyan") if finding.advice else Text("")
-    head = (Text(mark, style=style), Text(finding.what))
+    head = (Text(mark, style=style), Text(finding.check))
     if len(table.columns) > 3:
         if advice:
             limit.append("\n").append(advice)

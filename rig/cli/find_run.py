@@ -1,4 +1,4 @@
-"""Which run a person means, and by which calibrations it is to be read."""
+"""Lookup of the run and the calibrations that a person names."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,37 +9,40 @@ if TYPE_CHECKING:
     from rig.recording.calibration import Known
 
 
-def find_run(named: Path, runs: Path) -> Path:
-    """A folder or file by its path, or of ``runs``: 'last', an id, a campaign, an id's beginning.
+def find_run(name: Path, runs: Path) -> Path:
+    """Return the path of a run.
 
-    A campaign means its newest run; a beginning must be that of one run only. Raises RunError
-    saying what there is, OSError for what cannot be looked at.
+    ``name`` is the path of a folder or file, or names a run in ``runs``: 'last', an id, a
+    campaign (its newest run), or the beginning of exactly one id. Raises RunError with the newest
+    runs there are, and OSError if the folder cannot be read.
     """
-    if named.exists():
-        return named
+    if name.exists():
+        return name
     listed = list_runs(runs)
-    known = [run.path for run in listed]
-    if str(named) == "last" and known:
-        return known[-1]
-    matches = [path for path in known if path.name == str(named)]
-    matches = matches or [run.path for run in listed if run.campaign == str(named)][-1:]
-    matches = matches or [path for path in known if path.name.startswith(str(named))]
+    paths = [run.path for run in listed]
+    if str(name) == "last" and paths:
+        return paths[-1]
+    matches = [path for path in paths if path.name == str(name)]
+    matches = matches or [run.path for run in listed if run.campaign == str(name)][-1:]
+    matches = matches or [path for path in paths if path.name.startswith(str(name))]
     if len(matches) == 1:
         return matches[0]
     if matches:
-        raise RunError(f"{named}: {len(matches)} runs begin so: {_names(matches)}")
-    there = _names(known[-5:]) if known else "none"
-    raise RunError(f"{named}: no such run or campaign in {runs}/; the newest there: {there}")
+        raise RunError(
+            f"{name}: {len(matches)} runs begin so; give more of the id: {_names(matches)}"
+        )
+    newest = _names(paths[-5:]) if paths else "none"
+    raise RunError(f"{name}: no such run or campaign in {runs}/; the newest there: {newest}")
 
 
-def find_calibrations(named: list[str]) -> "list[Known]":
-    """The calibrations a person means, by file or name; raises as `rig calibration show` tells."""
-    if not named:
+def find_calibrations(names: list[str]) -> "list[Known]":
+    """Return calibrations by file or name; raises the same errors as `rig calibration show`."""
+    if not names:
         return []
     from rig.cli.calibration import FOLDER
-    from rig.cli.calibration_commands import find
+    from rig.cli.calibration_commands import find_calibration
 
-    return [find(name, FOLDER) for name in named]
+    return [find_calibration(name, FOLDER) for name in names]
 
 
 def _names(paths: list[Path]) -> str:

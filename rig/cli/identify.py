@@ -1,4 +1,4 @@
-"""The words of `rig identify`; what it does is in `rig.cli.identify_command`."""
+"""Options of `rig identify`; `rig.cli.identify_command` implements it."""
 
 import sys
 from pathlib import Path
@@ -8,12 +8,15 @@ import typer
 
 from rig.cli.options import IncompleteRows
 
-_RUN = "A run's folder, MCAP file, id, campaign, or 'last'. Several: calm water, waves, sea alone."
+_RUN = (
+    "A run's folder, MCAP file, id, campaign, or 'last'. Give several to combine runs in calm "
+    "water, in waves, and of the waves without the device."
+)
 _RUNS = "Folder that holds the runs."
 
 
 def command(
-    named: Annotated[list[Path] | None, typer.Argument(metavar="[RUNS]...", help=_RUN)] = None,
+    run_names: Annotated[list[Path] | None, typer.Argument(metavar="[RUNS]...", help=_RUN)] = None,
     compare: Annotated[
         tuple[Path, Path] | None,
         typer.Option(metavar="A B", help="Compare two identifications: JSON files or runs."),
@@ -22,10 +25,10 @@ def command(
         int, typer.Option(help="Order of the parametric models: 2, or also 4, 6 or 8.")
     ] = 2,
     probe: Annotated[
-        str, typer.Option(help="Probe of the wave calibration that stood at the device's place.")
+        str, typer.Option(help="Probe of the wave calibration at the position of the device.")
     ] = "",
     bem: Annotated[
-        Path | None, typer.Option(help="BEM file (.npz, .nc of capytaine) to compare with.")
+        Path | None, typer.Option(help="BEM file to compare with (.npz, or .nc of capytaine).")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
@@ -40,9 +43,9 @@ def command(
     """Identify impedances and wave excitation from runs with an open-loop reference."""
     from rig.cli import identify_command
 
-    wanted = identify_command.IdentifyOptions(order, probe, bem, output, pictures, incomplete_rows)
+    options = identify_command.IdentifyOptions(order, probe, bem, output, pictures, incomplete_rows)
     if compare is None:
-        sys.exit(identify_command.main(named or [], runs, wanted, as_json=json))
-    if named:
-        raise typer.BadParameter("--compare takes its two and no RUNS beside them")
+        sys.exit(identify_command.main(run_names or [], runs, options, as_json=json))
+    if run_names:
+        raise typer.BadParameter("--compare takes two identifications; leave out RUNS")
     sys.exit(identify_command.compare(compare, runs, output, as_json=json))

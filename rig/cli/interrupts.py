@@ -1,4 +1,4 @@
-"""What Ctrl-C does to a command that does not heed it itself."""
+"""Ctrl-C in commands that do not handle it themselves."""
 
 import sys
 from typing import Any
@@ -8,11 +8,11 @@ from typer.core import TyperGroup
 from rig.cli.options import STOPPED
 
 
-class Interruptible(TyperGroup):
-    """The commands; Ctrl-C before or after what heeds it itself ends them with a word."""
+class InterruptibleGroup(TyperGroup):
+    """A group of commands that ends with a message on an unhandled Ctrl-C."""
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command; exit code 3 for an interrupt that nothing in it took."""
+        """Run the command; exit with code 3 on an interrupt that the command did not handle."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:

@@ -9,7 +9,7 @@ import typer
 
 
 class Style(StrEnum):
-    """Whose gain matrices."""
+    """Rig family whose gain-matrix format the file has."""
 
     MASK4 = "mask4"
     LUPA = "lupa"
@@ -17,29 +17,29 @@ class Style(StrEnum):
 
 
 class Damping(StrEnum):
-    """What a positive damping gain does in the other rig."""
+    """Effect of a positive damping gain in the other rig."""
 
     ABSORBS = "absorbs"
     DRIVES = "drives"
 
 
-_STEPS = "Other rigs' gains in house signs"
+_STATEMENT_PANEL = "Conversion of another rig's gains to the sign convention of wec-rig"
 
 
-def _said(name: str, text: str) -> Any:
-    """An option that says something of the other rig."""
-    return typer.Option(name, help=text, rich_help_panel=_STEPS)
+def _statement_option(name: str, text: str) -> Any:
+    """Return an option that describes the other rig."""
+    return typer.Option(name, help=text, rich_help_panel=_STATEMENT_PANEL)
 
 
 Option = typer.Option
 
 
 def command(
-    file: Annotated[Path, typer.Argument(help="Gain matrix of the old style: csv, xlsx, mat.")],
-    style: Annotated[Style, Option("--style", help="Whose file it is.")],
+    file: Annotated[Path, typer.Argument(help="Gain matrix of an earlier rig: csv, xlsx, mat.")],
+    style: Annotated[Style, Option("--style", help="Rig family of the file.")],
     columns: Annotated[
         str | None,
-        Option("--columns", help="Names in file order: Kp,Ki,springK; - leaves one out."),
+        Option("--columns", help="Column names in file order: Kp,Ki,springK; - skips a column."),
     ] = None,
     lead_rows: Annotated[
         int | None, Option("--lead-rows", min=0, help="Rows before the first measured one (mask4).")
@@ -47,21 +47,23 @@ def command(
     sheet: Annotated[str | None, Option("--sheet", help="Sheet of a workbook.")] = None,
     variable: Annotated[str | None, Option("--variable", help="Matrix of a .mat file.")] = None,
     to: Annotated[
-        Path | None, Option("--to", help="Write today's matrix (.csv) or a campaign (.yaml).")
+        Path | None,
+        Option("--to", help="File to write: a wec-rig matrix (.csv) or campaign (.yaml)."),
     ] = None,
     base: Annotated[
-        Path | None, Option("--campaign", help="Campaign that a .yaml of --to extends.")
+        Path | None, Option("--campaign", help="Campaign that the .yaml file of --to extends.")
     ] = None,
     source: Annotated[
-        Path | None, Option("--from", help="Today's CSV matrix: write FILE from it (mask4).")
+        Path | None,
+        Option("--from", help="CSV matrix of wec-rig from which to write FILE (mask4)."),
     ] = None,
-    header: Annotated[bool, Option(help="Column names in the file that is written.")] = True,
-    force: Annotated[bool, Option("--force", help="Overwrite what is there.")] = False,
+    header: Annotated[bool, Option(help="Write column names into FILE.")] = True,
+    force: Annotated[bool, Option("--force", help="Overwrite an existing file.")] = False,
     calibration: Annotated[
         str | None, Option("--calibration", help="Correct spring rates: NAME, NAME@VERSION, file.")
     ] = None,
     run: Annotated[
-        str | None, Option("--run", help="Run the matrix was used in, for --calibration.")
+        str | None, Option("--run", help="Run that used the matrix, for --calibration.")
     ] = None,
     calibrations: Annotated[
         Path, Option("--calibrations", help="Folder of calibration files.")
@@ -74,38 +76,42 @@ def command(
         Option(
             "--lever-m",
             help="Body travel per rad of the output shaft, m.",
-            rich_help_panel=_STEPS,
+            rich_help_panel=_STATEMENT_PANEL,
         ),
     ] = None,
     gear: Annotated[
         float | None,
-        _said("--gear", "Motor rad per rad of the output shaft."),
+        _statement_option("--gear", "Motor rad per rad of the output shaft."),
     ] = None,
     damping: Annotated[
         Damping | None,
-        _said("--positive-damping", "What B > 0 does there."),
+        _statement_option("--positive-damping", "Effect of B > 0 in that rig."),
     ] = None,
     spring: Annotated[
         float | None,
-        _said("--spring-n-per-m", "Rate of a spring beside the feedback."),
+        _statement_option(
+            "--spring-n-per-m", "Rate of a spring in parallel with the feedback, N/m."
+        ),
     ] = None,
-    flap: Annotated[str | None, _said("--flap", "aft or bow (foswec).")] = None,
+    flap: Annotated[str | None, _statement_option("--flap", "aft or bow (foswec).")] = None,
     torque_constant_ratio: Annotated[
         float,
-        _said("--torque-constant-ratio", "True torque constant over the one the controller used."),
+        _statement_option(
+            "--torque-constant-ratio", "True torque constant divided by that of the controller."
+        ),
     ] = 1.0,
     json: Annotated[bool, Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Read a gain matrix of an earlier rig, say what was found, and turn it into today's."""
+    """Read a gain matrix of an earlier rig, report its contents, and convert it for wec-rig."""
     from rig.cli import matrix_commands as commands
 
     if source is not None:
         sys.exit(commands.write(file, style, source, header=header, force=force, as_json=json))
-    asked = commands.MatrixOptions(
+    options = commands.MatrixOptions(
         file, style, columns, lead_rows, sheet, variable, to, base, force, step,
         (calibration, run, calibrations),
     )  # fmt: skip
-    said = {
+    statement = {
         "lever": lever,
         "gear": gear,
         "positive_damping": damping.value if damping is not None else None,
@@ -113,4 +119,4 @@ def command(
         "flap": flap,
         "torque_constant_ratio": torque_constant_ratio,
     }
-    sys.exit(commands.read(asked, said, as_json=json))
+    sys.exit(commands.read(options, statement, as_json=json))

@@ -1,14 +1,15 @@
-"""What `rig matrix` does: read, report, turn, write."""
+"""Implementation of `rig matrix`: read, report, convert and write gain matrices."""
 
 import json
 import os
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from rig import cli
-from rig.cli.calibration_commands import at_of_run, find
-from rig.cli.file_problems import REFUSED, refuse
+from rig.cli.calibration_commands import find_calibration, recording_time
+from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, mask4_file, matrix, sign_conventions, stepped
 from rig.interop.legacy.columns import SPRING
@@ -25,7 +26,7 @@ _OPTIONS = {
 
 
 class MatrixOptions(NamedTuple):
-    """What a person asks of a file of the old style."""
+    """Options of `rig matrix`."""
 
     file: Path
     style: str
@@ -40,211 +41,233 @@ class MatrixOptions(NamedTuple):
     calibration: tuple[str | None, str | None, Path]  # name, run, folder
 
 
-class _Read(NamedTuple):
-    """What was found, for people and programs, and the matrix if it is wanted."""
+class MatrixReading(NamedTuple):
+    """A matrix file as read: lines for people, facts for programs, and the converted matrix."""
 
     lines: list[str]
     facts: dict[str, Any]
     matrix: Matrix | None
-    notes: list[str]  # that go into what is written
-    more: list[str]  # lines of a campaign
+    notes: list[str]  # comments of the written file
+    campaign_lines: list[str]  # further lines of a written campaign
 
 
-def read(asked: MatrixOptions, said: dict[str, Any], *, as_json: bool) -> int:
-    """Print what a file holds and write today's matrix if that is asked."""
+def read(options: MatrixOptions, statement: dict[str, Any], *, as_json: bool) -> int:
+    """Print the contents of a file, write the converted matrix (--to), return the exit code."""
     try:
-        found = _mask4(asked) if asked.style == "mask4" else _stepped(asked, said)
-        written = _write_house(asked, found)
-    except REFUSED as error:
+        reading = (
+            _read_mask4(options) if options.style == "mask4" else _read_stepped(options, statement)
+        )
+        written = _write_target(options, reading)
+    except INPUT_ERRORS as error:
         return refuse("matrix", error, as_json=as_json)
     if as_json:
-        print(json.dumps(found.facts | {"written": written and str(written)}, ensure_ascii=False))
+        print(json.dumps(reading.facts | {"written": written and str(written)}, ensure_ascii=False))
         return cli.OK
-    print("\n".join(found.lines))
+    print("\n".join(reading.lines))
     if written is not None:
         print(f"written    {written}")
     return cli.OK
 
 
-def _mask4(asked: MatrixOptions) -> _Read:
-    got = mask4.read(
-        asked.file, asked.columns, asked.lead_rows, sheet=asked.sheet, variable=asked.variable
+def _read_mask4(options: MatrixOptions) -> MatrixReading:
+    source = mask4.read(
+        options.file,
+        options.columns,
+        options.lead_rows,
+        sheet=options.sheet,
+        variable=options.variable,
     )
-    found, at = got.found, got.lines
-    made, notes = _calibrated(got.matrix, asked)
-    lead = ["load row, about 5 s", "hold row, until 120 s of the wave clock"]
+    structure, line_numbers = source.found, source.lines
+    converted, notes = _with_calibration(source.matrix, options)
+
+    def at_lines(rows: Sequence[int]) -> str:
+        return format_line_numbers([line_numbers[i] for i in rows])
+
+    lead_labels = ["load row, about 5 s", "hold row, until 120 s of the wave clock"]
     lines = [
-        f"file       {got.path}, MASK4 gain matrix",
-        f"columns    {', '.join(got.columns)} (by {got.said_by})",
-        f"rows       {matrix.words(made)}: {format_line_numbers([at[i] for i in found.rows])}",
+        f"file       {source.path}, MASK4 gain matrix",
+        f"columns    {', '.join(source.columns)} (by {source.said_by})",
+        f"rows       {matrix.words(converted)}: {at_lines(structure.rows)}",
     ]
-    for i in found.lead:
-        what = lead[i] if len(found.lead) == 2 else f"lead row {i + 1}"
-        lines.append(f"left out   line {at[i]}: {what}")
-    if found.doubled:
+    for i in structure.lead:
+        label = lead_labels[i] if len(structure.lead) == 2 else f"lead row {i + 1}"
+        lines.append(f"left out   line {line_numbers[i]}: {label}")
+    if structure.doubled:
         lines.append(
-            f"left out   {format_line_numbers([at[i] for i in found.doubled])}: doubled at a change of "
-            "the spring rate, held while the stator moves"
+            f"left out   {at_lines(structure.doubled)}: doubled at a change of the spring rate, "
+            "held while the stator moves"
         )
-    if found.end is not None:
-        lines.append(f"end        line {at[found.end]}: Kp = -999")
-    lines += [f"look at    {remark}" for remark in got.remarks]
+    if structure.end is not None:
+        lines.append(f"end        line {line_numbers[structure.end]}: Kp = -999")
+    lines += [f"check      {remark}" for remark in source.remarks]
     lines += [f"corrected  {note}" for note in notes]
     facts = {
-        "file": str(got.path),
+        "file": str(source.path),
         "style": "mask4",
-        "columns": got.columns,
-        "columns_said_by": got.said_by,
+        "columns": source.columns,
+        "columns_source": source.said_by,
         "lines": {
-            "measured": [at[i] for i in found.rows],
-            "lead": [at[i] for i in found.lead],
-            "doubled": [at[i] for i in found.doubled],
-            "undoubled": [at[i] for i in found.undoubled],
-            "repeated": [at[i] for i in found.repeated],
-            "end": at[found.end] if found.end is not None else None,
-            "after_end": [at[i] for i in found.after],
+            "measured": [line_numbers[i] for i in structure.rows],
+            "lead": [line_numbers[i] for i in structure.lead],
+            "doubled": [line_numbers[i] for i in structure.doubled],
+            "undoubled": [line_numbers[i] for i in structure.undoubled],
+            "repeated": [line_numbers[i] for i in structure.repeated],
+            "end": line_numbers[structure.end] if structure.end is not None else None,
+            "after_end": [line_numbers[i] for i in structure.after],
         },
-        "remarks": got.remarks,
+        "remarks": source.remarks,
         "notes": notes,
-        "matrix": made._asdict(),
+        "matrix": converted._asdict(),
     }
-    if asked.to is not None:
-        _check(made, got.place)
-    return _Read(lines, facts, made, [f"from {got.path.name} (MASK4)", *notes], [])
+    if options.to is not None:
+        _check_matrix(converted, source.place)
+    return MatrixReading(lines, facts, converted, [f"from {source.path.name} (MASK4)", *notes], [])
 
 
-def _calibrated(given: Matrix, asked: MatrixOptions) -> tuple[Matrix, list[str]]:
-    """The matrix with corrected spring rates, and what that was done with."""
-    name, run, folder = asked.calibration
+def _with_calibration(original: Matrix, options: MatrixOptions) -> tuple[Matrix, list[str]]:
+    """Return the matrix with corrected spring rates, and a note that names the calibration."""
+    name, run, folder = options.calibration
     if name is None:
-        return given, []
-    known = find(name, folder)
+        return original, []
+    known = find_calibration(name, folder)
     if known.file.quantity != "spring_rate":
         raise ValueError(f"{known.file.title} corrects {known.file.quantity}, not spring rates")
     if run is None:
-        raise ValueError(f"{known.file.title} needs the run the matrix was used in; give --run")
-    at = at_of_run(known, run, None)
-    i = given.columns.index(SPRING)
-    applied = [corrected(known.file, row[i], at) for row in given.rows]
+        raise ValueError(f"{known.file.title} needs the run that used the matrix; give --run")
+    recorded_at = recording_time(known, run, None)
+    i = original.columns.index(SPRING)
+    applied = [corrected(known.file, row[i], recorded_at) for row in original.rows]
     rows = tuple(
-        (*row[:i], one.value, *row[i + 1 :]) for row, one in zip(given.rows, applied, strict=True)
+        (*row[:i], correction.value, *row[i + 1 :])
+        for row, correction in zip(original.rows, applied, strict=True)
     )
     inside = applied[0].inside
-    how = "" if inside else ": outside its range, unchanged"
-    note = f"{SPRING} by {known.description()} for run {run}, {known.file.valid.description()}{how}"
-    return given._replace(rows=rows), [note]
+    remark = "" if inside else ": outside its range, unchanged"
+    note = (
+        f"{SPRING} by {known.description()} for run {run}, {known.file.valid.description()}{remark}"
+    )
+    return original._replace(rows=rows), [note]
 
 
-def _check(made: Matrix, place: matrix.Place | None) -> None:
-    problems = matrix.problems(made, place)
+def _check_matrix(converted: Matrix, place: matrix.Place | None) -> None:
+    problems = matrix.problems(converted, place)
     if problems:
         raise ConfigError(problems)
 
 
-def _stepped(asked: MatrixOptions, said: dict[str, Any]) -> _Read:
-    got = stepped.read(
-        asked.file, asked.style, asked.columns, sheet=asked.sheet, variable=asked.variable
+def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> MatrixReading:
+    source = stepped.read(
+        options.file, options.style, options.columns, sheet=options.sheet, variable=options.variable
     )
-    active = got.active
+    active = source.active
     lines = [
-        f"file       {got.path}, gain matrix of style {got.style}",
-        f"columns    {', '.join(got.columns)} (by {got.said_by})",
-        f"rows       {len(active)}: {format_line_numbers([got.lines[i] for i in active])}",
+        f"file       {source.path}, gain matrix of style {source.style}",
+        f"columns    {', '.join(source.columns)} (by {source.said_by})",
+        f"rows       {len(active)}: {format_line_numbers([source.lines[i] for i in active])}",
     ]
-    zeros = [*range(got.before), *range(active.stop, len(got.rows))]
+    zeros = [*range(source.before), *range(active.stop, len(source.rows))]
     if zeros:
-        where = format_line_numbers([got.lines[i] for i in zeros])
+        where = format_line_numbers([source.lines[i] for i in zeros])
         lines.append(f"left out   {where}: all gains zero, before and after the test")
-    lines += _traps(got, asked.step)
-    lines += [f"look at    {remark}" for remark in got.remarks]
+    lines += _playback_lines(source, options.step)
+    lines += [f"check      {remark}" for remark in source.remarks]
     facts: dict[str, Any] = {
-        "file": str(got.path),
-        "style": got.style,
-        "columns": got.columns,
-        "columns_said_by": got.said_by,
+        "file": str(source.path),
+        "style": source.style,
+        "columns": source.columns,
+        "columns_source": source.said_by,
         "lines": {
-            "active": [got.lines[i] for i in active],
-            "zero_before": [got.lines[i] for i in range(got.before)],
-            "zero_after": [got.lines[i] for i in zeros[got.before :]],
+            "active": [source.lines[i] for i in active],
+            "zero_before": [source.lines[i] for i in range(source.before)],
+            "zero_after": [source.lines[i] for i in zeros[source.before :]],
         },
-        "rows": [got.rows[i] for i in active],
-        "step_s": asked.step,
-        "remarks": got.remarks,
+        "rows": [source.rows[i] for i in active],
+        "step_s": options.step,
+        "remarks": source.remarks,
         "matrix": None,
     }
-    missing = sign_conventions.missing(got.style, said)
+    missing = sign_conventions.missing(source.style, statement_values)
     if missing:
-        options = ", ".join(_OPTIONS[name] for name in missing)
+        option_names = ", ".join(_OPTIONS[name] for name in missing)
         message = (
-            f"gains are feedback of motor angle and speed in that rig's signs; to turn them into "
-            f"F = Kp v + Ki x on the body say {options}"
+            f"gains are feedback of motor angle and speed in that rig's signs; to convert them to "
+            f"F = Kp v + Ki x on the body, give {option_names}"
         )
-        if asked.to is not None:
-            raise ValueError(f"{got.path}: {message}")
+        if options.to is not None:
+            raise ValueError(f"{source.path}: {message}")
         lines.append(f"signs      {message}")
-        return _Read(lines, facts, None, [], [])
-    statement = sign_conventions.Statement(**said)
-    made = sign_conventions.converted(got, statement)
-    factor = sign_conventions.factor(got.style, statement)
+        return MatrixReading(lines, facts, None, [], [])
+    statement = sign_conventions.Statement(**statement_values)
+    converted = sign_conventions.converted(source, statement)
+    factor = sign_conventions.factor(source.style, statement)
     lines.append(f"signs      {statement.description()}, gains times {format_number(factor)}")
-    lines.append(f"matrix     {matrix.words(made)}")
-    facts |= {"statement": statement._asdict(), "factor": factor, "matrix": made._asdict()}
-    notes = [f"from {got.path.name} ({got.style})", statement.description()]
-    more = [f"timing: {{interval_s: {matrix.plain(asked.step)}}}"] if asked.step else []
-    return _Read(lines, facts, made, notes, more)
+    lines.append(f"matrix     {matrix.words(converted)}")
+    facts |= {"statement": statement._asdict(), "factor": factor, "matrix": converted._asdict()}
+    notes = [f"from {source.path.name} ({source.style})", statement.description()]
+    campaign_lines = (
+        [f"timing: {{interval_s: {matrix.plain(options.step)}}}"] if options.step else []
+    )
+    return MatrixReading(lines, facts, converted, notes, campaign_lines)
 
 
-def _traps(got: stepped.Stepped, step: float | None) -> list[str]:
+def _playback_lines(source: stepped.Stepped, step: float | None) -> list[str]:
     if step is None:
         return []
     if not step > 0.0:
-        raise ValueError(f"--step-s {format_number(step)}: allowed above 0 s")
-    count = len(got.rows)
-    over = format_number(count * step)
+        raise ValueError(f"--step-s {format_number(step)}: must be greater than 0 s")
+    count = len(source.rows)
+    duration = format_number(count * step)
     return [
-        f"played     {count} rows of {format_number(step)} s, {over} s in all; the block starts with "
-        f"index 0 at time 0 (out of range) and plays row 1 again after {over} s"
+        f"played     {count} rows of {format_number(step)} s, {duration} s in all; the block starts "
+        f"with index 0 at time 0 (out of range) and repeats row 1 after {duration} s"
     ]
 
 
-def _write_house(asked: MatrixOptions, found: _Read) -> Path | None:
-    to = asked.to
-    if to is None:
+def _write_target(options: MatrixOptions, reading: MatrixReading) -> Path | None:
+    target = options.to
+    if target is None:
         return None
-    assert found.matrix is not None
-    if to.suffix == ".csv":
-        text = matrix.csv_text(found.matrix, found.notes)
-    elif to.suffix in (".yaml", ".yml"):
-        if asked.base is None:
-            raise ValueError(f"{to}: a campaign needs rig and sea; name one with --campaign")
-        base = os.path.relpath(asked.base, to.parent)
-        text = "".join(f"# {note}\n" for note in found.notes)
-        text += matrix.campaign_text(found.matrix, base, to.stem, found.more)
+    assert reading.matrix is not None
+    if target.suffix == ".csv":
+        text = matrix.csv_text(reading.matrix, reading.notes)
+    elif target.suffix in (".yaml", ".yml"):
+        if options.base is None:
+            raise ValueError(
+                f"{target}: a campaign needs a rig and a sea; name a campaign with --campaign"
+            )
+        base = os.path.relpath(options.base, target.parent)
+        text = "".join(f"# {note}\n" for note in reading.notes)
+        text += matrix.campaign_text(reading.matrix, base, target.stem, reading.campaign_lines)
     else:
-        raise ValueError(f"{to}: {to.suffix!r} is not written; allowed .csv, .yaml")
-    with to.open("w" if asked.force else "x", encoding="utf-8") as file:
+        raise ValueError(f"{target}: cannot write {target.suffix!r}; allowed .csv, .yaml")
+    with target.open("w" if options.force else "x", encoding="utf-8") as file:
         file.write(text)
-    return to
+    return target
 
 
 def write(file: Path, style: str, source: Path, *, header: bool, force: bool, as_json: bool) -> int:
-    """Write a MASK4 gain matrix from today's CSV."""
+    """Write a MASK4 gain matrix from a CSV matrix of wec-rig, and return the exit code."""
     try:
         if style != "mask4":
-            raise ValueError(f"files of style {style} are read only; allowed --style mask4")
+            raise ValueError(f"cannot write files of style {style}; allowed --style mask4")
         if file.exists() and not force:
-            raise ValueError(f"{file} is there already; --force overwrites it")
-        made, after = matrix.read_csv(source)
-        rows = mask4_file.write(file, made, header=header)
-    except REFUSED as error:
+            raise ValueError(f"{file} exists; --force overwrites it")
+        converted, rows_after_end = matrix.read_csv(source)
+        rows = mask4_file.write(file, converted, header=header)
+    except INPUT_ERRORS as error:
         return refuse("matrix", error, as_json=as_json)
     if as_json:
-        facts = {"written": str(file), "rows": rows, "after_end": after, "matrix": made._asdict()}
+        facts = {
+            "written": str(file),
+            "rows": rows,
+            "after_end": rows_after_end,
+            "matrix": converted._asdict(),
+        }
         print(json.dumps(facts))
     else:
-        if after:
-            left = f"{len(after)} ({format_line_numbers(after)})"
-            print(f"warning: rows after the end mark, left out: {left}", file=sys.stderr)
-        print(f"rows       {matrix.words(made)}")
+        if rows_after_end:
+            left_out = f"{len(rows_after_end)} ({format_line_numbers(rows_after_end)})"
+            print(f"warning: left out rows after the end mark: {left_out}", file=sys.stderr)
+        print(f"rows       {matrix.words(converted)}")
         print(f"written    {file}: {rows} rows with load, hold, doubled and end rows")
     return cli.OK

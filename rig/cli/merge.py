@@ -13,13 +13,13 @@ from rig.cli import options
 if TYPE_CHECKING:
     from rig.interop.basin.merge import Source, SyncChannels
 
-CODES = """\
-Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast: see the alarms; \
+EXIT_CODES = """\
+Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast (see the alarms); \
 2 bad input."""
 
 
 class MergeOptions(NamedTuple):
-    """What was said of the files, as it was typed."""
+    """Options that describe the files, as typed."""
 
     files: list[str]
     units: list[str]
@@ -39,41 +39,52 @@ def command(
     ] = None,
     offset: Annotated[
         list[str] | None,
-        typer.Option(help="NAME=SECONDS, run less recorder: in place of a trigger; repeatable."),
+        typer.Option(
+            help="NAME=SECONDS: run time minus recorder time, replaces a trigger; repeatable."
+        ),
     ] = None,
     match: Annotated[
         list[str] | None,
         typer.Option(
-            help="NAME.CHANNEL=FIELD: what file and run both recorded, in place of a sine.",
+            help="NAME.CHANNEL=FIELD: a signal in both file and run, replaces the sine.",
         ),
     ] = None,
-    ttl: Annotated[str | None, typer.Option(help="Channel of the trigger.")] = None,
-    sine: Annotated[str | None, typer.Option(help="Channel of the common sine.")] = None,
+    ttl: Annotated[str | None, typer.Option(help="Channel with the trigger.")] = None,
+    sine: Annotated[str | None, typer.Option(help="Channel with the common sine.")] = None,
     run_sine: Annotated[
         str | None,
-        typer.Option(help="Log field with the run's sine; 'clock': made from the run's own clock."),
+        typer.Option(help="Log field with the run's sine; 'clock': computed from the run's clock."),
     ] = None,
-    frequency: Annotated[float, typer.Option(min=0.01, max=100, help="Of the sine, Hz.")] = 1.0,
+    frequency: Annotated[
+        float, typer.Option(min=0.01, max=100, help="Frequency of the sine, Hz.")
+    ] = 1.0,
     rate: Annotated[
         float | None,
-        typer.Option(min=0.1, max=10_000, help="Of the product, Hz (the fastest file's)."),
+        typer.Option(
+            min=0.1, max=10_000, help="Rate of the product, Hz (default: that of the fastest file)."
+        ),
     ] = None,
     runs: options.Runs = options.RUNS,
     as_json: options.Json = False,
 ) -> None:
-    """Bring wave data, power analyser and other records onto a run's time, by trigger and sine."""
+    """Align wave data, power-analyser and other records with a run's time, by trigger and sine."""
     from rig.interop.basin.merge import SyncChannels
 
-    asked = SyncChannels(ttl, sine, run_sine, frequency, rate)
-    told = MergeOptions(files, unit or [], offset or [], match or [])
-    sys.exit(main(run, told, asked, runs, as_json=as_json))
+    sync_channels = SyncChannels(ttl, sine, run_sine, frequency, rate)
+    file_options = MergeOptions(files, unit or [], offset or [], match or [])
+    sys.exit(main(run, file_options, sync_channels, runs, as_json=as_json))
 
 
 def main(
-    named: Path, told: MergeOptions, asked: "SyncChannels", runs: Path, *, as_json: bool
+    run_name: Path,
+    file_options: MergeOptions,
+    sync_channels: "SyncChannels",
+    runs: Path,
+    *,
+    as_json: bool,
 ) -> int:
-    """Merge files into a run and say how their clocks stand to its clock."""
-    from rig.cli.file_problems import REFUSED, refuse
+    """Merge files into a run, print each clock against the run's, and return the exit code."""
+    from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.interop.basin.align import in_words
     from rig.interop.basin.merge import as_json as in_json
@@ -81,18 +92,18 @@ def main(
     from rig.interop.basin.products import write
 
     try:
-        run = find_run(named, runs)
-        merged = merge(run, _sources(told), asked)
+        run = find_run(run_name, runs)
+        merged = merge(run, _parse_sources(file_options), sync_channels)
         written = write(merged, run if run.is_dir() else run.parent)
-    except REFUSED as error:
+    except INPUT_ERRORS as error:
         return refuse("merge", error, as_json=as_json)
     if as_json:
-        whole = {"records": in_json(merged), "alarms": merged.alarms}
-        print(json.dumps({**whole, "written": [str(path) for path in written]}))
+        report = {"records": in_json(merged), "alarms": merged.alarms}
+        print(json.dumps({**report, "written": [str(path) for path in written]}))
     else:
-        for source, one in zip(merged.sources, merged.alignments, strict=True):
-            print(f"{source.name}: {in_words(one)}")
-            for remark in one.remarks:
+        for source, alignment in zip(merged.sources, merged.alignments, strict=True):
+            print(f"{source.name}: {in_words(alignment)}")
+            for remark in alignment.remarks:
                 print(f"  {remark}")
         print("\n".join(str(path) for path in written))
         for alarm in merged.alarms:
@@ -100,46 +111,52 @@ def main(
     return options.FAILED if merged.alarms else options.OK
 
 
-def _sources(told: MergeOptions) -> "list[Source]":
-    """The files with what was said of each; ValueError for a word that is not understood."""
+def _parse_sources(file_options: MergeOptions) -> "list[Source]":
+    """Return the files with the options of each; ValueError for a malformed argument."""
     from rig.interop.basin.merge import Source
     from rig.interop.basin.recording import METRES
 
-    found: dict[str, Source] = {}
-    for word in told.files:
-        name, _, path = word.partition("=") if "=" in word else (Path(word).stem, "", word)
-        if name in found:
-            raise ValueError(f"{word}: a second record named {name!r}; write NAME=FILE")
-        found[name] = Source(name, Path(path))
-    for word in (*told.units, *told.offsets, *told.matches):
-        if not _name(word, found):
-            raise ValueError(f"{word}: write NAME=..., NAME one of {', '.join(found)}")
-    for name, unit in ((_name(word, found), _value(word)) for word in told.units):
+    sources: dict[str, Source] = {}
+    for argument in file_options.files:
+        name, _, path = (
+            argument.partition("=") if "=" in argument else (Path(argument).stem, "", argument)
+        )
+        if name in sources:
+            raise ValueError(f"{argument}: a second record named {name!r}; write NAME=FILE")
+        sources[name] = Source(name, Path(path))
+    for argument in (*file_options.units, *file_options.offsets, *file_options.matches):
+        if not _source_name(argument, sources):
+            raise ValueError(f"{argument}: write NAME=..., NAME one of {', '.join(sources)}")
+    for name, unit in (
+        (_source_name(text, sources), _argument_value(text)) for text in file_options.units
+    ):
         if unit not in METRES:
-            raise ValueError(f"{name}={unit}: {unit!r} is no unit; allowed {', '.join(METRES)}")
-        found[name] = found[name]._replace(unit=unit)
-    for name, text in ((_name(word, found), _value(word)) for word in told.offsets):
+            raise ValueError(f"{name}={unit}: {unit!r} is not a unit; allowed {', '.join(METRES)}")
+        sources[name] = sources[name]._replace(unit=unit)
+    for name, text in (
+        (_source_name(text, sources), _argument_value(text)) for text in file_options.offsets
+    ):
         try:
             seconds = float(text)
         except ValueError:
             seconds = math.nan
         if not math.isfinite(seconds):
             raise ValueError(f"{name}={text}: {text!r} is not a number of seconds")
-        found[name] = found[name]._replace(offset=seconds)
-    for word in told.matches:
-        name = _name(word, found)
-        channel = word.partition("=")[0][len(name) + 1 :]
-        if not (channel and _value(word)):
-            raise ValueError(f"{word}: write NAME.CHANNEL=FIELD")
-        found[name] = found[name]._replace(match=(channel, _value(word)))
-    return list(found.values())
+        sources[name] = sources[name]._replace(offset=seconds)
+    for argument in file_options.matches:
+        name = _source_name(argument, sources)
+        channel = argument.partition("=")[0][len(name) + 1 :]
+        if not (channel and _argument_value(argument)):
+            raise ValueError(f"{argument}: write NAME.CHANNEL=FIELD")
+        sources[name] = sources[name]._replace(match=(channel, _argument_value(argument)))
+    return list(sources.values())
 
 
-def _name(word: str, found: "dict[str, Source]") -> str:
-    """The file's name in NAME=... or NAME.CHANNEL=...; empty if no file is called so."""
-    left = word.partition("=")[0]
-    return next((name for name in found if left == name or left.startswith(f"{name}.")), "")
+def _source_name(argument: str, sources: "dict[str, Source]") -> str:
+    """Return the file's name in NAME=... or NAME.CHANNEL=...; empty if no file has this name."""
+    key = argument.partition("=")[0]
+    return next((name for name in sources if key == name or key.startswith(f"{name}.")), "")
 
 
-def _value(word: str) -> str:
-    return word.partition("=")[2]
+def _argument_value(argument: str) -> str:
+    return argument.partition("=")[2]

@@ -1,4 +1,4 @@
-"""What the commands share: options, where runs are kept, exit codes."""
+"""Options, default folders and exit codes that the commands share."""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,18 +11,16 @@ Run = Annotated[Path, typer.Argument(help=WHICH_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS: Path = Path("runs")
 Rig = Annotated[
-    Path | None, typer.Option("--rig", help="Rig file (YAML) in place of the campaign's own.")
+    Path | None, typer.Option("--rig", help="Rig file (YAML), replaces that of the campaign.")
 ]
 Sim = Annotated[
-    bool, typer.Option("--sim", help="Emulated devices on the far end of the rig's wires.")
+    bool, typer.Option("--sim", help="Emulate the devices at the far end of the rig's wires.")
 ]
-_READ_BY = "Read the run by this calibration: NAME, NAME@VERSION or file; one a quantity."
+_READ_BY = "Apply this calibration: NAME, NAME@VERSION or a file; one per quantity."
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]
 
 CODES = OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = 0, 1, 2, 3, 4, 5
 IncompleteRows = Annotated[
     bool,
-    typer.Option(
-        "--incomplete-rows", help="Also the means of rows of which the record lacks ticks."
-    ),
+    typer.Option("--incomplete-rows", help="Include means of rows whose record lacks ticks."),
 ]

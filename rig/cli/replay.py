@@ -5,16 +5,19 @@ import math
 import sys
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rig import cli
 
-CODES = """\
-Exit codes: 0 today's cycle decides what was decided then, to the bit (--with: every row gets \
-through); 1 it does not; 2 no such run or file, or one that cannot be replayed."""
-_MOST = 40  # fields shown
+if TYPE_CHECKING:
+    from rig.execution.replay import Replayed
+
+EXIT_CODES = """\
+Exit codes: 0 today's cycle reproduces every command and mode to the bit (--with: every row \
+completes); 1 it does not; 2 no such run or file, or one that cannot be replayed."""
+_MAX_FIELDS = 40  # fields shown
 
 
 class Waves(Enum):
@@ -30,99 +33,113 @@ def command(
         "runs"
     ),
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
-    other: Annotated[
+    campaign: Annotated[
         Path | None,
-        typer.Option("--with", metavar="CAMPAIGN", help="Rows to run in the waves of the run."),
+        typer.Option(
+            "--with", metavar="CAMPAIGN", help="Campaign whose rows to simulate in the run's waves."
+        ),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
-            "--model", metavar="CAMPAIGN", help="With --with: whose plant stands for the rig then."
+            "--model", metavar="CAMPAIGN", help="With --with: campaign whose plant models the rig."
         ),
     ] = None,
     waves: Annotated[
         Waves | None,
-        typer.Option("--waves", help="With --with: how the waves are recovered."),
+        typer.Option("--waves", help="With --with: signal from which to recover the waves."),
     ] = None,
 ) -> None:
-    """Feed what a run sensed to today's cycle and compare every command and mode, tick by tick.
+    """Replay a run's logged sensors through today's cycle; compare commands and modes per tick.
 
-    With a campaign: what its rows would have given in the waves of the run, with an interval.
+    With --with CAMPAIGN, the command predicts the power of the campaign's
+    rows in the waves of the run, with a 95 % interval.
     """
-    if other is None and (model is not None or waves is not None):
-        raise typer.BadParameter("--model and --waves go with --with")
-    if other is None:
+    if campaign is None and (model is not None or waves is not None):
+        raise typer.BadParameter("--model and --waves need --with")
+    if campaign is None:
         sys.exit(main(run, runs, as_json=json))
     from rig.cli import replay_with
 
-    wanted = replay_with.ReplayOptions(other, model, waves.value if waves else None, runs)
-    sys.exit(replay_with.main(run, wanted, as_json=json))
+    options = replay_with.ReplayOptions(campaign, model, waves.value if waves else None, runs)
+    sys.exit(replay_with.main(run, options, as_json=json))
 
 
-def main(named: Path, runs: Path, *, as_json: bool) -> int:
-    """Replay and say what differs; gives the exit code."""
+def main(run_name: Path, runs: Path, *, as_json: bool) -> int:
+    """Replay a run, print the differences, and return the exit code."""
     from rich.console import Console
 
-    from rig.cli.file_problems import REFUSED, refuse
+    from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.execution.replay import replay
 
     console = Console(stderr=True, highlight=False)
     try:
-        run = find_run(named, runs)
+        run = find_run(run_name, runs)
         if as_json or not console.is_terminal:
-            found = replay(run)
+            comparison = replay(run)
         else:
             with console.status("replaying ...") as status:
-                found = replay(run, lambda ticks: status.update(f"replaying, {ticks} ticks ..."))
-    except REFUSED as error:
+                comparison = replay(
+                    run, lambda ticks: status.update(f"replaying, {ticks} ticks ...")
+                )
+    except INPUT_ERRORS as error:
         return refuse("replay", error, as_json=as_json)
-    told = found._asdict() | {
-        "same": found.same,
-        "differences": [_plain(each._asdict()) for each in found.differences],
-        "requests": [each._asdict() for each in found.requests],
-    }
     if as_json:
-        print(json.dumps(told))
+        report = {
+            "run": comparison.run,
+            "ticks": comparison.ticks,
+            "fields": comparison.fields,
+            "differences": [_without_nan(item._asdict()) for item in comparison.differences],
+            "requests": [request._asdict() for request in comparison.requests],
+            "absent": list(comparison.absent),
+            "finished": comparison.finished,
+            "same": comparison.same,
+        }
+        print(json.dumps(report))
     else:
-        _say(told)
-    return cli.OK if found.same else cli.FAILED
+        _print_report(comparison)
+    return cli.OK if comparison.same else cli.FAILED
 
 
-def _plain(found: dict[str, Any]) -> dict[str, Any]:
-    """For JSON, which knows no NaN."""
+def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
+    """Replace NaN and infinity by None, as JSON requires."""
     return {
-        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()
+        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()
     }
 
 
-def _say(told: dict[str, Any]) -> None:
-    for request in told["requests"]:
-        print(f"tick {request['tick']}: the log shows a request, {request['name']}; given again")
-    if not told["finished"]:
-        print("the record was not ended: what came after its last tick is not compared; "
-              "`rig recover` says what is missing")  # fmt: skip
-    if told["absent"]:
-        print(f"the run has no {', '.join(told['absent'])}: not compared")
-    compared = f"{told['fields']} fields of {told['ticks']} ticks"
-    if told["same"]:
+def _print_report(comparison: "Replayed") -> None:
+    for request in comparison.requests:
+        print(f"tick {request.tick}: the log shows a request, {request.name}; applied again")
+    if not comparison.finished:
+        print("the record was not finished: ticks after its last one are not compared; "
+              "`rig recover` lists what is missing")  # fmt: skip
+    if comparison.absent:
+        print(f"the run has no {', '.join(comparison.absent)}: not compared")
+    compared = f"{comparison.fields} fields of {comparison.ticks} ticks"
+    if comparison.same:
         print(f"no diff: {compared} are the same to the bit")
         return
-    first = told["differences"][0]
-    was, now = _number(first["logged"]), _number(first["replayed"])
-    field = f"{first['field']} was {was}, is {now} {first['unit']}"
-    print(f"first difference in tick {first['first']}: {field}")
-    print(f"{len(told['differences'])} of {compared} differ\n")
+    first = comparison.differences[0]
+    logged, replayed = _number_text(first.logged), _number_text(first.replayed)
+    print(
+        f"first difference in tick {first.first}: "
+        f"{first.field} was {logged}, is {replayed} {first.unit}"
+    )
+    print(f"{len(comparison.differences)} of {compared} differ\n")
     print(f"{'field':<36} {'unit':<8} {'ticks':>8} {'first':>8} {'logged':>12} {'replayed':>12} "
           f"{'largest':>10}")  # fmt: skip
-    for each in told["differences"][:_MOST]:
-        numbers = (_number(each[name]) for name in ("logged", "replayed", "largest"))
-        one, other, largest = numbers
-        print(f"{each['field']:<36} {each['unit']:<8} {each['ticks']:>8} {each['first']:>8} "
-              f"{one:>12} {other:>12} {largest:>10}")  # fmt: skip
-    if len(told["differences"]) > _MOST:
-        print(f"and {len(told['differences']) - _MOST} more fields; --json has all")
+    for difference in comparison.differences[:_MAX_FIELDS]:
+        logged, replayed = _number_text(difference.logged), _number_text(difference.replayed)
+        largest = _number_text(difference.largest)
+        print(
+            f"{difference.field:<36} {difference.unit:<8} {difference.ticks:>8} "
+            f"{difference.first:>8} {logged:>12} {replayed:>12} {largest:>10}"
+        )
+    if len(comparison.differences) > _MAX_FIELDS:
+        print(f"and {len(comparison.differences) - _MAX_FIELDS} more fields; --json lists all")
 
 
-def _number(value: float | None) -> str:
+def _number_text(value: float | None) -> str:
     return "no number" if value is None else f"{value:.6g}"

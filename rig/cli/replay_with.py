@@ -11,21 +11,21 @@ from rich.table import Table
 from rig import cli
 from rig.analysis.rows import COMPLETE
 from rig.cli.console import table_console
-from rig.cli.file_problems import REFUSED, refuse
+from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError
 from rig.sweep.counterfactual import CounterfactualRow, Span, foretell
 
-_SHOWN = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
+_STATIONS = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
 _HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
-_MILLI = 1000.0  # mm in a metre
-_LARGE = 0.1  # share of gross power: a model that errs so much is asked about another device
+_MM_PER_M = 1000.0  # mm in a metre
+_LARGE_ERROR = 0.1  # share of gross power; such a model describes another device
 
 
 class ReplayOptions(NamedTuple):
-    """What the command line asks for beside the run."""
+    """Options of `rig replay --with` apart from the run."""
 
     campaign: Path
     model: Path | None
@@ -33,34 +33,37 @@ class ReplayOptions(NamedTuple):
     runs: Path
 
 
-def main(named: Path, wanted: ReplayOptions, *, as_json: bool) -> int:
-    """Recover the waves, check the model on the logged rows, run the others; the exit code."""
+def main(run_name: Path, options: ReplayOptions, *, as_json: bool) -> int:
+    """Recover the waves, check the model on the logged rows, and simulate the campaign's rows.
+
+    Returns the exit code.
+    """
     console = Console(stderr=True, highlight=False)
     try:
-        run = find_run(named, wanted.runs)
-        campaign = open_campaign(wanted.campaign, problems)
-        model = open_campaign(wanted.model, problems) if wanted.model else None
+        run = find_run(run_name, options.runs)
+        campaign = open_campaign(options.campaign, problems)
+        model = open_campaign(options.model, problems) if options.model else None
         with console.status("compiling or reading the compiled loop ...") as status:
 
-            def see(done: int, of: int) -> None:
+            def show_progress(done: int, of: int) -> None:
                 status.update(f"simulated {done} of {of} rows ...")
 
-            found = foretell(run, campaign, model=model, by=wanted.by, see=see)
-    except (*REFUSED, RunError) as error:
+            result = foretell(run, campaign, model=model, by=options.by, see=show_progress)
+    except (*INPUT_ERRORS, RunError) as error:
         return refuse("replay", error, as_json=as_json)
     if as_json:
-        print(json.dumps(_plain(found)))
+        print(json.dumps(_as_dict(result)))
     else:
-        _say(found, table_console())
-    return cli.OK if all(row.state == COMPLETE for row in found.rows) else cli.FAILED
+        _print_result(result, table_console())
+    return cli.OK if all(row.state == COMPLETE for row in result.rows) else cli.FAILED
 
 
-def _plain(found: CounterfactualRow) -> dict[str, Any]:
-    """As JSON values; what is unknown is null."""
-    waves = found.waves
-    told = {
-        "run": found.run,
-        "campaign": found.campaign,
+def _as_dict(result: CounterfactualRow) -> dict[str, Any]:
+    """Return the result as JSON values; null for unknown values."""
+    waves = result.waves
+    data = {
+        "run": result.run,
+        "campaign": result.campaign,
         "waves": {
             "by": waves.by,
             "rows": waves.rows,
@@ -69,13 +72,13 @@ def _plain(found: CounterfactualRow) -> dict[str, Any]:
             "left_out": list(waves.left_out),
             **waves.description(),
         },
-        "checked": [one._asdict() for one in found.checked],
-        "shares": {name: share._asdict() for name, share in found.shares.items()},
-        "spans": {name: span._asdict() for name, span in found.spans.items()},
-        "identified": {name: span._asdict() for name, span in found.identified.items()},
-        "rows": [row._asdict() for row in found.rows],
+        "checked": [row._asdict() for row in result.checked],
+        "shares": {name: share._asdict() for name, share in result.shares.items()},
+        "spans": {name: span._asdict() for name, span in result.spans.items()},
+        "identified": {name: span._asdict() for name, span in result.identified.items()},
+        "rows": [row._asdict() for row in result.rows],
     }
-    plain: dict[str, Any] = _finite(told)
+    plain: dict[str, Any] = _finite(data)
     return plain
 
 
@@ -87,61 +90,61 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _say(found: CounterfactualRow, console: Console) -> None:
-    waves = found.waves
-    console.print(
-        f"waves of {found.run}: {_counted(len(waves.asked.cycles), 'line')} by {waves.by}, from "
-        f"{_counted(waves.periods, 'period')} of {_counted(waves.rows, 'row')}"
-    )
+def _print_result(result: CounterfactualRow, console: Console) -> None:
+    waves = result.waves
+    lines = _count_text(len(waves.asked.cycles), "line")
+    periods, rows = _count_text(waves.periods, "period"), _count_text(waves.rows, "row")
+    console.print(f"waves of {result.run}: {lines} by {waves.by}, from {periods} of {rows}")
     for why in waves.left_out:
         console.print(f"  left out: {why}")
     console.print("\nLogged rows, and the model with the same gains in these waves; W")
-    console.print(_checked(found))
-    _say_error(found, console)
-    console.print(f"\n{found.campaign} in these waves; W, 95 % interval from the errors above")
-    console.print(_foretold(found))
-    for row in found.rows:
+    console.print(_logged_rows_table(result))
+    _print_model_error(result, console)
+    console.print(f"\n{result.campaign} in these waves; W, 95 % interval from the errors above")
+    console.print(_predicted_rows_table(result))
+    for row in result.rows:
         if row.state != COMPLETE:
-            console.print(f"row {row.row} does not get through: {row.why}")
-    if any(row.outside for row in found.rows):
+            console.print(f"row {row.row} does not complete: {row.why}")
+    if any(row.outside for row in result.rows):
         console.print(
-            f"beyond: greater than what was logged ({_spans(found.spans)}); the model was not "
-            "checked there"
+            f"beyond: greater than in the logged rows ({_span_text(result.spans)}); the model was "
+            "not checked there"
         )
-    if any(row.unidentified for row in found.rows):
+    if any(row.unidentified for row in result.rows):
         console.print(
-            f"beyond the twin: greater than what it was identified with "
-            f"({_spans(found.identified)}); it is a guess there"
+            f"beyond the twin: greater than in the data of its identification "
+            f"({_span_text(result.identified)}); the twin extrapolates there"
         )
-    if len(found.checked) < 2:
-        console.print("one logged row tells no scatter, so there are no intervals")
+    if len(result.checked) < 2:
+        console.print("one logged row gives no scatter, so there are no intervals")
 
 
-def _say_error(found: CounterfactualRow, console: Console) -> None:
-    """How far the model is off in the mean, and by how much rows differ in that."""
-    told = []
-    for name, words in _SHOWN.items():
-        share = found.shares[name]
+def _print_model_error(result: CounterfactualRow, console: Console) -> None:
+    """Print the model's mean error and its scatter between rows."""
+    texts = []
+    for name, label in _STATIONS.items():
+        share = result.shares[name]
         scatter = "" if math.isnan(share.scatter) else f" ± {100.0 * share.scatter:.1f}"
-        told.append(f"{words} {round(100.0 * share.mean, 1) + 0.0:+.1f}{scatter}")  # no -0.0
+        texts.append(f"{label} {round(100.0 * share.mean, 1) + 0.0:+.1f}{scatter}")  # no -0.0
     console.print(
-        f"logged less model, % of gross power: {', '.join(told)}; the mean is added below"
+        f"logged minus model, % of gross power: {', '.join(texts)}; the mean is added below"
     )
-    if any(abs(found.shares[name].mean) > _LARGE for name in _SHOWN):
-        console.print("that is much: look at the model before the rows below are believed")
+    if any(abs(result.shares[name].mean) > _LARGE_ERROR for name in _STATIONS):
+        console.print("this error is large: check the model before you use the rows below")
 
 
-def _spans(spans: dict[str, Span]) -> str:
+def _span_text(spans: dict[str, Span]) -> str:
     stroke, velocity = spans["stroke"], spans["velocity_rms"]
+    least, greatest = stroke.least * _MM_PER_M, stroke.greatest * _MM_PER_M
     return (
-        f"stroke {stroke.least * _MILLI:.0f} .. {stroke.greatest * _MILLI:.0f} mm, rms velocity "
-        f"{velocity.least:.3g} .. {velocity.greatest:.3g} m/s"
+        f"stroke {least:.0f} .. {greatest:.0f} mm, "
+        f"rms velocity {velocity.least:.3g} .. {velocity.greatest:.3g} m/s"
     )
 
 
-def _counted(count: int, word: str) -> str:
-    """So many of something."""
-    return f"{count} {word}" if count == 1 else f"{count} {word}s"
+def _count_text(count: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless it is 1."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _table(settings: list[str]) -> Table:
@@ -152,43 +155,43 @@ def _table(settings: list[str]) -> Table:
     return table
 
 
-def _settings(rows: list[dict[str, float]]) -> list[str]:
-    """The settings to show: the usual ones, and what differs from row to row."""
+def _shown_settings(rows: list[dict[str, float]]) -> list[str]:
+    """Return the settings to show: spring rate, Kp, Ki, and all that differ between rows."""
     names = [name for name in rows[0] if all(name in row for row in rows)]
-    several = {name for name in names if len({row[name] for row in rows}) > 1}
-    usual = ("spring_rate", "kp", "ki")
-    return [n for n in names if n in usual or (n in several and n != "stator")]
+    varying = {name for name in names if len({row[name] for row in rows}) > 1}
+    always_shown = ("spring_rate", "kp", "ki")
+    return [n for n in names if n in always_shown or (n in varying and n != "stator")]
 
 
-def _checked(found: CounterfactualRow) -> Table:
-    settings = _settings([one.setting for one in found.checked])
+def _logged_rows_table(result: CounterfactualRow) -> Table:
+    settings = _shown_settings([row.setting for row in result.checked])
     table = _table(settings)
-    for heading in _SHOWN.values():
+    for heading in _STATIONS.values():
         table.add_column(heading, justify="right")
         table.add_column("model", justify="right")
-    for one in found.checked:
-        cells = [f"{one.setting[name]:g}" for name in settings]
-        for name in _SHOWN:
-            cells += [f"{one.logged[name]:.2f}", f"{one.modelled[name]:.2f}"]
-        table.add_row(str(one.row), *cells)
+    for row in result.checked:
+        cells = [f"{row.setting[name]:g}" for name in settings]
+        for name in _STATIONS:
+            cells += [f"{row.logged[name]:.2f}", f"{row.modelled[name]:.2f}"]
+        table.add_row(str(row.row), *cells)
     return table
 
 
-def _foretold(found: CounterfactualRow) -> Table:
-    settings = _settings([row.setting for row in found.rows])
+def _predicted_rows_table(result: CounterfactualRow) -> Table:
+    settings = _shown_settings([row.setting for row in result.rows])
     table = _table(settings)
-    for heading in _SHOWN.values():
+    for heading in _STATIONS.values():
         table.add_column(heading, justify="right")
     table.add_column("stroke mm", justify="right")
-    flagged = any(row.outside or row.unidentified for row in found.rows)
-    if flagged:
+    any_beyond = any(row.outside or row.unidentified for row in result.rows)
+    if any_beyond:
         table.add_column("beyond")
-    for row in found.rows:
+    for row in result.rows:
         cells = [f"{row.setting[name]:g}" for name in settings]
-        cells += [_interval(row.power[name], row.half_width[name]) for name in _SHOWN]
+        cells += [_interval_text(row.power[name], row.half_width[name]) for name in _STATIONS]
         stroke = row.amplitude["stroke"]
-        cells.append("" if math.isnan(stroke) else f"{stroke * _MILLI:.0f}")
-        if flagged:
+        cells.append("" if math.isnan(stroke) else f"{stroke * _MM_PER_M:.0f}")
+        if any_beyond:
             beyond = [name.partition("_")[0] for name in row.outside]
             beyond += ["the twin"] if row.unidentified else []
             cells.append(", ".join(beyond))
@@ -196,7 +199,7 @@ def _foretold(found: CounterfactualRow) -> Table:
     return table
 
 
-def _interval(value: float, half: float) -> str:
+def _interval_text(value: float, half: float) -> str:
     if math.isnan(value):
         return "-"
     if math.isnan(half):

@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from rig import cli
 from rig.cli import command_error
-from rig.cli.check import complain, examine
+from rig.cli.check import examine, print_errors
 from rig.cli.command_error import fail
 from rig.cli.progress import Progress
-from rig.cli.run_end import exit_code, in_words, tell_folder
+from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.config.problems import Problem
 from rig.execution.campaign import carry_out, rehearsal, wired
 from rig.execution.hardware.job import WiringError
@@ -18,30 +18,30 @@ from rig.execution.task import Ended, ExecutionMode
 from rig.planning.campaign import Campaign, Plan
 from rig.recording.runs import RunError, create
 
-_MOST_WARNINGS = 5
+_MAX_WARNINGS = 5
 
 
 class RunOptions(NamedTuple):
-    """What the command line asks for beside the campaign."""
+    """Options of `rig run` apart from the campaign file."""
 
-    rig: Path | None  # in place of the campaign's own
+    rig: Path | None  # replaces the rig file of the campaign
     realtime: bool
     emulated: bool  # --sim
 
 
-def main(path: Path, runs: Path, wanted: RunOptions, *, as_json: bool) -> int:
-    """Check, run, analyse, and say how it went; gives the exit code."""
-    report = examine(path, wanted.rig)
+def main(path: Path, runs: Path, options: RunOptions, *, as_json: bool) -> int:
+    """Check, run and analyse a campaign, print the result, and return the exit code."""
+    report = examine(path, options.rig)
     if report.campaign is None or report.plan is None:
-        return complain(report, as_json=as_json)
+        return print_errors(report, as_json=as_json)
     campaign, plan = report.campaign, report.plan
     warnings = report.warnings
     if not as_json:
-        _warn(warnings, path)
-        _warn_of_room(runs, plan)
+        _print_warnings(warnings, path)
+        _warn_of_disk_space(runs, plan)
     title = f"{campaign.file.name} on {campaign.rig.name}"
     try:
-        mode = _mode(campaign, wanted)
+        mode = _execution_mode(campaign, options)
     except WiringError as error:
         return fail("run", error, as_json=as_json, code=cli.BAD_INPUT)
     try:
@@ -57,7 +57,7 @@ def main(path: Path, runs: Path, wanted: RunOptions, *, as_json: bool) -> int:
             json.dumps(
                 {
                     **outcome._asdict(),
-                    "last_row": in_words(outcome.last_row),
+                    "last_row": row_as_json(outcome.last_row),
                     "optima": summary.get("optima", []),
                     "lost_ticks": summary.get("lost_ticks"),
                     "folder": str(ended.folder),
@@ -68,40 +68,47 @@ def main(path: Path, runs: Path, wanted: RunOptions, *, as_json: bool) -> int:
             )
         )
     else:
-        _tell(ended, summary, products, trouble)
+        _print_result(ended, summary, products, trouble)
     return exit_code(outcome, trouble)
 
 
-def _warn(warnings: tuple[Problem, ...], path: Path) -> None:
-    """What `rig check` warns of, for who did not ask it before."""
-    for warning in warnings[:_MOST_WARNINGS]:
+def _print_warnings(warnings: tuple[Problem, ...], path: Path) -> None:
+    """Print the warnings of `rig check`, for an operator who did not run it before."""
+    for warning in warnings[:_MAX_WARNINGS]:
         print(f"warning: {warning.text()}", file=sys.stderr)
-    if len(warnings) > _MOST_WARNINGS:
-        left = len(warnings) - _MOST_WARNINGS
-        print(f"and {left} more warnings; rig check {path} says all", file=sys.stderr)
+    if len(warnings) > _MAX_WARNINGS:
+        remaining = len(warnings) - _MAX_WARNINGS
+        print(f"and {remaining} more warnings; rig check {path} lists all", file=sys.stderr)
 
 
-def _warn_of_room(runs: Path, plan: Plan) -> None:
-    """A full disk stops the rig: better known before the waves than in the last row."""
+def _warn_of_disk_space(runs: Path, plan: Plan) -> None:
+    """Warn before the run if the disk may be too small: a full disk stops the rig."""
     from rig.host import disk
 
-    if short := disk.shortage(runs, plan.duration, 1.0 / plan.dt):
-        print(f"warning: {short}", file=sys.stderr)
+    if shortage := disk.space_shortage(runs, plan.duration, 1.0 / plan.dt):
+        print(f"warning: {shortage}", file=sys.stderr)
 
 
-def _mode(campaign: Campaign, wanted: RunOptions) -> ExecutionMode:
-    """On what to run: a rig with wires is run on them, or, with --sim, on emulated devices."""
+def _execution_mode(campaign: Campaign, options: RunOptions) -> ExecutionMode:
+    """Return the execution mode.
+
+    A rig with wiring runs on its devices or, with --sim, on emulated devices. A rig without wiring
+    runs as a rehearsal.
+    """
     if campaign.rig.wiring is None:
-        if wanted.emulated:
-            raise WiringError(f"{campaign.rig.name} has no wiring to hang emulated devices on")
-        return rehearsal(campaign, real_clock=wanted.realtime)
-    return wired(campaign, emulated=wanted.emulated)
+        if options.emulated:
+            raise WiringError(
+                f"{campaign.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
+            )
+        return rehearsal(campaign, real_clock=options.realtime)
+    return wired(campaign, emulated=options.emulated)
 
 
 def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], str]:
-    """The run's products, its summary as `rig show --json` has it and, if there is none, why.
+    """Return the run's products, its summary as in `rig show --json`, and the trouble.
 
-    A run without a tick has none and needs no reason.
+    The trouble states why products are missing. A run without a tick has no products and no
+    trouble.
     """
     from rig.analysis.report import write_products
 
@@ -116,26 +123,30 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], 
         summary = json.loads((ended.folder / "summary.json").read_text())
         create.note_rows(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
-        said = command_error.in_words(error)
-        return products, summary, said if products else f"not all products are made: {said}"
+        message = command_error.error_text(error)
+        return products, summary, message if products else f"could not make all products: {message}"
     except KeyboardInterrupt:
-        again = f"interrupted; `rig plot {ended.folder}` makes surfaces and summary"
-        return products, summary, again
+        message = f"interrupted; `rig plot {ended.folder}` draws surfaces and summary"
+        return products, summary, message
     return products, summary, ""
 
 
-def _tell(ended: Ended, summary: dict[str, Any], products: list[Path], trouble: str) -> None:
+def _print_result(
+    ended: Ended, summary: dict[str, Any], products: list[Path], failure: str
+) -> None:
     from rig.analysis import phrases
     from rig.analysis.stop_reason import ENDINGS
 
-    text = ended.folder / "summary.txt"
-    if text.exists():
-        print(text.read_text().rstrip())
+    summary_file = ended.folder / "summary.txt"
+    if summary_file.exists():
+        print(summary_file.read_text().rstrip())
     outcome = ended.outcome
-    # The page says it too, but to standard output: not twice on one screen.
-    told = text.exists() and (sys.stdout.isatty() or outcome.status not in ("crashed", "refused"))
-    if not told:
+    # The summary on standard output states the ending, too: do not print it twice on one screen.
+    already_printed = summary_file.exists() and (
+        sys.stdout.isatty() or outcome.status not in ("crashed", "refused")
+    )
+    if not already_printed:
         ending = ENDINGS.get(outcome.status, outcome.status)
         reason = summary.get("reason") or phrases.reason_text(outcome.reason)
         print(f"\n{ending}: {reason}.", file=sys.stderr)
-    tell_folder(ended, products, trouble)
+    print_folder(ended, products, failure)

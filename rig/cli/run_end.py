@@ -1,4 +1,4 @@
-"""How a run ended, for people and for programs, whatever was run."""
+"""The end of a run for people and for programs: exit code, last row, messages and files."""
 
 import math
 import sys
@@ -23,7 +23,7 @@ _EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 
 def exit_code(outcome: Outcome, trouble: str) -> int:
-    """The command's exit code; ``trouble`` is what could not be done afterwards."""
+    """Return the command's exit code; ``trouble`` is a failure after the run (empty: none)."""
     if outcome.status == "crashed" or outcome.dropped or outcome.unsaved:
         return cli.LOST
     if trouble or outcome.status == "refused" or (outcome.moved and outcome.status == "complete"):
@@ -31,33 +31,36 @@ def exit_code(outcome: Outcome, trouble: str) -> int:
     return _EXIT_CODES[outcome.status]
 
 
-def in_words(row: dict[str, float | int]) -> dict[str, Any]:
-    """A row for JSON: names for coded numbers, a list of them for flags, null for NaN, infinity."""
-    told: dict[str, Any] = {}
+def row_as_json(row: dict[str, float | int]) -> dict[str, Any]:
+    """Return a row as JSON values.
+
+    Coded numbers become names, flags become lists of names, NaN and infinity become null.
+    """
+    values: dict[str, Any] = {}
     for name, value in row.items():
         if name in _NAMES:
-            told[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
-        elif flags := _flags_of(name):
-            told[name] = [flag.name for flag in flags if int(value) & flag]
+            values[name] = {int(code): code.name for code in _NAMES[name]}.get(int(value), value)
+        elif flags := _flag_type(name):
+            values[name] = [flag.name for flag in flags if int(value) & flag]
         else:
-            told[name] = value if math.isfinite(value) else None
-    return told
+            values[name] = value if math.isfinite(value) else None
+    return values
 
 
-def _flags_of(name: str) -> type[IntFlag] | None:
+def _flag_type(name: str) -> type[IntFlag] | None:
     endings = (flags for end, flags in _FLAGS.items() if f".{name}".endswith(f".{end}"))
     return next(endings, None)
 
 
-def tell_folder(ended: Ended, products: list[Path], trouble: str) -> None:
-    """What was lost or said on the way, and where everything is."""
+def print_folder(ended: Ended, products: list[Path], trouble: str) -> None:
+    """Print lost rows, the messages of the run, and the paths of folder and products."""
     outcome = ended.outcome
     if outcome.dropped or outcome.unsaved:
         lost = f"{outcome.dropped} rows dropped, {outcome.unsaved} rows not saved"
         print(f"\nlost: {lost}", file=sys.stderr)
-    for what in (*outcome.messages, outcome.died, outcome.moved, trouble):
-        if what:
-            print(f"\n{what}", file=sys.stderr)
+    for message in (*outcome.messages, outcome.died, outcome.moved, trouble):
+        if message:
+            print(f"\n{message}", file=sys.stderr)
     print(f"\n{ended.folder}/")
     for product in products:
         print(f"  {product.name}")

@@ -1,4 +1,4 @@
-"""What an operator sees while something runs, whatever it is."""
+"""Progress display of a run, for campaigns and sessions."""
 
 import sys
 import time
@@ -18,57 +18,57 @@ from rig.realtime.sequence import NO_ROW
 if TYPE_CHECKING:
     from rig.processes.run_types import Snapshot
 
-_EVERY = 10.0  # s between lines where there is no terminal
-_STAMP = {"rehearsal": "REHEARSAL, simulated plant", "hil": "HIL, emulated devices"}
+_LINE_INTERVAL_S = 10.0  # s between lines where there is no terminal
+_MODE_LABELS = {"rehearsal": "REHEARSAL, simulated plant", "hil": "HIL, emulated devices"}
 
 
 def clock_text(seconds: float) -> str:
-    """Seconds as h:mm:ss or m:ss."""
-    whole = max(0, round(seconds))
-    hours, rest = divmod(whole, 3600)
-    minutes, left = divmod(rest, 60)
-    return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"
+    """Format seconds as h:mm:ss or m:ss."""
+    rounded = max(0, round(seconds))
+    hours, rest = divmod(rounded, 3600)
+    minutes, remaining = divmod(rest, 60)
+    return f"{hours}:{minutes:02d}:{remaining:02d}" if hours else f"{minutes}:{remaining:02d}"
 
 
-def walked_words(snapshot: "Snapshot", rows: int) -> str:
-    """How a plan of so many rows ended that is done."""
-    ended = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
-    return f"all {rows} walked" if ended else f"stopped before all {rows} were walked"
+def plan_end_text(snapshot: "Snapshot", rows: int) -> str:
+    """Return how a finished plan of ``rows`` rows ended."""
+    completed = Reason(int(snapshot.row["safety.reason"])) in (Reason.NONE, Reason.PLAN_END)
+    return f"all {rows} done" if completed else f"stopped before all {rows} were done"
 
 
-def _losses(snapshot: "Snapshot") -> str:
+def _loss_text(snapshot: "Snapshot") -> str:
     return f"{int(snapshot.row['timing.skipped'])} ticks skipped, {snapshot.dropped} rows dropped"
 
 
-class Planned(Protocol):
-    """What is shown of a plan, whatever it is for."""
+class HasDuration(Protocol):
+    """A plan with a duration."""
 
     @property
     def duration(self) -> float:
-        """Planned seconds."""
+        """Planned duration, s."""
         ...
 
 
 class RunPanel(ABC):
-    """Draws snapshots: a live panel on a terminal, a line now and then elsewhere.
+    """Draws snapshots: a live panel on a terminal, a line every 10 s elsewhere.
 
-    What is shown of the rig itself, a subclass says: `at`, `scene` and `told`.
+    A subclass describes the rig in `plan_position`, `detail_lines` and `short_text`.
     """
 
-    def __init__(self, title: str, mode: str, plan: Planned, *, quiet: bool) -> None:
-        self._title, self._mode, self._planned = title, mode, plan.duration
+    def __init__(self, title: str, mode: str, plan: HasDuration, *, quiet: bool) -> None:
+        self._title, self._mode, self._planned_duration = title, mode, plan.duration
         self._quiet = quiet
         self._console = Console(stderr=True, highlight=False)
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
-        self._drawn = self._console.is_terminal and not quiet
-        self._began = time.monotonic()
-        self._said = self._began
+        self._live_display = self._console.is_terminal and not quiet
+        self._start_time = time.monotonic()
+        self._last_line_time = self._start_time
         self._last_row = NO_ROW
-        self._noticed = ""
-        self.notice = ""  # what was asked of the run, e.g. after Ctrl-C
+        self._printed_notice = ""
+        self.notice = ""  # the pending request to the run, e.g. after Ctrl-C
 
     def __enter__(self) -> "RunPanel":
-        if self._drawn:
+        if self._live_display:
             self._live.start()
         return self
 
@@ -78,82 +78,86 @@ class RunPanel(ABC):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._drawn:
+        if self._live_display:
             self._live.stop()
 
     def __call__(self, snapshot: "Snapshot") -> None:
-        """Draw the run as it stands."""
+        """Draw the current state of the run."""
         if self._quiet:
             return
-        if not self._drawn and self.notice != self._noticed:
-            self._noticed = self.notice
+        if not self._live_display and self.notice != self._printed_notice:
+            self._printed_notice = self.notice
             print(self.notice, file=sys.stderr, flush=True)
         if not snapshot.row:
             return
-        if self._drawn:
+        if self._live_display:
             self._live.update(self._panel(snapshot), refresh=True)
             return
         now, row = time.monotonic(), int(snapshot.row["plan.row"])
-        if now - self._said >= _EVERY or (row != self._last_row and now - self._said >= 1.0):
-            self._said, self._last_row = now, row
+        if now - self._last_line_time >= _LINE_INTERVAL_S or (
+            row != self._last_row and now - self._last_line_time >= 1.0
+        ):
+            self._last_line_time, self._last_row = now, row
             print(self._line(snapshot), file=sys.stderr, flush=True)
 
     def _panel(self, snapshot: "Snapshot") -> Group:
         row = snapshot.row
-        done, whole = float(row["time"]), self.whole(snapshot)
+        elapsed, total = float(row["time"]), self.total_duration(snapshot)
         table = Table.grid(padding=(0, 2))
         table.add_column(style="dim", min_width=8)
         table.add_column()
-        table.add_row(*self.at(snapshot))
+        table.add_row(*self.plan_position(snapshot))
         mode = Mode(int(row["safety.mode"]))
         reason = Reason(int(row["safety.reason"]))
         state = Text(mode.name, style="green" if mode < STOP_2 else "bold red")
         if reason is not Reason.NONE:
             state.append(f"  {reason.name}", style="bold red")
         table.add_row("mode", state)
-        for label, text in self.scene(snapshot):
+        for label, text in self.detail_lines(snapshot):
             table.add_row(label, text)
-        table.add_row("time", self._time_words(snapshot))
-        health = f"{_losses(snapshot)}, {snapshot.behind} rows not yet on disk"
+        table.add_row("time", self._time_text(snapshot))
+        health = f"{_loss_text(snapshot)}, {snapshot.behind} rows not yet on disk"
         table.add_row("health", health)
-        stamp = Text(f"{self._title}   ", style="bold")
-        stamp.append(_STAMP.get(self._mode, self._mode.upper()), style="black on yellow")
+        heading = Text(f"{self._title}   ", style="bold")
+        heading.append(_MODE_LABELS.get(self._mode, self._mode.upper()), style="black on yellow")
         bar = Table.grid()
-        bar.add_row(ProgressBar(total=whole, completed=min(done, whole), width=72))
-        parts: list[Text | Table] = [stamp, bar, table]
+        bar.add_row(ProgressBar(total=total, completed=min(elapsed, total), width=72))
+        parts: list[Text | Table] = [heading, bar, table]
         for text in (snapshot.trouble, self.notice):
             if text:
                 parts.append(Text(text, style="bold red"))
         return Group(*parts)
 
     @abstractmethod
-    def at(self, snapshot: "Snapshot") -> tuple[str, str]:
-        """Where in the plan the run is: a label and words."""
+    def plan_position(self, snapshot: "Snapshot") -> tuple[str, str]:
+        """Return a label and the text of the position in the plan."""
 
     @abstractmethod
-    def scene(self, snapshot: "Snapshot") -> list[tuple[str, str]]:
-        """The rig as it moves: labels and words, for the panel."""
+    def detail_lines(self, snapshot: "Snapshot") -> list[tuple[str, str]]:
+        """Return labels and texts of the rig's motion, for the panel."""
 
     @abstractmethod
-    def told(self, snapshot: "Snapshot") -> str:
-        """The same in short, for a line."""
+    def short_text(self, snapshot: "Snapshot") -> str:
+        """Return a short text of the rig's motion, for a line."""
 
-    def whole(self, snapshot: "Snapshot") -> float:
-        """Seconds of the whole run."""
-        return self._planned
+    def total_duration(self, snapshot: "Snapshot") -> float:
+        """Return the duration of the run, s."""
+        return self._planned_duration
 
-    def _time_words(self, snapshot: "Snapshot") -> str:
-        done = float(snapshot.row["time"])
-        whole = max(done, self.whole(snapshot))  # the stop at the end is not in the plan
-        speed = done / max(time.monotonic() - self._began, 1e-3)
+    def _time_text(self, snapshot: "Snapshot") -> str:
+        elapsed = float(snapshot.row["time"])
+        total = max(
+            elapsed, self.total_duration(snapshot)
+        )  # the stop at the end is not in the plan
+        speed = elapsed / max(time.monotonic() - self._start_time, 1e-3)
         return (
-            f"{clock_text(done)} of {clock_text(whole)} rig time, "
-            f"{clock_text((whole - done) / max(speed, 1e-6))} left at {speed:.1f} x real time"
+            f"{clock_text(elapsed)} of {clock_text(total)} rig time, "
+            f"{clock_text((total - elapsed) / max(speed, 1e-6))} left at {speed:.1f} x real time"
         )
 
     def _line(self, snapshot: "Snapshot") -> str:
         return (
-            f"{self._time_words(snapshot)}  {' '.join(self.at(snapshot))}  "
-            f"{self.told(snapshot)}  {_losses(snapshot)}"
+            f"{self._time_text(snapshot)}  {' '.join(self.plan_position(snapshot))}  "
+            f"{self.short_text(snapshot)}  {_loss_text(snapshot)}"
             + (f"  {snapshot.trouble}" if snapshot.trouble else "")
         )

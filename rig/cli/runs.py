@@ -19,31 +19,31 @@ def main(runs: Path, *, as_json: bool) -> int:
     try:
         if runs.exists() and not runs.is_dir():
             raise NotADirectoryError(f"{runs}: not a folder")
-        listed = list_runs(runs)[::-1]
+        runs_found = list_runs(runs)[::-1]
     except OSError as error:
         return fail("runs", error, as_json=as_json)
     if as_json:
-        print(json.dumps([run._asdict() | {"path": str(run.path)} for run in listed]))
+        print(json.dumps([run._asdict() | {"path": str(run.path)} for run in runs_found]))
         return cli.OK
-    if not listed:
+    if not runs_found:
         print(f"no runs in {runs}/")
         return cli.OK
     table = Table(box=None, header_style="bold", pad_edge=False)
-    longest = max(len(run.run) for run in listed)
-    table.add_column("run", no_wrap=True, min_width=longest)  # what a person copies and types
+    longest_name = max(len(run.run) for run in runs_found)
+    table.add_column("run", no_wrap=True, min_width=longest_name)  # what a person copies and types
     table.add_column("mode", no_wrap=True)
     table.add_column("rows", no_wrap=True, justify="right")
     table.add_column("status", no_wrap=True)
     table.add_column("record", overflow="fold")
     table.add_column("reason", overflow="fold")
     table.add_column("size", no_wrap=True, justify="right")
-    for run in listed:
+    for run in runs_found:
         done = "-" if run.rows_done is None else str(run.rows_done)
-        whole = "-" if run.rows_planned is None else str(run.rows_planned)
+        planned = "-" if run.rows_planned is None else str(run.rows_planned)
         table.add_row(
             Text(run.run),
             run.mode,
-            f"{done}/{whole}",
+            f"{done}/{planned}",
             Text(run.status, style=_STYLES.get(run.status, "red")),
             Text(run.record or "-", style="" if run.record in ("", "complete") else "red"),
             Text(run.problem or run.reason),

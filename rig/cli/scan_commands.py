@@ -1,4 +1,4 @@
-"""What `rig scan can` and `rig scan modbus` do."""
+"""Implementation of `rig scan can` and `rig scan modbus`."""
 
 import json
 from collections.abc import Iterator
@@ -18,10 +18,10 @@ from rig.execution.hardware import scan
 from rig.processes.wire_locks import Wire, can_wire, hold, network_wire, serial_wire
 from rig.recording.runs.create import BusyError
 
-_QUIET = 0.1  # s after a missed answer on a serial line, for a late one
+_LATE_ANSWER_S = 0.1  # wait for a late answer after a timeout on a serial line
 
 
-class Serial(NamedTuple):
+class SerialLine(NamedTuple):
     """A serial line."""
 
     port: str
@@ -36,109 +36,111 @@ def scan_can(
     bit_rate: int,
     options: list[str],
     *,
-    patience: float,
+    timeout: float,
     only_listen: bool,
     as_json: bool,
 ) -> int:
-    """Print the nodes that answer, or that send by themselves; gives the exit code."""
+    """Print the nodes that answer, or that send by themselves, and return the exit code."""
     try:
-        bus = Bus(interface, channel, bit_rate, tuple(map(_option, options)))
+        bus = Bus(interface, channel, bit_rate, tuple(map(_parse_option, options)))
     except ValueError as error:
         return fail("scan can", error, as_json=as_json)
     try:
         if only_listen:
-            return _listened(bus, patience, as_json=as_json)
+            return _listen_can(bus, timeout, as_json=as_json)
         with hold((can_wire(interface, channel, dict(bus.options)),), "rig scan can"):
-            found = scan.nodes(bus, patience)
+            nodes = scan.nodes(bus, timeout)
     except BusyError as error:
-        told = RuntimeError(f"{error}; --listen hears who sends by himself, and sends nothing")
-        return fail("scan can", told, as_json=as_json, code=cli.FAILED)
+        refusal = RuntimeError(
+            f"{error}; --listen sends nothing and lists the nodes that send by themselves"
+        )
+        return fail("scan can", refusal, as_json=as_json, code=cli.FAILED)
     except (OSError, ValueError) as error:
         return fail("scan can", error, as_json=as_json, code=cli.FAILED)
     if as_json:
-        nodes = [{"node": one.node, **one.identity._asdict()} for one in found]
-        print(json.dumps({"status": "complete", "nodes": nodes}))
-    elif found:
-        table_console().print(_nodes(found))
+        node_data = [{"node": node.node, **node.identity._asdict()} for node in nodes]
+        print(json.dumps({"status": "complete", "nodes": node_data}))
+    elif nodes:
+        table_console().print(_node_table(nodes))
     else:
-        print(f"no node answers on {interface} {channel} within {patience:g} s")
-    return cli.OK if found else cli.FAILED
+        print(f"no node answers on {interface} {channel} within {timeout:g} s")
+    return cli.OK if nodes else cli.FAILED
 
 
 def scan_modbus(
     address: str | None,
-    line: Serial | None,
-    span: tuple[int, int],
+    line: SerialLine | None,
+    unit_range: tuple[int, int],
     timeout: float,
     register: int,
     *,
     as_json: bool,
 ) -> int:
-    """Print the units that answer; gives the exit code."""
+    """Print the units that answer, and return the exit code."""
     try:
-        settings = _line(address, line, timeout)
-        if span[0] > span[1]:
-            raise ValueError(f"--first {span[0]} is above --last {span[1]}")
+        settings = _line_settings(address, line, timeout)
+        if unit_range[0] > unit_range[1]:
+            raise ValueError(f"--first {unit_range[0]} is above --last {unit_range[1]}")
     except ValueError as error:
         return fail("scan modbus", error, as_json=as_json)
-    numbers = range(span[0], span[1] + 1)
-    asked: list[scan.UnitAsked] = []
+    numbers = range(unit_range[0], unit_range[1] + 1)
+    results: list[scan.UnitAsked] = []
     stopped = False
     try:
         with (
-            hold((_wire(settings),), "rig scan modbus"),
-            _progress(len(numbers), quiet=as_json) as step,
+            hold((_wire_of(settings),), "rig scan modbus"),
+            _progress_bar(len(numbers), quiet=as_json) as step,
         ):
             try:
-                for one in scan.units(settings, numbers, register):
-                    asked.append(one)
-                    step(one)
+                for result in scan.units(settings, numbers, register):
+                    results.append(result)
+                    step(result)
             except KeyboardInterrupt:
                 stopped = True
     except (BusyError, OSError) as error:
         return fail("scan modbus", error, as_json=as_json, code=cli.FAILED)
-    found = [one for one in asked if one.answers]
-    everybody = len(found) == len(numbers) > 1
+    answering = [unit for unit in results if unit.answers]
+    all_answer = len(answering) == len(numbers) > 1
     if as_json:
         print(
             json.dumps(
                 {
                     "status": "stopped" if stopped else "complete",
-                    "asked": [one.unit for one in asked],
-                    "every_number_answers": everybody,
+                    "queried": [unit.unit for unit in results],
+                    "every_number_answers": all_answer,
                     "units": [
-                        {"unit": one.unit, "answered_in_s": one.took, "said": one.said}
-                        for one in found
+                        {"unit": unit.unit, "answered_in_s": unit.took, "answer": unit.said}
+                        for unit in answering
                     ],
                 }
             )
         )
     else:
-        _tell(found, len(asked), len(numbers), everybody=everybody)
+        _print_units(answering, len(results), len(numbers), all_answer=all_answer)
     if stopped:
         return cli.STOPPED
-    return cli.OK if found else cli.FAILED
+    return cli.OK if answering else cli.FAILED
 
 
-def _listened(bus: Bus, patience: float, *, as_json: bool) -> int:
-    numbers = scan.heard(bus, patience)
+def _listen_can(bus: Bus, timeout: float, *, as_json: bool) -> int:
+    numbers = scan.heard(bus, timeout)
     if as_json:
         print(json.dumps({"status": "complete", "listened_only": True, "heard": list(numbers)}))
     elif numbers:
-        print(f"heard without asking: node {', '.join(map(str, numbers))}")
+        print(f"sending by themselves: node {', '.join(map(str, numbers))}")
     else:
-        print(f"no node sends on {bus.interface} {bus.channel} within {patience:g} s")
+        print(f"no node sends on {bus.interface} {bus.channel} within {timeout:g} s")
     return cli.OK if numbers else cli.FAILED
 
 
-def _wire(settings: Tcp | Rtu) -> Wire:
+def _wire_of(settings: Tcp | Rtu) -> Wire:
     if isinstance(settings, Rtu):
         return serial_wire("serial line", settings.port)
     return network_wire("Modbus/TCP server", "tcp", settings.host, settings.port)
 
 
-def _option(text: str) -> tuple[str, Any]:
-    """A python-can option: a whole number, true, false, or else text."""
+def _parse_option(text: str) -> tuple[str, Any]:
+    """Parse an option of python-can: NAME=VALUE with an integer, true, false, or a text."""
     name, given, value = text.partition("=")
     if not given or not name:
         raise ValueError(f"--option {text!r} is not NAME=VALUE")
@@ -150,11 +152,11 @@ def _option(text: str) -> tuple[str, Any]:
         return name, value
 
 
-def _line(address: str | None, line: Serial | None, timeout: float) -> Tcp | Rtu:
+def _line_settings(address: str | None, line: SerialLine | None, timeout: float) -> Tcp | Rtu:
     if (address is None) == (line is None):
         raise ValueError("give either HOST:PORT or --serial PORT")
     if line is not None:
-        return Rtu(*line, timeout, _QUIET)
+        return Rtu(*line, timeout, _LATE_ANSWER_S)
     host, _, port = (address or "").rpartition(":")
     if not host:
         host, port = address or "", "502"
@@ -163,36 +165,42 @@ def _line(address: str | None, line: Serial | None, timeout: float) -> Tcp | Rtu
     return Tcp(host, int(port), timeout)
 
 
-def _nodes(found: tuple[scan.NodeHeard, ...]) -> Table:
+def _node_table(nodes: tuple[scan.NodeHeard, ...]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("node", justify="right", no_wrap=True)
     for name in ("device type", "vendor", "product", "revision", "serial"):
         table.add_column(name, no_wrap=True)
     table.add_column("errors", no_wrap=True)
     table.add_column("name", overflow="fold")
-    for node, who in found:
+    for node, identity in nodes:
         table.add_row(
             str(node),
             *(
-                _hexadecimal(value)
-                for value in (who.device_type, who.vendor, who.product, who.revision, who.serial)
+                _hex_text(value)
+                for value in (
+                    identity.device_type,
+                    identity.vendor,
+                    identity.product,
+                    identity.revision,
+                    identity.serial,
+                )
             ),
-            "-" if who.error_register is None else f"{who.error_register:#04x}",
-            Text(who.name or "-"),
+            "-" if identity.error_register is None else f"{identity.error_register:#04x}",
+            Text(identity.name or "-"),
         )
     return table
 
 
-def _hexadecimal(value: int | None) -> str:
+def _hex_text(value: int | None) -> str:
     return "-" if value is None else f"{value:#010x}"
 
 
 @contextmanager
-def _progress(count: int, *, quiet: bool) -> Iterator[Any]:
-    """A bar with the time left, on a terminal only; what answers is told as it is found."""
+def _progress_bar(count: int, *, quiet: bool) -> Iterator[Any]:
+    """Show a bar with the remaining time, on a terminal only; print each unit that answers."""
     console = table_console()
     if quiet or not console.is_terminal:
-        yield lambda one: None
+        yield lambda unit: None
         return
     columns = (
         TextColumn("unit {task.fields[unit]}"), BarColumn(), MofNCompleteColumn(),
@@ -201,27 +209,29 @@ def _progress(count: int, *, quiet: bool) -> Iterator[Any]:
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=count, unit="")
 
-        def step(one: scan.UnitAsked) -> None:
-            if one.answers:
-                bar.console.print(f"unit {one.unit} answers")
-            bar.update(task, advance=1, unit=one.unit)
+        def step(unit: scan.UnitAsked) -> None:
+            if unit.answers:
+                bar.console.print(f"unit {unit.unit} answers")
+            bar.update(task, advance=1, unit=unit.unit)
 
         yield step
 
 
-def _tell(found: list[scan.UnitAsked], asked: int, wanted: int, *, everybody: bool) -> None:
+def _print_units(
+    answering: list[scan.UnitAsked], queried: int, total: int, *, all_answer: bool
+) -> None:
     console = table_console()
-    cut = f" (stopped; {wanted - asked} not asked)" if asked < wanted else ""
-    if not found:
-        console.print(f"none of {asked} units answers{cut}")
+    stopped_text = f" (stopped; {total - queried} not queried)" if queried < total else ""
+    if not answering:
+        console.print(f"none of {queried} units answers{stopped_text}")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("unit", justify="right", no_wrap=True)
     table.add_column("answered in", justify="right", no_wrap=True)
     table.add_column("with")
-    for one in found:
-        table.add_row(str(one.unit), f"{1e3 * one.took:.1f} ms", Text(one.said))
+    for unit in answering:
+        table.add_row(str(unit.unit), f"{1e3 * unit.took:.1f} ms", Text(unit.said))
     console.print(table)
-    console.print(f"\n{len(found)} of {asked} units answer{cut}")
-    if everybody:
-        console.print("every number answers: it is one device that does not look at them")
+    console.print(f"\n{len(answering)} of {queried} units answer{stopped_text}")
+    if all_answer:
+        console.print("every unit number answers: one device probably ignores the number")

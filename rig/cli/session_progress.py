@@ -1,8 +1,8 @@
-"""What an operator sees while a session of the bench runs."""
+"""Progress display of a running session of the bench."""
 
 from math import pi
 
-from rig.cli.run_panel import RunPanel, walked_words
+from rig.cli.run_panel import RunPanel, plan_end_text
 from rig.planning.session import SessionPlan
 from rig.processes.run_types import Snapshot
 from rig.realtime.sequence import NO_ROW, Phase
@@ -22,26 +22,26 @@ _UNITS = {
 
 
 class SessionProgress(RunPanel):
-    """A session: its row, and what motor, shaft, load cell and brake do."""
+    """Displays the row of a session, and the state of motor, shaft, load cell and brake."""
 
     def __init__(self, title: str, mode: str, plan: SessionPlan, *, quiet: bool) -> None:
         super().__init__(title, mode, plan, quiet=quiet)
         self._plan = plan
 
-    def at(self, snapshot: Snapshot) -> tuple[str, str]:
-        """The row and its set point."""
+    def plan_position(self, snapshot: Snapshot) -> tuple[str, str]:
+        """Return the row and its set point."""
         row, phase = int(snapshot.row["plan.row"]), Phase(int(snapshot.row["plan.phase"]))
         count = len(self._plan.rows)
         if phase is Phase.DONE:
-            return "row", walked_words(snapshot, count)
+            return "row", plan_end_text(snapshot, count)
         if row == NO_ROW:
             return "row", f"- of {count}   {phase.name.lower()}"
-        given = self._plan.rows[row].values
-        point = "   ".join(f"{value:g} {_UNITS[key]}" for key, value in given.items())
-        return "row", f"{row} ({row + 1} of {count})   {phase.name.lower()}   {point}"
+        set_point = self._plan.rows[row].values
+        set_point_text = "   ".join(f"{value:g} {_UNITS[key]}" for key, value in set_point.items())
+        return "row", f"{row} ({row + 1} of {count})   {phase.name.lower()}   {set_point_text}"
 
-    def scene(self, snapshot: Snapshot) -> list[tuple[str, str]]:
-        """Motion, and what the drive and the brake are told."""
+    def detail_lines(self, snapshot: Snapshot) -> list[tuple[str, str]]:
+        """Return the motion, and the commands of drive and brake."""
         row = snapshot.row
         torque = row["load.tz"] - row["tared.torque"]
         motion = (
@@ -56,8 +56,8 @@ class SessionProgress(RunPanel):
         )
         return [("motion", motion), ("drive", drive)]
 
-    def told(self, snapshot: Snapshot) -> str:
-        """Shaft and torque."""
+    def short_text(self, snapshot: Snapshot) -> str:
+        """Return shaft angle and torque."""
         row = snapshot.row
         torque = row["load.tz"] - row["tared.torque"]
         return f"shaft {_DEGREES * row['shaft.angle']:+.2f} deg, {torque:+.2f} N m"

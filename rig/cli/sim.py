@@ -11,8 +11,8 @@ from types import FrameType
 
 from rig import cli
 from rig.cli.command_error import fail
-from rig.cli.file_problems import REFUSED, refuse
-from rig.cli.sim_view import hanging, show
+from rig.cli.file_problems import INPUT_ERRORS, refuse
+from rig.cli.sim_view import emulated_devices, show
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.execution.hardware.bench_job import job_of_bench
@@ -22,47 +22,50 @@ from rig.execution.rehearsal.standalone import alone
 from rig.planning.session.files import is_session
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
 
-_LOOK = 0.05  # s
-_PATIENCE = 5.0  # s for the devices to leave
+_POLL_INTERVAL_S = 0.05
+_STOP_TIMEOUT_S = 5.0
 
 
 def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
-    """Be the devices of a rig until Ctrl-C; gives the exit code."""
+    """Emulate the devices of a rig until Ctrl-C, and return the exit code."""
     try:
-        rig, devices, sea = _devices(path, campaign)
-        wiring = _wiring(rig)
-    except REFUSED as error:
+        rig, devices, sea = _open_devices(path, campaign)
+        wiring = _checked_wiring(rig)
+    except INPUT_ERRORS as error:
         return refuse("sim", error, as_json=as_json)
-    if held := taken(wiring):  # the devices look again; here it is known in no time
-        busy = RuntimeError("\n".join(held))
+    if taken_addresses := taken(wiring):  # the devices check again, but only after their start
+        busy = RuntimeError("\n".join(taken_addresses))
         return fail("sim", busy, as_json=as_json, code=cli.FAILED)
-    with _interrupts() as asked, tempfile.TemporaryDirectory(prefix="rig-sim-") as folder:
-        companions = IoProcesses((devices,), Path(folder))
+    with (
+        _stop_signals() as stop_requested,
+        tempfile.TemporaryDirectory(prefix="rig-sim-") as folder,
+    ):
+        io_processes = IoProcesses((devices,), Path(folder))
         try:
             if not as_json:
                 print("starting the emulated devices ...", file=sys.stderr, flush=True)
-            companions.start()
+            io_processes.start()
         except IoProcessError as error:
-            companions.end(_PATIENCE)
-            if asked():
+            io_processes.end(_STOP_TIMEOUT_S)
+            if stop_requested():
                 return cli.OK
-            why = str(error).removeprefix(f"{devices.name}: ")
-            return fail("sim", RuntimeError(why), as_json=as_json, code=cli.FAILED)
+            message = str(error).removeprefix(f"{devices.name}: ")
+            return fail("sim", RuntimeError(message), as_json=as_json, code=cli.FAILED)
         try:
-            show(rig.name, hanging(wiring), sea, as_json=as_json)
-            trouble = _stay(companions, asked)
+            show(rig.name, emulated_devices(wiring), sea, as_json=as_json)
+            trouble = _wait_for_end(io_processes, stop_requested)
         finally:
-            companions.end(_PATIENCE)
+            io_processes.end(_STOP_TIMEOUT_S)
     if trouble:
         print(f"rig sim: {trouble}", file=sys.stderr)
         return cli.FAILED
     if not as_json:
-        print("\nended; all addresses are free", file=sys.stderr)
+        print("\nended; all addresses are free again", file=sys.stderr)
     return cli.OK
 
 
-def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, str]:
-    """The rig, who plays its devices, and what they are in."""
+def _open_devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, str]:
+    """Return the rig, the process that emulates its devices, and their setting in words."""
     if campaign is None:
         rig, devices = alone(path)
         bench = isinstance(rig, BenchRigFile)
@@ -80,18 +83,18 @@ def _devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, 
     from rig.execution.rehearsal import emulation, job
     from rig.planning.campaign.files import open_campaign  # scipy: seconds
 
-    opened = open_campaign(campaign, job.problems, path)
-    sea = f"{opened.file.sea.description()}, once the rig's wave trigger is on"
-    return opened.rig, emulation.emulator_process(opened), sea
+    checked_campaign = open_campaign(campaign, job.problems, path)
+    sea = f"{checked_campaign.file.sea.description()}, once the rig's wave trigger is on"
+    return checked_campaign.rig, emulation.emulator_process(checked_campaign), sea
 
 
-def _wiring(rig: AnyRigFile) -> AnyWiring:
-    """The wires of a rig whose devices can be emulated; WiringError says why not."""
+def _checked_wiring(rig: AnyRigFile) -> AnyWiring:
+    """Return the wiring of a rig whose devices can be emulated; WiringError gives the reason."""
     if rig.wiring is None:
-        raise WiringError(f"{rig.name} has no wiring to hang emulated devices on")
-    why = impossible(rig.wiring)
-    if why:
-        raise WiringError("\n".join(why))
+        raise WiringError(f"{rig.name} has no wiring, so no devices can be emulated")
+    reasons = impossible(rig.wiring)
+    if reasons:
+        raise WiringError("\n".join(reasons))
     if isinstance(rig, BenchRigFile):
         job_of_bench(rig)
     else:
@@ -99,22 +102,22 @@ def _wiring(rig: AnyRigFile) -> AnyWiring:
     return rig.wiring
 
 
-def _stay(companions: IoProcesses, asked: Callable[[], bool]) -> str:
-    """Wait for Ctrl-C; why it ended without one, empty otherwise."""
-    while not asked():
-        trouble = companions.listen()
-        for line in companions.said:
+def _wait_for_end(io_processes: IoProcesses, stop_requested: Callable[[], bool]) -> str:
+    """Wait for Ctrl-C; return the trouble that ended the devices before it (empty: none)."""
+    while not stop_requested():
+        trouble = io_processes.listen()
+        for line in io_processes.said:
             print(line, file=sys.stderr, flush=True)
-        companions.said.clear()
+        io_processes.said.clear()
         if trouble:
             return trouble
-        time.sleep(_LOOK)
+        time.sleep(_POLL_INTERVAL_S)
     return ""
 
 
 @contextmanager
-def _interrupts() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C, termination and a closed terminal are one request: to end."""
+def _stop_signals() -> Iterator[Callable[[], bool]]:
+    """Catch SIGINT, SIGTERM and SIGHUP; yield a function that returns whether one came."""
     count = 0
 
     def interrupt(number: int, frame: FrameType | None) -> None:

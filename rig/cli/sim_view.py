@@ -1,4 +1,4 @@
-"""Every emulated device of a rig and where it is, for people and programs."""
+"""The emulated devices of a rig and their addresses, for people and programs."""
 
 import itertools
 import json
@@ -14,12 +14,12 @@ from rig.config.bench_wiring import BENCH_SLOT_SIGNALS, BenchWiring, SerialPort
 from rig.config.wiring import SLOT_SIGNALS, AnyLine, Registers, TcpLine, Wiring
 from rig.execution.rehearsal.addresses import AnyWiring, can_address
 
-_PLAYED = {
+_DRIVE_DESCRIPTIONS = {
     "amc": "torque drive, AMC scaling",
     "rated_torque": "torque drive, scaled by its rated torque",
     "rated_current": "torque drive, scaled by its rated current",
 }
-_UNITS = {
+_UNIT_DESCRIPTIONS = {
     "analyser": "power analyser",
     "cells": "strain-gauge amplifier: load cells",
     "probes": "strain-gauge amplifier: wave probes",
@@ -30,93 +30,107 @@ _UNITS = {
 }
 
 
-class There(NamedTuple):
-    """One device on a wire."""
+class EmulatedDevice(NamedTuple):
+    """An emulated device on a wire."""
 
-    wire: str  # CAN, or the line's name
-    how: str  # protocol
+    wire: str  # CAN, or the name of the line
+    protocol: str  # protocol
     address: str
     number: int  # of the node or unit
     name: str
-    what: str
+    description: str
 
 
-def hanging(wiring: AnyWiring) -> list[There]:
-    """Every emulated device and where it is."""
+def emulated_devices(wiring: AnyWiring) -> list[EmulatedDevice]:
+    """Return every emulated device with its address."""
     if isinstance(wiring, BenchWiring):
-        return [*_streams(wiring), *_units(wiring, wiring.lines, BENCH_SLOT_SIGNALS)]
-    return [*_nodes(wiring), *_units(wiring, wiring.lines, SLOT_SIGNALS)]
+        return [*_streams(wiring), *_modbus_units(wiring, wiring.lines, BENCH_SLOT_SIGNALS)]
+    return [*_can_nodes(wiring), *_modbus_units(wiring, wiring.lines, SLOT_SIGNALS)]
 
 
-def _nodes(wiring: Wiring) -> list[There]:
+def _can_nodes(wiring: Wiring) -> list[EmulatedDevice]:
     can = wiring.can
     bus = "{}:{}".format(*can_address(can))
     return [
-        There("CAN", f"socketcand {can.channel}", bus, one.node, name, what)
-        for name, one, what in (
-            ("heave", wiring.heave, _PLAYED[wiring.heave.scaling]),
-            ("surge", wiring.surge, _PLAYED[wiring.surge.scaling]),
+        EmulatedDevice("CAN", f"socketcand {can.channel}", bus, drive.node, name, description)
+        for name, drive, description in (
+            ("heave", wiring.heave, _DRIVE_DESCRIPTIONS[wiring.heave.scaling]),
+            ("surge", wiring.surge, _DRIVE_DESCRIPTIONS[wiring.surge.scaling]),
             ("stator", wiring.stator, "actuator: profile position, homing"),
         )
     ]
 
 
-def _streams(wiring: BenchWiring) -> list[There]:
+def _streams(wiring: BenchWiring) -> list[EmulatedDevice]:
     encoders, servo, cell = wiring.encoders, wiring.servo, wiring.load_cell
     address = servo.address or 0
     return [
-        There("encoders", _serial(encoders), encoders.port, 0, "encoders", "encoder bridge"),
-        There("servo", _serial(servo), servo.port, address, "servo", "servo drive, Compax3"),
-        There(
+        EmulatedDevice(
+            "encoders", _serial_text(encoders), encoders.port, 0, "encoders", "encoder bridge"
+        ),
+        EmulatedDevice(
+            "servo", _serial_text(servo), servo.port, address, "servo", "servo drive, Compax3"
+        ),
+        EmulatedDevice(
             "load cell", "RDT over UDP", f"{cell.host}:{cell.port}", 0, "load_cell", "ATI Net F/T"
         ),
     ]
 
 
-def _serial(port: SerialPort) -> str:
+def _serial_text(port: SerialPort) -> str:
     return f"serial, {port.baud} baud 8{port.parity}{port.stop_bits},"
 
 
-def _units(wiring: AnyWiring, lines: dict[str, AnyLine], words: Iterable[str]) -> list[There]:
-    found = []
+def _modbus_units(
+    wiring: AnyWiring, lines: dict[str, AnyLine], slots: Iterable[str]
+) -> list[EmulatedDevice]:
+    devices = []
     for line_name, line in lines.items():
         if isinstance(line, TcpLine):
-            how, address = "Modbus TCP", f"{line.host}:{line.port}"
+            protocol, address = "Modbus TCP", f"{line.host}:{line.port}"
         else:
-            how = f"Modbus RTU, {line.baud} baud 8{line.parity}{line.stop_bits},"
+            protocol = f"Modbus RTU, {line.baud} baud 8{line.parity}{line.stop_bits},"
             address = line.port
-        for name in words:
+        for name in slots:
             block: Registers = getattr(wiring, name)
             if block.line == line_name:
-                found.append(There(line_name, how, address, block.unit, name, _UNITS[name]))
-    return found
+                devices.append(
+                    EmulatedDevice(
+                        line_name, protocol, address, block.unit, name, _UNIT_DESCRIPTIONS[name]
+                    )
+                )
+    return devices
 
 
-def show(rig: str, there: list[There], setting: str, *, as_json: bool) -> None:
-    """Say what is there: one line of JSON, or a table a wire."""
+def show(rig: str, devices: list[EmulatedDevice], setting: str, *, as_json: bool) -> None:
+    """Print the devices: one line of JSON, or a table per wire."""
     if as_json:
-        told: dict[str, Any] = {
+        data: dict[str, Any] = {
             "status": "ready",
             "rig": rig,
             "sea": setting,
-            "devices": [one._asdict() for one in there],
+            "devices": [device._asdict() for device in devices],
         }
-        print(json.dumps(told, ensure_ascii=False), flush=True)
+        print(json.dumps(data, ensure_ascii=False), flush=True)
         return
     console = table_console()
     console.print(Text.assemble("\n", (rig, "bold"), f": emulated devices in {setting}\n"))
-    for wire, several in itertools.groupby(there, lambda one: (one.wire, one.how, one.address)):
+    for wire, group in itertools.groupby(
+        devices, lambda device: (device.wire, device.protocol, device.address)
+    ):
         modbus = wire[1].startswith("Modbus")
-        head = f"line {wire[0]}  " if modbus else f"{wire[0]}  "
-        console.print(Text.assemble((head, "bold cyan"), f"{wire[1]} at {wire[2]}"), soft_wrap=True)
+        heading = f"line {wire[0]}  " if modbus else f"{wire[0]}  "
+        console.print(
+            Text.assemble((heading, "bold cyan"), f"{wire[1]} at {wire[2]}"), soft_wrap=True
+        )
         table = Table.grid(padding=(0, 2, 0, 0))
         table.add_column(width=9)
         table.add_column(width=16)
         table.add_column()
-        for one in several:
+        for device in group:
             kind = "node" if wire[0] == "CAN" else "unit"
-            number = f"  {kind} {one.number}" if one.number else ""
-            table.add_row(number, Text(one.name, "bold"), Text(one.what))
+            number = f"  {kind} {device.number}" if device.number else ""
+            table.add_row(number, Text(device.name, "bold"), Text(device.description))
         console.print(table, "")
-    console.print("ready; Ctrl-C ends", style="bold green")
+    console.print("ready; Ctrl-C ends the emulation", style="bold green")
     sys.stdout.flush()

@@ -1,4 +1,4 @@
-"""`rig surge-damping RUN`: the damping to keep surge on station with."""
+"""`rig surge-damping RUN`: damping of the surge station keeping."""
 
 import json
 import math
@@ -10,8 +10,9 @@ import typer
 
 from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
 
-CODES = """\
-Exit codes: 0 a damping was found; 1 none of the range keeps stroke and heave power; 2 bad input."""
+EXIT_CODES = """\
+Exit codes: 0 found a damping; 1 no damping of the range keeps stroke and heave power; 2 bad \
+input."""
 
 
 def command(
@@ -20,26 +21,26 @@ def command(
         float | None,
         typer.Option(
             "--stroke-m", min=0.001, max=2,
-            help="Stroke either way that surge may use, m (half of the rig's least bound).",
+            help="Allowed surge stroke to either side, m (default: half of the smallest limit).",
         ),
     ] = None,
     keep: Annotated[
-        float, typer.Option(min=0.5, max=1.0, help="Share of heave's best power to be kept.")
+        float, typer.Option(min=0.5, max=1.0, help="Share of the best heave power to keep.")
     ] = 0.98,
     incomplete_rows: IncompleteRows = False,
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Determine the surge damping: least drive force with stroke and heave power kept.
+    """Determine the surge damping: the least drive force that keeps stroke and heave power.
 
-    For a run whose rows differ in surge_kp_n_s_per_m alone, in a regular sea near the surge
-    resonance.
+    The run must have rows that differ in surge_kp_n_s_per_m alone, in a
+    regular sea near the surge resonance.
     """
     sys.exit(main(run, runs, stroke, keep, incomplete_rows=incomplete_rows, as_json=json))
 
 
 def main(
-    named: Path,
+    run_name: Path,
     runs: Path,
     stroke: float | None,
     keep: float,
@@ -47,32 +48,34 @@ def main(
     incomplete_rows: bool,
     as_json: bool,
 ) -> int:
-    """Reduce the run, choose, write; gives the exit code."""
+    """Choose the damping from a run, write the result, and return the exit code."""
     from rig import cli
     from rig.analysis import surge_damping
     from rig.analysis.surge_damping_picture import write_picture
-    from rig.cli.file_problems import REFUSED, refuse
+    from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.recording.runs import RunError
     from rig.recording.runs.folder import facts
 
     try:
-        run = find_run(named, runs)
-        found = surge_damping.measured(run, incomplete_rows=incomplete_rows)
-        known = facts(run)
-        allowed = surge_damping.allowed_stroke(known) if stroke is None else stroke
-        choice = surge_damping.choose(found.rows, allowed, keep)._replace(notes=found.notes)
+        run = find_run(run_name, runs)
+        measurement = surge_damping.measured(run, incomplete_rows=incomplete_rows)
+        run_facts = facts(run)
+        allowed = surge_damping.allowed_stroke(run_facts) if stroke is None else stroke
+        choice = surge_damping.choose(measurement.rows, allowed, keep)._replace(
+            notes=measurement.notes
+        )
         folder = run if run.is_dir() else run.parent
         picture = folder / "surge_damping.png"
         written = [
             *surge_damping.write(choice, folder),
-            write_picture(choice, known.attributes(), picture),
+            write_picture(choice, run_facts.attributes(), picture),
         ]
-    except (*REFUSED, RunError) as error:
+    except (*INPUT_ERRORS, RunError) as error:
         return refuse("surge-damping", error, as_json=as_json)
     if as_json:
-        told = surge_damping.as_dict(choice) | {"written": [str(path) for path in written]}
-        print(json.dumps(told))
+        data = surge_damping.as_dict(choice) | {"written": [str(path) for path in written]}
+        print(json.dumps(data))
     else:
         print(surge_damping.as_text(choice))
         if math.isfinite(choice.damping):

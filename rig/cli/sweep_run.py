@@ -1,4 +1,4 @@
-"""What `rig sweep` does: check, compile, run, write, draw, and say what came out."""
+"""Implementation of `rig sweep`: check, compile, run, write, draw, and print the result."""
 
 import json
 import sys
@@ -12,8 +12,8 @@ import numpy as np
 from rig import cli
 from rig.analysis.phrases import POWER_NAMES, watts
 from rig.cli import calibration_dates
-from rig.cli.command_error import fail, in_words
-from rig.cli.file_problems import REFUSED, refuse
+from rig.cli.command_error import error_text, fail
+from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.sweep_progress import SweepProgress
 from rig.recording.runs import RunError, facts
@@ -26,15 +26,15 @@ from rig.sweep.result import FAILED
 if TYPE_CHECKING:
     import xarray
 
-_COMPILING = "compiling the loop, about a minute, once on this machine ..."
-_SURELY_COMPILING = 8.0  # s; reading it from the cache takes one or two
-_MOST_REASONS = 5
+_COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
+_COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
+_MAX_REASONS = 5
 
 
 class SweepOptions(NamedTuple):
-    """What the command line asks for beside the campaign."""
+    """Options of `rig sweep` apart from the campaign file."""
 
-    overs: list[str]
+    parameters: list[str]  # --over KEY=V1,V2,...
     sequential: bool
     lead_in: float | None  # s
     jobs: int | None
@@ -45,98 +45,106 @@ class SweepOptions(NamedTuple):
     runs: Path
 
 
-def main(path: Path, wanted: SweepOptions, *, as_json: bool) -> int:
-    """Run the sweep, write its result and pictures; gives the exit code."""
-    lead_in = LEAD_IN if wanted.lead_in is None else wanted.lead_in
+def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
+    """Run the sweep, write its result and pictures, and return the exit code."""
+    lead_in = LEAD_IN if options.lead_in is None else options.lead_in
     try:
-        if wanted.sequential and wanted.lead_in is not None:
-            raise ValueError("--lead-in: in sequence the campaign's own start.lead_in_s counts")
-        measured = find_run(wanted.measured, wanted.runs) if wanted.measured else None
+        if options.sequential and options.lead_in is not None:
+            raise ValueError(
+                "--lead-in: with --sequential the campaign's start.lead_in_s counts; leave it out"
+            )
+        measured = find_run(options.measured, options.runs) if options.measured else None
         if measured and "session" in facts(measured).config:
-            raise RunError(f"--measured {measured}: a run of a bench, which has no campaign's rows")
+            raise RunError(
+                f"--measured {measured}: a run of the bench has no campaign rows; name another run"
+            )
         opened = sweep.open_sweep(
-            path, wanted.overs, wanted.sweeps, sequential=wanted.sequential, lead_in=lead_in
+            path, options.parameters, options.sweeps, sequential=options.sequential, lead_in=lead_in
         )
-    except (*REFUSED, RunError) as error:
+    except (*INPUT_ERRORS, RunError) as error:
         return refuse("sweep", error, as_json=as_json)
     began = time.monotonic()
-    warnings = calibration_dates.warn(opened.campaign, quiet=as_json, swept=opened.swept)
-    executor = _executor(opened, wanted)
+    warnings = calibration_dates.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
+    executor = _executor(opened, options)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
-    out, table = wanted.out or opened.folder / sweep.RESULT, None
+    out, table = options.out or opened.folder / sweep.RESULT, None
     try:
         with sweep.hold(opened):
-            left, damaged = sweep.left(opened)
+            remaining, damaged = sweep.left(opened)
             if damaged and not as_json:
-                print(f"{damaged} bytes of {opened.folder}/{CASES} are no whole cases and are left "
-                      "out", file=sys.stderr)  # fmt: skip
-            told = result_cache.load(opened.folder, out) if not (left or measured) else None
-            if told is not None:
+                print(
+                    f"left out {damaged} bytes of {opened.folder}/{CASES}: not a complete case",
+                    file=sys.stderr,
+                )
+            result = result_cache.load(opened.folder, out) if not (remaining or measured) else None
+            if result is not None:
                 view.begin(len(opened.cases))
             else:
-                if left and wanted.scheduler is None:  # workers compile for themselves
+                if remaining and options.scheduler is None:  # workers compile for themselves
                     _compile(opened)
                 with view:
-                    table = sweep.run(opened, executor, view.see, view.begin)
+                    table = sweep.run(opened, executor, view.update, view.begin)
                 sweep.write(table, out)
     except BusyError as error:
         return fail("sweep", error, as_json=as_json, code=cli.FAILED)
     except KeyboardInterrupt:
-        return _interrupted(opened.folder, as_json=as_json)
+        return _report_interrupt(opened.folder, as_json=as_json)
     except (OSError, ValueError, ArithmeticError) as error:
-        kept = f"{view.kept} are kept in {opened.folder}/, the same command goes on"
-        whole = RuntimeError(f"{in_words(error)}; {kept}")
-        return fail("sweep", whole, as_json=as_json, code=cli.FAILED)
+        hint = f"{opened.folder}/ keeps {view.finished_text}, the same command continues"
+        failure = RuntimeError(f"{error_text(error)}; {hint}")
+        return fail("sweep", failure, as_json=as_json, code=cli.FAILED)
     if table is not None:
         try:
             pictures = _draw(table, opened.folder, measured, quiet=as_json)
-            told = _told(opened.folder, out, pictures, table)
-            result_cache.store(opened.folder, out, measured, [out, *pictures], told)
+            result = _result_as_dict(opened.folder, out, pictures, table)
+            result_cache.store(opened.folder, out, measured, [out, *pictures], result)
         except KeyboardInterrupt:
-            return _interrupted(opened.folder, as_json=as_json)
-        except (*REFUSED, RunError) as error:
+            return _report_interrupt(opened.folder, as_json=as_json)
+        except (*INPUT_ERRORS, RunError) as error:
             return refuse("sweep", error, as_json=as_json)
-    told = (told or {}) | {
+    result = (result or {}) | {
         "seconds": round(time.monotonic() - began, 3),
-        "running_s": round(view.spent, 3),
+        "running_s": round(view.elapsed, 3),
         "simulated_s": view.simulated,
         "run_now": view.done,
         "warnings": warnings,
     }
     if as_json:
-        print(json.dumps(told))
+        print(json.dumps(result))
     else:
-        _say(told)
-    return cli.FAILED if told["failed"] else cli.OK
+        _print_result(result)
+    return cli.FAILED if result["failed"] else cli.OK
 
 
-def _executor(opened: sweep.Sweep, wanted: SweepOptions) -> executors.Executor:
-    if wanted.scheduler is None:
-        return executors.threads(wanted.jobs or executors.cores())
+def _executor(opened: sweep.Sweep, options: SweepOptions) -> executors.Executor:
+    if options.scheduler is None:
+        return executors.threads(options.jobs or executors.cores())
     from rig.sweep.cluster import cluster
 
-    return cluster(wanted.scheduler, opened.cases.asked, opened.digest)
+    return cluster(options.scheduler, opened.cases.asked, opened.digest)
 
 
 def _compile(opened: sweep.Sweep) -> None:
-    """Compile the loop, or read it from the cache, and say so where it takes its time."""
+    """Compile the loop or read it from the cache; print a notice where this takes long."""
 
-    def say() -> None:
-        print(_COMPILING, file=sys.stderr, flush=True)
+    def print_notice() -> None:
+        print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
 
     from rig.sweep import compiled  # numba
     from rig.sweep.simulation import KEPT
 
-    late = Timer(_SURELY_COMPILING, say)  # a law of another shape is compiled, too
-    late.daemon = True
+    timer = Timer(
+        _COMPILE_NOTICE_DELAY_S, print_notice
+    )  # a law of another structure is compiled even with a cache
+    timer.daemon = True
     if compiled.is_compiled(KEPT):
-        late.start()
+        timer.start()
     else:
-        say()
+        print_notice()
     try:
         opened.cases.prepare()
     finally:
-        late.cancel()
+        timer.cancel()
 
 
 def _draw(
@@ -149,8 +157,8 @@ def _draw(
     return write(table, folder, measured)
 
 
-def _interrupted(folder: Path, *, as_json: bool) -> int:
-    message = f"interrupted; what is finished is kept in {folder}/, the same command goes on"
+def _report_interrupt(folder: Path, *, as_json: bool) -> int:
+    message = f"interrupted; {folder}/ keeps the finished cases, the same command continues"
     if as_json:
         print(json.dumps({"status": "stopped", "message": message, "folder": str(folder)}))
     else:
@@ -158,12 +166,12 @@ def _interrupted(folder: Path, *, as_json: bool) -> int:
     return cli.STOPPED
 
 
-def _told(
+def _result_as_dict(
     folder: Path, result: Path, pictures: list[Path], table: "xarray.Dataset"
 ) -> dict[str, Any]:
-    state, why = table["state"].values, table["incomplete_reason"].values
+    state, reasons_of_cases = table["state"].values, table["incomplete_reason"].values
     names, counts = np.unique(state.astype(str), return_counts=True)
-    reasons = sorted({str(text) for text in why[state == FAILED]})
+    reasons = sorted({str(text) for text in reasons_of_cases[state == FAILED]})
     return {
         "status": "failed cases" if reasons else "complete",
         "folder": str(folder),
@@ -171,12 +179,12 @@ def _told(
         "pictures": [str(picture) for picture in pictures],
         "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
         "failed": reasons,
-        "best": {kind: best for kind in POWER_NAMES if (best := _best(table, kind))},
+        "best": {kind: best for kind in POWER_NAMES if (best := _best_row(table, kind))},
     }
 
 
-def _best(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
-    """The row with the least power (negative is absorbed), with all its inputs."""
+def _best_row(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
+    """Return the row with the least power (negative is absorbed), with all its inputs."""
     name = f"power_{kind}"
     if name not in table or not np.isfinite(table[name].values).any():
         return {}
@@ -184,28 +192,28 @@ def _best(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
     if not np.isfinite(power.values).any():
         return {}
     place: Any = power.argmin(...)
-    found: Any = table.isel(place)
-    inputs = [*map(str, table.sizes), *(key for key in ("spring_rate", "kp", "ki") if key in found)]
-    values = {key: found[key].values.item() for key in inputs}
-    return {"power_w": found[name].values.item(), **values}
+    row: Any = table.isel(place)
+    inputs = [*map(str, table.sizes), *(key for key in ("spring_rate", "kp", "ki") if key in row)]
+    values = {key: row[key].values.item() for key in inputs}
+    return {"power_w": row[name].values.item(), **values}
 
 
-def _say(told: dict[str, Any]) -> None:
-    rows = ", ".join(f"{count} {state}" for state, count in told["rows"].items())
-    pace = "nothing was left to run"
-    if told["run_now"]:
-        rate = told["simulated_s"] / told["running_s"]
-        pace = f"the cases took {told['running_s']:.1f} s of it, {rate:.0f} times real time"
-    print(f"{rows} in {told['seconds']:.1f} s; {pace}")
-    print("Best rows (negative is absorbed)")
-    for kind, best in told["best"].items():
+def _print_result(result: dict[str, Any]) -> None:
+    rows = ", ".join(f"{count} {state}" for state, count in result["rows"].items())
+    run_text = "all cases were finished before"
+    if result["run_now"]:
+        rate = result["simulated_s"] / result["running_s"]
+        run_text = f"the cases took {result['running_s']:.1f} s of it, {rate:.0f} times real time"
+    print(f"{rows} in {result['seconds']:.1f} s; {run_text}")
+    print("Best rows (negative power is absorbed)")
+    for kind, best in result["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
                   for key, value in best.items() if key != "power_w")  # fmt: skip
         print(f"  {POWER_NAMES[kind]:<32} {watts(best['power_w']):>10}   {', '.join(inputs)}")
-    for reason in told["failed"][:_MOST_REASONS]:
+    for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)
-    if len(told["failed"]) > _MOST_REASONS:
-        print(f"and {len(told['failed']) - _MOST_REASONS} more reasons", file=sys.stderr)
-    print(f"\n{told['result']}")
-    for picture in told["pictures"]:
+    if len(result["failed"]) > _MAX_REASONS:
+        print(f"and {len(result['failed']) - _MAX_REASONS} more reasons", file=sys.stderr)
+    print(f"\n{result['result']}")
+    for picture in result["pictures"]:
         print(picture)

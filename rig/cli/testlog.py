@@ -23,40 +23,40 @@ def command(
             help="Test log (xlsx), such as MASK4_testlog.xlsx of the public fbWecCntrl repository."
         ),
     ],
-    run: Annotated[int | None, typer.Option("--run", help="Only this run, in full.")] = None,
+    run: Annotated[int | None, typer.Option("--run", help="Show only this run, in full.")] = None,
     calibrations: Annotated[
         Path, typer.Option("--calibrations", help="Folder of calibration files.")
     ] = CALIBRATIONS,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """Read the log of a test: its runs, what belongs together, and every irregularity."""
+    """Read the log of a test: list its runs, the links between them, and every irregularity."""
     sys.exit(main(file, run, calibrations, as_json=as_json))
 
 
 def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> int:
-    """Print a log or one run of it; spring rates also as the newest calibration reads them."""
-    from rig.cli.file_problems import REFUSED, refuse
+    """Print a log or one of its runs, with spring rates corrected by the newest calibration."""
+    from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.interop.legacy.testlog import read_log
 
     try:
         log = read_log(path)
         entries = log.entries if run is None else (log.find(run),)
         known = spring_calibration(calibrations, log.entries[0].series_name)
-    except REFUSED as error:
+    except INPUT_ERRORS as error:
         return refuse("testlog", error, as_json=as_json)
     if as_json:
-        print(json.dumps(_in_json(log, entries, known, whole=run is None), ensure_ascii=False))
+        print(json.dumps(_as_dict(log, entries, known, whole_log=run is None), ensure_ascii=False))
     elif run is None:
-        _table(log, known)
+        _print_table(log, known)
     else:
-        _detail(entries[0], known)
+        _print_entry(entries[0], known)
     return cli.OK
 
 
 def spring_calibration(folder: Path, series: str) -> "Known | None":
-    """The newest calibration of spring rates for runs of ``series``; None if there is none.
+    """Return the newest calibration of spring rates for runs of ``series``; None without one.
 
-    Raises ValueError if there are several; a folder that is not there holds none.
+    A missing folder counts as empty. Raises ValueError if several calibrations match.
     """
     from rig.recording.calibration import open_history
 
@@ -64,20 +64,20 @@ def spring_calibration(folder: Path, series: str) -> "Known | None":
         return None
     history = open_history(folder)
     newest = [history.find(name) for name in history.names()]
-    found = [
+    matches = [
         known
         for known in newest
         if known.file.quantity == "spring_rate"
         if known.file.valid.runs is not None and known.file.valid.runs.series == series
     ]
-    if len(found) > 1:
-        names = ", ".join(known.file.name for known in found)
+    if len(matches) > 1:
+        names = ", ".join(known.file.name for known in matches)
         raise ValueError(f"{folder}: several calibrations of spring rates for {series}: {names}")
-    return found[0] if found else None
+    return matches[0] if matches else None
 
 
 def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
-    """An entry's spring rate as a calibration reads it."""
+    """Return an entry's spring rate, corrected by a calibration."""
     from rig.recording.calibration import corrected
     from rig.recording.calibration.sources import at_of
 
@@ -86,8 +86,8 @@ def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
     return corrected(known.file, entry.spring.written_n_per_m, at_of(entry))
 
 
-def _in_json(
-    log: "Log", entries: "tuple[Entry, ...]", known: "Known | None", *, whole: bool
+def _as_dict(
+    log: "Log", entries: "tuple[Entry, ...]", known: "Known | None", *, whole_log: bool
 ) -> dict[str, Any]:
     from rig.interop.legacy.testlog import links
 
@@ -95,14 +95,14 @@ def _in_json(
     out["spring_calibration"] = None
     if known is not None:
         out["spring_calibration"] = {"title": known.file.title, "sha256": known.sha256}
-    out["runs"] = [_plain(entry) | _spring_json(entry, known) for entry in entries]
-    if whole:
+    out["runs"] = [_plain(entry) | _spring_as_dict(entry, known) for entry in entries]
+    if whole_log:
         out["separators"] = _plain(log.separators)
         out["links"] = _plain(links(log))
     return out
 
 
-def _spring_json(entry: "Entry", known: "Known | None") -> dict[str, Any]:
+def _spring_as_dict(entry: "Entry", known: "Known | None") -> dict[str, Any]:
     applied = corrected_spring(entry, known)
     if entry.spring is None:
         return {}
@@ -113,7 +113,7 @@ def _spring_json(entry: "Entry", known: "Known | None") -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """NamedTuples as mappings, all the way down."""
+    """Convert NamedTuples to dictionaries, at every depth."""
     if hasattr(value, "_asdict"):
         return {name: _plain(inner) for name, inner in value._asdict().items()}
     if isinstance(value, dict):
@@ -123,7 +123,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _table(log: "Log", known: "Known | None") -> None:
+def _print_table(log: "Log", known: "Known | None") -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -145,9 +145,9 @@ def _table(log: "Log", known: "Known | None") -> None:
         remarks = "; ".join(dict.fromkeys(remark.kind.value for remark in entry.remarks))
         table.add_row(
             str(entry.run),
-            Text(_waves(entry)),
+            Text(_waves_text(entry)),
             Text(entry.matrix or ", ".join(activity.value for activity in entry.activities)),
-            _spring_words(entry, known),
+            _spring_text(entry, known),
             drive,
             Text(remarks, style="dim"),
         )
@@ -155,18 +155,17 @@ def _table(log: "Log", known: "Known | None") -> None:
     count = sum(len(entry.remarks) for entry in log.entries)
     print(f"\n{len(log.entries)} runs, {count} remarks")
     if known is not None:
-        print(
-            f"spring rates written -> corrected by {known.description()}, {known.file.valid.description()}"
-        )
+        valid = known.file.valid.description()
+        print(f"spring rates written -> corrected by {known.description()}, {valid}")
 
 
-def _waves(entry: "Entry") -> str:
-    words = "; ".join(_wave(wave) for wave in entry.waves) or f"? {entry.waves_text.strip()}"
+def _waves_text(entry: "Entry") -> str:
+    text = "; ".join(_wave_text(wave) for wave in entry.waves) or f"? {entry.waves_text.strip()}"
     series = ",".join(map(str, entry.wave_series))
-    return f"{series}: {words}" if series else words
+    return f"{series}: {text}" if series else text
 
 
-def _wave(wave: Any) -> str:
+def _wave_text(wave: Any) -> str:
     from rig.config.problems import format_number
 
     when = f"{wave.frequency_hz:.3g} Hz" if wave.frequency_hz else ""
@@ -178,7 +177,7 @@ def _wave(wave: Any) -> str:
     return " ".join(filter(None, (wave.kind.value, when, height, wave.code)))
 
 
-def _spring_words(entry: "Entry", known: "Known | None") -> str:
+def _spring_text(entry: "Entry", known: "Known | None") -> str:
     if entry.spring is None:
         return ""
     written = f"{entry.spring.written_n_per_m:+.0f}"
@@ -188,7 +187,7 @@ def _spring_words(entry: "Entry", known: "Known | None") -> str:
     return f"{written} -> {applied.value:+.0f}"
 
 
-def _detail(entry: "Entry", known: "Known | None") -> None:
+def _print_entry(entry: "Entry", known: "Known | None") -> None:
     from rig.config.problems import format_number
 
     applied = corrected_spring(entry, known)
@@ -196,11 +195,11 @@ def _detail(entry: "Entry", known: "Known | None") -> None:
     pairs = (
         ("run", f"{entry.name}, row {entry.row} of the sheet, {entry.condition.value}"),
         ("file", entry.file or f"none ({entry.file_text.strip() or 'blank'})"),
-        ("waves", _waves(entry)),
+        ("waves", _waves_text(entry)),
         ("did", ", ".join(activity.value for activity in entry.activities)),
         ("matrix", entry.matrix),
         ("gains", "; ".join(f"{g.axis} {g.name} {list(g.values)} ({g.cell})" for g in entry.gains)),
-        ("spring", "" if entry.spring is None else _spring_words(entry, known)),
+        ("spring", "" if entry.spring is None else _spring_text(entry, known)),
         ("", applied.description() if applied else ""),
         ("stator", ", ".join(f"{format_number(p)} %" for p in entry.stator_percent)),
         ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_said})"),
@@ -214,8 +213,8 @@ def _detail(entry: "Entry", known: "Known | None") -> None:
         ("as written", f"{entry.waves_text.strip()} | {entry.wavebot_text.strip()}"),
         ("notes", entry.notes.strip()),
     )
-    for name, words in pairs:
-        if words:
-            print(f"{name:10}  {words}")
+    for name, text in pairs:
+        if text:
+            print(f"{name:10}  {text}")
     for remark in entry.remarks:
         print(f"! {remark.cell:6}  {remark.kind.value}: {remark.text}".rstrip(": "))

@@ -1,4 +1,4 @@
-"""`rig twoport RUN`: the pictures of the two-port theory, of a device as measured."""
+"""`rig twoport RUN`: pictures of the two-port theory for a measured device."""
 
 import json
 import sys
@@ -14,10 +14,10 @@ _RUN = "A run in calm water with an open-loop reference: folder, MCAP file, id, 
 
 def command(
     run: Annotated[Path, typer.Argument(help=_RUN)],
-    kp: Annotated[float, typer.Option(help="Kp that is looked at, N*s/m.")] = -2500.0,
-    ki: Annotated[float, typer.Option(help="Ki that is looked at, N/m.")] = 0.0,
+    kp: Annotated[float, typer.Option(help="Kp of the pictures, N*s/m.")] = -2500.0,
+    ki: Annotated[float, typer.Option(help="Ki of the pictures, N/m.")] = 0.0,
     spring: Annotated[
-        float | None, typer.Option(help="Spring rate, N/m (that of the run).")
+        float | None, typer.Option(help="Spring rate, N/m (default: that of the run).")
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
@@ -25,35 +25,35 @@ def command(
     runs: Runs = RUNS,
     json: Json = False,
 ) -> None:
-    """Draw what gains, spring and gear do to the match, and how much power comes through."""
+    """Draw how gains, spring and gear change the impedance match and the transmitted power."""
     sys.exit(main(run, runs, (kp, ki, spring), output, as_json=json))
 
 
 def main(
-    named: Path,
+    run_name: Path,
     runs: Path,
     setting: tuple[float, float, float | None],
     output: Path | None,
     *,
     as_json: bool,
 ) -> int:
-    """Identify, draw, say which files."""
+    """Identify the device, draw the pictures, print their paths, and return the exit code."""
     from rig import cli
-    from rig.cli.file_problems import REFUSED, refuse
+    from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.design.twoport.measured import Steps, measured, write_pictures
     from rig.identification.identify import identify
     from rig.identification.twin.records import read
 
     try:
-        path = find_run(named, runs)
-        known = read(path)
-        device = measured(identify([path]), known.facts, known.records)
+        path = find_run(run_name, runs)
+        record = read(path)
+        device = measured(identify([path]), record.facts, record.records)
         folder = output or (path if path.is_dir() else path.parent)
         written = write_pictures(device, Steps(*setting), folder)
-    except REFUSED as error:
+    except INPUT_ERRORS as error:
         return refuse("twoport", error, as_json=as_json)
-    names = [str(one) for one in written]
+    names = [str(path) for path in written]
     if as_json:
         print(json.dumps({"model": device.model, "written": names}))
     else:

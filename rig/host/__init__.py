@@ -1,4 +1,4 @@
-"""Is this host fit for a rig, or at least for a rehearsal: `rig doctor`."""
+"""Examination of a host: is it fit for real time on a rig, or for a rehearsal (`rig doctor`)."""
 
 from rig.host.examination import DoctorOptions, Examination, examine
 from rig.host.finding import Finding, Host, Use, Verdict

@@ -1,49 +1,51 @@
-"""The clocks: what the loop is timed by, and what dates its record."""
+"""Checks of the clocks: the loop's clock, and the UTC that dates the record."""
 
 import ctypes
 import time
 from typing import NamedTuple
 
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidding, graded
+from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses, grade
 
 AREA = "clocks"
 _SOURCES = "/sys/devices/system/clocksource/clocksource0"
-_QUICK = {"tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "timebase"}
-_READ_GOOD, _READ_BAD = 1e-6, 10e-6  # s
-_SLEW_GOOD = 100.0  # ppm; a chronyd that has settled needs a few
-_STEP = 1e-3  # s
-_ERROR = 0.05  # s
-_NTP = {"chronyd", "ntpd", "systemd-timesyn", "openntpd", "ptp4l", "phc2sys"}
+_FAST_SOURCES = {"tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", "timebase"}
+_READ_TIME_GOOD, _READ_TIME_BAD = 1e-6, 10e-6  # s
+_MAX_SLEW = 100.0  # ppm; a chronyd that has settled needs a few
+_MAX_STEP = 1e-3  # s
+_MAX_UTC_ERROR = 0.05  # s
+_TIME_SERVICES = {"chronyd", "ntpd", "systemd-timesyn", "openntpd", "ptp4l", "phc2sys"}
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC, adjtimex(2)
-_NOT_SET = 5  # TIME_ERROR, adjtimex(2)
+_TIME_ERROR = 5  # TIME_ERROR, adjtimex(2)
 
 
-class Moment(NamedTuple):
-    """Three clocks read at one time, s."""
+class ClockReading(NamedTuple):
+    """Readings of three clocks at one time, s."""
 
     monotonic: float
     raw: float  # monotonic, not slewed by NTP
     utc: float
 
     @staticmethod
-    def now() -> "Moment":
-        """Read all three as close together as it goes: the closest of several tries."""
-        best: tuple[float, Moment] | None = None
+    def now() -> "ClockReading":
+        """Read all three clocks; return the readings closest together of several attempts."""
+        best: tuple[float, ClockReading] | None = None
         for _ in range(20):
             before = time.monotonic()
-            made = Moment(before, time.clock_gettime(time.CLOCK_MONOTONIC_RAW), time.time())
-            took = time.monotonic() - before
-            if best is None or took < best[0]:
-                best = took, made
+            reading = ClockReading(
+                before, time.clock_gettime(time.CLOCK_MONOTONIC_RAW), time.time()
+            )
+            duration = time.monotonic() - before
+            if best is None or duration < best[0]:
+                best = duration, reading
         assert best is not None
         return best[1]
 
 
-class Kernel(NamedTuple):
-    """What the kernel thinks of its UTC; adjtimex(2), which anybody may ask."""
+class KernelClock(NamedTuple):
+    """The kernel's state of UTC, from adjtimex(2), which needs no privileges."""
 
     synchronised: bool
-    error: float  # s, at most, as the kernel estimates
+    error: float  # s, the kernel's estimate of the largest error
 
 
 class _Timex(ctypes.Structure):
@@ -58,79 +60,79 @@ class _Timex(ctypes.Structure):
     )
 
 
-def kernel() -> Kernel | None:
-    """Ask the kernel; None where there is no such call."""
-    told = _Timex()
+def read_kernel_clock() -> KernelClock | None:
+    """Return the kernel's state of UTC; None where adjtimex does not exist."""
+    timex = _Timex()
     try:
-        state = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(told))
+        state = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(timex))
     except (OSError, AttributeError):
         return None
     if state < 0:
         return None
-    bad = state == _NOT_SET or bool(told.status & _UNSYNCHRONISED)
-    return Kernel(not bad, told.maxerror * 1e-6)
+    bad = state == _TIME_ERROR or bool(timex.status & _UNSYNCHRONISED)
+    return KernelClock(not bad, timex.maxerror * 1e-6)
 
 
-def findings(host: Host, before: Moment, after: Moment) -> list[Finding]:
-    """``before`` and ``after`` enclose the measurement of wake-ups."""
+def findings(host: Host, before: ClockReading, after: ClockReading) -> list[Finding]:
+    """Return the findings; ``before`` and ``after`` enclose the measurement of wake-ups."""
     return [
         _source(host),
-        _cost(),
-        _together(before, after),
-        _synchronised(host, kernel()),
+        _read_time(),
+        _step_and_slew(before, after),
+        _synchronised(host, read_kernel_clock()),
     ]
 
 
 def _source(host: Host) -> Finding:
-    what, limit = "clock source", "the processor's own counter: others are slow to read"
-    name = host.text(f"{_SOURCES}/current_clocksource")
+    check, limit = "clock source", "the processor's own counter: others are slow to read"
+    name = host.read_text(f"{_SOURCES}/current_clocksource")
     if not name:
-        return Finding(AREA, what, "the kernel does not say", limit, Verdict.UNKNOWN)
-    if name in _QUICK:
-        return Finding(AREA, what, name, limit, Verdict.GOOD)
-    there = host.text(f"{_SOURCES}/available_clocksource") or ""
+        return Finding(AREA, check, "the kernel gives no value", limit, Verdict.UNKNOWN)
+    if name in _FAST_SOURCES:
+        return Finding(AREA, check, name, limit, Verdict.GOOD)
+    available = host.read_text(f"{_SOURCES}/available_clocksource") or ""
     advice = (
         f"`echo tsc > {_SOURCES}/current_clocksource` as root"
-        if "tsc" in there.split()
+        if "tsc" in available.split()
         else ("the kernel found the processor's counter unstable: see `dmesg | grep -i tsc`")
     )
-    return Finding(AREA, what, name[:40], limit, Verdict.WARNING, advice)
+    return Finding(AREA, check, name[:40], limit, Verdict.WARNING, advice)
 
 
-def _cost() -> Finding:
+def _read_time() -> Finding:
     count = 2000
     began = time.monotonic_ns()
     for _ in range(count):
         time.monotonic_ns()
     cost = (time.monotonic_ns() - began) / count / 1e9
-    verdict = graded(cost, _READ_GOOD, _READ_BAD)
+    verdict = grade(cost, _READ_TIME_GOOD, _READ_TIME_BAD)
     return Finding(
         AREA,
         "reading the clock",
         f"{1e9 * cost:.0f} ns",
-        f"at most {1e6 * _READ_GOOD:g} us: it is read three times a tick",
+        f"at most {1e6 * _READ_TIME_GOOD:g} us: it is read three times a tick",
         verdict,
         "" if verdict is Verdict.GOOD else "see clock source",
-        forbidding(verdict, *REALTIME),
+        forbidden_uses(verdict, *REALTIME),
         {"ns": 1e9 * cost},
     )
 
 
-def _together(before: Moment, after: Moment) -> Finding:
+def _step_and_slew(before: ClockReading, after: ClockReading) -> Finding:
     span = after.raw - before.raw
-    what = "UTC against the loop's clock"
+    check = "UTC against the loop's clock"
     limit = (
-        f"no step beyond {1e3 * _STEP:g} ms, slewed by at most {_SLEW_GOOD:g} ppm: a run ties its "
-        "time to UTC once, at its start"
+        f"no step beyond {1e3 * _MAX_STEP:g} ms, slewed by at most {_MAX_SLEW:g} ppm: a run ties "
+        "its time to UTC once, at its start"
     )
     if span < 0.1:
-        return Finding(AREA, what, "not looked at for long enough", limit, Verdict.UNKNOWN)
+        return Finding(AREA, check, "measured for less than 0.1 s", limit, Verdict.UNKNOWN)
     step = (after.utc - before.utc) - (after.monotonic - before.monotonic)
     slew = 1e6 * ((after.monotonic - before.monotonic) / span - 1.0)
-    good = abs(step) <= _STEP and abs(slew) <= _SLEW_GOOD
+    good = abs(step) <= _MAX_STEP and abs(slew) <= _MAX_SLEW
     return Finding(
         AREA,
-        what,
+        check,
         f"stepped {1e3 * step:+z.3f} ms, slewed {slew:+z.1f} ppm in {span:.1f} s",
         limit,
         Verdict.GOOD if good else Verdict.WARNING,
@@ -140,29 +142,30 @@ def _together(before: Moment, after: Moment) -> Finding:
     )
 
 
-def _synchronised(host: Host, told: Kernel | None) -> Finding:
-    what = "UTC"
+def _synchronised(host: Host, clock: KernelClock | None) -> Finding:
+    check = "UTC"
     limit = (
-        f"synchronised within {1e3 * _ERROR:g} ms: the basin's records are laid beside the rig's"
+        f"synchronised within {1e3 * _MAX_UTC_ERROR:g} ms: analysis aligns the basin's records "
+        "with the rig's"
     )
     running = sorted(
         {
             name
-            for pid in host.names("/proc")
-            if pid.isdigit() and (name := host.text(f"/proc/{pid}/comm")) in _NTP
+            for pid in host.list_names("/proc")
+            if pid.isdigit() and (name := host.read_text(f"/proc/{pid}/comm")) in _TIME_SERVICES
         }
     )
     by = f" ({', '.join(map(str, running))} runs)" if running else " (no time service runs)"
-    if told is None:
-        return Finding(AREA, what, "cannot be asked" + by, limit, Verdict.UNKNOWN)
-    numbers = {"synchronised": told.synchronised, "error_s": told.error, "services": running}
-    if told.synchronised and told.error <= _ERROR:
-        value = f"synchronised within {1e3 * told.error:.1f} ms{by}"
-        return Finding(AREA, what, value, limit, Verdict.GOOD, "", (), numbers)
+    if clock is None:
+        return Finding(AREA, check, "cannot be read" + by, limit, Verdict.UNKNOWN)
+    numbers = {"synchronised": clock.synchronised, "error_s": clock.error, "services": running}
+    if clock.synchronised and clock.error <= _MAX_UTC_ERROR:
+        value = f"synchronised within {1e3 * clock.error:.1f} ms{by}"
+        return Finding(AREA, check, value, limit, Verdict.GOOD, "", (), numbers)
     value = (
-        f"synchronised only within {1e3 * told.error:.0f} ms"
-        if told.synchronised
+        f"synchronised only within {1e3 * clock.error:.0f} ms"
+        if clock.synchronised
         else ("not synchronised")
     )
     advice = "install and start chrony with the basin's time server, and wait until it has settled"
-    return Finding(AREA, what, value + by, limit, Verdict.WARNING, advice, (), numbers)
+    return Finding(AREA, check, value + by, limit, Verdict.WARNING, advice, (), numbers)

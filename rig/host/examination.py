@@ -1,4 +1,4 @@
-"""The whole examination of a host, and its verdict in one sentence."""
+"""The examination of a host, and its verdict in one sentence."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,45 +9,47 @@ from rig.host import clocks, disk, memory, privileges, processor, rig_wires, sof
 from rig.host.finding import REALTIME, Finding, Host, Use, Verdict
 from rig.realtime import scheduling
 
-Room = tuple[str, Callable[[], list[Finding]]]
-"""An area, and who looks at it."""
+AreaCheck = tuple[str, Callable[[], list[Finding]]]
+"""The name of an area, and the function that checks it."""
 
-_SHOWN = 4  # reasons in the verdict
+_MAX_REASONS = 4  # in the verdict
 
 
 class DoctorOptions(NamedTuple):
-    """What is to be examined."""
+    """Options of `rig doctor`."""
 
     runs: Path  # folder for the runs
     seconds: float  # of each of the two measurements of wake-ups
     rate_hz: float  # of the loop
-    hours: float  # of logging there must be room for
-    rig: AnyRigFile | None = None  # whose wires are to be looked at too
+    hours: float  # of logging that must fit on the disk
+    rig: AnyRigFile | None = None  # also check the wires of this rig
 
 
 class Examination(NamedTuple):
-    """What was found."""
+    """All findings."""
 
     findings: tuple[Finding, ...]
 
-    def against(self, use: Use) -> list[Finding]:
-        """What stands against a use; empty if the host is fit for it."""
+    def obstacles(self, use: Use) -> list[Finding]:
+        """Return the findings that forbid a use; empty if the host is fit for it."""
         return [finding for finding in self.findings if use in finding.forbids]
 
     def fit(self, use: Use) -> bool:
-        """Whether the host is fit for a use."""
-        return not self.against(use)
+        """Return whether the host is fit for a use."""
+        return not self.obstacles(use)
 
     @property
     def verdict(self) -> str:
-        """What the host is fit for, and if not, why."""
+        """The uses that the host is fit for, and the reasons against the others."""
         fit = [use for use in Use if self.fit(use)]
         parts = [f"fit for {' and for '.join(fit)}"] if fit else []
         unfit = [use for use in Use if not self.fit(use)]
         for use in unfit:
-            reasons = [finding.cause for finding in self.against(use)]
-            more = f"; and {len(reasons) - _SHOWN} more" if len(reasons) > _SHOWN else ""
-            parts.append(f"not fit for {use} because of {'; '.join(reasons[:_SHOWN])}{more}")
+            reasons = [finding.cause for finding in self.obstacles(use)]
+            more = (
+                f"; and {len(reasons) - _MAX_REASONS} more" if len(reasons) > _MAX_REASONS else ""
+            )
+            parts.append(f"not fit for {use} because of {'; '.join(reasons[:_MAX_REASONS])}{more}")
         warned = sum(finding.verdict is Verdict.WARNING for finding in self.findings)
         if warned and not unfit:
             parts.append(f"with {warned} warnings" if warned > 1 else "with one warning")
@@ -55,7 +57,7 @@ class Examination(NamedTuple):
         return f"{text[0].upper()}{text[1:]}."
 
     def as_dict(self) -> dict[str, Any]:
-        """The examination as JSON values."""
+        """Return the examination as JSON values."""
         return {
             "fit": {str(use): self.fit(use) for use in Use},
             "verdict": self.verdict,
@@ -66,44 +68,46 @@ class Examination(NamedTuple):
         }
 
 
-def examine(asked: DoctorOptions, host: Host | None = None) -> Examination:
-    """Look at everything; never raises for what the host does not show."""
-    seen = host or Host()
-    moment, busy = clocks.Moment.now(), processor.Busy.of(seen)
-    dt = 1.0 / asked.rate_hz
-    measured = timing.measure(dt, asked.seconds)
-    later, busier = clocks.Moment.now(), processor.Busy.of(seen)
-    woken = measured.privileged
-    core = scheduling.core() if woken is None else int(woken["core"])
-    latest = None if woken is None else float(woken["max_us"]) * 1e-6 / dt
-    rooms: tuple[Room, ...] = (
+def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
+    """Run all checks of a host; a value that the host does not show never raises."""
+    host = host or Host()
+    clock_before, cpu_before = clocks.ClockReading.now(), processor.CpuTime.read(host)
+    dt = 1.0 / options.rate_hz
+    measured = timing.measure(dt, options.seconds)
+    clock_after, cpu_after = clocks.ClockReading.now(), processor.CpuTime.read(host)
+    wakeups = measured.privileged
+    core = scheduling.core() if wakeups is None else int(wakeups["core"])
+    latest = None if wakeups is None else float(wakeups["max_us"]) * 1e-6 / dt
+    checks: tuple[AreaCheck, ...] = (
         (timing.AREA, lambda: timing.findings(measured, dt)),
-        (privileges.AREA, lambda: privileges.findings(seen, woken)),
-        (processor.AREA, lambda: processor.findings(seen, core, busy, busier, latest)),
-        (clocks.AREA, lambda: clocks.findings(seen, moment, later)),
-        (disk.AREA, lambda: disk.findings(seen, asked.runs, asked.hours, asked.rate_hz)),
-        (memory.AREA, lambda: memory.findings(seen)),
-        (wires.AREA, lambda: wires.findings(seen)),
-        *_of_the_rig(seen, asked.rig),
+        (privileges.AREA, lambda: privileges.findings(host, wakeups)),
+        (processor.AREA, lambda: processor.findings(host, core, cpu_before, cpu_after, latest)),
+        (clocks.AREA, lambda: clocks.findings(host, clock_before, clock_after)),
+        (disk.AREA, lambda: disk.findings(host, options.runs, options.hours, options.rate_hz)),
+        (memory.AREA, lambda: memory.findings(host)),
+        (wires.AREA, lambda: wires.findings(host)),
+        *_rig_checks(host, options.rig),
         (software.AREA, software.findings),
     )
-    return Examination(tuple(one for area, room in rooms for one in _looked_at(area, room)))
+    return Examination(
+        tuple(finding for area, check in checks for finding in _run_check(area, check))
+    )
 
 
-def _of_the_rig(host: Host, rig: AnyRigFile | None) -> list[Room]:
+def _rig_checks(host: Host, rig: AnyRigFile | None) -> list[AreaCheck]:
     if rig is None:
         return []
     return [(rig_wires.area(rig), lambda: rig_wires.findings(host, rig))]
 
 
-def _looked_at(area: str, room: Callable[[], list[Finding]]) -> list[Finding]:
-    """What a room finds; if it fails, that is the finding, and the host is not known to be fit.
+def _run_check(area: str, check: Callable[[], list[Finding]]) -> list[Finding]:
+    """Return the findings of an area; a failed check is a finding that forbids real time.
 
-    The other rooms still count.
+    The other areas still count.
     """
     try:
-        return room()
+        return check()
     except Exception as error:  # noqa: BLE001
-        words = f"{type(error).__name__}: {error}"
+        message = f"{type(error).__name__}: {error}"
         advice = "this is a fault of the check itself; please report it"
-        return [Finding(area, "the check", words, "", Verdict.UNKNOWN, advice, REALTIME)]
+        return [Finding(area, "the check", message, "", Verdict.UNKNOWN, advice, REALTIME)]

@@ -1,4 +1,4 @@
-"""What a check finds, and the host as it shows itself in files."""
+"""Findings of the checks, and access to the kernel's files of a host."""
 
 import os
 from enum import StrEnum
@@ -9,99 +9,100 @@ from rig.execution.hardware.wire_check import owner
 
 
 class Verdict(StrEnum):
-    """How a value stands to its limit."""
+    """Result of comparing a value with its limit."""
 
     GOOD = "good"
     WARNING = "warning"
     BAD = "bad"
     UNKNOWN = "not measurable"
-    NOTE = "for information"  # nothing is asked of it
+    NOTE = "for information"  # has no limit
 
 
 class Use(StrEnum):
-    """What a host may be fit for."""
+    """Use of a host."""
 
     REHEARSAL = "rehearsal"
     REALTIME = "real time on a rig"
 
 
 class Finding(NamedTuple):
-    """One thing that was looked at."""
+    """The result of one check."""
 
     area: str
-    what: str  # was looked at
+    check: str  # name of the check
     value: str
-    limit: str  # and its reason
+    limit: str  # with its reason
     verdict: Verdict
-    advice: str = ""  # what to do, in plain words; empty if nothing
-    forbids: tuple[Use, ...] = ()  # what the host is not fit for because of this
-    numbers: dict[str, Any] = {}  # the value for a program  # noqa: RUF012
+    advice: str = ""  # what to do; empty if nothing
+    forbids: tuple[Use, ...] = ()  # uses that the host is not fit for because of this finding
+    numbers: dict[str, Any] = {}  # the value for programs  # noqa: RUF012
 
     @property
     def cause(self) -> str:
-        """The finding as a reason, for the final sentence."""
-        return f"{self.what}: {self.value}"
+        """The finding as a reason in the verdict of the examination."""
+        return f"{self.check}: {self.value}"
 
 
 REALTIME = (Use.REALTIME,)
-BOTH = (Use.REHEARSAL, Use.REALTIME)
+ALL_USES = (Use.REHEARSAL, Use.REALTIME)
 
 
-def graded(value: float, good: float, bad: float) -> Verdict:
-    """Verdict on a value of which less is better: good up to ``good``, bad above ``bad``."""
+def grade(value: float, good: float, bad: float) -> Verdict:
+    """Return the verdict on a value where less is better: good to ``good``, bad above ``bad``."""
     if value <= good:
         return Verdict.GOOD
     return Verdict.BAD if value > bad else Verdict.WARNING
 
 
-def forbidding(verdict: Verdict, *uses: Use) -> tuple[Use, ...]:
-    """What a verdict forbids: nothing unless it is bad."""
+def forbidden_uses(verdict: Verdict, *uses: Use) -> tuple[Use, ...]:
+    """Return the uses that a verdict forbids: ``uses`` if it is bad, else none."""
     return uses if verdict is Verdict.BAD else ()
 
 
 class Host:
-    """Files of the kernel under a root; whatever is missing or unreadable is None, never an error.
+    """Files of the kernel under a root folder.
 
-    Another root stands in for another machine.
+    A missing or unreadable file reads as None and never raises. Another root represents another
+    machine.
     """
 
     def __init__(self, root: Path = Path("/")) -> None:
         self.root = root
 
-    def text(self, path: str) -> str | None:
-        """A file's text without outer blanks."""
+    def read_text(self, path: str) -> str | None:
+        """Return a file's text without outer white space."""
         try:
             return self._at(path).read_bytes().decode(errors="replace").strip()
         except OSError:
             return None
 
-    def number(self, path: str) -> int | None:
-        """A file that holds one whole number."""
+    def read_int(self, path: str) -> int | None:
+        """Return the integer that a file holds."""
         try:
-            return int(self.text(path) or "")
+            return int(self.read_text(path) or "")
         except ValueError:
             return None
 
-    def there(self, path: str) -> bool:
-        """Whether there is such a file or folder."""
+    def exists(self, path: str) -> bool:
+        """Return whether a file or folder exists."""
         try:
             return self._at(path).exists()
         except OSError:
             return False
 
-    def names(self, path: str) -> list[str]:
-        """Names in a folder."""
+    def list_names(self, path: str) -> list[str]:
+        """Return the sorted names in a folder."""
         try:
             return sorted(entry.name for entry in self._at(path).iterdir())
         except OSError:
             return []
 
-    def usable(self, path: str) -> bool:
-        """Whether this process may read and write a file."""
+    def is_accessible(self, path: str) -> bool:
+        """Return whether this process may read and write a file."""
         return os.access(self._at(path), os.R_OK | os.W_OK)
 
     def owner(self, path: str) -> str:
-        """User, group and rights of a file; empty if it is not there."""
+        """Return user, group and permissions of a file; empty if it does not exist."""
         try:
             return owner(self._at(path))
         except OSError:

@@ -1,4 +1,4 @@
-"""What one rig's wires need of this host."""
+"""Checks of one rig's wires on this host."""
 
 from collections.abc import Callable
 from ipaddress import ip_address
@@ -13,136 +13,152 @@ from rig.config.wiring import RtuLine, TcpLine, Wiring
 from rig.execution.hardware import wire_check
 from rig.execution.hardware.bench_job import job_of_bench
 from rig.execution.hardware.job import WiringError, job_of
-from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidding
+from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
 from rig.host.wires import DIALOUT, backend_trouble
 from rig.processes.wire_locks import Wire, can_wire, hold, network_wire
 from rig.recording.runs.create import BusyError
 
-_EMULATED = "nothing, if `rig sim` or a run with --sim is to come; else switch the device on"
+_EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
 
 
-class _Wire(NamedTuple):
-    """How a wire of the rig was found."""
+class _WireCheck(NamedTuple):
+    """State of a wire of the rig."""
 
-    what: str
-    value: str  # where it leads
+    check: str
+    value: str  # address
     trouble: str
     limit: str
     advice: str
-    emulated: bool  # it leads to this host's loopback, or to no device file
+    emulated: bool  # its address is on this host's loopback, or no device file
 
 
 def area(rig: AnyRigFile) -> str:
-    """The heading of a rig's findings."""
+    """Return the heading of a rig's findings."""
     return f"wires of {rig.name}"
 
 
 def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
-    """The wiring by itself, then every wire: is there what it needs, does somebody answer."""
-    where = area(rig)
+    """Return the findings on the wiring, then on every wire: hardware, and an answering device."""
+    area_name = area(rig)
     if rig.wiring is None:
-        value = "none: it can only be rehearsed"
-        return [Finding(where, "wiring", value, "", Verdict.NOTE)]
+        value = "none: the rig can only be rehearsed"
+        return [Finding(area_name, "wiring", value, "", Verdict.NOTE)]
     try:
         if isinstance(rig, BenchRigFile):
-            return _of_the_bench(where, host, rig, rig.wiring)
+            return _bench_findings(area_name, host, rig, rig.wiring)
         load = job_of(rig).load.total
     except WiringError as error:
-        advice = "mend the rig file"
+        advice = "correct the rig file"
         text = "; ".join(str(error).splitlines())
-        return [Finding(where, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
+        return [Finding(area_name, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
     assert isinstance(rig.wiring, Wiring)
     can = rig.wiring.can
     bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
-    limit = "at most 80 % in the worst case: the rest is for what is not sent in every tick"
+    limit = "at most 80 % in the worst case: the rest is for messages that do not come every tick"
     found = [
-        Finding(where, "load of the CAN bus", f"{100 * load:.0f} %", limit, Verdict.GOOD),
-        _backend(where, can.interface),
-        _judged(where, _can(host, bus)),
+        Finding(area_name, "load of the CAN bus", f"{100 * load:.0f} %", limit, Verdict.GOOD),
+        _backend(area_name, can.interface),
+        _finding(area_name, _can(host, bus)),
     ]
     for name, line in rig.wiring.lines.items():
-        found.append(_judged(where, _line(host, name, line)))
+        found.append(_finding(area_name, _line(host, name, line)))
     return found
 
 
-def _of_the_bench(where: str, host: Host, rig: BenchRigFile, wiring: BenchWiring) -> list[Finding]:
-    """The bench's serial ports and lines; a load cell on UDP says only itself that it is there."""
+def _bench_findings(
+    area_name: str, host: Host, rig: BenchRigFile, wiring: BenchWiring
+) -> list[Finding]:
+    """Return the findings on the bench's serial ports and lines.
+
+    A load cell on UDP shows its presence only by an answer, so the finding only names its address.
+    """
     job_of_bench(rig)
     ports = {"encoder bridge": wiring.encoders.port, "servo drive": wiring.servo.port}
-    found = [_judged(where, _port(what, port)) for what, port in ports.items()]
-    found += [_judged(where, _line(host, name, line)) for name, line in wiring.lines.items()]
-    cell, limit = wiring.load_cell, "shown only when it is asked: `rig devices`"
+    found = [_finding(area_name, _port(check, port)) for check, port in ports.items()]
+    found += [_finding(area_name, _line(host, name, line)) for name, line in wiring.lines.items()]
+    cell, limit = wiring.load_cell, "use `rig devices` to query it"
     address = f"{cell.host}:{cell.port}"
-    return [*found, Finding(where, "load cell", address, limit, Verdict.NOTE)]
+    return [*found, Finding(area_name, "load cell", address, limit, Verdict.NOTE)]
 
 
-def _backend(where: str, interface: str) -> Finding:
-    what, limit = f"python-can on {interface}", "imports, with the library of the adapter's maker"
+def _backend(area_name: str, interface: str) -> Finding:
+    check, limit = (
+        f"python-can on {interface}",
+        "can be imported, with the library of the adapter's manufacturer",
+    )
     trouble = backend_trouble(interface)
     if not trouble:
-        return Finding(where, what, "there", limit, Verdict.GOOD)
-    advice = "install what is missing: the page of this interface in python-can's documentation"
-    return Finding(where, what, trouble, limit, Verdict.BAD, advice, REALTIME)
+        return Finding(area_name, check, "installed", limit, Verdict.GOOD)
+    advice = (
+        "install the missing part: see the page of this interface in python-can's documentation"
+    )
+    return Finding(area_name, check, trouble, limit, Verdict.BAD, advice, REALTIME)
 
 
-def _can(host: Host, bus: Bus) -> _Wire:
+def _can(host: Host, bus: Bus) -> _WireCheck:
     value = f"{bus.interface} {bus.channel}"
     if bus.interface == "socketcan":
         trouble = wire_check.network_trouble(bus.channel, host.root)
         advice = (
             f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
-            "no such interface, see that the adapter is plugged in and its driver loaded"
+            "no such interface, plug in the adapter and load its driver"
         )
-        return _Wire("CAN bus", value, trouble, "the interface is there and up", advice, False)
+        return _WireCheck(
+            "CAN bus", value, trouble, "the interface exists and is up", advice, False
+        )
     if bus.interface == "socketcand":
-        at = str(dict(bus.options).get("host", "127.0.0.1"))
+        address = str(dict(bus.options).get("host", "127.0.0.1"))
         wire = can_wire(bus.interface, bus.channel, dict(bus.options))
-        trouble, used = _tried(wire, lambda: wire_check.bus_trouble(bus))
-        limit, advice = "somebody listens there", "start socketcand there"
-        return _Wire("CAN bus", value + used, trouble, limit, advice, _loopback(at))
-    limit = "shown only when it is opened: `rig scan can`"
-    return _Wire("CAN bus", value, "", limit, "", False)
+        trouble, used = _check_unless_in_use(wire, lambda: wire_check.bus_trouble(bus))
+        limit, advice = "a server listens there", "start socketcand there"
+        return _WireCheck("CAN bus", value + used, trouble, limit, advice, _loopback(address))
+    limit = "use `rig scan can` to open it"
+    return _WireCheck("CAN bus", value, "", limit, "", False)
 
 
-def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _Wire:
-    what = f"line {name}"
+def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _WireCheck:
+    check = f"line {name}"
     if isinstance(line, TcpLine):
-        wire = network_wire(what, "tcp", line.host, line.port)
-        trouble, used = _tried(wire, lambda: wire_check.tcp_trouble(line.host, line.port))
-        advice = "is it switched on, is its address right, is this host in its network?"
-        value, limit = f"{line.host}:{line.port}{used}", "somebody listens there"
-        return _Wire(what, value, trouble, limit, advice, _loopback(line.host))
-    return _port(what, line.port)
+        wire = network_wire(check, "tcp", line.host, line.port)
+        trouble, used = _check_unless_in_use(
+            wire, lambda: wire_check.tcp_trouble(line.host, line.port)
+        )
+        advice = "check its power, its address, and that this host is in its network"
+        value, limit = f"{line.host}:{line.port}{used}", "a server listens there"
+        return _WireCheck(check, value, trouble, limit, advice, _loopback(line.host))
+    return _port(check, line.port)
 
 
-def _tried(wire: Wire, look: Callable[[], str]) -> tuple[str, str]:
-    """What stands against a wire, and a note if it is in use: then it is left alone.
+def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str]:
+    """Return the trouble of a wire, and a note if another program uses it.
 
-    Some devices have room for one connection: a second one would take a run's away.
+    A wire in use is not tested: some devices accept one connection only, and a second one would
+    close that of a run.
     """
     try:
         with hold((wire,), "rig doctor"):
-            return look(), ""
+            return check(), ""
     except BusyError:
-        return "", " (in use by another program, so not tried)"
+        return "", " (in use by another program, so not tested)"
 
 
-def _port(what: str, port: str) -> _Wire:
+def _port(check: str, port: str) -> _WireCheck:
     trouble = wire_check.port_trouble(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
     emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
-    return _Wire(what, port, trouble, "there, and this user may open it", advice, emulated)
+    limit = "exists, and this user may open it"
+    return _WireCheck(check, port, trouble, limit, advice, emulated)
 
 
-def _judged(where: str, wire: _Wire) -> Finding:
+def _finding(area_name: str, wire: _WireCheck) -> Finding:
     value = f"{wire.value}: {wire.trouble}" if wire.trouble else wire.value
     if not wire.trouble:
-        return Finding(where, wire.what, value, wire.limit, Verdict.GOOD)
+        return Finding(area_name, wire.check, value, wire.limit, Verdict.GOOD)
     if wire.emulated:
-        return Finding(where, wire.what, value, wire.limit, Verdict.WARNING, _EMULATED)
+        return Finding(area_name, wire.check, value, wire.limit, Verdict.WARNING, _EMULATED)
     verdict = Verdict.BAD
-    spoils = forbidding(verdict, *REALTIME)
-    return Finding(where, wire.what, value, wire.limit, verdict, wire.advice, spoils)
+    forbids = forbidden_uses(verdict, *REALTIME)
+    return Finding(area_name, wire.check, value, wire.limit, verdict, wire.advice, forbids)
 
 
 def _loopback(host: str) -> bool:

@@ -1,81 +1,82 @@
-"""How late this host wakes a process that asks for nothing but to be woken."""
+"""Checks of the wake-up lateness of a process that does nothing but wait for its next period."""
 
 import json
 import subprocess
 import sys
 from typing import Any, NamedTuple
 
-from rig.host.finding import BOTH, REALTIME, Finding, Verdict, forbidding, graded
+from rig.host.finding import ALL_USES, REALTIME, Finding, Verdict, forbidden_uses, grade
 from rig.processes.wire_locks import REALTIME_PLACE, hold
 from rig.recording.runs.create import BusyError
 
 AREA = "timing"
 P99_GOOD, P99_BAD = 0.10, 0.30  # of the period
-MAX_GOOD = 0.50  # of the period; beyond a whole one it is skipped
-LEAST = 30_000  # periods: none skipped in so many means less than 1 in 10 000, with 95 %
-PLAIN = 5.0  # s, of the measurement that only rehearsals on the real clock depend on
-_STALL = 30.0  # s beyond the measuring after which a measurement is given up
+MAX_GOOD = 0.50  # of the period; a wake-up later than a whole period skips a tick
+# No skip in so many periods: the rate of skips is below 1 in 10 000 with 95 % confidence.
+MIN_PERIODS = 30_000
+UNPRIVILEGED_S = 5.0  # longest measurement without privileges, for rehearsals on the real clock
+_TIMEOUT_MARGIN = 30.0  # s; a measurement that takes so much longer is cancelled
 _P99 = (
-    "p99 at most {good:g} us, bad above {bad:g} us: the tick's own work must end before the next "
-    "one is due, and takes up to a fifth of the period"
+    "p99 at most {good:g} us, bad above {bad:g} us: a tick's work takes up to a fifth of the "
+    "period and must end before the next tick"
 )
-_QUIET = (
-    "close what else runs, then see the findings on processor and kernel; a virtual machine is "
-    "stalled by its host and no setting inside it helps"
+_LATE_ADVICE = (
+    "close other programs, then see the findings on processor and kernel; no setting inside a "
+    "virtual machine prevents stalls by its host"
 )
 
-_BELOW = "as for the periods skipped"
+_SKIPPED_ADVICE = "see the advice on the periods skipped"
 
 
-class Measured(NamedTuple):
-    """What the two measurements gave; None where one could not be made."""
+class WakeupMeasurements(NamedTuple):
+    """Results of the two measurements; None for a measurement that failed."""
 
-    plain: dict[str, Any] | None
+    unprivileged: dict[str, Any] | None
     privileged: dict[str, Any] | None
-    trouble: str  # why the second one could not be made
+    trouble: str  # reason why the privileged measurement failed
 
 
-def measure(dt: float, seconds: float) -> Measured:
-    """Measure without (at most `PLAIN` s) and for ``seconds`` with the loop's privileges.
+def measure(dt: float, seconds: float) -> WakeupMeasurements:
+    """Measure wake-ups without and with the loop's privileges, each in a process of its own.
 
-    Each in a process of its own. The second holds the host's real-time place meanwhile: a run is
-    never disturbed.
+    The privileged measurement takes ``seconds``, the other at most `UNPRIVILEGED_S`. The
+    privileged one holds the host's real-time lock, so it never disturbs a run.
     """
-    plain, _ = _woken(dt, min(seconds, PLAIN), privileged=False)
+    unprivileged, _ = _measure_wakeups(dt, min(seconds, UNPRIVILEGED_S), privileged=False)
     try:
         with hold((REALTIME_PLACE,), "rig doctor") as held:
-            privileged, trouble = _woken(dt, seconds, privileged=True, locks=held.fds)
+            privileged, trouble = _measure_wakeups(dt, seconds, privileged=True, locks=held.fds)
     except (BusyError, OSError) as error:
-        return Measured(plain, None, str(error))
-    return Measured(plain, privileged, trouble)
+        return WakeupMeasurements(unprivileged, None, str(error))
+    return WakeupMeasurements(unprivileged, privileged, trouble)
 
 
-def _woken(
+def _measure_wakeups(
     dt: float, seconds: float, *, privileged: bool, locks: tuple[int, ...] = ()
 ) -> tuple[dict[str, Any] | None, str]:
-    job = json.dumps({"dt": dt, "seconds": seconds, "privileged": privileged})
+    request = json.dumps({"dt": dt, "seconds": seconds, "privileged": privileged})
     command = [sys.executable, "-m", "rig.host.wake"]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command,
-            input=job,
+            input=request,
             capture_output=True,
             text=True,
-            timeout=seconds + _STALL,
+            timeout=seconds + _TIMEOUT_MARGIN,
             check=False,
             pass_fds=locks,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
         return None, str(error)
     try:
-        return json.loads(done.stdout), ""
+        return json.loads(process.stdout), ""
     except ValueError:
-        words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
-        return None, words[-1]
+        lines = process.stderr.strip().splitlines() or [f"exit code {process.returncode}"]
+        return None, lines[-1]
 
 
-def findings(measured: Measured, dt: float) -> list[Finding]:
-    """What the measurements mean for a loop of this period (s)."""
+def findings(measured: WakeupMeasurements, dt: float) -> list[Finding]:
+    """Return the findings for a loop with the period ``dt`` (s)."""
     found = []
     if measured.privileged is None:
         found.append(
@@ -90,69 +91,73 @@ def findings(measured: Measured, dt: float) -> list[Finding]:
             )
         )
     else:
-        found += _judged(measured.privileged, dt)
-    found.append(_plain(measured.plain, dt))
+        found += _privileged(measured.privileged, dt)
+    found.append(_unprivileged(measured.unprivileged, dt))
     return found
 
 
-def _words(told: dict[str, Any]) -> str:
-    return f"p50 {told['p50_us']:.0f}, p99 {told['p99_us']:.0f}, max {told['max_us']:.0f} us late"
+def _lateness_text(wakeups: dict[str, Any]) -> str:
+    p50, p99, largest = (wakeups[f"{name}_us"] for name in ("p50", "p99", "max"))
+    return f"p50 {p50:.0f}, p99 {p99:.0f}, max {largest:.0f} us late"
 
 
-def _judged(told: dict[str, Any], dt: float) -> list[Finding]:
+def _privileged(wakeups: dict[str, Any], dt: float) -> list[Finding]:
     period = 1e6 * dt
-    late = graded(told["p99_us"], P99_GOOD * period, P99_BAD * period)
-    if late is Verdict.GOOD and told["max_us"] > MAX_GOOD * period:
+    late = grade(wakeups["p99_us"], P99_GOOD * period, P99_BAD * period)
+    if late is Verdict.GOOD and wakeups["max_us"] > MAX_GOOD * period:
         late = Verdict.WARNING
     limit = _P99.format(good=P99_GOOD * period, bad=P99_BAD * period)
-    elapsed = told["wakes"] + told["skipped"]
-    enough = Verdict.GOOD if elapsed >= LEAST else Verdict.BAD
-    skips = Verdict.BAD if told["skipped"] else Verdict.GOOD
+    elapsed = wakeups["wakes"] + wakeups["skipped"]
+    periods = Verdict.GOOD if elapsed >= MIN_PERIODS else Verdict.BAD
+    skips = Verdict.BAD if wakeups["skipped"] else Verdict.GOOD
     return [
         Finding(
             AREA,
             "periods measured",
             str(elapsed),
-            f"{LEAST} at least: fewer do not show what happens once in 10 000",
-            enough,
-            "" if enough is Verdict.GOOD else f"`rig doctor --seconds {LEAST * dt:g}` or more",
-            forbidding(enough, *REALTIME),
+            f"{MIN_PERIODS} at least: fewer do not show an event of 1 in 10 000",
+            periods,
+            ""
+            if periods is Verdict.GOOD
+            else f"`rig doctor --seconds {MIN_PERIODS * dt:g}` or more",
+            forbidden_uses(periods, *REALTIME),
             {"periods": elapsed},
         ),
         Finding(
             AREA,
             "wake-up with the loop's privileges",
-            _words(told),
+            _lateness_text(wakeups),
             f"{limit}; max at most {MAX_GOOD * period:g} us",
             late,
-            "" if late is Verdict.GOOD else _BELOW if told["skipped"] else _QUIET,
-            forbidding(late, *REALTIME),
-            {key: told[key] for key in ("p50_us", "p99_us", "max_us")} | {"period_us": period},
+            "" if late is Verdict.GOOD else _SKIPPED_ADVICE if wakeups["skipped"] else _LATE_ADVICE,
+            forbidden_uses(late, *REALTIME),
+            {key: wakeups[key] for key in ("p50_us", "p99_us", "max_us")} | {"period_us": period},
         ),
         Finding(
             AREA,
             "periods skipped",
-            f"{told['skipped']} of {elapsed}"
-            + (f", up to {told['longest_gap']} in a row" if told["skipped"] else ""),
-            "none: a skipped period is a tick without sense and command",
+            f"{wakeups['skipped']} of {elapsed}"
+            + (f", up to {wakeups['longest_gap']} in a row" if wakeups["skipped"] else ""),
+            "none: in a skipped period the loop reads no sensors and sends no command",
             skips,
-            _QUIET if told["skipped"] else "",
-            forbidding(skips, *REALTIME),
-            {key: told[key] for key in ("skipped", "wakes", "longest_gap")},
+            _LATE_ADVICE if wakeups["skipped"] else "",
+            forbidden_uses(skips, *REALTIME),
+            {key: wakeups[key] for key in ("skipped", "wakes", "longest_gap")},
         ),
     ]
 
 
-def _plain(told: dict[str, Any] | None, dt: float) -> Finding:
-    what = "wake-up without privileges"
-    limit = "none: a real-clock rehearsal without them shows what is lost, and stays correct"
-    if told is None:
-        unknown = "the measuring process failed"
+def _unprivileged(wakeups: dict[str, Any] | None, dt: float) -> Finding:
+    check = "wake-up without privileges"
+    limit = "none: a rehearsal on the real clock counts its lost ticks and stays correct"
+    if wakeups is None:
+        value = "the measuring process failed"
         advice = "run `python -m rig.host.wake` by hand to see why"
-        return Finding(AREA, what, unknown, limit, Verdict.UNKNOWN, advice, BOTH)
-    value = f"{_words(told)}, {told['skipped']} of {told['wakes'] + told['skipped']} skipped"
-    verdict = Verdict.WARNING if told["p99_us"] > 1e6 * dt else Verdict.GOOD
+        return Finding(AREA, check, value, limit, Verdict.UNKNOWN, advice, ALL_USES)
+    elapsed = wakeups["wakes"] + wakeups["skipped"]
+    value = f"{_lateness_text(wakeups)}, {wakeups['skipped']} of {elapsed} skipped"
+    verdict = Verdict.WARNING if wakeups["p99_us"] > 1e6 * dt else Verdict.GOOD
     advice = (
-        "" if verdict is Verdict.GOOD else "rehearse on the virtual clock; nothing is late there"
+        "" if verdict is Verdict.GOOD else "rehearse on the virtual clock, which has no lateness"
     )
-    return Finding(AREA, what, value, limit, verdict, advice, (), told)
+    return Finding(AREA, check, value, limit, verdict, advice, (), wakeups)

@@ -1,6 +1,7 @@
-"""A process that only wakes: the loop's clock and privileges without the loop's work.
+"""A process that measures wake-ups: the loop's clock and privileges without the loop's work.
 
-``python -m rig.host.wake`` with a job as JSON on standard input; prints what it measured.
+``python -m rig.host.wake`` reads its options as JSON from standard input, and prints the result
+as JSON.
 """
 
 import json
@@ -13,9 +14,10 @@ from rig.realtime.clock import RealClock
 
 
 def measure(dt: float, seconds: float, *, privileged: bool) -> dict[str, Any]:
-    """Wake every ``dt`` s for so long; lateness in microseconds, periods skipped and elapsed.
+    """Wake every ``dt`` s for ``seconds``; return lateness (us) and periods skipped and elapsed.
 
-    It asks for the very privileges the loop asks for, so it belongs in a process of its own.
+    With ``privileged`` it acquires the same privileges as the loop, so it needs a process of its
+    own.
     """
     granted = None
     if privileged:
@@ -23,33 +25,34 @@ def measure(dt: float, seconds: float, *, privileged: bool) -> dict[str, Any]:
     else:
         scheduling.quiet_memory()
     periods = max(1, round(seconds / dt))
-    late = [0.0] * periods
-    woken = skipped = longest = tick = 0
+    lateness = [0.0] * periods
+    wakes = skipped = longest_gap = tick = 0
     clock = RealClock(dt)
     while tick < periods - 1:
         wake = clock.wait_next()
         tick = wake.tick
-        late[woken] = wake.lateness
-        woken += 1
+        lateness[wakes] = wake.lateness
+        wakes += 1
         skipped += wake.periods - 1
-        longest = max(longest, wake.periods - 1)
-    ordered = sorted(late[:woken])
+        longest_gap = max(longest_gap, wake.periods - 1)
+    ordered = sorted(lateness[:wakes])
     return {
         "granted": granted and granted._asdict(),
         "core": max(os.sched_getaffinity(0)) if privileged else None,
-        "wakes": woken,
+        "wakes": wakes,
         "skipped": skipped,
-        "longest_gap": longest,
-        "p50_us": 1e6 * ordered[woken // 2],
-        "p99_us": 1e6 * ordered[min(woken - 1, (99 * woken) // 100)],
+        "longest_gap": longest_gap,
+        "p50_us": 1e6 * ordered[wakes // 2],
+        "p99_us": 1e6 * ordered[min(wakes - 1, (99 * wakes) // 100)],
         "max_us": 1e6 * ordered[-1],
     }
 
 
 def main() -> None:
-    """Do the job on standard input."""
-    job = json.load(sys.stdin)
-    print(json.dumps(measure(job["dt"], job["seconds"], privileged=job["privileged"])))
+    """Measure with the options on standard input, and print the result."""
+    options = json.load(sys.stdin)
+    result = measure(options["dt"], options["seconds"], privileged=options["privileged"])
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from command_here import rig
 
 from rig.analysis.report import write_products
 from rig.analysis.stop_reason import LostTicks, lost_before, reason_text, stop_of
-from rig.cli.bench import _lost_ticks, _tell
+from rig.cli.bench import _lost_ticks, _print_result
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
@@ -139,7 +139,7 @@ def test_a_session_says_it_too(
     ended: Any = SimpleNamespace(folder=run, outcome=outcome)
     lost = _lost_ticks(ended)
     assert lost is not None
-    _tell(ended, "", lost)
+    _print_result(ended, "", lost)
     first = "Stopped by a fault: the host lost 30 ticks"
     assert capsys.readouterr().err.strip().startswith(first)
 

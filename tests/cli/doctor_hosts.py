@@ -1,4 +1,4 @@
-"""Made-up hosts for the doctor, and what is measured on them."""
+"""Fake hosts for the tests of `rig doctor`, and replacements of its measurements."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rig.host import Finding, Host, disk, timing
 
 DT = 0.001
 GRANTED = {"fifo": "", "core": "", "memory_lock": "", "latency": ""}
-WOKEN = {
+WAKEUPS = {
     "granted": GRANTED, "core": 3, "wakes": 35000, "skipped": 0, "longest_gap": 0,
     "p50_us": 20.0, "p99_us": 60.0, "max_us": 200.0,
 }  # fmt: skip
 CPU = "sys/devices/system/cpu"
-FINE = {
+HEALTHY_FILES = {
     "proc/sys/kernel/sched_rt_runtime_us": "950000\n",
     "proc/sys/kernel/sched_rt_period_us": "1000000\n",
     "proc/loadavg": "0.10 0.20 0.30 1/200 4242\n",
@@ -33,9 +33,12 @@ FINE = {
 }
 
 
-def host(root: Path, **changed: str | None) -> Host:
-    """A host whose kernel shows these files; a name's slashes are written as ``__``."""
-    files = {**FINE, **{name.replace("__", "/"): text for name, text in changed.items()}}
+def make_host(root: Path, **changed: str | None) -> Host:
+    """Return a healthy host with changed files.
+
+    ``__`` in a name stands for a slash; None removes the file.
+    """
+    files = {**HEALTHY_FILES, **{name.replace("__", "/"): text for name, text in changed.items()}}
     for name, text in files.items():
         if text is not None:
             path = root / name
@@ -44,13 +47,15 @@ def host(root: Path, **changed: str | None) -> Host:
     return Host(root)
 
 
-def quick(monkeypatch: pytest.MonkeyPatch, **measured: Any) -> None:
-    """Nothing is measured: wake-ups and disk are as told."""
-    told = {"plain": WOKEN, "privileged": WOKEN, "trouble": "", **measured}
-    monkeypatch.setattr(timing, "measure", lambda dt, seconds: timing.Measured(**told))
-    monkeypatch.setattr(disk, "write", lambda place: disk.Speed(2e8, 0.002, 0.02))
+def skip_measurements(monkeypatch: pytest.MonkeyPatch, **measured: Any) -> None:
+    """Replace the measurements of wake-ups and disk by good results, or by ``measured``."""
+    results = {"unprivileged": WAKEUPS, "privileged": WAKEUPS, "trouble": "", **measured}
+    monkeypatch.setattr(timing, "measure", lambda dt, seconds: timing.WakeupMeasurements(**results))
+    monkeypatch.setattr(
+        disk, "measure_write_speed", lambda place: disk.WriteSpeed(2e8, 0.002, 0.02)
+    )
 
 
-def named(found: list[Finding] | tuple[Finding, ...], what: str) -> Finding:
-    (one,) = [finding for finding in found if finding.what == what]
-    return one
+def finding_named(found: list[Finding] | tuple[Finding, ...], check: str) -> Finding:
+    (finding,) = [finding for finding in found if finding.check == check]
+    return finding

@@ -1,4 +1,4 @@
-"""`rig sim` and `rig devices` of the bench against each other, on ports and ptys of their own."""
+"""`rig devices` of the bench against the devices of `rig sim`, on free ports and ptys."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from wired_rig import CONFIGS, rig, running
 from rig.cli import BAD_INPUT, FAILED, OK
 from rig.cli.bench import BenchOptions
 from rig.cli.bench import main as bench
-from rig.cli.bench_devices_view import drawn
+from rig.cli.bench_devices_view import render
 from rig.cli.devices import main as devices
 from rig.config import load
 from rig.config.bench_rig_file import BenchRigFile
@@ -32,18 +32,18 @@ SESSION = CONFIGS / "sessions" / "driveline_short.yaml"
 class Sim(NamedTuple):
     folder: Path
     path: Path  # rig file
-    told: dict[str, Any]
+    message: dict[str, Any]  # of `rig sim` when ready
 
 
 def rig_file(folder: Path) -> Path:
-    """The bench on wires, elsewhere."""
+    """Write a rig file of the wired bench with free addresses."""
     kinds = (socket.SOCK_STREAM, socket.SOCK_STREAM, socket.SOCK_DGRAM)
-    held = [socket.socket(type=kind) for kind in kinds]
-    for one in held:
-        one.bind(("127.0.0.1", 0))
-    outputs, io, cell = (one.getsockname()[1] for one in held)
-    for one in held:
-        one.close()
+    sockets = [socket.socket(type=kind) for kind in kinds]
+    for each in sockets:
+        each.bind(("127.0.0.1", 0))
+    outputs, io, cell = (each.getsockname()[1] for each in sockets)
+    for each in sockets:
+        each.close()
     wiring = {
         "encoders": {"port": str(folder / "encoders")},
         "servo": {"port": str(folder / "servo")},
@@ -59,100 +59,101 @@ def rig_file(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim]:
-    """Emulated devices for all tests of this file; nobody commands them."""
+    """Emulated devices for all tests of this file; no test commands them."""
     folder = tmp_path_factory.mktemp("wires")
     path = rig_file(folder)
-    with running(path) as told:
-        yield Sim(folder, path, told)
+    with running(path) as message:
+        yield Sim(folder, path, message)
 
 
 @pytest.fixture(autouse=True)
 def own_lock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A lock on the real clock of its own: other tests of this host may hold the one there is."""
+    """Use a real-time lock of this test: other tests of this host may hold the common one."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
-def test_sim_tells_every_address_and_what_hangs_there(sim: Sim) -> None:
-    assert sim.told["status"] == "ready"
-    found = [one["name"] for one in sim.told["devices"]]
-    assert found == ["encoders", "servo", "load_cell", "analog", "inputs", "brake"]
-    addresses = {one["name"]: one["address"] for one in sim.told["devices"]}
+def test_sim_lists_every_device_and_its_address(sim: Sim) -> None:
+    assert sim.message["status"] == "ready"
+    names = [device["name"] for device in sim.message["devices"]]
+    assert names == ["encoders", "servo", "load_cell", "analog", "inputs", "brake"]
+    addresses = {device["name"]: device["address"] for device in sim.message["devices"]}
     assert addresses["encoders"] == str(sim.folder / "encoders")
     assert addresses["analog"].startswith("127.0.0.1:")
 
 
-def test_a_second_sim_is_refused_and_names_what_is_taken(sim: Sim) -> None:
+def test_a_second_sim_is_refused_and_names_the_addresses_in_use(sim: Sim) -> None:
     second = rig("sim", sim.path, "--json")
     out, _ = second.communicate(timeout=120)
     assert second.returncode == FAILED
-    said = json.loads(out)["message"]
+    message = json.loads(out)["message"]
     for name in ("line outputs: ", "line io: ", "load cell: ", "encoders: ", "servo: "):
-        assert name in said
-    assert (sim.folder / "servo").exists()  # the first one's is left alone
+        assert name in message
+    assert (sim.folder / "servo").exists()  # that of the first sim
 
 
 def test_all_devices_answer(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
     code = devices(sim.path, only_listen=False, objects=False, as_json=True)
-    told = json.loads(capsys.readouterr().out)
-    assert (code, told["trouble"]) == (OK, [])
-    streams = {one["name"]: one for one in told["streams"]}
+    report = json.loads(capsys.readouterr().out)
+    assert (code, report["trouble"]) == (OK, [])
+    streams = {stream["name"]: stream for stream in report["streams"]}
     assert list(streams) == ["encoders", "servo", "load_cell"]
-    assert all(one["answers"] for one in streams.values())
+    assert all(stream["answers"] for stream in streams.values())
     assert streams["servo"]["identity"].startswith("Compax3")
     counts = {value["name"]: value["value"] for value in streams["encoders"]["values"]}
     assert counts == {"motor": 31415, "shaft": 271828}  # configs/plants/oswec_bench.yaml, at rest
-    units = {unit["name"]: unit for line in told["lines"] for unit in line["units"]}
+    units = {unit["name"]: unit for line in report["lines"] for unit in line["units"]}
     assert set(units) == {"inputs", "brake", "analog"}
     assert [value["value"] for value in units["inputs"]["values"]] == [0.0, 0.0]
-    assert units["analog"]["told"]
+    assert units["analog"]["written_by_run"]
 
 
-def test_looking_powers_nothing_and_writes_nothing(sim: Sim) -> None:
-    """The servo drive is asked for its name and two records of values, and no more."""
+def test_a_survey_leaves_the_servo_unpowered(sim: Sim) -> None:
+    """The survey reads only the servo drive's name and two records of values."""
     job = job_of_bench(load(sim.path, BenchRigFile)[0])
     for _ in range(2):
-        found = {one.name: one for one in survey_bench(job).streams}
-        values = {value.name: value.value for value in found["servo"].values}
+        streams = {stream.name: stream for stream in survey_bench(job).streams}
+        values = {value.name: value.value for value in streams["servo"].values}
         assert values["powered"] == 0.0
 
 
-def test_what_is_drawn_is_never_cut(sim: Sim) -> None:
+def test_no_text_of_the_view_is_cut(sim: Sim) -> None:
     found = survey_bench(job_of_bench(load(sim.path, BenchRigFile)[0]))
     for width in (80, 120):
         console = Console(width=width, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
-        console.print(drawn("Wires of a test", found))
+        console.print(render("Wires of a test", found))
         text = console.export_text()
         console.file.close()
         assert "…" not in text
-        for words in ("31415 count", "271828 count", "Compax3", "All answer"):
-            assert words in text
+        for expected in ("31415 count", "271828 count", "Compax3", "All devices answer"):
+            assert expected in text
 
 
-def test_who_is_not_there_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_devices_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = rig_file(tmp_path)
     code = devices(path, only_listen=False, objects=False, as_json=True)
     trouble = json.loads(capsys.readouterr().out)["trouble"]
     assert code == FAILED
-    assert any(one.startswith("encoders at ") and "is not there" in one for one in trouble)
-    assert any(one.startswith("servo at ") for one in trouble)
-    assert any(one.startswith("load_cell at 127.0.0.1") for one in trouble)
-    assert any(one.startswith("line outputs at 127.0.0.1") for one in trouble)
+    assert any(text.startswith("encoders at ") and "is not there" in text for text in trouble)
+    assert any(text.startswith("servo at ") for text in trouble)
+    assert any(text.startswith("load_cell at 127.0.0.1") for text in trouble)
+    assert any(text.startswith("line outputs at 127.0.0.1") for text in trouble)
 
 
-def test_the_doctor_looks_at_a_benchs_wires(sim: Sim, tmp_path: Path) -> None:
-    rig_there, _ = load(sim.path, BenchRigFile)
-    found = {one.what: one.verdict for one in findings(Host(), rig_there)}
-    assert found == {
+def test_the_doctor_checks_the_wires_of_a_bench(sim: Sim, tmp_path: Path) -> None:
+    emulated, _ = load(sim.path, BenchRigFile)
+    verdicts = {finding.check: finding.verdict for finding in findings(Host(), emulated)}
+    assert verdicts == {
         "encoder bridge": Verdict.GOOD, "servo drive": Verdict.GOOD, "line outputs": Verdict.GOOD,
         "line io": Verdict.GOOD, "load cell": Verdict.NOTE,
     }  # fmt: skip
-    nobody, _ = load(rig_file(tmp_path), BenchRigFile)
-    found = {one.what: one.verdict for one in findings(Host(), nobody)}
-    assert found["servo drive"] == found["line io"] == Verdict.WARNING  # `rig sim` may come
+    without_devices, _ = load(rig_file(tmp_path), BenchRigFile)
+    verdicts = {finding.check: finding.verdict for finding in findings(Host(), without_devices)}
+    # Only warnings: `rig sim` may start later.
+    assert verdicts["servo drive"] == verdicts["line io"] == Verdict.WARNING
 
 
-def test_a_bench_without_wires_has_nothing_to_emulate(
+def test_a_bench_without_wiring_cannot_be_emulated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert bench(SESSION, tmp_path, BenchOptions(None, False, True), as_json=True) == BAD_INPUT
-    assert "no wiring to hang emulated devices on" in capsys.readouterr().out
+    assert "has no wiring, so no devices can be emulated" in capsys.readouterr().out

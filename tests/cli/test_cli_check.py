@@ -1,7 +1,7 @@
-"""`rig check` on a campaign file with three rows that must not run: each is named, with its reason.
+"""`rig check` on a campaign with three bad rows: the report names each row and its reason.
 
-The file is of the custom drive with Z_c that drives the hull, so that one campaign can hold a row
-that goes too far, one that is unstable and one whose bus takes too much, beside one that may run.
+The campaign uses the custom drive with a Z_c that drives the hull. So one campaign can hold a row
+with too large a motion, an unstable row, a row with too high a bus voltage, and a row that may run.
 """
 
 from __future__ import annotations
@@ -40,13 +40,15 @@ def campaign(tmp_path: Path) -> Path:
     return path
 
 
-def test_planted_rows_are_refused_by_name(campaign: Path) -> None:
+def test_bad_rows_are_refused_by_name(campaign: Path) -> None:
     done = rig("check", campaign)
     assert done.returncode == 2
     text = done.stdout
     assert "refused: 3" in text
     assert "the campaign cannot be run" in text
-    far, wild, full = (line for line in text.splitlines() if "rows.csv:" in line and "row " in line)
+    far, unstable, overvoltage = (
+        line for line in text.splitlines() if "rows.csv:" in line and "row " in line
+    )
 
     assert "rows.csv:3:" in far
     assert "row 1 (spring -8508 N/m, Kp -4900 N*s/m, Ki 4000 N/m)" in far
@@ -55,24 +57,24 @@ def test_planted_rows_are_refused_by_name(campaign: Path) -> None:
     assert 0.36 < float(found.group(1)) < 0.6
     assert "limits/wavebot.yaml:4: heave.position_stop_m" in far
 
-    assert "rows.csv:4:" in wild
-    assert "row 2 (spring 490.9 N/m, Kp -100 N*s/m, Ki 0 N/m)" in wild
-    assert "the sampled heave loop is unstable, stable up to 0.514 times these gains" in wild
+    assert "rows.csv:4:" in unstable
+    assert "row 2 (spring 490.9 N/m, Kp -100 N*s/m, Ki 0 N/m)" in unstable
+    assert "the sampled heave loop is unstable, stable up to 0.514 times these gains" in unstable
 
-    assert "rows.csv:5:" in full
-    assert "row 3 (spring 490.9 N/m, Kp -7000 N*s/m, Ki 0 N/m)" in full
-    assert re.search(r"predicted bus voltage [23]\d\d V, allowed up to 200 V", full)
-    assert "plants/wavebot_custom.yaml:44: drive.overvoltage_trip" in full
+    assert "rows.csv:5:" in overvoltage
+    assert "row 3 (spring 490.9 N/m, Kp -7000 N*s/m, Ki 0 N/m)" in overvoltage
+    assert re.search(r"predicted bus voltage [23]\d\d V, allowed up to 200 V", overvoltage)
+    assert "plants/wavebot_custom.yaml:44: drive.overvoltage_trip" in overvoltage
 
 
-def test_the_same_as_json(campaign: Path) -> None:
+def test_bad_rows_in_json(campaign: Path) -> None:
     done = rig("check", campaign, "--json")
     assert done.returncode == 2
-    said = json.loads(done.stdout)
-    assert [one["line"] for one in said["problems"]] == [3, 4, 5]
+    report = json.loads(done.stdout)
+    assert [problem["line"] for problem in report["problems"]] == [3, 4, 5]
     broken = {
-        one["row"]: {margin["limit"] for margin in one["margins"] if margin["broken"]}
-        for one in said["predictions"]
+        row["row"]: {margin["limit"] for margin in row["margins"] if margin["broken"]}
+        for row in report["predictions"]
     }
     assert broken[0] == set()
     assert "position" in broken[1]
@@ -81,7 +83,7 @@ def test_the_same_as_json(campaign: Path) -> None:
 
 
 def test_no_number_of_a_wide_table_is_cut(campaign: Path) -> None:
-    """Settings that change and long numbers leave no room for all columns at 100: some go."""
+    """A width of 100 does not hold all columns of varying settings: the table drops some."""
     text = ROWS.replace("discharge_level", "discharge_level,km_kg,bus_voltage_v")
     lines = [f"{line},{10 * n},75.5" for n, line in enumerate(text.splitlines()[1:])]
     table = "\n".join([text.splitlines()[0], *lines[:3], lines[3].replace("75.5", "80")])
@@ -97,7 +99,7 @@ def test_no_number_of_a_wide_table_is_cut(campaign: Path) -> None:
     "path", sorted((CONFIGS / "campaigns").glob("*.yaml")), ids=lambda path: path.stem
 )
 def test_every_ready_campaign_passes(path: Path) -> None:
-    """With its prediction: nothing in it is refused."""
+    """The check includes the prediction; it refuses no row."""
     report = importlib.import_module("rig.cli.check").examine(path)
     assert report.ok, report.text()
     assert report.problems == ()

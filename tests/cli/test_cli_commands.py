@@ -28,34 +28,35 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def one_run(place: Path) -> None:
-    """The rows of the quick campaign, one wave each."""
+    """Run the rows of the quick campaign with one wave each."""
     folder = place / "runs"
     done = process("run", yaml_file(place / "quick.yaml", SHORT), "--runs", folder, "--json")
     assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
-    assert said["status"] == "complete"
-    assert Path(said["folder"]).parent == folder
-    assert all(Path(product).exists() for product in said["products"])
-    assert (said["last_row"]["safety.mode"], said["last_row"]["plan.phase"]) == ("STOP_0", "DONE")
-    shown = json.loads(rig("show", said["folder"], "--json").stdout)
-    assert said["optima"] == shown["optima"]
-    assert {o["spring_rate_n_per_m"] for o in said["optima"]} == {490.9, -2763.0}
-    for best in said["optima"]:
+    report = json.loads(done.stdout)
+    assert report["status"] == "complete"
+    assert Path(report["folder"]).parent == folder
+    assert all(Path(product).exists() for product in report["products"])
+    last = report["last_row"]
+    assert (last["safety.mode"], last["plan.phase"]) == ("STOP_0", "DONE")
+    shown = json.loads(rig("show", report["folder"], "--json").stdout)
+    assert report["optima"] == shown["optima"]
+    assert {o["spring_rate_n_per_m"] for o in report["optima"]} == {490.9, -2763.0}
+    for best in report["optima"]:
         (row,) = best["rows"]
         assert best["ki_n_per_m"] == (0.0, 4000.0, 4000.0, 0.0)[row]
 
 
-def test_check_says_what_a_campaign_will_do() -> None:
+def test_check_describes_the_planned_run() -> None:
     done = rig("check", CONFIGS / "campaigns" / "default.yaml")
     assert done.returncode == 0
     assert "66" in done.stdout
-    said = json.loads(rig("check", CONFIGS / "campaigns" / "default.yaml", "--json").stdout)
-    assert said["ok"]
-    assert (said["rows"], said["wave_clock_s"], said["spring_moves"]) == (66, 1460.0, 1)
+    report = json.loads(rig("check", CONFIGS / "campaigns" / "default.yaml", "--json").stdout)
+    assert report["ok"]
+    assert (report["rows"], report["wave_clock_s"], report["spring_moves"]) == (66, 1460.0, 1)
 
 
 @pytest.mark.parametrize("command", ["check", "run"])
-def test_bad_campaign_is_refused_with_everything_wrong(command: str, tmp_path: Path) -> None:
+def test_a_bad_campaign_is_refused_with_all_its_errors(command: str, tmp_path: Path) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(
         f"name: bad\nrig: {CONFIGS / 'rigs' / 'wavebot.yaml'}\n"
@@ -68,8 +69,8 @@ def test_bad_campaign_is_refused_with_everything_wrong(command: str, tmp_path: P
     for line, key in ((3, "sea.amplitude_m"), (6, "matrix.list[0].kp_n_s_per_m"), (7, "speed")):
         assert f"bad.yaml:{line}: {key}: " in done.stdout
     assert not (tmp_path / "runs").exists()
-    said = json.loads(rig(command, path, "--json").stdout)
-    assert len(said["problems"]) == 3
+    report = json.loads(rig(command, path, "--json").stdout)
+    assert len(report["problems"]) == 3
 
 
 def test_plant_file_is_checked_too(tmp_path: Path) -> None:
@@ -106,13 +107,13 @@ def test_runs_lists_the_run(runs: Path) -> None:
     assert json.loads(rig("runs", "--runs", runs / "none", "--json").stdout) == []
 
 
-def test_show_gives_the_summary(runs: Path) -> None:
+def test_show_prints_the_summary(runs: Path) -> None:
     done = process("show", "last", "--runs", runs)
     assert done.returncode == 0
     assert "4 of 4 rows" in done.stdout
-    said: dict[str, Any] = json.loads(rig("show", "last", "--runs", runs, "--json").stdout)
-    assert said["rows_done"] == 4
-    assert json.loads(rig("show", "quick", "--runs", runs, "--json").stdout) == said
+    report: dict[str, Any] = json.loads(rig("show", "last", "--runs", runs, "--json").stdout)
+    assert report["rows_done"] == 4
+    assert json.loads(rig("show", "quick", "--runs", runs, "--json").stdout) == report
     missing = rig("show", "nothing", "--runs", runs)
     assert missing.returncode == 2
     assert "no such run" in missing.stderr
@@ -120,8 +121,8 @@ def test_show_gives_the_summary(runs: Path) -> None:
 
 def test_plot_draws_fields_over_time(runs: Path, tmp_path: Path) -> None:
     picture = tmp_path / "x.png"
-    words = ["plot", "last", "--runs", runs, "-f", "heave.estimate", "-r", "1", "-o", picture]
-    done = rig(*words, "--json")
+    command = ["plot", "last", "--runs", runs, "-f", "heave.estimate", "-r", "1", "-o", picture]
+    done = rig(*command, "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout) == [str(picture)]
     assert picture.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
@@ -131,32 +132,33 @@ def test_plot_draws_fields_over_time(runs: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fields", [[], ["-f", "time"]])
-def test_a_picture_that_cannot_be_written_is_said(runs: Path, fields: list[str]) -> None:
-    words = ["plot", "last", "--runs", runs, *fields, "-o", "/nonexistent/x.png"]
-    done = rig(*words)
+def test_an_unwritable_picture_is_an_error(runs: Path, fields: list[str]) -> None:
+    command = ["plot", "last", "--runs", runs, *fields, "-o", "/nonexistent/x.png"]
+    done = rig(*command)
     assert done.returncode == 2
     assert done.stderr.startswith("rig plot: ")
     assert "/nonexistent/x.png" in done.stderr
-    as_json = rig(*words, "--json")
+    as_json = rig(*command, "--json")
     assert as_json.returncode == 2
-    said = json.loads(as_json.stdout)
-    assert said["status"] == "bad input"
-    assert "No such file or directory" in said["message"]
+    report = json.loads(as_json.stdout)
+    assert report["status"] == "bad input"
+    assert "No such file or directory" in report["message"]
 
 
 @pytest.mark.parametrize("command", ["show", "plot", "runs"])
-def test_names_that_are_too_long_are_said(command: str, tmp_path: Path) -> None:
+def test_a_too_long_name_is_an_error(command: str, tmp_path: Path) -> None:
     name = "x" * 300
-    words = [command, "--runs", name] if command == "runs" else [command, name, "--runs", tmp_path]
-    done = rig(*words)
+    runs = name if command == "runs" else tmp_path
+    arguments = [command, *([] if command == "runs" else [name]), "--runs", runs]
+    done = rig(*arguments)
     assert done.returncode == 2
     assert "File name too long" in done.stderr
     assert "Traceback" not in done.stderr
-    said = json.loads(rig(*words, "--json").stdout)
-    assert said["status"] == "bad input"
+    report = json.loads(rig(*arguments, "--json").stdout)
+    assert report["status"] == "bad input"
 
 
-def test_a_folder_that_is_no_run_is_said(tmp_path: Path) -> None:
+def test_a_folder_without_a_record_is_an_error(tmp_path: Path) -> None:
     for command in ("show", "plot"):
         done = rig(command, tmp_path, "--json")
         assert done.returncode == 2
@@ -164,6 +166,6 @@ def test_a_folder_that_is_no_run_is_said(tmp_path: Path) -> None:
 
 
 def test_help_names_the_exit_codes() -> None:
-    said = rig("run", "--help").stdout
-    assert "tripped" in said
-    assert "refused" in said
+    report = rig("run", "--help").stdout
+    assert "tripped" in report
+    assert "refused" in report

@@ -1,4 +1,4 @@
-"""`rig doctor`: what it says of made-up hosts, of broken ones, and of this one."""
+"""`rig doctor` on fake hosts, on broken ones, and on this host."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 from command_here import rig
-from doctor_hosts import FINE, host, named, quick
+from doctor_hosts import HEALTHY_FILES, finding_named, make_host, skip_measurements
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
 from rig import cli
-from rig.cli.doctor import drawn, main
+from rig.cli.doctor import main, render
 from rig.host import (
     DoctorOptions,
     Examination,
@@ -30,12 +30,14 @@ from rig.host import (
 
 
 def test_a_host_that_shows_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    quick(monkeypatch, plain=None, privileged=None, trouble="nothing to measure with")
+    skip_measurements(
+        monkeypatch, unprivileged=None, privileged=None, trouble="nothing to measure with"
+    )
     found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), Host(tmp_path / "nothing"))
-    assert "the check" not in [finding.what for finding in found.findings]
-    unknown = [f.what for f in found.findings if f.verdict is Verdict.UNKNOWN]
+    assert "the check" not in [finding.check for finding in found.findings]
+    unknown = [f.check for f in found.findings if f.verdict is Verdict.UNKNOWN]
     assert len(unknown) > 10
-    assert not found.fit(Use.REALTIME)  # what cannot be measured is not fit
+    assert not found.fit(Use.REALTIME)  # a host without measurements is not fit
     assert "nothing to measure with" in found.verdict
 
 
@@ -43,43 +45,43 @@ def test_a_host_that_shows_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.binary(max_size=60), st.sampled_from(["file", "folder"]))
-def test_a_host_that_shows_rubbish(
+def test_a_host_with_invalid_files(
     tmp_path_factory: pytest.TempPathFactory,
     monkeypatch: pytest.MonkeyPatch,
-    rubbish: bytes,
+    content: bytes,
     kind: str,
 ) -> None:
     root = tmp_path_factory.mktemp("root")
-    for name in FINE:
+    for name in HEALTHY_FILES:
         path = root / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if kind == "file":
-            path.write_bytes(rubbish)
+            path.write_bytes(content)
         else:
             path.mkdir()
-    quick(monkeypatch)
-    monkeypatch.setattr(software, "findings", lambda: [])  # looks at no file of the host
+    skip_measurements(monkeypatch)
+    monkeypatch.setattr(software, "findings", lambda: [])  # reads no file of the host
     found = examine(DoctorOptions(root, 1.0, 1000.0, 1.0), Host(root))
-    assert "the check" not in [finding.what for finding in found.findings]
+    assert "the check" not in [finding.check for finding in found.findings]
     json.dumps(found.as_dict())
-    Console(file=sys.stderr, width=80).print(drawn(found, 80))
+    Console(file=sys.stderr, width=80).print(render(found, 80))
 
 
 def test_a_check_that_fails_is_a_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(shown: Host) -> list[Finding]:
+    def broken(host: Host) -> list[Finding]:
         raise ZeroDivisionError("in the check")
 
-    quick(monkeypatch)
+    skip_measurements(monkeypatch)
     monkeypatch.setattr(examination.memory, "findings", broken)
-    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
-    failed = named(found.findings, "the check")
+    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), make_host(tmp_path / "root"))
+    failed = finding_named(found.findings, "the check")
     assert failed.value == "ZeroDivisionError: in the check"
-    assert found.findings[-1].area == software.AREA  # the others were looked at all the same
+    assert found.findings[-1].area == software.AREA  # the other checks ran, too
     assert not found.fit(Use.REALTIME)
 
 
 def finding(verdict: Verdict, *uses: Use) -> Finding:
-    return Finding("area", "a thing", "a value", "a limit", verdict, "do this", uses)
+    return Finding("area", "a check", "a value", "a limit", verdict, "do this", uses)
 
 
 def test_the_verdict_is_a_sentence() -> None:
@@ -88,7 +90,7 @@ def test_the_verdict_is_a_sentence() -> None:
     assert Examination((good, warned)).verdict.endswith("on a rig; with one warning.")
     slow = finding(Verdict.BAD, Use.REALTIME)
     assert Examination((good, slow)).verdict == (
-        "Fit for rehearsal; not fit for real time on a rig because of a thing: a value."
+        "Fit for rehearsal; not fit for real time on a rig because of a check: a value."
     )
     assert Examination((finding(Verdict.BAD, *Use),)).verdict.startswith("Not fit for rehearsal")
 
@@ -105,45 +107,46 @@ def test_exit_codes(
     found: Finding, rig: int, rehearsal: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     command = sys.modules["rig.cli.doctor"]  # the package has a function of that name
-    monkeypatch.setattr(command, "examine", lambda asked: Examination((found,)))
-    for asked, code in ((False, rig), (True, rehearsal)):
+    monkeypatch.setattr(command, "examine", lambda options: Examination((found,)))
+    for for_rehearsal, expected in ((False, rig), (True, rehearsal)):
         for as_json in (False, True):
-            done = main(tmp_path, 1.0, 1000.0, 1.0, rehearsal=asked, as_json=as_json)
-            assert done == code
+            code = main(tmp_path, 1.0, 1000.0, 1.0, rehearsal=for_rehearsal, as_json=as_json)
+            assert code == expected
 
 
 @pytest.mark.parametrize("width", [50, 80, 140])
-def test_it_is_drawn_in_any_width(
+def test_the_report_fits_any_width(
     width: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    quick(monkeypatch)
-    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), host(tmp_path / "root"))
+    skip_measurements(monkeypatch)
+    found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0), make_host(tmp_path / "root"))
     console = Console(width=width, record=True, file=sys.stderr)
-    console.print(drawn(found, width))
+    console.print(render(found, width))
     lines = console.export_text().splitlines()
     assert max(map(len, lines)) <= width
     text = " ".join(" ".join(lines).split())
     assert found.verdict in text
-    for one in found.findings:
-        assert one.what.split()[0] in text
-        assert one.verdict is not Verdict.BAD or one.advice.split()[0] in text
+    for each in found.findings:
+        assert each.check.split()[0] in text
+        assert each.verdict is not Verdict.BAD or each.advice.split()[0] in text
 
 
 def test_this_host_is_examined(tmp_path: Path) -> None:
-    words = [sys.executable, "-m", "rig", "doctor", "--seconds", "0.3", "--runs", str(tmp_path)]
-    done = subprocess.run([*words, "--json"], capture_output=True, text=True, check=False)
+    arguments = ["doctor", "--seconds", "0.3", "--runs", str(tmp_path)]
+    command = [sys.executable, "-m", "rig", *arguments, "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stderr == ""
-    told = json.loads(done.stdout)
-    assert done.returncode == (0 if told["fit"]["real time on a rig"] else 1)
-    assert {one["area"] for one in told["findings"]} == {
+    report = json.loads(done.stdout)
+    assert done.returncode == (0 if report["fit"]["real time on a rig"] else 1)
+    assert {entry["area"] for entry in report["findings"]} == {
         "timing", "privileges", "processor", "clocks", "disk", "memory", "wires", "software",
     }  # fmt: skip
-    assert "the check" not in [one["what"] for one in told["findings"]]
-    for one in told["findings"]:
-        assert one["verdict"] in list(Verdict)
-        assert one["value"]
-        assert one["limit"]
-        needs_none = ("good", "not measurable", "for information")
-        assert one["advice"] or one["verdict"] in needs_none
+    assert "the check" not in [entry["check"] for entry in report["findings"]]
+    for entry in report["findings"]:
+        assert entry["verdict"] in list(Verdict)
+        assert entry["value"]
+        assert entry["limit"]
+        without_advice = ("good", "not measurable", "for information")
+        assert entry["advice"] or entry["verdict"] in without_advice
     assert list(tmp_path.iterdir()) == []
-    assert rig(*words[3:], "--rate", "0").returncode == 2
+    assert rig(*arguments, "--rate", "0").returncode == 2

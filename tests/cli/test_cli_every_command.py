@@ -1,4 +1,4 @@
-"""What holds for every command, those to come included."""
+"""Rules for every command of `rig`."""
 
 from collections.abc import Iterator
 
@@ -9,25 +9,25 @@ from typer.main import get_command
 from rig.cli import app
 
 
-def commands(of: object, name: str = "rig") -> Iterator[tuple[str, TyperCommand]]:
-    if isinstance(of, TyperGroup):
-        for word, each in of.commands.items():
+def commands(command: object, name: str = "rig") -> Iterator[tuple[str, TyperCommand]]:
+    if isinstance(command, TyperGroup):
+        for word, each in command.commands.items():
             yield from commands(each, f"{name} {word}")
-    elif isinstance(of, TyperCommand):
-        yield name, of
+    elif isinstance(command, TyperCommand):
+        yield name, command
 
 
 ALL = dict(commands(get_command(app)))
 
 
-def test_the_walk_finds_them() -> None:
+def test_all_commands_are_listed() -> None:
     assert len(ALL) > 20
     assert {"rig run", "rig check", "rig scan modbus"} <= set(ALL)
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_it_takes_json_and_explains_every_option(name: str) -> None:
-    options = {word: each for each in ALL[name].params for word in each.opts}
+def test_a_command_has_json_and_help_for_every_option(name: str) -> None:
+    options = {flag: option for option in ALL[name].params for flag in option.opts}
     assert "--json" in options
-    assert [word for word, each in options.items() if not getattr(each, "help", "")] == []
+    assert [flag for flag, option in options.items() if not getattr(option, "help", "")] == []
     assert ALL[name].help

@@ -1,4 +1,4 @@
-"""A record that lacks ticks never reads as complete, whatever its run's ending was."""
+"""A record that lacks ticks never counts as complete, whatever the ending of its run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHAPE = synthetic.Shape(lead_in=20, settle=10, periods=2, tail=5)
 
 
 def run_of(folder: Path, lost: slice = slice(0)) -> Path:
-    """A run whose record lacks these ticks of row 2."""
+    """Write a run whose record lacks these ticks of row 2."""
     data = synthetic.run_rows(ROWS, SHAPE)
     inside = np.flatnonzero((data["plan.row"] == 2) & (data["plan.phase"] == Phase.MEASURE))
     plan = synthetic.plan_json(ROWS, SHAPE)
@@ -32,7 +32,7 @@ def run_of(folder: Path, lost: slice = slice(0)) -> Path:
 
 @pytest.fixture
 def torn(tmp_path: Path) -> Path:
-    """100 of the 400 ticks of row 2 are not in the record; the run went to its end."""
+    """A complete run whose record lacks 100 of the 400 ticks of row 2."""
     return run_of(tmp_path / "torn", slice(50, 150))
 
 
@@ -41,23 +41,23 @@ def sound(tmp_path: Path) -> Path:
     return run_of(tmp_path / "sound")
 
 
-def told(done: Done) -> Any:
+def json_of(done: Done) -> Any:
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 
 
-def test_show_says_the_state_of_the_record(torn: Path, sound: Path) -> None:
+def test_show_prints_the_state_of_the_record(torn: Path, sound: Path) -> None:
     text = rig("show", torn).stdout
     assert "Complete: the plan was walked to its end" in text
     assert "Record incomplete: 100 of " in text
     assert "5 of 6 rows complete" in text
     assert "row 2 is withheld: 100 of 400 ticks missing from the record" in text
-    record = told(rig("show", torn, "--json"))["record"]
+    record = json_of(rig("show", torn, "--json"))["record"]
     assert (record["state"], record["lost"]) == ("incomplete", 100)
     ((first, last),) = record["missing_ticks"]
     assert last == first + 99
     assert "Record complete." in rig("show", sound).stdout
-    assert told(rig("show", sound, "--json"))["record"]["state"] == "complete"
+    assert json_of(rig("show", sound, "--json"))["record"]["state"] == "complete"
     assert open_run(torn, "tick").attrs["record"].startswith("incomplete: 100 of ")
     assert open_run(sound, "tick").attrs["record"] == "complete"
     assert open_run(torn, "tick").attrs["status"] == "complete"
@@ -86,7 +86,7 @@ def test_a_damaged_chunk_is_named(sound: Path) -> None:
     )
 
 
-def test_the_means_are_withheld_unless_asked_for(torn: Path) -> None:
+def test_incomplete_rows_have_means_only_with_the_option(torn: Path) -> None:
     assert rig("plot", torn).returncode == 0
     with (torn / "rows.csv").open() as file:
         table = list(csv.DictReader(file))
@@ -100,18 +100,18 @@ def test_the_means_are_withheld_unless_asked_for(torn: Path) -> None:
     ]
     assert (table[2]["power_dc [W]"], table[2]["ticks_missing"]) == ("nan", "100")
     assert (table[2]["samples"], table[2]["ticks_expected"]) == ("300", "400")
-    best = told(rig("show", torn, "--json"))["optima"]
-    assert all(2 not in one["rows"] for one in best)
+    best = json_of(rig("show", torn, "--json"))["optima"]
+    assert all(2 not in optimum["rows"] for optimum in best)
     assert rig("plot", torn, "--incomplete-rows").returncode == 0
     with (torn / "rows.csv").open() as file:
         assert float(list(csv.DictReader(file))[2]["power_dc [W]"])
-    assert told(rig("show", torn, "--incomplete-rows", "--json"))["rows_done"] == 6
+    assert json_of(rig("show", torn, "--incomplete-rows", "--json"))["rows_done"] == 6
 
 
-def test_a_comparison_leaves_it_out_and_says_so(torn: Path, sound: Path) -> None:
+def test_a_comparison_leaves_out_an_incomplete_row_and_warns(torn: Path, sound: Path) -> None:
     done = rig("compare", sound, torn)
     assert done.returncode == 0, done.stderr
     assert "torn: row 2 withheld, ticks missing from the record" in done.stderr
-    assert len(told(rig("compare", sound, torn, "--json"))["pairs"]) == 5
-    asked = rig("compare", sound, torn, "--incomplete-rows", "--json")
-    assert len(told(asked)["pairs"]) == 6
+    assert len(json_of(rig("compare", sound, torn, "--json"))["pairs"]) == 5
+    with_incomplete = rig("compare", sound, torn, "--incomplete-rows", "--json")
+    assert len(json_of(with_incomplete)["pairs"]) == 6

@@ -1,4 +1,4 @@
-"""What `rig run` says without a terminal, of flags, of a killed process and of a full disk."""
+"""Output of `rig run` without a terminal, and of flags, a killed process and a full disk."""
 
 import errno
 import json
@@ -13,7 +13,7 @@ import pytest
 from rig.analysis import summary
 from rig.cli import command_error
 from rig.cli.progress import Progress
-from rig.cli.run_end import in_words
+from rig.cli.run_end import row_as_json
 from rig.host import disk
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
@@ -30,7 +30,7 @@ def test_flags_of_every_axis_are_named() -> None:
         "surge.warned": int(Warned.POSITION),
         "unlimited": 3,
     }
-    assert in_words(row) == {
+    assert row_as_json(row) == {
         "heave.command.limited": ["SLEW"],
         "surge.command.limited": ["SLEW", "MODE"],
         "command.limited": ["CURRENT_RMS"],
@@ -40,9 +40,9 @@ def test_flags_of_every_axis_are_named() -> None:
     }
 
 
-def seen(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:
-    """A row of the plan as the panel gets it, with so much power at each station."""
-    told: dict[str, Any] = {
+def snapshot_of(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:
+    """Return a snapshot in a row of the plan, with mechanical power ``watts``."""
+    fields: dict[str, Any] = {
         "time": 1.0,
         "plan.row": row,
         "plan.phase": int(phase),
@@ -54,13 +54,13 @@ def seen(row: int, phase: Phase, samples: int, watts: float) -> Snapshot:
         "power.mean_ac": watts / 2.0,
         "power.mean_dc": watts / 4.0,
     }
-    return Snapshot(told, 0, 0, "")
+    return Snapshot(fields, 0, 0, "")
 
 
-def test_a_line_tells_the_power_of_the_row_before(
+def test_a_line_shows_the_power_of_the_previous_row(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Lines come where a row begins, when nothing is measured yet: they are to tell power too."""
+    """A line comes at the start of a row, before its measurement, and must show a power, too."""
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
     setting = SimpleNamespace(kp=-2000.0, ki=0.0, spring_rate=490.9)
@@ -71,26 +71,28 @@ def test_a_line_tells_the_power_of_the_row_before(
         SimpleNamespace(rows=rows, duration=60.0, wave_seconds=50.0),
         quiet=False,
     )
-    view._drawn = False
-    said = []
-    for what in (
-        seen(0, Phase.SETTLE, 0, 0.0),
-        seen(0, Phase.MEASURE, 4000, -84.0),
-        seen(1, Phase.SETTLE, 0, 0.0),
-        seen(1, Phase.MEASURE, 10, -60.0),
+    view._live_display = False
+    lines = []
+    for snapshot in (
+        snapshot_of(0, Phase.SETTLE, 0, 0.0),
+        snapshot_of(0, Phase.MEASURE, 4000, -84.0),
+        snapshot_of(1, Phase.SETTLE, 0, 0.0),
+        snapshot_of(1, Phase.MEASURE, 10, -60.0),
     ):
         now[0] += 15.0
-        view(what)
-        said.append(capsys.readouterr().err)
-    assert "not measuring" in said[0]
-    assert "so far   -84.00 W mechanical" in said[1]
-    assert "row 0 when last seen   -84.00 W mechanical     -42.00 W AC     -21.00 W DC" in said[2]
-    assert "so far   -60.00 W mechanical" in said[3]
-    assert "last seen" not in said[3]
+        view(snapshot)
+        lines.append(capsys.readouterr().err)
+    assert "not measuring" in lines[0]
+    assert "so far   -84.00 W mechanical" in lines[1]
+    assert "row 0 when last seen   -84.00 W mechanical     -42.00 W AC     -21.00 W DC" in lines[2]
+    assert "so far   -60.00 W mechanical" in lines[3]
+    assert "last seen" not in lines[3]
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
-def test_a_child_ended_by_a_signal_says_which(tmp_path: Path, number: signal.Signals) -> None:
+def test_the_last_message_names_the_signal_that_ended_a_child(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     (tmp_path / "asleep.py").write_text("import time\ntime.sleep(60.0)\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(tmp_path))
@@ -100,7 +102,7 @@ def test_a_child_ended_by_a_signal_says_which(tmp_path: Path, number: signal.Sig
     assert child.last_message() == f"killed by {number.name}"
 
 
-def test_a_child_that_failed_silently_says_its_code(tmp_path: Path) -> None:
+def test_the_last_message_of_a_silent_child_is_its_exit_code(tmp_path: Path) -> None:
     (tmp_path / "failing.py").write_text("raise SystemExit(7)\n")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(tmp_path))
@@ -112,17 +114,17 @@ def test_a_child_that_failed_silently_says_its_code(tmp_path: Path) -> None:
 def test_a_full_disk_leaves_no_half_of_a_summary(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    written = Path.write_text
+    write_text = Path.write_text
 
-    def full(path: Path, text: str, **how: Any) -> int:
+    def write_to_full_disk(path: Path, text: str, **options: Any) -> int:
         if "summary.json" not in path.name:
-            return written(path, text, **how)
-        written(path, text[: len(text) // 2], **how)
+            return write_text(path, text, **options)
+        write_text(path, text[: len(text) // 2], **options)
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_text", full)
-    monkeypatch.setattr(summary, "as_text", lambda told: "in words\n")
-    monkeypatch.setattr(summary, "as_json", lambda told: {"status": "complete"})
+    monkeypatch.setattr(Path, "write_text", write_to_full_disk)
+    monkeypatch.setattr(summary, "as_text", lambda result: "a summary\n")
+    monkeypatch.setattr(summary, "as_json", lambda result: {"status": "complete"})
     (tmp_path / "summary.json").write_bytes(b'{"status": "before"}')
     with pytest.raises(OSError, match="No space left"):
         summary.write_texts(None, tmp_path)  # type: ignore[arg-type]
@@ -130,18 +132,18 @@ def test_a_full_disk_leaves_no_half_of_a_summary(
     assert json.loads((tmp_path / "summary.json").read_bytes()) == {"status": "before"}
 
 
-def test_a_full_disk_is_told_without_a_number() -> None:
-    """A write names no file in its error, as opening one does."""
+def test_the_text_of_a_full_disk_has_no_error_number() -> None:
+    """The error of a write names no file, unlike that of opening one."""
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    assert command_error.in_words(full) == "No space left on device"
+    assert command_error.error_text(full) == "No space left on device"
 
 
-def test_a_disk_too_small_for_the_run_is_told_before_it(
+def test_a_too_small_disk_gives_a_warning_before_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A run's rows are counted as if nothing of them could be compressed."""
+    """The estimate assumes that rows cannot be compressed."""
     need = 1000 * disk.row_bytes()  # 10 s at 100 Hz
     monkeypatch.setattr("os.statvfs", lambda place: SimpleNamespace(f_bavail=need, f_frsize=1))
-    assert disk.shortage(tmp_path / "not" / "yet", 10.0, 100.0) == ""
-    said = disk.shortage(tmp_path / "not" / "yet", 10.01, 100.0)
-    assert said.startswith(f"{1e-6 * need:.1f} MB free in {tmp_path}; this run may write up to")
+    assert disk.space_shortage(tmp_path / "not" / "yet", 10.0, 100.0) == ""
+    warning = disk.space_shortage(tmp_path / "not" / "yet", 10.01, 100.0)
+    assert warning.startswith(f"{1e-6 * need:.1f} MB free in {tmp_path}; this run may write up to")

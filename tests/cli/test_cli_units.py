@@ -1,4 +1,4 @@
-"""Parts of the commands that need no run: finding one, words, progress lines, endings."""
+"""Parts of the commands that need no run: lookup of runs, messages, progress lines, endings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from rig import cli
-from rig.cli.command_error import in_words
+from rig.cli.command_error import error_text
 from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
@@ -33,7 +33,7 @@ REFUSED = "the host did not grant what the rig file requires"
 
 
 def folder_of(runs: Path, name: str, **status: object) -> Path:
-    """A run's folder with its texts and no record."""
+    """Make a run's folder with its JSON files and no record."""
     folder = runs / name
     folder.mkdir(parents=True)
     (folder / "run.json").write_text(json.dumps(status))
@@ -87,8 +87,8 @@ def test_a_narrow_list_keeps_the_run_whole(
     assert reason in "".join(line[at:].split()[0] for line in lines[1:] if line[at:].strip())
 
 
-def test_an_interrupt_that_nobody_takes_ends_with_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While a campaign is checked, say; a run heeds it itself."""
+def test_an_unhandled_interrupt_ends_with_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For example during the check of a campaign; a run handles interrupts itself."""
 
     def interrupted(*_: object, **__: object) -> int:
         raise KeyboardInterrupt
@@ -98,7 +98,7 @@ def test_an_interrupt_that_nobody_takes_ends_with_a_word(monkeypatch: pytest.Mon
     assert (done.exit_code, done.stderr) == (cli.STOPPED, "\nrig check: interrupted\n")
 
 
-def test_an_interrupt_while_loading_ends_with_a_word(
+def test_an_interrupt_during_the_import_ends_with_a_message(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     class Interrupting:
@@ -119,30 +119,30 @@ def snapshot(**fields: float) -> Snapshot:
     return Snapshot(row | {"timing.skipped": 3, "power.samples": 0} | fields, 2, 0, "")
 
 
-def test_lines_tell_time_left_losses_and_each_notice_once(
+def test_lines_show_time_left_losses_and_each_notice_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     now = [1000.0]
     monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     plan: Any = SimpleNamespace(duration=120.0, rows=[None] * 4)
     view = Progress("title", "rehearsal", plan, quiet=False)
-    view._drawn = False
+    view._live_display = False
     now[0] += 15.0
     view(snapshot())
-    said = capsys.readouterr().err
+    line = capsys.readouterr().err
     for part in ("0:30 of 2:00", "0:45 left", "3 ticks skipped", "2 rows dropped"):
-        assert part in said
-    # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator was there.
+        assert part in line
+    # 100 s of waves were planned from 20 s on; they began 9 s later, when the stator had arrived.
     plan.wave_seconds = 100.0
     now[0] += 15.0
     view(snapshot(**{"time": 60.0, "plan.wave_clock": 31.0}))
     assert "1:00 of 2:09" in capsys.readouterr().err
-    now[0] += 15.0  # the stop at the end of the plan takes a moment more than was planned
+    now[0] += 15.0  # the stop at the end of the plan takes slightly longer than planned
     over = {"plan.phase": float(Phase.DONE), "safety.reason": float(Reason.PLAN_END)}
     view(snapshot(**{"time": 129.6, "plan.wave_clock": 100.6} | over))
-    said = capsys.readouterr().err
-    assert "2:10 of 2:10 rig time, 0:00 left" in said
-    assert "row all 4 walked" in said
+    line = capsys.readouterr().err
+    assert "2:10 of 2:10 rig time, 0:00 left" in line
+    assert "row all 4 done" in line
     view.notice = "stopping"
     for _ in range(3):
         view(snapshot())
@@ -153,41 +153,41 @@ def test_lines_tell_time_left_losses_and_each_notice_once(
 
 
 @pytest.mark.parametrize(
-    ("phase", "clock", "said"),
+    ("phase", "clock", "expected"),
     [
         (Phase.LEAD_IN, 45.2, "building up, 0:45 of 2:00"),
         (Phase.MEASURE, 320.0, "measuring the probes, 3:20 of 20:00"),
         (Phase.DONE, -1.0, "done"),
     ],
 )
-def test_waves_alone_have_no_row_to_show(
+def test_a_run_without_the_device_shows_waves_instead_of_rows(
     phase: Phase,
     clock: float,
-    said: str,
+    expected: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Without the device: how long of what, and what the probes see; no row, motion or power."""
+    """The display has phase, time and probe levels, but no row, motion or power."""
     now = [1000.0]
     monkeypatch.setattr("rig.cli.run_panel.time.monotonic", lambda: now[0])
     phases = SimpleNamespace(lead_in=120.0, measure=1200.0)
     plan: Any = SimpleNamespace(duration=1320.0, wave_seconds=1320.0, rows=(), phases=phases)
     view = Progress("title", "rehearsal", plan, quiet=False)
-    view._drawn = False
+    view._live_display = False
     now[0] += 15.0
-    seen = snapshot(
+    probes = snapshot(
         **{"plan.phase": float(phase), "plan.wave_clock": clock, "safety.mode": 0.0},
         **{"safety.reason": 0.0, "probes.probe_1": 0.0123, "probes.probe_2": -0.1},
         **{"probes.probe_3": 0.0},
     )
-    view(seen)
+    view(probes)
     line = capsys.readouterr().err
     console = Console(width=100)
     with console.capture() as panel:
-        console.print(view._panel(seen))
+        console.print(view._panel(probes))
     for text in (line, panel.get()):
         assert "waves" in text
-        assert f"without the device   {said}" in text
+        assert f"without the device   {expected}" in text
         assert "1:  +12.3 mm   2: -100.0 mm   3:   +0.0 mm" in text
         assert "row -" not in text
         assert "not measuring" not in text
@@ -196,25 +196,25 @@ def test_waves_alone_have_no_row_to_show(
 def play(
     monkeypatch: pytest.MonkeyPatch, folder: Path, outcome: Outcome, *, as_json: bool = False
 ) -> int:
-    """`rig run` of a good campaign whose run ends like this."""
+    """Return the exit code of `rig run` for a valid campaign whose run has this outcome."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
     monkeypatch.setattr(run_command, "carry_out", lambda *a, **k: Ended(folder, outcome, ""))
     code: int = run_command.main(
-        campaign, folder.parent, run_command.Wanted(None, False, False), as_json=as_json
+        campaign, folder.parent, run_command.RunOptions(None, False, False), as_json=as_json
     )
     return code
 
 
-def test_a_refused_run_has_its_own_words_and_no_products(
+def test_a_refused_run_prints_its_reason_and_has_no_products(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = folder_of(tmp_path, "refused")
     before = sorted(folder.iterdir())
     outcome = Outcome("refused", REFUSED, 0, 0, 0, 0, 0, {})
     assert play(monkeypatch, folder, outcome) == cli.FAILED
-    said = capsys.readouterr()
-    assert f"Refused: {REFUSED}." in said.err
-    assert "no products" not in said.out + said.err
+    output = capsys.readouterr()
+    assert f"Refused: {REFUSED}." in output.err
+    assert "no products" not in output.out + output.err
     assert sorted(folder.iterdir()) == before
     assert play(monkeypatch, folder, outcome, as_json=True) == cli.FAILED
     assert json.loads(capsys.readouterr().out)["products"] == []
@@ -237,42 +237,44 @@ def test_json_of_a_run_has_names_for_its_codes(
     row: dict[str, float | int] = {
         "plan.phase": int(Phase.LEAD_IN),
         "safety.mode": int(Mode.STOP_1),
-        "safety.reason": 1000,  # not known here: as it is
+        "safety.reason": 1000,  # an unknown code stays a number
         "heave.command.limited": int(Limited.CURRENT_PEAK | Limited.MODE),
         "heave.warned": 0,
     }
     outcome = Outcome("fault", "POSITION", 0, 0, 0, 0, 0, row)
     assert play(monkeypatch, folder_of(tmp_path, "x"), outcome, as_json=True) == cli.FAULT
-    said = json.loads(capsys.readouterr().out)
-    assert said["last_row"] == {
+    report = json.loads(capsys.readouterr().out)
+    assert report["last_row"] == {
         "plan.phase": "LEAD_IN",
         "safety.mode": "STOP_1",
         "safety.reason": 1000,
         "heave.command.limited": ["CURRENT_PEAK", "MODE"],
         "heave.warned": [],
     }
-    assert said["optima"] == []
+    assert report["optima"] == []
 
 
-def test_warnings_come_before_a_run_and_not_all_of_them(capsys: pytest.CaptureFixture[str]) -> None:
-    told = tuple(Problem("a.yaml", line, "", None, "a stop is near") for line in range(1, 8))
-    run_command._warn(told, Path("a.yaml"))
+def test_a_run_prints_only_the_first_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+    warnings = tuple(Problem("a.yaml", line, "", None, "a stop is near") for line in range(1, 8))
+    run_command._print_warnings(warnings, Path("a.yaml"))
     *lines, last = capsys.readouterr().err.splitlines()
     assert lines == [f"warning: a.yaml:{line}: a stop is near" for line in range(1, 6)]
-    assert last == "and 2 more warnings; rig check a.yaml says all"
-    run_command._warn((), Path("a.yaml"))
+    assert last == "and 2 more warnings; rig check a.yaml lists all"
+    run_command._print_warnings((), Path("a.yaml"))
     assert capsys.readouterr().err == ""
 
 
-def test_a_file_is_no_folder_of_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_as_folder_of_runs_is_an_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = tmp_path / "x"
     file.touch()
     assert list_command(file, as_json=False) == cli.BAD_INPUT
     assert capsys.readouterr().err == f"rig runs: {file}: not a folder\n"
 
 
-def test_an_error_of_the_system_is_told_without_its_number() -> None:
-    told = in_words(FileNotFoundError(2, "No such file or directory", "runs/x.png"))
-    assert told == "runs/x.png: No such file or directory"
-    assert in_words(OSError("disk full; --output writes to another disk")).startswith("disk full")
-    assert in_words(KeyError("no field 'x'")) == "no field 'x'"
+def test_the_text_of_a_system_error_has_no_number() -> None:
+    text = error_text(FileNotFoundError(2, "No such file or directory", "runs/x.png"))
+    assert text == "runs/x.png: No such file or directory"
+    assert error_text(OSError("disk full; --output writes to another disk")).startswith("disk full")
+    assert error_text(KeyError("no field 'x'")) == "no field 'x'"

@@ -1,4 +1,4 @@
-"""`rig sim`, `rig devices` and `rig scan` against each other, on ports and a pty of their own."""
+"""`rig devices` and `rig scan` against the devices of `rig sim`, on free ports and a pty."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from wired_rig import CONFIGS, Ports, ended, free_ports, ready, rig, rig_file, r
 
 from rig.cli import BAD_INPUT, FAILED, OK, STOPPED
 from rig.cli.devices import main as devices
-from rig.cli.devices_view import drawn
-from rig.cli.scan_commands import Serial, scan_can, scan_modbus
+from rig.cli.devices_view import render
+from rig.cli.scan_commands import SerialLine, scan_can, scan_modbus
 from rig.config import RigFile, load
 from rig.execution.hardware.job import job_of
 from rig.execution.hardware.survey import survey
@@ -34,26 +34,26 @@ class Sim(NamedTuple):
     folder: Path
     ports: Ports
     path: Path  # rig file
-    told: dict[str, Any]
+    message: dict[str, Any]  # of `rig sim` when ready
 
 
 @pytest.fixture(scope="module")
 def sim(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Sim]:
-    """Emulated devices for all tests of this file; nobody writes to them."""
+    """Emulated devices for all tests of this file; no test writes to them."""
     folder, ports = tmp_path_factory.mktemp("wires"), free_ports()
     path = rig_file(folder, ports)
-    with running(path) as told:
-        yield Sim(folder, ports, path, told)
+    with running(path) as message:
+        yield Sim(folder, ports, path, message)
 
 
-def looked(path: Path, capsys: pytest.CaptureFixture[str], **how: bool) -> tuple[int, Any]:
-    code = devices(path, **{"only_listen": False, "objects": False, "as_json": True, **how})
+def survey_of(path: Path, capsys: pytest.CaptureFixture[str], **options: bool) -> tuple[int, Any]:
+    code = devices(path, **{"only_listen": False, "objects": False, "as_json": True, **options})
     return code, json.loads(capsys.readouterr().out)
 
 
-def test_sim_tells_every_address_and_what_hangs_there(sim: Sim) -> None:
-    assert (sim.told["status"], sim.told["sea"]) == ("ready", "calm water")
-    found = {(one["address"], one["number"], one["name"]) for one in sim.told["devices"]}
+def test_sim_lists_every_device_and_its_address(sim: Sim) -> None:
+    assert (sim.message["status"], sim.message["sea"]) == ("ready", "calm water")
+    found = {(each["address"], each["number"], each["name"]) for each in sim.message["devices"]}
     bus, amplifiers = f"127.0.0.1:{sim.ports.can}", str(sim.folder / "amplifiers")
     assert found == {
         (bus, 5, "heave"), (bus, 6, "surge"), (bus, 9, "stator"),
@@ -63,65 +63,65 @@ def test_sim_tells_every_address_and_what_hangs_there(sim: Sim) -> None:
     }  # fmt: skip
 
 
-def test_a_second_sim_is_refused_and_names_what_is_taken(sim: Sim) -> None:
+def test_a_second_sim_is_refused_and_names_the_addresses_in_use(sim: Sim) -> None:
     second = rig("sim", sim.path, "--json")
     out, _ = second.communicate(timeout=120)
     assert second.returncode == FAILED
-    said = json.loads(out)["message"]
+    message = json.loads(out)["message"]
     for name in ("CAN: ", "line analyser: ", "line io: ", "line amplifiers: "):
-        assert name in said
+        assert name in message
     for address in (*map(str, sim.ports), str(sim.folder / "amplifiers")):
-        assert address in said
-    assert (sim.folder / "amplifiers").exists()  # the first one's is left alone
+        assert address in message
+    assert (sim.folder / "amplifiers").exists()  # that of the first sim
 
 
 def test_all_devices_answer_and_agree(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
-    code, told = looked(sim.path, capsys)
-    assert (code, told["trouble"]) == (OK, [])
-    nodes = {node["name"]: node for node in told["can"]["nodes"]}
+    code, report = survey_of(sim.path, capsys)
+    assert (code, report["trouble"]) == (OK, [])
+    nodes = {node["name"]: node for node in report["can"]["nodes"]}
     assert all(node["answers"] and node["wrong"] == [] for node in nodes.values())
     assert nodes["stator"]["identity"]["vendor"] == 0x26C
     assert nodes["heave"]["identity"]["name"] == "Torque drive, AMC scaling"
-    assert nodes["heave"]["status_words"].startswith("0x0270 switch on disabled")
-    assert "heartbeat_producer" in [one["name"] for one in nodes["heave"]["unset"]]
-    assert nodes["heave"]["nmt"] is None  # it sends no heartbeat before a run told it to
-    units = {unit["name"]: unit for line in told["lines"] for unit in line["units"]}
+    assert nodes["heave"]["status_text"].startswith("0x0270 switch on disabled")
+    assert "heartbeat_producer" in [entry["name"] for entry in nodes["heave"]["unset"]]
+    assert nodes["heave"]["nmt"] is None  # it sends no heartbeat before a run enables it
+    units = {unit["name"]: unit for line in report["lines"] for unit in line["units"]}
     (voltage,) = [v for v in units["analyser"]["values"] if v["name"] == "bus_voltage"]
-    assert (voltage["unit"], voltage["believed"]) == ("V", True)
+    assert (voltage["unit"], voltage["plausible"]) == ("V", True)
     assert voltage["value"] == pytest.approx(150.0, abs=5.0)
     assert units["probes"]["answers"]
     assert units["probes"]["age"] < 30.0
-    assert units["outputs"]["told"]
+    assert units["outputs"]["written_by_run"]
     assert units["outputs"]["values"] == []
-    assert looked(sim.path, capsys)[1]["can"]["nodes"][0]["unset"] == nodes["heave"]["unset"]
+    assert survey_of(sim.path, capsys)[1]["can"]["nodes"][0]["unset"] == nodes["heave"]["unset"]
 
 
-def test_looking_only_reads(sim: Sim) -> None:
-    """Whatever goes over the bus meanwhile is a question, never NMT, SYNC, command or download."""
+def test_a_survey_only_reads(sim: Sim) -> None:
+    """The survey sends only SDO uploads: no NMT, SYNC, command or download."""
     bus = can.Bus(interface="socketcand", channel="can0", host="127.0.0.1", port=sim.ports.can)
     seen: list[can.Message] = []
     try:
         job = job_of(load(sim.path, RigFile)[0])
-        looking = threading.Thread(target=survey, args=(job,))
-        looking.start()
-        while looking.is_alive() or (seen and time.time() - seen[-1].timestamp < 0.2):
+        thread = threading.Thread(target=survey, args=(job,))
+        thread.start()
+        while thread.is_alive() or (seen and time.time() - seen[-1].timestamp < 0.2):
             message = bus.recv(0.2)
             seen += [message] if message is not None else []
-            if message is None and not looking.is_alive():
+            if message is None and not thread.is_alive():
                 break
     finally:
         bus.shutdown()
-    asked = [one for one in seen if 0x600 < one.arbitration_id < 0x680]
-    assert len(asked) > 300
-    assert {one.data[0] >> 5 for one in asked} <= {2, 3}  # initiate upload, upload segment
-    assert {one.arbitration_id & 0x780 for one in seen} == {0x580, 0x600}
+    requests = [message for message in seen if 0x600 < message.arbitration_id < 0x680]
+    assert len(requests) > 300
+    assert {request.data[0] >> 5 for request in requests} <= {2, 3}  # upload: initiate, segment
+    assert {message.arbitration_id & 0x780 for message in seen} == {0x580, 0x600}
 
 
-def test_what_is_drawn_is_never_cut(sim: Sim) -> None:
+def test_no_text_of_the_view_is_cut(sim: Sim) -> None:
     found = survey(job_of(load(sim.path, RigFile)[0]))
     for width in (100, 80, 140):
         console = Console(width=width, record=True, file=sys.stderr)
-        console.print(drawn("Wires of a test", found, every_object=True))
+        console.print(render("Wires of a test", found, all_objects=True))
         text = console.export_text()
         assert "…" not in text
         assert max(map(len, text.splitlines())) <= width
@@ -139,7 +139,7 @@ def lines_of(sim: Sim) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "expected"),
     [
         ({"surge": {"node": 7}}, "surge (node 7) does not answer"),
         ({"heave": {"objects": {"encoder_increments": 4096}}}, "encoder_increments: wanted 4096"),
@@ -149,24 +149,28 @@ def lines_of(sim: Sim) -> dict[str, Any]:
         ({"lines": {"amplifiers": {"port": "/dev/no-adapter"}}}, "/dev/no-adapter: is not there"),
     ],
 )
-def test_what_does_not_agree_is_named(
-    changed: dict[str, Any], said: str, sim: Sim, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_disagreement_with_the_rig_file_is_named(
+    changed: dict[str, Any],
+    expected: str,
+    sim: Sim,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    if "lines" not in changed:  # the rig file is another, its serial line the same
+    if "lines" not in changed:  # another rig file with the same serial line
         changed = {**changed, "lines": lines_of(sim)}
     path = rig_file(tmp_path, sim.ports, **changed)
-    code, told = looked(path, capsys)
+    code, report = survey_of(path, capsys)
     assert code == FAILED
-    (trouble,) = told["trouble"]
-    assert said in trouble
+    (trouble,) = report["trouble"]
+    assert expected in trouble
     if "surge" in changed:
-        assert told["can"]["strangers"] == [6]
+        assert report["can"]["unlisted_nodes"] == [6]
 
 
-def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, told = looked(rig_file(tmp_path, free_ports()), capsys)
+def test_a_survey_without_devices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, report = survey_of(rig_file(tmp_path, free_ports()), capsys)
     assert code == FAILED
-    assert [text.partition(":")[0].split(" at ")[0] for text in told["trouble"]] == [
+    assert [text.partition(":")[0].split(" at ")[0] for text in report["trouble"]] == [
         "CAN", "line analyser", "line amplifiers", "line io",
     ]  # fmt: skip
     assert devices(tmp_path / "rig.yaml", only_listen=False, objects=False, as_json=False) == FAILED
@@ -174,36 +178,36 @@ def test_nobody_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_a_run_is_not_disturbed(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
-    """Whoever would send on one of its wires is refused, and told by whom."""
+    """Every command that would send on a wire of the run is refused, and names the run."""
     port = str(sim.folder / "amplifiers")
-    lines = ((f"localhost:{sim.ports.io}", None), (None, Serial(port, 115200, "N", 1)))
+    lines = ((f"localhost:{sim.ports.io}", None), (None, SerialLine(port, 115200, "N", 1)))
     bus = ("socketcand", "can0", 1_000_000, ["host=127.0.0.1", f"port={sim.ports.can}"])
     with hold(wires_of(load(sim.path, RigFile)[0]), "campaign of somebody"):
-        code, told = looked(sim.path, capsys)
+        code, report = survey_of(sim.path, capsys)
         assert code == FAILED
-        assert "campaign of somebody" in told["message"]
-        assert "line analyser" in told["message"]
+        assert "campaign of somebody" in report["message"]
+        assert "line analyser" in report["message"]
         for line in lines:
             assert scan_modbus(*line, (1, 2), 0.1, 0, as_json=True) == FAILED
             assert "campaign of somebody" in json.loads(capsys.readouterr().out)["message"]
-        assert scan_can(*bus, patience=0.1, only_listen=False, as_json=True) == FAILED
+        assert scan_can(*bus, timeout=0.1, only_listen=False, as_json=True) == FAILED
         assert "--listen" in json.loads(capsys.readouterr().out)["message"]
-    assert looked(sim.path, capsys)[0] == OK  # all is free again
+    assert survey_of(sim.path, capsys)[0] == OK  # all wires are free again
 
 
 def test_listening_sends_nothing(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
-    """Beside whoever has the wires; emulated nodes that no run has set up say nothing."""
+    """It works while a run holds the wires; emulated nodes send nothing before their setup."""
     bus = can.Bus(interface="socketcand", channel="can0", host="127.0.0.1", port=sim.ports.can)
     try:
-        while bus.recv(0.2) is not None:  # the nodes have just booted
+        while bus.recv(0.2) is not None:  # boot-up messages of the nodes
             pass
         with hold(wires_of(load(sim.path, RigFile)[0]), "campaign of somebody"):
-            code, told = looked(sim.path, capsys, only_listen=True)
+            code, report = survey_of(sim.path, capsys, only_listen=True)
             assert code == FAILED
-            assert told["listened_only"]
-            assert told["trouble"][0] == "heave (node 5) sends nothing"
+            assert report["listened_only"]
+            assert report["trouble"][0] == "heave (node 5) sends nothing"
             where = ("socketcand", "can0", 1_000_000, ["host=127.0.0.1", f"port={sim.ports.can}"])
-            assert scan_can(*where, patience=0.2, only_listen=True, as_json=True) == FAILED
+            assert scan_can(*where, timeout=0.2, only_listen=True, as_json=True) == FAILED
             assert json.loads(capsys.readouterr().out)["heard"] == []
         assert bus.recv(0.2) is None
     finally:
@@ -213,27 +217,27 @@ def test_listening_sends_nothing(sim: Sim, capsys: pytest.CaptureFixture[str]) -
 def test_scan_finds_the_nodes(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
     options = ["host=127.0.0.1", f"port={sim.ports.can}"]
     where = ("socketcand", "can0", 1_000_000, options)
-    assert scan_can(*where, patience=0.5, only_listen=False, as_json=True) == OK
+    assert scan_can(*where, timeout=0.5, only_listen=False, as_json=True) == OK
     nodes = json.loads(capsys.readouterr().out)["nodes"]
-    assert [(one["node"], one["device_type"] & 0xFFFF) for one in nodes] == [
+    assert [(node["node"], node["device_type"] & 0xFFFF) for node in nodes] == [
         (5, 402), (6, 402), (9, 402),
     ]  # fmt: skip
-    assert scan_can(*where, patience=0.5, only_listen=False, as_json=False) == OK
+    assert scan_can(*where, timeout=0.5, only_listen=False, as_json=False) == OK
     assert "0x0000026c" in capsys.readouterr().out
 
 
 def test_scan_finds_the_units(sim: Sim, capsys: pytest.CaptureFixture[str]) -> None:
     lines = (
         (f"127.0.0.1:{sim.ports.analyser}", None, [1]),
-        (None, Serial(str(sim.folder / "amplifiers"), 115_200, "N", 1), [1, 2]),
+        (None, SerialLine(str(sim.folder / "amplifiers"), 115_200, "N", 1), [1, 2]),
     )
     for address, serial, units in lines:
-        asked = (address, serial, (1, 4), 0.5, 0)
-        assert scan_modbus(*asked, as_json=True) == OK
-        told = json.loads(capsys.readouterr().out)
-        assert [one["unit"] for one in told["units"]] == units
-        assert (told["asked"], told["every_number_answers"]) == ([1, 2, 3, 4], False)
-        assert scan_modbus(*asked, as_json=False) == OK
+        scan_options = (address, serial, (1, 4), 0.5, 0)
+        assert scan_modbus(*scan_options, as_json=True) == OK
+        report = json.loads(capsys.readouterr().out)
+        assert [unit["unit"] for unit in report["units"]] == units
+        assert (report["queried"], report["every_number_answers"]) == ([1, 2, 3, 4], False)
+        assert scan_modbus(*scan_options, as_json=False) == OK
         assert f"{len(units)} of 4 units answer" in capsys.readouterr().out
 
 
@@ -243,60 +247,61 @@ def test_scan_finds_the_units(sim: Sim, capsys: pytest.CaptureFixture[str]) -> N
         ("127.0.0.1:0", None, (1, 2)),
         ("127.0.0.1:many", None, (1, 2)),
         (None, None, (1, 2)),
-        ("127.0.0.1:502", Serial("x", 9600, "N", 1), (1, 2)),
+        ("127.0.0.1:502", SerialLine("x", 9600, "N", 1), (1, 2)),
         ("127.0.0.1:502", None, (9, 2)),
     ],
 )
-def test_scan_is_asked_for_nonsense(
-    address: str | None, serial: Serial | None, span: tuple[int, int]
+def test_invalid_scan_options_are_bad_input(
+    address: str | None, serial: SerialLine | None, span: tuple[int, int]
 ) -> None:
     assert scan_modbus(address, serial, span, 0.1, 0, as_json=True) == BAD_INPUT
 
 
-def test_scan_of_wires_that_are_not_there(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_scan_of_a_missing_wire_fails(capsys: pytest.CaptureFixture[str]) -> None:
     closed = free_ports().can
     for bus in (
         ("socketcand", "can0", ["host=127.0.0.1", f"port={closed}"]),
-        ("kvaser", "0", []),  # its maker's library is not among ours
+        ("kvaser", "0", []),  # its manufacturer's library is not installed
         ("no_such_interface", "0", []),
     ):
         interface, channel, options = bus
-        asked = (interface, channel, 1_000_000, options)
-        assert scan_can(*asked, patience=0.1, only_listen=False, as_json=True) == FAILED
+        bus_options = (interface, channel, 1_000_000, options)
+        assert scan_can(*bus_options, timeout=0.1, only_listen=False, as_json=True) == FAILED
         assert f"CAN bus {interface} {channel}: " in json.loads(capsys.readouterr().out)["message"]
     bad = ("socketcand", "can0", 1_000_000, ["port"])
-    assert scan_can(*bad, patience=0.1, only_listen=False, as_json=True) == BAD_INPUT
+    assert scan_can(*bad, timeout=0.1, only_listen=False, as_json=True) == BAD_INPUT
     capsys.readouterr()
     for address, serial in (
         (f"127.0.0.1:{closed}", None),
-        (None, Serial("/dev/no-adapter", 9600, "N", 1)),
+        (None, SerialLine("/dev/no-adapter", 9600, "N", 1)),
     ):
         assert scan_modbus(address, serial, (1, 2), 0.1, 0, as_json=True) == FAILED
         assert "unit" not in json.loads(capsys.readouterr().out)["message"]
 
 
-def test_ctrl_c_ends_a_scan_with_what_was_found(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as deaf:
-        address = f"127.0.0.1:{deaf.getsockname()[1]}"
+def test_ctrl_c_ends_a_scan_with_its_results_so_far(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"127.0.0.1:{silent.getsockname()[1]}"
         scanning = rig("scan", "modbus", address, "--timeout", "0.5", "--json")
-        deaf.settimeout(120.0)
-        held = [deaf.accept()[0] for _ in range(4)]  # the first look, and three units
+        silent.settimeout(120.0)
+        connections = [silent.accept()[0] for _ in range(4)]  # the first test, and three units
         code, out, err = ended(scanning)
-        for one in held:
-            one.close()
+        for connection in connections:
+            connection.close()
     assert (code, err) == (STOPPED, "")
-    told = json.loads(out)
-    assert (told["status"], told["units"]) == ("stopped", [])
-    assert 1 <= len(told["asked"]) < 200
+    report = json.loads(out)
+    assert (report["status"], report["units"]) == ("stopped", [])
+    assert 1 <= len(report["queried"]) < 200
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_sim_ends_cleanly(number: signal.Signals, tmp_path: Path) -> None:
     ports = free_ports()
-    words = ["--campaign", CONFIGS / "campaigns" / "quick.yaml"] if number == signal.SIGINT else []
-    process = rig("sim", rig_file(tmp_path, ports), "--json", *words)
-    told = ready(process)
-    assert ("wave trigger" in told["sea"]) == bool(words)
+    campaign = CONFIGS / "campaigns" / "quick.yaml"
+    options = ["--campaign", campaign] if number == signal.SIGINT else []
+    process = rig("sim", rig_file(tmp_path, ports), "--json", *options)
+    message = ready(process)
+    assert ("wave trigger" in message["sea"]) == bool(options)
     assert (tmp_path / "amplifiers").is_symlink()
     assert ended(process, number) == (OK, "", "")
     assert not (tmp_path / "amplifiers").is_symlink()
@@ -305,7 +310,7 @@ def test_sim_ends_cleanly(number: signal.Signals, tmp_path: Path) -> None:
     assert not [path for path in tmp_path.iterdir() if path.name.startswith("rig-sim-")]
 
 
-def test_sim_says_when_its_devices_died(tmp_path: Path) -> None:
+def test_sim_fails_when_its_devices_die(tmp_path: Path) -> None:
     process = rig("sim", rig_file(tmp_path, free_ports()), "--json")
     ready(process)
     (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
@@ -316,7 +321,7 @@ def test_sim_says_when_its_devices_died(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", ["sim", "devices"])
-def test_a_rig_without_wires_is_bad_input(command: str) -> None:
+def test_a_rig_without_wiring_is_bad_input(command: str) -> None:
     done = rig_here(command, CONFIGS / "rigs" / "wavebot.yaml", "--json")
     assert (done.returncode, done.stderr) == (BAD_INPUT, "")
     assert "has no wiring" in json.loads(done.stdout)["message"]

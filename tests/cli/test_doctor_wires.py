@@ -1,4 +1,4 @@
-"""What `rig doctor` says of wires: of made-up hosts, and of what one rig needs."""
+"""Checks of wires by `rig doctor`: on fake hosts, and for one rig."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from doctor_hosts import host, named, quick
+from doctor_hosts import finding_named, make_host, skip_measurements
 from wired_rig import CONFIGS, Ports, free_ports, rig_file
 
 from rig import cli
@@ -26,13 +26,13 @@ USB = "sys__bus__usb-serial__devices"
 
 def test_a_host_without_any_wire(tmp_path: Path) -> None:
     found = wires.findings(Host(tmp_path / "nothing"))
-    noted = {one.what for one in found if one.verdict is Verdict.NOTE}
-    assert noted == {
+    notes = {finding.check for finding in found if finding.verdict is Verdict.NOTE}
+    assert notes == {
         "CAN in the kernel", "CAN interfaces", "vcan", "serial ports", "latency of USB serial",
     }  # fmt: skip
-    assert not [one for one in found if one.forbids]  # nothing is needed before a rig needs it
-    assert "socketcand" in named(found, "python-can backends").numbers["good"]
-    assert named(found, "TCP on loopback").numbers["p50_s"] < 0.1
+    assert not [finding for finding in found if finding.forbids]  # no rig, no requirement
+    assert "socketcand" in finding_named(found, "python-can backends").numbers["good"]
+    assert finding_named(found, "TCP on loopback").numbers["p50_s"] < 0.1
 
 
 def test_can_of_the_kernel(tmp_path: Path) -> None:
@@ -43,10 +43,10 @@ def test_can_of_the_kernel(tmp_path: Path) -> None:
         f"{NET}__can1__type": "280", f"{NET}__can1__flags": "0x40081",
         f"{NET}__eth0__type": "1", f"{NET}__eth0__flags": "0x1003",
     }  # fmt: skip
-    found = wires.findings(host(tmp_path / "a", **shown, **{dep: modules.replace("-", "_")}))
-    assert named(found, "CAN in the kernel").value == "SocketCAN, not loaded yet"
-    assert named(found, "vcan").value == "to be had: `modprobe vcan`"
-    interfaces = named(found, "CAN interfaces")
+    found = wires.findings(make_host(tmp_path / "a", **shown, **{dep: modules.replace("-", "_")}))
+    assert finding_named(found, "CAN in the kernel").value == "SocketCAN, not loaded yet"
+    assert finding_named(found, "vcan").value == "available: `modprobe vcan`"
+    interfaces = finding_named(found, "CAN interfaces")
     assert (interfaces.value, interfaces.verdict) == ("can0 down, can1 up", Verdict.WARNING)
     assert "ip link set can0 up" in interfaces.advice
     shown = {
@@ -54,12 +54,14 @@ def test_can_of_the_kernel(tmp_path: Path) -> None:
         for name, carrier in (("can0", "1\n"), ("can1", "0\n"))
         for file, text in (("type", "280"), ("flags", "0x40081"), ("carrier", carrier))
     }
-    interfaces = named(wires.findings(host(tmp_path / "off", **shown)), "CAN interfaces")
+    interfaces = finding_named(
+        wires.findings(make_host(tmp_path / "off", **shown)), "CAN interfaces"
+    )
     assert interfaces.value == "can0 up, can1 off the bus (bus-off)"
     assert interfaces.verdict is Verdict.WARNING
     assert "`ip link set can1 type can restart`" in interfaces.advice
-    found = wires.findings(host(tmp_path / "b", **{f"{NET}__can0__flags": "rubbish"}))
-    assert named(found, "CAN interfaces").verdict is Verdict.NOTE
+    found = wires.findings(make_host(tmp_path / "b", **{f"{NET}__can0__flags": "rubbish"}))
+    assert finding_named(found, "CAN interfaces").verdict is Verdict.NOTE
 
 
 def test_serial_ports_and_their_latency(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,38 +70,38 @@ def test_serial_ports_and_their_latency(tmp_path: Path, monkeypatch: pytest.Monk
         f"{TTY}__ttyS0__type": "0", f"{TTY}__tty1__type": "", "dev__ttyUSB0": "",
         f"{USB}__ttyUSB0__latency_timer": "16", f"{USB}__ttyUSB1__latency_timer": "1",
     }  # fmt: skip
-    here = host(tmp_path, **shown)
+    here = make_host(tmp_path, **shown)
     found = wires.findings(here)
-    assert named(found, "serial ports").value == "ttyUSB0"
-    latency = named(found, "latency of USB serial")
+    assert finding_named(found, "serial ports").value == "ttyUSB0"
+    latency = finding_named(found, "latency of USB serial")
     assert (latency.value, latency.verdict) == ("ttyUSB0 16 ms, ttyUSB1 1 ms", Verdict.WARNING)
     assert "usb-serial/devices/ttyUSB0/latency_timer" in latency.advice
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # tests may run as root
-    ports = named(wires.findings(here), "serial ports")
+    ports = finding_named(wires.findings(here), "serial ports")
     assert ports.verdict is Verdict.WARNING
     assert "not ttyUSB0 (" in ports.value
     assert "rw" in ports.value
     assert "dialout" in ports.advice
 
 
-def looked(tmp_path: Path, **changed: Any) -> list[Any]:
+def rig_findings(tmp_path: Path, **changed: Any) -> list[Any]:
     rig, _ = load(rig_file(tmp_path, free_ports(), **changed), RigFile)
     return rig_wires.findings(Host(tmp_path / "nothing"), rig)
 
 
 def test_a_rig_on_this_host_waits_for_emulated_devices(tmp_path: Path) -> None:
-    found = looked(tmp_path)
-    assert named(found, "load of the CAN bus").value == "75 %"
-    waiting = [one for one in found if one.verdict is Verdict.WARNING]
-    assert [one.what for one in waiting] == [
+    found = rig_findings(tmp_path)
+    assert finding_named(found, "load of the CAN bus").value == "75 %"
+    waiting = [finding for finding in found if finding.verdict is Verdict.WARNING]
+    assert [finding.check for finding in waiting] == [
         "CAN bus", "line analyser", "line io", "line amplifiers",
     ]  # fmt: skip
-    assert all("rig sim" in one.advice for one in waiting)
-    assert not [one for one in found if one.forbids]
+    assert all("rig sim" in finding.advice for finding in waiting)
+    assert not [finding for finding in found if finding.forbids]
 
 
 @pytest.mark.parametrize(
-    ("changed", "what", "said"),
+    ("changed", "check", "expected"),
     [
         ({"can": {"interface": "socketcan", "channel": "can7"}}, "CAN bus", "no interface can7"),
         ({"can": {"interface": "kvaser"}}, "python-can on kvaser", "canlib"),
@@ -109,48 +111,50 @@ def test_a_rig_on_this_host_waits_for_emulated_devices(tmp_path: Path) -> None:
         ({"lines": {"amplifiers": {"port": "/dev/no-such"}}}, "line amplifiers", "is not there"),
     ],
 )
-def test_what_a_rig_lacks_here(
-    changed: dict[str, Any], what: str, said: str, tmp_path: Path
+def test_a_missing_wire_is_bad(
+    changed: dict[str, Any], check: str, expected: str, tmp_path: Path
 ) -> None:
-    one = named(looked(tmp_path, **changed), what)
-    assert (one.verdict, one.forbids) == (Verdict.BAD, (Use.REALTIME,))
-    assert said in one.value
-    assert one.advice
+    finding = finding_named(rig_findings(tmp_path, **changed), check)
+    assert (finding.verdict, finding.forbids) == (Verdict.BAD, (Use.REALTIME,))
+    assert expected in finding.value
+    assert finding.advice
 
 
-def test_a_rig_that_finds_all_it_needs(tmp_path: Path) -> None:
-    held = [socket.create_server(("127.0.0.1", 0)) for _ in Ports._fields]
+def test_a_rig_with_all_wires_is_good(tmp_path: Path) -> None:
+    servers = [socket.create_server(("127.0.0.1", 0)) for _ in Ports._fields]
     master, slave = os.openpty()
     try:
         (tmp_path / "amplifiers").symlink_to(os.ttyname(slave))
-        ports = Ports(*(one.getsockname()[1] for one in held))
+        ports = Ports(*(server.getsockname()[1] for server in servers))
         rig, _ = load(rig_file(tmp_path, ports), RigFile)
         found = rig_wires.findings(Host(tmp_path / "nothing"), rig)
     finally:
-        for one in held:
-            one.close()
+        for server in servers:
+            server.close()
         os.close(master)
         os.close(slave)
-    assert {one.verdict for one in found} == {Verdict.GOOD}
+    assert {finding.verdict for finding in found} == {Verdict.GOOD}
 
 
 def test_the_command_takes_a_rig(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    quick(monkeypatch)
-    asked = (tmp_path, 1.0, None, 1.0)
+    skip_measurements(monkeypatch)
+    options = (tmp_path, 1.0, None, 1.0)
     path = rig_file(tmp_path, free_ports(), lines={"io": {"host": "no.such.host.invalid"}})
-    assert main(*asked, rehearsal=False, as_json=True, rig=path) == cli.FAILED
-    told = json.loads(capsys.readouterr().out)
-    assert "wires of Wires of a test" in {one["area"] for one in told["findings"]}
-    assert "line io: no.such.host.invalid:" in told["verdict"]
-    assert main(*asked, rehearsal=False, as_json=True, rig=tmp_path / "none") == cli.BAD_INPUT
+    assert main(*options, rehearsal=False, as_json=True, rig=path) == cli.FAILED
+    report = json.loads(capsys.readouterr().out)
+    assert "wires of Wires of a test" in {entry["area"] for entry in report["findings"]}
+    assert "line io: no.such.host.invalid:" in report["verdict"]
+    assert main(*options, rehearsal=False, as_json=True, rig=tmp_path / "none") == cli.BAD_INPUT
     unwired, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
     found = examine(DoctorOptions(tmp_path, 1.0, 1000.0, 1.0, unwired), Host(tmp_path / "nothing"))
-    assert named(found.findings, "wiring").value == "none: it can only be rehearsed"
+    assert finding_named(found.findings, "wiring").value == "none: the rig can only be rehearsed"
 
 
-def test_why_a_port_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reasons_why_a_port_cannot_be_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "pulled").symlink_to(tmp_path / "gone")
     (tmp_path / "file").touch()
     assert wire_check.port_trouble(str(tmp_path / "none")) == "is not there"
@@ -162,7 +166,7 @@ def test_why_a_port_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "expected"),
     [
         ({"can": {"interface": "socketcan"}}, "over socketcand only"),
         ({"can": {"options": {"host": "10.0.0.1"}}}, "CAN: 10.0.0.1 is not"),
@@ -170,24 +174,24 @@ def test_why_a_port_cannot_be_opened(tmp_path: Path, monkeypatch: pytest.MonkeyP
         ({"lines": {"amplifiers": {"port": "/dev/serial/by-id/x"}}}, "not emulated"),
     ],
 )
-def test_emulated_devices_keep_off_the_real_ones(
-    changed: dict[str, Any], said: str, tmp_path: Path
+def test_addresses_outside_this_host_cannot_be_emulated(
+    changed: dict[str, Any], expected: str, tmp_path: Path
 ) -> None:
     rig, _ = load(rig_file(tmp_path, free_ports(), **changed), RigFile)
     assert rig.wiring is not None
-    (why,) = addresses.impossible(rig.wiring)
-    assert said in why
+    (reason,) = addresses.impossible(rig.wiring)
+    assert expected in reason
 
 
-def test_a_serial_path_that_was_left_behind_is_free(tmp_path: Path) -> None:
-    """A killed emulation leaves its link; by then the terminal is gone, or somebody else's."""
+def test_a_stale_serial_link_counts_as_free(tmp_path: Path) -> None:
+    """A killed emulation leaves its link; its terminal no longer exists, or belongs to another."""
     rig, _ = load(rig_file(tmp_path, free_ports()), RigFile)
     assert rig.wiring is not None
     link = tmp_path / "amplifiers"
     master, slave = os.openpty()
     try:
         link.symlink_to(os.ttyname(slave))
-        assert addresses.taken(rig.wiring) == ()  # ours, and we are no emulation
+        assert addresses.taken(rig.wiring) == ()  # of this process, which is no emulation
     finally:
         os.close(master)
         os.close(slave)

@@ -1,4 +1,4 @@
-"""A rig file on free ports of this host, and its emulated devices as `rig sim` starts them."""
+"""A wired rig file on free ports of this host, and its emulated devices, run by `rig sim`."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ class Ports(NamedTuple):
 
 
 def free_ports() -> Ports:
-    """Ports nobody has; another program may still take one before it is used."""
-    held = [socket.create_server(("127.0.0.1", 0)) for _ in Ports._fields]
-    ports = Ports(*(one.getsockname()[1] for one in held))
-    for one in held:
-        one.close()
+    """Return free ports; another program may still take one before the test uses it."""
+    servers = [socket.create_server(("127.0.0.1", 0)) for _ in Ports._fields]
+    ports = Ports(*(server.getsockname()[1] for server in servers))
+    for server in servers:
+        server.close()
     return ports
 
 
 def rig_file(folder: Path, ports: Ports, name: str = "rig", **changed: Any) -> Path:
-    """The WaveBot on wires, elsewhere; ``changed`` is laid over its wiring."""
+    """Write a rig file of the wired WaveBot on these ports; ``changed`` updates its wiring."""
     wiring: dict[str, Any] = {
         "can": {"options": {"host": "127.0.0.1", "port": ports.can, "tcp_tune": True}},
         "lines": {
@@ -58,10 +58,10 @@ def rig_file(folder: Path, ports: Ports, name: str = "rig", **changed: Any) -> P
     return path
 
 
-def rig(*words: str | Path) -> subprocess.Popen[str]:
-    """`rig ...` in a process of its own."""
+def rig(*arguments: str | Path) -> subprocess.Popen[str]:
+    """Start `rig ARGUMENTS` in a process of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", "rig", *map(str, words)],
+        [sys.executable, "-m", "rig", *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -69,26 +69,26 @@ def rig(*words: str | Path) -> subprocess.Popen[str]:
 
 
 def ready(process: subprocess.Popen[str]) -> dict[str, Any]:
-    """What `rig sim --json` says when its devices are there."""
+    """Return the message of `rig sim --json` when its devices are ready."""
     assert process.stdout is not None
     line = process.stdout.readline()
     if not line:
         raise AssertionError(process.communicate()[1])
-    told: dict[str, Any] = json.loads(line)
-    return told
+    message: dict[str, Any] = json.loads(line)
+    return message
 
 
 def ended(process: subprocess.Popen[str], number: int = signal.SIGINT) -> tuple[int, str, str]:
-    """Send it a signal; exit code and what it still said."""
+    """Send a signal to the process; return its exit code, output and errors."""
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
     return process.returncode, out, err
 
 
 @contextmanager
-def running(path: Path, *words: str | Path) -> Iterator[dict[str, Any]]:
-    """`rig sim` of a rig file, from ready to its end."""
-    process = rig("sim", path, "--json", *words)
+def running(path: Path, *arguments: str | Path) -> Iterator[dict[str, Any]]:
+    """Run `rig sim` of a rig file, and yield its message when ready."""
+    process = rig("sim", path, "--json", *arguments)
     try:
         yield ready(process)
     finally:

@@ -17,7 +17,7 @@ from command_here import rig
 from predicting import CONFIGS, STIFF, campaign_file, custom_rig, examined, predicted, rows
 from rich.console import Console
 
-from rig.cli.check_view import View
+from rig.cli.check_view import CheckView
 from rig.design.predictions import RowPredictions
 
 SEA = {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5}
@@ -27,7 +27,7 @@ def shown(path: Path, *, every_row: bool = False, width: int = 100) -> str:
     """The view of a campaign in a terminal of a width."""
     out = io.StringIO()
     console = Console(file=out, width=width, highlight=False)
-    View(every_row=every_row, console=console).show(examined(path))
+    CheckView(every_row=every_row, console=console).show(examined(path))
     return out.getvalue()
 
 

@@ -14,7 +14,7 @@ from benchmarks.start import command
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.rows import POWERS, row_table
-from rig.analysis.windows import windows
+from rig.analysis.windows import read_windows
 from rig.planning.campaign import check_campaign
 from rig.recording.runs import reader
 from rig.sweep.simulation import KEPT, Subject
@@ -48,7 +48,7 @@ def beside(campaign: Path, run: Path) -> Beside:
     assert report.plan is not None
     walk = iter(Subject(report.campaign, report.plan).walk(report.plan))
     rows = numbers = differing = unlike = 0
-    for theirs in windows(reader.source(run), list(KEPT)):
+    for theirs in read_windows(reader.source(run), list(KEPT)):
         ours = next(walk, None)
         rows += 1
         if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):

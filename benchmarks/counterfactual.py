@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
-from rig.analysis.rows import POWERS, reduced
+from rig.analysis.rows import POWERS, reduce_window
 from rig.analysis.windows import Window
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, build_plan, open_campaign
@@ -104,7 +104,7 @@ def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
         subject = subject or Subject(campaign, planned)
         row = planned.rows[0]
         for window in subject.walk(planned, stator=row.stator_position):
-            told = reduced(window, period / planned.dt if period else None)
+            told = reduce_window(window, period / planned.dt if period else None)
             said = {**row.setting._asdict(), "stator": row.stator_position}
             whole = np.array([window.data[name] for name in window.data.dtype.names])
             yield (

@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from scipy.optimize import minimize
 
 from benchmarks.support.result import Figure, Result, figure
-from rig.analysis.rows import COMPLETE, reduced
+from rig.analysis.rows import COMPLETE, reduce_window
 from rig.design.recommend import report
 from rig.design.recommend.recommendation import Recommendation, RecommendOptions, advise
 from rig.design.recommend.trial import Gains
@@ -75,7 +75,7 @@ class Truth:
         point = Point({k: float(v) for k, v in gains._asdict().items()}, self._at)
         planned = build_plan(alone(self.campaign.file, LEAD_IN), self.campaign.rig, (point,))
         for window in self._subject.walk(planned, stator=planned.rows[0].stator_position):
-            row = reduced(window, self._ticks)
+            row = reduce_window(window, self._ticks)
             if row["state"] == COMPLETE:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}
         return nothing

@@ -1,1 +1,1 @@
-"""What a run means: row table, power surfaces, traces, summary."""
+"""Analysis of recorded runs: row table, power surfaces, traces, summary."""

@@ -1,4 +1,4 @@
-"""What a reader of a run's results must know of before believing them."""
+"""Alarms of a run: conditions that may invalidate its results."""
 
 from typing import Any
 
@@ -10,8 +10,8 @@ from rig.analysis.rows import INCOMPLETE, INTERRUPTED
 from rig.recording.runs.folder import Facts
 
 
-def row_list(rows: Any) -> str:
-    """Row ids as short text: ``1-5, 9``."""
+def format_rows(rows: Any) -> str:
+    """Return row ids as short text: ``rows 1-5, 9``."""
     parts: list[list[int]] = []
     for row in sorted(int(r) for r in rows):
         if parts and row == parts[-1][1] + 1:
@@ -24,56 +24,62 @@ def row_list(rows: Any) -> str:
     return ("row " if texts == [str(parts[0][0])] else "rows ") + ", ".join(texts)
 
 
-def _flagged(table: xarray.Dataset, name: str, said: str) -> list[str]:
+def _flag_alarms(table: xarray.Dataset, name: str, template: str) -> list[str]:
     by_flag: dict[str, list[int]] = {}
     for row, text in zip(table["row"].values.tolist(), table[name].values.tolist(), strict=True):
         for flag in text.split():
             by_flag.setdefault(flag, []).append(row)
     return [
-        f"{said.format(flag.lower().replace('_', ' '))} in {row_list(rows)}"
+        f"{template.format(flag.lower().replace('_', ' '))} in {format_rows(rows)}"
         for flag, rows in by_flag.items()
     ]
 
 
-def alarms(table: xarray.Dataset, known: Facts, unfinished: str = "") -> list[str]:
-    """Everything a reader of the results must know of, a sentence each; none if all is well."""
-    found = [unfinished] if unfinished else []
-    dropped = known.timing.get("dropped_rows") or 0
+def alarms(table: xarray.Dataset, run_facts: Facts, unfinished: str = "") -> list[str]:
+    """Return one message for each condition that may invalidate results; empty without any.
+
+    ``unfinished`` is the first message if the record has no proper end.
+    """
+    messages = [unfinished] if unfinished else []
+    dropped = run_facts.timing.get("dropped_rows") or 0
     if dropped:
-        found.append(f"{dropped} log rows were dropped because the disk was too slow")
+        messages.append(f"{dropped} log rows were dropped because the disk was too slow")
     if table.sizes.get("row", 0) == 0:
-        if known.plan.get("device") == "absent":
-            return found
-        return [*found, "no row was measured"]
+        if run_facts.plan.get("device") == "absent":
+            return messages
+        return [*messages, "no row was measured"]
     rows = table["row"].values
-    for axis, called in (("", "mean position"), ("surge_", "mean surge position")):
-        off = np.flatnonzero(table[f"{axis}position_alarm"].values)
-        if len(off) == 0:
+    for axis, name in (("", "mean position"), ("surge_", "mean surge position")):
+        flagged = np.flatnonzero(table[f"{axis}position_alarm"].values)
+        if len(flagged) == 0:
             continue
         means = table[f"{axis}position_mean"].values
-        worst = off[np.argmax(np.abs(means[off]))]
+        worst = flagged[np.argmax(np.abs(means[flagged]))]
         bound = 1e3 * table.attrs["mean_position_alarm_m"]
-        found.append(
-            f"{called} beyond {bound:g} mm in {row_list(rows[off])}: "
-            f"{phrases.signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; "
+        messages.append(
+            f"{name} beyond {bound:g} mm in {format_rows(rows[flagged])}: "
+            f"{phrases.format_signed(1e3 * means[worst], 1)} mm in row {rows[worst]}; "
             "check the encoder zero"
         )
-    found += _flagged(table, "limits", "force limited ({})")
-    found += _flagged(table, "warned", "warning ({})")
+    messages += _flag_alarms(table, "limits", "force limited ({})")
+    messages += _flag_alarms(table, "warned", "warning ({})")
     lost = table["lost_ticks"].values * (table["state"].values != INCOMPLETE)
     if lost.any():
-        found.append(f"{lost.sum()} ticks lost while measuring, in {row_list(rows[lost > 0])}")
-    bare = (table["samples"].values > 0) & (table["tare_samples"].values == 0)
-    if bare.any():
-        found.append(
-            f"no tare was taken before {row_list(rows[bare])}: zeros are the first tick's values"
+        where = format_rows(rows[lost > 0])
+        messages.append(f"{lost.sum()} ticks lost during measurement, in {where}")
+    untared = (table["samples"].values > 0) & (table["tare_samples"].values == 0)
+    if untared.any():
+        where = format_rows(rows[untared])
+        messages.append(
+            f"no tare was taken before {where}: the values of the first tick serve as zeros"
         )
-    again = table["attempt"].values > 0
-    if again.any():
-        found.append(f"started over after a hold: {row_list(rows[again])}")
-    for row in np.flatnonzero(table["state"].values == INCOMPLETE).tolist():
-        why = table["incomplete_reason"].values[row]
-        found.append(f"row {rows[row]} is withheld: {why} (--incomplete-rows shows its means)")
-    for row in np.flatnonzero(table["state"].values == INTERRUPTED).tolist():
-        found.append(f"row {rows[row]} is not whole ({table['incomplete_reason'].values[row]})")
-    return found
+    repeated = table["attempt"].values > 0
+    if repeated.any():
+        messages.append(f"restarted after a hold: {format_rows(rows[repeated])}")
+    reasons = table["incomplete_reason"].values
+    for i in np.flatnonzero(table["state"].values == INCOMPLETE).tolist():
+        hint = "--incomplete-rows shows its means"
+        messages.append(f"row {rows[i]} is withheld: {reasons[i]} ({hint})")
+    for i in np.flatnonzero(table["state"].values == INTERRUPTED).tolist():
+        messages.append(f"row {rows[i]} was cut short ({reasons[i]})")
+    return messages

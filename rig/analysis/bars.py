@@ -1,8 +1,8 @@
-"""Bars by row, as MASK4 report (Sandia), Fig. 4-13: power above, what was set below.
+"""Bars by row: power above, settings below, as MASK4 report (Sandia), Fig. 4-13.
 
-Too many drive parameters vary for surfaces to show them; here every row is a bar in each of the
-stacked panels: DC power, AC power, then one panel a drive parameter that varies, then whatever
-else does, so that nothing that differs between two bars is hidden.
+Surfaces cannot show a matrix with many drive parameters. Here every row is a bar in each of the
+stacked panels: DC power, AC power, one panel for each drive parameter that varies, then one for
+each other column that varies, so that all differences between two bars are visible.
 """
 
 from pathlib import Path
@@ -13,131 +13,138 @@ import xarray
 from matplotlib.axes import Axes
 
 from rig.analysis import labels, phrases, picture
-from rig.analysis.picture import INK, MARK, SOFT
-from rig.analysis.points import Matrix, row_settings, varied
+from rig.analysis.picture import ACCENT, DARK, MUTED
+from rig.analysis.points import Matrix, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE
 from rig.config.columns import DRIVE_COLUMNS, Column
 
 Sort = Literal["run", "power"]
 
-_KINDS = ("dc", "ac")
-_ABSORBED, _CONSUMED, _SET = "#1d6fa5", "#d9a441", "#8fa3b0"
-_POWER, _SETTING = 1.75, 0.85  # in, height of a panel
-_LEAST, _MOST = 8.0, 24.0  # in, width of the picture
-_FEW = 5  # values of a column that each get a tick
-_APART = 0.16  # of the panel, between two ticks
-_LABELS = 55  # row numbers that are readable beside each other, not turned
+_STATIONS = ("dc", "ac")
+_ABSORBED_COLOUR, _CONSUMED_COLOUR, _SETTING_COLOUR = "#1d6fa5", "#d9a441", "#8fa3b0"
+_POWER_HEIGHT, _SETTING_HEIGHT = 1.75, 0.85  # in, heights of panels
+_MIN_WIDTH, _MAX_WIDTH = 8.0, 24.0  # in, width of the picture
+_MAX_LEVEL_TICKS = 5  # a column with at most this many values has a tick at each
+_MIN_TICK_SPACING = 0.16  # share of the panel's height
+_MAX_UPRIGHT_LABELS = 55  # row numbers that fit side by side without rotation
 
 
 def varies_drive(matrix: Matrix) -> bool:
-    """Whether a drive parameter takes more than one value."""
+    """Return whether a drive parameter takes more than one value."""
     names = {column.name for column in DRIVE_COLUMNS}
-    return any(column.name in names for column in varied(matrix))
+    return any(column.name in names for column in varied_columns(matrix))
 
 
 def shown_columns(matrix: Matrix) -> list[Column]:
-    """The columns that get a panel: drive parameters first."""
+    """Return the columns that get a panel, drive parameters first."""
     names = {column.name for column in DRIVE_COLUMNS}
-    found = varied(matrix)
+    found = varied_columns(matrix)
     return [c for c in found if c.name in names] + [c for c in found if c.name not in names]
 
 
-def order(table: xarray.Dataset, sort: Sort) -> list[int]:
-    """Positions of the complete rows in the table: as run, or by DC power, most absorbed first."""
-    here = np.flatnonzero(table["state"].values == COMPLETE).tolist()
+def row_order(table: xarray.Dataset, sort: Sort) -> list[int]:
+    """Return the table indices of complete rows in order of the run or of DC power.
+
+    By DC power, the row that absorbs most is first.
+    """
+    complete = np.flatnonzero(table["state"].values == COMPLETE).tolist()
     if sort == "run":
-        return list(here)
+        return list(complete)
     power = table["power_dc"].values
-    return sorted(here, key=lambda i: float(np.nan_to_num(power[i], nan=np.inf)))
+    return sorted(complete, key=lambda i: float(np.nan_to_num(power[i], nan=np.inf)))
 
 
 def write_bars(table: xarray.Dataset, path: Path, sort: Sort = "run") -> Path:
-    """One bar a complete row with its standard error; the row that gives most DC power is marked.
+    """Write a picture with a bar for each complete row; the row with most DC power is marked.
 
-    Raises ValueError where no row is complete.
+    Whiskers are standard errors. Raises ValueError if no row is complete.
     """
-    places = order(table, sort) if "state" in table else []
-    if not places:
-        raise ValueError("no complete row: nothing to draw bars of")
+    positions = row_order(table, sort) if "state" in table else []
+    if not positions:
+        raise ValueError("no complete row: no bars to draw")
     settings = row_settings(table)
-    columns = shown_columns(Matrix((), tuple(settings[i] for i in places)))
-    heights = [_POWER] * len(_KINDS) + [_SETTING] * len(columns)
-    width = min(_MOST, max(_LEAST, 1.6 + 0.17 * len(places)))
-    title = f"Power and settings by row: {picture.campaign(table.attrs)}"
-    beneath = "rows as run" if sort == "run" else "rows by DC power, most absorbed first"
+    columns = shown_columns(Matrix((), tuple(settings[i] for i in positions)))
+    heights = [_POWER_HEIGHT] * len(_STATIONS) + [_SETTING_HEIGHT] * len(columns)
+    width = min(_MAX_WIDTH, max(_MIN_WIDTH, 1.6 + 0.17 * len(positions)))
+    title = f"Power and settings by row: {picture.campaign_name(table.attrs)}"
+    subtitle = "rows in order of the run" if sort == "run" else "rows by DC power"
     if modulation := table.attrs.get("modulation"):
-        beneath += f"; modulation {modulation}"
-    said = "negative is absorbed; whiskers are ± standard error"
-    if (table["periods"].values[places] >= 2).any():
-        said += " by scatter of wave periods"
-    figure, body = picture.framed(width, sum(heights) + 0.4, title, table.attrs, said, beneath)
+        subtitle += f"; modulation {modulation}"
+    note = "negative is absorbed; whiskers are ± standard error"
+    if (table["periods"].values[positions] >= 2).any():
+        note += " by scatter of wave periods"
+    figure, body = picture.framed_figure(
+        width, sum(heights) + 0.4, title, table.attrs, note, subtitle
+    )
     panels: Any = body.subplots(
         len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
     )
-    stack: list[Axes] = panels[:, 0].tolist()
-    x = np.arange(len(places))
-    for axes, kind in zip(stack, _KINDS, strict=False):
-        _power(axes, table, places, kind)
-    for axes, column in zip(stack[len(_KINDS) :], columns, strict=True):
-        values = [settings[i].get(column.name, float("nan")) for i in places]
-        _set(axes, column, np.array(values) * labels.factor(column))
-    _mark_best(stack, table, places)
-    turned = 90 if len(places) > _LABELS else 0
-    stack[-1].set_xticks(x, [str(table["row"].values[i]) for i in places], rotation=turned)
-    stack[-1].set_xlim(-0.8, len(places) - 0.2)
-    stack[-1].set_xlabel("row", fontsize=8)
-    for axes in stack:
-        picture.quiet(axes)
+    axes_stack: list[Axes] = panels[:, 0].tolist()
+    x = np.arange(len(positions))
+    for axes, kind in zip(axes_stack, _STATIONS, strict=False):
+        _draw_power(axes, table, positions, kind)
+    for axes, column in zip(axes_stack[len(_STATIONS) :], columns, strict=True):
+        values = [settings[i].get(column.name, float("nan")) for i in positions]
+        _draw_setting(axes, column, np.array(values) * labels.display_factor(column))
+    _mark_best(axes_stack, table, positions)
+    rotation = 90 if len(positions) > _MAX_UPRIGHT_LABELS else 0
+    axes_stack[-1].set_xticks(
+        x, [str(table["row"].values[i]) for i in positions], rotation=rotation
+    )
+    axes_stack[-1].set_xlim(-0.8, len(positions) - 0.2)
+    axes_stack[-1].set_xlabel("row", fontsize=8)
+    for axes in axes_stack:
+        picture.style_axes(axes)
         axes.grid(axis="y", alpha=0.3)
         axes.set_axisbelow(True)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
-    body.align_ylabels(stack)
+    body.align_ylabels(axes_stack)
     return picture.save(figure, path)
 
 
-def _power(axes: Axes, table: xarray.Dataset, places: list[int], kind: str) -> None:
-    power = table[f"power_{kind}"].values[places]
-    errors = table[f"power_{kind}_se"].values[places]
-    colours = [_CONSUMED if value > 0.0 else _ABSORBED for value in power]
-    axes.bar(np.arange(len(places)), power, width=0.8, color=colours)
-    known = np.flatnonzero(np.isfinite(errors))
-    style: dict[str, Any] = {"fmt": "none", "ecolor": INK, "elinewidth": 0.9, "capsize": 2.0}
-    axes.errorbar(known, power[known], yerr=errors[known], **style)
-    axes.axhline(0.0, color=INK, lw=0.8)
+def _draw_power(axes: Axes, table: xarray.Dataset, positions: list[int], kind: str) -> None:
+    power = table[f"power_{kind}"].values[positions]
+    errors = table[f"power_{kind}_se"].values[positions]
+    colours = [_CONSUMED_COLOUR if value > 0.0 else _ABSORBED_COLOUR for value in power]
+    axes.bar(np.arange(len(positions)), power, width=0.8, color=colours)
+    known_errors = np.flatnonzero(np.isfinite(errors))
+    style: dict[str, Any] = {"fmt": "none", "ecolor": DARK, "elinewidth": 0.9, "capsize": 2.0}
+    axes.errorbar(known_errors, power[known_errors], yerr=errors[known_errors], **style)
+    axes.axhline(0.0, color=DARK, lw=0.8)
     axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
 
 
-def _set(axes: Axes, column: Column, values: Any) -> None:
-    axes.bar(np.arange(len(values)), values, width=0.8, color=_SET)
+def _draw_setting(axes: Axes, column: Column, values: Any) -> None:
+    axes.bar(np.arange(len(values)), values, width=0.8, color=_SETTING_COLOUR)
     levels = np.unique(values[np.isfinite(values)])
-    reach = max(abs(levels).max(), 1e-12)
-    if len(levels) <= _FEW and (np.diff(levels) > _APART * reach).all():
-        clear = (abs(levels) > _APART * reach).all()
-        axes.set_yticks(np.append(levels, 0.0) if clear else levels)
+    largest = max(abs(levels).max(), 1e-12)
+    if len(levels) <= _MAX_LEVEL_TICKS and (np.diff(levels) > _MIN_TICK_SPACING * largest).all():
+        zero_fits = (abs(levels) > _MIN_TICK_SPACING * largest).all()
+        axes.set_yticks(np.append(levels, 0.0) if zero_fits else levels)
     else:
         axes.locator_params(axis="y", nbins=4)
     if levels.min() >= 0.0:
-        axes.set_ylim(0.0, 1.12 * reach)
-    parts = filter(None, (column.label.replace(" ", "\n"), labels.unit(column)))
+        axes.set_ylim(0.0, 1.12 * largest)
+    parts = filter(None, (column.label.replace(" ", "\n"), labels.display_unit(column)))
     axes.set_ylabel(",\n".join(parts), fontsize=7.5)
 
 
-def _mark_best(stack: list[Axes], table: xarray.Dataset, places: list[int]) -> None:
-    """A band through all panels at the row with most DC power, its value above it."""
-    power = table["power_dc"].values[places]
+def _mark_best(stack: list[Axes], table: xarray.Dataset, positions: list[int]) -> None:
+    """Draw a band through all panels at the row with most DC power, with its value above."""
+    power = table["power_dc"].values[positions]
     if not np.isfinite(power).any():
         return
     best = int(np.nanargmin(power))
     for axes in stack:
         bar = axes.patches[best]
-        bar.set_edgecolor(MARK)
+        bar.set_edgecolor(ACCENT)
         bar.set_linewidth(1.6)
-        axes.axvspan(best - 0.5, best + 0.5, color=MARK, alpha=0.13, lw=0, zorder=0)
-    row = places[best]
-    value = phrases.watts(float(power[best]), float(table["power_dc_se"].values[row]))
-    middle = 0.5 * len(places)
-    side: dict[str, Any] = {"ha": "left" if best < middle else "right", "va": "bottom"}
+        axes.axvspan(best - 0.5, best + 0.5, color=ACCENT, alpha=0.13, lw=0, zorder=0)
+    row = positions[best]
+    value = phrases.format_power(float(power[best]), float(table["power_dc_se"].values[row]))
+    centre = 0.5 * len(positions)
+    text_side: dict[str, Any] = {"ha": "left" if best < centre else "right", "va": "bottom"}
     stack[0].annotate(
         f"best: row {table['row'].values[row]}, {value}",
         (best, 1.0),
@@ -145,13 +152,15 @@ def _mark_best(stack: list[Axes], table: xarray.Dataset, places: list[int]) -> N
         xytext=(0, 3),
         textcoords="offset points",
         fontsize=8,
-        color=MARK,
-        **side,
+        color=ACCENT,
+        **text_side,
     )
-    waiting = int((table["state"].values != COMPLETE).sum())
-    if waiting:
-        left: dict[str, Any] = {"ha": "right" if best < middle else "left", "va": "bottom"}
-        x = 1.0 if best < middle else 0.0
-        rows, are = ("row", "is") if waiting == 1 else ("rows", "are")
-        text = f"{waiting} {rows} without a whole window {are} left out"
-        stack[0].text(x, 1.02, text, transform=stack[0].transAxes, fontsize=8, color=SOFT, **left)
+    incomplete = int((table["state"].values != COMPLETE).sum())
+    if incomplete:
+        text_style: dict[str, Any] = {"ha": "right" if best < centre else "left", "va": "bottom"}
+        x = 1.0 if best < centre else 0.0
+        noun, verb = ("row", "is") if incomplete == 1 else ("rows", "are")
+        text = f"{incomplete} {noun} without a complete window {verb} left out"
+        stack[0].text(
+            x, 1.02, text, transform=stack[0].transAxes, fontsize=8, color=MUTED, **text_style
+        )

@@ -1,10 +1,10 @@
-"""Rows of a run as they are read with other calibrations than it was made with.
+"""Correction of a run's rows with calibrations other than those of the run itself.
 
-The record stays as it is. A spring rate is corrected in itself, or by a spring map is that of the
-stator position. If the torque constant was another
-than the one that the run divided by, force was so many times the recorded one, and the gains were
-so many times the planned ones. A position that was a factor off makes travel, velocity and the
-power of load cells a factor larger, and the gains, which acted on it, smaller by it.
+The record does not change. A calibration of the spring rate corrects the recorded rate; a spring
+map replaces it by the rate at the recorded stator position. The run computed current as force over
+torque constant, so a corrected torque constant multiplies force and gains by the ratio of the
+corrected constant to the one in use. A corrected scale of the position multiplies travel, velocity
+and load cell power by that factor, and divides the gains, which acted on position, by it.
 """
 
 import math
@@ -17,121 +17,133 @@ from rig.recording.calibration.correction import holds
 from rig.recording.runs.folder import Facts
 from rig.recording.runs.mcap_file import Records
 
-ALONG = ("heave.estimate.velocity", "power.mechanical_1", "power.mechanical_2")
-"""Fields that are a factor larger where the position is."""
+SCALED_WITH_POSITION = ("heave.estimate.velocity", "power.mechanical_1", "power.mechanical_2")
+"""Fields that scale with the position."""
 
 POSITION = "heave.estimate.position"
 GAINS = ("kp", "ki", "km")
 FORCES = ("force_mean", "force_rms", "force_peak", "reference_scale")
-RECORDED = "_recorded"  # behind the name of a column that was corrected: the value before
+RECORDED = "_recorded"  # suffix of the column with the value before correction
 
-Row = dict[str, Any]
+TableRow = dict[str, Any]
 
 
-class Reading(NamedTuple):
-    """What calibrations do to the rows of one run."""
+class RowCorrections(NamedTuple):
+    """Corrections that calibrations apply to the rows of one run."""
 
     spring_rate: Known | None
-    force: float  # factor on it
+    force_factor: float
     position: ScaleCorrection | OffsetCorrection | None
     at: At
-    names: tuple[str, ...]  # and versions of what was asked for
-    said: tuple[str, ...]  # what each does, with its file
+    names: tuple[str, ...]  # name and version of each calibration
+    descriptions: tuple[str, ...]  # effect and file of each calibration
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Of a dataset that was read so; none where it is as recorded."""
+        """Attributes of the corrected dataset; empty without a calibration."""
         if not self.names:
             return {}
-        return {"read_by": ", ".join(self.names), "calibration": "; ".join(self.said)}
+        return {"read_by": ", ".join(self.names), "calibration": "; ".join(self.descriptions)}
 
 
-AS_RECORDED = Reading(None, 1.0, None, At(), (), ())
+AS_RECORDED = RowCorrections(None, 1.0, None, At(), (), ())
 
 
-def reading(calibrations: Sequence[Known], known: Facts) -> Reading:
-    """How a run is read with these.
+def build_corrections(calibrations: Sequence[Known], run_facts: Facts) -> RowCorrections:
+    """Return the corrections that the calibrations apply to a run.
 
-    Raises `OutsideError` where one does not hold for the run and its file says ``refuse``, where
-    that cannot be told, and for a table of positions: gains would depend on where the body is.
-    ValueError for two of one quantity.
+    Raises `OutsideError` if a calibration is not valid for the run and its file says ``refuse``, if
+    its validity is unknown, and for a table of positions, with which gains would depend on the
+    position of the body. Raises ValueError for two calibrations of one quantity.
     """
-    at, made = At.on(known.started_utc), AS_RECORDED
-    seen: dict[str, str] = {}
-    for one in calibrations:
-        file = one.file
-        corrects = "spring_rate" if file.quantity == "spring_map" else file.quantity
-        if corrects in seen:
-            both = f"{seen[corrects]} and {file.title}"
-            raise ValueError(f"{both} both correct {corrects}: give one of them")
-        seen[corrects] = file.title
+    at, corrections = At.on(run_facts.started_utc), AS_RECORDED
+    corrected_by: dict[str, str] = {}
+    for calibration in calibrations:
+        file = calibration.file
+        quantity = "spring_rate" if file.quantity == "spring_map" else file.quantity
+        if quantity in corrected_by:
+            titles = f"{corrected_by[quantity]} and {file.title}"
+            raise ValueError(f"{titles} both correct {quantity}: give one of them")
+        corrected_by[quantity] = file.title
         try:
             inside = holds(file.valid, at)
         except OutsideError as error:
             raise OutsideError(f"{file.title}: {error}") from None
         if not inside and file.outside == "refuse":
+            valid = file.valid.description()
             raise OutsideError(
-                f"{file.title} does not hold for {at.description()}: valid for {file.valid.description()}"
+                f"{file.title} does not hold for {at.description()}: valid for {valid}"
             )
-        said = f"{one.description()}: {file.quantity.replace('_', ' ')}"
-        said += "" if inside else f" as recorded, outside {file.valid.description()}"
+        description = f"{calibration.description()}: {file.quantity.replace('_', ' ')}"
+        description += "" if inside else f" as recorded, outside {file.valid.description()}"
         name = file.title if inside else f"{file.title} (outside its range)"
-        made = made._replace(names=(*made.names, name), said=(*made.said, said))
+        corrections = corrections._replace(
+            names=(*corrections.names, name), descriptions=(*corrections.descriptions, description)
+        )
         if inside:
-            made = _with(made, one, known)
-    return made._replace(at=at)
+            corrections = _add_correction(corrections, calibration, run_facts)
+    return corrections._replace(at=at)
 
 
-def _with(made: Reading, one: Known, known: Facts) -> Reading:
-    correction = one.file.correction
-    if one.file.quantity in ("spring_rate", "spring_map"):
-        return made._replace(spring_rate=one)
-    if one.file.quantity == "torque_constant":
-        value = known.configured(*TORQUE_CONSTANT_KEY)
+def _add_correction(
+    corrections: RowCorrections, calibration: Known, run_facts: Facts
+) -> RowCorrections:
+    correction = calibration.file.correction
+    if calibration.file.quantity in ("spring_rate", "spring_map"):
+        return corrections._replace(spring_rate=calibration)
+    if calibration.file.quantity == "torque_constant":
+        value = run_facts.configured(*TORQUE_CONSTANT_KEY)
         if not value:
-            raise OutsideError(f"{one.file.title}: the run does not say its torque constant")
-        return made._replace(force=apply(correction, value) / value)
+            raise OutsideError(
+                f"{calibration.file.title}: the run's configuration lacks the torque constant"
+            )
+        return corrections._replace(force_factor=apply(correction, value) / value)
     if not isinstance(correction, ScaleCorrection | OffsetCorrection):
         raise OutsideError(
-            f"{one.file.title} is a table of positions; with it gains depend on the position, and "
-            "a row has no one value of them"
+            f"{calibration.file.title} is a table of positions: gains would depend on position, "
+            "but a row has a single value of each"
         )
-    return made._replace(position=correction)
+    return corrections._replace(position=correction)
 
 
-def ticks(read: Reading, data: Records) -> Records:
-    """The ticks of a window with positions, velocities and power as they are read; a copy."""
-    if read.position is None:
+def correct_ticks(corrections: RowCorrections, data: Records) -> Records:
+    """Return the ticks of a window with corrected positions, velocities and powers, as a copy."""
+    if corrections.position is None:
         return data
-    made = data.copy()
-    if isinstance(read.position, OffsetCorrection):
-        made[POSITION] += read.position.offset
-        return made
-    for name in (POSITION, *ALONG):
-        made[name] *= read.position.factor
-    return made
+    corrected = data.copy()
+    if isinstance(corrections.position, OffsetCorrection):
+        corrected[POSITION] += corrections.position.offset
+        return corrected
+    for name in (POSITION, *SCALED_WITH_POSITION):
+        corrected[name] *= corrections.position.factor
+    return corrected
 
 
-def row(read: Reading, recorded: Row) -> Row:
-    """A row's settings and forces as they are read; a setting's recorded value stands beside it."""
-    made = dict(recorded)
+def correct_row(corrections: RowCorrections, recorded: TableRow) -> TableRow:
+    """Return a row with corrected settings and forces.
 
-    def setting(name: str, value: float) -> None:
-        made[name + RECORDED] = recorded[name]
-        made[name] = value
+    The recorded value of a corrected setting is kept under its name with the suffix `RECORDED`.
+    """
+    entry = dict(recorded)
 
-    if read.spring_rate is not None:
+    def set_value(name: str, value: float) -> None:
+        entry[name + RECORDED] = recorded[name]
+        entry[name] = value
+
+    if corrections.spring_rate is not None:
         rate = recorded["spring_rate"]
-        if read.spring_rate.file.quantity == "spring_map":
+        if corrections.spring_rate.file.quantity == "spring_map":
             rate = recorded["stator"]
-        if not math.isnan(rate):  # as of a run without a plan that did not log it
-            rate = corrected(read.spring_rate.file, rate, read.at).value
-        setting("spring_rate", rate)
-    scale = read.position.factor if isinstance(read.position, ScaleCorrection) else 1.0
-    if read.force != 1.0:
+        if not math.isnan(rate):  # NaN for a run without a plan that did not log it
+            rate = corrected(corrections.spring_rate.file, rate, corrections.at).value
+        set_value("spring_rate", rate)
+    scale = (
+        corrections.position.factor if isinstance(corrections.position, ScaleCorrection) else 1.0
+    )
+    if corrections.force_factor != 1.0:
         for name in FORCES:
-            made[name] = recorded[name] * read.force
-    if read.force != 1.0 or scale != 1.0:
+            entry[name] = recorded[name] * corrections.force_factor
+    if corrections.force_factor != 1.0 or scale != 1.0:
         for name in GAINS:
-            setting(name, recorded[name] * read.force / scale)
-    return made
+            set_value(name, recorded[name] * corrections.force_factor / scale)
+    return entry

@@ -1,7 +1,7 @@
-"""Two runs of one matrix set against each other, point by point: B less A.
+"""Point-by-point comparison of two runs of one matrix: B less A.
 
-A difference below zero says that B absorbs more. Its standard error is that of both points, taken
-as independent; nothing is said of what a run as a whole may be off by.
+A negative difference means that B absorbs more. Its standard error combines those of both points as
+independent; it does not contain systematic errors common to a whole run.
 """
 
 import math
@@ -12,10 +12,17 @@ from typing import NamedTuple
 import xarray
 
 from rig.analysis import labels, phrases
-from rig.analysis.alarms import row_list
-from rig.analysis.differences import Difference, differences, sea
-from rig.analysis.matching import TOLERANCES, Held, Matched, Pair, apart, match
-from rig.analysis.points import Matrix, Point, Setting, matrix
+from rig.analysis.alarms import format_rows
+from rig.analysis.differences import ABSENT, Difference, differences, normalised_sea
+from rig.analysis.matching import (
+    TOLERANCES,
+    ConstantDifference,
+    MatchedPoints,
+    Pair,
+    match,
+    set_point_offsets,
+)
+from rig.analysis.points import Matrix, Point, Setting, gain_matrix
 from rig.analysis.rows import INCOMPLETE, POWERS, row_table
 from rig.config.columns import COLUMNS
 from rig.recording.runs.folder import Facts, facts
@@ -24,7 +31,7 @@ KINDS = POWERS
 """The stations that are compared."""
 
 
-class Side(NamedTuple):
+class ComparedRun(NamedTuple):
     """One of the two runs."""
 
     run: str
@@ -36,22 +43,22 @@ class Side(NamedTuple):
     points: int  # measured
 
 
-class Gap(NamedTuple):
-    """A difference of power, B less A, W; the error is NaN where one of both is unknown."""
+class PowerDifference(NamedTuple):
+    """A difference of power, B less A, W; the error is NaN if one of both is unknown."""
 
     watts: float
     error: float
 
 
 class Comparison(NamedTuple):
-    """All that two runs have in common, and what they have not."""
+    """The comparison of two runs: differing settings and matched points."""
 
-    a: Side
-    b: Side
+    a: ComparedRun
+    b: ComparedRun
     warnings: tuple[str, ...]  # the loudest first
     same_sea: bool
     differences: tuple[Difference, ...]
-    matched: Matched
+    matched: MatchedPoints
     tolerances: Mapping[str, float]  # of the matched columns, SI
 
 
@@ -62,150 +69,157 @@ def compare(
     *,
     incomplete_rows: bool = False,
 ) -> Comparison:
-    """Compare two recorded runs; ``tolerances`` (SI, by column name) replace the usual ones.
+    """Compare two recorded runs; ``tolerances`` (SI, by column name) override `TOLERANCES`.
 
-    ``incomplete_rows`` as of `rig.analysis.rows.row_table`.
-
-    RunError if a record cannot be read, KeyError if the kind of rig has no rows and power.
+    ``incomplete_rows`` is that of `rig.analysis.rows.row_table`. Raises RunError if a record cannot
+    be read, and KeyError if the kind of rig has no rows and power.
     """
-    one, other = facts(run_a), facts(run_b)
-    a, b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
-    return compare_tables(one, other, a, b, tolerances)
+    facts_a, facts_b = facts(run_a), facts(run_b)
+    table_a, table_b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
+    return compare_tables(facts_a, facts_b, table_a, table_b, tolerances)
 
 
 def compare_tables(
-    one: Facts,
-    other: Facts,
+    facts_a: Facts,
+    facts_b: Facts,
     table_a: xarray.Dataset,
     table_b: xarray.Dataset,
     tolerances: Mapping[str, float] | None = None,
 ) -> Comparison:
-    """The comparison of what is known of two runs and of their row tables."""
-    found = matrix(table_a), matrix(table_b)
-    matched = match(*found, tolerances)
-    seas = sea(one), sea(other)
-    settings = differences(one, other)
-    same = not any(each.group == "sea" for each in settings)
-    used = {c.name: {**TOLERANCES, **(tolerances or {})}[c.name] for c in matched.columns}
+    """Return the comparison of two runs from their facts and row tables."""
+    matrices = gain_matrix(table_a), gain_matrix(table_b)
+    matched = match(*matrices, tolerances)
+    seas = normalised_sea(facts_a), normalised_sea(facts_b)
+    settings = differences(facts_a, facts_b)
+    same_sea = not any(each.group == "sea" for each in settings)
+    tolerances_used = {
+        c.name: {**TOLERANCES, **(tolerances or {})}[c.name] for c in matched.columns
+    }
     return Comparison(
-        _side(one, found[0]),
-        _side(other, found[1]),
+        _describe_run(facts_a, matrices[0]),
+        _describe_run(facts_b, matrices[1]),
         (
-            *_withheld(one, table_a),
-            *_withheld(other, table_b),
-            *_warnings(one, other, seas, same, matched),
+            *_withheld_rows(facts_a, table_a),
+            *_withheld_rows(facts_b, table_b),
+            *_warnings(facts_a, facts_b, seas, same_sea, matched),
         ),
-        same,
+        same_sea,
         tuple(settings),
         matched,
-        used,
+        tolerances_used,
     )
 
 
-def _side(known: Facts, found: Matrix) -> Side:
-    told = known.plan.get("sea") or {}
-    status = str(known.status.get("status") or "no end recorded")
-    text = str(told.get("words") or told.get("kind") or "not recorded")
-    rig = (known.config.get("rig") or {}).get("name")
-    return Side(
-        known.run,
-        known.campaign,
-        known.mode,
+def _describe_run(run_facts: Facts, matrix: Matrix) -> ComparedRun:
+    sea = run_facts.plan.get("sea") or {}
+    status = str(run_facts.status.get("status") or "no end recorded")
+    sea_text = str(sea.get("words") or sea.get("kind") or "not recorded")
+    rig = (run_facts.config.get("rig") or {}).get("name")
+    return ComparedRun(
+        run_facts.run,
+        run_facts.campaign,
+        run_facts.mode,
         str(rig or "not recorded"),
-        text,
+        sea_text,
         status,
-        len(found.points),
+        len(matrix.points),
     )
 
 
-def _withheld(known: Facts, table: xarray.Dataset) -> list[str]:
-    """Rows that enter no comparison because the record lacks ticks of them."""
+def _withheld_rows(run_facts: Facts, table: xarray.Dataset) -> list[str]:
+    """Return a warning about rows excluded because the record lacks ticks of them."""
     if not table.sizes.get("row", 0):
         return []
     rows = table["row"].values[table["state"].values == INCOMPLETE]
-    said = "ticks missing from the record (--incomplete-rows compares them)"
-    return [f"{known.run}: {row_list(rows)} withheld, {said}"] if len(rows) else []
+    reason = "ticks missing from the record (--incomplete-rows compares them)"
+    return [f"{run_facts.run}: {format_rows(rows)} withheld, {reason}"] if len(rows) else []
 
 
 def _warnings(
-    one: Facts, other: Facts, seas: tuple[object, object], same: bool, matched: Matched
+    facts_a: Facts,
+    facts_b: Facts,
+    seas: tuple[object, object],
+    same_sea: bool,
+    matched: MatchedPoints,
 ) -> list[str]:
-    found = []
-    if not same:
+    warnings = []
+    if not same_sea:
         texts = [
-            str((f.plan.get("sea") or {}).get("words") or "not recorded") for f in (one, other)
+            str((f.plan.get("sea") or {}).get("words") or "not recorded")
+            for f in (facts_a, facts_b)
         ]
         if texts[0] == texts[1]:
             texts = [f"{text} ({number})" for text, number in zip(texts, seas, strict=True)]
-        found.append(f"DIFFERENT SEAS: A {texts[0]}; B {texts[1]}")
+        warnings.append(f"DIFFERENT SEAS: A {texts[0]}; B {texts[1]}")
     elif not all(seas):
-        found.append("SEA NOT RECORDED in both runs: they may be different")
-    if one.mode != other.mode:
-        found.append(f"DIFFERENT RUNGS: A {one.mode or 'unknown'}, B {other.mode or 'unknown'}")
+        warnings.append("SEA NOT RECORDED in both runs: they may be different")
+    if facts_a.mode != facts_b.mode:
+        modes = f"A {facts_a.mode or 'unknown'}, B {facts_b.mode or 'unknown'}"
+        warnings.append(f"DIFFERENT EXECUTION MODES: {modes}")
     if not matched.pairs:
-        found.append("NO SET POINT IN COMMON")
-    return found
+        warnings.append("NO SET POINT IN COMMON")
+    return warnings
 
 
-def gap(pair: Pair, kind: str) -> Gap:
-    """The difference of one pair."""
+def power_difference(pair: Pair, kind: str) -> PowerDifference:
+    """Return the power difference of one pair."""
     a, b = pair
-    return Gap(b.power[kind] - a.power[kind], math.hypot(a.error[kind], b.error[kind]))
+    return PowerDifference(b.power[kind] - a.power[kind], math.hypot(a.error[kind], b.error[kind]))
 
 
-def mean_gap(pairs: tuple[Pair, ...], kind: str) -> Gap:
-    """The mean difference over all pairs; a point in several of them counts its error once."""
+def mean_difference(pairs: tuple[Pair, ...], kind: str) -> PowerDifference:
+    """Return the mean difference over all pairs; a point shared by pairs adds its error once."""
     if not pairs:
-        return Gap(math.nan, math.nan)
-    share: dict[tuple[str, tuple[int, ...]], int] = {}
+        return PowerDifference(math.nan, math.nan)
+    counts: dict[tuple[str, tuple[int, ...]], int] = {}
     errors: dict[tuple[str, tuple[int, ...]], float] = {}
     for pair in pairs:
         for name, point in zip("ab", pair, strict=True):
-            share[name, point.rows] = share.get((name, point.rows), 0) + 1
+            counts[name, point.rows] = counts.get((name, point.rows), 0) + 1
             errors[name, point.rows] = point.error[kind]
-    variance = sum((share[key] * errors[key]) ** 2 for key in share) / len(pairs) ** 2
-    watts = sum(gap(pair, kind).watts for pair in pairs) / len(pairs)
-    return Gap(watts, math.sqrt(variance))
+    variance = sum((counts[key] * errors[key]) ** 2 for key in counts) / len(pairs) ** 2
+    watts = sum(power_difference(pair, kind).watts for pair in pairs) / len(pairs)
+    return PowerDifference(watts, math.sqrt(variance))
 
 
-def joint_setting(matched: Matched, pair: Pair) -> Setting:
-    """The set point that a pair stands for: that of A, with what B alone varies."""
-    names = [c.name for c in (*matched.columns, *matched.alone)]
-    both = {**pair.b.setting, **pair.a.setting}
-    for column in matched.alone:
+def joint_setting(matched: MatchedPoints, pair: Pair) -> Setting:
+    """Return the set point of a pair: that of A, with the columns that B alone varies."""
+    names = [c.name for c in (*matched.columns, *matched.one_sided)]
+    merged = {**pair.b.setting, **pair.a.setting}
+    for column in matched.one_sided:
         if pair.a.setting.get(column.name, 0.0) == 0.0 and column.name in pair.b.setting:
-            both[column.name] = pair.b.setting[column.name]
-    return {c.name: both[c.name] for c in COLUMNS if c.name in names and c.name in both}
+            merged[column.name] = pair.b.setting[column.name]
+    return {c.name: merged[c.name] for c in COLUMNS if c.name in names and c.name in merged}
 
 
-def where(matched: Matched, pair: Pair) -> str:
-    """A pair's set point in words, and how far it is from being the same."""
-    text = labels.settings(joint_setting(matched, pair))
-    off = apart(pair, matched.columns)
-    if not off:
+def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
+    """Return a pair's set point as text, with the offsets of B."""
+    text = labels.format_settings(joint_setting(matched, pair))
+    offsets = set_point_offsets(pair, matched.columns)
+    if not offsets:
         return text
     steps = (
-        f"{labels.BY_NAME[name].label} by {labels.quantity(labels.BY_NAME[name], step)}"
-        for name, step in off.items()
+        f"{labels.BY_NAME[name].label} by {labels.format_quantity(labels.BY_NAME[name], step)}"
+        for name, step in offsets.items()
     )
-    return f"{text} (B off {', '.join(steps)})"
+    return f"{text} (B differs in {', '.join(steps)})"
 
 
-def best(pairs: tuple[Pair, ...], kind: str, side: int) -> Point | None:
-    """The pair's point of run A (0) or B (1) that absorbs most among those matched."""
-    here = [pair[side] for pair in pairs if math.isfinite(pair[side].power[kind])]
-    return min(here, key=lambda point: point.power[kind]) if here else None
+def best_point(pairs: tuple[Pair, ...], kind: str, side: int) -> Point | None:
+    """Return the matched point of run A (0) or B (1) that absorbs most."""
+    points = [pair[side] for pair in pairs if math.isfinite(pair[side].power[kind])]
+    return min(points, key=lambda point: point.power[kind]) if points else None
 
 
-def held_words(held: Held) -> tuple[str, str, str]:
-    """A column that is constant in both runs and differs: label, value of A, value of B."""
+def format_constant_difference(difference: ConstantDifference) -> tuple[str, str, str]:
+    """Return label, value of A and value of B of a constant column that differs."""
     values = [
-        "not there" if value is None else labels.quantity(held.column, value)
-        for value in (held.a, held.b)
+        ABSENT if value is None else labels.format_quantity(difference.column, value)
+        for value in (difference.a, difference.b)
     ]
-    return held.column.label, values[0], values[1]
+    return difference.column.label, values[0], values[1]
 
 
-def gap_words(told: Gap) -> str:
-    """A difference with its standard error."""
-    return phrases.watts(told.watts, told.error).removesuffix(" W")
+def format_difference(difference: PowerDifference) -> str:
+    """Return a difference (W) with its standard error as text without the unit."""
+    return phrases.format_power(difference.watts, difference.error).removesuffix(" W")

@@ -1,4 +1,4 @@
-"""What differs between the configurations of two runs, in the order in which it matters."""
+"""Differences between the configurations of two runs, in order of importance."""
 
 import json
 from collections.abc import Iterator
@@ -11,20 +11,22 @@ GROUPS = (
     "mode", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",
     "campaign", "host",
 )  # fmt: skip
-ABSENT = "not there"
+ABSENT = "absent"
 
-_CALIBRATION = (  # how numbers of the rig become forces, positions and rates
+_CALIBRATION = (  # constants that convert device values to forces, positions and rates
     "torque_constant", "gear_ratio", "counts_per_revolution", "metres_per_radian", "spring.map",
     "calibration",
 )  # fmt: skip
 _CONTROL = ("surge.", "law.", "reference", "station_keeping.", "surge_hold.")
-_LEFT_OUT = ("campaign.name", "campaign.matrix", "campaign.rig", "campaign.plant", "campaign.sea")
-_ELEVATION = "elevation"  # role of a recorded sea's file, whose data the configuration lacks
-_LONGEST = 60  # letters of a value
+_EXCLUDED = ("campaign.name", "campaign.matrix", "campaign.rig", "campaign.plant", "campaign.sea")
+_ELEVATION = (
+    "elevation"  # role of a recorded sea's file; the configuration does not contain its data
+)
+_MAX_LENGTH = 60  # characters of a displayed value
 
 
 class Difference(NamedTuple):
-    """One setting that is not the same."""
+    """One setting that differs between two runs."""
 
     group: str  # one of GROUPS
     key: str
@@ -33,67 +35,67 @@ class Difference(NamedTuple):
 
 
 def differences(a: Facts, b: Facts) -> list[Difference]:
-    """Every setting of the resolved configurations, the code and the host that differs.
+    """Return every difference between the resolved configurations, the code and the host.
 
-    Not the matrix itself: its points are matched one by one.
+    The gain matrix is excluded; `rig.analysis.matching` matches its points one by one.
     """
-    one, other = dict(_all(a)), dict(_all(b))
+    settings_a, settings_b = dict(_flat_settings(a)), dict(_flat_settings(b))
     found = [
-        Difference(_group(key), key, one.get(key, ABSENT), other.get(key, ABSENT))
-        for key in [*one, *(key for key in other if key not in one)]
-        if one.get(key) != other.get(key)
+        Difference(_group(key), key, settings_a.get(key, ABSENT), settings_b.get(key, ABSENT))
+        for key in [*settings_a, *(key for key in settings_b if key not in settings_a)]
+        if settings_a.get(key) != settings_b.get(key)
     ]
     return sorted(found, key=lambda each: GROUPS.index(each.group))
 
 
-def _all(known: Facts) -> Iterator[tuple[str, str]]:
-    yield "mode", known.mode or ABSENT
-    yield from _flat("sea", sea(known))
-    config = known.config
+def _flat_settings(run_facts: Facts) -> Iterator[tuple[str, str]]:
+    yield "mode", run_facts.mode or ABSENT
+    yield from _flatten("sea", normalised_sea(run_facts))
+    config = run_facts.config
     for name in ("campaign", "rig", "limits", "plant"):
-        for key, value in _flat(name, config.get(name)):
-            if not key.startswith(_LEFT_OUT):
+        for key, value in _flatten(name, config.get(name)):
+            if not key.startswith(_EXCLUDED):
                 yield key, value
     for file in config.get("files") or ():
         if isinstance(file, dict) and file.get("role") == _ELEVATION:
             yield f"{_ELEVATION} file", f"sha256 {str(file.get('sha256', ''))[:12]}"
     for key in ("version", "git", "dirty", "python"):
-        if known.code.get(key) is not None:
-            yield f"code.{key}", _text(known.code[key])
-    yield from _flat("code.packages", known.code.get("packages"))
-    yield "host", str(known.host.get("name") or known.host.get("hostname") or ABSENT)
+        if run_facts.code.get(key) is not None:
+            yield f"code.{key}", _format_value(run_facts.code[key])
+    yield from _flatten("code.packages", run_facts.code.get("packages"))
+    yield "host", str(run_facts.host.get("name") or run_facts.host.get("hostname") or ABSENT)
 
 
-def sea(known: Facts) -> dict[str, Any]:
-    """What makes a run's sea: two ways of writing one sea are one sea."""
-    told = known.plan.get("sea") or {}
-    found = {k: v for k, v in told.items() if k != "words" and v is not None}
-    if "frequency_hz" in found or "period_s" in found:
-        period = wave_period(known.plan)
-        found.pop("frequency_hz", None)
-        found["period_s"] = float(f"{period:.9g}") if period else None
-    if "file" in found:
-        found["file"] = str(found["file"]).rpartition("/")[2]  # its contents have a checksum
-    random = found.get("kind") not in (None, "calm", "regular", "recorded")
-    campaign = known.config.get("campaign")
-    if random and "seed" not in found and isinstance(campaign, dict):
-        found["seed"] = campaign.get("seed")
-    return found
+def normalised_sea(run_facts: Facts) -> dict[str, Any]:
+    """Return the parameters of a run's sea in a form that is equal for equal seas."""
+    planned = run_facts.plan.get("sea") or {}
+    sea = {k: v for k, v in planned.items() if k != "words" and v is not None}
+    if "frequency_hz" in sea or "period_s" in sea:
+        period = wave_period(run_facts.plan)
+        sea.pop("frequency_hz", None)
+        sea["period_s"] = float(f"{period:.9g}") if period else None
+    if "file" in sea:
+        sea["file"] = str(sea["file"]).rpartition("/")[2]  # the contents are compared by checksum
+    random = sea.get("kind") not in (None, "calm", "regular", "recorded")
+    campaign = run_facts.config.get("campaign")
+    if random and "seed" not in sea and isinstance(campaign, dict):
+        sea["seed"] = campaign.get("seed")
+    return sea
 
 
-def _flat(key: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Settings by dotted path; a quantity with unit and source is one, and so is a list."""
+def _flatten(key: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Yield settings by dotted path; a quantity with unit and source, or a list, is one setting."""
     if isinstance(value, dict) and "value" in value:
         unit = str(value.get("unit") or "").removeprefix("1")  # 1 is no unit
-        yield key, f"{_text(value['value'])} {unit}".rstrip()
+        yield key, f"{_format_value(value['value'])} {unit}".rstrip()
     elif isinstance(value, dict):
         for name, inner in value.items():
-            yield from _flat(f"{key}.{name}", inner)
+            yield from _flatten(f"{key}.{name}", inner)
     elif value is not None:
-        yield key, _text(value)
+        yield key, _format_value(value)
 
 
-def _text(value: Any) -> str:
+def _format_value(value: Any) -> str:
     if isinstance(value, bool | str):
         return str(value)
     if isinstance(value, int | float):
@@ -101,9 +103,9 @@ def _text(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def shortened(text: str) -> str:
-    """A value short enough for a line; a longer one shows its beginning."""
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]} ..."
+def shorten(text: str) -> str:
+    """Return a value truncated to `_MAX_LENGTH` characters."""
+    return text if len(text) <= _MAX_LENGTH else f"{text[: _MAX_LENGTH - 4]} ..."
 
 
 def _group(key: str) -> str:

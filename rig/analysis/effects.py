@@ -1,20 +1,22 @@
-"""Main effects of a designed matrix: what each varied column does to power, and how surely.
+"""Main effects of a designed matrix: change of power due to each column, with intervals.
 
-Power of a row is fitted by least squares as a constant plus one straight line a column (no
-interactions, no curvature). The effect of a column is the change of power from its least to its
-greatest value in the matrix, others held: so effects of volts and microseconds compare. Its
-interval is of Student's t. The error behind it is, of what the rows tell, the first of:
+A least-squares fit describes the power of a row as a constant plus one linear term per column,
+without interactions and curvature. The effect of a column is the change of power from its minimum
+to its maximum in the matrix at constant other columns, so effects of volts and of microseconds are
+comparable. The intervals use Student's t. Their standard error comes from the first of the
+following sources that the rows provide:
 
-- scatter of repetitions about their point's mean, pooled; it has what differs from row to row;
-- scatter of whole wave periods within each row, with Satterthwaite's degrees of freedom; waves and
-  drifts that last longer than a row are not in it;
-- what the lines leave unexplained.
+- the pooled scatter of repetitions about the mean of their point, which contains all row-to-row
+  variation;
+- the scatter of whole wave periods within each row, with Satterthwaite's degrees of freedom, which
+  contains no waves and drifts longer than a row;
+- the misfit: the residual of the linear fit.
 
-The last of these is given beside the others, because neither repetitions nor periods know of
-interactions and curvature.
+The misfit is always reported as well, because neither repetitions nor periods contain interactions
+and curvature.
 
-The realisation of a reference is a name and no number: it has no effect of its own, and rows that
-differ in it alone are repetitions, whose scatter is what other phases change.
+The realisation of a reference is a categorical label: it has no effect of its own. Rows that differ
+only in realisation are repetitions, and their scatter is the effect of the phases.
 """
 
 from typing import NamedTuple
@@ -24,22 +26,22 @@ import numpy.typing as npt
 import xarray
 from scipy import stats
 
-from rig.analysis.points import Matrix, row_settings, varied
+from rig.analysis.points import Matrix, row_settings, varied_columns
 from rig.analysis.rows import COMPLETE
 from rig.config.columns import REQUIRED_COLUMNS, Column
 
 Floats = npt.NDArray[np.float64]
 
 CONFIDENCE = 0.95
-_LEAST_REPETITIONS = 3  # degrees of freedom: with fewer the periods say more
+_MIN_REPETITION_DOF = 3  # with fewer degrees of freedom, periods are the better source
 
 REPETITIONS, PERIODS, MISFIT = "repetitions", "wave periods", "misfit"
-_ALWAYS = {column.name for column in REQUIRED_COLUMNS}
-_NAMES = {"realisation"}  # columns whose values have no order
+_STANDARD_COLUMNS = {column.name for column in REQUIRED_COLUMNS}
+_CATEGORICAL = {"realisation"}  # columns whose values have no order
 
 
-class Error(NamedTuple):
-    """Variance of each row's mean."""
+class RowVariances(NamedTuple):
+    """Variance of the mean power of each row."""
 
     source: str
     variance: Floats  # W^2, shape (rows,)
@@ -48,106 +50,111 @@ class Error(NamedTuple):
 
 
 class Effect(NamedTuple):
-    """What one column does; NaN where the matrix cannot tell it from another."""
+    """Main effect of one column; NaN where it is confounded with another column."""
 
     column: Column
-    low: float  # SI, least value in the rows
+    low: float  # SI, minimum over the rows
     high: float
     watts: float  # change of power from low to high; negative: more is absorbed at high
     standard_error: float  # W
     dof: float
     half_width: float  # W, of the interval
-    misfit_half_width: float  # W, with the error that the misfit says; NaN where none is left
+    misfit_half_width: float  # W, by the misfit; NaN without residual degrees of freedom
 
 
 class Effects(NamedTuple):
-    """Main effects on one kind of power."""
+    """Main effects on the power at one station."""
 
     kind: str
     effects: tuple[Effect, ...]  # the largest first
     rows: int
-    source: str  # of the error behind the intervals
+    source: str  # of the standard errors of the intervals
     scatter: float  # W, root mean square of the rows' standard errors by that source
-    misfit: float  # W, standard deviation of what the lines leave
+    misfit: float  # W, residual standard deviation of the linear fit
     misfit_dof: int
-    lead: float  # W, how much larger the first is than the second; NaN for a single one
-    lead_half_width: float  # W, by the error behind the intervals
-    lead_misfit_half_width: float  # W, by the misfit; NaN where none is left
+    lead: float  # W, size of the first effect less that of the second; NaN for a single one
+    lead_half_width: float  # W, by the source of the intervals
+    lead_misfit_half_width: float  # W, by the misfit; NaN without residual degrees of freedom
 
     @property
-    def surely_first(self) -> bool:
-        """Whether the first effect is ahead of the second by more than the larger interval.
+    def lead_is_significant(self) -> bool:
+        """Whether the first effect exceeds the second by more than the larger half width.
 
-        Straight lines leave what interactions and curvature do; where that is more than rows
-        scatter, a lead beyond the scatter alone says too much.
+        The misfit counts as well: where interactions and curvature exceed the scatter of the rows,
+        the scatter alone would overstate the significance.
         """
         known = [h for h in (self.lead_half_width, self.lead_misfit_half_width) if np.isfinite(h)]
         return bool(known and self.lead > max(known))
 
 
-class Fit(NamedTuple):
-    """A least-squares fit of straight lines, columns scaled to 0 .. 1."""
+class LinearFit(NamedTuple):
+    """A least-squares linear fit with columns scaled to 0 .. 1."""
 
     effects: Floats  # W, shape (columns,); NaN where not estimable
-    weights: Floats  # of each row in each effect, shape (columns, rows)
+    weights: Floats  # weight of each row in each effect, shape (columns, rows)
     misfit: float  # W, NaN without a degree of freedom
     misfit_dof: int
 
 
-def fit(levels: Floats, response: Floats) -> Fit:
-    """Lines through ``response`` (rows,) over ``levels`` (rows, columns), each column varying."""
-    low = levels.min(axis=0)
-    unit = (levels - low) / (levels.max(axis=0) - low)
-    design = np.column_stack([np.ones(len(response)), unit])
+def fit_lines(levels: Floats, response: Floats) -> LinearFit:
+    """Return the linear fit of ``response`` (rows,) over ``levels`` (rows, columns).
+
+    Every column must vary.
+    """
+    lowest = levels.min(axis=0)
+    scaled = (levels - lowest) / (levels.max(axis=0) - lowest)
+    design = np.column_stack([np.ones(len(response)), scaled])
     weights, _, rank, _ = np.linalg.lstsq(design, np.eye(len(response)), rcond=None)
-    found = weights @ response
-    left = response - design @ found
+    coefficients = weights @ response
+    residual = response - design @ coefficients
     dof = len(response) - int(rank)
-    # A column that others add up to is spread over them: its weights are then no unit response.
-    alone = np.abs(weights @ design - np.eye(design.shape[1])).max(axis=1) < 1e-6
-    return Fit(
-        np.where(alone, found, np.nan)[1:],
+    # lstsq spreads a linearly dependent column over the others: its unit response is then not 1.
+    estimable = np.abs(weights @ design - np.eye(design.shape[1])).max(axis=1) < 1e-6
+    return LinearFit(
+        np.where(estimable, coefficients, np.nan)[1:],
         weights[1:],
-        float(np.sqrt(left @ left / dof)) if dof > 0 else float("nan"),
+        float(np.sqrt(residual @ residual / dof)) if dof > 0 else float("nan"),
         dof,
     )
 
 
-def spread(weights: Floats, error: Error) -> tuple[float, float]:
-    """Standard error (W) and degrees of freedom of a weighted sum of rows."""
-    parts = weights * weights * error.variance
+def weighted_sum_error(weights: Floats, variances: RowVariances) -> tuple[float, float]:
+    """Return the standard error (W) and degrees of freedom of a weighted sum of rows."""
+    parts = weights * weights * variances.variance
     variance = float(parts.sum())
-    if error.pooled or variance == 0.0:
-        return float(np.sqrt(variance)), float(error.dof if error.pooled else error.dof.sum())
-    return float(np.sqrt(variance)), float(variance**2 / np.sum(parts * parts / error.dof))
+    if variances.pooled or variance == 0.0:
+        return float(np.sqrt(variance)), float(
+            variances.dof if variances.pooled else variances.dof.sum()
+        )
+    return float(np.sqrt(variance)), float(variance**2 / np.sum(parts * parts / variances.dof))
 
 
 def half_width(standard_error: float, dof: float, confidence: float = CONFIDENCE) -> float:
-    """Half of Student's interval; NaN without a degree of freedom."""
+    """Return the half width of Student's interval; NaN without a degree of freedom."""
     if not dof > 0.0:
         return float("nan")
     return float(stats.t.ppf(0.5 + 0.5 * confidence, dof) * standard_error)
 
 
-def error_of(
-    response: Floats, points: list[int], errors: Floats, periods: Floats, fitted: Fit
-) -> Error:
-    """The error behind the intervals, as the module's text says.
+def row_variances(
+    response: Floats, points: list[int], errors: Floats, periods: Floats, fit: LinearFit
+) -> RowVariances:
+    """Return the row variances from the first available source; see the module docstring.
 
-    By row: the number of its point, the standard error (W) that its periods gave, how many they
-    were (fewer than 2: they gave none).
+    For each row: ``points`` is the number of its point, ``errors`` its standard error (W) from wave
+    periods, ``periods`` the number of periods (fewer than 2: no standard error).
     """
     groups = np.array(points)
     means = np.array([response[groups == one].mean() for one in groups])
     dof = len(groups) - len(set(points))
     pooled = float(np.sum((response - means) ** 2) / dof) if dof else float("nan")
-    same = np.ones(len(response))
-    known = bool(np.all(periods >= 2) and np.all(np.isfinite(errors)))
-    if dof >= _LEAST_REPETITIONS or (dof and not known):
-        return Error(REPETITIONS, pooled * same, np.array(float(dof)), True)
-    if known:
-        return Error(PERIODS, errors**2, periods - 1.0, False)
-    return Error(MISFIT, fitted.misfit**2 * same, np.array(float(fitted.misfit_dof)), True)
+    ones = np.ones(len(response))
+    has_period_errors = bool(np.all(periods >= 2) and np.all(np.isfinite(errors)))
+    if dof >= _MIN_REPETITION_DOF or (dof and not has_period_errors):
+        return RowVariances(REPETITIONS, pooled * ones, np.array(float(dof)), True)
+    if has_period_errors:
+        return RowVariances(PERIODS, errors**2, periods - 1.0, False)
+    return RowVariances(MISFIT, fit.misfit**2 * ones, np.array(float(fit.misfit_dof)), True)
 
 
 def main_effects(
@@ -160,38 +167,47 @@ def main_effects(
     periods: Floats,
     confidence: float = CONFIDENCE,
 ) -> Effects:
-    """Effects of ``columns``, whose values by row are ``levels`` (rows, columns), on ``response``.
+    """Return the effects of ``columns`` on ``response`` (W, by row).
 
-    The other arguments are as in `error_of`.
+    ``levels`` (rows, columns) are the values of the columns. The other arguments are those of
+    `row_variances`.
     """
-    fitted = fit(levels, response)
-    error = error_of(response, points, errors, periods, fitted)
-    left = Error(
+    fit = fit_lines(levels, response)
+    variances = row_variances(response, points, errors, periods, fit)
+    residual_variances = RowVariances(
         MISFIT,
-        np.full(len(response), fitted.misfit**2),
-        np.array(float(fitted.misfit_dof)),
+        np.full(len(response), fit.misfit**2),
+        np.array(float(fit.misfit_dof)),
         True,
     )
-    found = []
+    estimates = []
     for i, column in enumerate(columns):
-        watts, weights = float(fitted.effects[i]), fitted.weights[i]
-        known = bool(np.isfinite(watts))
-        deviation, dof = spread(weights, error) if known else (float("nan"), float("nan"))
-        by_misfit = half_width(*spread(weights, left), confidence) if known else float("nan")
+        watts, weights = float(fit.effects[i]), fit.weights[i]
+        estimable = bool(np.isfinite(watts))
+        deviation, dof = (
+            weighted_sum_error(weights, variances) if estimable else (float("nan"), float("nan"))
+        )
+        by_misfit = (
+            half_width(*weighted_sum_error(weights, residual_variances), confidence)
+            if estimable
+            else float("nan")
+        )
         low, high = float(levels[:, i].min()), float(levels[:, i].max())
-        half = half_width(deviation, dof, confidence)
-        found.append(Effect(column, low, high, watts, deviation, dof, half, by_misfit))
-    order = sorted(range(len(found)), key=lambda i: -np.nan_to_num(abs(found[i].watts), nan=-1.0))
-    lead, lead_half, lead_misfit = _lead(fitted, error, left, order, confidence)
-    scatter = float(np.sqrt(error.variance.mean()))
+        half_width_w = half_width(deviation, dof, confidence)
+        estimates.append(Effect(column, low, high, watts, deviation, dof, half_width_w, by_misfit))
+    order = sorted(
+        range(len(estimates)), key=lambda i: -np.nan_to_num(abs(estimates[i].watts), nan=-1.0)
+    )
+    lead, lead_half, lead_misfit = _lead(fit, variances, residual_variances, order, confidence)
+    scatter = float(np.sqrt(variances.variance.mean()))
     return Effects(
         kind,
-        tuple(found[i] for i in order),
+        tuple(estimates[i] for i in order),
         len(response),
-        error.source,
+        variances.source,
         scatter,
-        fitted.misfit,
-        fitted.misfit_dof,
+        fit.misfit,
+        fit.misfit_dof,
         lead,
         lead_half,
         lead_misfit,
@@ -199,48 +215,65 @@ def main_effects(
 
 
 def _lead(
-    fitted: Fit, error: Error, left: Error, order: list[int], confidence: float
+    fit: LinearFit,
+    variances: RowVariances,
+    residual_variances: RowVariances,
+    order: list[int],
+    confidence: float,
 ) -> tuple[float, float, float]:
-    """How much larger the first effect is than the second, and half widths by either error."""
-    if len(order) < 2 or not np.isfinite(fitted.effects[order[:2]]).all():
+    """Return the lead of the first effect over the second and its half width by both errors."""
+    if len(order) < 2 or not np.isfinite(fit.effects[order[:2]]).all():
         return float("nan"), float("nan"), float("nan")
-    sign = np.sign(fitted.effects[order[:2]])
-    weights = sign[0] * fitted.weights[order[0]] - sign[1] * fitted.weights[order[1]]
-    lead = float(np.abs(fitted.effects[order[0]]) - np.abs(fitted.effects[order[1]]))
-    by_scatter, by_misfit = (half_width(*spread(weights, one), confidence) for one in (error, left))
+    sign = np.sign(fit.effects[order[:2]])
+    weights = sign[0] * fit.weights[order[0]] - sign[1] * fit.weights[order[1]]
+    lead = float(np.abs(fit.effects[order[0]]) - np.abs(fit.effects[order[1]]))
+    by_scatter, by_misfit = (
+        half_width(*weighted_sum_error(weights, variances_), confidence)
+        for variances_ in (variances, residual_variances)
+    )
     return lead, by_scatter, by_misfit
 
 
-def effects(table: xarray.Dataset, kind: str, confidence: float = CONFIDENCE) -> Effects | None:
-    """Main effects of every varied column on one kind of power, of the complete rows.
+def compute_effects(
+    table: xarray.Dataset, kind: str, confidence: float = CONFIDENCE
+) -> Effects | None:
+    """Return the main effects of every varied column on one power, from the complete rows.
 
-    None where nothing varies among them, or they are too few for a line a column.
+    None if nothing varies among them, or if there are too few rows for a linear fit.
     """
     if "state" not in table or table.sizes["row"] == 0:
         return None
     power = table[f"power_{kind}"].values
-    good = np.flatnonzero((table["state"].values == COMPLETE) & np.isfinite(power))
+    complete = np.flatnonzero((table["state"].values == COMPLETE) & np.isfinite(power))
     settings = row_settings(table)
-    here = tuple(
-        {name: value for name, value in settings[i].items() if name not in _NAMES} for i in good
+    settings_used = tuple(
+        {name: value for name, value in settings[i].items() if name not in _CATEGORICAL}
+        for i in complete
     )
-    columns = [c for c in varied(Matrix((), here)) if all(c.name in each for each in here)]
-    if not columns or len(good) < len(columns) + 1:
+    columns = [
+        c
+        for c in varied_columns(Matrix((), settings_used))
+        if all(c.name in each for each in settings_used)
+    ]
+    if not columns or len(complete) < len(columns) + 1:
         return None
-    keys = [tuple(each.items()) for each in here]
-    number = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    keys = [tuple(each.items()) for each in settings_used]
+    point_ids = {key: i for i, key in enumerate(dict.fromkeys(keys))}
     return main_effects(
         kind,
         columns,
-        np.array([[each[c.name] for c in columns] for each in here]),
-        power[good],
-        [number[key] for key in keys],
-        table[f"power_{kind}_se"].values[good],
-        table["periods"].values[good].astype(np.float64),
+        np.array([[each[c.name] for c in columns] for each in settings_used]),
+        power[complete],
+        [point_ids[key] for key in keys],
+        table[f"power_{kind}_se"].values[complete],
+        table["periods"].values[complete].astype(np.float64),
         confidence,
     )
 
 
 def is_designed(matrix: Matrix) -> bool:
-    """Whether more than spring rate, Kp and Ki varies, so that effects say more than surfaces."""
-    return bool({c.name for c in varied(matrix)} - _ALWAYS - _NAMES)
+    """Return whether columns other than spring rate, Kp and Ki vary.
+
+    Main effects then show more than surfaces.
+    """
+    return bool({c.name for c in varied_columns(matrix)} - _STANDARD_COLUMNS - _CATEGORICAL)

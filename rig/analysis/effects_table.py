@@ -1,4 +1,4 @@
-"""Main effects as people and programs read them: CSV, JSON, lines of text."""
+"""Main effects as text, JSON and CSV."""
 
 import csv
 from pathlib import Path
@@ -8,109 +8,120 @@ import numpy as np
 import xarray
 
 from rig.analysis import labels, phrases
-from rig.analysis.effects import CONFIDENCE, MISFIT, Effect, Effects, effects
+from rig.analysis.effects import CONFIDENCE, MISFIT, Effect, Effects, compute_effects
+from rig.config.columns import Column
 
-KINDS = ("dc", "ac", "mechanical_1")  # the ranks of the first are those of the page
+KINDS = ("dc", "ac", "mechanical_1")  # the first determines the ranks on the summary page
 
 
 def all_effects(table: xarray.Dataset) -> tuple[Effects, ...]:
-    """Main effects on DC, AC and mechanical power; empty where nothing varies."""
-    found = (effects(table, kind) for kind in KINDS)
-    return tuple(each for each in found if each is not None)
+    """Return the main effects on DC, AC and mechanical power; empty if nothing varies."""
+    by_station = (compute_effects(table, kind) for kind in KINDS)
+    return tuple(effects for effects in by_station if effects is not None)
 
 
-def span(effect: Effect) -> str:
-    """The range of the column: ``50 .. 200 µs``."""
-    low = labels.number(effect.column, effect.low)
-    return f"{low} .. {labels.quantity(effect.column, effect.high)}"
+def format_range(effect: Effect) -> str:
+    """Return the range of the column as text: ``50 .. 200 µs``."""
+    low = labels.format_number(effect.column, effect.low)
+    return f"{low} .. {labels.format_quantity(effect.column, effect.high)}"
 
 
-def watts(value: float, half: float) -> str:
-    """An effect with the half width of its interval."""
+def format_effect(value: float, half_width: float) -> str:
+    """Return an effect (W) with the half width of its interval as text without the unit."""
     if not np.isfinite(value):
         return "confounded"
-    return phrases.watts(value, half).removesuffix(" W")
+    return phrases.format_power(value, half_width).removesuffix(" W")
 
 
-def notes(told: Effects) -> list[str]:
-    """What the intervals are, what the lines leave, and whether the first is surely the first."""
+def effect_notes(effects: Effects) -> list[str]:
+    """Return notes on the intervals, on the misfit, and on the lead of the first effect."""
     percent = f"{100.0 * CONFIDENCE:g} %"
-    dofs = [each.dof for each in told.effects if np.isfinite(each.dof)]
-    name = phrases.STATION_ABBREVIATIONS[told.kind]
-    if told.source == MISFIT:
-        said = [f"± is the {percent} interval by what straight lines leave ({told.misfit_dof} dof)"]
+    dofs = [each.dof for each in effects.effects if np.isfinite(each.dof)]
+    name = phrases.STATION_ABBREVIATIONS[effects.kind]
+    if effects.source == MISFIT:
+        source = f"the misfit of the linear fit ({effects.misfit_dof} dof)"
     else:
-        known = f"at least {min(dofs):.0f} dof" if dofs else "no dof"
-        said = [f"± is the {percent} interval by scatter of {told.source} ({known})"]
-    if told.misfit_dof > 0:
+        dof_text = f"at least {min(dofs):.0f} dof" if dofs else "no dof"
+        source = f"scatter of {effects.source} ({dof_text})"
+    notes = [f"± is the {percent} interval by {source}"]
+    if effects.misfit_dof > 0:
+        misfit, scatter = _format_magnitude(effects.misfit), _format_magnitude(effects.scatter)
         line = (
-            f"straight lines leave {_size(told.misfit)} W of {name} power unexplained "
-            f"({told.misfit_dof} dof), rows scatter by {_size(told.scatter)} W"
+            f"misfit of the linear fit of {name} power {misfit} W ({effects.misfit_dof} dof), "
+            f"scatter of rows {scatter} W"
         )
-        first = told.effects[0]
-        if told.source != MISFIT and first.misfit_half_width > first.half_width:
-            line += f"; by that, {first.column.label} is ± {_size(first.misfit_half_width)} W"
-        said.append(line)
-    if np.isfinite(told.lead):
-        first, second = told.effects[:2]
-        line = f"on {name} power {first.column.label} does {_size(told.lead)} W more than "
-        line += second.column.label
-        said.append(line + _lead_words(told))
-    blurred = [e.column.label for e in told.effects if not np.isfinite(e.watts)]
-    if blurred:
-        said.append(f"this matrix cannot tell {', '.join(blurred)} apart")
-    return said
+        first = effects.effects[0]
+        if effects.source != MISFIT and first.misfit_half_width > first.half_width:
+            half = _format_magnitude(first.misfit_half_width)
+            line += f"; by misfit, {first.column.label} is ± {half} W"
+        notes.append(line)
+    if np.isfinite(effects.lead):
+        first, second = effects.effects[:2]
+        line = f"the effect of {first.column.label} on {name} power exceeds that of "
+        line += f"{second.column.label} by {_format_magnitude(effects.lead)} W"
+        notes.append(line + _format_lead(effects))
+    confounded = [e.column.label for e in effects.effects if not np.isfinite(e.watts)]
+    if confounded:
+        notes.append(f"this matrix cannot separate {', '.join(confounded)} (confounded)")
+    return notes
 
 
-def _lead_words(told: Effects) -> str:
-    """How far the lead may be off, by each error there is, and that it is not sure if so."""
-    by = [] if told.source == MISFIT else [(told.lead_half_width, f" by {told.source}")]
-    by.append((told.lead_misfit_half_width, " by misfit"))
-    known = [f"± {_size(half)} W{source}" for half, source in by if np.isfinite(half)]
-    if not known:
+def _format_lead(effects: Effects) -> str:
+    """Return the half widths of the lead by each error, and whether it is not significant."""
+    errors = []
+    if effects.source != MISFIT:
+        errors.append((effects.lead_half_width, f" by {effects.source}"))
+    errors.append((effects.lead_misfit_half_width, " by misfit"))
+    parts = [
+        f"± {_format_magnitude(half)} W{source}" for half, source in errors if np.isfinite(half)
+    ]
+    if not parts:
         return ""
-    return f" ({', '.join(known)}{'' if told.surely_first else ': not surely'})"
+    return f" ({', '.join(parts)}{'' if effects.lead_is_significant else ': not significant'})"
 
 
-def _size(value: float) -> str:
+def _format_magnitude(value: float) -> str:
     return f"{value:.1f}" if value >= 0.095 else f"{value:.2f}" if value >= 0.005 else "<0.01"
 
 
-def as_text(told: tuple[Effects, ...]) -> list[str]:
-    """Lines for a terminal, ranked by the first of the stations; none without effects."""
-    if not told:
+def as_text(by_station: tuple[Effects, ...]) -> list[str]:
+    """Return the effects as lines for a terminal, ranked by the first station; empty if none."""
+    if not by_station:
         return []
-    first = told[0]
-    by_name = [{e.column.name: e for e in each.effects} for each in told]
-    heads = [f"{phrases.STATION_ABBREVIATIONS[each.kind]}, W" for each in told]
+    first = by_station[0]
+    headings = [f"{phrases.STATION_ABBREVIATIONS[effects.kind]}, W" for effects in by_station]
     lines = [
         "Main effects (change of power over the range of a column; negative absorbs more)",
-        f"  {'':<20} {'range':<24}" + "".join(f"{head:>20}" for head in heads),
+        f"  {'':<20} {'range':<24}" + "".join(f"{heading:>20}" for heading in headings),
     ]
     for i, effect in enumerate(first.effects):
-        cells = "".join(
-            f"{watts(known[effect.column.name].watts, known[effect.column.name].half_width):>20}"
-            for known in by_name
-        )
-        lines.append(f"  {i + 1}. {effect.column.label:<17} {span(effect):<24}{cells}")
-    return [*lines, *(f"  {note}" for note in notes(first))]
+        of_column = [_effect_of(effect.column, effects) for effects in by_station]
+        cells = "".join(f"{format_effect(each.watts, each.half_width):>20}" for each in of_column)
+        lines.append(f"  {i + 1}. {effect.column.label:<17} {format_range(effect):<24}{cells}")
+    return [*lines, *(f"  {note}" for note in effect_notes(first))]
 
 
-def as_json(told: tuple[Effects, ...]) -> list[dict[str, Any]]:
-    """Effects as plain data: W, columns in SI; what is unknown is null."""
+def _effect_of(column: Column, effects: Effects) -> Effect:
+    return next(each for each in effects.effects if each.column.name == column.name)
+
+
+def as_json(by_station: tuple[Effects, ...]) -> list[dict[str, Any]]:
+    """Return the effects as JSON data: powers in W, columns in SI, unknown values null."""
     return [
         {
-            "power": each.kind,
-            "rows": each.rows,
+            "power": effects.kind,
+            "rows": effects.rows,
             "confidence": CONFIDENCE,
-            "error_by": each.source,
-            "row_scatter_w": _known(each.scatter),
-            "misfit_w": _known(each.misfit),
-            "misfit_dof": each.misfit_dof,
-            "first_over_second_w": _known(each.lead),
-            "first_over_second_half_width_w": _known(each.lead_half_width),
-            "first_over_second_half_width_by_misfit_w": _known(each.lead_misfit_half_width),
-            "first_surely_first": each.surely_first,
+            "error_by": effects.source,
+            "row_scatter_w": _finite_or_none(effects.scatter),
+            "misfit_w": _finite_or_none(effects.misfit),
+            "misfit_dof": effects.misfit_dof,
+            "first_over_second_w": _finite_or_none(effects.lead),
+            "first_over_second_half_width_w": _finite_or_none(effects.lead_half_width),
+            "first_over_second_half_width_by_misfit_w": _finite_or_none(
+                effects.lead_misfit_half_width
+            ),
+            "first_surely_first": effects.lead_is_significant,
             "effects": [
                 {
                     "rank": i + 1,
@@ -118,28 +129,28 @@ def as_json(told: tuple[Effects, ...]) -> list[dict[str, Any]]:
                     "unit": e.column.unit,
                     "from": e.low,
                     "to": e.high,
-                    "effect_w": _known(e.watts),
-                    "standard_error_w": _known(e.standard_error),
-                    "dof": _known(e.dof),
-                    "half_width_w": _known(e.half_width),
-                    "half_width_by_misfit_w": _known(e.misfit_half_width),
+                    "effect_w": _finite_or_none(e.watts),
+                    "standard_error_w": _finite_or_none(e.standard_error),
+                    "dof": _finite_or_none(e.dof),
+                    "half_width_w": _finite_or_none(e.half_width),
+                    "half_width_by_misfit_w": _finite_or_none(e.misfit_half_width),
                 }
-                for i, e in enumerate(each.effects)
+                for i, e in enumerate(effects.effects)
             ],
         }
-        for each in told
+        for effects in by_station
     ]
 
 
-def _known(value: float) -> float | None:
+def _finite_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def write_effects(told: tuple[Effects, ...], path: Path) -> Path:
-    """One line a station and column; powers in W, columns in SI, intervals of 95 %."""
+def write_effects(by_station: tuple[Effects, ...], path: Path) -> Path:
+    """Write a CSV with a line for each station and column; W, columns in SI, 95 % intervals."""
     lines = [
         {
-            "power": each.kind,
+            "power": effects.kind,
             "rank": i + 1,
             "column": e.column.name,
             "unit": e.column.unit,
@@ -150,15 +161,15 @@ def write_effects(told: tuple[Effects, ...], path: Path) -> Path:
             "dof": e.dof,
             "interval from [W]": e.watts - e.half_width,
             "interval to [W]": e.watts + e.half_width,
-            "error by": each.source,
+            "error by": effects.source,
             "interval by misfit from [W]": e.watts - e.misfit_half_width,
             "interval by misfit to [W]": e.watts + e.misfit_half_width,
-            "misfit [W]": each.misfit,
-            "misfit dof": each.misfit_dof,
-            "rows": each.rows,
+            "misfit [W]": effects.misfit,
+            "misfit dof": effects.misfit_dof,
+            "rows": effects.rows,
         }
-        for each in told
-        for i, e in enumerate(each.effects)
+        for effects in by_station
+        for i, e in enumerate(effects.effects)
     ]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(lines[0]))

@@ -1,56 +1,63 @@
-"""How the columns of a gain matrix are written on axes, in captions and in tables."""
+"""Labels of gain-matrix columns and their values, for axes, captions and tables."""
 
-from rig.analysis.phrases import signed
+from rig.analysis.phrases import format_signed
 from rig.config.columns import COLUMNS, Column
 
 BY_NAME = {column.name: column for column in COLUMNS}
 
-_SHOWN = {"switching_period": (1e6, "µs")}  # factor from SI, unit people read
-_SIGNED = {"N/m", "N*s/m", "kg"}  # gains and rates: their sign is half of what they say
+_DISPLAY_UNITS = {"switching_period": (1e6, "µs")}  # factor from SI, displayed unit
+_SIGNED_UNITS = {"N/m", "N*s/m", "kg"}  # units of gains and rates, always shown with their sign
 
 
 def column(name: str) -> Column:
-    """A column by its name or its key in files; KeyError names those there are."""
+    """Return a column by its name or its key in files; KeyError lists the valid names."""
     for each in COLUMNS:
         if name in (each.name, each.key):
             return each
-    raise KeyError(f"no column {name!r}; there are {', '.join(BY_NAME)}")
+    raise KeyError(f"no column {name!r}; allowed {', '.join(BY_NAME)}")
 
 
-def factor(of: Column) -> float:
-    """What a value in SI is multiplied by to be shown."""
-    return _SHOWN.get(of.name, (1.0, ""))[0]
+def display_factor(column: Column) -> float:
+    """Return the factor from SI to the displayed unit."""
+    return _DISPLAY_UNITS.get(column.name, (1.0, ""))[0]
 
 
-def unit(of: Column) -> str:
-    """The unit a value is shown in; empty for a number without one."""
-    known = _SHOWN[of.name][1] if of.name in _SHOWN else of.unit
-    return "" if known == "1" else known.replace("*", "·")
+def display_unit(column: Column) -> str:
+    """Return the displayed unit; empty for a dimensionless column."""
+    unit = _DISPLAY_UNITS[column.name][1] if column.name in _DISPLAY_UNITS else column.unit
+    return "" if unit == "1" else unit.replace("*", "·")
 
 
-def heading(of: Column) -> str:
-    """Label of an axis or of a table's column: name and unit."""
-    return f"{of.label}, {unit(of)}" if unit(of) else of.label
+def axis_label(column: Column) -> str:
+    """Return the label of an axis or a table column: name and unit."""
+    return f"{column.label}, {display_unit(column)}" if display_unit(column) else column.label
 
 
-def number(of: Column, value: float, digits: int = 4) -> str:
-    """A value (SI) without its unit; gains and rates to the unit, others to so many digits."""
-    shown = value * factor(of)
-    if of.unit in _SIGNED:
-        return signed(shown) if abs(shown) >= 10.0 or shown == round(shown) else signed(shown, 1)
-    return f"{shown:.{digits}g}".replace("-", "\N{MINUS SIGN}")
+def format_number(column: Column, value: float, digits: int = 4) -> str:
+    """Return a value (SI) as text without its unit.
+
+    Gains and rates are rounded to whole units, other values to ``digits`` significant digits.
+    """
+    displayed = value * display_factor(column)
+    if column.unit in _SIGNED_UNITS:
+        return (
+            format_signed(displayed)
+            if abs(displayed) >= 10.0 or displayed == round(displayed)
+            else format_signed(displayed, 1)
+        )
+    return f"{displayed:.{digits}g}".replace("-", "\N{MINUS SIGN}")
 
 
-def quantity(of: Column, value: float, digits: int = 4) -> str:
-    """A value (SI) with its unit."""
-    return f"{number(of, value, digits)} {unit(of)}".rstrip()
+def format_quantity(column: Column, value: float, digits: int = 4) -> str:
+    """Return a value (SI) as text with its unit."""
+    return f"{format_number(column, value, digits)} {display_unit(column)}".rstrip()
 
 
-def setting(of: Column, value: float) -> str:
-    """A column and its value with unit, for a sentence: ``spring rate −5715 N/m``."""
-    return f"{of.label} {quantity(of, value)}"
+def format_setting(column: Column, value: float) -> str:
+    """Return a column's label and value with unit: ``spring rate −5715 N/m``."""
+    return f"{column.label} {format_quantity(column, value)}"
 
 
-def settings(fixed: dict[str, float]) -> str:
-    """Several columns and their values, by name."""
-    return ", ".join(setting(BY_NAME[name], value) for name, value in fixed.items())
+def format_settings(settings: dict[str, float]) -> str:
+    """Return several columns and their values (SI, by column name) as text."""
+    return ", ".join(format_setting(BY_NAME[name], value) for name, value in settings.items())

@@ -1,8 +1,8 @@
-"""One panel of a picture of power: a surface over two columns, or a line where there is none.
+"""One panel of a power picture: a surface over two columns, or a line plot for collinear points.
 
-Between measured points the surface is linear and passes through them; outside their hull nothing
-is drawn, and a missing point is not a zero. More absorbed is darker. Points on one line are no
-surface: they are drawn as a line, power upward.
+The surface interpolates linearly between the measured points and ends at their convex hull; a
+missing point is not drawn as zero. Darker colours mean more absorbed power. Collinear points are
+drawn as a line plot with power on the vertical axis.
 """
 
 import textwrap
@@ -19,258 +19,290 @@ from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import labels, phrases
-from rig.analysis.mesh import Place, spans_surface, triangulation
-from rig.analysis.picture import INK, MARK, ZERO, quiet
+from rig.analysis.mesh import XY, spans_surface, triangulate
+from rig.analysis.picture import ACCENT, DARK, HIGHLIGHT, style_axes
 from rig.analysis.points import Point
-from rig.analysis.slices import LEAST_RELIEF, Optimum, Slice, remarks
+from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, Slice, slice_remarks
 
-POWER = colormaps["YlGnBu_r"]  # low, the most absorbed, is dark blue; safe for colour-blind eyes
+POWER_COLOURS = colormaps["YlGnBu_r"]  # most absorbed is dark blue; safe for colour-blind readers
 _STEPS = [1, 2, 2.5, 5, 10]
-LETTERS = 17  # of a caption, an inch
-_FLAT = 0.1  # W; less from end to end is drawn flat, not blown up to the whole scale
+CAPTION_LETTERS = 17  # per inch
+_MIN_SPAN = 0.1  # W; a smaller range is drawn flat, not stretched over the whole scale
 
-Drawn = Literal["surface", "line", "nothing"]
+PanelContent = Literal["surface", "line", "nothing"]
 
 
 class Scale(NamedTuple):
-    """Colours and contour levels that panels share."""
+    """Colours and contour levels shared by panels."""
 
     levels: Any  # W, increasing
-    colours: Colormap = POWER
+    colours: Colormap = POWER_COLOURS
 
     @property
     def norm(self) -> Normalize:
-        """From power to colour."""
+        """Normalisation from power to colour."""
         return Normalize(self.levels[0], self.levels[-1])
 
 
-def scale(values: Sequence[float], colours: Colormap = POWER, *, even: bool = False) -> Scale:
-    """A scale that holds all values (W); ``even`` makes it reach as far either way from zero."""
+def power_scale(
+    values: Sequence[float], colours: Colormap = POWER_COLOURS, *, symmetric: bool = False
+) -> Scale:
+    """Return a scale that contains all values (W); ``symmetric`` centres it on zero."""
     finite = [value for value in values if np.isfinite(value)] or [0.0]
     low, high = min(finite), max(finite)
-    if even:
+    if symmetric:
         high = max(abs(low), abs(high))
         low = -high
     else:
-        low, high = _spread(low, high)
-    if high - low < _FLAT:
+        low, high = _widen(low, high)
+    if high - low < _MIN_SPAN:
         middle = 0.5 * (low + high)
         low, high = middle - 0.5, middle + 0.5
     return Scale(MaxNLocator(10).tick_values(low, high), colours)
 
 
-def _spread(low: float, high: float) -> tuple[float, float]:
-    """Ends of a scale of power, W, as far apart as differences that mean something."""
-    short = 0.5 * max(0.0, LEAST_RELIEF * max(abs(low), abs(high)) - (high - low))
-    return low - short, high + short
+def _widen(low: float, high: float) -> tuple[float, float]:
+    """Return the ends of a power scale (W), widened to at least the smallest relevant range."""
+    shortfall = 0.5 * max(0.0, NEGLIGIBLE_SHARE * max(abs(low), abs(high)) - (high - low))
+    return low - shortfall, high + shortfall
 
 
-def surface(
-    axes: Axes, places: Sequence[Place], values: Sequence[float], on: Scale, *, zero: bool = True
+def draw_surface(
+    axes: Axes,
+    xy: Sequence[XY],
+    values: Sequence[float],
+    colour_scale: Scale,
+    *,
+    zero_line: bool = True,
 ) -> None:
-    """Colours and contours within the hull, the zero line if wanted, and the measured points."""
-    mesh = triangulation(places)
-    fine = np.linspace(on.levels[0], on.levels[-1], 8 * (len(on.levels) - 1) + 1)
-    axes.tricontourf(mesh, list(values), levels=fine, cmap=on.colours, norm=on.norm)
-    lines = [level for level in on.levels if min(values) < level < max(values)]
+    """Draw colours and contours within the hull, the zero line and the measured points."""
+    mesh = triangulate(xy)
+    levels, colours, norm = colour_scale.levels, colour_scale.colours, colour_scale.norm
+    fine = np.linspace(levels[0], levels[-1], 8 * (len(levels) - 1) + 1)
+    axes.tricontourf(mesh, list(values), levels=fine, cmap=colours, norm=norm)
+    lines = [level for level in levels if min(values) < level < max(values)]
     if lines:
         style: dict[str, Any] = {"linewidths": 0.5, "linestyles": "solid", "alpha": 0.7}
         axes.tricontour(mesh, list(values), levels=lines, colors="white", **style)
-    if zero and min(values) < 0.0 < max(values):
-        nought = axes.tricontour(mesh, list(values), levels=[0.0], colors=ZERO, linewidths=1.6)
-        halo: list[AbstractPathEffect] = [withStroke(linewidth=2.6, foreground=INK)]
-        nought.set_path_effects(halo)
-        for label in axes.clabel(nought, fmt="0 W", fontsize=7):
+    if zero_line and min(values) < 0.0 < max(values):
+        zero_contour = axes.tricontour(
+            mesh, list(values), levels=[0.0], colors=HIGHLIGHT, linewidths=1.6
+        )
+        halo: list[AbstractPathEffect] = [withStroke(linewidth=2.6, foreground=DARK)]
+        zero_contour.set_path_effects(halo)
+        for label in axes.clabel(zero_contour, fmt="0 W", fontsize=7):
             label.set_path_effects(halo)
-    x, y = zip(*places, strict=True)
-    axes.plot(x, y, "o", mfc="white", mec=INK, mew=0.6, ms=3, clip_on=False)
+    x, y = zip(*xy, strict=True)
+    axes.plot(x, y, "o", mfc="white", mec=DARK, mew=0.6, ms=3, clip_on=False)
     axes.use_sticky_edges = False
     axes.margins(0.05)
 
 
-def mark(axes: Axes, x: float, y: float) -> None:
-    """A star at the best point."""
-    axes.plot(x, y, "*", ms=13, mfc=MARK, mec="white", mew=0.9, clip_on=False, zorder=5)
+def mark_best(axes: Axes, x: float, y: float) -> None:
+    """Draw a star at the best point."""
+    axes.plot(x, y, "*", ms=13, mfc=ACCENT, mec="white", mew=0.9, clip_on=False, zorder=5)
 
 
-def along(of: Slice) -> int:
-    """Which axis a line of points is drawn over: 0 for x, 1 for y."""
-    xs, ys = zip(*of.places, strict=True)
+def line_axis(slice_: Slice) -> int:
+    """Return the horizontal axis for a line of points: 0 for x, 1 for y."""
+    xs, ys = zip(*slice_.xy, strict=True)
     if len(set(xs)) == 1 or len(set(ys)) == 1:
         return int(len(set(ys)) > 1)
     return int(np.ptp(ys) / max(map(abs, ys)) > np.ptp(xs) / max(map(abs, xs)))
 
 
-def _line(axes: Axes, of: Slice, best: Optimum) -> None:
-    """Points on one line, be it a single one: power against the column that varies.
+def _draw_line(axes: Axes, slice_: Slice, best: Optimum) -> None:
+    """Draw collinear points, or a single one: power against the column that varies.
 
-    What was not measured has no power: it is a cross on the axis.
+    Crosses on the axis mark points that were not measured.
     """
-    which = along(of)
-    column = (of.x, of.y)[which]
-    times = labels.factor(column)
-    order = np.argsort([place[which] for place in of.places])
-    x = [of.places[i][which] * times for i in order]
-    y = [of.points[i].power[of.kind] for i in order]
-    errors = np.nan_to_num([of.points[i].error[of.kind] for i in order])
-    axes.errorbar(x, y, yerr=errors, fmt="o-", color=INK, ms=3.5, lw=1.0, capsize=2)
-    mark(axes, best.point.setting[column.name] * times, best.power)
-    missing = [place[which] * times for place in of.missing]
+    axis = line_axis(slice_)
+    column = (slice_.x, slice_.y)[axis]
+    factor = labels.display_factor(column)
+    order = np.argsort([coordinates[axis] for coordinates in slice_.xy])
+    x = [slice_.xy[i][axis] * factor for i in order]
+    y = [slice_.points[i].power[slice_.kind] for i in order]
+    errors = np.nan_to_num([slice_.points[i].error[slice_.kind] for i in order])
+    axes.errorbar(x, y, yerr=errors, fmt="o-", color=DARK, ms=3.5, lw=1.0, capsize=2)
+    mark_best(axes, best.point.setting[column.name] * factor, best.power)
+    missing = [coordinates[axis] * factor for coordinates in slice_.missing]
     if missing:
-        foot: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
-        axes.plot(missing, [0.0] * len(missing), "x", color=INK, ms=4.5, mew=1.2, **foot)
+        at_bottom: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+        axes.plot(missing, [0.0] * len(missing), "x", color=DARK, ms=4.5, mew=1.2, **at_bottom)
     if len({*x, *missing}) == 1:
-        room = 0.5 * abs(x[0]) or 1000.0
-        axes.set_xlim(x[0] - room, x[0] + room)
-    axes.set_ylim(_spread(*axes.get_ylim()))
-    axes.set_xlabel(labels.heading(column), fontsize=8)
+        margin = 0.5 * abs(x[0]) or 1000.0
+        axes.set_xlim(x[0] - margin, x[0] + margin)
+    axes.set_ylim(_widen(*axes.get_ylim()))
+    axes.set_xlabel(labels.axis_label(column), fontsize=8)
     axes.grid(alpha=0.3)
 
 
-def scattered(axes: Axes, of: Slice, on: Scale) -> None:
-    """Every point as a dot in its colour, whatever its other columns are; nothing between them."""
-    quiet(axes)
-    x, y = zip(*shown_places(of, of.places), strict=True)
-    dots: dict[str, Any] = {"s": 30.0, "edgecolors": INK, "linewidths": 0.6, "clip_on": False}
-    axes.scatter(x, y, c=of.values, cmap=on.colours, norm=on.norm, **dots)
-    if of.best is not None:
-        here = of.best.point.setting
-        mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
-        at = labels.settings({c.name: here[c.name] for c in (of.y, of.x)})
+def draw_scatter(axes: Axes, slice_: Slice, colour_scale: Scale) -> None:
+    """Draw every point as a coloured dot, whatever its other columns, without interpolation."""
+    style_axes(axes)
+    x, y = zip(*display_xy(slice_, slice_.xy), strict=True)
+    style: dict[str, Any] = {"s": 30.0, "edgecolors": DARK, "linewidths": 0.6, "clip_on": False}
+    axes.scatter(x, y, c=slice_.values, cmap=colour_scale.colours, norm=colour_scale.norm, **style)
+    if slice_.best is not None:
+        best_setting = slice_.best.point.setting
+        mark_best(
+            axes,
+            *display_xy(slice_, [(best_setting[slice_.x.name], best_setting[slice_.y.name])])[0],
+        )
+        set_point = labels.format_settings(
+            {c.name: best_setting[c.name] for c in (slice_.y, slice_.x)}
+        )
         axes.set_title(
-            f"{phrases.watts(of.best.power, of.best.error)} at {at}\n"
-            f"all {len(of.points)} points, their other columns differ: nothing is interpolated",
+            f"{phrases.format_power(slice_.best.power, slice_.best.error)} at {set_point}\n"
+            f"all {len(slice_.points)} points, other columns differ: not interpolated",
             fontsize=7.5,
-            color=MARK,
+            color=ACCENT,
             pad=4,
         )
-    axes.set_ylabel(labels.heading(of.y), fontsize=8)
+    axes.set_ylabel(labels.axis_label(slice_.y), fontsize=8)
     axes.margins(0.05)
-    ticks(axes)
+    set_ticks(axes)
 
 
-def shown_places(of: Slice, places: Sequence[Place]) -> list[Place]:
-    """Places in the units of the axes."""
-    times_x, times_y = labels.factor(of.x), labels.factor(of.y)
-    return [(x * times_x, y * times_y) for x, y in places]
+def display_xy(slice_: Slice, xy: Sequence[XY]) -> list[XY]:
+    """Return coordinates in the displayed units of the axes."""
+    factor_x, factor_y = labels.display_factor(slice_.x), labels.display_factor(slice_.y)
+    return [(x * factor_x, y * factor_y) for x, y in xy]
 
 
-def caption(of: Slice, room: float, *, compact: bool = False, sliced: bool = False) -> str:
-    """What the best point gives and where it is, and on further lines what to know of the slice.
+def format_caption(
+    slice_: Slice, panel_width: float, *, compact: bool = False, sliced: bool = False
+) -> str:
+    """Return the caption of a panel: power and set point of the best point, and remarks.
 
-    ``room`` is the width of the panel (in); ``compact`` leaves out where, which a table says;
-    ``sliced`` adds where the left-out columns stand, if no heading does.
+    ``panel_width`` is in inches. ``compact`` leaves out the set point, which a table gives.
+    ``sliced`` adds the values of the sliced columns, for panels without a heading.
     """
-    best = of.best
+    best = slice_.best
     if best is None:
         return ""
-    text = phrases.watts(best.power, best.error)
+    text = phrases.format_power(best.power, best.error)
     if not compact:
-        axes = (of.y, of.x)
-        where = (f"{c.label} {_brief(c, best.point.setting[c.name])}" for c in axes)
-        text += f" at {', '.join(where)}"
-        text += f" ({best.doubt})" if best.doubt and not best.flat else ""
-    lines = [text, "; ".join(remarks(of))]
-    if sliced and of.sliced:
-        lines.insert(1, f"sliced at {labels.settings(of.sliced)}")
-    width = round(room * LETTERS)
+        axes = (slice_.y, slice_.x)
+        gains = (f"{c.label} {_format_coordinate(c, best.point.setting[c.name])}" for c in axes)
+        text += f" at {', '.join(gains)}"
+        text += f" ({best.caveat})" if best.caveat and not best.flat else ""
+    lines = [text, "; ".join(slice_remarks(slice_))]
+    if sliced and slice_.sliced:
+        lines.insert(1, f"sliced at {labels.format_settings(slice_.sliced)}")
+    width = round(panel_width * CAPTION_LETTERS)
     return "\n".join(part for line in lines for part in textwrap.wrap(line, width))
 
 
-def _brief(column: Any, value: float) -> str:
-    """Gains without their units, which the axes say; what is shown in other units with them."""
-    number = labels.number(column, value)
-    return number if column.name in ("kp", "ki") else f"{number} {labels.unit(column)}".rstrip()
-
-
-def panel(axes: Axes, of: Slice, on: Scale | None, said: str, *, few: bool = False) -> Drawn:
-    """Draw a slice, its best point marked, ``said`` above it; what it became is returned.
-
-    ``few`` ticks where the panel is narrow.
-    """
-    quiet(axes)
-    if of.best is None or on is None:
-        axes.set_axis_off()
-        axes.text(0.5, 0.5, "no value", transform=axes.transAxes, ha="center", color=INK)
-        return "nothing"
-    drawn: Drawn = "surface" if spans_surface(of.places) else "line"
-    if drawn == "surface":
-        surface(axes, shown_places(of, of.places), of.values, on)
-        if of.missing:
-            x, y = zip(*shown_places(of, of.missing), strict=True)
-            (crosses,) = axes.plot(x, y, "x", color=INK, ms=4.5, mew=1.2, clip_on=False)
-            crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
-        here = of.best.point.setting
-        mark(axes, *shown_places(of, [(here[of.x.name], here[of.y.name])])[0])
-        place = axes.get_subplotspec()
-        if place is None or place.is_last_row():
-            axes.set_xlabel(labels.heading(of.x), fontsize=8)
-        if place is None or place.is_first_col():
-            axes.set_ylabel(labels.heading(of.y), fontsize=8)
-    else:
-        _line(axes, of, of.best)
-    ticks(axes, few=few)
-    axes.set_title(said, fontsize=7.5, color=MARK, pad=4)
-    return drawn
-
-
-def on_top(axes: Axes, of: Slice, others: Sequence[Point], on: Scale, drawn: Drawn) -> None:
-    """Points of another table in a panel: squares, on a surface in the colours of its scale."""
-    if not others or drawn == "nothing":
-        return
-    places = [(p.setting[of.x.name], p.setting[of.y.name]) for p in others]
-    power = [p.power[of.kind] for p in others]
-    look: dict[str, Any] = {"clip_on": False, "zorder": 6}  # a star does not hide them
-    if drawn == "surface":
-        x, y = zip(*shown_places(of, places), strict=True)
-        look |= {"s": 42.0, "marker": "s", "edgecolors": MARK, "linewidths": 1.1}
-        axes.scatter(x, y, c=power, cmap=on.colours, norm=on.norm, **look)
-        return
-    which = along(of)
-    line = [shown_places(of, [place])[0][which] for place in places]
-    errors = np.nan_to_num([p.error[of.kind] for p in others])
-    axes.errorbar(
-        line, power, yerr=errors, fmt="s", ms=8, mfc="none", color=MARK, capsize=2, **look
+def _format_coordinate(column: Any, value: float) -> str:
+    """Return a coordinate as text; gains without the unit, which the axis gives."""
+    number = labels.format_number(column, value)
+    return (
+        number
+        if column.name in ("kp", "ki")
+        else f"{number} {labels.display_unit(column)}".rstrip()
     )
-    reach = np.array([power - errors, power + errors])
+
+
+def draw_panel(
+    axes: Axes, slice_: Slice, colour_scale: Scale | None, caption: str, *, few_ticks: bool = False
+) -> PanelContent:
+    """Draw a slice with its best point and caption; return the kind of plot.
+
+    ``few_ticks`` is for narrow panels.
+    """
+    style_axes(axes)
+    if slice_.best is None or colour_scale is None:
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", color=DARK)
+        return "nothing"
+    content: PanelContent = "surface" if spans_surface(slice_.xy) else "line"
+    if content == "surface":
+        draw_surface(axes, display_xy(slice_, slice_.xy), slice_.values, colour_scale)
+        if slice_.missing:
+            x, y = zip(*display_xy(slice_, slice_.missing), strict=True)
+            (crosses,) = axes.plot(x, y, "x", color=DARK, ms=4.5, mew=1.2, clip_on=False)
+            crosses.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
+        best_setting = slice_.best.point.setting
+        mark_best(
+            axes,
+            *display_xy(slice_, [(best_setting[slice_.x.name], best_setting[slice_.y.name])])[0],
+        )
+        subplot = axes.get_subplotspec()
+        if subplot is None or subplot.is_last_row():
+            axes.set_xlabel(labels.axis_label(slice_.x), fontsize=8)
+        if subplot is None or subplot.is_first_col():
+            axes.set_ylabel(labels.axis_label(slice_.y), fontsize=8)
+    else:
+        _draw_line(axes, slice_, slice_.best)
+    set_ticks(axes, few_ticks=few_ticks)
+    axes.set_title(caption, fontsize=7.5, color=ACCENT, pad=4)
+    return content
+
+
+def draw_overlay(
+    axes: Axes, slice_: Slice, points: Sequence[Point], colour_scale: Scale, content: PanelContent
+) -> None:
+    """Draw the points of another table as squares, on a surface in the colours of its scale."""
+    if not points or content == "nothing":
+        return
+    xy = [(p.setting[slice_.x.name], p.setting[slice_.y.name]) for p in points]
+    power = [p.power[slice_.kind] for p in points]
+    style: dict[str, Any] = {"clip_on": False, "zorder": 6}  # above the star of the best point
+    if content == "surface":
+        x, y = zip(*display_xy(slice_, xy), strict=True)
+        style |= {"s": 42.0, "marker": "s", "edgecolors": ACCENT, "linewidths": 1.1}
+        axes.scatter(x, y, c=power, cmap=colour_scale.colours, norm=colour_scale.norm, **style)
+        return
+    axis = line_axis(slice_)
+    positions = [display_xy(slice_, [coordinates])[0][axis] for coordinates in xy]
+    errors = np.nan_to_num([p.error[slice_.kind] for p in points])
+    axes.errorbar(
+        positions, power, yerr=errors, fmt="s", ms=8, mfc="none", color=ACCENT, capsize=2, **style
+    )
+    bounds = np.array([power - errors, power + errors])
     low, high = axes.get_ylim()  # of the panel's own points
-    least = np.min(reach, where=np.isfinite(reach), initial=low)
-    most = np.max(reach, where=np.isfinite(reach), initial=high)
-    room = 0.05 * (most - least)
-    axes.set_ylim(least - room * (least < low), most + room * (most > high))
+    lowest = np.min(bounds, where=np.isfinite(bounds), initial=low)
+    highest = np.max(bounds, where=np.isfinite(bounds), initial=high)
+    margin = 0.05 * (highest - lowest)
+    axes.set_ylim(lowest - margin * (lowest < low), highest + margin * (highest > high))
 
 
-def ticks(axes: Axes, *, few: bool = False) -> None:
-    """Round numbers along both axes, few enough to stand beside each other."""
-    axes.xaxis.set_major_locator(MaxNLocator(3 if few else 5, steps=_STEPS))
+def set_ticks(axes: Axes, *, few_ticks: bool = False) -> None:
+    """Set ticks at round numbers on both axes, few enough not to overlap."""
+    axes.xaxis.set_major_locator(MaxNLocator(3 if few_ticks else 5, steps=_STEPS))
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=_STEPS))
 
 
-def one_height(lines: list[Axes], label: str, *, each: bool) -> None:
-    """Line plots of one kind of power on the same scale, labelled at the first or at each."""
-    limits = np.array([axes.get_ylim() for axes in lines])
-    room = 0.04 * (limits.max() - limits.min())
-    for axes in lines:
-        axes.set_ylim(limits.min() - room, limits.max() + room)
-        axes.set_ylabel(label if each or axes is lines[0] else "", fontsize=8)
+def share_power_axis(panels: list[Axes], label: str, *, label_each: bool) -> None:
+    """Give line plots of one power the same scale; label the first or each of them."""
+    limits = np.array([axes.get_ylim() for axes in panels])
+    margin = 0.04 * (limits.max() - limits.min())
+    for axes in panels:
+        axes.set_ylim(limits.min() - margin, limits.max() + margin)
+        axes.set_ylabel(label if label_each or axes is panels[0] else "", fontsize=8)
 
 
-def colour_bar(figure: FigureBase, beside: list[Axes], on: Scale, label: str, **where: Any) -> None:
-    """The colours of a scale beside the panels that use it."""
-    place = {"fraction": 0.04, "pad": 0.02} | where
-    bar = figure.colorbar(ScalarMappable(on.norm, on.colours), ax=beside, **place)
+def add_colour_bar(
+    figure: FigureBase, panels: list[Axes], colour_scale: Scale, label: str, **options: Any
+) -> None:
+    """Add the colour bar of a scale next to the panels that use it."""
+    options = {"fraction": 0.04, "pad": 0.02} | options
+    bar = figure.colorbar(
+        ScalarMappable(colour_scale.norm, colour_scale.colours), ax=panels, **options
+    )
     bar.set_label(label, fontsize=8)
     bar.ax.tick_params(labelsize=7)
     bar.outline.set_visible(False)
 
 
-def lines_of(captions: Sequence[str]) -> int:
-    """Lines of the longest caption."""
+def count_lines(captions: Sequence[str]) -> int:
+    """Return the number of lines of the longest caption."""
     return max(text.count("\n") for text in captions) + 1
 
 
-def above(axes: Axes, text: str, lines: int, *, compact: bool = False) -> None:
-    """A panel's or column's heading, above a caption of so many lines."""
+def add_heading(axes: Axes, text: str, lines: int, *, compact: bool = False) -> None:
+    """Add a heading above a panel whose caption has ``lines`` lines."""
     axes.annotate(
         text,
         (0.5, 1.0),
@@ -280,5 +312,5 @@ def above(axes: Axes, text: str, lines: int, *, compact: bool = False) -> None:
         ha="center",
         fontsize=7.5 if compact else 9,
         fontweight="bold",
-        color=INK,
+        color=DARK,
     )

@@ -1,4 +1,4 @@
-"""Names and phrases that pictures and pages share."""
+"""Names and phrases shared by pictures and reports."""
 
 import math
 from datetime import UTC, datetime
@@ -19,7 +19,7 @@ STATION_ABBREVIATIONS = {
     "dc": "electrical DC",
 }
 
-_MODES = {
+_MODE_STAMPS = {
     "batch": "BATCH: simulated plant, no clock",
     "rehearsal": "REHEARSAL: simulated plant",
     "hil": "HIL: emulated devices on real wires",
@@ -29,13 +29,13 @@ _MODES = {
 
 REASONS = {
     Reason.NONE: "no reason recorded",
-    Reason.PLAN_END: "the plan was walked to its end",
+    Reason.PLAN_END: "the plan ran to its end",
     Reason.OPERATOR_STOP: "the operator stopped the run",
     Reason.OPERATOR_ABORT: "the operator aborted the run (power off at once)",
     Reason.SUPERVISOR_LOST: (
-        "`rig run` gave no sign of life: killed, suspended, or held up by a busy host"
+        "`rig run` stopped sending its heartbeat: killed, suspended, or delayed by a busy host"
     ),
-    Reason.LOGGER_LOST: "the record could not be kept: logger, disk or folder was lost",
+    Reason.LOGGER_LOST: "the record could not be written: logger, disk or folder was lost",
     Reason.NOT_FINITE: "a value was NaN or infinite",
     Reason.STALE_ENCODER: "the encoder's value was too old",
     Reason.STALE_DRIVE: "the drive's values were too old",
@@ -67,52 +67,52 @@ REASONS = {
     Reason.EMERGENCY_STOP: "the emergency stop was pressed",
     Reason.LIMIT_SWITCH: "a limit switch was hit",
     Reason.STALE_PANEL: "the emergency stop could not be read any more",
-    Reason.BRAKE_LOST: "the brake's current was not what it was told to be",
+    Reason.BRAKE_LOST: "the brake's current was not the commanded one",
     Reason.STALE_BRAKE: "the brake's current was too old",
-    Reason.COUPLING_SLIP: "motor and shaft were further apart than the driveline can twist",
+    Reason.COUPLING_SLIP: "motor and shaft differed by more than the possible driveline twist",
     Reason.LOAD_CELL_OVERLOAD: "the load cell was loaded beyond its range",
     Reason.SHAFT_ENCODER_JUMP: "the shaft's encoder jumped: it slipped or lost counts",
     Reason.CURRENT_DISAGREES: "the drive's current was not the commanded one",
     Reason.SURGE_CURRENT_DISAGREES: "the surge drive's current was not the commanded one",
     Reason.VELOCITY_DISAGREES: "the motor did not turn at the commanded velocity",
-    Reason.FORCE_DISAGREES: "motor current and the force sensor at its shaft did not go together",
+    Reason.FORCE_DISAGREES: "motor current and the force sensor at the motor shaft disagreed",
     Reason.POWER_SIGN: "the motor fed energy into the body, under a law that can only absorb",
     Reason.POWER_BALANCE: "two stations reported powers that no loss between them explains",
 }
 
 
 def mode_stamp(mode: str) -> str:
-    """What every picture says about who played the plant."""
-    return _MODES.get(mode, mode.upper() if mode else "MODE NOT RECORDED")
+    """Return the stamp of an execution mode, which names the kind of plant."""
+    return _MODE_STAMPS.get(mode, mode.upper() if mode else "MODE NOT RECORDED")
 
 
 def reason_text(reason: str) -> str:
-    """A stop reason, given by name, in plain words; an unknown one as it is."""
+    """Return the description of a stop reason given by name; an unknown name unchanged."""
     try:
         return REASONS[Reason[reason]]
     except KeyError:
         return reason or REASONS[Reason.NONE]
 
 
-def signed(value: float, digits: int = 0) -> str:
-    """A number with its sign and a true minus; zero has no sign."""
+def format_signed(value: float, digits: int = 0) -> str:
+    """Return a number with its sign and a typographic minus; zero has no sign."""
     text = f"{value:+.{digits}f}"
     if float(text) == 0.0:
         return text[1:]
     return text.replace("-", "\N{MINUS SIGN}")
 
 
-def watts(value: float, error: float = float("nan")) -> str:
-    """A power with its standard error where that is known, W: both to the same decimals."""
+def format_power(value: float, error: float = float("nan")) -> str:
+    """Return a power (W) with its standard error if known, both with the same decimals."""
     if not math.isfinite(error):
-        return f"{signed(value, 1 if abs(value) < 100.0 else 0)} W"
+        return f"{format_signed(value, 1 if abs(value) < 100.0 else 0)} W"
     digits = 0 if error >= 9.5 else 1 if error >= 0.095 else 2
     size = f"{error:.{digits}f}" if error >= 0.005 else "<0.01"
-    return f"{signed(value, digits)} ± {size} W"  # a plus says that power is consumed
+    return f"{format_signed(value, digits)} ± {size} W"  # plus: consumed
 
 
-def utc(text: str) -> str:
-    """An ISO 8601 time in UTC as people write it, to the second; other text as it is."""
+def format_utc(text: str) -> str:
+    """Return an ISO 8601 time as readable UTC to the second; other text unchanged."""
     try:
         moment = datetime.fromisoformat(text)
     except ValueError:
@@ -121,5 +121,5 @@ def utc(text: str) -> str:
 
 
 def spring_text(rate: float, stator: float) -> str:
-    """Spring rate and stator position of a panel's title."""
-    return f"spring {signed(rate)} N/m, stator {signed(stator)} %"
+    """Return spring rate (N/m) and stator position (%) as the title of a panel."""
+    return f"spring {format_signed(rate)} N/m, stator {format_signed(stator)} %"

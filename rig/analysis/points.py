@@ -1,4 +1,4 @@
-"""Points of the gain matrix: what was asked for, what was measured, and what varies."""
+"""Points of the gain matrix: planned and measured set points, and the columns that vary."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -10,15 +10,15 @@ from rig.analysis.rows import COMPLETE, POWERS, standard_error
 from rig.config.columns import COLUMNS, Column
 
 Setting = dict[str, float]
-"""A set point by the names of `rig.config.columns`; what a run does not know is left out."""
+"""A set point by the column names of `rig.config.columns`; unknown columns are absent."""
 
 
 class Point(NamedTuple):
-    """One combination of the gain matrix with the mean of its complete rows."""
+    """One set point of the gain matrix with the mean powers of its complete rows."""
 
     setting: Setting
     stator: float  # %
-    power: dict[str, float]  # W by kind, negative is absorbed
+    power: dict[str, float]  # W by station, negative is absorbed
     error: dict[str, float]  # W, standard error of `power`; NaN where unknown
     rows: tuple[int, ...]
 
@@ -39,63 +39,63 @@ class Point(NamedTuple):
 
 
 class Matrix(NamedTuple):
-    """A gain matrix as it was run."""
+    """A gain matrix with its measured points."""
 
-    points: tuple[Point, ...]  # measured, in the order of the campaign
-    asked: tuple[Setting, ...]  # every combination of the campaign, measured or not
+    points: tuple[Point, ...]  # measured points, in the order of the campaign
+    planned: tuple[Setting, ...]  # every set point of the campaign, measured or not
 
 
 def agrees(setting: Setting, fixed: Setting) -> bool:
-    """Whether a set point has these values; a column it does not know cannot contradict."""
+    """Return whether a set point has these values; a column absent from it counts as equal."""
     return all(setting.get(name, value) == value for name, value in fixed.items())
 
 
-def varied(matrix: Matrix) -> list[Column]:
-    """Columns that take more than one value in the campaign."""
-    found = []
+def varied_columns(matrix: Matrix) -> list[Column]:
+    """Return the columns that take more than one value in the campaign."""
+    columns = []
     for column in COLUMNS:
-        values = {each[column.name] for each in matrix.asked if column.name in each}
+        values = {setting[column.name] for setting in matrix.planned if column.name in setting}
         if len(values) > 1:
-            found.append(column)
-    return found
+            columns.append(column)
+    return columns
 
 
 def levels(matrix: Matrix, name: str) -> list[float]:
-    """The values that a column takes in the campaign, increasing."""
-    return sorted({each[name] for each in matrix.asked if name in each})
+    """Return the values that a column takes in the campaign, in increasing order."""
+    return sorted({each[name] for each in matrix.planned if name in each})
 
 
 def row_settings(table: xarray.Dataset) -> list[Setting]:
-    """The set point of each row of the table.
+    """Return the set point of each row of the table.
 
-    A run without a plan tells a set point by a mean over its log: nine digits of it are kept, so
-    that rounding makes no two points of one.
+    The set point of a run without a plan is a mean over its log. It is rounded to nine digits, so
+    that rounding errors do not split one point into two.
     """
     columns = {c.name: table[c.name].values.tolist() for c in COLUMNS if c.name in table}
     return [
         {
-            name: float(f"{values[i]:.9g}") + 0.0  # there is no -0
+            name: float(f"{values[index]:.9g}") + 0.0  # there is no -0
             for name, values in columns.items()
-            if np.isfinite(values[i])
+            if np.isfinite(values[index])
         }
-        for i in range(table.sizes.get("row", 0))
+        for index in range(table.sizes.get("row", 0))
     ]
 
 
-def matrix(table: xarray.Dataset) -> Matrix:
-    """The gain matrix of a row table: equal set points are one point, however often it was asked.
+def gain_matrix(table: xarray.Dataset) -> Matrix:
+    """Return the gain matrix of a row table; rows with equal set points form one point.
 
-    The error of a point that was run more than once comes from the scatter of its rows.
+    The standard error of a repeated point comes from the scatter of its rows.
     """
     if "state" not in table or table.sizes["row"] == 0:
         return Matrix((), ())
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
     settings = row_settings(table)
-    asked: dict[tuple[tuple[str, float], ...], Setting] = {}
+    planned: dict[tuple[tuple[str, float], ...], Setting] = {}
     members: dict[tuple[tuple[str, float], ...], list[int]] = {}
     for i, setting in enumerate(settings):
         key = tuple(setting.items())
-        asked.setdefault(key, setting)
+        planned.setdefault(key, setting)
         if columns["state"][i] == COMPLETE:
             members.setdefault(key, []).append(i)
 
@@ -104,7 +104,7 @@ def matrix(table: xarray.Dataset) -> Matrix:
             return standard_error(columns[f"power_{kind}"][rows])
         return float(columns[f"power_{kind}_se"][rows[0]])
 
-    found = tuple(
+    points = tuple(
         Point(
             settings[rows[0]],
             float(columns["stator"][rows[0]]),
@@ -114,19 +114,19 @@ def matrix(table: xarray.Dataset) -> Matrix:
         )
         for rows in members.values()
     )
-    return Matrix(found, tuple(asked.values()))
+    return Matrix(points, tuple(planned.values()))
 
 
-def scatter_of(members: Iterable[Point]) -> str:
-    """Whose scatter the standard errors of points tell, in words; empty where none is known."""
-    names = {
+def error_source(points: Iterable[Point]) -> str:
+    """Return the source of the points' standard errors as text; empty if no error is known."""
+    sources = {
         "repetitions" if len(point.rows) > 1 else "wave periods"
-        for point in members
+        for point in points
         if any(np.isfinite(error) for error in point.error.values())
     }
-    return f"scatter of {' and '.join(sorted(names))}" if names else ""
+    return f"scatter of {' and '.join(sorted(sources))}" if sources else ""
 
 
-def points(table: xarray.Dataset) -> list[Point]:
-    """Points with at least one complete row, in the order of the campaign."""
-    return list(matrix(table).points)
+def measured_points(table: xarray.Dataset) -> list[Point]:
+    """Return the points with at least one complete row, in the order of the campaign."""
+    return list(gain_matrix(table).points)

@@ -1,10 +1,10 @@
-"""Columns of the row table that tell whether a row can be trusted.
+"""Data-quality columns of the row table.
 
-They are those that the test's own scripts keep beside power (public fbWecCntrl repository,
-MASK4/MHKDRCode): least stator force, mean slew force, percentiles of the load cells and of
-velocity, mean bus voltage; and what this rig logs besides: how often the drive saturated, rested
-or burned power, and what surge did. Forces are from their tared zeros, but for the stator's: it is
-not zero at rest, and what matters of it is its sign.
+The scripts of the MASK4 test store the following columns together with power (public fbWecCntrl
+repository, MASK4/MHKDRCode): minimum stator force, mean slew force, percentiles of the load cells
+and of velocity, mean bus voltage. This rig adds the share of ticks in which the drive saturated,
+was gated off or burned power in the dump resistors, and the motion and force of surge. Forces are
+relative to their tare. The stator force is not: it is not zero at rest, and its sign matters.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,11 +16,11 @@ from rig.recording.runs.mcap_file import Records
 
 
 class Check(NamedTuple):
-    """One column: the log fields it is made of, and how."""
+    """One quality column: its unit, its log fields and the function that reduces them."""
 
     unit: str
     fields: tuple[str, ...]
-    of: Callable[..., Any]  # of the fields' values over the measured ticks, in that order
+    compute: Callable[..., Any]  # takes the values of the fields over the window, in that order
 
 
 def _percentile(percent: float) -> Callable[..., Any]:
@@ -58,19 +58,19 @@ CHECKS = {
 UNITS = {name: check.unit for name, check in CHECKS.items()}
 
 
-def fields(there: Iterable[str]) -> list[str]:
-    """The log fields that the columns need, of those a run has."""
+def required_fields(available: Iterable[str]) -> list[str]:
+    """Return the log fields that the columns need, out of those ``available``."""
     needed = dict.fromkeys(name for check in CHECKS.values() for name in check.fields)
-    known = set(there)
-    return [name for name in needed if name in known]
+    names = set(available)
+    return [name for name in needed if name in names]
 
 
-def columns(data: Records) -> dict[str, float]:
-    """Each column's value over a window; NaN where the run did not log what it is made of."""
-    known = set(data.dtype.names or ())
+def quality_columns(data: Records) -> dict[str, float]:
+    """Return the value of each column over a window; NaN if the run did not log its fields."""
+    logged = set(data.dtype.names or ())
     return {
-        name: float(check.of(*(data[field] for field in check.fields)))
-        if known.issuperset(check.fields)
+        name: float(check.compute(*(data[field] for field in check.fields)))
+        if logged.issuperset(check.fields)
         else float("nan")
         for name, check in CHECKS.items()
     }

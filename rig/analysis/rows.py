@@ -1,10 +1,10 @@
-"""The row table: what each row of the gain matrix gave, from its measured ticks alone.
+"""The row table: means of each row of the gain matrix over its measurement window.
 
-Power is negative when absorbed. Rows whose window was cut short are listed with their state and
-enter no surface. So are rows of whose window the record lacks ticks (`INCOMPLETE`), and their means
-are withheld (NaN) unless asked for. A mean's standard error comes from the means over whole wave
-periods; where a window holds only one repeat period of an irregular sea it is unknown (NaN) unless
-the point was run again. Beside power and motion stand the checks of `rig.analysis.quality`.
+Absorbed power is negative. Rows whose window was cut short are listed with their state and excluded
+from surfaces. So are rows whose window lacks ticks in the record (`INCOMPLETE`); their means are
+withheld (NaN) unless requested. The standard error of a mean comes from the means over whole wave
+periods. It is unknown (NaN) where a window holds only one repeat period of an irregular sea, unless
+the point was repeated. The table also holds the checks of `rig.analysis.quality`.
 """
 
 import json
@@ -16,7 +16,13 @@ import numpy as np
 
 from rig.analysis import calibrated, quality
 from rig.analysis.calibrated import RECORDED
-from rig.analysis.windows import GONE, Window, gone, planned_ticks, windows
+from rig.analysis.windows import (
+    ALL_TICKS_MISSING,
+    Window,
+    missing_rows,
+    planned_ticks,
+    read_windows,
+)
 from rig.config.columns import COLUMNS
 from rig.realtime.limits import Limited, Warned
 from rig.recording.calibration import Known
@@ -28,20 +34,20 @@ from rig.recording.runs.state import Reading
 if TYPE_CHECKING:
     import xarray
 
-MEAN_POSITION_ALARM = 0.005  # m; a biased encoder pushes with Ki times its bias
+MEAN_POSITION_ALARM = 0.005  # m; an encoder bias adds a constant force of Ki times the bias
 
 COMPLETE, INTERRUPTED, NOT_RUN = "complete", "cut short", "not run"
-INCOMPLETE = "record incomplete"  # measured whole, but rows of it are lost
+INCOMPLETE = "record incomplete"  # fully measured, but the record lacks ticks
 
 POWERS = ("mechanical_1", "mechanical_2", "ac", "dc")
-MOTIONS = {
+MOTION_FIELDS = {
     "position": "heave.estimate.position",
     "velocity": "heave.estimate.velocity",
     "current": "heave.sense.current",
     "force": "heave.command.force",
 }
-DEMEANED = {"mechanical_1": "load.lcb", "mechanical_2": "load.trs"}
-LOGGED = {  # what the log says of a set point, for a run without a plan
+LOAD_CELL_FIELDS = {"mechanical_1": "load.lcb", "mechanical_2": "load.trs"}
+LOGGED_SETTINGS = {  # log fields that give the set point of a run without a plan
     "spring_rate": "spring_command.rate",
     "stator": "spring_command.target",
     "kp": "heave.demand.kp",
@@ -59,8 +65,8 @@ LOGGED = {  # what the log says of a set point, for a run without a plan
 SETTINGS = {"spring_rate": "N/m", "stator": "%"} | {c.name: c.unit for c in COLUMNS}
 FIELDS = [
     *(f"power.{name}" for name in POWERS),
-    *MOTIONS.values(),
-    *DEMEANED.values(),
+    *MOTION_FIELDS.values(),
+    *LOAD_CELL_FIELDS.values(),
     "heave.command.limited",
     "heave.warned",
     "tare.samples",
@@ -69,10 +75,10 @@ FIELDS = [
 UNITS = {
     **{f"power_{name}": "W" for name in POWERS},
     **{f"power_{name}_se": "W" for name in POWERS},
-    **{f"power_{name}_demeaned": "W" for name in DEMEANED},
+    **{f"power_{name}_demeaned": "W" for name in LOAD_CELL_FIELDS},
     **{
         f"{name}_{kind}": unit
-        for name, unit in zip(MOTIONS, ("m", "m/s", "A", "N"), strict=True)
+        for name, unit in zip(MOTION_FIELDS, ("m", "m/s", "A", "N"), strict=True)
         for kind in ("mean", "rms", "peak")
     },
     **SETTINGS,
@@ -83,7 +89,7 @@ UNITS = {
 
 
 def wave_period(plan: dict[str, Any]) -> float | None:
-    """Seconds after which the sea of a plan repeats; None if it does not."""
+    """Return the repeat period of a plan's sea in s; None if the sea does not repeat."""
     sea = plan.get("sea") or {}
     if sea.get("frequency_hz"):
         return 1.0 / float(sea["frequency_hz"])
@@ -92,34 +98,34 @@ def wave_period(plan: dict[str, Any]) -> float | None:
 
 
 def period_means(values: Any, ticks: Any, period_ticks: float) -> Any:
-    """Means of ``values`` over each whole period (length in ticks) from the first tick on."""
-    since = ticks - ticks[0]
+    """Return the means of ``values`` over each whole period of ``period_ticks`` ticks."""
+    elapsed = ticks - ticks[0]
     # Windows end on the nearest sample, so the last period may lack half a tick.
-    whole = int((since[-1] + 1.5) / period_ticks)
-    edges = np.searchsorted(since, np.round(np.arange(whole + 1) * period_ticks))
-    full = np.flatnonzero(np.diff(edges))
-    return np.array([values[edges[i] : edges[i + 1]].mean() for i in full])
+    periods = int((elapsed[-1] + 1.5) / period_ticks)
+    edges = np.searchsorted(elapsed, np.round(np.arange(periods + 1) * period_ticks))
+    nonempty = np.flatnonzero(np.diff(edges))
+    return np.array([values[edges[i] : edges[i + 1]].mean() for i in nonempty])
 
 
 def standard_error(means: Any) -> float:
-    """Standard error of the mean of equally good means; NaN for fewer than two."""
+    """Return the standard error of the mean of equally weighted means; NaN for fewer than two."""
     count = len(means)
     return float(np.std(means, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
 
 
-def flags(kind: type[Limited] | type[Warned], values: Any) -> str:
-    """Names of all flags seen, joined by spaces."""
-    seen = int(np.bitwise_or.reduce(values)) if len(values) else 0
-    return " ".join(str(flag.name) for flag in kind if seen & flag)
+def flag_names(kind: type[Limited] | type[Warned], values: Any) -> str:
+    """Return the names of all flags raised in ``values``, separated by spaces."""
+    raised = int(np.bitwise_or.reduce(values)) if len(values) else 0
+    return " ".join(str(flag.name) for flag in kind if raised & flag)
 
 
-def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
-    """What one window gave, by the names of the row table; SI.
+def reduce_window(window: Window, period_ticks: float | None) -> dict[str, Any]:
+    """Return the row-table entry of one window by column name, in SI units.
 
-    ``period_ticks`` is the sea's repeat period, None if it has none.
+    ``period_ticks`` is the repeat period of the sea in ticks; None if the sea does not repeat.
     """
     data: Records = window.data
-    out: dict[str, Any] = {
+    entry: dict[str, Any] = {
         "row": window.row,
         "attempt": window.attempt,
         "state": INTERRUPTED if window.incomplete_reason else COMPLETE,
@@ -130,38 +136,38 @@ def reduced(window: Window, period_ticks: float | None) -> dict[str, Any]:
         "ticks_missing": window.missing,
         "tare_samples": int(data["tare.samples"].min()),
         "start": float(data["time"][0]),
-        "limits": flags(Limited, data["heave.command.limited"]),
-        "warned": flags(Warned, data["heave.warned"]),
+        "limits": flag_names(Limited, data["heave.command.limited"]),
+        "warned": flag_names(Warned, data["heave.warned"]),
         "periods": 0,
     }
     for name in POWERS:
         values = data[f"power.{name}"]
-        out[f"power_{name}"] = float(values.mean())
-        out[f"power_{name}_se"] = float("nan")
+        entry[f"power_{name}"] = float(values.mean())
+        entry[f"power_{name}_se"] = float("nan")
         if period_ticks is not None:
             means = period_means(values, data["tick"], period_ticks)
-            out["periods"] = len(means)
-            out[f"power_{name}_se"] = standard_error(means)
-    velocity = data[MOTIONS["velocity"]]
-    for name, field in DEMEANED.items():
+            entry["periods"] = len(means)
+            entry[f"power_{name}_se"] = standard_error(means)
+    velocity = data[MOTION_FIELDS["velocity"]]
+    for name, field in LOAD_CELL_FIELDS.items():
         force = data[field]
         mean = (force * velocity).mean() - force.mean() * velocity.mean()
-        out[f"power_{name}_demeaned"] = float(mean)
-    for name, field in MOTIONS.items():
+        entry[f"power_{name}_demeaned"] = float(mean)
+    for name, field in MOTION_FIELDS.items():
         values = data[field]
-        out[f"{name}_mean"] = float(values.mean())
-        out[f"{name}_rms"] = float(np.sqrt((values * values).mean()))
-        out[f"{name}_peak"] = float(np.abs(values).max())
-    out["stroke"] = float(np.ptp(data[MOTIONS["position"]]))
-    for name, field in LOGGED.items():  # the plan's value replaces it where there is one
-        here = field in (data.dtype.names or ())
-        out[name] = float(data[field].mean()) if here else float("nan")
-    out["realisation"] = float("nan")  # only the plan tells
-    return {**out, **quality.columns(data)}
+        entry[f"{name}_mean"] = float(values.mean())
+        entry[f"{name}_rms"] = float(np.sqrt((values * values).mean()))
+        entry[f"{name}_peak"] = float(np.abs(values).max())
+    entry["stroke"] = float(np.ptp(data[MOTION_FIELDS["position"]]))
+    for name, field in LOGGED_SETTINGS.items():  # a value in the plan replaces it later
+        logged = field in (data.dtype.names or ())
+        entry[name] = float(data[field].mean()) if logged else float("nan")
+    entry["realisation"] = float("nan")  # only the plan gives it
+    return {**entry, **quality.quality_columns(data)}
 
 
-def _repeat_errors(table: list[dict[str, Any]]) -> None:
-    """Where a row alone cannot tell its error, take the scatter of its repetitions."""
+def _add_repetition_errors(table: list[dict[str, Any]]) -> None:
+    """Fill unknown standard errors of rows with the standard deviation over repetitions."""
     for name in POWERS:
         by_point: dict[int, list[dict[str, Any]]] = {}
         for row in table:
@@ -181,87 +187,103 @@ def row_table(
     *,
     incomplete_rows: bool = False,
 ) -> "xarray.Dataset":
-    """The row table of a run, finished or not: one entry a planned or measured row, by row id.
+    """Return the row table of a finished or unfinished run, with one entry per row in order of id.
 
-    ``mean_position_alarm`` (m): a row whose mean position, of heave or surge, is farther from zero
-    is flagged. What the run did not log is NaN. ``calibrations``: to read the run with, at most one
-    a quantity; raises as `rig.analysis.calibrated.reading` does. ``incomplete_rows``: give the
-    means also of rows of which the record lacks ticks. ``samples`` counts a window's ticks that are
-    there, ``ticks_expected`` those that were executed, ``ticks_missing`` those that are lost.
-    Variables carry their unit in ``attrs``; ``stroke`` is peak to peak; ``power_*_demeaned`` is
-    mean(F v) - mean(F) mean(v); ``power_*_se`` is the standard error of that row's mean.
+    The table covers all planned and measured rows. Values that the run did not log are NaN. The
+    units of the variables are in ``attrs``. ``samples`` counts the recorded ticks of a window,
+    ``ticks_expected`` the executed ones, ``ticks_missing`` the lost ones. ``stroke`` is peak to
+    peak. ``power_*_demeaned`` is mean(F v) - mean(F) mean(v). ``power_*_se`` is the standard error
+    of the mean of that row.
+
+    Rows whose mean heave or surge position is farther from zero than ``mean_position_alarm`` (m)
+    are flagged. ``calibrations`` correct the rows, at most one for each quantity; errors are those
+    of `rig.analysis.calibrated.build_corrections`. With ``incomplete_rows`` rows that lack ticks in
+    the record keep their means.
     """
     source = reader.source(run)
-    known = facts(run, source.contents)
-    read = calibrated.reading(calibrations, known)
-    dt = known.plan.get("dt")
-    period = wave_period(known.plan)
+    run_facts = facts(run, source.contents)
+    corrections = calibrated.build_corrections(calibrations, run_facts)
+    dt = run_facts.plan.get("dt")
+    period = wave_period(run_facts.plan)
     period_ticks = period / float(dt) if period and dt else None
-    planned = {int(row["row"]): row for row in known.plan.get("rows", [])}
-    found: dict[int, dict[str, Any]] = {}
-    there = [leaf.name for leaf in source.leaves]
-    logged = set(there) & set(LOGGED.values()) | set(quality.fields(there))
-    wanted = ["time", *FIELDS, *sorted(logged)]
-    seen = Reading(source.contents, source.damage)
-    for each in windows(source, wanted, known.plan, incomplete_rows=True, reading=seen):
-        if each.row < 0:
+    planned = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
+    measured: dict[int, dict[str, Any]] = {}
+    available = [leaf.name for leaf in source.leaves]
+    logged = set(available) & set(LOGGED_SETTINGS.values()) | set(
+        quality.required_fields(available)
+    )
+    fields = ["time", *FIELDS, *sorted(logged)]
+    reading = Reading(source.contents, source.damage)
+    for raw_window in read_windows(
+        source, fields, run_facts.plan, incomplete_rows=True, reading=reading
+    ):
+        if raw_window.row < 0:
             continue
-        length = planned_ticks(planned.get(each.row, {}), dt)
-        short = each.span + each.edge < 0.99 * length - 1.0
-        why = each.incomplete_reason or ("shorter than planned" if short else "")
-        window = each._replace(incomplete_reason=why, data=calibrated.ticks(read, each.data))
-        made = reduced(window, period_ticks)
-        # the last attempt counts
-        found[window.row] = made if incomplete_rows else _withheld(made, window)
-    state = seen.state(run)
-    absent = gone(known.plan, found, state)
+        length = planned_ticks(planned.get(raw_window.row, {}), dt)
+        too_short = raw_window.span + raw_window.lost_at_edges < 0.99 * length - 1.0
+        reason = raw_window.incomplete_reason or ("shorter than planned" if too_short else "")
+        window = raw_window._replace(
+            incomplete_reason=reason, data=calibrated.correct_ticks(corrections, raw_window.data)
+        )
+        entry = reduce_window(window, period_ticks)
+        # A later attempt replaces an earlier one.
+        measured[window.row] = entry if incomplete_rows else _withhold_means(entry, window)
+    state = reading.state(run)
+    lost_rows = missing_rows(run_facts.plan, measured, state)
     table = [
-        calibrated.row(read, _with_plan(found.get(row), planned.get(row, {}), row, row in absent))
-        for row in sorted({*planned, *found})
+        calibrated.correct_row(
+            corrections, _merge_plan(measured.get(row), planned.get(row, {}), row, row in lost_rows)
+        )
+        for row in sorted({*planned, *measured})
     ]
-    for entry in table:
+    for row_entry in table:
         for axis in ("", "surge_"):
-            far = abs(entry[f"{axis}position_mean"]) > mean_position_alarm
-            entry[f"{axis}position_alarm"] = int(far and entry["state"] == COMPLETE)
-    _repeat_errors(table)
-    out = _dataset(table, known, period)
+            off_zero = abs(row_entry[f"{axis}position_mean"]) > mean_position_alarm
+            row_entry[f"{axis}position_alarm"] = int(off_zero and row_entry["state"] == COMPLETE)
+    _add_repetition_errors(table)
+    dataset = _build_dataset(table, run_facts, period)
     attributes = {"record": state.description, "record_state": json.dumps(state.as_dict())}
-    return out.assign_attrs(attributes | read.attributes, mean_position_alarm_m=mean_position_alarm)
+    return dataset.assign_attrs(
+        attributes | corrections.attributes, mean_position_alarm_m=mean_position_alarm
+    )
 
 
-def _withheld(made: dict[str, Any], window: Window) -> dict[str, Any]:
-    """A row without its means if the record lacks ticks of its window."""
-    if not window.missing or made["state"] != COMPLETE:
-        return made
-    told = {"state": INCOMPLETE, "incomplete_reason": window.missing_words}
+def _withhold_means(entry: dict[str, Any], window: Window) -> dict[str, Any]:
+    """Return the entry without its means if the record lacks ticks of the window."""
+    if not window.missing or entry["state"] != COMPLETE:
+        return entry
+    state = {"state": INCOMPLETE, "incomplete_reason": window.missing_text}
     kept = {"start", *SETTINGS}
-    return {**made, **told, **{name: float("nan") for name in UNITS if name not in kept}}
+    return {**entry, **state, **{name: float("nan") for name in UNITS if name not in kept}}
 
 
-def _with_plan(
-    measured: dict[str, Any] | None, planned: dict[str, Any], row: int, absent: bool
+def _merge_plan(
+    measured: dict[str, Any] | None, planned: dict[str, Any], row: int, lost: bool
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
-        texts = {"state": INCOMPLETE, "incomplete_reason": GONE} if absent else texts
+        texts = {"state": INCOMPLETE, "incomplete_reason": ALL_TICKS_MISSING} if lost else texts
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(UNITS, float("nan"))}
-    out = {**measured, "point": int(planned.get("point", row))}
-    out["repetition"] = int(planned.get("repetition", 0))
+    entry = {**measured, "point": int(planned.get("point", row))}
+    entry["repetition"] = int(planned.get("repetition", 0))
     for name in SETTINGS:
         value = planned.get(name, planned.get(f"{name}_position"))
         if value is not None:
-            out[name] = float(value)
-    return out
+            entry[name] = float(value)
+    return entry
 
 
 def _modulation(config: dict[str, Any]) -> dict[str, str]:
-    """How a custom drive switches: the campaign's choice or else the rig's; empty for others."""
-    asked = [(config.get(file) or {}).get("drive") or {} for file in ("campaign", "rig")]
-    if asked[1].get("kind") != "custom":
+    """Return the modulation of a custom drive as an attribute; empty for other drives.
+
+    The campaign overrides the rig file.
+    """
+    drives = [(config.get(file) or {}).get("drive") or {} for file in ("campaign", "rig")]
+    if drives[1].get("kind") != "custom":
         return {}
-    return {"modulation": str(asked[0].get("modulation") or asked[1].get("modulation"))}
+    return {"modulation": str(drives[0].get("modulation") or drives[1].get("modulation"))}
 
 
 _COUNTS = ("attempt", "samples", "lost_ticks", "ticks_expected", "ticks_missing", "tare_samples",
@@ -269,7 +291,9 @@ _COUNTS = ("attempt", "samples", "lost_ticks", "ticks_expected", "ticks_missing"
 _ORDER = ["row", "point", "repetition", "state", *SETTINGS]
 
 
-def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) -> "xarray.Dataset":
+def _build_dataset(
+    table: list[dict[str, Any]], run_facts: Facts, period: float | None
+) -> "xarray.Dataset":
     import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
 
     names = list(table[0]) if table else ["row"]
@@ -282,7 +306,7 @@ def _dataset(table: list[dict[str, Any]], known: Facts, period: float | None) ->
         )
         for name in names
     }
-    attributes = known.attributes() | _modulation(known.config)
+    attributes = run_facts.attributes() | _modulation(run_facts.config)
     if period:
         attributes["wave_period_s"] = period
     return xarray.Dataset(columns, attrs=attributes)

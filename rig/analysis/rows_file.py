@@ -1,4 +1,4 @@
-"""The row table as files."""
+"""Writer of the row table's files."""
 
 import csv
 from pathlib import Path
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def write_rows(table: "xarray.Dataset", folder: Path) -> list[Path]:
-    """``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
+    """Write ``rows.csv`` (units in the header) and ``rows.nc`` (units in the attributes)."""
     names = [str(name) for name in table.variables]
     units = [table[name].attrs.get("units") for name in names]
     text, binary = folder / "rows.csv", folder / "rows.nc"

@@ -1,8 +1,8 @@
-"""Slices of a gain matrix: power over two columns, all others held, and the best point in it.
+"""Slices of a gain matrix: power over two columns at fixed values of the others.
 
-A matrix of more than two columns is sliced where the station in question absorbs most: every
-column that is left out stands at its value there (MASK4 report (Sandia), section 4.3). So each
-station has a slice of its own.
+A matrix of more than two columns is sliced through the point where a station absorbs most: every
+other column has its value at that point (MASK4 report (Sandia), section 4.3). Each station
+therefore has its own slice.
 """
 
 from math import isclose
@@ -12,41 +12,41 @@ import numpy as np
 import xarray
 from scipy.stats import chi2
 
-from rig.analysis.labels import BY_NAME, quantity
-from rig.analysis.mesh import Place, spans_surface
-from rig.analysis.points import Matrix, Point, Setting, agrees, levels, matrix, varied
+from rig.analysis.labels import BY_NAME, format_quantity
+from rig.analysis.mesh import XY, spans_surface
+from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
 from rig.analysis.rows import POWERS
 from rig.config.columns import Column
 
 KP, KI, SPRING_RATE = BY_NAME["kp"], BY_NAME["ki"], BY_NAME["spring_rate"]
-_SAME = 1e-6  # relative: values that differ by less are the same
-_EVEN = 0.01  # of a step: steps that differ by less are even
-LEAST_RELIEF = 0.01  # of the power: what differs by less is no relief
-_LEVELS = 3  # of a column, for one of them to lie inside
+_VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal
+_STEP_TOLERANCE = 0.01  # relative to the step; steps closer than this are equal
+NEGLIGIBLE_SHARE = 0.01  # of the power; smaller differences are irrelevant
+_MIN_LEVELS = 3  # of a column, so that a level can lie inside its range
 
 WITHIN_ERRORS = "within errors"
-WITHIN_RELIEF = f"within {100.0 * LEAST_RELIEF:g} %"
-_NO_SPREAD = "no more spread than its errors explain"
+WITHIN_SHARE = f"within {100.0 * NEGLIGIBLE_SHARE:g} %"
+_NO_SPREAD = "differences within errors"
 
 
 class Optimum(NamedTuple):
-    """The measured point that absorbs most."""
+    """The measured point that absorbs most at one station."""
 
     kind: str
     point: Point
-    at_edge: bool  # at the end of a range of three values and more: the best may lie outside
-    at_gap: bool  # the next point along an axis was not measured: the best may lie there
-    points: int  # measured, of which it is the best
-    flat: str  # how little the points of its slice differ; empty if they do
-    idle: tuple[str, ...]  # left-out columns along which power does not differ from here
+    at_edge: bool  # end of a range of at least three values: the optimum may lie outside
+    at_gap: bool  # a neighbouring point was not measured: the optimum may lie there
+    points: int  # number of measured points compared
+    flat: str  # range within which all points of the slice lie; empty if they differ
+    without_effect: tuple[str, ...]  # sliced columns along which power does not change
 
     @property
-    def doubt(self) -> str:
-        """Where the true optimum may lie instead, in a word or two; empty if it lies here.
+    def caveat(self) -> str:
+        """Short remark if the true optimum may lie elsewhere; empty otherwise.
 
-        Where nothing differs that is said, and neither edge nor gap means anything.
+        Edge and gap mean nothing where the points of the slice do not differ.
         """
-        edge = "grid's edge" if self.at_edge else "beside a gap" if self.at_gap else ""
+        edge = "grid's edge" if self.at_edge else "next to a gap" if self.at_gap else ""
         return self.flat or edge
 
     @property
@@ -61,19 +61,19 @@ class Optimum(NamedTuple):
 
 
 class Slice(NamedTuple):
-    """The points of a matrix over two columns for one kind of power."""
+    """The points of a matrix over two columns for the power at one station."""
 
     kind: str
     x: Column
     y: Column
-    held: Setting  # columns whose value was asked for
-    sliced: Setting  # columns left out, at the optimum
-    points: tuple[Point, ...]  # measured in the slice, with a value
-    missing: tuple[Place, ...]  # asked for in the slice and not measured
-    best: Optimum | None  # None where nothing was measured
+    fixed: Setting  # columns at a requested value
+    sliced: Setting  # other columns, at the value of the best point
+    points: tuple[Point, ...]  # measured points of the slice with a finite power
+    missing: tuple[XY, ...]  # planned points of the slice that were not measured
+    best: Optimum | None  # None if nothing was measured
 
     @property
-    def places(self) -> list[Place]:
+    def xy(self) -> list[XY]:
         """x and y of each point."""
         return [(p.setting[self.x.name], p.setting[self.y.name]) for p in self.points]
 
@@ -83,125 +83,142 @@ class Slice(NamedTuple):
         return [p.power[self.kind] for p in self.points]
 
 
-def cut(matrix: Matrix, kind: str, x: Column, y: Column, held: Setting | None = None) -> Slice:
-    """The slice through the best point of those with the values ``held`` (all without).
+def slice_matrix(
+    matrix: Matrix, kind: str, x: Column, y: Column, fixed: Setting | None = None
+) -> Slice:
+    """Return the slice through the best of the points that have the ``fixed`` values.
 
-    Raises ValueError, saying which there are, for a value that is not in the campaign.
+    Raises ValueError for a value that is not in the campaign; the message lists those that are.
     """
-    held = {n: _known(matrix, n, v) for n, v in (held or {}).items() if np.isfinite(v)}
-    found = [
+    fixed = {n: _campaign_value(matrix, n, v) for n, v in (fixed or {}).items() if np.isfinite(v)}
+    points = [
         p
         for p in matrix.points
-        if agrees(p.setting, held)
+        if agrees(p.setting, fixed)
         and np.isfinite(p.power[kind])
         and x.name in p.setting
         and y.name in p.setting
     ]
-    if not found:
-        return Slice(kind, x, y, held, {}, (), (), None)
-    top = min(found, key=lambda point: point.power[kind])
-    left_out = {c.name for c in varied(matrix)} - {x.name, y.name, *held}
-    sliced = {n: v for n, v in top.setting.items() if n in left_out}
-    inside = tuple(p for p in found if agrees(p.setting, sliced))
-    asked = {
+    if not points:
+        return Slice(kind, x, y, fixed, {}, (), (), None)
+    best_point = min(points, key=lambda point: point.power[kind])
+    left_out = {c.name for c in varied_columns(matrix)} - {x.name, y.name, *fixed}
+    sliced = {n: v for n, v in best_point.setting.items() if n in left_out}
+    in_slice = tuple(p for p in points if agrees(p.setting, sliced))
+    planned = {
         (s[x.name], s[y.name])
-        for s in matrix.asked
-        if agrees(s, held | sliced) and x.name in s and y.name in s
+        for s in matrix.planned
+        if agrees(s, fixed | sliced) and x.name in s and y.name in s
     }
-    measured = {(p.setting[x.name], p.setting[y.name]) for p in inside}
-    here = (top.setting[x.name], top.setting[y.name])
+    measured = {(p.setting[x.name], p.setting[y.name]) for p in in_slice}
+    best_xy = (best_point.setting[x.name], best_point.setting[y.name])
     best = Optimum(
         kind,
-        top,
-        _at_edge(here, asked),
-        not _neighbours(here, asked) <= measured,
-        len(found),
-        _flat(kind, inside, 3),
-        tuple(name for name in sliced if _flat(kind, _along(name, top, found), 2)),
+        best_point,
+        _at_edge(best_xy, planned),
+        not _neighbours(best_xy, planned) <= measured,
+        len(points),
+        _flatness(kind, in_slice, 3),
+        tuple(
+            name for name in sliced if _flatness(kind, _points_along(name, best_point, points), 2)
+        ),
     )
-    return Slice(kind, x, y, held, sliced, inside, tuple(sorted(asked - measured)), best)
+    return Slice(kind, x, y, fixed, sliced, in_slice, tuple(sorted(planned - measured)), best)
 
 
-def _along(name: str, through: Point, points: list[Point]) -> tuple[Point, ...]:
-    """The points that differ from one in this column at most."""
-    others = {n: v for n, v in through.setting.items() if n != name}
+def _points_along(name: str, origin: Point, points: list[Point]) -> tuple[Point, ...]:
+    """Return the points that differ from ``origin`` at most in this column."""
+    others = {n: v for n, v in origin.setting.items() if n != name}
     return tuple(p for p in points if agrees(p.setting, others))
 
 
-def projected(matrix: Matrix, kind: str, x: Column, y: Column) -> Slice:
-    """Every measured point over two columns, the others left as they are; no best but overall."""
-    through = cut(matrix, kind, x, y)
+def project_matrix(matrix: Matrix, kind: str, x: Column, y: Column) -> Slice:
+    """Return all measured points over two columns, whatever their other columns.
+
+    The best point is that of the whole matrix.
+    """
+    best_slice = slice_matrix(matrix, kind, x, y)
     names = (x.name, y.name)
-    inside = tuple(
+    points = tuple(
         p
         for p in matrix.points
         if np.isfinite(p.power[kind]) and all(name in p.setting for name in names)
     )
-    return through._replace(sliced={}, points=inside, missing=())
+    return best_slice._replace(sliced={}, points=points, missing=())
 
 
-def by_spring(found: Matrix) -> dict[float, float]:
-    """Stator position (%) of each measured spring rate (N/m), stiffest first."""
-    stators = {p.spring_rate: p.stator for p in reversed(found.points)}
+def stator_by_spring_rate(matrix: Matrix) -> dict[float, float]:
+    """Return the stator position (%) of each measured spring rate (N/m), stiffest first."""
+    stators = {p.spring_rate: p.stator for p in reversed(matrix.points)}
     return dict(sorted(stators.items(), reverse=True))
 
 
-def optima(table: xarray.Dataset) -> list[Optimum]:
-    """For each kind of power and each spring rate the measured point with the least power.
+def find_optima(table: xarray.Dataset) -> list[Optimum]:
+    """Return the measured point that absorbs most, for each station and spring rate.
 
-    Edges are those of all rows at that spring rate: one that is missing makes no new edge but a
-    gap. Where more than spring rate, Kp and Ki varies, edge and gap are those of the slice through
-    the best point.
+    The edges are those of all planned rows at that spring rate: a missing row is a gap, not a new
+    edge. Where other columns than spring rate, Kp and Ki vary, edge and gap are those of the slice
+    through the best point.
     """
-    found = matrix(table)
+    matrix = gain_matrix(table)
     slices = (
-        cut(found, kind, KI, KP, {"spring_rate": rate})
+        slice_matrix(matrix, kind, KI, KP, {"spring_rate": rate})
         for kind in POWERS
-        for rate in by_spring(found)
+        for rate in stator_by_spring_rate(matrix)
     )
     return [each.best for each in slices if each.best is not None]
 
 
-def remarks(of: Slice) -> list[str]:
-    """What a reader of the slice must know: that it is no even, full grid, and why."""
-    if not of.points:
+def slice_remarks(slice_: Slice) -> list[str]:
+    """Return remarks on the slice: why it is not a full, evenly spaced grid."""
+    if not slice_.points:
         return []
-    xs, ys = (sorted(set(along)) for along in zip(*of.places, strict=True))
-    said = []
-    if len(of.points) < 3:
-        said.append("1 point only" if len(of.points) == 1 else "2 points only")
-    elif min(len(xs), len(ys)) > 1 and not spans_surface(of.places):
-        said.append("points on one line")
-    elif len(of.points) + len(of.missing) < len(xs) * len(ys):
-        said.append("no full grid")
-    if len(of.points) > 2:
-        uneven = [c.label for c, along in ((of.x, xs), (of.y, ys)) if not _even(along)]
-        said += [f"{' and '.join(uneven)} unevenly spaced"] if uneven else []
-    if flat := _flat(of.kind, of.points, 3):
-        said.append(f"all {flat}" if flat != WITHIN_ERRORS else _NO_SPREAD)
-    if of.missing:
-        many = len(of.missing)
-        said.append(f"{many} point{'s' if many > 1 else ''} not measured (×)")
-    return said
+    xs, ys = (sorted(set(values)) for values in zip(*slice_.xy, strict=True))
+    remarks = []
+    if len(slice_.points) < 3:
+        remarks.append("1 point only" if len(slice_.points) == 1 else "2 points only")
+    elif min(len(xs), len(ys)) > 1 and not spans_surface(slice_.xy):
+        remarks.append("points on one line")
+    elif len(slice_.points) + len(slice_.missing) < len(xs) * len(ys):
+        remarks.append("incomplete grid")
+    if len(slice_.points) > 2:
+        uneven = [c.label for c, values in ((slice_.x, xs), (slice_.y, ys)) if not _is_even(values)]
+        remarks += [f"{' and '.join(uneven)} unevenly spaced"] if uneven else []
+    if flatness := _flatness(slice_.kind, slice_.points, 3):
+        remarks.append(f"all {flatness}" if flatness != WITHIN_ERRORS else _NO_SPREAD)
+    if slice_.missing:
+        count = len(slice_.missing)
+        remarks.append(f"{count} point{'s' if count > 1 else ''} not measured (×)")
+    return remarks
 
 
-def _known(matrix: Matrix, name: str, value: float) -> float:
-    """The value of the campaign that is meant; one that no row knows of is left as it is."""
-    there = levels(matrix, name)
-    near = [each for each in there if isclose(each, value, rel_tol=_SAME, abs_tol=1e-12)]
-    if there and not near:
-        of, digits = BY_NAME[name], 9
-        known = ", ".join(quantity(of, each, digits) for each in there)
-        raise ValueError(f"{of.label} is never {quantity(of, value, digits)}; there is {known}")
-    return near[0] if near else value
+def _campaign_value(matrix: Matrix, name: str, value: float) -> float:
+    """Return the campaign's value closest to a requested one.
 
-
-def _flat(kind: str, points: tuple[Point, ...], least: int) -> str:
-    """How little power differs at ``least`` points and more, in words; empty if it does differ.
-
-    As far as their errors say (chi square, 99 %), or by so little that nobody would care.
+    A column without values in the campaign returns the value unchanged. Raises ValueError for a
+    value that is not in the campaign.
     """
-    if len(points) < least:
+    campaign_levels = levels(matrix, name)
+    matching = [
+        each
+        for each in campaign_levels
+        if isclose(each, value, rel_tol=_VALUE_TOLERANCE, abs_tol=1e-12)
+    ]
+    if campaign_levels and not matching:
+        column, digits = BY_NAME[name], 9
+        available = ", ".join(format_quantity(column, each, digits) for each in campaign_levels)
+        shown = format_quantity(column, value, digits)
+        raise ValueError(f"{column.label} {shown} is not in the campaign; allowed {available}")
+    return matching[0] if matching else value
+
+
+def _flatness(kind: str, points: tuple[Point, ...], min_points: int) -> str:
+    """Return the range within which the powers of the points lie as text; empty if they differ.
+
+    Powers do not differ if their variance is within their errors (chi square, 99 %), or if their
+    range is a negligible share of the power. Fewer than ``min_points`` points count as different.
+    """
+    if len(points) < min_points:
         return ""
     values = np.array([p.power[kind] for p in points])
     squares = np.array([p.error[kind] for p in points]) ** 2
@@ -209,29 +226,29 @@ def _flat(kind: str, points: tuple[Point, ...], least: int) -> str:
         dof = len(points) - 1
         if float(np.var(values, ddof=1) / squares.mean()) < float(chi2.ppf(0.99, dof)) / dof:
             return WITHIN_ERRORS
-    return WITHIN_RELIEF if np.ptp(values) < LEAST_RELIEF * np.abs(values).max() else ""
+    return WITHIN_SHARE if np.ptp(values) < NEGLIGIBLE_SHARE * np.abs(values).max() else ""
 
 
-def _even(values: list[float]) -> bool:
+def _is_even(values: list[float]) -> bool:
     steps = np.diff(values)
-    return len(steps) < 2 or float(np.ptp(steps)) <= _EVEN * float(np.median(steps))
+    return len(steps) < 2 or float(np.ptp(steps)) <= _STEP_TOLERANCE * float(np.median(steps))
 
 
-def _at_edge(here: Place, asked: set[Place]) -> bool:
-    axes = [sorted(set(values)) for values in zip(*asked, strict=True)]
+def _at_edge(xy: XY, planned: set[XY]) -> bool:
+    axes = [sorted(set(values)) for values in zip(*planned, strict=True)]
     return any(
-        len(axis) >= _LEVELS and value in (axis[0], axis[-1])
-        for value, axis in zip(here, axes, strict=True)
+        len(axis) >= _MIN_LEVELS and value in (axis[0], axis[-1])
+        for value, axis in zip(xy, axes, strict=True)
     )
 
 
-def _neighbours(here: Place, asked: set[Place]) -> set[Place]:
-    """The next places in the four directions along x and y, as many as there are."""
-    found = set()
-    for along, across in ((0, 1), (1, 0)):
-        line = [place for place in asked if place[across] == here[across]]
-        below = [place for place in line if place[along] < here[along]]
-        above = [place for place in line if place[along] > here[along]]
-        found |= {max(below)} if below else set()
-        found |= {min(above)} if above else set()
-    return found
+def _neighbours(xy: XY, planned: set[XY]) -> set[XY]:
+    """Return the nearest planned points in both directions along x and y."""
+    neighbours = set()
+    for axis, other_axis in ((0, 1), (1, 0)):
+        line = [neighbour for neighbour in planned if neighbour[other_axis] == xy[other_axis]]
+        below = [neighbour for neighbour in line if neighbour[axis] < xy[axis]]
+        above = [neighbour for neighbour in line if neighbour[axis] > xy[axis]]
+        neighbours |= {max(below)} if below else set()
+        neighbours |= {min(above)} if above else set()
+    return neighbours

@@ -1,4 +1,4 @@
-"""Where in its plan a run began to stop, and what the host had done to it before."""
+"""Where in its plan a run began to stop, and the ticks that the host lost before."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,17 +14,17 @@ from rig.recording.runs import reader
 
 Counts = NDArray[np.int64]
 
-WINDOW = 2.0
-"""Seconds before a trip in which lost ticks are counted: devices answer a gap within one."""
-LONG_GAP = 0.020
-"""Gap (s) that can be the cause of a trip by itself: the shortest age limit that is shipped."""
-MANY = 0.02
-"""Share of lost periods in the window from which short gaps together can be the cause."""
+WINDOW_S = 2.0
+"""Time (s) before a trip in which lost ticks count; devices respond to a gap within 1 s."""
+LONG_GAP_S = 0.020
+"""Gap (s) that can cause a trip by itself: the shortest age limit in the shipped files."""
+HIGH_SHARE = 0.02
+"""Share of lost periods in the window above which short gaps together can cause a trip."""
 _NO_TRIP = (Reason.NONE, Reason.PLAN_END, Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT)
 
 
 class LostTicks(NamedTuple):
-    """Periods without a tick in the seconds before a trip, enough to be its cause."""
+    """Lost ticks before a trip, enough to be its cause."""
 
     lost: int
     longest_gap_s: float
@@ -33,9 +33,9 @@ class LostTicks(NamedTuple):
 
 
 class Stop(NamedTuple):
-    """The first tick with a stop reason."""
+    """The place in the plan where a run stopped."""
 
-    where: str  # time, row and phase in words; empty where the plan was walked to its end
+    location: str  # time, row and phase as text; empty if the plan ran to its end
     lost: LostTicks | None
 
 
@@ -43,14 +43,14 @@ NO_STOP = Stop("", None)
 
 
 class Ending(NamedTuple):
-    """How a run ended, for people."""
+    """The end of a run: title and reason as text."""
 
     title: str
     reason: str
 
     @property
     def description(self) -> str:
-        """Both, without a full stop."""
+        """Title and reason, without a full stop."""
         return f"{self.title}: {self.reason}"
 
 
@@ -63,79 +63,79 @@ ENDINGS = {
 }
 NO_END = Ending(
     "No end recorded",
-    "the record just stops: power cut, killed processes, or a run that still goes on; once it is "
-    "over, `rig recover` finishes the record",
+    "the record just stops: power cut, killed processes, or a run in progress; once the run is "
+    "over, `rig recover` completes the record",
 )
 
 
-def ending_of(status: Mapping[str, Any], lost: LostTicks | None) -> Ending:
-    """How a run ended, by its ``status`` and by the ticks ``lost`` before a trip."""
-    said = str(status.get("status", "running"))
-    if said == "running":
+def describe_ending(status: Mapping[str, Any], lost: LostTicks | None) -> Ending:
+    """Return how a run ended, from its ``status`` and the ticks ``lost`` before a trip."""
+    state = str(status.get("status", "running"))
+    if state == "running":
         return NO_END
     reason = reason_text(str(status.get("reason") or ""), lost)
-    if moved := str(status.get("moved") or ""):  # it says why the log was lost, and where it is
+    if moved := str(status.get("moved") or ""):  # why the log moved, and where it is
         reason = f"{reason}; {moved}"
-    return Ending(ENDINGS.get(said, NO_END.title), reason)
+    return Ending(ENDINGS.get(state, NO_END.title), reason)
 
 
-def lost_before(ticks: Counts, skipped: Counts, dt: float) -> LostTicks | None:
-    """Lost ticks that may have caused the trip in the last of these rows; None if none did.
+def lost_before_trip(ticks: Counts, skipped: Counts, dt: float) -> LostTicks | None:
+    """Return the lost ticks that may have caused a trip; None if they cannot be its cause.
 
-    ``ticks``: numbers of the rows up to the trip; ``skipped``: periods lost since the run began, as
-    each row has it (``timing.skipped``; rows that only the log lost do not count); ``dt``: period,
-    s.
+    ``ticks`` are the tick numbers of the log rows, of which the last one tripped. ``skipped`` are
+    the periods lost since the start of the run at each row (``timing.skipped``); rows missing only
+    from the log do not count. ``dt`` is the control period in s.
     """
     if len(ticks) < 2:
         return None
-    first = max(0, int(np.searchsorted(ticks, ticks[-1] - round(WINDOW / dt))) - 1)
+    first = max(0, int(np.searchsorted(ticks, ticks[-1] - round(WINDOW_S / dt))) - 1)
     gaps = np.diff(skipped[first:])
     periods = int(ticks[-1] - ticks[first])
     lost, longest = int(gaps.sum()), dt * int(gaps.max())
     share = lost / periods
-    if longest < LONG_GAP - 0.5 * dt and share <= MANY:
+    if longest < LONG_GAP_S - 0.5 * dt and share <= HIGH_SHARE:
         return None
-    return LostTicks(lost, longest, share, min(WINDOW, dt * periods))
+    return LostTicks(lost, longest, share, min(WINDOW_S, dt * periods))
 
 
 def reason_text(reason: str, lost: LostTicks | None) -> str:
-    """A stop reason, given by name, in plain words; lost ticks that may be its cause come first."""
+    """Return the description of a stop reason given by name, after the lost ticks before it."""
     plain = phrases.reason_text(reason)
     if lost is None:
         return plain
-    said = (
+    lost_text = (
         f"the host lost {lost.lost} ticks (longest gap {1e3 * lost.longest_gap_s:.0f} ms) in the "
         f"{lost.window_s:.2g} s before the rig tripped"
     )
     if reason == Reason.LOST_TICKS.name:
-        return f"{said}: {plain}; see `rig doctor`"
-    return f"{said}: {reason} ({plain}) may only be what followed; see `rig doctor`"
+        return f"{lost_text}: {plain}; see `rig doctor`"
+    return f"{lost_text}: {reason} ({plain}) may be a consequence; see `rig doctor`"
 
 
-def stop_of(run: Path, status: Mapping[str, Any]) -> Stop:
-    """Where a run stopped, and the ticks its host had lost before if they may be the cause.
+def find_stop(run: Path, status: Mapping[str, Any]) -> Stop:
+    """Return where a run stopped, and the ticks lost before that may be the cause.
 
-    A run that is complete by its ``status`` is not read for it.
+    The function does not read the record of a run whose ``status`` is complete.
     """
     if status.get("status") == "complete":
         return NO_STOP
     ticks, skipped = np.empty(0, np.int64), np.empty(0, np.int64)
     for block in reader.blocks(reader.source(run)):
-        stopping = np.flatnonzero(block["safety.reason"] != Reason.NONE)
-        end = int(stopping[0]) + 1 if stopping.size else len(block)
+        stop_ticks = np.flatnonzero(block["safety.reason"] != Reason.NONE)
+        end = int(stop_ticks[0]) + 1 if stop_ticks.size else len(block)
         dt = float(block["time"][-1]) / max(1, int(block["tick"][-1]))
-        keep = round(WINDOW / dt) + 2 if dt > 0.0 else 0
+        keep = round(WINDOW_S / dt) + 2 if dt > 0.0 else 0
         ticks = np.concatenate((ticks, block["tick"][:end]))[-keep:]
         skipped = np.concatenate((skipped, block["timing.skipped"][:end]))[-keep:]
-        if not stopping.size:
+        if not stop_ticks.size:
             continue
-        tick = block[stopping[0]]
+        tick = block[stop_ticks[0]]
         tripped = tick["safety.reason"] not in _NO_TRIP
-        return Stop(_where(tick), lost_before(ticks, skipped, dt) if tripped else None)
+        return Stop(_location_text(tick), lost_before_trip(ticks, skipped, dt) if tripped else None)
     return NO_STOP
 
 
-def _where(tick: np.void) -> str:
+def _location_text(tick: np.void) -> str:
     if tick["safety.reason"] == Reason.PLAN_END:
         return ""
     phase = Phase(int(tick["plan.phase"])).name.lower().replace("_", "-")

@@ -1,9 +1,9 @@
 """Power surfaces of a run: by spring rate over Kp and Ki, and sliced over any two columns.
 
-By spring rate, each kind of power has one colour scale over all panels. A slice has every other
-column at the value where that station absorbs most, so each station has its own; the title says
-which. Where Kp and Ki are not what varies, the two columns with most values take their place. Of
-a matrix so scattered that slices are next to empty, all points are shown and nothing between them.
+Panels by spring rate share one colour scale for each station. A slice has every other column at the
+value where that station absorbs most, so each station has its own slice; the heading gives the
+values. If Kp and Ki do not vary, the two columns with most values replace them. A matrix too
+scattered for slices is drawn as single points without interpolation.
 """
 
 import textwrap
@@ -17,170 +17,200 @@ from matplotlib.figure import FigureBase
 
 from rig.analysis import labels, panel, phrases, picture
 from rig.analysis.labels import BY_NAME
-from rig.analysis.picture import INK
-from rig.analysis.points import Matrix, Point, Setting, agrees, levels, matrix, scatter_of, varied
-from rig.analysis.slices import KI, KP, Slice, by_spring, cut, projected
+from rig.analysis.picture import DARK
+from rig.analysis.points import (
+    Matrix,
+    Point,
+    Setting,
+    agrees,
+    error_source,
+    gain_matrix,
+    levels,
+    varied_columns,
+)
+from rig.analysis.slices import KI, KP, Slice, project_matrix, slice_matrix, stator_by_spring_rate
 from rig.config.columns import Column
 
-KINDS = ("mechanical_1", "ac", "dc")  # of the four stations, those shown where none is asked for
-NO_OTHERS = Matrix((), ())
-_HEADING = 40  # letters of a line of a panel's heading
-_NARROWEST = 6.6  # in, so that title and stamp have room
+KINDS = ("mechanical_1", "ac", "dc")  # stations shown by default
+NO_POINTS = Matrix((), ())
+_HEADING_LETTERS = 40  # per line of a panel's heading
+_MIN_WIDTH = 6.6  # in, so that title and stamp fit
 
 
 class View(NamedTuple):
-    """What the panels of a picture show."""
+    """The axes of the panels of a picture."""
 
     x: Column
     y: Column
-    by_spring: bool  # one column of panels a spring rate
+    by_spring_rate: bool  # one column of panels for each spring rate
 
 
-def default_view(found: Matrix) -> View:
-    """Kp over Ki by spring rate, if both vary or nothing else does.
+def default_view(matrix: Matrix) -> View:
+    """Return Kp over Ki by spring rate if both vary or no other column does.
 
-    Of any other matrix the two columns that take most values.
+    For any other matrix return the two columns with most values.
     """
-    names = [column.name for column in varied(found)]
+    names = [column.name for column in varied_columns(matrix)]
     gains = {"kp", "ki"} & set(names)
     if len(gains) == 2 or (gains and set(names) <= {*gains, "spring_rate"}) or not names:
         return View(KI, KP, True)
-    ranked = sorted(names, key=lambda name: -len(levels(found, name)))
+    ranked = sorted(names, key=lambda name: -len(levels(matrix, name)))
     return View(BY_NAME[ranked[0]], BY_NAME[ranked[1]] if len(ranked) > 1 else KP, False)
 
 
-def panels_across(table: xarray.Dataset) -> int:
-    """Columns of panels that `draw` makes; 0 without a measured point."""
-    found = matrix(table)
-    if not found.points:
+def panel_columns(table: xarray.Dataset) -> int:
+    """Return the number of panel columns of `draw_surfaces`; 0 without a measured point."""
+    matrix = gain_matrix(table)
+    if not matrix.points:
         return 0
-    if scattered(found):
+    if is_scattered(matrix):
         return 1
-    return len(by_spring(found)) if default_view(found).by_spring else 1
+    return len(stator_by_spring_rate(matrix)) if default_view(matrix).by_spring_rate else 1
 
 
-def scattered(found: Matrix) -> bool:
-    """Whether slices hold too few points of a matrix of many columns to show anything."""
-    view = default_view(found)
-    held: list[Setting] = [{"spring_rate": r} for r in by_spring(found)] if view.by_spring else [{}]
-    most = max((len(cut(found, "dc", view.x, view.y, each).points) for each in held), default=0)
-    return most < 3 <= len(found.points) and len(varied(found)) > 3
+def is_scattered(matrix: Matrix) -> bool:
+    """Return whether the slices of a matrix of many columns contain too few points to be drawn."""
+    view = default_view(matrix)
+    fixed_settings: list[Setting] = (
+        [{"spring_rate": r} for r in stator_by_spring_rate(matrix)] if view.by_spring_rate else [{}]
+    )
+    largest = max(
+        (len(slice_matrix(matrix, "dc", view.x, view.y, fixed).points) for fixed in fixed_settings),
+        default=0,
+    )
+    return largest < 3 <= len(matrix.points) and len(varied_columns(matrix)) > 3
 
 
-def draw(
+def draw_surfaces(
     figure: FigureBase,
     table: xarray.Dataset,
     width: float,
     *,
     compact: bool = False,
-    others: Matrix = NO_OTHERS,
+    overlay: Matrix = NO_POINTS,
 ) -> None:
-    """Put the grid of surfaces into a figure or a part of one, ``width`` in wide.
+    """Draw the grid of surfaces into a figure or subfigure that is ``width`` inches wide.
 
-    ``compact`` for narrow panels beside a table of the best points; ``others`` are points to be
-    drawn on top.
+    ``compact`` is for narrow panels next to a table of the best points. The points of ``overlay``
+    are drawn on top.
     """
-    found = matrix(table)
-    if not found.points:
-        figure.text(0.5, 0.5, "no complete row: no surface", ha="center", color=INK)
+    matrix = gain_matrix(table)
+    if not matrix.points:
+        figure.text(0.5, 0.5, "no complete row: no surface to draw", ha="center", color=DARK)
         return
-    view, rates = default_view(found), by_spring(found)
-    if scattered(found):
-        _dots(figure, found, view)
+    view, rates = default_view(matrix), stator_by_spring_rate(matrix)
+    if is_scattered(matrix):
+        _draw_scattered(figure, matrix, view)
         return
-    held: list[Setting] = [{"spring_rate": rate} for rate in rates] if view.by_spring else [{}]
+    fixed_settings: list[Setting] = (
+        [{"spring_rate": rate} for rate in rates] if view.by_spring_rate else [{}]
+    )
     headings = [phrases.spring_text(rate, stator) for rate, stator in rates.items()]
-    cuts = {kind: [cut(found, kind, view.x, view.y, each) for each in held] for kind in KINDS}
-    panels: Any = figure.subplots(len(KINDS), len(held), squeeze=False)
-    room = (width - 1.0) / len(held) - 0.4
+    slices = {
+        kind: [slice_matrix(matrix, kind, view.x, view.y, fixed) for fixed in fixed_settings]
+        for kind in KINDS
+    }
+    panels: Any = figure.subplots(len(KINDS), len(fixed_settings), squeeze=False)
+    panel_width = (width - 1.0) / len(fixed_settings) - 0.4
     for i, kind in enumerate(KINDS):
-        said = [panel.caption(each, room, compact=compact, sliced=True) for each in cuts[kind]]
-        _station(figure, panels[i].tolist(), cuts[kind], said, others, few=compact)
-        if i == 0 and view.by_spring:
+        captions = [
+            panel.format_caption(fixed, panel_width, compact=compact, sliced=True)
+            for fixed in slices[kind]
+        ]
+        _draw_station(
+            figure, panels[i].tolist(), slices[kind], captions, overlay, few_ticks=compact
+        )
+        if i == 0 and view.by_spring_rate:
             for axes, text in zip(panels[i], headings, strict=True):
-                panel.above(axes, text, panel.lines_of(said), compact=compact)
+                panel.add_heading(axes, text, panel.count_lines(captions), compact=compact)
     figure.align_ylabels(panels)
 
 
-def _dots(figure: FigureBase, found: Matrix, view: View) -> None:
-    """All points of a scattered matrix, one panel a kind of power."""
+def _draw_scattered(figure: FigureBase, matrix: Matrix, view: View) -> None:
+    """Draw all points of a scattered matrix, one panel for each station."""
     panels: Any = figure.subplots(len(KINDS), 1, squeeze=False)
     for axes, kind in zip(panels[:, 0], KINDS, strict=True):
-        of = projected(found, kind, view.x, view.y)
-        if of.points:
-            on = panel.scale(of.values)
-            panel.scattered(axes, of, on)
-            panel.colour_bar(figure, [axes], on, f"{phrases.STATION_ABBREVIATIONS[kind]}, W")
-    panels[-1, 0].set_xlabel(labels.heading(view.x), fontsize=8)
+        slice_ = project_matrix(matrix, kind, view.x, view.y)
+        if slice_.points:
+            colour_scale = panel.power_scale(slice_.values)
+            panel.draw_scatter(axes, slice_, colour_scale)
+            panel.add_colour_bar(
+                figure, [axes], colour_scale, f"{phrases.STATION_ABBREVIATIONS[kind]}, W"
+            )
+    panels[-1, 0].set_xlabel(labels.axis_label(view.x), fontsize=8)
 
 
-def of_slice(others: Matrix, of: Slice) -> list[Point]:
-    """The points of another table that lie in a slice."""
-    fixed = of.held | of.sliced
+def points_in_slice(matrix: Matrix, slice_: Slice) -> list[Point]:
+    """Return the points of another table that lie in a slice."""
+    fixed = slice_.fixed | slice_.sliced
     return [
         p
-        for p in others.points
+        for p in matrix.points
         if agrees(p.setting, fixed)
-        and {of.x.name, of.y.name} <= p.setting.keys()
-        and np.isfinite(p.power[of.kind])
+        and {slice_.x.name, slice_.y.name} <= p.setting.keys()
+        and np.isfinite(p.power[slice_.kind])
     ]
 
 
-def _station(
+def _draw_station(
     figure: FigureBase,
     row: list[Axes],
-    cuts: list[Slice],
-    said: list[str],
-    others: Matrix,
+    slices: list[Slice],
+    captions: list[str],
+    overlay: Matrix,
     *,
-    few: bool,
+    few_ticks: bool,
 ) -> None:
-    """The panels of one kind of power, with one scale and a caption each."""
-    values = [value for each in cuts for value in each.values]
-    values += [p.power[each.kind] for each in cuts for p in of_slice(others, each)]
-    on = panel.scale(values) if values else None
-    label = f"{phrases.STATION_ABBREVIATIONS[cuts[0].kind]}, W"
-    drawn: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
-    for axes, each, text in zip(row, cuts, said, strict=True):
-        became = panel.panel(axes, each, on, text, few=few)
-        drawn[became].append(axes)
-        if on is not None:
-            panel.on_top(axes, each, of_slice(others, each), on, became)
-    if drawn["line"]:
-        panel.one_height(drawn["line"], label, each=bool(drawn["surface"]))
-    if drawn["surface"] and on is not None:
-        panel.colour_bar(figure, row, on, label)
+    """Draw the panels of one station with a common scale and a caption each."""
+    values = [value for slice_ in slices for value in slice_.values]
+    values += [p.power[slice_.kind] for slice_ in slices for p in points_in_slice(overlay, slice_)]
+    colour_scale = panel.power_scale(values) if values else None
+    label = f"{phrases.STATION_ABBREVIATIONS[slices[0].kind]}, W"
+    axes_by_content: dict[str, list[Axes]] = {"surface": [], "line": [], "nothing": []}
+    for axes, slice_, caption in zip(row, slices, captions, strict=True):
+        content = panel.draw_panel(axes, slice_, colour_scale, caption, few_ticks=few_ticks)
+        axes_by_content[content].append(axes)
+        if colour_scale is not None:
+            panel.draw_overlay(
+                axes, slice_, points_in_slice(overlay, slice_), colour_scale, content
+            )
+    if axes_by_content["line"]:
+        panel.share_power_axis(
+            axes_by_content["line"], label, label_each=bool(axes_by_content["surface"])
+        )
+    if axes_by_content["surface"] and colour_scale is not None:
+        panel.add_colour_bar(figure, row, colour_scale, label)
 
 
 def write_surfaces(
-    table: xarray.Dataset, path: Path, others: Matrix = NO_OTHERS, beneath: str = ""
+    table: xarray.Dataset, path: Path, overlay: Matrix = NO_POINTS, subtitle: str = ""
 ) -> Path:
-    """The run's power surfaces as one picture; says so in it where there is nothing to show.
+    """Write the power surfaces of a run as one picture, or a note if there is none to draw.
 
-    ``others`` are points of another table, drawn on top; ``beneath`` says what they are.
+    The points of ``overlay`` are those of another table, drawn on top; ``subtitle`` describes them.
     """
-    found = matrix(table)
-    view = default_view(found)
-    shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring else ())}
-    sliced = {column.name for column in varied(found)} - shown and not scattered(found)
-    left_out = "left-out columns at each panel's own optimum" if sliced else ""
-    beneath = "; ".join(filter(None, (beneath, left_out)))
-    said = picture.absorbed(scatter_of(found.points))
-    width = max(3.6 * max(1, panels_across(table)) + 1.4, _NARROWEST)
-    title = f"Power surfaces: {picture.campaign(table.attrs)}"
-    figure, body = picture.framed(width, 9.0, title, table.attrs, said, beneath)
-    draw(body, table, width, others=others)
+    matrix = gain_matrix(table)
+    view = default_view(matrix)
+    shown = {view.x.name, view.y.name, *(("spring_rate",) if view.by_spring_rate else ())}
+    sliced = {column.name for column in varied_columns(matrix)} - shown and not is_scattered(matrix)
+    slice_note = "other columns at the optimum of each panel" if sliced else ""
+    subtitle = "; ".join(filter(None, (subtitle, slice_note)))
+    note = picture.sign_note(error_source(matrix.points))
+    width = max(3.6 * max(1, panel_columns(table)) + 1.4, _MIN_WIDTH)
+    title = f"Power surfaces: {picture.campaign_name(table.attrs)}"
+    figure, body = picture.framed_figure(width, 9.0, title, table.attrs, note, subtitle)
+    draw_surfaces(body, table, width, overlay=overlay)
     return picture.save(figure, path)
 
 
-def can_be_sliced(found: Matrix) -> bool:
-    """Whether Kp, Ki and spring rate vary in what was measured, and slices hold enough points.
+def can_be_sliced(matrix: Matrix) -> bool:
+    """Return whether measured Kp, Ki and spring rate vary and slices contain enough points.
 
-    At a single spring rate the surfaces by spring rate are the slices.
+    At a single spring rate the surfaces by spring rate are the slices already.
     """
-    measured = found._replace(asked=tuple(point.setting for point in found.points))
-    names = {column.name for column in varied(measured)}
-    return names >= {"kp", "ki", "spring_rate"} and not scattered(found)
+    measured = matrix._replace(planned=tuple(point.setting for point in matrix.points))
+    names = {column.name for column in varied_columns(measured)}
+    return names >= {"kp", "ki", "spring_rate"} and not is_scattered(matrix)
 
 
 def write_sliced(
@@ -188,44 +218,50 @@ def write_sliced(
     path: Path,
     x: Column = KI,
     y: Column = KP,
-    held: Setting | None = None,
+    fixed: Setting | None = None,
     kinds: tuple[str, ...] = KINDS,
 ) -> Path:
-    """One panel a station over two columns, each sliced where that station absorbs most.
+    """Write one panel for each station over two columns, sliced where that station absorbs most.
 
-    ``held`` fixes left-out columns at values of the campaign instead. Raises ValueError for a
-    value that is not in the campaign, and where both axes are one column.
+    ``fixed`` fixes other columns at values of the campaign instead. Raises ValueError for a value
+    that is not in the campaign, and if both axes are the same column.
     """
     if x == y:
         raise ValueError(f"{x.label} cannot be both axes of a surface")
-    found = matrix(table)
-    cuts = [cut(found, kind, x, y, held) for kind in kinds]
-    title = f"Power over {x.label} and {y.label}: {picture.campaign(table.attrs)}"
-    width = max(4.1 * len(kinds) + 0.5, _NARROWEST)
-    others = "every other column at the optimum of the station"
-    said = picture.absorbed(scatter_of(found.points))
-    figure, body = picture.framed(width, 3.9, title, table.attrs, said, "" if held else others)
+    matrix = gain_matrix(table)
+    slices = [slice_matrix(matrix, kind, x, y, fixed) for kind in kinds]
+    title = f"Power over {x.label} and {y.label}: {picture.campaign_name(table.attrs)}"
+    width = max(4.1 * len(kinds) + 0.5, _MIN_WIDTH)
+    slice_note = "other columns at the optimum of each station"
+    caption = picture.sign_note(error_source(matrix.points))
+    figure, body = picture.framed_figure(
+        width, 3.9, title, table.attrs, caption, "" if fixed else slice_note
+    )
     panels: Any = body.subplots(1, len(kinds), squeeze=False)
-    room = width / len(kinds) - 1.0
-    for axes, each in zip(panels[0], cuts, strict=True):
-        on = panel.scale(each.values) if each.values else None
-        name = phrases.STATION_ABBREVIATIONS[each.kind]
-        said = panel.caption(each, room)
-        drawn = panel.panel(axes, each, on, said)
-        if drawn == "surface" and on is not None:
-            panel.colour_bar(body, [axes], on, f"{name}, W", fraction=0.05)
-        elif drawn == "line":
-            panel.one_height([axes], f"{name}, W", each=True)
-        axes.set_ylabel(labels.heading(y) if drawn == "surface" else axes.get_ylabel(), fontsize=8)
-        panel.above(axes, heading(each), panel.lines_of([said]))
+    panel_width = width / len(kinds) - 1.0
+    for axes, slice_ in zip(panels[0], slices, strict=True):
+        colour_scale = panel.power_scale(slice_.values) if slice_.values else None
+        name = phrases.STATION_ABBREVIATIONS[slice_.kind]
+        caption = panel.format_caption(slice_, panel_width)
+        content = panel.draw_panel(axes, slice_, colour_scale, caption)
+        if content == "surface" and colour_scale is not None:
+            panel.add_colour_bar(body, [axes], colour_scale, f"{name}, W", fraction=0.05)
+        elif content == "line":
+            panel.share_power_axis([axes], f"{name}, W", label_each=True)
+        axes.set_ylabel(
+            labels.axis_label(y) if content == "surface" else axes.get_ylabel(), fontsize=8
+        )
+        panel.add_heading(axes, slice_heading(slice_), panel.count_lines([caption]))
     return picture.save(figure, path)
 
 
-def heading(of: Slice) -> str:
-    """A sliced panel's heading: the station and where its other columns stand."""
-    lines = [phrases.STATION_ABBREVIATIONS[of.kind]]
-    if of.sliced:
-        lines += textwrap.wrap(f"sliced at {labels.settings(of.sliced)}", _HEADING)
-    if of.held:
-        lines += textwrap.wrap(f"{labels.settings(of.held)} held", _HEADING)
+def slice_heading(slice_: Slice) -> str:
+    """Return the heading of a sliced panel: the station and the values of the other columns."""
+    lines = [phrases.STATION_ABBREVIATIONS[slice_.kind]]
+    if slice_.sliced:
+        lines += textwrap.wrap(
+            f"sliced at {labels.format_settings(slice_.sliced)}", _HEADING_LETTERS
+        )
+    if slice_.fixed:
+        lines += textwrap.wrap(f"at {labels.format_settings(slice_.fixed)}", _HEADING_LETTERS)
     return "\n".join(lines)

@@ -1,9 +1,9 @@
-"""Which surge damping to hold the device with: MASK4 report (Sandia), 3.2.1.2.
+"""Determination of the surge damping for station keeping: MASK4 report (Sandia), 3.2.1.2.
 
-In regular waves near the surge resonance, with the damping stepped from row to row: surge shall
-stay within a stroke, heave shall keep its power, and of the dampings that do both the one counts
-whose drive force is the least. Between rows all three are interpolated over the logarithm of the
-damping, monotone from row to row, so that nothing is invented.
+The campaign steps the damping from row to row in regular waves near the surge resonance. The chosen
+damping keeps surge within a stroke and keeps the heave power, with the least drive force. Between
+rows, stroke, force and power are interpolated over the logarithm of the damping, monotone from row
+to row, so that the interpolation adds no extremum.
 """
 
 import csv
@@ -19,114 +19,114 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from rig.analysis.rows import period_means, standard_error
-from rig.analysis.windows import LeftOut, Window, windows
+from rig.analysis.windows import ExcludedRows, Window, read_windows
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import Facts, facts
 from rig.recording.runs.state import Reading
 
-KEPT = 0.98
-"""Share of the best row's heave power that counts as kept."""
+KEPT_POWER_SHARE = 0.98
+"""Share of the best row's heave power that must be kept."""
 
-SHARE = 0.5
-"""Of the rig's least surge bound, the stroke allowed: surge is linear in the wave, and the crests
-of the largest sea of the test (Hs 0.254 m) are twice the 0.127 m of this one."""
+STROKE_SHARE = 0.5
+"""Allowed stroke as a share of the rig's lowest surge bound. Surge is linear in the wave, and the
+crests of the largest sea of the test (Hs 0.254 m) are twice the 0.127 m of this one."""
 
-_STEP = 50.0  # N s/m: nobody sets a damping finer
-_SETTLED = 0.02  # of the amplitude: a window whose halves differ by more was no steady state
+_STEP = 50.0  # N s/m, resolution of a damping setting
+_MAX_DRIFT = 0.02  # of the amplitude; halves of a steady window differ by less
 _FIELDS = (
     "surge.estimate.position", "surge.command.force", "power.mechanical_1", "power.mechanical_2",
 )  # fmt: skip
 Floats = npt.NDArray[np.float64]
 
 
-class Row(NamedTuple):
-    """One damping as it was measured."""
+class DampingRow(NamedTuple):
+    """One measured damping."""
 
     row: int
     damping: float  # N s/m, > 0: minus the surge Kp
-    stroke: float  # m, farthest from the zero, either way
+    stroke: float  # m, largest deviation from zero in either direction
     force: float  # N, amplitude of the surge drive's force at the wave's frequency
     force_se: float
     power: float  # W, heave by the column load cell; negative is absorbed
     power_se: float
-    guide: float  # W, lost between column load cell and shaft: drivetrain and lateral guide
+    guide: float  # W, loss between column load cell and shaft: drivetrain and lateral guide
     settled: bool
 
 
-class Measured(NamedTuple):
-    """The rows of a run."""
+class DampingRows(NamedTuple):
+    """The measured dampings of a run."""
 
-    rows: tuple[Row, ...]  # by rising damping
-    notes: tuple[str, ...]  # rows that are left out, and why
+    rows: tuple[DampingRow, ...]  # in order of increasing damping
+    notes: tuple[str, ...]  # rows that are left out, with the reason
 
 
-class Choice(NamedTuple):
-    """What the rows say."""
+class DampingChoice(NamedTuple):
+    """The chosen surge damping and the rows it is based on."""
 
-    rows: tuple[Row, ...]  # by rising damping
-    stroke: float  # m, allowed either way
-    kept: float  # share of the heave power
-    damping: float  # N s/m; NaN where no damping of the range does both
-    predicted: tuple[float, float, float]  # there: stroke m, force N, heave power W
-    bound: str  # what keeps it from being less: stroke, power, or the end of the range
-    notes: tuple[str, ...] = ()  # rows that are left out, and why
+    rows: tuple[DampingRow, ...]  # in order of increasing damping
+    stroke: float  # m, allowed in either direction
+    kept_share: float  # share of the heave power
+    damping: float  # N s/m; NaN if no damping of the range meets both requirements
+    predicted: tuple[float, float, float]  # at this damping: stroke m, force N, heave power W
+    bound: str  # active constraint: stroke, power, or the end of the range
+    notes: tuple[str, ...] = ()  # rows that are left out, with the reason
 
     @property
     def kp(self) -> float:
-        """Surge Kp in the recorded sign, N s/m."""
+        """Surge Kp in the sign convention of the record, N s/m."""
         return -self.damping
 
 
-def measured(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> Measured:
-    """The rows of a run by rising damping.
+def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> DampingRows:
+    """Return the rows of a run in order of increasing damping.
 
-    ``incomplete_rows``: also those of which the record lacks ticks. RunError unless the sea is
-    regular, heave's set point is one and the surge damping varies.
+    ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError unless the
+    sea is regular, the heave set point is constant and at least 3 surge dampings were measured.
     """
     source = reader.source(run)
-    known = facts(run, source.contents)
-    frequency = (known.plan.get("sea") or {}).get("frequency_hz")
-    period = (known.plan.get("sea") or {}).get("period_s")
+    run_facts = facts(run, source.contents)
+    frequency = (run_facts.plan.get("sea") or {}).get("frequency_hz")
+    period = (run_facts.plan.get("sea") or {}).get("period_s")
     frequency = frequency or (1.0 / period if period else None)
     if not frequency:
         raise RunError(f"{run}: no surge damping campaign (its sea is not regular)")
-    planned = {row["row"]: row for row in known.plan["rows"]}
-    _one_heave(planned, run)
-    ticks = 1.0 / (float(frequency) * float(known.plan["dt"]))
-    found: dict[float, Row] = {}
-    seen, left = Reading(source.contents, source.damage), LeftOut()
-    for window in windows(
-        source, list(_FIELDS), known.plan, incomplete_rows=incomplete_rows, reading=seen
+    planned = {row["row"]: row for row in run_facts.plan["rows"]}
+    _check_heave_settings(planned, run)
+    ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
+    rows: dict[float, DampingRow] = {}
+    reading, excluded = Reading(source.contents, source.damage), ExcludedRows()
+    for window in read_windows(
+        source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
     ):
         damping = -float(planned[window.row]["surge_kp"])
-        if left.whole(window) and damping > 0.0:
-            found[damping] = _row(window, damping, ticks)
-    notes = left.notes(known.plan, seen.state(run))
-    if len(found) < 3:
-        said = f"{len(found)} surge dampings were measured whole; at least 3 needed"
-        raise RunError(f"{run}: {'; '.join([said, *notes])}")
-    return Measured(tuple(found[damping] for damping in sorted(found)), notes)
+        if excluded.accept(window) and damping > 0.0:
+            rows[damping] = _measure_row(window, damping, ticks)
+    messages = excluded.messages(run_facts.plan, reading.state(run))
+    if len(rows) < 3:
+        reason = f"{len(rows)} surge dampings have a complete window; at least 3 needed"
+        raise RunError(f"{run}: {'; '.join([reason, *messages])}")
+    return DampingRows(tuple(rows[damping] for damping in sorted(rows)), messages)
 
 
-def _one_heave(planned: dict[int, dict[str, Any]], run: object) -> None:
+def _check_heave_settings(planned: dict[int, dict[str, Any]], run: object) -> None:
     for name in ("spring_rate", "kp", "ki", "surge_ki"):
         values = {row[name] for row in planned.values()}
         if len(values) > 1:
-            raise RunError(f"{run}: {name} varies, too; only the surge damping may")
+            raise RunError(f"{run}: {name} varies as well; only the surge damping may vary")
 
 
-def _row(window: Window, damping: float, period: float) -> Row:
+def _measure_row(window: Window, damping: float, period: float) -> DampingRow:
     data = window.data
     ticks = data["tick"] - data["tick"][0]
-    turn = np.exp(-2j * math.pi * ticks / period)
+    rotation = np.exp(-2j * math.pi * ticks / period)
     force, position = data["surge.command.force"], data["surge.estimate.position"]
-    by_period = 2.0 * np.abs(period_means(force * turn, data["tick"], period))
+    by_period = 2.0 * np.abs(period_means(force * rotation, data["tick"], period))
     power = period_means(data["power.mechanical_1"], data["tick"], period)
     shaft = period_means(data["power.mechanical_2"], data["tick"], period)
-    moved = 2.0 * np.abs(period_means(position * turn, data["tick"], period))
-    half = max(1, len(moved) // 2)
-    drift = abs(float(moved[:half].mean() - moved[-half:].mean()))
-    return Row(
+    stroke_by_period = 2.0 * np.abs(period_means(position * rotation, data["tick"], period))
+    half = max(1, len(stroke_by_period) // 2)
+    drift = abs(float(stroke_by_period[:half].mean() - stroke_by_period[-half:].mean()))
+    return DampingRow(
         window.row,
         damping,
         float(np.abs(position).max()),
@@ -135,12 +135,15 @@ def _row(window: Window, damping: float, period: float) -> Row:
         float(power.mean()),
         standard_error(power),
         float(shaft.mean() - power.mean()),
-        drift <= _SETTLED * float(moved.mean()),
+        drift <= _MAX_DRIFT * float(stroke_by_period.mean()),
     )
 
 
-def allowed_stroke(known: Facts) -> float:
-    """Stroke (m, either way) from the run's own rig and limits: `SHARE` of the least bound."""
+def allowed_stroke(run_facts: Facts) -> float:
+    """Return the allowed stroke (m, either direction): `STROKE_SHARE` of the lowest surge bound.
+
+    The bounds are those of the run's own rig file and limits. Raises RunError if there are none.
+    """
     bounds = [
         bound
         for keys in (
@@ -148,83 +151,95 @@ def allowed_stroke(known: Facts) -> float:
             ("limits", "surge", "position_warn_m"),
             ("limits", "surge", "position_stop_m"),
         )
-        if (bound := known.configured(*keys)) is not None
+        if (bound := run_facts.configured(*keys)) is not None
     ]
     if not bounds:
-        raise RunError(f"{known.run}: its configuration bounds no surge; give --stroke-m")
-    return SHARE * min(bounds)
+        raise RunError(f"{run_facts.run}: its configuration has no bound on surge; give --stroke-m")
+    return STROKE_SHARE * min(bounds)
 
 
-def curve(rows: Sequence[Row], name: str) -> Any:
-    """A column of the rows as a function of the logarithm of the damping, monotone between two."""
+def interpolate_column(rows: Sequence[DampingRow], name: str) -> Any:
+    """Return a monotone interpolation of a column over the logarithm of the damping."""
     return PchipInterpolator(
         np.log([row.damping for row in rows]), [getattr(row, name) for row in rows]
     )
 
 
-def choose(rows: Sequence[Row], stroke: float, kept: float = KEPT) -> Choice:
-    """The damping of least drive force that keeps surge within ``stroke`` (m) and heave's power.
+def choose_damping(
+    rows: Sequence[DampingRow], stroke: float, kept_share: float = KEPT_POWER_SHARE
+) -> DampingChoice:
+    """Return the damping of least drive force that keeps the stroke (m) and the heave power.
 
-    It is looked for within the range that was measured, on multiples of 50 N s/m.
+    Candidates are multiples of 50 N s/m within the measured range, and its ends.
     """
     rows = tuple(sorted(rows, key=lambda row: row.damping))
     damping = [row.damping for row in rows]
     first, last = math.ceil(damping[0] / _STEP), math.floor(damping[-1] / _STEP)
-    tried = np.unique([*(_STEP * np.arange(first, last + 1)), damping[0], damping[-1]])
+    candidates = np.unique([*(_STEP * np.arange(first, last + 1)), damping[0], damping[-1]])
     travel, force, power = (
-        curve(rows, name)(np.log(tried)) for name in ("stroke", "force", "power")
+        interpolate_column(rows, name)(np.log(candidates)) for name in ("stroke", "force", "power")
     )
-    held = travel <= stroke
-    enough = power <= kept * min(row.power for row in rows)
-    both = held & enough
-    if not both.any():
-        reason = "stroke" if not held.any() else "heave power"
-        return Choice(rows, stroke, kept, math.nan, (math.nan,) * 3, f"{reason} nowhere kept")
-    i = int(np.flatnonzero(both)[np.argmin(force[both])])
-    told = float(travel[i]), float(force[i]), float(power[i])
-    return Choice(rows, stroke, kept, float(tried[i]), told, _bound(i, held, enough, force))
+    stroke_ok = travel <= stroke
+    power_ok = power <= kept_share * min(row.power for row in rows)
+    acceptable = stroke_ok & power_ok
+    if not acceptable.any():
+        reason = "stroke" if not stroke_ok.any() else "heave power"
+        return DampingChoice(
+            rows, stroke, kept_share, math.nan, (math.nan,) * 3, f"{reason} never kept"
+        )
+    i = int(np.flatnonzero(acceptable)[np.argmin(force[acceptable])])
+    predicted = float(travel[i]), float(force[i]), float(power[i])
+    return DampingChoice(
+        rows,
+        stroke,
+        kept_share,
+        float(candidates[i]),
+        predicted,
+        _find_bound(i, stroke_ok, power_ok, force),
+    )
 
 
-def _bound(i: int, held: Any, enough: Any, force: Floats) -> str:
-    beside = [j for j in (i - 1, i + 1) if 0 <= j < len(force) and force[j] < force[i]]
-    if any(not held[j] for j in beside):
+def _find_bound(i: int, stroke_ok: Any, power_ok: Any, force: Floats) -> str:
+    lower_force = [j for j in (i - 1, i + 1) if 0 <= j < len(force) and force[j] < force[i]]
+    if any(not stroke_ok[j] for j in lower_force):
         return "stroke"
-    if any(not enough[j] for j in beside):
+    if any(not power_ok[j] for j in lower_force):
         return "heave power"
     return "end of the range" if i in (0, len(force) - 1) else "least force"
 
 
-def as_text(choice: Choice) -> str:
-    """The rows, and the answer beneath them."""
+def as_text(choice: DampingChoice) -> str:
+    """Return the rows as a table, followed by notes and the recommendation."""
     lines = ["surge Kp   stroke m   force N         heave W         guide and drivetrain W"]
     for row in choice.rows:
         over = " over" if row.stroke > choice.stroke else ""
-        still = "" if row.settled else "  not settled"
+        settled = "" if row.settled else "  not settled"
         lines.append(
             f"{-row.damping:8.0f} {row.stroke:9.3f}{over:5} {row.force:6.1f} ± {row.force_se:<7.2g}"
-            f" {row.power:7.2f} ± {row.power_se:<6.2g} {row.guide:7.2f}{still}"
+            f" {row.power:7.2f} ± {row.power_se:<6.2g} {row.guide:7.2f}{settled}"
         )
     lines += [f"note: {note}" for note in choice.notes]
-    return "\n".join([*lines, "", answer(choice)])
+    return "\n".join([*lines, "", recommendation(choice)])
 
 
-def answer(choice: Choice) -> str:
-    """What to set, in a sentence."""
-    asked = f"a stroke of {choice.stroke:.3f} m and {100.0 * choice.kept:.0f} % of heave's power"
+def recommendation(choice: DampingChoice) -> str:
+    """Return the recommended surge Kp as a sentence."""
+    share = f"{100.0 * choice.kept_share:.0f} %"
+    requirement = f"a stroke of {choice.stroke:.3f} m and {share} of the heave power"
     if math.isnan(choice.damping):
-        return f"no damping of this range keeps {asked}: {choice.bound}"
+        return f"no damping of this range keeps {requirement}: {choice.bound}"
     stroke, force, power = choice.predicted
     text = (
-        f"surge Kp {choice.kp:.0f} N*s/m: least drive force ({force:.0f} N) that keeps {asked}; "
-        f"stroke {stroke:.3f} m, heave {power:.1f} W; bound by: {choice.bound}"
+        f"surge Kp {choice.kp:.0f} N*s/m: least drive force ({force:.0f} N) that keeps "
+        f"{requirement}; stroke {stroke:.3f} m, heave {power:.1f} W; limited by: {choice.bound}"
     )
     if choice.bound == "end of the range":
-        text += " (what lies beyond it was not measured)"
+        text += " (dampings beyond it were not measured)"
     return text
 
 
-def as_dict(choice: Choice) -> dict[str, Any]:
-    """The same for programs; NaN is null."""
+def as_dict(choice: DampingChoice) -> dict[str, Any]:
+    """Return the choice as JSON data; NaN becomes null."""
     stroke, force, power = choice.predicted
 
     def plain(value: float) -> float | None:
@@ -234,7 +249,7 @@ def as_dict(choice: Choice) -> dict[str, Any]:
         "surge_kp_n_s_per_m": plain(choice.kp),
         "bound_by": choice.bound,
         "allowed_stroke_m": choice.stroke,
-        "kept_share": choice.kept,
+        "kept_share": choice.kept_share,
         "predicted": {
             "stroke_m": plain(stroke), "force_n": plain(force), "heave_power_w": plain(power),
         },
@@ -247,13 +262,13 @@ def as_dict(choice: Choice) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def write(choice: Choice, folder: Path) -> list[Path]:
-    """``surge_damping.csv`` with a line a row and ``surge_damping.json``."""
+def write_results(choice: DampingChoice, folder: Path) -> list[Path]:
+    """Write ``surge_damping.csv`` with a line for each row, and ``surge_damping.json``."""
     text, data = folder / "surge_damping.csv", folder / "surge_damping.json"
     units = ("1", "N*s/m", "m", "N", "N", "W", "W", "W", "1")
     with text.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([f"{n} [{u}]" for n, u in zip(Row._fields, units, strict=True)])
+        writer.writerow([f"{n} [{u}]" for n, u in zip(DampingRow._fields, units, strict=True)])
         writer.writerows([*row[:-1], int(row.settled)] for row in choice.rows)
     data.write_text(json.dumps(as_dict(choice), indent=2), encoding="utf-8")
     return [text, data]

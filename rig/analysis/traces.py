@@ -1,4 +1,4 @@
-"""Time series of a run, one panel a unit, phases of the plan shaded behind them."""
+"""Time series of a run: one panel for each unit, with the phases of the plan shaded."""
 
 import textwrap
 from collections.abc import Iterable
@@ -16,14 +16,17 @@ from rig.recording.runs import reader
 from rig.recording.runs.folder import facts
 
 DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1", "power.ac")
-_WIDE, _PAGE = 11.0, 8.0  # in: of the picture, and of all panels together where they can be read
-_HIGHEST, _LEAST = 2.2, 1.1  # in, of a panel
-_LETTERS = 160  # of a line beneath the title
+_WIDTH, _PAGE_HEIGHT = (
+    11.0,
+    8.0,
+)  # in: width of the picture, and preferred height of all panels together
+_MAX_PANEL_HEIGHT, _MIN_PANEL_HEIGHT = 2.2, 1.1  # in
+_LINE_LETTERS = 160  # of a line below the title
 _UNITLESS = ("flag", "index", "1")
-COLUMNS = 2000  # time bins of a picture; each keeps its least and greatest sample
-_INK = "#22303c"
-_LINES = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
-_SHADES = {  # pale enough for the lines, far enough apart to be told from one another
+TIME_BINS = 2000  # time bins of a picture; each keeps its minimum and maximum
+_DARK = "#22303c"
+_LINE_COLOURS = ("#0b6e99", "#d1495b", "#2e933c", "#8d5a97", "#b8860b", "#5c6b73")
+_PHASE_COLOURS = {  # pale enough for the lines, different enough to be distinguished
     Phase.TARE: "#ddd2f2",
     Phase.LEAD_IN: "#d3ecf8",
     Phase.MOVING: "#fbdcc6",
@@ -34,64 +37,66 @@ _SHADES = {  # pale enough for the lines, far enough apart to be told from one a
 }
 
 
-def decimate(time: Any, values: Any, columns: int = COLUMNS) -> tuple[Any, Any]:
-    """The least and greatest sample of each of ``columns`` bins, in order of time.
+def decimate(time: Any, values: Any, columns: int = TIME_BINS) -> tuple[Any, Any]:
+    """Return the minimum and maximum of each of ``columns`` bins in order of time.
 
-    No peak is lost; a series of at most two samples a bin is returned as it is. Bins that hold a
-    NaN show it.
+    Peaks are kept. A series of at most two samples per bin is returned unchanged. A bin with a NaN
+    returns NaN.
     """
     count = len(values)
     if count <= 2 * columns:
         return time, values
     edges = np.linspace(0, count, columns + 1).astype(int)[:-1]
     size = np.diff(np.append(edges, count))
-    places = []
+    indices = []
     for begin, length in zip(edges.tolist(), size.tolist(), strict=True):
-        part = values[begin : begin + length]
-        places += sorted((begin + int(part.argmin()), begin + int(part.argmax())))
-    return time[places], values[places]
+        samples = values[begin : begin + length]
+        indices += sorted((begin + int(samples.argmin()), begin + int(samples.argmax())))
+    return time[indices], values[indices]
 
 
-def _broken(time: Any, values: Any, step: float) -> tuple[Any, Any]:
-    """The series with a NaN where time jumps, so that no line bridges ticks that were not read."""
+def _break_at_gaps(time: Any, values: Any, step: float) -> tuple[Any, Any]:
+    """Insert a NaN where time jumps, so that no line bridges missing ticks."""
     jumps = np.flatnonzero(np.diff(time) > step) + 1
     return np.insert(time, jumps, np.nan), np.insert(values.astype(float), jumps, np.nan)
 
 
-def _shade(axes: Axes, time: Any, phase: Any, step: float) -> set[Phase]:
+def _shade_phases(axes: Axes, time: Any, phase: Any, step: float) -> set[Phase]:
     edges = np.flatnonzero((np.diff(phase) != 0) | (np.diff(time) > step)) + 1
     begins = np.concatenate(([0], edges))
     ends = np.concatenate((edges, [len(phase)])) - 1
-    seen = {Phase(int(value)) for value in np.unique(phase)}
-    for each in seen:  # one artist a phase: a long run has thousands of stretches
+    phases = {Phase(int(value)) for value in np.unique(phase)}
+    for phase_ in phases:  # one artist per phase: a long run has thousands of intervals
         spans = [
             (time[b], time[e] - time[b])
             for b, e in zip(begins.tolist(), ends.tolist(), strict=True)
-            if phase[b] == each
+            if phase[b] == phase_
         ]
-        across = axes.get_xaxis_transform()
-        axes.broken_barh(spans, (0.0, 1.0), transform=across, color=_SHADES[each], lw=0, zorder=0)
-    return seen
+        transform = axes.get_xaxis_transform()
+        axes.broken_barh(
+            spans, (0.0, 1.0), transform=transform, color=_PHASE_COLOURS[phase_], lw=0, zorder=0
+        )
+    return phases
 
 
-def _shown(unit: str) -> str:
+def _display_unit(unit: str) -> str:
     return unit.replace("^2", "²").replace("*", "·")
 
 
-def _still(data: dict[str, Any], names: list[str]) -> list[str]:
-    """Fields that keep one value throughout, unless all do."""
-    still = [n for n in names if len(data[n]) > 1 and (data[n] == data[n][0]).all()]
-    return still if len(still) < len(names) else []
+def _constant_fields(data: dict[str, Any], names: list[str]) -> list[str]:
+    """Return the fields with a constant value; empty if all fields are constant."""
+    constant = [n for n in names if len(data[n]) > 1 and (data[n] == data[n][0]).all()]
+    return constant if len(constant) < len(names) else []
 
 
-def _constants(data: dict[str, Any], still: list[str], units: dict[str, str]) -> str:
-    """What they are, in a sentence; a number where the unit is one of labels."""
-    told = [
+def _format_constants(data: dict[str, Any], constant: list[str], units: dict[str, str]) -> str:
+    """Return the values of constant fields as text, with their units."""
+    texts = [
         f"{name} {float(data[name][0]):g}"
-        + ("" if units[name] in _UNITLESS else f" {_shown(units[name])}")
-        for name in still
+        + ("" if units[name] in _UNITLESS else f" {_display_unit(units[name])}")
+        for name in constant
     ]
-    return f"constant: {', '.join(told)}" if told else ""
+    return f"constant: {', '.join(texts)}" if texts else ""
 
 
 def write_traces(
@@ -100,49 +105,57 @@ def write_traces(
     fields: Iterable[str] = DEFAULT_FIELDS,
     rows: int | Iterable[int] | None = None,
 ) -> Path:
-    """A picture of the named fields over time (s from run start), of some rows or the whole run.
+    """Write a picture of the named fields over time (s from run start).
 
-    Fields that never change are told in words, unless all are such.
-
-    ``fields`` are names, prefixes or shell patterns as in `rig.recording.runs.open_run`; KeyError
-    for an unknown field or row, RunError for a run that cannot be read.
+    ``fields`` are names, prefixes or shell patterns as in `rig.recording.runs.open_run`; ``rows``
+    selects rows, None the whole run. Constant fields are listed as text, unless all are constant.
+    Raises KeyError for an unknown field or row, and RunError for a run that cannot be read.
     """
     source = reader.source(run)
     names = [name for name in reader.choose(source.leaves, fields) if name != "time"]
     if isinstance(rows, int):
         rows = [rows]
-    place = [leaf.name for leaf in source.leaves if leaf.name == "plan.phase"]
-    data = reader.columns(source, ["time", *dict.fromkeys([*place, *names])], rows)
+    plan_fields = [leaf.name for leaf in source.leaves if leaf.name == "plan.phase"]
+    data = reader.columns(source, ["time", *dict.fromkeys([*plan_fields, *names])], rows)
     time = data["time"]
     units = {leaf.name: leaf.unit for leaf in source.leaves}
-    still = _still(data, names)
+    constant = _constant_fields(data, names)
     panels: dict[str, list[str]] = {}
     for name in names:
-        if name not in still:
-            panels.setdefault(_shown(units[name]), []).append(name)
-    told = textwrap.wrap(_constants(data, still, units), _LETTERS)
-    high = min(_HIGHEST, max(_LEAST, _PAGE / max(1, len(panels))))
-    heights = [0.05 + 0.13 * len(told)] * bool(told) + [high] * max(1, len(panels))
-    figure = Figure(figsize=(_WIDE, 1.1 + sum(heights)), layout="constrained")
+        if name not in constant:
+            panels.setdefault(_display_unit(units[name]), []).append(name)
+    constant_lines = textwrap.wrap(_format_constants(data, constant, units), _LINE_LETTERS)
+    panel_height = min(
+        _MAX_PANEL_HEIGHT, max(_MIN_PANEL_HEIGHT, _PAGE_HEIGHT / max(1, len(panels)))
+    )
+    heights = [panel_height] * max(1, len(panels))
+    if constant_lines:
+        heights.insert(0, 0.05 + 0.13 * len(constant_lines))
+    figure = Figure(figsize=(_WIDTH, 1.1 + sum(heights)), layout="constrained")
     axes_of: Any = figure.subplots(
         len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
     )[:, 0]
-    if told:
+    if constant_lines:
         axes_of[0].set_axis_off()
-        axes_of[0].margins(x=0.0)  # it shares the others' axis of time
-        where: dict[str, Any] = {"transform": axes_of[0].transAxes, "va": "top", "color": _INK}
-        where["in_layout"] = False
-        axes_of[0].text(0.0, 1.0, "\n".join(told), fontsize=7, **where)
+        axes_of[0].margins(x=0.0)  # it shares the time axis of the panels
+        text_style: dict[str, Any] = {
+            "transform": axes_of[0].transAxes,
+            "va": "top",
+            "color": _DARK,
+        }
+        text_style["in_layout"] = False
+        axes_of[0].text(0.0, 1.0, "\n".join(constant_lines), fontsize=7, **text_style)
         axes_of = axes_of[1:]
     step = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else np.inf
-    seen: set[Phase] = set()
+    phases: set[Phase] = set()
     for axes, (unit, members) in zip(axes_of, panels.items(), strict=False):
-        if place and len(time):
-            seen |= _shade(axes, time, data["plan.phase"], step)
+        if plan_fields and len(time):
+            phases |= _shade_phases(axes, time, data["plan.phase"], step)
         for i, name in enumerate(members):
-            x, y = _broken(time, data[name], step)
-            style = ("-", "--", ":")[i // len(_LINES) % 3]
-            axes.plot(*decimate(x, y), style, color=_LINES[i % len(_LINES)], lw=0.9, label=name)
+            x, y = _break_at_gaps(time, data[name], step)
+            style = ("-", "--", ":")[i // len(_LINE_COLOURS) % 3]
+            colour = _LINE_COLOURS[i % len(_LINE_COLOURS)]
+            axes.plot(*decimate(x, y), style, color=colour, lw=0.9, label=name)
         axes.set_ylabel(unit)
         axes.grid(alpha=0.25)
         axes.margins(x=0.0)
@@ -158,19 +171,19 @@ def write_traces(
             axes.spines[side].set_visible(False)
     axes_of[-1].set_xlabel("time from run start, s")
     figure.align_ylabels(list(axes_of))
-    known = facts(run, source.contents)
-    stamp = phrases.mode_stamp(known.mode)
+    run_facts = facts(run, source.contents)
+    stamp = phrases.mode_stamp(run_facts.mode)
     figure.suptitle(
-        f"{known.campaign or 'campaign unknown'}, run {known.run}   [{stamp}]",
+        f"{run_facts.campaign or 'campaign unknown'}, run {run_facts.run}   [{stamp}]",
         fontsize=10,
-        color=_INK,
+        color=_DARK,
         x=0.01,
         ha="left",
     )
-    if seen:
+    if phases:
         patches = [
-            Patch(color=_SHADES[phase], label=phase.name.lower().replace("_", "-"))
-            for phase in sorted(seen)
+            Patch(color=_PHASE_COLOURS[phase], label=phase.name.lower().replace("_", "-"))
+            for phase in sorted(phases)
         ]
         figure.legend(handles=patches, loc="outside lower right", ncols=len(patches), fontsize=7)
     return picture.save(figure, path, 140.0)

@@ -1,10 +1,10 @@
-"""What a wave calibration gives: the elevation of a sea without the device, line by line.
+"""Wave calibration: elevation of a sea without the device, by spectral line.
 
-The mean over repeat periods with its standard error is what identification divides by; waves of a
-run with the device in the water hold what it reflects and radiates, so they are no substitute
-(MASK4 report (Sandia), section 3.2.2). A repeat period of which the record lacks ticks is withheld
-unless asked for; one in which the loop only skipped ticks is not. A probe may stand in a node of
-some lines: those are named, because to divide by them is to divide by noise.
+Identification divides by the mean over repeat periods and uses its standard error. Waves of a run
+with the device contain reflected and radiated waves and are no substitute (MASK4 report (Sandia),
+section 3.2.2). A repeat period for which the record lacks ticks is withheld unless requested; a
+period in which the loop only skipped ticks is not. A probe may stand in a node of some lines. The
+report names these lines, because dividing by them would amplify noise.
 """
 
 import csv
@@ -17,34 +17,34 @@ import xarray
 
 from rig.analysis.wave_lines import (
     Floats,
-    Lines,
+    LineEstimates,
     Samples,
-    by_period,
-    finite,
-    lines,
+    estimate_lines,
+    finite_samples,
     mean_period,
     period_edges,
     significant_height,
+    split_periods,
 )
-from rig.analysis.windows import Window, lost_after, windows
+from rig.analysis.windows import Window, lost_between_rows, read_windows
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import facts
 from rig.recording.runs.mcap_file import Records
 
-PROBES = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
-AGES = ("probes.probe_age", "probes.age")  # s, of what the probes say
-TRUTH = "wave.elevation"  # undisturbed at the device: only a simulated basin knows it
+PROBE_FIELDS = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
+AGE_FIELDS = ("probes.probe_age", "probes.age")  # s, of the probe values
+ELEVATION_FIELD = "wave.elevation"  # undisturbed, at the device; only a simulated basin logs it
 
-STEP = 0.02  # s between samples of what is known in every tick: 50 Hz, as probes are read
-WEAK = 5.0  # standard errors: a line below is not to be divided by
-FAINT = 0.1  # of the asked amplitude: so is a line below this
-NOTHING = 1e-3  # of the largest line: and one below this
+STEP = 0.02  # s, sampling of values known in every tick: 50 Hz, as for probes
+MIN_SIGNAL_TO_ERROR = 5.0  # standard errors; a line below is too weak for identification
+MIN_TARGET_SHARE = 0.1  # of the target amplitude; a line below is too weak
+MIN_LINE_SHARE = 1e-3  # of the largest line; a line below is too weak
 
 _CLOCK = "plan.wave_clock"
 
 
 class WaveMakerLines(NamedTuple):
-    """The lines that the wave maker was asked for."""
+    """The target lines commanded to the wave maker."""
 
     repeat: float  # s
     cycles: Any
@@ -53,232 +53,253 @@ class WaveMakerLines(NamedTuple):
 
 
 def is_calibration(plan: dict[str, Any]) -> bool:
-    """True for the plan of a run without the device."""
+    """Return whether a plan is that of a run without the device."""
     return plan.get("device") == "absent"
 
 
-def calibration(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> xarray.Dataset:
-    """The calibration of a run: by probe, line and period; units in the attributes.
+def calibrate_waves(
+    run: str | os.PathLike[str], *, incomplete_rows: bool = False
+) -> xarray.Dataset:
+    """Return the wave calibration of a run by probe, line and period; units in the attributes.
 
     Amplitudes and phases are those of A cos(2 pi f t + phase), t on the wave clock. The attribute
-    ``withheld`` names the periods of which the record lacks ticks; with ``incomplete_rows`` they
-    are read from the samples that are there, if those are nine in ten. RunError if the run is none,
-    or no whole period of it was measured.
+    ``withheld`` names the periods for which the record lacks ticks; ``incomplete_rows`` includes
+    them if they have at least 90 % of their samples. Raises RunError if the run is not a wave
+    calibration, or if no whole period was measured.
     """
     source = reader.source(run)
-    known = facts(run, source.contents)
-    if not is_calibration(known.plan):
-        raise RunError(f"{run}: no wave calibration (its plan does not say device: absent)")
-    asked = _asked(known.plan)
-    found: dict[str, tuple[Lines, list[Samples], float]] = {}
+    run_facts = facts(run, source.contents)
+    if not is_calibration(run_facts.plan):
+        raise RunError(f"{run}: no wave calibration (its plan has no device: absent)")
+    target = _target_lines(run_facts.plan)
+    by_probe: dict[str, tuple[LineEstimates, list[Samples], float]] = {}
     # A run without the device has no rows: one window, from the lead-in to its end.
-    fields = [_CLOCK, *_fields(source)]
-    window = next(windows(source, fields, known.plan, incomplete_rows=True), None)
+    fields = [_CLOCK, *_wave_fields(source)]
+    window = next(read_windows(source, fields, run_facts.plan, incomplete_rows=True), None)
     channels = _channels(window.data) if window else []
-    lacking = _lacking(window, channels, asked.repeat) if window and not incomplete_rows else set()
+    incomplete = (
+        _incomplete_periods(window, channels, target.repeat)
+        if window and not incomplete_rows
+        else set()
+    )
     for name, samples, start in channels:
-        pieces = by_period(samples, asked.repeat, start, lacking)
-        if pieces:
-            made = lines(pieces, asked.repeat, asked.cycles)
-            found[name] = (
-                made,
-                pieces,
-                4.0 * float(np.std(np.concatenate([p.value for p in pieces]))),
+        periods = split_periods(samples, target.repeat, start, incomplete)
+        if periods:
+            estimates = estimate_lines(periods, target.repeat, target.cycles)
+            by_probe[name] = (
+                estimates,
+                periods,
+                4.0 * float(np.std(np.concatenate([p.value for p in periods]))),
             )
-    said = ""
-    if window and lacking:
-        numbers = ", ".join(str(i + 1) for i in sorted(lacking))
-        said = f"repeat period{'s' if len(lacking) > 1 else ''} {numbers} withheld: "
-        said += f"{window.missing_words} (--incomplete-rows reads what is there)"
-    if not found:
-        nothing = "no whole repeat period was measured"
-        raise RunError(f"{run}: {'; '.join(filter(None, [nothing, said]))}")
-    return _dataset(found, asked).assign_attrs(
-        known.attributes()
-        | {"repeat_s": asked.repeat, "sea": str(_words(known.plan))}
-        | ({"withheld": said} if said else {})
+    withheld = ""
+    if window and incomplete:
+        numbers = ", ".join(str(i + 1) for i in sorted(incomplete))
+        withheld = f"repeat period{'s' if len(incomplete) > 1 else ''} {numbers} withheld: "
+        withheld += f"{window.missing_text} (--incomplete-rows uses the remaining ticks)"
+    if not by_probe:
+        reason = "no whole repeat period was measured"
+        raise RunError(f"{run}: {'; '.join(filter(None, [reason, withheld]))}")
+    return _build_dataset(by_probe, target).assign_attrs(
+        run_facts.attributes()
+        | {"repeat_s": target.repeat, "sea": str(_sea_text(run_facts.plan))}
+        | ({"withheld": withheld} if withheld else {})
     )
 
 
-def _words(plan: dict[str, Any]) -> str:
+def _sea_text(plan: dict[str, Any]) -> str:
     return str((plan.get("sea") or {}).get("words", ""))
 
 
-def _asked(plan: dict[str, Any]) -> WaveMakerLines:
-    told = plan["asked_sea"]
-    columns = (np.array(told[key], dtype=np.float64) for key in ("amplitude_m", "phase_rad"))
-    return WaveMakerLines(
-        float(told["repeat_s"]), np.array(told["cycles"], dtype=np.int64), *columns
-    )
+def _target_lines(plan: dict[str, Any]) -> WaveMakerLines:
+    sea = plan["asked_sea"]
+    columns = (np.array(sea[key], dtype=np.float64) for key in ("amplitude_m", "phase_rad"))
+    return WaveMakerLines(float(sea["repeat_s"]), np.array(sea["cycles"], dtype=np.int64), *columns)
 
 
-def _fields(source: reader.Source) -> list[str]:
-    """Probes that the run holds, with the age of what they say, and the truth if it is known."""
+def _wave_fields(source: reader.Source) -> list[str]:
+    """Return the log fields of probes with their age, and of the elevation if it is logged."""
     names = {leaf.name for leaf in source.leaves}
-    age = [name for name in AGES if name in names][:1]
+    age = [name for name in AGE_FIELDS if name in names][:1]
     return [
         *age,
-        *(name for name in PROBES if name in names and age),
-        *([TRUTH] if TRUTH in names else []),
+        *(name for name in PROBE_FIELDS if name in names and age),
+        *([ELEVATION_FIELD] if ELEVATION_FIELD in names else []),
     ]
 
 
-def _tick(data: Records) -> float:
-    """Seconds from tick to tick."""
+def _tick_period(data: Records) -> float:
+    """Return the tick period in s."""
     clock, ticks = data[_CLOCK], data["tick"]
     return float((clock[-1] - clock[0]) / (ticks[-1] - ticks[0]))
 
 
-def _taken(data: Records) -> Any:
-    """When the probes took what they say in each tick, s of the wave clock."""
-    age = [name for name in AGES if name in (data.dtype.names or ())]
-    return data[_CLOCK] - data[age[0]] if age else data[_CLOCK]
+def _sample_times(data: Records) -> Any:
+    """Return the sampling times of the probe values in each tick, s of the wave clock."""
+    age_fields = [name for name in AGE_FIELDS if name in (data.dtype.names or ())]
+    return data[_CLOCK] - data[age_fields[0]] if age_fields else data[_CLOCK]
 
 
 def _channels(data: Records) -> list[tuple[str, Samples, float]]:
-    """Every probe that the run holds: its name, its samples and where the first period begins."""
+    """Return name, samples and start of the first period (s) of every probe in the run."""
     if len(data) < 2:
         return []
-    names, clock, tick = data.dtype.names or (), data[_CLOCK], _tick(data)
+    names, clock, tick = data.dtype.names or (), data[_CLOCK], _tick_period(data)
     channels = []
-    if probes := [name for name in PROBES if name in names]:
-        taken = _taken(data)
-        fresh = np.append(True, np.diff(taken) > 0.5 * tick)
-        begin = clock[0] - 0.25 * tick  # what was taken before the window is not in it
-        fresh &= taken >= begin
-        times = taken[fresh]
+    if probes := [name for name in PROBE_FIELDS if name in names]:
+        sample_times = _sample_times(data)
+        fresh = np.append(True, np.diff(sample_times) > 0.5 * tick)
+        earliest = clock[0] - 0.25 * tick  # excludes samples taken before the window
+        fresh &= sample_times >= earliest
+        times = sample_times[fresh]
         channels += [
             (name.rpartition(".")[2], Samples(times, data[name][fresh]), float(times[0]))
             for name in probes
             if len(times)
         ]
-    if TRUTH in names:
-        thin = data["tick"] % max(1, round(STEP / tick)) == 0
-        times = clock[thin]
+    if ELEVATION_FIELD in names:
+        sampled = data["tick"] % max(1, round(STEP / tick)) == 0
+        times = clock[sampled]
         if len(times):
-            channels.append(("elevation", Samples(times, data[TRUTH][thin]), float(times[0])))
+            channels.append(
+                ("elevation", Samples(times, data[ELEVATION_FIELD][sampled]), float(times[0]))
+            )
     return channels
 
 
-def _lacking(window: Window, channels: list[tuple[str, Samples, float]], repeat: float) -> set[int]:
-    """Numbers of the repeat periods of which the record lacks ticks."""
+def _incomplete_periods(
+    window: Window, channels: list[tuple[str, Samples, float]], repeat: float
+) -> set[int]:
+    """Return the numbers of the repeat periods for which the record lacks ticks."""
     if not window.missing or not channels:
         return set()
     data = window.data
-    clock, tick = data[_CLOCK], _tick(data)
-    before = np.flatnonzero(lost_after(data))
-    # A lost tick had what the probes took after the tick before it.
-    gaps = list(zip(_taken(data)[before] + tick, clock[before + 1] - tick, strict=True))
-    found: set[int] = set()
-    whole = 0
+    clock, tick = data[_CLOCK], _tick_period(data)
+    gap_starts = np.flatnonzero(lost_between_rows(data))
+    # A lost tick contained the samples taken after the tick before it.
+    gaps = list(
+        zip(_sample_times(data)[gap_starts] + tick, clock[gap_starts + 1] - tick, strict=True)
+    )
+    incomplete: set[int] = set()
+    period_count = 0
     for _, samples, start in channels:
-        edges = period_edges(finite(samples), repeat, start)
-        whole = max(whole, len(edges) - 1)
+        edges = period_edges(finite_samples(samples), repeat, start)
+        period_count = max(period_count, len(edges) - 1)
         for low, high in gaps:
             first, last = np.searchsorted(edges, (low, high), side="right") - 1
-            found |= set(range(max(0, int(first)), int(last) + 1))
-    # What is lost beside the window is missing in its last period, where that is too short.
-    if window.edge and window.span * tick < whole * repeat - 0.5 * tick:
-        found.add(whole - 1)
-    return {number for number in found if number < whole}
+            incomplete |= set(range(max(0, int(first)), int(last) + 1))
+    # Ticks lost next to the window are missing in its last period if that is too short.
+    if window.lost_at_edges and window.span * tick < period_count * repeat - 0.5 * tick:
+        incomplete.add(period_count - 1)
+    return {number for number in incomplete if number < period_count}
 
 
-def _dataset(
-    found: dict[str, tuple[Lines, list[Samples], float]], asked: WaveMakerLines
+def _build_dataset(
+    results: dict[str, tuple[LineEstimates, list[Samples], float]], target: WaveMakerLines
 ) -> xarray.Dataset:
-    names = list(found)
-    count = round(asked.repeat / STEP)
-    each = {
-        name: (made, mean_period(pieces, asked.repeat, count), total)
-        for name, (made, pieces, total) in found.items()
-    }
-    most = max(len(made.periods) for made, _, _ in each.values())
-    frequency = asked.cycles / asked.repeat
-
-    def stack(of: Any) -> Any:
-        return np.array([of(*each[name]) for name in names])
-
-    mean = stack(lambda made, period, total: made.mean)
-    error = stack(lambda made, period, total: made.standard_error)
-    heights = stack(
-        lambda made, period, total: [
-            significant_height(made.periods[i]) if i < len(made.periods) else np.nan
-            for i in range(most)
+    count = round(target.repeat / STEP)
+    estimates = [each for each, _, _ in results.values()]
+    mean_periods = [
+        mean_period(periods, target.repeat, count) for _, periods, _ in results.values()
+    ]
+    totals = np.array([total for _, _, total in results.values()])
+    most = max(len(each.periods) for each in estimates)
+    frequency = target.cycles / target.repeat
+    mean = np.array([each.mean for each in estimates])
+    error = np.array([each.standard_error for each in estimates])
+    heights = np.array(
+        [
+            [
+                significant_height(each.periods[i]) if i < len(each.periods) else np.nan
+                for i in range(most)
+            ]
+            for each in estimates
         ]
     )
-    hm0 = stack(lambda made, period, total: significant_height(made.mean))
+    hm0 = np.array([significant_height(each.mean) for each in estimates])
     size = np.abs(mean)
-    weak = (size < FAINT * asked.amplitude) | (size < WEAK * error)
-    weak |= size < NOTHING * size.max(axis=1, keepdims=True)
+    weak = (size < MIN_TARGET_SHARE * target.amplitude) | (size < MIN_SIGNAL_TO_ERROR * error)
+    weak |= size < MIN_LINE_SHARE * size.max(axis=1, keepdims=True)
     by_line, by_probe = ("probe", "line"), ("probe",)
     metres, radians = {"units": "m"}, {"units": "rad"}
     return xarray.Dataset(
         {
-            "cycles": ("line", asked.cycles, {"long_name": "whole periods in a repeat period"}),
-            "asked_amplitude": ("line", asked.amplitude, metres),
-            "asked_phase": ("line", asked.phase, radians),
+            "cycles": ("line", target.cycles, {"long_name": "wave cycles in a repeat period"}),
+            "asked_amplitude": ("line", target.amplitude, metres),
+            "asked_phase": ("line", target.phase, radians),
             "amplitude": (by_line, size, metres),
             "phase": (by_line, np.angle(mean), radians),
             "amplitude_se": (by_line, error, metres),
-            "weak": (by_line, weak.astype(np.int64), {"long_name": "1: not to be divided by"}),
-            "mean_period": (("probe", "time"), stack(lambda made, p, total: p[0]), metres),
-            "mean_period_se": (("probe", "time"), stack(lambda made, p, total: p[1]), metres),
-            "periods": (by_probe, stack(lambda made, p, total: len(made.periods))),
+            "weak": (
+                by_line,
+                weak.astype(np.int64),
+                {"long_name": "1: too weak for identification"},
+            ),
+            "mean_period": (
+                ("probe", "time"),
+                np.array([value for value, _ in mean_periods]),
+                metres,
+            ),
+            "mean_period_se": (
+                ("probe", "time"),
+                np.array([value for _, value in mean_periods]),
+                metres,
+            ),
+            "periods": (by_probe, np.array([len(each.periods) for each in estimates])),
             "hm0": (by_probe, hm0, {**metres, "long_name": "of the mean lines"}),
             "hm0_by_period": (("probe", "period"), heights, metres),
             "hm0_total": (
                 by_probe,
-                stack(lambda made, p, total: total),
+                totals,
                 {**metres, "long_name": "of all that was measured, 4 standard deviations"},
             ),
         },
         {
-            "probe": ("probe", np.array(names)),
+            "probe": ("probe", np.array(list(results))),
             "frequency": ("line", frequency, {"units": "Hz"}),
-            "time": ("time", np.arange(count) * (asked.repeat / count), {"units": "s"}),
+            "time": ("time", np.arange(count) * (target.repeat / count), {"units": "s"}),
         },
         {
-            "hm0_asked_m": significant_height(asked.amplitude),
+            "hm0_asked_m": significant_height(target.amplitude),
             "convention": "A cos(2 pi f t + phase), t on the wave clock",
         },
     )
 
 
 def findings(table: xarray.Dataset) -> list[str]:
-    """What a reader wants to know first: what is withheld, then a sentence for each probe."""
-    asked = table.attrs["hm0_asked_m"]
-    told = [str(table.attrs["withheld"])] if "withheld" in table.attrs else []
+    """Return the withheld periods and a message for each probe."""
+    target = table.attrs["hm0_asked_m"]
+    messages = [str(table.attrs["withheld"])] if "withheld" in table.attrs else []
     for name in table["probe"].values.tolist():
-        one = table.sel(probe=name)
-        hm0, total = float(one["hm0"]), float(one["hm0_total"])
-        heights = one["hm0_by_period"].values
+        probe = table.sel(probe=name)
+        hm0, total = float(probe["hm0"]), float(probe["hm0_total"])
+        heights = probe["hm0_by_period"].values
         heights = heights[np.isfinite(heights)]
         error = np.std(heights, ddof=1) / np.sqrt(len(heights)) if len(heights) > 1 else np.nan
-        weak = one["frequency"].values[one["weak"].values == 1]
+        weak = probe["frequency"].values[probe["weak"].values == 1]
         text = f"{name}: Hm0 {1e3 * hm0:.1f} mm"
         if np.isfinite(error):
             text += f" ± {1e3 * error:.2f}" if 1e3 * error >= 0.005 else " ± <0.01"
             text += " by scatter of periods"
         text += (
-            f" ({100.0 * (hm0 / asked - 1.0):+.1f} % of the asked {1e3 * asked:.1f} mm)"
-            if asked
+            f" ({100.0 * (hm0 / target - 1.0):+.1f} % from the target of {1e3 * target:.1f} mm)"
+            if target
             else ""
         )
-        count = int(one["periods"])
+        count = int(probe["periods"])
         text += f" over {count} period{'s' if count != 1 else ''}; "
-        text += f"{100.0 * (hm0 / total) ** 2:.1f} % of what was"
-        text += " measured repeats on the asked lines"
+        text += f"{100.0 * (hm0 / total) ** 2:.1f} % of the measured variance"
+        text += " is periodic on the target lines"
         if len(weak):
             shown = ", ".join(f"{f:.4g}" for f in weak[:5])
             more = f" and {len(weak) - 5} more" if len(weak) > 5 else ""
             lines = f"{len(weak)} line{'s' if len(weak) > 1 else ''}"
-            text += f"; {lines} too weak to divide by ({shown}{more} Hz)"
-        told.append(text)
-    return told
+            text += f"; {lines} too weak for identification ({shown}{more} Hz)"
+        messages.append(text)
+    return messages
 
 
 def write_calibration(table: xarray.Dataset, folder: Path) -> list[Path]:
-    """``wave_calibration.nc`` with everything and ``.csv`` with a line for each wave line."""
+    """Write ``wave_calibration.nc`` with all data and ``.csv`` with a row for each wave line."""
     text, binary = folder / "wave_calibration.csv", folder / "wave_calibration.nc"
     names = table["probe"].values.tolist()
     columns = {

@@ -1,8 +1,8 @@
-"""Fourier coefficients of a repeating wave, period by period, from even or uneven samples.
+"""Fourier coefficients of a repeating wave by period, from even or uneven samples.
 
-A line k of a wave that repeats after T is A cos(2 pi k t / T + phase), t on the wave clock. Whole
-periods of even samples go through an FFT, which is exact; a period with missing samples (a lost
-tick, a late probe) through least squares on the same lines, which leaves no leakage between them.
+Line k of a wave with repeat period T is A cos(2 pi k t / T + phase), t on the wave clock. Whole
+periods of even samples use an FFT, which is exact. A period with missing samples (a lost tick, a
+late probe) uses least squares on the same lines, which has no leakage between them.
 """
 
 from collections.abc import Container
@@ -15,121 +15,123 @@ import numpy.typing as npt
 Floats = npt.NDArray[np.float64]
 Complexes = npt.NDArray[np.complex128]
 
-LEAST_SHARE = 0.9  # of a period's samples: with fewer the period is not used
-_EVEN = 1e-3  # of a sample step: time stamps that differ by less are even
+MIN_SAMPLE_SHARE = 0.9  # of the samples of a period; a period with fewer is not used
+_EVEN_TOLERANCE = 1e-3  # of a sample step; time stamps within it are even
 
 
 class Samples(NamedTuple):
-    """What a probe saw: values and when each was taken."""
+    """Samples of a probe with their times."""
 
-    time: Floats  # s of the wave clock, rising
+    time: Floats  # s of the wave clock, increasing
     value: Floats  # m
 
 
-class Lines(NamedTuple):
-    """The coefficients of a wave: mean over periods and what the periods say of its error."""
+class LineEstimates(NamedTuple):
+    """Line coefficients of a wave: mean over periods with its standard error."""
 
-    mean: Complexes  # m, by line: amplitude exp(1j phase)
+    mean: Complexes  # m, by line: amplitude * exp(1j * phase)
     standard_error: Floats  # m, of the mean's amplitude; NaN for a single period
     periods: Complexes  # m, by period and line
 
 
-def steps(samples: Samples) -> float:
-    """The usual time between two samples, s."""
+def sample_step(samples: Samples) -> float:
+    """Return the median time between two samples, s."""
     return float(np.median(np.diff(samples.time)))
 
 
-def finite(samples: Samples) -> Samples:
-    """The samples without those that are not finite."""
-    good = np.isfinite(samples.value)
-    return Samples(samples.time[good], samples.value[good])
+def finite_samples(samples: Samples) -> Samples:
+    """Return the samples with a finite value."""
+    valid = np.isfinite(samples.value)
+    return Samples(samples.time[valid], samples.value[valid])
 
 
 def period_edges(samples: Samples, repeat: float, start: float) -> Floats:
-    """Where each whole period (s) from ``start`` on begins, and the last one ends, s.
+    """Return the edges (s) of the whole periods of length ``repeat`` (s) from ``start`` on.
 
-    Half a step before its first sample; of the last one 90 % have to be there.
+    An edge lies half a step before the first sample of a period. The last period must contain 90 %
+    of its samples.
     """
     if len(samples.time) < 2:
         return np.empty(0)
-    step = steps(samples)
-    count = int(np.floor((samples.time[-1] + step - start) / repeat + 1.0 - LEAST_SHARE))
+    step = sample_step(samples)
+    count = int(np.floor((samples.time[-1] + step - start) / repeat + 1.0 - MIN_SAMPLE_SHARE))
     return np.asarray(start - 0.5 * step + repeat * np.arange(count + 1), np.float64)
 
 
-def by_period(
-    samples: Samples, repeat: float, start: float, without: Container[int] = ()
+def split_periods(
+    samples: Samples, repeat: float, start: float, skip: Container[int] = ()
 ) -> list[Samples]:
-    """The samples of each whole period (s) from ``start`` (s of the wave clock) on.
+    """Return the samples of each whole period (s) from ``start`` (s of the wave clock) on.
 
-    Periods that hold fewer than 90 % of their samples are left out, as are those whose number is
-    in ``without``; samples that are not finite count as missing.
+    Periods with fewer than 90 % of their samples are left out, and those whose number is in
+    ``skip``. Samples that are not finite count as missing.
     """
-    time, value = there = finite(samples)
-    edges = np.searchsorted(time, period_edges(there, repeat, start))
-    pieces = [
-        Samples(time[a:b], value[a:b])
-        for i, (a, b) in enumerate(pairwise(edges))
-        if i not in without
+    time, value = valid = finite_samples(samples)
+    edges = np.searchsorted(time, period_edges(valid, repeat, start))
+    periods = [
+        Samples(time[a:b], value[a:b]) for i, (a, b) in enumerate(pairwise(edges)) if i not in skip
     ]
-    least = LEAST_SHARE * repeat / steps(there) if pieces else 0.0
-    return [piece for piece in pieces if len(piece.time) >= least]
+    min_samples = MIN_SAMPLE_SHARE * repeat / sample_step(valid) if periods else 0.0
+    return [piece for piece in periods if len(piece.time) >= min_samples]
 
 
-def coefficients(piece: Samples, repeat: float, cycles: Any) -> Complexes:
-    """Coefficient of each line in one period's samples, m.
+def line_coefficients(period: Samples, repeat: float, cycles: Any) -> Complexes:
+    """Return the coefficient (m) of each line from the samples of one period.
 
     Raises ValueError for fewer samples than the lines need.
     """
-    count = len(piece.time)
+    count = len(period.time)
     if count <= 2 * int(np.max(cycles)) or count <= 2 * len(cycles):
-        raise ValueError(f"{count} samples a period cannot show {np.max(cycles)} cycles of a wave")
+        most = np.max(cycles)
+        raise ValueError(f"{count} samples per period cannot resolve {most} cycles of a wave")
     step = repeat / count
-    even = piece.time[0] + step * np.arange(count)
-    if float(np.abs(piece.time - even).max()) < _EVEN * step:
-        found = np.fft.rfft(piece.value)[cycles] * (2.0 / count)
-        turned = np.exp(-2j * np.pi * np.asarray(cycles) * piece.time[0] / repeat)
-        return np.asarray(found * turned, dtype=np.complex128)
-    angle = 2.0 * np.pi / repeat * np.outer(piece.time, cycles)
+    even = period.time[0] + step * np.arange(count)
+    if float(np.abs(period.time - even).max()) < _EVEN_TOLERANCE * step:
+        spectrum = np.fft.rfft(period.value)[cycles] * (2.0 / count)
+        rotation = np.exp(-2j * np.pi * np.asarray(cycles) * period.time[0] / repeat)
+        return np.asarray(spectrum * rotation, dtype=np.complex128)
+    angle = 2.0 * np.pi / repeat * np.outer(period.time, cycles)
     design = np.hstack([np.cos(angle), -np.sin(angle), np.ones((count, 1))])
-    solved = np.linalg.solve(design.T @ design, design.T @ piece.value)
-    return np.asarray(solved[: len(cycles)] + 1j * solved[len(cycles) : -1], dtype=np.complex128)
+    solution = np.linalg.solve(design.T @ design, design.T @ period.value)
+    return np.asarray(
+        solution[: len(cycles)] + 1j * solution[len(cycles) : -1], dtype=np.complex128
+    )
 
 
-def lines(pieces: list[Samples], repeat: float, cycles: Any) -> Lines:
-    """Mean coefficients over periods; the error is their scatter over the root of their number.
+def estimate_lines(periods: list[Samples], repeat: float, cycles: Any) -> LineEstimates:
+    """Return the mean coefficients over periods; the error is scatter / sqrt(number of periods).
 
-    Scatter is pooled over real and imaginary part, 2 (periods - 1) degrees of freedom a line.
+    The scatter is pooled over real and imaginary part: 2 (periods - 1) degrees of freedom per line.
     Raises ValueError without a period.
     """
-    if not pieces:
+    if not periods:
         raise ValueError("no whole period was measured")
-    found = np.array([coefficients(piece, repeat, cycles) for piece in pieces])
-    mean = found.mean(axis=0)
-    count = len(found)
+    by_period = np.array([line_coefficients(piece, repeat, cycles) for piece in periods])
+    mean = by_period.mean(axis=0)
+    count = len(by_period)
     if count < 2:
-        return Lines(mean, np.full(mean.size, np.nan), found)
-    spread = np.sum(np.abs(found - mean) ** 2, axis=0) / (2.0 * (count - 1))
-    return Lines(mean, np.sqrt(spread / count), found)
+        return LineEstimates(mean, np.full(mean.size, np.nan), by_period)
+    spread = np.sum(np.abs(by_period - mean) ** 2, axis=0) / (2.0 * (count - 1))
+    return LineEstimates(mean, np.sqrt(spread / count), by_period)
 
 
-def mean_period(pieces: list[Samples], repeat: float, count: int) -> tuple[Floats, Floats]:
-    """Mean elevation and its standard error (m) over ``count`` even parts of a period.
+def mean_period(periods: list[Samples], repeat: float, count: int) -> tuple[Floats, Floats]:
+    """Return mean elevation and standard error (m) in ``count`` equal bins of the repeat period.
 
-    Part i is centred on wave clock times of i repeat/count modulo the period; NaN where no sample
-    fell into it, and for the error where only one did.
+    Bin i is centred on the wave clock time i * repeat / count, modulo the period. A bin without a
+    sample is NaN; the error of a bin with a single sample is NaN.
     """
-    part = np.concatenate([np.round(piece.time / repeat * count) for piece in pieces])
-    index = part.astype(np.int64) % count
-    value = np.concatenate([piece.value for piece in pieces])
-    number = np.bincount(index, minlength=count)
+    bin_index = np.concatenate([np.round(piece.time / repeat * count) for piece in periods])
+    index = bin_index.astype(np.int64) % count
+    value = np.concatenate([piece.value for piece in periods])
+    samples_per_bin = np.bincount(index, minlength=count)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.bincount(index, value, minlength=count) / number
+        mean = np.bincount(index, value, minlength=count) / samples_per_bin
         square = np.bincount(index, (value - mean[index]) ** 2, minlength=count)
-        error = np.sqrt(square / (number - 1) / number)
-    return mean, np.where(number > 1, error, np.nan)
+        error = np.sqrt(square / (samples_per_bin - 1) / samples_per_bin)
+    return mean, np.where(samples_per_bin > 1, error, np.nan)
 
 
 def significant_height(amplitude: Any) -> float:
-    """Hm0 = 4 sqrt(m0) of line amplitudes (m), m."""
+    """Return Hm0 = 4 sqrt(m0) (m) of line amplitudes (m)."""
     return float(4.0 * np.sqrt(0.5 * np.sum(np.abs(amplitude) ** 2)))

@@ -1,11 +1,12 @@
-"""The measured windows of a run, found by row id and phase as the rig logged them.
+"""Measurement windows of a run, found by the row id and phase that the rig logged.
 
-A window that lacks ticks which the loop executed is not whole: their rows were lost from the
-record, and a mean over the others would be one over another time. Periods that the loop itself
-skipped are no such ticks; it counts them. What is lost right beside a window was its own as far
-as the window is shorter than its plan says.
+A window is incomplete if the record lacks ticks that the loop executed: a mean over the remaining
+ticks would cover a different time span. Periods that the loop itself skipped do not make a window
+incomplete; the loop counts them. Ticks lost directly before or after a window belong to the window
+as far as the window is shorter than its plan.
 
-One window is held at a time, so a run of many hours needs no more memory than its longest row.
+The reader keeps one window in memory at a time, so a run of many hours needs no more memory than
+its longest row.
 """
 
 import os
@@ -23,9 +24,9 @@ from rig.recording.runs.folder import facts
 from rig.recording.runs.mcap_file import Records
 from rig.recording.runs.state import Reading, RecordState
 
-PLACE = ("plan.row", "plan.phase", "plan.attempt")
-ALWAYS = (*PLACE, "tick", "safety.mode", "safety.reason")
-GONE = "all of its ticks are missing from the record"
+PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
+REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")
+ALL_TICKS_MISSING = "all of its ticks are missing from the record"
 
 
 class Window(NamedTuple):
@@ -34,99 +35,100 @@ class Window(NamedTuple):
     row: int
     attempt: int
     data: Records
-    incomplete_reason: str  # why the window is not whole; empty if it is
-    lost: int = 0  # executed ticks between its first and its last that the record lacks
-    edge: int = 0  # such ticks right before or behind it, of which some may have been its own
+    incomplete_reason: str  # empty for a complete window
+    lost: int = 0  # executed ticks between the first and the last that the record lacks
+    lost_at_edges: int = 0  # executed ticks lost directly before or after; some may belong to it
 
     @property
     def span(self) -> int:
-        """Ticks from its first to its last, lost ones included."""
+        """Ticks from the first to the last, including lost ones."""
         return int(self.data["tick"][-1] - self.data["tick"][0]) + 1
 
     @property
     def missing(self) -> int:
-        """Executed ticks of it that the record lacks."""
-        return self.lost + self.edge
+        """Executed ticks of the window that the record lacks."""
+        return self.lost + self.lost_at_edges
 
     @property
     def expected(self) -> int:
-        """Ticks of it that the loop executed."""
+        """Ticks of the window that the loop executed."""
         return len(self.data) + self.missing
 
     @property
-    def missing_words(self) -> str:
-        """What the record lacks of it, in words; empty if it lacks nothing."""
+    def missing_text(self) -> str:
+        """Count of the missing ticks as text; empty if none is missing."""
         missing = f"{self.missing} of {self.expected} ticks missing from the record"
         return missing if self.missing else ""
 
 
-class _Open:
-    """A window whose end has not been seen yet."""
+class _OpenWindow:
+    """A window that is still being read."""
 
-    def __init__(self, row: int, attempt: int, edge: int) -> None:
+    def __init__(self, row: int, attempt: int, lost_before: int) -> None:
         self.row = row
         self.attempt = attempt
-        self.edge = edge
+        self.lost_before = lost_before
         self.pieces: list[Records] = []
 
-    def closed(self, why: str, edge: int = 0) -> Window:
+    def close(self, reason: str, lost_after: int = 0) -> Window:
         data: Records = np.concatenate(self.pieces)
         if (data["safety.mode"] != Mode.RUN).any():
-            why = "held or stopped"
-        return Window(self.row, self.attempt, data, why, _lost(data), self.edge + edge)
+            reason = "held or stopped"
+        lost_at_edges = self.lost_before + lost_after
+        return Window(self.row, self.attempt, data, reason, _count_lost(data), lost_at_edges)
 
 
-def lost_after(data: Any) -> Any:
-    """Executed ticks that the record lacks between each row but the last and the row after it.
+def lost_between_rows(data: Any) -> Any:
+    """Return the number of executed ticks that the record lacks after each log row but the last.
 
-    None where the loop did not count the periods that it skipped.
+    Zero where the loop did not count the periods that it skipped.
     """
     if SKIPPED not in (data.dtype.names or ()):
         return np.zeros(max(0, len(data) - 1), np.int64)
-    absent = np.diff(data["tick"]) - 1
-    return np.where(absent > 0, np.maximum(absent - np.diff(data[SKIPPED]), 0), 0)
+    missing = np.diff(data["tick"]) - 1
+    return np.where(missing > 0, np.maximum(missing - np.diff(data[SKIPPED]), 0), 0)
 
 
-def _lost(data: Any) -> int:
-    return int(lost_after(data).sum())
+def _count_lost(data: Any) -> int:
+    return int(lost_between_rows(data).sum())
 
 
-def _packed(block: Records, dtype: np.dtype[Any]) -> Records:
-    out = np.empty(len(block), dtype)
+def _select_fields(block: Records, dtype: np.dtype[Any]) -> Records:
+    selected = np.empty(len(block), dtype)
     for name in dtype.names or ():
-        out[name] = block[name]
-    return out
+        selected[name] = block[name]
+    return selected
 
 
-def _pair(before: Any, after: Any) -> Any:
-    """Two neighbouring rows' ticks and counts of skipped periods."""
+def _boundary(before: Any, after: Any) -> Any:
+    """Return tick numbers and skipped-period counts of two neighbouring log rows."""
     values = [(int(row["tick"]), int(row[SKIPPED])) for row in (before, after)]
     return np.array(values, [("tick", "<i8"), (SKIPPED, "<i8")])
 
 
-def _stretches(block: Records) -> Iterator[tuple[int, int]]:
-    """Index ranges over which row, phase and attempt stay the same."""
+def _constant_ranges(block: Records) -> Iterator[tuple[int, int]]:
+    """Yield the index ranges over which row, phase and attempt stay constant."""
     changed = np.zeros(len(block) - 1, bool)
-    for name in PLACE:
+    for name in PLAN_FIELDS:
         values = block[name]
         changed |= values[1:] != values[:-1]
     edges = [0, *(np.flatnonzero(changed) + 1).tolist(), len(block)]
     yield from pairwise(edges)
 
 
-def _left_early(row: int, after: Any) -> str:
-    """Why a window followed by this tick is not whole, or an empty text."""
-    if after["plan.phase"] == Phase.DONE and after["safety.reason"] not in (
+def _reason_incomplete(row: int, next_tick: Any) -> str:
+    """Return why a window followed by this tick is incomplete; empty if it is complete."""
+    if next_tick["plan.phase"] == Phase.DONE and next_tick["safety.reason"] not in (
         Reason.NONE,
         Reason.PLAN_END,
     ):
-        return f"run stopped: {Reason(int(after['safety.reason'])).name}"
-    if after["plan.row"] == row and after["plan.phase"] < Phase.MEASURE:
+        return f"run stopped: {Reason(int(next_tick['safety.reason'])).name}"
+    if next_tick["plan.row"] == row and next_tick["plan.phase"] < Phase.MEASURE:
         return "started over"
     return ""
 
 
-def windows(
+def read_windows(
     run: reader.Source,
     fields: list[str],
     plan: Mapping[str, Any],
@@ -134,107 +136,127 @@ def windows(
     incomplete_rows: bool = False,
     reading: Reading | None = None,
 ) -> Iterator[Window]:
-    """Every attempt at measuring a row, in the order of the run, with the named fields.
+    """Yield the window of every attempt at a row, in the order of the run, with the named fields.
 
-    Tick, place in the plan and state of the safety machine are always among the fields. ``plan``:
-    the run's, which says how long its rows are. A window that lacks rows is said to be cut short
-    unless ``incomplete_rows``; ``reading`` counts the ticks. KeyError if the run has no such
-    fields.
+    `REQUIRED_FIELDS` are always included. ``plan`` is the plan of the run and gives the length of
+    its rows. A window with missing ticks gets an ``incomplete_reason`` unless ``incomplete_rows``
+    is true. ``reading`` counts the ticks that are read. Raises KeyError if the run lacks a field.
     """
     lengths = {int(row["row"]): planned_ticks(row, plan.get("dt")) for row in plan.get("rows", [])}
-    counted = [leaf.name for leaf in run.leaves if leaf.name == SKIPPED]
-    names = reader.choose(run.leaves, [*ALWAYS, *counted, *fields])
-    kinds = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
-    dtype = np.dtype([(name, kinds[name]) for name in names])
-    for each in cut(reader.blocks(run, reading), dtype):
-        length = lengths.get(each.row, 0)
-        edge = min(each.edge, max(0, length - each.span)) if length else each.edge
-        window = each._replace(edge=edge)
-        whole = window.incomplete_reason or incomplete_rows
-        yield window if whole else window._replace(incomplete_reason=window.missing_words)
+    skipped_fields = [leaf.name for leaf in run.leaves if leaf.name == SKIPPED]
+    names = reader.choose(run.leaves, [*REQUIRED_FIELDS, *skipped_fields, *fields])
+    dtypes = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
+    dtype = np.dtype([(name, dtypes[name]) for name in names])
+    for window in split_windows(reader.blocks(run, reading), dtype):
+        length = lengths.get(window.row, 0)
+        lost_at_edges = window.lost_at_edges
+        if length:
+            lost_at_edges = min(lost_at_edges, max(0, length - window.span))
+        checked = window._replace(lost_at_edges=lost_at_edges)
+        unchanged = checked.incomplete_reason or incomplete_rows
+        yield checked if unchanged else checked._replace(incomplete_reason=checked.missing_text)
 
 
 def planned_ticks(planned: Mapping[str, Any], dt: float | None) -> int:
-    """Ticks that a planned row is measured for; 0 if the plan does not say. ``dt``: period, s."""
+    """Return the length of a planned row's measurement in ticks; 0 if the plan gives none.
+
+    ``dt`` is the control period in s.
+    """
     seconds = planned.get("measure_s")
     return round(seconds / dt) if isinstance(seconds, int | float) and dt else 0
 
 
-def gone(plan: Mapping[str, Any], found: Container[int], record: RecordState) -> set[int]:
-    """Planned rows of which the record lacks all ticks: it has none, but it has rows after them."""
+def missing_rows(plan: Mapping[str, Any], seen: Container[int], record: RecordState) -> set[int]:
+    """Return planned rows without a single recorded tick although later rows were recorded.
+
+    ``seen`` are the ids of the rows with recorded ticks.
+    """
     planned = [int(row["row"]) for row in plan.get("rows", [])]
-    passed = [i for i, row in enumerate(planned) if row in found] if record.lost else []
-    return {row for row in planned[: max(passed, default=0)] if row not in found}
+    positions = [i for i, row in enumerate(planned) if row in seen] if record.lost else []
+    return {row for row in planned[: max(positions, default=0)] if row not in seen}
 
 
-class LeftOut:
-    """The rows of a run of which no window is whole, and why."""
+class ExcludedRows:
+    """Collects the rows of a run without a complete window, and the reasons."""
 
     def __init__(self) -> None:
-        self._why: dict[int, str] = {}
+        self._reasons: dict[int, str] = {}
 
-    def whole(self, window: Window) -> bool:
-        """Whether a window can be used; remembers why if not."""
-        if self._why.get(window.row, "not yet") != "":
-            self._why[window.row] = window.incomplete_reason
+    def accept(self, window: Window) -> bool:
+        """Return whether a window is complete; store the reason if it is not."""
+        if self._reasons.get(window.row, "not yet") != "":
+            self._reasons[window.row] = window.incomplete_reason
         return not window.incomplete_reason
 
-    def notes(self, plan: Mapping[str, Any], record: RecordState) -> tuple[str, ...]:
-        """A sentence for each such row, also for those of which the record lacks all ticks."""
-        why = {**self._why, **dict.fromkeys(gone(plan, self._why, record), GONE)}
-        return tuple(f"row {row} is left out: {why[row]}" for row in sorted(why) if why[row])
+    def messages(self, plan: Mapping[str, Any], record: RecordState) -> tuple[str, ...]:
+        """Return a message for each excluded row, including rows whose ticks are all missing."""
+        reasons = {
+            **self._reasons,
+            **dict.fromkeys(missing_rows(plan, self._reasons, record), ALL_TICKS_MISSING),
+        }
+        return tuple(
+            f"row {row} is left out: {reasons[row]}" for row in sorted(reasons) if reasons[row]
+        )
 
 
-class Incomplete(NamedTuple):
-    """The measured windows of a run of which the record lacks ticks."""
+class IncompleteWindows(NamedTuple):
+    """Measurement windows for which the record of a run lacks ticks."""
 
-    spans: tuple[tuple[float, float], ...]  # s from run start, first and last tick that is there
-    notes: tuple[str, ...]  # a sentence for each, and for rows of which nothing is there
+    spans: tuple[tuple[float, float], ...]  # s from run start: first and last recorded tick
+    messages: tuple[str, ...]  # one for each window, and for each row without recorded ticks
 
-    def marks(self, time: Any) -> Any:
-        """1 for each time (s) that is in such a window, else 0."""
-        inside = np.zeros(len(time), np.int64)
+    def mask(self, time: Any) -> Any:
+        """Return 1 for each time (s) inside an incomplete window, else 0."""
+        flags = np.zeros(len(time), np.int64)
         for first, last in self.spans:
-            inside[(time >= first) & (time <= last)] = 1
-        return inside
+            flags[(time >= first) & (time <= last)] = 1
+        return flags
 
 
-def incomplete(run: str | os.PathLike[str]) -> Incomplete:
-    """What a record lacks of its windows; nothing for a kind of run that has none."""
+def find_incomplete_windows(run: str | os.PathLike[str]) -> IncompleteWindows:
+    """Return the incomplete windows of a run; none for a kind of run without windows."""
     source = reader.source(run)
-    if not {*ALWAYS, "time"} <= {leaf.name for leaf in source.leaves}:
-        return Incomplete((), ())
+    if not {*REQUIRED_FIELDS, "time"} <= {leaf.name for leaf in source.leaves}:
+        return IncompleteWindows((), ())
     plan = facts(run, source.contents).plan
-    seen = Reading(source.contents, source.damage)
-    spans, notes, found = [], [], set()
-    for window in windows(source, ["time"], plan, reading=seen):
-        found.add(window.row)
+    reading = Reading(source.contents, source.damage)
+    spans, messages, rows = [], [], set()
+    for window in read_windows(source, ["time"], plan, reading=reading):
+        rows.add(window.row)
         if window.missing:
             time = window.data["time"]
             spans.append((float(time[0]), float(time[-1])))
-            named = "the measured window" if window.row == NO_ROW else f"row {window.row}"
-            notes.append(f"{named}: {window.missing_words}")
-    notes += [f"row {row}: {GONE}" for row in sorted(gone(plan, found, seen.state(run)))]
-    return Incomplete(tuple(spans), tuple(notes))
+            name = "the measured window" if window.row == NO_ROW else f"row {window.row}"
+            messages.append(f"{name}: {window.missing_text}")
+    messages += [
+        f"row {row}: {ALL_TICKS_MISSING}"
+        for row in sorted(missing_rows(plan, rows, reading.state(run)))
+    ]
+    return IncompleteWindows(tuple(spans), tuple(messages))
 
 
-def cut(blocks: Iterable[Records], dtype: np.dtype[Any]) -> Iterator[Window]:
-    """The windows in blocks of ticks, with the fields of ``dtype``, `ALWAYS` among them."""
-    now: _Open | None = None
-    before: Any = None  # the row before, as an array of one
+def split_windows(blocks: Iterable[Records], dtype: np.dtype[Any]) -> Iterator[Window]:
+    """Yield the windows in blocks of ticks.
+
+    ``dtype`` holds the fields of the windows; `REQUIRED_FIELDS` must be among them.
+    """
+    current: _OpenWindow | None = None
+    previous: Any = None  # the previous log row, as an array of length 1
     for block in blocks:
-        counts = SKIPPED in (block.dtype.names or ()) and "tick" in (block.dtype.names or ())
-        for begin, end in _stretches(block):
+        has_counts = SKIPPED in (block.dtype.names or ()) and "tick" in (block.dtype.names or ())
+        for begin, end in _constant_ranges(block):
             first = block[begin]
             row, attempt = int(first["plan.row"]), int(first["plan.attempt"])
             measuring = first["plan.phase"] == Phase.MEASURE
-            edge = _lost(_pair(before, first)) if counts and before is not None else 0
-            if now and not (measuring and (row, attempt) == (now.row, now.attempt)):
-                yield now.closed(_left_early(now.row, first), edge)
-                now = None
+            lost = 0
+            if has_counts and previous is not None:
+                lost = _count_lost(_boundary(previous, first))
+            if current and not (measuring and (row, attempt) == (current.row, current.attempt)):
+                yield current.close(_reason_incomplete(current.row, first), lost)
+                current = None
             if measuring:
-                now = now or _Open(row, attempt, edge)
-                now.pieces.append(_packed(block[begin:end], dtype))
-            before = block[end - 1]
-    if now:
-        yield now.closed("the log ends here")
+                current = current or _OpenWindow(row, attempt, lost)
+                current.pieces.append(_select_fields(block[begin:end], dtype))
+            previous = block[end - 1]
+    if current:
+        yield current.close("the log ends here")

@@ -134,21 +134,21 @@ def _rows_done(ended: Ended, rows_planned: int) -> int:
 
 def _lost_ticks(ended: Ended) -> "LostTicks | None":
     """Return the ticks that the host lost before a trip, where they may be its cause."""
-    from rig.analysis.stop_reason import stop_of
+    from rig.analysis.stop_reason import find_stop
 
     try:
-        return stop_of(ended.folder, {"status": ended.outcome.status}).lost
+        return find_stop(ended.folder, {"status": ended.outcome.status}).lost
     except (RunError, OSError):
         return None  # the analysis has already reported the error in the record
 
 
 def _print_result(ended: Ended, summary_text: str, lost: "LostTicks | None") -> None:
-    from rig.analysis.stop_reason import ending_of
+    from rig.analysis.stop_reason import describe_ending
 
     outcome = ended.outcome
     if summary_text:
         print(summary_text)
-    ending = ending_of({"status": outcome.status, "reason": outcome.reason}, lost).description
+    ending = describe_ending({"status": outcome.status, "reason": outcome.reason}, lost).description
     already_printed = ending in summary_text and sys.stdout.isatty()  # not twice on one screen
     if outcome.status != "complete" and not already_printed:
         print(f"\n{ending}.", file=sys.stderr)

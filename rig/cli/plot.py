@@ -90,13 +90,13 @@ def _draw_bars(table: "xarray.Dataset", folder: Path, options: PlotOptions) -> P
 
 def _draw_surface(table: "xarray.Dataset", folder: Path, options: PlotOptions) -> Path:
     from rig.analysis.labels import column
-    from rig.analysis.points import matrix, varied
+    from rig.analysis.points import gain_matrix, varied_columns
     from rig.analysis.surfaces import KINDS, write_sliced
     from rig.config.columns import REQUIRED_COLUMNS
 
     names = options.surface or ("ki", "kp")
     x, y = column(names[0]), column(names[1])
-    varying = varied(matrix(table))
+    varying = varied_columns(gain_matrix(table))
     for axis in (x, y):
         if axis not in (*varying, *REQUIRED_COLUMNS):
             available = ", ".join(c.name for c in varying) or "nothing"

@@ -179,7 +179,7 @@ def _missing_lines(recovery: Recovery) -> list[tuple[str, str]]:
 
 
 def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[tuple[str, str]]:
-    from rig.analysis.alarms import row_list
+    from rig.analysis.alarms import format_rows
     from rig.analysis.rows import COMPLETE, NOT_RUN
 
     if rows is None:
@@ -190,7 +190,7 @@ def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[tuple[str
     with_gaps = [row for row in rows if row.state == COMPLETE and row.missing_ticks]
     incomplete = [row for row in rows if row.state not in (COMPLETE, NOT_RUN)]
     absent_rows = [row.row for row in rows if row.state == NOT_RUN]
-    lines = [f"{len(clean)} of {len(rows)} complete" + (f": {row_list(clean)}" if clean else "")]
+    lines = [f"{len(clean)} of {len(rows)} complete" + (f": {format_rows(clean)}" if clean else "")]
     lines += [
         f"row {r.row} complete but for {r.missing_ticks} ticks" for r in with_gaps[:_MAX_LISTED]
     ]
@@ -198,5 +198,5 @@ def _row_lines(rows: list[RecoveredRow] | None, *, lost: bool) -> list[tuple[str
         lines.append(f"and {len(with_gaps) - _MAX_LISTED} more rows with ticks missing")
     lines += [f"row {row.row} incomplete: {row.reason}" for row in incomplete]
     label = "lost or not run" if lost else "not run"
-    lines += [f"{label}: {row_list(absent_rows)}"] if absent_rows else []
+    lines += [f"{label}: {format_rows(absent_rows)}"] if absent_rows else []
     return [("rows" if i == 0 else "", line) for i, line in enumerate(lines)]

@@ -13,7 +13,7 @@ def main(
     run_name: Path, runs: Path, calibrations: list[str], *, incomplete_rows: bool, as_json: bool
 ) -> int:
     """Compute the summary of a run from its record, print it, and return the exit code."""
-    from rig.analysis.report import summary_of
+    from rig.analysis.report import summarise_run
     from rig.analysis.rows import MEAN_POSITION_ALARM
     from rig.analysis.summary import as_json as in_json
     from rig.analysis.summary import as_text
@@ -24,7 +24,7 @@ def main(
         run = find_run(run_name, runs)
         if "session" in facts(run).config:
             return _show_session(run, as_json=as_json)
-        summary = summary_of(run, MEAN_POSITION_ALARM, known, incomplete_rows=incomplete_rows)
+        summary = summarise_run(run, MEAN_POSITION_ALARM, known, incomplete_rows=incomplete_rows)
     except INPUT_ERRORS as error:
         return refuse("show", error, as_json=as_json)
     print(json.dumps(in_json(summary)) if as_json else as_text(summary).rstrip())
@@ -37,7 +37,7 @@ def _show_session(run: Path, *, as_json: bool) -> int:
     The files are the session's report and calibration file.
     """
     from rig.analysis.session import analyse
-    from rig.analysis.stop_reason import ending_of, stop_of
+    from rig.analysis.stop_reason import describe_ending, find_stop
     from rig.recording.runs import reader
     from rig.recording.runs.folder import facts
 
@@ -45,7 +45,7 @@ def _show_session(run: Path, *, as_json: bool) -> int:
         summary = analyse(run)
     except RunError as error:
         status = facts(run).status
-        ending = ending_of(status, stop_of(run, status).lost)
+        ending = describe_ending(status, find_stop(run, status).lost)
         record = reader.read_through(run).sentence
         raise RunError(f"{ending.description}.\n{record}.\n{error}") from error
     print(json.dumps(summary.as_dict()) if as_json else summary.as_text())

@@ -113,7 +113,7 @@ def _table_text(table: "xarray.Dataset") -> str:
 def _as_dict(
     table: "xarray.Dataset", findings_text: list[str], calibration: str, written: list[Path]
 ) -> dict[str, Any]:
-    from rig.analysis.spring_map.files import strokes
+    from rig.analysis.spring_map.files import safe_strokes
 
     def numbers(name: str) -> list[float | None]:
         values = table[name].values.tolist()
@@ -122,7 +122,7 @@ def _as_dict(
     names = ("station", "rate", "rate_interval", "rate_column", "rate_small", "peak",
              "natural_frequency", "reversal_stroke")  # fmt: skip
     return {
-        "stations": {name: numbers(name) for name in names} | {"stroke_m": strokes(table)},
+        "stations": {name: numbers(name) for name in names} | {"stroke_m": safe_strokes(table)},
         "findings": findings_text,
         "calibration": calibration,
         "written": [str(path) for path in written],

@@ -59,16 +59,16 @@ def main(
 
     try:
         run = find_run(run_name, runs)
-        measurement = surge_damping.measured(run, incomplete_rows=incomplete_rows)
+        measurement = surge_damping.measure_rows(run, incomplete_rows=incomplete_rows)
         run_facts = facts(run)
         allowed = surge_damping.allowed_stroke(run_facts) if stroke is None else stroke
-        choice = surge_damping.choose(measurement.rows, allowed, keep)._replace(
+        choice = surge_damping.choose_damping(measurement.rows, allowed, keep)._replace(
             notes=measurement.notes
         )
         folder = run if run.is_dir() else run.parent
         picture = folder / "surge_damping.png"
         written = [
-            *surge_damping.write(choice, folder),
+            *surge_damping.write_results(choice, folder),
             write_picture(choice, run_facts.attributes(), picture),
         ]
     except (*INPUT_ERRORS, RunError) as error:

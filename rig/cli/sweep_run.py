@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig import cli
-from rig.analysis.phrases import POWER_NAMES, watts
+from rig.analysis.phrases import POWER_NAMES, format_power
 from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
@@ -209,7 +209,9 @@ def _print_result(result: dict[str, Any]) -> None:
     for kind, best in result["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
                   for key, value in best.items() if key != "power_w")  # fmt: skip
-        print(f"  {POWER_NAMES[kind]:<32} {watts(best['power_w']):>10}   {', '.join(inputs)}")
+        print(
+            f"  {POWER_NAMES[kind]:<32} {format_power(best['power_w']):>10}   {', '.join(inputs)}"
+        )
     for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)
     if len(result["failed"]) > _MAX_REASONS:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window, windows
+from rig.analysis.windows import Window, read_windows
 from rig.identification.periods import (
     Complexes,
     Flags,
@@ -114,7 +114,7 @@ def experiments(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -
     made: dict[int, Experiment] = {}
     left: dict[int, str] = {}
     cut: dict[int, str] = {}
-    for window in windows(source, sorted(fields), known.plan, incomplete_rows=incomplete_rows):
+    for window in read_windows(source, sorted(fields), known.plan, incomplete_rows=incomplete_rows):
         if window.row not in rows:
             continue
         try:

@@ -102,7 +102,7 @@ def _fits(model: Model, order: int, notes: list[str]) -> dict[str, tuple[Fitted,
 
 def _sea(run: Path, asked: IdentificationOptions, notes: list[str]) -> Sea:
     """The elevation that a wave calibration found."""
-    table = wave_calibration.calibration(run, incomplete_rows=asked.incomplete_rows)
+    table = wave_calibration.calibrate_waves(run, incomplete_rows=asked.incomplete_rows)
     if withheld := table.attrs.get("withheld"):
         notes.append(f"{table.attrs['run']}: {withheld}")
     names = table["probe"].values.tolist()

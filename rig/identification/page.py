@@ -46,16 +46,16 @@ def write_page(found: Identification, folder: Path) -> list[Path]:
 
 
 def _header(figure: Figure, found: Identification) -> None:
-    figure.add_artist(Rectangle((0.0, 0.937), 1.0, 0.063, color=picture.INK, lw=0))
-    title = f"Identification: {picture.campaign(found.attributes)}"
+    figure.add_artist(Rectangle((0.0, 0.937), 1.0, 0.063, color=picture.DARK, lw=0))
+    title = f"Identification: {picture.campaign_name(found.attributes)}"
     style: dict[str, Any] = {"color": "white", "fontweight": "bold", "va": "center"}
     figure.text(_LEFT, 0.975, title, fontsize=min(16.0, 620.0 / len(title)), **style)
     runs = textwrap.shorten("runs " + ", ".join(found.runs), 130, placeholder=" …")
     figure.text(_LEFT, 0.950, runs, color="#c9d3db", fontsize=7.5, va="center")
     stamp = phrases.mode_stamp(str(found.attributes.get("mode", "")))
-    box = {"boxstyle": "round,pad=0.45", "fc": picture.ZERO, "ec": "none"}
+    box = {"boxstyle": "round,pad=0.45", "fc": picture.HIGHLIGHT, "ec": "none"}
     style = {"fontsize": 8.5, "fontweight": "bold", "ha": "right", "va": "center", "bbox": box}
-    figure.text(_RIGHT, 0.975, stamp, color=picture.INK, **style)
+    figure.text(_RIGHT, 0.975, stamp, color=picture.DARK, **style)
 
 
 def _table(
@@ -63,7 +63,7 @@ def _table(
 ) -> float:
     """A table over the page's width; returns the height below it."""
     style: dict[str, Any] = {"fontsize": 7.5, "va": "top"}
-    soft = {**style, "color": picture.SOFT}
+    soft = {**style, "color": picture.MUTED}
     figure.text(_LEFT, top + 0.012, heading.upper(), fontweight="bold", **soft)
     step = (_RIGHT - _LEFT) / len(heads)
     places = [_LEFT + step * (i + 1) for i in range(len(heads))]
@@ -75,7 +75,7 @@ def _table(
     y -= 0.003
     for row in rows[:_MOST]:
         for x, cell in zip(places, row, strict=True):
-            figure.text(x, y, cell, ha="right", color=picture.INK, **style)
+            figure.text(x, y, cell, ha="right", color=picture.DARK, **style)
         y -= _LINE
     if len(rows) > _MOST:
         more = f"and {len(rows) - _MOST} more: see {report.JSON}"
@@ -96,7 +96,7 @@ def _notes(figure: Figure, found: Identification) -> float:
         "distortion: what realisations scatter beyond it."
     )
     y = 0.02 + _LINE * len(lines)
-    colour = picture.MARK if found.notes else picture.SOFT
+    colour = picture.ACCENT if found.notes else picture.MUTED
     figure.text(_LEFT, y, "\n".join(lines), fontsize=7.5, color=colour, va="top")
     return y + 0.015
 
@@ -123,5 +123,5 @@ def _pictures(figure: Figure, found: Identification, bottom: float, top: float) 
         len(heights), 3, height_ratios=heights, width_ratios=[0.03, 0.94, 0.03]
     )
     for place, (title, curves, what, unit) in zip(bands[1:-1, 1], told, strict=True):
-        place.suptitle(title, fontsize=8.5, fontweight="bold", color=picture.SOFT)
+        place.suptitle(title, fontsize=8.5, fontweight="bold", color=picture.MUTED)
         four_panels(place, curves, what, unit)

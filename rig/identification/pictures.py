@@ -65,11 +65,11 @@ def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> N
                     curve.frequency, values - wide, values + wide, color=curve.colour,
                     alpha=_BANDED, lw=0,
                 )  # fmt: skip
-        axes.set_ylabel(label, fontsize=8, color=picture.INK)
+        axes.set_ylabel(label, fontsize=8, color=picture.DARK)
         axes.grid(visible=True, color="#e6eaed", lw=0.6)
-        picture.quiet(axes)
+        picture.style_axes(axes)
     for axes in panels[1]:
-        axes.set_xlabel("frequency, Hz", fontsize=8, color=picture.INK)
+        axes.set_xlabel("frequency, Hz", fontsize=8, color=picture.DARK)
     panels[1, 1].legend(fontsize=6.5, frameon=False)
 
 
@@ -175,7 +175,7 @@ def _figure(
     unit: str = PER_KILONEWTON,
 ) -> Path:
     said = "force on the body; e^(+iωt); bands 95 %"
-    figure, body = picture.framed(9.0, 5.6, title, found.attributes, said)
+    figure, body = picture.framed_figure(9.0, 5.6, title, found.attributes, said)
     four_panels(body, curves, what, unit)
     return picture.save(figure, path)
 
@@ -188,7 +188,7 @@ def write_comparison(told: "Comparison", path: Path) -> Path:
     attributes = {"run": told.b, "mode": other if one == other else f"{one} and {other}"}
     said = f"compared with {told.a}"
     title = "Two identifications, A and B"
-    figure, body = picture.framed(9.0, 2.6 * len(pair), title, attributes, said)
+    figure, body = picture.framed_figure(9.0, 2.6 * len(pair), title, attributes, said)
     panels: Any = body.subplots(len(pair), 2, sharex=True, squeeze=False)
     for d, line in zip(pair, panels, strict=True):
         for axes, part, of in zip(line, ("Re", "Im"), (np.real, np.imag), strict=True):
@@ -205,7 +205,7 @@ def write_comparison(told: "Comparison", path: Path) -> Path:
                 )
             axes.set_ylabel(f"{part} {d.response}, N·s/m", fontsize=8)
             axes.grid(visible=True, color="#e6eaed", lw=0.6)
-            picture.quiet(axes)
+            picture.style_axes(axes)
     panels[0, 0].legend(fontsize=7, frameon=False)
     for axes in panels[-1]:
         axes.set_xlabel("frequency, Hz", fontsize=8)

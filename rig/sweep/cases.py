@@ -12,7 +12,7 @@ from functools import lru_cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.analysis.rows import NOT_RUN, reduced
+from rig.analysis.rows import NOT_RUN, reduce_window
 from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
@@ -144,7 +144,7 @@ def table(walk: "RowSimulation", planned: Plan, period_ticks: float | None) -> l
     """
     found = {}
     for window in walk:
-        found[window.row] = reduced(window, period_ticks)  # the last attempt counts
+        found[window.row] = reduce_window(window, period_ticks)  # the last attempt counts
     nothing = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {walk.reason.name}"}
     return [
         {

@@ -15,11 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from rig.analysis import panel, phrases, picture
-from rig.analysis.mesh import Place
-from rig.analysis.picture import INK, MARK, SOFT
-from rig.analysis.points import Matrix, matrix
+from rig.analysis.mesh import XY
+from rig.analysis.picture import ACCENT, DARK, MUTED
+from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.rows import COMPLETE, POWERS, row_table
-from rig.analysis.surfaces import KINDS, NO_OTHERS, write_surfaces
+from rig.analysis.surfaces import KINDS, NO_POINTS, write_surfaces
 from rig.config import ranges
 from rig.config.problems import format_number
 
@@ -33,7 +33,7 @@ class Measured(NamedTuple):
     words: str  # what the picture says of them
 
 
-NOTHING_MEASURED = Measured(NO_OTHERS, "")
+NOTHING_MEASURED = Measured(NO_POINTS, "")
 
 
 def write(table: xarray.Dataset, folder: Path, run: Path | None = None) -> list[Path]:
@@ -128,7 +128,7 @@ def _setting(table: xarray.Dataset, name: str, index: int) -> str:
 
 def _measured(run: Path, rows: xarray.Dataset) -> Measured:
     found = row_table(run)
-    points, ours = matrix(found), {_key(p.setting): p for p in matrix(rows).points}
+    points, ours = gain_matrix(found), {_key(p.setting): p for p in gain_matrix(rows).points}
     pairs = [(p, ours[_key(p.setting)]) for p in points.points if _key(p.setting) in ours]
     if not pairs:
         raise ValueError(f"{run}: no complete row of it has the gains of a row of this sweep")
@@ -136,7 +136,7 @@ def _measured(run: Path, rows: xarray.Dataset) -> Measured:
     for kind in KINDS:
         less = [one.power[kind] - other.power[kind] for one, other in pairs]
         if np.isfinite(less).all():
-            text = f"{phrases.signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
+            text = f"{phrases.format_signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
             off.append(
                 f"{phrases.STATION_ABBREVIATIONS[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}")
             )
@@ -166,13 +166,13 @@ def _write_lines(
     """One column of panels a parameter, one line a row, the others at their best."""
     width, title = max(6.6, 3.6 * len(swept) + 0.6), f"Power over parameters: {_name(table)}"
     beneath = "; ".join(filter(None, ("one line a row, numbered from 0", measured.words)))
-    figure, body = picture.framed(width, 8.2, title, table.attrs, beneath=beneath)
+    figure, body = picture.framed_figure(width, 8.2, title, table.attrs, subtitle=beneath)
     panels: Any = body.subplots(len(KINDS), len(swept), squeeze=False, sharey="row", sharex="col")
     for i, kind in enumerate(KINDS):
         power = _complete(table, kind)
         for j, name in enumerate(swept):
             axes: Axes = panels[i][j]
-            picture.quiet(axes)
+            picture.style_axes(axes)
             axes.grid(alpha=0.3)
             others = {key: index for key, index in at.items() if key != name}
             if power is not None:
@@ -182,7 +182,7 @@ def _write_lines(
                 axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
             if i == 0:
                 held = ", ".join(_setting(table, key, index) for key, index in others.items())
-                axes.set_title(f"at {held}" if held else "", fontsize=7.5, color=MARK, pad=4)
+                axes.set_title(f"at {held}" if held else "", fontsize=7.5, color=ACCENT, pad=4)
             if i == len(KINDS) - 1:
                 axes.set_xlabel(_axis(table, name), fontsize=8)
             if _is_seed(name):
@@ -198,18 +198,18 @@ def _lines(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str
     best = int(np.argmin(lowest))
     thinned = np.argsort(lowest)[:_MANY]
     for row in thinned:
-        axes.plot(x[order], values[order, row], join or ".", color=SOFT, lw=0.6, ms=3, alpha=0.7)
-    axes.plot(x[order], values[order, best], f"o{join}", color=INK, lw=1.4, ms=3.5)
+        axes.plot(x[order], values[order, row], join or ".", color=MUTED, lw=0.6, ms=3, alpha=0.7)
+    axes.plot(x[order], values[order, best], f"o{join}", color=DARK, lw=1.4, ms=3.5)
     end = int(np.nanargmin(np.where(np.isfinite(values[:, best]), values[:, best], np.inf)))
-    panel.mark(axes, float(x[end]), float(values[end, best]))
+    panel.mark_best(axes, float(x[end]), float(values[end, best]))
     left = x[end] > 0.5 * (x.min() + x.max())
     axes.annotate(
-        f"{phrases.watts(float(values[end, best]))}, row {int(table['row'].values[best])}",
+        f"{phrases.format_power(float(values[end, best]))}, row {int(table['row'].values[best])}",
         (float(x[end]), float(values[end, best])),
         xytext=(-10 if left else 10, -4),
         textcoords="offset points",
         fontsize=7.5,
-        color=MARK,
+        color=ACCENT,
         ha="right" if left else "left",
         va="top",
     )
@@ -221,7 +221,7 @@ def _squares(axes: Axes, base: float | None, kind: str, measured: Measured) -> N
     if base is None:
         return
     power = [p.power[kind] for p in measured.points.points if np.isfinite(p.power[kind])]
-    axes.plot([base] * len(power), power, "s", ms=4.5, mfc="none", mec=MARK, zorder=4)
+    axes.plot([base] * len(power), power, "s", ms=4.5, mfc="none", mec=ACCENT, zorder=4)
 
 
 def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: Path) -> Path:
@@ -230,11 +230,11 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
     held = ", ".join(_setting(table, key, index) for key, index in others.items())
     beneath = "; ".join(filter(None, ("at the best row of each point", held)))
     title = f"Best power over {x} and {y}: {_name(table)}"
-    figure, body = picture.framed(12.8, 3.9, title, table.attrs, beneath=beneath)
+    figure, body = picture.framed_figure(12.8, 3.9, title, table.attrs, subtitle=beneath)
     panels: Any = body.subplots(1, len(KINDS), squeeze=False)
     for axes, kind in zip(panels[0], KINDS, strict=True):
         power = _complete(table, kind)
-        picture.quiet(axes)
+        picture.style_axes(axes)
         axes.set_xlabel(_axis(table, x), fontsize=8)
         axes.set_ylabel(_axis(table, y), fontsize=8)
         if power is None:
@@ -246,17 +246,17 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
             for j, b in enumerate(table[y].values)
             if np.isfinite(best.values[i, j])
         ]
-        places: list[Place] = [place for place, _ in pairs]
+        places: list[XY] = [place for place, _ in pairs]
         values = [value for _, value in pairs]
-        on = panel.scale(values)
-        panel.surface(axes, places, values, on)
+        on = panel.power_scale(values)
+        panel.draw_surface(axes, places, values, on)
         lowest = int(np.argmin(values))
-        panel.mark(axes, *places[lowest])
-        axes.set_title(phrases.watts(values[lowest]), fontsize=7.5, color=MARK, pad=4)
-        panel.colour_bar(
+        panel.mark_best(axes, *places[lowest])
+        axes.set_title(phrases.format_power(values[lowest]), fontsize=7.5, color=ACCENT, pad=4)
+        panel.add_colour_bar(
             body, [axes], on, f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fraction=0.05
         )
-        panel.ticks(axes)
+        panel.set_ticks(axes)
     return picture.save(figure, path)
 
 
@@ -268,4 +268,4 @@ def _axis(table: xarray.Dataset, name: str) -> str:
 
 
 def _name(table: xarray.Dataset) -> str:
-    return picture.campaign(table.attrs)
+    return picture.campaign_name(table.attrs)

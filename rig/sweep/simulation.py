@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from controllers.signals import DriveSettings
 from rig.analysis import quality
-from rig.analysis.rows import FIELDS, LOGGED
-from rig.analysis.windows import ALWAYS, Window
+from rig.analysis.rows import FIELDS, LOGGED_SETTINGS
+from rig.analysis.windows import REQUIRED_FIELDS, Window
 from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import build_world
 from rig.kinds.wavebot import KIND, Setpoints, WaveBotRow
@@ -35,7 +35,16 @@ _THERE = tuple(leaf.name for leaf in leaves(WaveBotRow))
 _WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
           "wave.elevation")  # fmt: skip
 KEPT = tuple(
-    dict.fromkeys([*ALWAYS, "time", *FIELDS, *LOGGED.values(), *quality.fields(_THERE), *_WAVES])
+    dict.fromkeys(
+        [
+            *REQUIRED_FIELDS,
+            "time",
+            *FIELDS,
+            *LOGGED_SETTINGS.values(),
+            *quality.required_fields(_THERE),
+            *_WAVES,
+        ]
+    )
 )
 """The fields of a tick that a row table is made of, and those that waves are recovered from."""
 

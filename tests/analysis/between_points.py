@@ -1,12 +1,12 @@
-"""What a drawn surface shows between its points, read off the triangles it is drawn with."""
+"""Interpolation of a drawn surface between its points, with the same triangulation."""
 
 from collections.abc import Sequence
 
 from matplotlib.tri import LinearTriInterpolator
 
-from rig.analysis.mesh import Place, triangulation
+from rig.analysis.mesh import XY, triangulate
 
 
-def interpolator(places: Sequence[Place], values: Sequence[float]) -> LinearTriInterpolator:
-    """The value as a function of (x, y), masked outside the hull of the places."""
-    return LinearTriInterpolator(triangulation(places), list(values))
+def interpolator(places: Sequence[XY], values: Sequence[float]) -> LinearTriInterpolator:
+    """Return the value as a function of (x, y), masked outside the convex hull of the points."""
+    return LinearTriInterpolator(triangulate(places), list(values))

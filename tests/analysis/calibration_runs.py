@@ -30,7 +30,7 @@ class ProbeSense(NamedTuple):
 
 
 class ProbedRow(NamedTuple):
-    """The part of a rig's row that a wave calibration reads."""
+    """The part of a rig's log row that a wave calibration reads."""
 
     tick: Tick
     time: Second
@@ -46,7 +46,7 @@ class Skipped(NamedTuple):
 
 
 class TimedRow(NamedTuple):
-    """The same with the loop's own count of the periods that it skipped."""
+    """`ProbedRow` with the loop's count of skipped periods."""
 
     tick: Tick
     time: Second
@@ -59,7 +59,7 @@ class TimedRow(NamedTuple):
 
 
 class BareRow(NamedTuple):
-    """A row of a basin that tells nothing but the truth."""
+    """A log row of a basin without probes, with the undisturbed elevation only."""
 
     tick: Tick
     time: Second
@@ -82,18 +82,19 @@ def rows(
     *,
     periods: int = 3,
     lead_in: float = 5.0,
-    late: float = 0.0,
+    latency: float = 0.0,
     noise: float = 0.0,
     seed: int = 0,
-    kind: type = ProbedRow,
+    row_type: type = ProbedRow,
 ) -> Any:
-    """All ticks of a calibration; probes are read ``late`` s after they sampled, held 20 ms.
+    """Return all ticks of a calibration with probes sampled every 20 ms.
 
-    Probe 2 sees half of the sea a quarter of a second later, probe 3 the sea with an offset.
+    The loop reads a sample ``latency`` s after it was taken. Probe 1 measures the sea, probe 2 half
+    of it 0.25 s later, probe 3 the sea with an offset of 12 mm.
     """
     leading, measuring = round(lead_in / DT), round(periods * sea.repeat / DT)
     count = leading + measuring + 20
-    data = np.zeros(count, row_dtype(row_layout.leaves(kind)))
+    data = np.zeros(count, row_dtype(row_layout.leaves(row_type)))
     data["tick"] = data["tick_end"] = np.arange(count)
     data["time"] = clock = np.arange(count) * DT
     data["plan.row"] = NO_ROW
@@ -105,8 +106,8 @@ def rows(
     data["safety.mode"] = Mode.OFF
     data["safety.reason"][leading + measuring :] = Reason.PLAN_END
     data["wave.elevation"] = elevation(sea, clock)
-    if kind is not BareRow:
-        sample = np.floor((clock - late) / 0.02 + 1e-9)
+    if row_type is not BareRow:
+        sample = np.floor((clock - latency) / 0.02 + 1e-9)
         taken = 0.02 * sample
         random = np.random.default_rng(seed)
         data["probes.probe_age"] = clock - taken
@@ -118,13 +119,13 @@ def rows(
                 elevation(sea, moments) + 0.012,
             )
         ):
-            heard = value + noise * random.standard_normal(moments.size)
-            data[f"probes.probe_{i + 1}"] = heard[place]
+            reading = value + noise * random.standard_normal(moments.size)
+            data[f"probes.probe_{i + 1}"] = reading[place]
     return data
 
 
 def plan_of(sea: Multisine = SEA) -> dict[str, Any]:
-    """The plan as the supervisor attaches it."""
+    """Return the plan as attached by the supervisor."""
     return {
         "dt": DT,
         "device": "absent",
@@ -141,18 +142,21 @@ def plan_of(sea: Multisine = SEA) -> dict[str, Any]:
 
 
 def write(
-    folder: Path, data: Any, plan: dict[str, Any] | None = None, kind: type = ProbedRow
+    folder: Path, data: Any, plan: dict[str, Any] | None = None, row_type: type = ProbedRow
 ) -> Path:
-    """A run folder with these ticks."""
+    """Write a run folder with these ticks."""
     folder.mkdir(parents=True)
-    told = {"status": "complete", "reason": "PLAN_END", "mode": "rehearsal", "campaign": "pink"}
-    files = {"plan.json": plan if plan is not None else plan_of(), "config.json": {"name": "pink"}}
-    attached = {name: json.dumps(value).encode() for name, value in files.items()}
+    status = {"status": "complete", "reason": "PLAN_END", "mode": "rehearsal", "campaign": "pink"}
+    attachments = {
+        "plan.json": plan if plan is not None else plan_of(),
+        "config.json": {"name": "pink"},
+    }
+    encoded = {name: json.dumps(value).encode() for name, value in attachments.items()}
     writer = RowWriter(
-        folder / "run.mcap", kind, attached, {"run": {"run": folder.name}}, start_utc_ns=0
+        folder / "run.mcap", row_type, encoded, {"run": {"run": folder.name}}, start_utc_ns=0
     )
     for begin in range(0, len(data), 5000):
         writer.append(data[begin : begin + 5000].tobytes())
-    writer.attach("status.json", json.dumps(told).encode())
+    writer.attach("status.json", json.dumps(status).encode())
     writer.finish()
     return folder

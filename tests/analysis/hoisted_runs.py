@@ -1,4 +1,4 @@
-"""Runs of a hoist campaign on springs that only a seed knows."""
+"""Runs of a hoist campaign on random springs unknown to the analysis."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from rehearsing import CONFIGS, run, yaml_file
 STATIONS = [-93.0, -73.0, -53.0, -33.0, -13.0, 7.0, 27.0, 47.0, 67.0]
 
 
-class Hidden(NamedTuple):
-    """A spring drawn from a seed: what the analysis is to find."""
+class UnknownSpring(NamedTuple):
+    """A random spring that the analysis should identify."""
 
     stations: list[float]  # %
     rates: list[float]  # N/m, the least-squares slope over ±39.27 deg
@@ -21,35 +21,37 @@ class Hidden(NamedTuple):
         return float(np.interp(stator, self.stations, self.rates))
 
 
-def drawn(seed: int) -> Hidden:
-    """Nine rates that fall by 500 to 3500 N/m from station to station; no rate near zero, where
-    a share of it means nothing."""
+def draw_spring(seed: int) -> UnknownSpring:
+    """Return nine rates that fall by 500 to 3500 N/m from station to station.
+
+    No rate is near zero, where a relative error has no meaning.
+    """
     random = np.random.default_rng(seed)
     while True:
         steps = random.uniform(500.0, 3500.0, len(STATIONS) - 1)
         rates = random.uniform(5000.0, 12000.0) - np.concatenate([[0.0], np.cumsum(steps)])
         if np.abs(rates).min() > 300.0:
-            return Hidden(STATIONS, [round(float(rate), 1) for rate in rates])
+            return UnknownSpring(STATIONS, [round(float(rate), 1) for rate in rates])
 
 
-def plant(folder: Path, hidden: Hidden) -> Path:
-    """The WaveBot with that spring, and 20 N of Coulomb friction in the drivetrain."""
+def plant(folder: Path, hidden: UnknownSpring) -> Path:
+    """Write the WaveBot plant with that spring and 20 N of Coulomb friction in the drivetrain."""
     spring = {"value": hidden.rates, "unit": "N/m", "source": "drawn from a seed"}
-    rubs = {"value": 20.0, "unit": "N", "source": "a test"}
+    friction = {"value": 20.0, "unit": "N", "source": "a test"}
     return yaml_file(
         folder / "plant.yaml",
         {
             "extends": str(CONFIGS / "plants" / "wavebot.yaml"),
             "bem": str(CONFIGS / "plants" / "wavebot_bem.npz"),
             "spring": {"spring_rates": spring},
-            "pto": {"drivetrain_coulomb": rubs},
+            "pto": {"drivetrain_coulomb": friction},
         },
     )
 
 
-def campaign(folder: Path, hidden: Hidden, seed: int, **hoist: Any) -> Path:
-    """A hoist campaign on that plant; the rig knows the map of Table 4-1, which is another."""
-    told = {
+def campaign(folder: Path, hidden: UnknownSpring, seed: int, **hoist: Any) -> Path:
+    """Write a hoist campaign on that plant; the rig file has the different map of Table 4-1."""
+    hoist_settings = {
         "stations_percent": STATIONS, "low_m": -0.26, "high_m": 0.26, "speed_m_per_s": 0.1,
         "cycles": 1, **hoist,
     }  # fmt: skip
@@ -65,14 +67,14 @@ def campaign(folder: Path, hidden: Hidden, seed: int, **hoist: Any) -> Path:
             "tare": {"duration_s": 2},
             "timing": {"settle_s": 0.5},
             "start": {"lead_in_s": 3, "set_point_s": 3},
-            "hoist": told,
+            "hoist": hoist_settings,
         },
     )
 
 
-def mapped(folder: Path, seed: int, **hoist: Any) -> tuple[Hidden, Path]:
-    """A hidden spring and the run that went through it."""
-    hidden = drawn(seed)
+def run_spring_mapping(folder: Path, seed: int, **hoist: Any) -> tuple[UnknownSpring, Path]:
+    """Return a random spring and the folder of the run that mapped it."""
+    hidden = draw_spring(seed)
     ended = run(campaign(folder, hidden, seed, **hoist), folder / "runs")
     assert ended.outcome.status == "complete"
     return hidden, ended.folder

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.rows import LOGGED
+from rig.analysis.rows import LOGGED_SETTINGS
 from rig.kinds.wavebot import WaveBotRow
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import NO_ROW, Phase
@@ -23,7 +23,7 @@ STATOR = {490.9: -13.0, -5715.0: 27.0}
 
 
 class Row(NamedTuple):
-    """A planned row and the power it shall show (W by kind)."""
+    """A planned row and its mean power (W by station)."""
 
     point: int
     repetition: int
@@ -31,7 +31,7 @@ class Row(NamedTuple):
     kp: float
     ki: float
     power: dict[str, float]
-    more: Mapping[str, float] = MappingProxyType({})  # set points beside these three
+    more: Mapping[str, float] = MappingProxyType({})  # further set points by column name
 
 
 class Shape(NamedTuple):
@@ -50,7 +50,7 @@ class Shape(NamedTuple):
 
 
 def bowl(kp0: float, ki0: float, best: float, floor: float) -> Callable[[float, float], float]:
-    """A paraboloid of power over the gains with its least value ``best`` at (kp0, ki0)."""
+    """Return a paraboloid of power over the gains with its minimum ``best`` at (kp0, ki0)."""
 
     def power(kp: float, ki: float) -> float:
         return best + floor * (((kp - kp0) / 2500.0) ** 2 + ((ki - ki0) / 10000.0) ** 2)
@@ -59,7 +59,7 @@ def bowl(kp0: float, ki0: float, best: float, floor: float) -> Callable[[float, 
 
 
 def default_rows() -> list[Row]:
-    """Two spring rates with the gains of the default campaign."""
+    """Return two spring rates with the gains of the default campaign."""
     rows: list[Row] = []
     grids = {490.9: range(0, 10001, 2000), -5715.0: range(-4000, 4001, 2000)}
     for rate, kis in grids.items():
@@ -80,14 +80,14 @@ def default_rows() -> list[Row]:
 
 
 def drive_rows(repetitions: int = 1) -> list[Row]:
-    """A full factorial of drive parameters around one optimum, after MASK4 report, section 4.4.
+    """Return a full factorial of drive parameters, after MASK4 report, section 4.4.
 
     DC power falls (more is absorbed) by 8 W from 50 to 200 us of switching period, rises by 2 W
-    from 60 to 90 V of bus voltage, falls by 1 W up to a threshold of 0.1 m/s; AC power knows none
-    of it. Kp -1500 instead of -2000 costs 3 W of both.
+    from 60 to 90 V of bus voltage, and falls by 1 W up to a threshold of 0.1 m/s. AC power does not
+    depend on them. Kp -1500 instead of -2000 reduces both powers by 3 W.
     """
     rows: list[Row] = []
-    for again in range(repetitions):
+    for repetition in range(repetitions):
         settings = product((60.0, 75.0, 90.0), (50e-6, 100e-6, 200e-6), (0.0, 0.1), (-2e3, -1.5e3))
         for i, (bus, period, threshold, kp) in enumerate(settings):
             worse = 3.0 * (kp + 2000.0) / 500.0
@@ -101,12 +101,12 @@ def drive_rows(repetitions: int = 1) -> list[Row]:
                 "hysteresis_tolerance": 0.5,
                 "discharge_level": 15.0,
             }
-            rows.append(Row(i, again, -5715.0, kp, 0.0, power, more))
+            rows.append(Row(i, repetition, -5715.0, kp, 0.0, power, more))
     return rows
 
 
 def phase_block(n: int, row: int, phase: Phase, planned: Row | None = None) -> Any:
-    """``n`` ticks of one phase, everything else zero."""
+    """Return ``n`` ticks of one phase; all other fields are zero."""
     block = np.zeros(n, DTYPE)
     block["plan.row"] = row
     block["plan.phase"] = phase
@@ -118,12 +118,12 @@ def phase_block(n: int, row: int, phase: Phase, planned: Row | None = None) -> A
         block["spring_command.rate"] = planned.spring_rate
         block["spring_command.target"] = STATOR.get(planned.spring_rate, 0.0)
         for name, value in planned.more.items():
-            block[LOGGED[name]] = value
+            block[LOGGED_SETTINGS[name]] = value
     return block
 
 
 def measured(row: int, planned: Row, shape: Shape, random: np.random.Generator) -> Any:
-    """A MEASURE window: F in phase with v so that the mean of F v is the wanted power exactly."""
+    """Return a MEASURE window with F in phase with v; the mean of F v is exactly the power."""
     period = shape.irregular_repeat or 1.0 / shape.frequency
     n = round(shape.periods * period / shape.dt)
     block = phase_block(n, row, Phase.MEASURE, planned)
@@ -144,7 +144,7 @@ def measured(row: int, planned: Row, shape: Shape, random: np.random.Generator) 
 
 
 def run_rows(rows: list[Row], shape: Shape) -> Any:
-    """All ticks of a complete run of the planned rows."""
+    """Return all ticks of a complete run of the planned rows."""
     random = np.random.default_rng(shape.seed)
     pieces = [phase_block(shape.lead_in, NO_ROW, Phase.LEAD_IN)]
     for i, row in enumerate(rows):
@@ -160,14 +160,14 @@ def run_rows(rows: list[Row], shape: Shape) -> Any:
 
 
 def stamped(data: Any, dt: float) -> Any:
-    """The same ticks numbered from 0 with their times."""
+    """Number the ticks from 0 and set their times."""
     data["tick"] = data["tick_end"] = np.arange(len(data))
     data["time"] = data["tick"] * dt
     return data
 
 
 def plan_json(rows: list[Row], shape: Shape) -> dict[str, Any]:
-    """The plan as the supervisor attaches it."""
+    """Return the plan as attached by the supervisor."""
     sea: dict[str, Any] = {
         "kind": "regular",
         "amplitude_m": 0.127,
@@ -232,12 +232,12 @@ def write_run(
     code: dict[str, Any] | None = None,
     **status: Any,
 ) -> Path:
-    """A run folder like the supervisor's; without ``finish`` as a killed logger leaves it."""
+    """Write a run folder like the supervisor; without ``finish`` like a killed logger."""
     folder.mkdir(parents=True, exist_ok=True)
     config = CONFIG if config is None else config
     files: dict[str, Any] = {"config.json": config, "plan.json": plan, "code.json": code or CODE}
     files["host.json"] = {"hostname": "basin-1", "cpu": "2 cores"}
-    told = {**STATUS, **status}
+    run_status = {**STATUS, **status}
     writer = RowWriter(
         folder / "run.mcap",
         row_type,
@@ -251,9 +251,9 @@ def write_run(
         writer.flush()
     if finish:
         writer.attach("timing.json", json.dumps(TIMING).encode())
-        writer.attach("status.json", json.dumps(told).encode())
+        writer.attach("status.json", json.dumps(run_status).encode())
         writer.finish()
-        (folder / "run.json").write_text(json.dumps(told))
+        (folder / "run.json").write_text(json.dumps(run_status))
         (folder / "config.json").write_text(json.dumps(config))
     else:
         writer.close()

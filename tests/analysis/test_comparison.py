@@ -1,4 +1,4 @@
-"""Two runs against each other: what matches, what differs, by how much and how surely."""
+"""Comparison of two runs: matched points, differing settings, power differences and errors."""
 
 import csv
 import json
@@ -13,7 +13,13 @@ from matplotlib.image import imread
 from synthetic_runs import Row, Shape
 from typer.testing import CliRunner
 
-from rig.analysis.comparison import Comparison, compare, gap, mean_gap, where
+from rig.analysis.comparison import (
+    Comparison,
+    compare,
+    describe_pair,
+    mean_difference,
+    power_difference,
+)
 from rig.analysis.comparison_picture import write_comparison
 from rig.analysis.comparison_table import as_json, as_text, write_csv
 from rig.analysis.differences import differences
@@ -32,7 +38,7 @@ CUSTOM = {
     "velocity_threshold": 0.0,
     "discharge_level": 15.0,
 }
-GAIN = -12.0  # W of DC power that the custom drive saves
+GAIN = -12.0  # W, change of DC power with the custom drive
 
 
 def drive(kind: str, loss: float) -> dict[str, Any]:
@@ -74,22 +80,24 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def told(runs: Path) -> Comparison:
+def comparison(runs: Path) -> Comparison:
     return compare(runs / "cots", runs / "custom")
 
 
-def test_points_match_by_set_point_and_not_by_row(told: Comparison) -> None:
-    assert len(told.matched.pairs) == 64
-    assert [p.rows for p in told.matched.only_a] == [(7,), (50,)]
-    alone = as_text(told).split("Only in A\n")[1].splitlines()[0]
-    varying = [c.label for c in (*told.matched.columns, *told.matched.alone)]
-    assert [name for name in (c.label for c in COLUMNS) if name in alone] == varying
-    assert told.matched.only_b == ()
-    assert [c.name for c in told.matched.columns] == ["spring_rate", "kp", "ki"]
-    for pair in told.matched.pairs:
+def test_points_match_by_set_point_and_not_by_row(comparison: Comparison) -> None:
+    assert len(comparison.matched.pairs) == 64
+    assert [p.rows for p in comparison.matched.only_a] == [(7,), (50,)]
+    unmatched = as_text(comparison).split("Only in A\n")[1].splitlines()[0]
+    varying = [c.label for c in (*comparison.matched.columns, *comparison.matched.one_sided)]
+    assert [name for name in (c.label for c in COLUMNS) if name in unmatched] == varying
+    assert comparison.matched.only_b == ()
+    assert [c.name for c in comparison.matched.columns] == ["spring_rate", "kp", "ki"]
+    for pair in comparison.matched.pairs:
         assert (pair.a.spring_rate, pair.a.kp) == (pair.b.spring_rate, pair.b.kp)
         assert pair.b.ki - pair.a.ki == (9.0 if pair.a.ki == 0.0 else 0.0)
-    assert "Ki 0 N/m (B off Ki by +9 N/m)" in where(told.matched, told.matched.pairs[0])
+    assert "Ki 0 N/m (B differs in Ki by +9 N/m)" in describe_pair(
+        comparison.matched, comparison.matched.pairs[0]
+    )
 
 
 def test_tolerances_are_by_column(runs: Path) -> None:
@@ -99,52 +107,54 @@ def test_tolerances_are_by_column(runs: Path) -> None:
     assert strict.tolerances["kp"] == TOLERANCES["kp"]
 
 
-def test_differences_are_b_less_a_with_both_errors(told: Comparison) -> None:
-    for pair in told.matched.pairs[:5]:
+def test_differences_are_b_less_a_with_both_errors(comparison: Comparison) -> None:
+    for pair in comparison.matched.pairs[:5]:
         for kind in POWERS:
-            here = gap(pair, kind)
+            here = power_difference(pair, kind)
             assert here.watts == pair.b.power[kind] - pair.a.power[kind]
             both = np.hypot(pair.a.error[kind], pair.b.error[kind])
             assert here.error == pytest.approx(both)
-    dc, ac = (mean_gap(told.matched.pairs, kind) for kind in ("dc", "ac"))
+    dc, ac = (mean_difference(comparison.matched.pairs, kind) for kind in ("dc", "ac"))
     assert abs(dc.watts - GAIN) < 3.0 * dc.error
     assert abs(ac.watts) < 3.0 * ac.error
     assert dc.error < 0.2
 
 
-def test_a_point_that_serves_several_counts_its_error_once() -> None:
+def test_error_of_a_shared_point_counts_once() -> None:
     def point(row: int, error: float) -> Point:
         return Point({}, 0.0, dict.fromkeys(POWERS, 1.0), dict.fromkeys(POWERS, error), (row,))
 
     shared = point(0, 3.0)
     pairs = tuple(Pair(shared, point(i, 4.0)) for i in (1, 2))
-    assert mean_gap(pairs, "dc").error == pytest.approx(np.sqrt(3.0**2 + 4.0**2 / 2.0))
-    apart = (Pair(point(0, 3.0), point(1, 4.0)), Pair(point(5, 3.0), point(2, 4.0)))
-    assert mean_gap(apart, "dc").error == pytest.approx(5.0 / np.sqrt(2.0))
+    assert mean_difference(pairs, "dc").error == pytest.approx(np.sqrt(3.0**2 + 4.0**2 / 2.0))
+    separate = (Pair(point(0, 3.0), point(1, 4.0)), Pair(point(5, 3.0), point(2, 4.0)))
+    assert mean_difference(separate, "dc").error == pytest.approx(5.0 / np.sqrt(2.0))
 
 
-def test_the_settings_that_differ_come_first(told: Comparison) -> None:
-    text = as_text(told)
+def test_the_settings_that_differ_come_first(comparison: Comparison) -> None:
+    text = as_text(comparison)
     assert text.index("Settings that differ") < text.index("Mean difference")
-    keys = {(each.group, each.key): (each.a, each.b) for each in told.differences}
+    keys = {(each.group, each.key): (each.a, each.b) for each in comparison.differences}
     assert keys["drive", "rig.drive.kind"] == ("cots", "custom")
     assert keys["drive", "plant.drive.fixed_loss"] == ("30 W", "4 W")
-    assert keys["drive", "rig.drive.modulation"] == ("not there", "svpwm")
+    assert keys["drive", "rig.drive.modulation"] == ("absent", "svpwm")
     assert not any(group in ("sea", "calibration", "code") for group, _ in keys)
-    held = {each.column.name: (each.a, each.b) for each in told.matched.held}
-    assert held == {name: (None, value) for name, value in CUSTOM.items()}
-    assert re.search(r"set point +switching period +A not there +B 50 µs", text)
+    constant = {
+        each.column.name: (each.a, each.b) for each in comparison.matched.constant_differences
+    }
+    assert constant == {name: (None, value) for name, value in CUSTOM.items()}
+    assert re.search(r"set point +switching period +A absent +B 50 µs", text)
     assert "!!" not in text
-    assert told.same_sea
+    assert comparison.same_sea
 
 
-def known(**more: Any) -> Facts:
+def run_facts(**more: Any) -> Facts:
     blank: dict[str, Any] = {name: {} for name in Facts._fields[3:]}
     return Facts("r", "hardware", "c", **{**blank, **more})
 
 
 def test_groups_of_settings() -> None:
-    one = known(
+    one = run_facts(
         config={
             "campaign": {"seed": 1, "drive": {"supply": "connected"}, "tare": {"duration_s": 5.0}},
             "rig": {"heave": {"gear_ratio_rad_per_m": 12.4666}, "spring": {"map": [{"a": 1.0}]}},
@@ -164,7 +174,7 @@ def test_groups_of_settings() -> None:
     changed["limits"]["heave"]["current_peak_a"] = 30
     changed["plant"]["mass"]["value"] = 8.0
     changed["plant"]["effect"]["value"] = 0.65
-    changed["files"][0]["sha256"] = "2" * 64  # a comment: what it says is compared itself
+    changed["files"][0]["sha256"] = "2" * 64  # a changed comment: the values are compared directly
     sea = {"kind": "regular", "amplitude_m": 0.1, "period_s": 2.0, "words": "y"}  # the same sea
     other = one._replace(
         config=changed,
@@ -172,8 +182,8 @@ def test_groups_of_settings() -> None:
         host={"name": "office"},
         plan={"sea": sea},
     )
-    found = [(each.group, each.key) for each in differences(one, other)]
-    assert found == [
+    groups = [(each.group, each.key) for each in differences(one, other)]
+    assert groups == [
         ("drive", "campaign.drive.supply"),
         ("control", "campaign.surge.use"),
         ("plant", "plant.effect"),
@@ -194,34 +204,34 @@ def test_groups_of_settings() -> None:
 
 def test_the_seed_of_random_waves_is_part_of_the_sea() -> None:
     plan = {"sea": {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.5, "seed": None}}
-    one = known(plan=plan, config={"campaign": {"seed": 1}})
-    other = known(plan=plan, config={"campaign": {"seed": 2}})
+    one = run_facts(plan=plan, config={"campaign": {"seed": 1}})
+    other = run_facts(plan=plan, config={"campaign": {"seed": 2}})
     assert ("sea", "sea.seed") in {(d.group, d.key) for d in differences(one, other)}
 
 
-def test_different_seas_are_said_loudly(runs: Path, tmp_path: Path) -> None:
-    told = compare(runs / "cots", runs / "slower")
-    assert not told.same_sea
-    (warning,) = told.warnings
+def test_different_seas_give_a_warning(runs: Path, tmp_path: Path) -> None:
+    comparison = compare(runs / "cots", runs / "slower")
+    assert not comparison.same_sea
+    (warning,) = comparison.warnings
     assert warning.startswith("DIFFERENT SEAS: A regular, amplitude 0.127 m, 0.5 Hz; B regular")
-    assert f"!! {warning}" in as_text(told)
-    assert imread(write_comparison(told, tmp_path / "x.png")).std() > 0.02
-    modes = known()._replace(mode="hil")
-    assert [d.key for d in differences(known(), modes)] == ["mode"]
+    assert f"!! {warning}" in as_text(comparison)
+    assert imread(write_comparison(comparison, tmp_path / "x.png")).std() > 0.02
+    modes = run_facts()._replace(mode="hil")
+    assert [d.key for d in differences(run_facts(), modes)] == ["mode"]
 
 
 def test_a_commercial_drive_is_compared_with_every_setting_of_the_other(runs: Path) -> None:
-    told = compare(runs / "cots", runs / "settings")
+    comparison = compare(runs / "cots", runs / "settings")
     names = ["bus_voltage", "switching_period", "velocity_threshold"]
-    assert [c.name for c in told.matched.alone] == names
-    assert len(told.matched.pairs) == 36
-    assert {pair.a.rows for pair in told.matched.pairs} == {(48,), (43,)}
-    assert len({pair.b.rows for pair in told.matched.pairs}) == 36
+    assert [c.name for c in comparison.matched.one_sided] == names
+    assert len(comparison.matched.pairs) == 36
+    assert {pair.a.rows for pair in comparison.matched.pairs} == {(48,), (43,)}
+    assert len({pair.b.rows for pair in comparison.matched.pairs}) == 36
     turned = compare(runs / "settings", runs / "cots")
     assert len(turned.matched.pairs) == 36
     setting = as_json(turned)["pairs"][0]["setting"]
     assert setting["switching_period"] == 50e-6
-    assert as_json(told)["varied_in_one_run"] == names
+    assert as_json(comparison)["varied_in_one_run"] == names
 
 
 def point(**setting: float) -> Point:
@@ -230,28 +240,28 @@ def point(**setting: float) -> Point:
 
 
 def test_the_nearest_pairs_are_taken_once_each() -> None:
-    def of(kis: list[float]) -> Matrix:
+    def matrix_of(kis: list[float]) -> Matrix:
         points = tuple(point(kp=-1.0, ki=ki) for ki in kis)
         return Matrix(points, tuple(p.setting for p in points))
 
-    found = match(of([0.0, 20.0, 500.0]), of([18.0, 1.0, 900.0]))
-    assert [(p.a.ki, p.b.ki) for p in found.pairs] == [(0.0, 1.0), (20.0, 18.0)]
-    assert [p.ki for p in found.only_a] == [500.0]
-    assert [p.ki for p in found.only_b] == [900.0]
-    assert match(of([1.0, 2.0]), Matrix((), ())).pairs == ()
-    single = match(of([3.0]), of([3000.0]))  # varies in neither: a setting of the run
+    matched = match(matrix_of([0.0, 20.0, 500.0]), matrix_of([18.0, 1.0, 900.0]))
+    assert [(p.a.ki, p.b.ki) for p in matched.pairs] == [(0.0, 1.0), (20.0, 18.0)]
+    assert [p.ki for p in matched.only_a] == [500.0]
+    assert [p.ki for p in matched.only_b] == [900.0]
+    assert match(matrix_of([1.0, 2.0]), Matrix((), ())).pairs == ()
+    single = match(matrix_of([3.0]), matrix_of([3000.0]))  # varies in neither: a setting of the run
     assert len(single.pairs) == 1
-    assert [(h.column.name, h.a, h.b) for h in single.held] == [("ki", 3.0, 3000.0)]
+    assert [(h.column.name, h.a, h.b) for h in single.constant_differences] == [("ki", 3.0, 3000.0)]
     assert set(TOLERANCES) == {column.name for column in COLUMNS}
 
 
-def test_the_csv_has_pairs_and_what_is_alone(told: Comparison, tmp_path: Path) -> None:
-    with write_csv(told, tmp_path / "x.csv").open() as file:
+def test_the_csv_has_pairs_and_unmatched_points(comparison: Comparison, tmp_path: Path) -> None:
+    with write_csv(comparison, tmp_path / "x.csv").open() as file:
         lines = list(csv.DictReader(file))
     assert [line["in"] for line in lines] == ["both"] * 64 + ["A"] * 2
     first, alone = lines[0], lines[-1]
-    pair = told.matched.pairs[0]
-    assert float(first["dc B - A [W]"]) == pytest.approx(gap(pair, "dc").watts)
+    pair = comparison.matched.pairs[0]
+    assert float(first["dc B - A [W]"]) == pytest.approx(power_difference(pair, "dc").watts)
     assert float(first["ki [N/m]"]) == 0.0
     assert alone["rows A"] == "50"
     assert (alone["dc B [W]"], alone["dc B - A [W]"]) == ("", "")
@@ -259,7 +269,7 @@ def test_the_csv_has_pairs_and_what_is_alone(told: Comparison, tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("a", "b", "held"),
+    ("a", "b", "fixed"),
     [
         ("cots", "custom", {}),
         ("cots", "custom", {"spring_rate": 490.9}),
@@ -269,56 +279,62 @@ def test_the_csv_has_pairs_and_what_is_alone(told: Comparison, tmp_path: Path) -
     ],
 )
 def test_the_picture_is_drawn(
-    runs: Path, tmp_path: Path, a: str, b: str, held: dict[str, float]
+    runs: Path, tmp_path: Path, a: str, b: str, fixed: dict[str, float]
 ) -> None:
-    told = compare(runs / a, runs / b)
-    assert imread(write_comparison(told, tmp_path / "x.png", held)).std() > 0.03
+    comparison = compare(runs / a, runs / b)
+    assert imread(write_comparison(comparison, tmp_path / "x.png", fixed)).std() > 0.03
 
 
 def test_compare_as_a_command(runs: Path, tmp_path: Path) -> None:
     call = CliRunner().invoke
-    words = ["compare", "cots", "custom", "--runs", str(runs)]
+    arguments = ["compare", "cots", "custom", "--runs", str(runs)]
     picture = tmp_path / "c.png"
-    done = call(app, [*words, "--json", "-o", str(picture), "--tolerance", "ki=5"])
+    done = call(app, [*arguments, "--json", "-o", str(picture), "--tolerance", "ki=5"])
     assert done.exit_code == 0, done.output
-    said = json.loads(done.stdout)
-    assert said["written"] == [str(tmp_path / "c.csv"), str(picture)]
+    result = json.loads(done.stdout)
+    assert result["written"] == [str(tmp_path / "c.csv"), str(picture)]
     assert picture.exists()
-    assert len(said["pairs"]) == 52
-    assert said["mean_difference_w"]["dc"]["b_less_a"] == pytest.approx(GAIN, abs=0.5)
+    assert len(result["pairs"]) == 52
+    assert result["mean_difference_w"]["dc"]["b_less_a"] == pytest.approx(GAIN, abs=0.5)
     slower = ["compare", "cots", "slower", "--runs", str(runs), "-o", str(picture)]
     done = call(app, slower)
     assert "DIFFERENT SEAS" in done.stderr
     assert "6 pairs of points matched by spring rate within 25 N/m" in done.stdout
-    for wrong, said_ in (
+    for wrong, expected in (
         (["--tolerance", "ki"], "write COLUMN=VALUE"),
         (["--tolerance", "speed=1"], "no column 'speed'"),
-        (["--left-out", "spring_rate=1"], "spring rate is never +1 N/m"),
+        (["--left-out", "spring_rate=1"], "spring rate +1 N/m is not in the campaign"),
     ):
-        done = call(app, [*words, "-o", str(picture), *wrong])
+        done = call(app, [*arguments, "-o", str(picture), *wrong])
         assert done.exit_code == 2
-        assert said_ in done.stderr
+        assert expected in done.stderr
     assert call(app, ["compare", "cots", "none", "--runs", str(runs)]).exit_code == 2
 
 
 def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
     call = CliRunner().invoke
     picture = tmp_path / "p.png"
-    words = ["plot", "settings", "--runs", str(runs), "-o", str(picture)]
-    asked = ["--surface", "switching_period", "kp", "--station", "dc"]
-    for more in (asked, [*asked, "--left-out", "bus_voltage=75"], ["--sort", "power"]):
-        done = call(app, [*words, *more, "--json"])
+    arguments = ["plot", "settings", "--runs", str(runs), "-o", str(picture)]
+    surface = ["--surface", "switching_period", "kp", "--station", "dc"]
+    for more in (surface, [*surface, "--left-out", "bus_voltage=75"], ["--sort", "power"]):
+        done = call(app, [*arguments, *more, "--json"])
         assert done.exit_code == 0, done.output
         assert json.loads(done.stdout) == [str(picture)]
         assert imread(picture).std() > 0.02
-    for more, said in (
+    for more, expected in (
         (["--surface", "kp", "speed"], "no column 'speed'"),
-        ([*asked, "--left-out", "ki"], "ki cannot be left out; what varies beside the axes: bus_"),
-        ([*asked, "--left-out", "bus_voltage=7"], "bus voltage is never 7 V; there is 60 V"),
+        (
+            [*surface, "--left-out", "ki"],
+            "ki cannot be left out; what varies beside the axes: bus_",
+        ),
+        (
+            [*surface, "--left-out", "bus_voltage=7"],
+            "bus voltage 7 V is not in the campaign; allowed 60 V",
+        ),
         (["--station", "shore"], "no station 'shore'; there are mechanical, shaft, ac, dc"),
         (["--sort", "size"], "allowed run, power"),
         (["--sort", "run", "-f", "power.*"], "one picture at a time"),
     ):
-        done = call(app, [*words, *more])
+        done = call(app, [*arguments, *more])
         assert done.exit_code == 2
-        assert said in done.stderr
+        assert expected in done.stderr

@@ -16,13 +16,13 @@ from rig.analysis.effects import (
     PERIODS,
     REPETITIONS,
     Effects,
-    effects,
+    compute_effects,
     half_width,
     is_designed,
     main_effects,
 )
-from rig.analysis.effects_table import all_effects, as_json, as_text, notes, write_effects
-from rig.analysis.points import Matrix, matrix
+from rig.analysis.effects_table import all_effects, as_json, as_text, effect_notes, write_effects
+from rig.analysis.points import Matrix, gain_matrix
 from rig.analysis.rows import row_table
 from rig.config.columns import COLUMNS
 
@@ -59,7 +59,9 @@ CERTIFIED = [
 RESIDUAL = 304.854073561965
 
 
-def of(levels: Any, response: Any, points: list[int] | None = None, **known: Any) -> Effects:
+def estimate_effects(
+    levels: Any, response: Any, points: list[int] | None = None, **known: Any
+) -> Effects:
     count = len(response)
     return main_effects(
         "dc",
@@ -72,16 +74,16 @@ def of(levels: Any, response: Any, points: list[int] | None = None, **known: Any
     )
 
 
-def by_name(found: Effects) -> dict[str, Any]:
-    return {each.column.name: each for each in found.effects}
+def by_name(effects: Effects) -> dict[str, Any]:
+    return {each.column.name: each for each in effects.effects}
 
 
-def test_longley_is_met_to_its_certified_digits() -> None:
+def test_longley_data_agree_with_the_certified_values() -> None:
     levels, response = LONGLEY[:, 1:], LONGLEY[:, 0]
-    found = of(levels, response)
-    assert (found.source, found.misfit_dof) == (MISFIT, 9)
-    assert found.misfit == pytest.approx(RESIDUAL, rel=1e-8)
-    named = by_name(found)
+    effects = estimate_effects(levels, response)
+    assert (effects.source, effects.misfit_dof) == (MISFIT, 9)
+    assert effects.misfit == pytest.approx(RESIDUAL, rel=1e-8)
+    named = by_name(effects)
     for i, (slope, deviation) in enumerate(CERTIFIED):
         effect = named[COLUMNS[i].name]
         reach = np.ptp(levels[:, i])
@@ -94,7 +96,7 @@ def test_one_column_is_a_line_through_points() -> None:
     random = np.random.default_rng(3)
     x = random.uniform(50.0, 200.0, 12)
     y = 3.0 - 0.05 * x + random.normal(size=12)
-    (effect,) = of(x[:, None], y).effects
+    (effect,) = estimate_effects(x[:, None], y).effects
     line = stats.linregress(x, y)
     assert effect.watts == pytest.approx(line.slope * np.ptp(x))
     assert effect.standard_error == pytest.approx(line.stderr * np.ptp(x))
@@ -109,12 +111,12 @@ def test_effects_of_a_factorial_are_its_contrasts() -> None:
     random = np.random.default_rng(5)
     response = random.normal(-20.0, 4.0, 24)
     points = list(range(8)) * 3
-    found = of(levels, response, points)
+    effects = estimate_effects(levels, response, points)
     within = response.reshape(3, 8).std(axis=0, ddof=1)
     pooled = np.sqrt((within**2).mean())
-    assert found.source == REPETITIONS
-    assert found.scatter == pytest.approx(pooled)
-    for i, effect in enumerate(by_name(found).values()):
+    assert effects.source == REPETITIONS
+    assert effects.scatter == pytest.approx(pooled)
+    for i, effect in enumerate(by_name(effects).values()):
         high = (
             levels[:, COLUMNS.index(effect.column)] == levels[:, COLUMNS.index(effect.column)].max()
         )
@@ -122,21 +124,23 @@ def test_effects_of_a_factorial_are_its_contrasts() -> None:
         assert effect.watts == pytest.approx(contrast), i
         assert effect.standard_error == pytest.approx(pooled * np.sqrt(4.0 / 24.0))
         assert effect.dof == 16
-    lead = abs(found.effects[0].watts) - abs(found.effects[1].watts)
-    assert found.lead == pytest.approx(lead)
+    lead = abs(effects.effects[0].watts) - abs(effects.effects[1].watts)
+    assert effects.lead == pytest.approx(lead)
     # Contrasts of a factorial are independent, so their difference has the sum of variances.
-    single = found.effects[0].half_width
-    assert found.lead_half_width == pytest.approx(np.sqrt(2.0) * single)
+    single = effects.effects[0].half_width
+    assert effects.lead_half_width == pytest.approx(np.sqrt(2.0) * single)
 
 
-def test_rows_of_unlike_error_have_satterthwaites_degrees_of_freedom() -> None:
+def test_unequal_row_errors_use_satterthwaites_degrees_of_freedom() -> None:
     levels = np.array([[0.0], [0.0], [1.0], [1.0]])
     errors = np.array([0.5, 0.5, 2.0, 2.0])
     periods = np.array([5.0, 5.0, 8.0, 8.0])
-    found = of(levels, np.array([1.0, 2.0, 5.0, 6.0]), errors=errors, periods=periods)
-    (effect,) = found.effects
+    effects = estimate_effects(
+        levels, np.array([1.0, 2.0, 5.0, 6.0]), errors=errors, periods=periods
+    )
+    (effect,) = effects.effects
     parts = errors**2 / 4.0
-    assert found.source == PERIODS
+    assert effects.source == PERIODS
     assert effect.watts == pytest.approx(4.0)
     assert effect.standard_error == pytest.approx(np.sqrt(parts.sum()))
     welch = parts.sum() ** 2 / np.sum(parts**2 / (periods - 1.0))
@@ -144,64 +148,71 @@ def test_rows_of_unlike_error_have_satterthwaites_degrees_of_freedom() -> None:
     assert effect.half_width == pytest.approx(stats.t.ppf(0.975, welch) * effect.standard_error)
 
 
-def test_which_error_is_taken() -> None:
+def test_source_of_the_error() -> None:
     levels, response = factorial(), np.arange(8.0)
-    known = {"errors": np.ones(8), "periods": np.full(8, 5.0)}
-    assert of(levels, response).source == MISFIT
-    assert of(levels, response, **known).source == PERIODS
-    twice = [0, 0, 2, 3, 4, 5, 6, 7]  # one degree of freedom says less than the periods
-    assert of(levels, response, twice, **known).source == PERIODS
-    assert of(levels, response, twice).source == REPETITIONS
-    assert of(levels, response, [0, 0, 1, 1, 2, 2, 6, 7], **known).source == REPETITIONS
+    period_errors = {"errors": np.ones(8), "periods": np.full(8, 5.0)}
+    assert estimate_effects(levels, response).source == MISFIT
+    assert estimate_effects(levels, response, **period_errors).source == PERIODS
+    twice = [0, 0, 2, 3, 4, 5, 6, 7]  # one degree of freedom is less reliable than the periods
+    assert estimate_effects(levels, response, twice, **period_errors).source == PERIODS
+    assert estimate_effects(levels, response, twice).source == REPETITIONS
+    assert (
+        estimate_effects(levels, response, [0, 0, 1, 1, 2, 2, 6, 7], **period_errors).source
+        == REPETITIONS
+    )
 
 
-def test_periods_that_are_all_alike_leave_the_misfit_to_be_told() -> None:
-    known = {"errors": np.zeros(8), "periods": np.full(8, 7.0)}
+def test_equal_periods_report_the_misfit() -> None:
+    period_errors = {"errors": np.zeros(8), "periods": np.full(8, 7.0)}
     levels = factorial()
     response = levels[:, 0] * 3.0 + levels[:, 0] * levels[:, 2]  # with an interaction
-    found = of(levels, response, **known)
-    assert found.effects[0].half_width == 0.0
-    assert found.effects[0].misfit_half_width > 0.0
-    assert "by that, spring rate is ±" in "; ".join(notes(found))
+    effects = estimate_effects(levels, response, **period_errors)
+    assert effects.effects[0].half_width == 0.0
+    assert effects.effects[0].misfit_half_width > 0.0
+    assert "by misfit, spring rate is ±" in "; ".join(effect_notes(effects))
 
 
-def test_a_lead_beyond_the_scatter_alone_is_not_sure() -> None:
-    """Rows that hardly scatter, and an interaction that straight lines cannot follow."""
+def test_lead_beyond_scatter_but_not_misfit_is_not_significant() -> None:
+    """The rows scatter little, but an interaction exceeds the linear model."""
     levels = factorial()
     unit = (levels - levels.min(axis=0)) / np.ptp(levels, axis=0)
-    known = {"errors": np.full(8, 0.02), "periods": np.full(8, 7.0)}
+    period_errors = {"errors": np.full(8, 0.02), "periods": np.full(8, 7.0)}
     straight = 4.0 * unit[:, 0] + unit[:, 1]
-    sure = of(levels, straight, **known)
-    assert sure.surely_first
+    linear = estimate_effects(levels, straight, **period_errors)
+    assert linear.lead_is_significant
     assert (
-        "does 3.0 W more than Kp (± 0.04 W by wave periods, ± <0.01 W by misfit)" in notes(sure)[2]
+        "exceeds that of Kp by 3.0 W (± 0.04 W by wave periods, ± <0.01 W by misfit)"
+        in effect_notes(linear)[2]
     )
-    bent = of(levels, straight + 6.0 * unit[:, 0] * unit[:, 1], **known)
-    assert bent.lead == pytest.approx(3.0)
-    assert bent.lead_half_width == pytest.approx(sure.lead_half_width)
+    curved = estimate_effects(levels, straight + 6.0 * unit[:, 0] * unit[:, 1], **period_errors)
+    assert curved.lead == pytest.approx(3.0)
+    assert curved.lead_half_width == pytest.approx(linear.lead_half_width)
     # The product leaves +-1.5 W at all rows with 4 dof, so 2.1 W; a contrast of 8 rows has
     # sqrt(4 / 8) of that, a difference of two sqrt(2) times as much: 2.776 x 2.1 W.
-    assert bent.lead_misfit_half_width == pytest.approx(2.776 * 1.5 * np.sqrt(2.0), rel=1e-3)
-    assert not bent.surely_first
-    assert "(± 0.04 W by wave periods, ± 5.9 W by misfit: not surely)" in notes(bent)[2]
+    assert curved.lead_misfit_half_width == pytest.approx(2.776 * 1.5 * np.sqrt(2.0), rel=1e-3)
+    assert not curved.lead_is_significant
+    assert (
+        "(± 0.04 W by wave periods, ± 5.9 W by misfit: not significant)" in effect_notes(curved)[2]
+    )
 
 
-def test_columns_that_move_together_are_not_told_apart() -> None:
+def test_columns_that_vary_together_are_confounded() -> None:
     levels = np.array([[0.0, 5.0, 1.0], [1.0, 7.0, 0.0], [0.0, 5.0, 0.0], [1.0, 7.0, 1.0]] * 2)
-    found = of(levels, levels[:, 2] * -4.0 + levels[:, 0])
-    named = by_name(found)
+    effects = estimate_effects(levels, levels[:, 2] * -4.0 + levels[:, 0])
+    named = by_name(effects)
     assert named["ki"].watts == pytest.approx(-4.0)
     assert np.isnan([named["spring_rate"].watts, named["kp"].watts]).all()
-    assert found.effects[0].column.name == "ki"
-    assert "cannot tell spring rate, Kp apart" in "; ".join(notes(found))
-    assert np.isnan(found.lead)
+    assert effects.effects[0].column.name == "ki"
+    assert "cannot separate spring rate, Kp (confounded)" in "; ".join(effect_notes(effects))
+    assert np.isnan(effects.lead)
 
 
 @pytest.mark.parametrize("source", [REPETITIONS, PERIODS, MISFIT])
 def test_the_intervals_cover(source: str) -> None:
-    """95 % within three deviations of the count; Satterthwaite's is an approximation, so 1 % more.
+    """Coverage is 95 % within three deviations of the count.
 
-    The rows of a point differ in error for the periods, as they do when waves break.
+    The tolerance is 1 % larger for periods, because Satterthwaite's formula is an approximation.
+    Their row errors differ from row to row, as with breaking waves.
     """
     random = np.random.default_rng(17)
     trials, truth = 1200, np.array([3.0, -2.0, 0.0])
@@ -214,14 +225,16 @@ def test_the_intervals_cover(source: str) -> None:
         periods = random.normal(0.0, 1.0, (count, 5)) * deviation[:, None] * np.sqrt(5.0)
         response = unit @ truth + periods.mean(axis=1)
         errors = periods.std(axis=1, ddof=1) / np.sqrt(5.0)
-        known = {"errors": errors, "periods": np.full(count, 5.0)} if source == PERIODS else {}
-        found = of(levels, response, list(range(8)) * (count // 8), **known)
-        assert found.source == source
-        named = by_name(found)
+        period_errors = (
+            {"errors": errors, "periods": np.full(count, 5.0)} if source == PERIODS else {}
+        )
+        effects = estimate_effects(levels, response, list(range(8)) * (count // 8), **period_errors)
+        assert effects.source == source
+        named = by_name(effects)
         for column, true in zip(COLUMNS[:3], truth, strict=True):
             inside += abs(named[column.name].watts - true) <= named[column.name].half_width
-    room = 3.0 * np.sqrt(0.05 * 0.95 / (3 * trials)) + (0.01 if source == PERIODS else 0.0)
-    assert inside / (3 * trials) == pytest.approx(0.95, abs=room)
+    tolerance = 3.0 * np.sqrt(0.05 * 0.95 / (3 * trials)) + (0.01 if source == PERIODS else 0.0)
+    assert inside / (3 * trials) == pytest.approx(0.95, abs=tolerance)
 
 
 @pytest.fixture(scope="module")
@@ -234,36 +247,36 @@ def designed(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
 
 
 def test_switching_comes_first_with_an_interval(designed: xarray.Dataset) -> None:
-    found = effects(designed, "dc")
-    assert found is not None
-    assert [e.column.name for e in found.effects] == [
+    effects = compute_effects(designed, "dc")
+    assert effects is not None
+    assert [e.column.name for e in effects.effects] == [
         "switching_period",
         "kp",
         "bus_voltage",
         "velocity_threshold",
     ]
     truth = {"switching_period": -8.0, "kp": 3.0, "bus_voltage": 2.0, "velocity_threshold": -1.0}
-    for effect in found.effects:  # seeded: all of four intervals hold
+    for effect in effects.effects:  # seeded: all of four intervals hold
         assert abs(effect.watts - truth[effect.column.name]) < 1.5 * effect.half_width
         assert 0.1 < effect.half_width < 0.5
         assert effect.dof == 36
-    assert found.lead == pytest.approx(5.0, abs=1.0)
-    assert found.lead > found.lead_half_width
-    assert is_designed(matrix(designed))
+    assert effects.lead == pytest.approx(5.0, abs=1.0)
+    assert effects.lead > effects.lead_half_width
+    assert is_designed(gain_matrix(designed))
 
 
 def test_effects_as_text_json_and_csv(designed: xarray.Dataset, tmp_path: Path) -> None:
-    told = all_effects(designed)
-    text = "\n".join(as_text(told))
+    by_station = all_effects(designed)
+    text = "\n".join(as_text(by_station))
     assert "1. switching period  50 .. 200 µs" in text
     assert "95 % interval by scatter of repetitions (at least 36 dof)" in text
-    dc, ac, mechanical = as_json(told)
+    dc, ac, mechanical = as_json(by_station)
     assert [each["power"] for each in (dc, ac, mechanical)] == ["dc", "ac", "mechanical_1"]
     assert dc["first_surely_first"] is True
     assert dc["first_over_second_half_width_by_misfit_w"] > 0.0
     assert dc["effects"][0]["column"] == "switching_period"
     assert dc["effects"][0]["to"] == 200e-6
-    with write_effects(told, tmp_path / "effects.csv").open() as file:
+    with write_effects(by_station, tmp_path / "effects.csv").open() as file:
         lines = list(csv.DictReader(file))
     assert len(lines) == 12
     first = lines[0]
@@ -276,16 +289,16 @@ def test_effects_as_text_json_and_csv(designed: xarray.Dataset, tmp_path: Path) 
     assert low < -8.0 < high
 
 
-def test_nothing_varies_or_too_few_rows_have_no_effects(designed: xarray.Dataset) -> None:
-    assert effects(designed.isel(row=[0, 36]), "dc") is None
-    assert effects(designed.isel(row=[0, 11]), "dc") is None  # four columns, two rows
-    assert effects(designed.isel(row=[]), "dc") is None
+def test_no_effects_without_variation_or_with_too_few_rows(designed: xarray.Dataset) -> None:
+    assert compute_effects(designed.isel(row=[0, 36]), "dc") is None
+    assert compute_effects(designed.isel(row=[0, 11]), "dc") is None  # four columns, two rows
+    assert compute_effects(designed.isel(row=[]), "dc") is None
     assert all_effects(xarray.Dataset()) == ()
     assert np.isnan(half_width(1.0, 0.0))
 
 
-def test_a_realisation_is_a_name_and_no_number() -> None:
-    """Rows of other phases are repetitions: no line through realisation 1, 2, 3."""
+def test_realisation_is_categorical() -> None:
+    """Rows of different realisations are repetitions: no linear term for the realisation."""
     kp = np.repeat([-1000.0, -2000.0], 3)
     table = xarray.Dataset(
         {
@@ -297,10 +310,10 @@ def test_a_realisation_is_a_name_and_no_number() -> None:
             "periods": ("row", [1] * 6),
         }
     )
-    found = effects(table, "dc")
-    assert found is not None
-    assert [each.column.name for each in found.effects] == ["kp"]
-    assert found.effects[0].watts == pytest.approx(10.0)
-    assert found.source == REPETITIONS
-    asked = tuple({"kp": -1000.0, "realisation": float(i)} for i in (1, 2))
-    assert not is_designed(Matrix((), asked))
+    effects = compute_effects(table, "dc")
+    assert effects is not None
+    assert [each.column.name for each in effects.effects] == ["kp"]
+    assert effects.effects[0].watts == pytest.approx(10.0)
+    assert effects.source == REPETITIONS
+    planned = tuple({"kp": -1000.0, "realisation": float(i)} for i in (1, 2))
+    assert not is_designed(Matrix((), planned))

@@ -1,4 +1,4 @@
-"""Ticks that the host lost before a trip come first in what is said of it."""
+"""Reports of a trip name the ticks that the host lost before it first."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import synthetic_runs as synthetic
 from command_here import rig
 
 from rig.analysis.report import write_products
-from rig.analysis.stop_reason import LostTicks, lost_before, reason_text, stop_of
+from rig.analysis.stop_reason import LostTicks, find_stop, lost_before_trip, reason_text
 from rig.cli.bench import _lost_ticks, _print_result
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase
@@ -25,7 +25,7 @@ ROWS = synthetic.default_rows()[:8]
 
 
 def loop(*gaps: tuple[int, int], periods: int = 5000) -> tuple[Any, Any]:
-    """Ticks that ran and what was skipped by then; ``gaps``: last tick before, periods lost."""
+    """Return executed ticks and skipped periods so far; ``gaps``: last tick before, number lost."""
     lost = np.zeros(periods, bool)
     for before, count in gaps:
         lost[before + 1 : before + 1 + count] = True
@@ -48,40 +48,40 @@ def loop(*gaps: tuple[int, int], periods: int = 5000) -> tuple[Any, Any]:
         ((), None, None),
     ],
 )
-def test_what_counts(
+def test_lost_ticks_that_can_cause_a_trip(
     gaps: tuple[tuple[int, int], ...], lost: int | None, longest: float | None
 ) -> None:
-    found = lost_before(*loop(*gaps), DT)
+    lost_ticks = lost_before_trip(*loop(*gaps), DT)
     if lost is None:
-        assert found is None
+        assert lost_ticks is None
         return
-    assert found is not None
-    assert found.lost == lost
-    assert found.longest_gap_s == pytest.approx(longest)
-    assert found.share == pytest.approx(lost / 2000, rel=0.02)
+    assert lost_ticks is not None
+    assert lost_ticks.lost == lost
+    assert lost_ticks.longest_gap_s == pytest.approx(longest)
+    assert lost_ticks.share == pytest.approx(lost / 2000, rel=0.02)
 
 
 def test_a_run_shorter_than_the_window() -> None:
-    found = lost_before(*loop((100, 50), periods=500), DT)
-    assert found == pytest.approx((50, 0.05, 50 / 499, 0.499))
-    assert lost_before(*loop(periods=1), DT) is None
+    lost_ticks = lost_before_trip(*loop((100, 50), periods=500), DT)
+    assert lost_ticks == pytest.approx((50, 0.05, 50 / 499, 0.499))
+    assert lost_before_trip(*loop(periods=1), DT) is None
 
 
-def test_rows_that_only_the_log_lost_do_not_count() -> None:
+def test_rows_missing_from_the_log_do_not_count() -> None:
     ticks, skipped = loop()
     kept = np.delete(np.arange(len(ticks)), np.arange(4000, 4400))
-    assert lost_before(ticks[kept], skipped[kept], DT) is None
+    assert lost_before_trip(ticks[kept], skipped[kept], DT) is None
 
 
-def test_words() -> None:
+def test_reason_texts() -> None:
     lost = LostTicks(226, 0.0453, 0.11, 2.0)
     assert reason_text("DRIVE_DROPPED", lost) == (
         "the host lost 226 ticks (longest gap 45 ms) in the 2 s before the rig tripped: "
-        "DRIVE_DROPPED (the drive switched its power off by itself) may only be what followed; "
+        "DRIVE_DROPPED (the drive switched its power off by itself) may be a consequence; "
         "see `rig doctor`"
     )
-    said = reason_text("LOST_TICKS", lost)
-    assert said.endswith("tripped: too many ticks were lost in one gap; see `rig doctor`")
+    text = reason_text("LOST_TICKS", lost)
+    assert text.endswith("tripped: too many ticks were lost in one gap; see `rig doctor`")
     assert reason_text("VELOCITY", None) == "the velocity limit was reached"
 
 
@@ -101,15 +101,15 @@ def tripped(
     return synthetic.write_run(folder, data[: at + 5], plan, **status, **more)
 
 
-def test_a_run_says_it_in_all_its_products(tmp_path: Path) -> None:
+def test_all_products_report_lost_ticks(tmp_path: Path) -> None:
     run = tripped(tmp_path / "run")
     first = "the host lost 30 ticks (longest gap 300 ms) in the 2 s before the rig tripped: DRIVE_D"
     write_products(run)
     text = (run / "summary.txt").read_text()
     assert f"Stopped by a fault: {first}" in text
-    told = json.loads((run / "summary.json").read_text())
-    assert told["reason"].startswith(first)
-    assert told["lost_ticks"] == pytest.approx(
+    summary = json.loads((run / "summary.json").read_text())
+    assert summary["reason"].startswith(first)
+    assert summary["lost_ticks"] == pytest.approx(
         {"lost": 30, "longest_gap_s": 0.3, "share": 30 / 201, "window_s": 2.0}
     )
     assert first in rig("show", run).stdout
@@ -117,20 +117,20 @@ def test_a_run_says_it_in_all_its_products(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("reason", [Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT, Reason.PLAN_END])
-def test_what_is_no_trip_has_no_other_cause(reason: Reason, tmp_path: Path) -> None:
-    assert stop_of(tripped(tmp_path, reason), {}).lost is None
+def test_stops_that_are_no_trips_report_no_lost_ticks(reason: Reason, tmp_path: Path) -> None:
+    assert find_stop(tripped(tmp_path, reason), {}).lost is None
 
 
-def test_a_trip_without_lost_ticks_is_told_as_ever(tmp_path: Path) -> None:
+def test_a_trip_without_lost_ticks_reports_only_its_reason(tmp_path: Path) -> None:
     run = tripped(tmp_path / "run", gap=1)
-    told = json.loads(rig("show", run, "--json").stdout)
-    assert (told["lost_ticks"], told["reason"]) == (
+    summary = json.loads(rig("show", run, "--json").stdout)
+    assert (summary["lost_ticks"], summary["reason"]) == (
         None,
         "the drive switched its power off by itself",
     )
 
 
-def test_a_session_says_it_too(
+def test_sessions_report_lost_ticks(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`rig bench` at its end, and `rig show` of a session without results."""

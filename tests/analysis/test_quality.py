@@ -1,4 +1,4 @@
-"""Columns that say whether a row can be trusted, against what the ticks hold."""
+"""Data-quality columns of the row table against known ticks."""
 
 from pathlib import Path
 from typing import Any, NamedTuple, get_type_hints
@@ -9,7 +9,7 @@ import synthetic_runs as synthetic
 from synthetic_runs import Row, Shape
 
 from rig.analysis import quality
-from rig.analysis.report import summary_of
+from rig.analysis.report import summarise_run
 from rig.analysis.rows import row_table
 from rig.kinds.wavebot import WaveBotRow
 from rig.realtime.sequence import Phase
@@ -22,7 +22,7 @@ SHAPE = Shape()
 
 
 def filled() -> Any:
-    """A run whose first row has known checks; outside the windows stands nonsense."""
+    """Return a run whose first row has known checks; values outside the windows are invalid."""
     data = synthetic.run_rows(ROWS, SHAPE)
     outside = data["plan.phase"] != Phase.MEASURE
     here = np.flatnonzero((data["plan.row"] == 0) & ~outside)
@@ -53,7 +53,7 @@ def write(folder: Path, data: Any, **more: Any) -> Path:
     return synthetic.write_run(folder, data, synthetic.plan_json(ROWS, SHAPE), **more)
 
 
-def test_each_column_is_what_the_ticks_hold(tmp_path: Path) -> None:
+def test_each_column_agrees_with_the_ticks(tmp_path: Path) -> None:
     row = row_table(write(tmp_path, filled())).isel(row=0)
     expected = {
         "stator_force_min": -330.0,  # -300 and a swing of 30, as recorded
@@ -85,11 +85,11 @@ def test_a_mean_surge_position_raises_its_own_alarm(tmp_path: Path) -> None:
     table = row_table(run)
     assert table["surge_position_alarm"].values.tolist() == [0, 1]
     assert table["position_alarm"].values.tolist() == [0, 0]
-    (alarm,) = (text for text in summary_of(run).alarms if "surge" in text)
+    (alarm,) = (text for text in summarise_run(run).alarms if "surge" in text)
     assert alarm.startswith("mean surge position beyond 5 mm in row 1: −9.3 mm in row 1")
 
 
-def test_a_run_of_before_surge_and_drive_were_logged(tmp_path: Path) -> None:
+def test_old_run_without_surge_and_drive_fields(tmp_path: Path) -> None:
     now = get_type_hints(WaveBotRow, include_extras=True)
     gone = ("surge", "drive_sense", "drive_command", "reference")
     then = {name: hint for name, hint in now.items() if name not in gone}
@@ -105,7 +105,7 @@ def test_a_run_of_before_surge_and_drive_were_logged(tmp_path: Path) -> None:
     assert np.isnan(table["switching_period"].values).all()
     assert table["surge_position_alarm"].values.tolist() == [0, 0]
     assert float(table["lcb_p98"][0]) == pytest.approx(96.0, rel=2e-3)
-    assert not any("surge" in text for text in summary_of(tmp_path).alarms)
+    assert not any("surge" in text for text in summarise_run(tmp_path).alarms)
 
 
 def test_a_row_that_was_not_run_has_no_checks(tmp_path: Path) -> None:
@@ -116,7 +116,7 @@ def test_a_row_that_was_not_run_has_no_checks(tmp_path: Path) -> None:
         assert np.isnan(table[name].values[1]), name
 
 
-def test_how_a_custom_drive_switches_is_said(tmp_path: Path) -> None:
+def test_modulation_of_a_custom_drive_is_reported(tmp_path: Path) -> None:
     drive = {"kind": "custom", "modulation": "svpwm"}
     config = {"name": "x", "rig": {"drive": drive}, "campaign": {"drive": {"modulation": None}}}
     table = row_table(write(tmp_path / "rig", filled(), config=config))

@@ -1,4 +1,4 @@
-"""The products of a run: all of them, for whole, partial and crashed runs."""
+"""All products of complete, partial and crashed runs."""
 
 import json
 import re
@@ -13,9 +13,16 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from rig.analysis import traces
-from rig.analysis.alarms import row_list
-from rig.analysis.phrases import REASONS, mode_stamp, reason_text, signed, utc, watts
-from rig.analysis.report import summary_of, write_products
+from rig.analysis.alarms import format_rows
+from rig.analysis.phrases import (
+    REASONS,
+    format_power,
+    format_signed,
+    format_utc,
+    mode_stamp,
+    reason_text,
+)
+from rig.analysis.report import summarise_run, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
@@ -30,18 +37,18 @@ ROWS = synthetic.default_rows()
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def complete_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("runs") / "20260504-093000-default"
     plan = synthetic.plan_json(ROWS, SHAPE)
     return synthetic.write_run(folder, synthetic.run_rows(ROWS, SHAPE), plan)
 
 
 @pytest.fixture(scope="module")
-def products(whole: Path) -> dict[str, Path]:
-    return {path.name: path for path in write_products(whole)}
+def products(complete_run: Path) -> dict[str, Path]:
+    return {path.name: path for path in write_products(complete_run)}
 
 
-def test_all_products_are_there(products: dict[str, Path]) -> None:
+def test_all_products_exist(products: dict[str, Path]) -> None:
     assert set(products) == {
         "rows.csv",
         "rows.nc",
@@ -69,11 +76,11 @@ def test_the_page_is_one_a4_page(products: dict[str, Path]) -> None:
     assert imread(products["summary.png"]).std() > 0.05
 
 
-def test_the_summary_says_what_was_run_and_what_came_of_it(products: dict[str, Path]) -> None:
+def test_summary_contains_conditions_and_results(products: dict[str, Path]) -> None:
     text = products["summary.txt"].read_text()
     for part in (
         "REHEARSAL: simulated plant",
-        "Complete: the plan was walked to its end.",
+        "Complete: the plan ran to its end.",
         "66 of 66 rows complete.",
         "regular, amplitude 0.127 m, 0.5 Hz",
         "0.1.0 (0123abc)",
@@ -81,24 +88,24 @@ def test_the_summary_says_what_was_run_and_what_came_of_it(products: dict[str, P
         "Alarms\n  none",
     ):
         assert part in text
-    told = json.loads(products["summary.json"].read_text())
-    best = {(o["power"], o["spring_rate_n_per_m"]): o for o in told["optima"]}
+    summary = json.loads(products["summary.json"].read_text())
+    best = {(o["power"], o["spring_rate_n_per_m"]): o for o in summary["optima"]}
     assert best["ac", 490.9]["kp_n_s_per_m"] == -2500.0
     assert best["dc", -5715.0]["mean_w"] == pytest.approx(-15.0, abs=3.0)
     assert best["ac", 490.9]["standard_error_w"] > 0.0
 
 
-def test_written_again_the_products_are_the_same(
-    whole: Path, products: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+def test_products_are_reproducible(
+    complete_run: Path, products: dict[str, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     names = ("rows.csv", "summary.txt", "summary.json")
     before = {name: products[name].read_bytes() for name in names}
-    monkeypatch.setattr(Figure, "savefig", lambda *told, **more: None)  # only texts are compared
-    write_products(whole)
+    monkeypatch.setattr(Figure, "savefig", lambda *args, **kwargs: None)  # only texts are compared
+    write_products(complete_run)
     assert before == {name: products[name].read_bytes() for name in names}
 
 
-def test_a_crashed_run_gets_its_products(tmp_path: Path) -> None:
+def test_crashed_run_has_products(tmp_path: Path) -> None:
     data = synthetic.run_rows(ROWS, SHAPE)
     at = np.flatnonzero((data["plan.row"] == 9) & (data["plan.phase"] == Phase.MEASURE))
     data["heave.estimate.position"][data["plan.row"] == 4] -= 0.0072
@@ -118,25 +125,25 @@ def test_a_crashed_run_gets_its_products(tmp_path: Path) -> None:
         "mean position beyond 5 mm in row 4: −7.2 mm in row 4",
         "force limited (current peak) in row 3",
         "row 3 is withheld: 3 of 1000 ticks missing from the record (--incomplete-rows",
-        "row 9 is not whole (the log ends here)",
+        "row 9 was cut short (the log ends here)",
         "No timing certificate",
     ):
         assert part in text
 
 
-def test_a_stop_is_told_with_its_time_row_and_phase(tmp_path: Path) -> None:
+def test_stop_is_reported_with_time_row_and_phase(tmp_path: Path) -> None:
     data = synthetic.run_rows(ROWS, SHAPE)
     plan = synthetic.plan_json(ROWS, SHAPE)
     at = np.flatnonzero((data["plan.row"] == 2) & (data["plan.phase"] == Phase.SETTLE))[10]
     when = f"stopped {at * SHAPE.dt:.3f} s after its start, row 2 (settle)"
     data["safety.reason"][at:] = Reason.SPRING_STROKE
     run = synthetic.write_run(tmp_path / "a", data, plan, status="fault", reason="SPRING_STROKE")
-    summary = summary_of(run)
+    summary = summarise_run(run)
     assert summary.stopped == when
     assert f"rows complete; {when}." in as_text(summary)
     data["safety.reason"][40:] = Reason.OPERATOR_STOP
     run = synthetic.write_run(tmp_path / "b", data, plan, status="stopped", reason="OPERATOR_STOP")
-    assert summary_of(run).stopped.endswith("before the first row (lead-in)")
+    assert summarise_run(run).stopped.endswith("before the first row (lead-in)")
 
 
 def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
@@ -154,12 +161,12 @@ def test_a_run_that_measured_nothing(tmp_path: Path) -> None:
     assert "no row was measured" in (tmp_path / "none" / "summary.txt").read_text()
 
 
-def test_a_refused_run_says_so(tmp_path: Path) -> None:
+def test_refused_run_reports_its_reason(tmp_path: Path) -> None:
     why = "the host did not grant what the rig file requires"
     plan = synthetic.plan_json(ROWS, SHAPE)
     data = synthetic.run_rows(ROWS[:1], SHAPE)[:0]
     synthetic.write_run(tmp_path, data, plan, status="refused", reason=why)
-    summary = summary_of(tmp_path)
+    summary = summarise_run(tmp_path)
     assert (summary.ending, summary.reason) == ("Refused", why)
 
 
@@ -167,26 +174,26 @@ def test_rows_without_a_tare_raise_an_alarm(tmp_path: Path) -> None:
     data = synthetic.run_rows(ROWS[:3], SHAPE)
     data["tare.samples"] = 0
     synthetic.write_run(tmp_path, data, synthetic.plan_json(ROWS, SHAPE))
-    (alarm,) = (text for text in summary_of(tmp_path).alarms if "tare" in text)
+    (alarm,) = (text for text in summarise_run(tmp_path).alarms if "tare" in text)
     assert alarm.startswith("no tare was taken before rows 0-2")
 
 
-def test_a_single_file_tells_all_but_its_end(whole: Path, tmp_path: Path) -> None:
+def test_single_file_can_be_summarised(complete_run: Path, tmp_path: Path) -> None:
     alone = tmp_path / "mailed.mcap"
-    alone.write_bytes((whole / "run.mcap").read_bytes())
-    summary = summary_of(alone)
+    alone.write_bytes((complete_run / "run.mcap").read_bytes())
+    summary = summarise_run(alone)
     assert (summary.campaign, summary.mode, summary.rows_done) == ("default", "rehearsal", 66)
     assert [p.name for p in tmp_path.iterdir()] == ["mailed.mcap"]
 
 
-def test_a_run_that_still_goes_on(tmp_path: Path) -> None:
+def test_run_in_progress(tmp_path: Path) -> None:
     plan = synthetic.plan_json(ROWS, SHAPE)
     data = synthetic.run_rows(ROWS[:3], SHAPE)
     synthetic.write_run(tmp_path, data, plan, status="running", reason="")
-    assert summary_of(tmp_path).reason.startswith("the record just stops")
+    assert summarise_run(tmp_path).reason.startswith("the record just stops")
 
 
-def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
+def test_missing_record_raises_run_error(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"no run\.mcap"):
         write_products(tmp_path)
 
@@ -216,45 +223,45 @@ def test_many_spring_rates_and_drive_settings_fit(tmp_path: Path) -> None:
     shape = synthetic.Shape(periods=2, settle=5, tail=2, lead_in=10, wander=1.0)
     plan = synthetic.plan_json(rows, shape)
     synthetic.write_run(tmp_path, synthetic.run_rows(rows, shape), plan)
-    made = {path.name for path in write_products(tmp_path)}
-    assert {"bars.png", "effects.csv"} <= made
-    told = json.loads((tmp_path / "summary.json").read_text())
-    assert {tuple(o["further"]) for o in told["optima"]} == {("bus_voltage", "switching_period")}
-    assert {tuple(o["further_without_effect"]) for o in told["optima"]} >= {
+    written = {path.name for path in write_products(tmp_path)}
+    assert {"bars.png", "effects.csv"} <= written
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert {tuple(o["further"]) for o in summary["optima"]} == {("bus_voltage", "switching_period")}
+    assert {tuple(o["further_without_effect"]) for o in summary["optima"]} >= {
         ("bus_voltage", "switching_period")
     }
     text = (tmp_path / "summary.txt").read_text()
     assert "consumed, ± standard error by scatter of wave periods)" in text
-    assert "no matter which bus voltage, switching period" in text
-    assert "power differs by less than 1 %, or by no more than errors explain" in text
-    assert [each["power"] for each in told["effects"]] == ["dc", "ac", "mechanical_1"]
+    assert "no effect of bus voltage, switching period" in text
+    assert "power differs by less than 1 % or by no more than its errors" in text
+    assert [each["power"] for each in summary["effects"]] == ["dc", "ac", "mechanical_1"]
 
 
-def test_traces(whole: Path, tmp_path: Path) -> None:
-    picture = imread(write_traces(whole, tmp_path / "all.png"))
+def test_traces(complete_run: Path, tmp_path: Path) -> None:
+    picture = imread(write_traces(complete_run, tmp_path / "all.png"))
     assert picture.std() > 0.05
-    write_traces(whole, tmp_path / "some.png", ["power.*", "plan.phase"], rows=[3, 7])
+    write_traces(complete_run, tmp_path / "some.png", ["power.*", "plan.phase"], rows=[3, 7])
     with pytest.raises(KeyError, match="no field 'nothing'"):
-        write_traces(whole, tmp_path / "x.png", ["nothing"])
+        write_traces(complete_run, tmp_path / "x.png", ["nothing"])
     with pytest.raises(KeyError, match="no row 400"):
-        write_traces(whole, tmp_path / "x.png", rows=400)
+        write_traces(complete_run, tmp_path / "x.png", rows=400)
 
 
-def test_what_never_changes_is_told_and_not_drawn(whole: Path, tmp_path: Path) -> None:
-    every = imread(write_traces(whole, tmp_path / "all.png", ["heave.*"]))
-    assert every.shape[0] < 1.1 * every.shape[1]  # one to show, not a strip
+def test_constant_fields_are_listed_and_not_drawn(complete_run: Path, tmp_path: Path) -> None:
+    every = imread(write_traces(complete_run, tmp_path / "all.png", ["heave.*"]))
+    assert every.shape[0] < 1.1 * every.shape[1]  # no tall strip
     data = {"a": np.ones(5), "b": np.arange(5.0), "c": np.full(5, np.nan), "d": np.zeros(5)}
-    still = traces._still(data, list(data))
-    assert still == ["a", "d"]
+    constant = traces._constant_fields(data, list(data))
+    assert constant == ["a", "d"]
     units = {"a": "N*s/m", "d": "flag"}
-    assert traces._constants(data, still, units) == "constant: a 1 N·s/m, d 0"
-    assert traces._still(data, ["a", "d"]) == []  # nothing else would be left
-    assert traces._constants(data, [], units) == ""
+    assert traces._format_constants(data, constant, units) == "constant: a 1 N·s/m, d 0"
+    assert traces._constant_fields(data, ["a", "d"]) == []  # otherwise the picture would be empty
+    assert traces._format_constants(data, [], units) == ""
 
 
-def test_phases_are_told_apart_by_their_shades() -> None:
-    assert set(traces._SHADES) == set(Phase)
-    colours = [np.array(to_rgb(shade)) for shade in (*traces._SHADES.values(), "white")]
+def test_phases_have_distinguishable_colours() -> None:
+    assert set(traces._PHASE_COLOURS) == set(Phase)
+    colours = [np.array(to_rgb(shade)) for shade in (*traces._PHASE_COLOURS.values(), "white")]
     for one, other in combinations(colours, 2):
         assert np.linalg.norm(one - other) > 0.08
 
@@ -272,20 +279,20 @@ def test_no_peak_is_lost_by_decimation() -> None:
     assert decimate(time[:900], values[:900], 500)[1].size == 900
 
 
-def test_words() -> None:
+def test_phrases() -> None:
     assert set(REASONS) == set(Reason)
     assert reason_text("POSITION") == "the position limit was reached"
     assert reason_text("something new") == "something new"
     assert mode_stamp("hil").startswith("HIL")
     assert mode_stamp("") == "MODE NOT RECORDED"
-    assert signed(-2500.0) == "−2500"
-    assert signed(-0.2) == "0"
-    assert watts(-55.04, 0.26) == "−55.0 ± 0.3 W"
-    assert watts(-55.04, 0.012) == "−55.04 ± 0.01 W"
-    assert watts(-231.2, 12.0) == "−231 ± 12 W"
-    assert watts(-55.04, 0.0) == "−55.04 ± <0.01 W"  # no error is none
-    assert watts(-55.04) == "−55.0 W"
-    assert utc("2026-11-21T10:41:01.456806+00:00") == "2026-11-21 10:41:01 UTC"
-    assert utc("not recorded") == "not recorded"
-    assert row_list([3, 1, 2, 9]) == "rows 1-3, 9"
-    assert row_list([4]) == "row 4"
+    assert format_signed(-2500.0) == "−2500"
+    assert format_signed(-0.2) == "0"
+    assert format_power(-55.04, 0.26) == "−55.0 ± 0.3 W"
+    assert format_power(-55.04, 0.012) == "−55.04 ± 0.01 W"
+    assert format_power(-231.2, 12.0) == "−231 ± 12 W"
+    assert format_power(-55.04, 0.0) == "−55.04 ± <0.01 W"  # an error is never exactly zero
+    assert format_power(-55.04) == "−55.0 W"
+    assert format_utc("2026-11-21T10:41:01.456806+00:00") == "2026-11-21 10:41:01 UTC"
+    assert format_utc("not recorded") == "not recorded"
+    assert format_rows([3, 1, 2, 9]) == "rows 1-3, 9"
+    assert format_rows([4]) == "row 4"

@@ -1,4 +1,4 @@
-"""The row table against closed forms: means, errors, windows that are not whole."""
+"""The row table against closed forms: means, errors, incomplete windows."""
 
 import csv
 from itertools import product
@@ -12,10 +12,10 @@ import xarray
 from scipy import stats
 from synthetic_runs import Row, Shape
 
-from rig.analysis.points import points
+from rig.analysis.points import measured_points
 from rig.analysis.rows import INCOMPLETE, POWERS, period_means, row_table, standard_error
 from rig.analysis.rows_file import write_rows
-from rig.analysis.slices import optima
+from rig.analysis.slices import find_optima
 from rig.kinds.wavebot import WaveBotRow
 from rig.realtime.limits import Limited, Warned
 from rig.realtime.safety import Mode, Reason
@@ -30,9 +30,9 @@ POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
 def planned(count: int, repetitions: int = 1) -> list[Row]:
     rows = []
     for i in range(count):
-        for again in range(repetitions):
+        for repetition in range(repetitions):
             power = {kind: value + i for kind, value in POWER.items()}
-            rows.append(Row(i, again, 490.9, -2000.0, 1000.0 * i, power))
+            rows.append(Row(i, repetition, 490.9, -2000.0, 1000.0 * i, power))
     return rows
 
 
@@ -49,17 +49,19 @@ def test_means_of_sinusoids_are_exact(tmp_path: Path) -> None:
     rows, shape = planned(3), Shape()
     table = run(tmp_path, rows, shape)
     for i, row in enumerate(rows):
-        here = table.isel(row=i)
+        measured = table.isel(row=i)
         for kind, value in row.power.items():
-            assert float(here[f"power_{kind}"]) == pytest.approx(value, abs=1e-9)
-            assert float(here[f"power_{kind}_se"]) == pytest.approx(0.0, abs=1e-9)
+            assert float(measured[f"power_{kind}"]) == pytest.approx(value, abs=1e-9)
+            assert float(measured[f"power_{kind}_se"]) == pytest.approx(0.0, abs=1e-9)
         for kind in ("mechanical_1", "mechanical_2"):  # the cell's offset of 12 N drops out
-            assert float(here[f"power_{kind}_demeaned"]) == pytest.approx(row.power[kind], abs=1e-9)
-        assert float(here["velocity_rms"]) == pytest.approx(0.2 / np.sqrt(2.0))
-        assert float(here["current_peak"]) == pytest.approx(4.0)
-        assert float(here["force_mean"]) == pytest.approx(0.0, abs=1e-9)
-        assert float(here["stroke"]) == pytest.approx(2.0 * 0.2 / np.pi)
-        assert (float(here["kp"]), float(here["ki"])) == (row.kp, row.ki)
+            assert float(measured[f"power_{kind}_demeaned"]) == pytest.approx(
+                row.power[kind], abs=1e-9
+            )
+        assert float(measured["velocity_rms"]) == pytest.approx(0.2 / np.sqrt(2.0))
+        assert float(measured["current_peak"]) == pytest.approx(4.0)
+        assert float(measured["force_mean"]) == pytest.approx(0.0, abs=1e-9)
+        assert float(measured["stroke"]) == pytest.approx(2.0 * 0.2 / np.pi)
+        assert (float(measured["kp"]), float(measured["ki"])) == (row.kp, row.ki)
     assert table["periods"].values.tolist() == [5, 5, 5]
     assert table["samples"].values.tolist() == [1000, 1000, 1000]
     assert set(table["state"].values) == {"complete"}
@@ -75,7 +77,7 @@ def test_only_measured_ticks_count(tmp_path: Path) -> None:
     assert table["power_ac"].values == pytest.approx([-40.0, -39.0])
 
 
-def test_periods_that_are_no_whole_number_of_ticks() -> None:
+def test_periods_of_a_fractional_number_of_ticks() -> None:
     ticks = np.arange(1333)  # four periods of 0.3 Hz at 100 Hz, ends on the nearest sample
     period = 100.0 / 0.3
     power = 10.0 + 7.0 * np.sin(2.0 * np.pi * ticks / period)
@@ -90,7 +92,7 @@ def test_a_lost_tick_shifts_no_period() -> None:
     assert period_means(values, ticks, 100.0).tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
 
 
-def test_the_stated_error_covers() -> None:
+def test_the_standard_error_covers() -> None:
     random = np.random.default_rng(11)
     periods, trials, truth = 7, 4000, -50.0
     bound = stats.t.ppf(0.975, periods - 1)
@@ -120,13 +122,13 @@ def test_one_repeat_period_of_an_irregular_sea_has_no_error(tmp_path: Path) -> N
     assert table["periods"].values.tolist() == [1, 1]
     for kind in POWERS:
         assert np.isnan(table[f"power_{kind}_se"].values).all()
-    assert all(np.isnan(best.error) for best in optima(table))
+    assert all(np.isnan(best.error) for best in find_optima(table))
 
 
 def test_repetitions_give_the_error(tmp_path: Path) -> None:
     shape = Shape(periods=1, irregular_repeat=10.0, wander=2.0)
     table = run(tmp_path, planned(2, repetitions=4), shape)
-    for point in points(table):
+    for point in measured_points(table):
         means = table["power_ac"].values[list(point.rows)]
         assert len(means) == 4
         assert point.power["ac"] == pytest.approx(means.mean())
@@ -136,7 +138,7 @@ def test_repetitions_give_the_error(tmp_path: Path) -> None:
 
 
 def without(data: Any, gap: slice, *, skipped: bool) -> Any:
-    """A run without some ticks of row 1: skipped by the loop, or lost from the record."""
+    """Return a run without some ticks of row 1: skipped by the loop, or lost from the record."""
     inside = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))[gap]
     if skipped:
         data["timing.skipped"][inside[-1] + 1 :] += len(inside)
@@ -155,7 +157,7 @@ def test_ticks_skipped_by_the_loop_are_counted(tmp_path: Path) -> None:
     assert table.attrs["record"] == "complete"
 
 
-def test_a_row_that_is_lost_whole_was_run_all_the_same(tmp_path: Path) -> None:
+def test_a_row_without_recorded_ticks_is_incomplete_and_not_unrun(tmp_path: Path) -> None:
     rows, shape = planned(3), Shape()
     data = without(synthetic.run_rows(rows, shape), slice(None), skipped=False)
     table = table_of(tmp_path, data, rows, shape)
@@ -164,8 +166,8 @@ def test_a_row_that_is_lost_whole_was_run_all_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("gap", [slice(100, 107), slice(0, 7), slice(993, 1000)])
-def test_a_row_that_the_record_lacks_ticks_of_is_withheld(gap: slice, tmp_path: Path) -> None:
-    """Also where they are missing at its beginning or end, which only the plan tells."""
+def test_a_row_with_missing_ticks_is_withheld(gap: slice, tmp_path: Path) -> None:
+    """Ticks missing at the beginning or end are detected from the plan."""
     rows, shape = planned(3), Shape()
     data = without(synthetic.run_rows(rows, shape), gap, skipped=False)
     plan = synthetic.plan_json(rows, shape)
@@ -180,12 +182,12 @@ def test_a_row_that_the_record_lacks_ticks_of_is_withheld(gap: slice, tmp_path: 
     for name in ("power_dc", "power_dc_se", "position_rms", "stroke", "bus_voltage_mean"):
         assert np.isnan(table[name].values).tolist() == [False, True, False], name
     assert table["kp"].values.tolist() == [row.kp for row in rows]
-    assert [point.rows for point in points(table)] == [(0,), (2,)]
+    assert [point.rows for point in measured_points(table)] == [(0,), (2,)]
     assert table.attrs["record"].startswith("incomplete: 7 of ")
-    asked = row_table(tmp_path, incomplete_rows=True)
-    assert set(asked["state"].values) == {"complete"}
-    assert np.isfinite(asked["power_dc"].values).all()
-    assert asked["ticks_missing"].values[1] == 7
+    with_incomplete = row_table(tmp_path, incomplete_rows=True)
+    assert set(with_incomplete["state"].values) == {"complete"}
+    assert np.isfinite(with_incomplete["power_dc"].values).all()
+    assert with_incomplete["ticks_missing"].values[1] == 7
 
 
 def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
@@ -203,26 +205,26 @@ def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
     assert row_table(tmp_path, 0.01)["position_alarm"].values.tolist() == [0, 0, 0]
 
 
-def test_a_run_of_before_a_field_was_renamed(tmp_path: Path) -> None:
+def test_old_run_with_a_renamed_field(tmp_path: Path) -> None:
     rows, shape = planned(2), Shape()
     data = synthetic.run_rows(rows, shape)
     data["heave.warned"][data["plan.row"] == 1] = Warned.POSITION
-    now = get_type_hints(WaveBotRow, include_extras=True)
-    axis = get_type_hints(now["heave"], include_extras=True)
-    safety = get_type_hints(now["safety"], include_extras=True)
+    hints = get_type_hints(WaveBotRow, include_extras=True)
+    axis = get_type_hints(hints["heave"], include_extras=True)
+    safety = get_type_hints(hints["safety"], include_extras=True)
     flag = axis.pop("warned")
-    then = now | {
+    old_hints = hints | {
         "heave": NamedTuple("Heave", list(axis.items())),
         "safety": NamedTuple("Safety", [*safety.items(), ("warned", flag)]),
     }
-    row_type = NamedTuple("WaveBotRow", list(then.items()))
+    row_type = NamedTuple("WaveBotRow", list(old_hints.items()))
     dtype = row_dtype(row_layout.leaves(row_type))
     assert "safety.warned" in dtype.names
-    old = np.zeros(len(data), dtype)
+    old_data = np.zeros(len(data), dtype)
     for name in dtype.names:
-        old[name] = data["heave.warned" if name == "safety.warned" else name]
+        old_data[name] = data["heave.warned" if name == "safety.warned" else name]
     plan = synthetic.plan_json(rows, shape)
-    synthetic.write_run(tmp_path / "old", old, plan, row_type=row_type)
+    synthetic.write_run(tmp_path / "old", old_data, plan, row_type=row_type)
     synthetic.write_run(tmp_path / "new", data, plan)
     before, after = row_table(tmp_path / "old"), row_table(tmp_path / "new")
     assert before.drop_attrs().identical(after.drop_attrs())
@@ -232,7 +234,7 @@ def test_a_run_of_before_a_field_was_renamed(tmp_path: Path) -> None:
 
 
 def stopped(data: Any, row: int, reason: Reason) -> Any:
-    """The run stops 300 ticks into a row's window, as the cycle logs it."""
+    """Return a run that stops 300 ticks into a row's window, as logged by the cycle."""
     at = np.flatnonzero((data["plan.row"] == row) & (data["plan.phase"] == Phase.MEASURE))[300]
     cut = data[: at + 40].copy()
     cut["safety.mode"][at:] = Mode.STOP_1
@@ -249,7 +251,7 @@ def test_a_row_cut_short_by_a_stop(tmp_path: Path) -> None:
     assert table["state"].values.tolist() == ["complete", "complete", "cut short", "not run"]
     assert table["incomplete_reason"].values[2] == "held or stopped"
     assert np.isnan(table["power_ac"].values[3])
-    assert [point.rows for point in points(table)] == [(0,), (1,)]
+    assert [point.rows for point in measured_points(table)] == [(0,), (1,)]
 
 
 def test_a_row_cut_short_by_the_end_of_the_log(tmp_path: Path) -> None:
@@ -278,10 +280,10 @@ def test_after_a_hold_only_the_last_attempt_counts(tmp_path: Path) -> None:
     first["power.ac"] = 999.0
     held = first[:400]
     held["safety.mode"][300:] = Mode.STOP_2
-    again = data[begin:].copy()
-    again["plan.attempt"][again["plan.row"] == 1] = 1
-    whole = synthetic.stamped(np.concatenate([data[:begin], held, again]), shape.dt)
-    table = table_of(tmp_path, whole, rows, shape)
+    second = data[begin:].copy()
+    second["plan.attempt"][second["plan.row"] == 1] = 1
+    joined = synthetic.stamped(np.concatenate([data[:begin], held, second]), shape.dt)
+    table = table_of(tmp_path, joined, rows, shape)
     assert table["state"].values.tolist() == ["complete", "complete"]
     assert table["attempt"].values.tolist() == [0, 1]
     assert table["power_ac"].values == pytest.approx([-40.0, -39.0])
@@ -312,13 +314,13 @@ def test_files_of_the_table(tmp_path: Path) -> None:
 
 def test_the_best_point_and_whether_it_lies_at_the_edge(tmp_path: Path) -> None:
     table = run(tmp_path, synthetic.default_rows(), Shape())
-    best = {(o.kind, o.point.spring_rate): o for o in optima(table)}
+    best = {(o.kind, o.point.spring_rate): o for o in find_optima(table)}
     assert len(best) == 8
     ac = best["ac", 490.9]
     assert (ac.point.kp, ac.point.ki, ac.at_edge, ac.points) == (-2500.0, 4000.0, False, 36)
     assert ac.power == pytest.approx(-55.0)
     table = run(tmp_path / "slope", planned(4), Shape())  # power grows with Ki
-    assert [o.at_edge for o in optima(table)] == [True] * 4
+    assert [o.at_edge for o in find_optima(table)] == [True] * 4
 
 
 @pytest.mark.parametrize(
@@ -327,7 +329,7 @@ def test_the_best_point_and_whether_it_lies_at_the_edge(tmp_path: Path) -> None:
         ((-2000, 2000), [], False, False),
         ((-2000, 0), [], True, False),
         ((-3000, 2000), [], True, False),
-        # rows that were asked for and not measured make no edge: they are a gap
+        # planned rows that were not measured are gaps, not edges
         ((-2000, 2000), [(-3000, ki) for ki in (0, 2000, 4000)], False, True),
         ((-2000, 2000), [(kp, 4000) for kp in (-1000, -2000, -3000)], False, True),
         ((-2000, 2000), [(-2000, 0)], False, True),
@@ -353,15 +355,15 @@ def test_missing_rows_move_no_edge(
     for i, row in enumerate(rows):
         if (row.kp, row.ki) in missing:
             table["state"][i] = "cut short" if i % 2 else "not run"
-    found = [o for o in optima(table) if o.point.spring_rate == 490.9]
-    assert {(o.point.kp, o.point.ki) for o in found} == {best}
-    assert {(o.at_edge, o.at_gap) for o in found} == {(edge, gap)}
-    assert {o.doubt for o in found} == {"grid's edge" if edge else "beside a gap" if gap else ""}
+    optima = [o for o in find_optima(table) if o.point.spring_rate == 490.9]
+    assert {(o.point.kp, o.point.ki) for o in optima} == {best}
+    assert {(o.at_edge, o.at_gap) for o in optima} == {(edge, gap)}
+    assert {o.caveat for o in optima} == {"grid's edge" if edge else "next to a gap" if gap else ""}
 
 
-def test_a_power_without_a_number_is_a_gap_of_that_power_alone(tmp_path: Path) -> None:
+def test_nan_power_is_a_gap_of_that_station_only(tmp_path: Path) -> None:
     table = run(tmp_path, synthetic.default_rows(), Shape(periods=1))
     table["power_ac"][(table["kp"] == -3000.0) & (table["ki"] == 4000.0)] = np.nan
-    gaps = {(o.kind, o.point.spring_rate): (o.at_edge, o.at_gap) for o in optima(table)}
+    gaps = {(o.kind, o.point.spring_rate): (o.at_edge, o.at_gap) for o in find_optima(table)}
     assert gaps["ac", 490.9] == (False, True)  # its best is at Kp -2500, Ki 4000
     assert gaps["mechanical_1", -5715.0] == (False, False)

@@ -1,4 +1,4 @@
-"""Surfaces pass through the points, end at the hull, and say what they cannot show."""
+"""Surfaces pass through their points, end at the convex hull, and carry remarks."""
 
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from rig.analysis.mesh import spans_surface, triangulation
-from rig.analysis.picture import framed
+from rig.analysis.mesh import spans_surface, triangulate
+from rig.analysis.picture import framed_figure
 from rig.analysis.points import Point
 from rig.analysis.rows import POWERS
-from rig.analysis.surfaces import draw, write_surfaces
+from rig.analysis.surfaces import draw_surfaces, write_surfaces
 
 
 def bowl(kp: float, ki: float) -> float:
@@ -28,16 +28,16 @@ def point(kp: float, ki: float, power: float | None = None) -> Point:
     return Point(setting, -13.0, dict.fromkeys(POWERS, value), dict.fromkeys(POWERS, 1.0), ())
 
 
-def softer(of: Point) -> Point:
+def with_soft_spring(of: Point) -> Point:
     return of._replace(setting={**of.setting, "spring_rate": -5715.0})
 
 
-def places(found: list[Point]) -> list[tuple[float, float]]:
-    return [(p.ki, p.kp) for p in found]
+def places(measured: list[Point]) -> list[tuple[float, float]]:
+    return [(p.ki, p.kp) for p in measured]
 
 
-def surface_of(found: list[Point]) -> Any:
-    return interpolator(places(found), [p.power["ac"] for p in found])
+def surface_of(measured: list[Point]) -> Any:
+    return interpolator(places(measured), [p.power["ac"] for p in measured])
 
 
 def grid(skip: set[tuple[float, float]] = frozenset()) -> list[Point]:  # type: ignore[assignment]
@@ -45,37 +45,37 @@ def grid(skip: set[tuple[float, float]] = frozenset()) -> list[Point]:  # type: 
     return [point(float(kp), float(ki)) for kp, ki in gains if (kp, ki) not in skip]
 
 
-def table(found: list[Point]) -> xarray.Dataset:
+def table(measured: list[Point]) -> xarray.Dataset:
     columns: dict[str, Any] = {
-        "row": range(len(found)),
-        "point": range(len(found)),
-        "state": ["complete"] * len(found),
-        **{n: [getattr(p, n) for p in found] for n in ("spring_rate", "stator", "kp", "ki")},
+        "row": range(len(measured)),
+        "point": range(len(measured)),
+        "state": ["complete"] * len(measured),
+        **{n: [getattr(p, n) for p in measured] for n in ("spring_rate", "stator", "kp", "ki")},
     }
     for kind in POWERS:
-        columns[f"power_{kind}"] = [p.power[kind] for p in found]
-        columns[f"power_{kind}_se"] = [p.error[kind] for p in found]
+        columns[f"power_{kind}"] = [p.power[kind] for p in measured]
+        columns[f"power_{kind}_se"] = [p.error[kind] for p in measured]
     attributes = {"campaign": "default", "run": "r1", "mode": "rehearsal"}
     return xarray.Dataset(
         {k: ("row", np.array(list(v))) for k, v in columns.items()}, None, attributes
     )
 
 
-def texts(found: list[Point]) -> str:
+def texts(measured: list[Point]) -> str:
     figure = Figure(layout="constrained")
-    draw(figure, table(found), 8.0)
+    draw_surfaces(figure, table(measured), 8.0)
     figure.draw_without_rendering()
     parts = [t.get_text() for axes in figure.axes for t in [axes.title, *axes.texts]]
     return "\n".join([*parts, *(t.get_text() for t in figure.texts)])
 
 
-def test_the_surface_hits_its_points() -> None:
+def test_the_surface_passes_through_its_points() -> None:
     surface = surface_of(grid())
     for each in grid():
         assert float(surface(each.ki, each.kp)) == pytest.approx(each.power["ac"], abs=1e-9)
 
 
-def test_between_points_it_lies_between_them() -> None:
+def test_interpolated_values_lie_between_neighbours() -> None:
     surface = surface_of(grid())
     random = np.random.default_rng(5)
     for ki, kp in zip(random.uniform(0, 1e4, 200), random.uniform(-3500, -1000, 200), strict=True):
@@ -100,21 +100,21 @@ def test_nothing_outside_the_points() -> None:
 
 
 def test_a_half_done_grid_is_not_bridged() -> None:
-    done = [p for p in grid() if p.kp > -3500.0 or p.ki == 0.0]
-    surface = surface_of(done)
+    measured = [p for p in grid() if p.kp > -3500.0 or p.ki == 0.0]
+    surface = surface_of(measured)
     assert surface(6000.0, -3100.0).mask  # inside the hull, but between points far apart
     assert not surface(500.0, -3100.0).mask
 
 
 @pytest.mark.parametrize("columns", [2, 3, 11])
 def test_narrow_grids_are_surfaces(columns: int) -> None:
-    found = [point(kp, 1000.0 * i) for kp in (-2000.0, -1000.0) for i in range(columns)]
-    assert spans_surface(places(found))
-    mesh = triangulation(places(found))
+    measured = [point(kp, 1000.0 * i) for kp in (-2000.0, -1000.0) for i in range(columns)]
+    assert spans_surface(places(measured))
+    mesh = triangulate(places(measured))
     assert mesh.mask is None or not mesh.mask.any()
 
 
-def test_too_few_points_or_one_line_are_no_surface() -> None:
+def test_too_few_or_collinear_points_are_no_surface() -> None:
     assert not spans_surface([(0.0, -1000.0), (100.0, -2000.0)])
     line = [point(-1000.0 - 500.0 * i, 2000.0 * i) for i in range(5)]
     assert not spans_surface(places(line))
@@ -124,15 +124,15 @@ def test_too_few_points_or_one_line_are_no_surface() -> None:
     assert "no complete row" in texts([])
 
 
-def drawn(found: list[Point], not_run: tuple[int, ...] = ()) -> tuple[list[Axes], list[Axes]]:
-    """Panels and colour bars, row by row."""
+def drawn(measured: list[Point], not_run: tuple[int, ...] = ()) -> tuple[list[Axes], list[Axes]]:
+    """Return panels and colour bars, row by row."""
     figure = Figure(layout="constrained")
-    rows = table(found)
+    rows = table(measured)
     for i in not_run:
         rows["state"][i] = "not run"
-    draw(figure, rows, 8.0)
-    bars = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
-    return [axes for axes in figure.axes if axes not in bars], bars
+    draw_surfaces(figure, rows, 8.0)
+    colour_bars = [axes for axes in figure.axes if axes.get_label() == "<colorbar>"]
+    return [axes for axes in figure.axes if axes not in colour_bars], colour_bars
 
 
 def test_one_line_of_points_is_a_line_without_colours() -> None:
@@ -143,20 +143,20 @@ def test_one_line_of_points_is_a_line_without_colours() -> None:
         assert not bars
         assert [axes.get_xlabel() for axes in panels] == [x] * 3
         assert panels[1].get_ylabel() == "electrical AC, W"
-    assert "points on one line" not in texts(one_kp)  # the axis says so
+    assert "points on one line" not in texts(one_kp)  # a line plot needs no remark
     assert "Kp −2000, Ki +8000 (grid's edge)" in texts(one_kp)
     assert len(drawn(grid())[1]) == 3
 
 
-def test_what_is_missing_of_a_line_is_a_cross_on_its_axis() -> None:
+def test_missing_points_of_a_line_are_crosses_on_its_axis() -> None:
     panels, _ = drawn([point(-2000.0, 2000.0 * i) for i in range(5)], (1, 4))
     crosses = [line for line in panels[0].lines if line.get_marker() == "x"]
     assert [list(line.get_xdata()) for line in crosses] == [[2000.0, 8000.0]]
     assert panels[0].get_xlim()[1] > 8000.0
-    assert panels[0].get_ylim()[0] > -95.0  # and no zero
+    assert panels[0].get_ylim()[0] > -95.0  # zero is not in the range
 
 
-def test_an_error_of_milliwatts_is_not_blown_up_to_a_whole_axis() -> None:
+def test_the_power_axis_spans_at_least_one_percent() -> None:
     exact = point(-2000.0, 0.0, -603.7)._replace(error=dict.fromkeys(POWERS, 0.001))
     low, high = drawn([exact])[0][0].get_ylim()
     assert low < -603.7 < high
@@ -165,24 +165,24 @@ def test_an_error_of_milliwatts_is_not_blown_up_to_a_whole_axis() -> None:
 
 def test_lines_of_several_springs_share_a_scale() -> None:
     first = [point(-2000.0, 2000.0 * i) for i in range(3)]
-    second = [softer(point(-3000.0, 2000.0 * i)) for i in (0, 1)]
+    second = [with_soft_spring(point(-3000.0, 2000.0 * i)) for i in (0, 1)]
     panels, bars = drawn([*first, *second])
     assert not bars
     assert panels[0].get_ylim() == panels[1].get_ylim()
     assert [axes.get_ylabel() for axes in panels[:2]] == ["mechanical, W", ""]
 
 
-def test_beside_a_surface_a_line_names_its_axis() -> None:
-    line = [softer(point(-2000.0, 2000.0 * i)) for i in range(5)]
+def test_a_line_next_to_a_surface_labels_its_axis() -> None:
+    line = [with_soft_spring(point(-2000.0, 2000.0 * i)) for i in range(5)]
     panels, bars = drawn([*grid(), *line])
     assert len(bars) == 3
     assert [axes.get_ylabel() for axes in panels[:2]] == ["Kp, N·s/m", "mechanical, W"]
 
 
 def test_the_optimum_is_marked_with_value_and_gains() -> None:
-    said = texts(grid())
-    assert "−90.0 ± 1.0 W at Kp −2000, Ki +8000" in said
-    assert "spring +491 N/m, stator −13 %" in said
+    shown = texts(grid())
+    assert "−90.0 ± 1.0 W at Kp −2000, Ki +8000" in shown
+    assert "spring +491 N/m, stator −13 %" in shown
     edge = [p for p in grid() if p.ki <= 4000.0]
     assert "(grid's edge)" in texts(edge)
 
@@ -201,11 +201,11 @@ def test_a_picture_is_written(tmp_path: Path, found: list[Point]) -> None:
 
 @pytest.mark.parametrize("letters", [5, 20, 40, 64])
 @pytest.mark.parametrize("width", [6.6, 8.0, 12.8])
-def test_the_line_beneath_a_title_keeps_off_the_run(letters: int, width: float) -> None:
+def test_the_subtitle_does_not_overlap_the_run(letters: int, width: float) -> None:
     attributes = {"run": f"20260504T093000Z_{'m' * letters}", "mode": "rehearsal"}
-    beneath = "left-out columns at each panel's own optimum"
-    figure, _ = framed(width, 3.0, "Power surfaces", attributes, beneath=beneath)
+    subtitle = "other columns at the optimum of each panel"
+    figure, _ = framed_figure(width, 3.0, "Power surfaces", attributes, subtitle=subtitle)
     figure.draw_without_rendering()
     texts = {text.get_text(): text.get_window_extent() for text in figure.subfigs[0].texts}
-    run = next(box for said, box in texts.items() if said.startswith("run "))
-    assert not texts[beneath].overlaps(run)
+    run = next(box for text, box in texts.items() if text.startswith("run "))
+    assert not texts[subtitle].overlaps(run)

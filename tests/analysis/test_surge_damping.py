@@ -1,4 +1,4 @@
-"""The surge damping determination: a closed form, a blind device, what is refused, the command."""
+"""The surge damping determination: a closed form, an unknown device, refusals, the command."""
 
 from __future__ import annotations
 
@@ -14,8 +14,14 @@ from rig_command import rig_here
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import POWERS
-from rig.analysis.surge_damping import Row as Damped
-from rig.analysis.surge_damping import allowed_stroke, as_dict, as_text, choose, measured
+from rig.analysis.surge_damping import DampingRow as Damped
+from rig.analysis.surge_damping import (
+    allowed_stroke,
+    as_dict,
+    as_text,
+    choose_damping,
+    measure_rows,
+)
 from rig.planning.campaign import check_campaign
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
@@ -25,48 +31,54 @@ OMEGA = math.pi  # 0.5 Hz
 DAMPINGS = (250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
 
 
-def oscillator(damping: float, excitation: float = 1000.0, own: float = 1500.0) -> Damped:
-    """A surge axis at resonance: x = F / (w (own + damping)), drive force = damping w x."""
+def oscillator_row(damping: float, excitation: float = 1000.0, own: float = 1500.0) -> Damped:
+    """Return a row at resonance: x = F / (w (own + damping)), drive force = damping w x."""
     velocity = excitation / (own + damping)
     stroke = velocity / OMEGA
     return Damped(0, damping, stroke, damping * velocity, 0.1, -45.0, 0.01, 12.0, True)
 
 
-def test_at_resonance_the_stroke_says_the_damping() -> None:
-    """Force grows with the damping, so the least that keeps the stroke counts: the closed form
-    F / (w stroke) - own, rounded up to 50 N s/m (interpolated between rows, within one step)."""
-    rows = [oscillator(damping) for damping in DAMPINGS]
+def test_damping_for_a_stroke_at_resonance() -> None:
+    """Force grows with damping, so the smallest damping that keeps the stroke is chosen.
+
+    The closed form is F / (w stroke) - own, rounded up to 50 N s/m; the interpolation between rows
+    is within one step.
+    """
+    rows = [oscillator_row(damping) for damping in DAMPINGS]
     for stroke in (0.06, 0.09, 0.11):
         exact = 1000.0 / (OMEGA * stroke) - 1500.0
-        choice = choose(rows, stroke)
+        choice = choose_damping(rows, stroke)
         assert choice.bound == "stroke"
         assert choice.damping == pytest.approx(50.0 * math.ceil(exact / 50.0), abs=50.0)
         assert choice.predicted[0] <= stroke
         assert choice.kp == -choice.damping
 
 
-def test_heave_power_may_bind_and_a_least_force_may_lie_within() -> None:
-    rows = [oscillator(damping) for damping in DAMPINGS]
-    starved = [row._replace(power=-45.0 if row.damping >= 2000.0 else -30.0) for row in rows]
-    choice = choose(starved, 1.0)
+def test_heave_power_and_least_force_can_determine_the_damping() -> None:
+    rows = [oscillator_row(damping) for damping in DAMPINGS]
+    weak_heave = [row._replace(power=-45.0 if row.damping >= 2000.0 else -30.0) for row in rows]
+    choice = choose_damping(weak_heave, 1.0)
     assert (choice.bound, choice.damping > 1000.0) == ("heave power", True)
-    dipped = [row._replace(force=abs(math.log(row.damping / 1000.0)) + 1.0) for row in rows]
-    assert choose(dipped, 1.0)[3:6] == (1000.0, pytest.approx((0.127, 1.0, -45.0), abs=1e-3),
-                                       "least force")  # fmt: skip
-    free = choose(rows, 1.0)
+    with_minimum = [row._replace(force=abs(math.log(row.damping / 1000.0)) + 1.0) for row in rows]
+    choice = choose_damping(with_minimum, 1.0)
+    assert (choice.damping, choice.bound) == (1000.0, "least force")
+    assert choice.predicted == pytest.approx((0.127, 1.0, -45.0), abs=1e-3)
+    free = choose_damping(rows, 1.0)
     assert (free.bound, free.damping) == ("end of the range", 250.0)
-    assert "beyond it was not measured" in as_text(free)
+    assert "beyond it were not measured" in as_text(free)
 
 
-def test_a_stroke_that_nothing_keeps() -> None:
-    choice = choose([oscillator(damping) for damping in DAMPINGS], 0.01)
+def test_no_damping_keeps_a_small_stroke() -> None:
+    choice = choose_damping([oscillator_row(damping) for damping in DAMPINGS], 0.01)
     assert math.isnan(choice.damping)
     assert "no damping of this range keeps a stroke of 0.010 m" in as_text(choice)
 
 
 def campaign(folder: Path, **keys: Any) -> Path:
-    """Four dampings in a small wave on a device whose surge stiffness and drag the rig does not
-    know."""
+    """Write a campaign of four dampings in a small wave.
+
+    The surge stiffness and drag of the device are unknown to the rig.
+    """
     plant = yaml_file(
         folder / "plant.yaml",
         {
@@ -78,7 +90,7 @@ def campaign(folder: Path, **keys: Any) -> Path:
             },
         },
     )
-    whole = {
+    settings = {
         "name": "damping", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), "plant": str(plant),
         "sea": {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         "surge": {"use": "station keeping"}, "tare": {"duration_s": 1},
@@ -86,7 +98,7 @@ def campaign(folder: Path, **keys: Any) -> Path:
         "matrix": {"grid": [{"spring_n_per_m": 7690, "kp_n_s_per_m": -2500, "ki_n_per_m": 0,
                              "surge_kp_n_s_per_m": [-700, -1500, -3000, -6000]}]},
     }  # fmt: skip
-    return yaml_file(folder / "campaign.yaml", {**whole, **keys})
+    return yaml_file(folder / "campaign.yaml", {**settings, **keys})
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +110,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def stepped(folder: Path, lost: slice) -> Path:
-    """A synthetic run of five dampings; the record lacks these ticks of row 3."""
+    """Write a synthetic run of five dampings whose record lacks these ticks of row 3."""
     rows = [Row(i, 0, 7690.0, -2500.0, 0.0, dict.fromkeys(POWERS, -10.0)) for i in range(5)]
     plan = plan_json(rows, Shape())
     for i, row in enumerate(plan["rows"]):
@@ -108,34 +120,39 @@ def stepped(folder: Path, lost: slice) -> Path:
     return write_run(folder, np.delete(data, inside[lost]), plan, ticks=len(data))
 
 
-def test_a_row_that_the_record_lacks_ticks_of_is_left_out_and_named(tmp_path: Path) -> None:
-    torn = stepped(tmp_path / "torn", slice(100, 150))
-    said = "row 3 is left out: 50 of 1000 ticks missing from the record"
-    found = measured(torn)
-    assert [row.row for row in found.rows] == [0, 1, 2, 4]
-    assert found.notes == (said,)
-    choice = choose(found.rows, 0.1)._replace(notes=found.notes)
-    assert f"note: {said}" in as_text(choice)
-    assert as_dict(choice)["notes"] == [said]
-    code, out, _ = rig_here("surge-damping", torn, "--stroke-m", "0.1", "--json")
-    assert json.loads(out)["notes"] == [said], code
-    asked = measured(torn, incomplete_rows=True)
-    assert ([row.row for row in asked.rows], asked.notes) == ([0, 1, 2, 3, 4], ())
-    gone = measured(stepped(tmp_path / "gone", slice(None)))
+def test_a_row_with_missing_ticks_is_left_out_and_reported(tmp_path: Path) -> None:
+    damaged = stepped(tmp_path / "torn", slice(100, 150))
+    message = "row 3 is left out: 50 of 1000 ticks missing from the record"
+    measured = measure_rows(damaged)
+    assert [row.row for row in measured.rows] == [0, 1, 2, 4]
+    assert measured.notes == (message,)
+    choice = choose_damping(measured.rows, 0.1)._replace(notes=measured.notes)
+    assert f"note: {message}" in as_text(choice)
+    assert as_dict(choice)["notes"] == [message]
+    code, out, _ = rig_here("surge-damping", damaged, "--stroke-m", "0.1", "--json")
+    assert json.loads(out)["notes"] == [message], code
+    with_incomplete = measure_rows(damaged, incomplete_rows=True)
+    assert ([row.row for row in with_incomplete.rows], with_incomplete.notes) == (
+        [0, 1, 2, 3, 4],
+        (),
+    )
+    gone = measure_rows(stepped(tmp_path / "gone", slice(None)))
     assert [row.row for row in gone.rows] == [0, 1, 2, 4]
     assert gone.notes == ("row 3 is left out: all of its ticks are missing from the record",)
 
 
 @pytest.mark.slow
-def test_rows_are_those_of_the_bem(finished: Path) -> None:
-    """Amplitudes by the BEM at 0.5 Hz and the drawn stiffness and drag: |Fe| a / |k - (m + A) w²
-    + i w (B + drag + damping)|. 3 %: the fit of the radiation, the loop's delay of 1.5 ms (a
-    stiffness of damping w² 1.5 ms), and what is left of transients."""
+def test_rows_agree_with_the_bem(finished: Path) -> None:
+    """The amplitudes are |Fe| a / |k - (m + A) w² + i w (B + drag + damping)| within 3 %.
+
+    Fe, A and B are from the BEM at 0.5 Hz. The tolerance covers the fit of the radiation, the
+    loop's delay of 1.5 ms (a stiffness of damping w² 1.5 ms), and remaining transients.
+    """
     with np.load(CONFIGS / "plants" / "wavebot_surge_bem.npz") as bem:
         frequency, size = bem["f_hz"], np.abs(bem["Fe_complex"])
         added, radiated = (float(np.interp(0.5, frequency, bem[key])) for key in ("A", "B"))
         force = float(np.interp(0.5, frequency, size))
-    for row in measured(finished).rows:
+    for row in measure_rows(finished).rows:
         own = radiated + 1300.0
         z = 16500.0 - (1420.0 + added) * OMEGA**2 + 1j * OMEGA * (own + row.damping)
         stroke = 0.1 * force / abs(z)
@@ -146,24 +163,24 @@ def test_rows_are_those_of_the_bem(finished: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_tells_the_damping(finished: Path) -> None:
+def test_the_command_reports_the_damping(finished: Path) -> None:
     assert allowed_stroke(facts(finished)) == 0.125  # half of the soft stop's reach of 0.25 m
-    code, said, err = rig_here("surge-damping", finished, "--stroke-m", "0.08", "--json")
+    code, stdout, err = rig_here("surge-damping", finished, "--stroke-m", "0.08", "--json")
     assert (code, err) == (0, "")
-    told = json.loads(said)
-    assert told["bound_by"] == "stroke"
-    rows = {row["damping"]: row["stroke"] for row in told["rows"]}
+    result = json.loads(stdout)
+    assert result["bound_by"] == "stroke"
+    rows = {row["damping"]: row["stroke"] for row in result["rows"]}
     below = max(damping for damping in rows if rows[damping] > 0.08)
     above = min(damping for damping in rows if rows[damping] <= 0.08)
-    assert below < -told["surge_kp_n_s_per_m"] <= above
-    assert all(Path(path).exists() for path in told["written"])
-    code, said, _ = rig_here("surge-damping", finished, "--stroke-m", "0.001")
-    assert (code, "no damping of this range" in said) == (1, True)
+    assert below < -result["surge_kp_n_s_per_m"] <= above
+    assert all(Path(path).exists() for path in result["written"])
+    code, stdout, _ = rig_here("surge-damping", finished, "--stroke-m", "0.001")
+    assert (code, "no damping of this range" in stdout) == (1, True)
 
 
 def test_other_runs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RunError):
-        measured(tmp_path)
+        measure_rows(tmp_path)
     code, _, err = rig_here("surge-damping", tmp_path / "none", "--runs", tmp_path)
     assert (code, "no such run" in err) == (2, True)
 

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from rehearsing import campaign_file, run
 from test_sweep_rows import POINTS, swept
 
-from rig.analysis.points import matrix
-from rig.analysis.surfaces import KINDS, draw
+from rig.analysis.points import gain_matrix
+from rig.analysis.surfaces import KINDS, draw_surfaces
 from rig.sweep import pictures
 from rig.sweep.cases import LEAD_IN
 from rig.sweep.parameters import Files
@@ -72,10 +72,10 @@ def test_a_rehearsal_lies_on_what_was_simulated(
 def test_what_was_measured_lies_within_its_panel(table: xarray.Dataset) -> None:
     """Two rows make lines; the points on top absorb 30 W less than any of them."""
     rows = table.isel({"plant.pto.torque_constant.value": 0, "sea.amplitude_m": 1, "row": [0, 1]})
-    points = matrix(rows)
+    points = gain_matrix(rows)
     less = [p._replace(power={k: w + 30.0 for k, w in p.power.items()}) for p in points.points]
     figure = Figure((8.0, 8.0))
-    draw(figure.subfigures(), rows, 8.0, others=points._replace(points=tuple(less)))
+    draw_surfaces(figure.subfigures(), rows, 8.0, overlay=points._replace(points=tuple(less)))
     panels = [axes for axes in figure.axes if axes.lines]
     assert len(panels) == 3
     for axes, kind in zip(panels, KINDS, strict=True):

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from rig_command import rig_here
 from synthetic_runs import Row, Shape
 
-from rig.analysis.report import summary_of, write_products
+from rig.analysis.report import summarise_run, write_products
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
 from rig.recording.calibration import Known, OutsideError, open_calibration
 
@@ -128,7 +128,7 @@ def test_products_say_by_what_they_were_read_and_leave_the_others(
     assert "spring +378 N/m" in text
     with xarray.open_dataset(run / "read_by_one_v1" / "rows.nc") as told:
         assert told.attrs["read_by"] == "one v1"
-    assert summary_of(run).calibration == ""
+    assert summarise_run(run).calibration == ""
 
 
 def test_the_commands_read_by_a_calibration_when_asked(tmp_path: Path, run: Path) -> None:

@@ -27,11 +27,11 @@ from rehearsing import (
     yaml_file,
 )
 
-from rig.analysis.comparison import compare, gap
+from rig.analysis.comparison import compare, power_difference
 from rig.analysis.comparison_picture import write_comparison
 from rig.analysis.comparison_table import as_text
-from rig.analysis.effects import Effect, Effects, effects
-from rig.analysis.effects_table import notes
+from rig.analysis.effects import Effect, Effects, compute_effects
+from rig.analysis.effects_table import effect_notes
 
 SHORT = CONFIGS / "campaigns" / "mask4_run_120_short.yaml"
 # Rows of three wave periods in place of four, and less of a wait before the first.
@@ -57,7 +57,7 @@ def eight_rows(path: Path) -> Any:
 
 def on_dc(table: Any) -> tuple[Effects, dict[str, Effect]]:
     """Main effects on DC power, and each by its column."""
-    found = effects(table, "dc")
+    found = compute_effects(table, "dc")
     assert found is not None
     return found, {each.column.name: each for each in found.effects}
 
@@ -93,7 +93,7 @@ def test_signs_and_ranks(table: Any, record_property: Callable[[str, object], No
     assert below(threshold)
     assert found.lead > found.lead_half_width
     assert found.lead < found.lead_misfit_half_width
-    assert "by misfit: not surely)" in "; ".join(notes(found))
+    assert "by misfit: not surely)" in "; ".join(effect_notes(found))
     assert size_interval(voltage)[0] > size_interval(threshold)[1]
     assert 6.0 < -frequency.watts < 12.0  # "about 10 W" at 75 V, half of that at 40 V
     assert 2.0 < voltage.watts < 8.0  # "a few watts"
@@ -116,7 +116,7 @@ def test_a_rehearsal_measures_the_same_rows(tmp_path: Path) -> None:
 def test_drive_settings_move_dc_power_alone(table: Any) -> None:
     """AC power changes by what the threshold forgoes, mechanical power no more than that."""
     for kind in ("ac", "mechanical_1"):
-        found = effects(table, kind)
+        found = compute_effects(table, kind)
         assert found is not None
         named = {each.column.name: each for each in found.effects}
         assert abs(named["switching_period"].watts) < 0.05
@@ -177,7 +177,7 @@ def test_against_the_commercial_drive(tmp_path: Path) -> None:
     assert pair.a.power["dc"] == pytest.approx(6.7, abs=0.5)
     assert pair.b.power["dc"] == pytest.approx(-22.1, abs=0.5)
     for kind in ("mechanical_1", "mechanical_2", "ac"):  # the drive is behind them
-        assert abs(gap(pair, kind).watts) < 0.1
+        assert abs(power_difference(pair, kind).watts) < 0.1
     assert (told.a.rig, told.b.rig) == ("WaveBot", "WaveBot, custom drive")
     assert {each.group for each in told.differences} == {"drive", "plant", "rig"}
     text = as_text(told)

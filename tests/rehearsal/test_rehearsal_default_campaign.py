@@ -26,7 +26,7 @@ from rehearsing import (
 )
 
 from rig.analysis.report import write_products
-from rig.analysis.slices import optima
+from rig.analysis.slices import find_optima
 
 STIFF, SOFT = 490.9, -5715.0
 SHORT: dict[str, Any] = {
@@ -54,7 +54,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 @pytest.fixture(scope="module")
 def best(table: Any) -> dict[tuple[str, float], Any]:
-    return {(o.kind, o.point.spring_rate): o for o in optima(table)}
+    return {(o.kind, o.point.spring_rate): o for o in find_optima(table)}
 
 
 def test_it_is_whole(table: Any) -> None:

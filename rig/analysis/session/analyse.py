@@ -26,7 +26,7 @@ from rig.analysis.session.page import page_notes, write_page
 from rig.analysis.session.points import SessionRun, open_session, session_config
 from rig.analysis.session.result import FigureSpec, Result, format_estimate
 from rig.analysis.session.tables import result_as_dict, write_tables
-from rig.analysis.stop_reason import Ending, LostTicks, ending_of, stop_of
+from rig.analysis.stop_reason import Ending, LostTicks, describe_ending, find_stop
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import Facts, facts, list_runs
 from rig.recording.runs.state import RecordState
@@ -124,8 +124,8 @@ def analyse(
     except ValueError as error:
         raise RunError(f"{run}: {error}") from error
     folder = run if run.is_dir() else run.parent
-    lost_ticks = stop_of(run, session.metadata.status).lost
-    ending = ending_of(session.metadata.status, lost_ticks)
+    lost_ticks = find_stop(run, session.metadata.status).lost
+    ending = describe_ending(session.metadata.status, lost_ticks)
     attributes = {
         "session": session.kind,
         **session.metadata.attributes(),
@@ -222,6 +222,6 @@ def _find_analysed_run(run: Path, kind: str) -> Path | None:
 
 
 def _draw_figure(spec: FigureSpec, attributes: dict[str, Any], folder: Path) -> Path:
-    figure, body = picture.framed(*spec.size, spec.title, attributes, "", spec.caption)
+    figure, body = picture.framed_figure(*spec.size, spec.title, attributes, "", spec.caption)
     spec.draw(body)
     return picture.save(figure, folder / f"{spec.name}.png")

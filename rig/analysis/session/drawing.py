@@ -9,7 +9,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import SubFigure
 
-from rig.analysis.picture import INK, quiet
+from rig.analysis.picture import DARK, style_axes
 from rig.analysis.session.linear_fit import Line, band, value_at
 
 BLUE, RED, GREEN = "#0b6e99", "#d1495b", "#2e933c"
@@ -27,7 +27,7 @@ _CORNERS = {
 def prepare_axes(body: SubFigure, x_label: str, y_label: str, axes: Axes | None = None) -> Axes:
     """Return axes with labels, and a grid in the background; ``axes`` reuses existing ones."""
     new_axes: Any = body.subplots() if axes is None else axes
-    quiet(new_axes)
+    style_axes(new_axes)
     new_axes.set_xlabel(x_label, fontsize=8.5)
     new_axes.set_ylabel(y_label, fontsize=8.5)
     new_axes.grid(alpha=0.25)
@@ -62,6 +62,6 @@ def annotate_corner(axes: Axes, text: str, corner: str) -> None:
         ha=horizontal,
         va="top" if vertical == "upper" else "bottom",
         fontsize=8,
-        color=INK,
+        color=DARK,
         bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 2.0},
     )

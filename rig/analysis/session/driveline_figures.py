@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import SubFigure
 
-from rig.analysis.picture import INK, MARK, SOFT
+from rig.analysis.picture import ACCENT, DARK, MUTED
 from rig.analysis.session import periods, regressions, torque_map
 from rig.analysis.session.deflection import ShaftLag
 from rig.analysis.session.drawing import (
@@ -91,9 +91,9 @@ def _draw_corrections_in_time(
     cut = uncorrected.motion.cut
     reference = periods.mean_period(uncorrected.error + uncorrected.motion.shaft, cut) / DEGREE
     t = cut.dt * np.arange(len(reference))
-    upper.plot(t, reference, color=INK, lw=1.2)
+    upper.plot(t, reference, color=DARK, lw=1.2)
     lower.plot(
-        t, periods.mean_period(uncorrected.error, cut) / DEGREE, color=INK, label="uncorrected"
+        t, periods.mean_period(uncorrected.error, cut) / DEGREE, color=DARK, label="uncorrected"
     )
     for scheme, colour in zip(result.schemes, (BLUE, RED, GREEN), strict=False):
         for corrected, other in scheme.pairs:
@@ -101,7 +101,7 @@ def _draw_corrections_in_time(
                 error = periods.mean_period(corrected.error, corrected.motion.cut) / DEGREE
                 times = corrected.motion.cut.dt * np.arange(len(error))
                 lower.plot(times, error, color=colour, label=scheme.name)
-    lower.axhline(0.0, color=SOFT, lw=0.5)
+    lower.axhline(0.0, color=MUTED, lw=0.5)
     low, high = lower.get_ylim()
     lower.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
     lower.legend(frameon=False, fontsize=8, loc="upper right", ncols=2)
@@ -128,8 +128,8 @@ def _draw_lag_parameters(point: DrivelineSetpoint, body: SubFigure) -> None:
     exaggerated = mean["motor"] - 10.0 * (mean["motor"] - mean["shaft"])
     axes.plot(t, mean["motor"], color=BLUE, lw=1.8, label="motor")
     axes.plot(t, exaggerated, color=RED, lw=1.8, label="shaft")
-    axes.axhline(mean["motor"].max(), color=SOFT, lw=0.6, ls=":")
-    axes.axhline(exaggerated.max(), color=SOFT, lw=0.6, ls=":")
+    axes.axhline(mean["motor"].max(), color=MUTED, lw=0.6, ls=":")
+    axes.axhline(exaggerated.max(), color=MUTED, lw=0.6, ls=":")
     shift = 100.0 * point.lag.phase_shift.mean()
     loss = point.lag.amplitude_difference.mean() / DEGREE
     annotate_corner(
@@ -150,7 +150,7 @@ def _draw_by_period(point: DrivelineSetpoint, body: SubFigure) -> None:
         for i, period in enumerate(periods.split_periods(values, cut)):
             t = cut.dt * np.arange(len(period))
             axes.plot(t, period, color=shade(i, cut.period_count), lw=0.7)
-        axes.axhline(0.0, color=SOFT, lw=0.5)
+        axes.axhline(0.0, color=MUTED, lw=0.5)
     lower.margins(x=0.0)
 
 
@@ -241,7 +241,7 @@ def _draw_offline_correction(
         upper.plot(t, angle, style, color=colour, lw=1.6, label=name)
         lower.plot(t, angle - shaft, style, color=colour, lw=1.4)
     upper.plot(t, shaft, color=RED, lw=1.2, label="shaft")
-    lower.axhline(0.0, color=SOFT, lw=0.6)
+    lower.axhline(0.0, color=MUTED, lw=0.6)
     upper.legend(frameon=False, fontsize=8, loc="upper center")
     lower.margins(x=0.0)
 
@@ -264,9 +264,9 @@ def _draw_before_after(result: DrivelineResult, body: SubFigure) -> None:
                 i + offset, mid, error_bar, fmt="o", ms=4, color=colour, capsize=2.5, label=label
             )
     for level, name in ((0.25, "0.25°"), (0.12, "0.12°")):
-        axes.axhline(level, color=SOFT, lw=0.8, ls="--")
+        axes.axhline(level, color=MUTED, lw=0.8, ls="--")
         axes.annotate(name, (1.0, level), xycoords=("axes fraction", "data"), ha="right",
-                      va="bottom", fontsize=7.5, color=SOFT)  # fmt: skip
+                      va="bottom", fontsize=7.5, color=MUTED)  # fmt: skip
     ticks = [f"{a:g}\n{r:g}" for a, r in (each.setpoint for each in result.uncorrected)]
     axes.set_xticks(range(len(ticks)), ticks)
     axes.set_ylim(0.0, 1.15 * max(0.25, axes.get_ylim()[1]))  # room for the legend
@@ -287,7 +287,7 @@ def _draw_deflection_over_torque(result: DrivelineResult, body: SubFigure) -> No
             x = sign * np.linspace(0.3, max_torque, 200)
             label = "fitted map" if sign > 0 else None
             y = torque_map.map_deflection(result.torque_map, x) / DEGREE
-            axes.plot(x, y, "--", color=MARK, lw=1.6, label=label)
+            axes.plot(x, y, "--", color=ACCENT, lw=1.6, label=label)
         axes.legend(frameon=False, fontsize=8, loc="upper left")
         fitted_map = result.torque_map
         annotate_corner(
@@ -298,8 +298,8 @@ def _draw_deflection_over_torque(result: DrivelineResult, body: SubFigure) -> No
             f"stiffness {fitted_map.stiffness.value:.0f} N·m/rad",
             "lower right",
         )
-    axes.axhline(0.0, color=SOFT, lw=0.5)
-    axes.axvline(0.0, color=SOFT, lw=0.5)
+    axes.axhline(0.0, color=MUTED, lw=0.5)
+    axes.axvline(0.0, color=MUTED, lw=0.5)
 
 
 def _draw_schemes(result: DrivelineResult, body: SubFigure) -> None:
@@ -315,13 +315,13 @@ def _draw_schemes(result: DrivelineResult, body: SubFigure) -> None:
     uncorrected_errors = [
         np.percentile(np.abs(uncorrected[p].error), 95) / DEGREE for p in setpoints
     ]
-    axes.plot(range(len(setpoints)), uncorrected_errors, "o", ms=6, color=INK, label="uncorrected")
+    axes.plot(range(len(setpoints)), uncorrected_errors, "o", ms=6, color=DARK, label="uncorrected")
     axes.plot(
         range(len(setpoints)),
         np.array(uncorrected_errors) / 2.0,
         "_",
         ms=12,
-        color=SOFT,
+        color=MUTED,
         label="half of uncorrected",
     )
     for scheme, colour, mark in zip(result.schemes, (BLUE, RED, GREEN), "sD^", strict=False):

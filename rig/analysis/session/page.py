@@ -5,7 +5,7 @@ import html
 from pathlib import Path
 from typing import Any
 
-from rig.analysis.phrases import mode_stamp, utc
+from rig.analysis.phrases import format_utc, mode_stamp
 from rig.analysis.session.points import SessionRun
 from rig.analysis.session.result import (
     Column,
@@ -16,7 +16,7 @@ from rig.analysis.session.result import (
     format_number,
 )
 from rig.analysis.stop_reason import ENDINGS, Ending
-from rig.analysis.windows import GONE
+from rig.analysis.windows import ALL_TICKS_MISSING
 from rig.recording.runs.state import RECOVERED, WHOLE
 
 FILE = "session.html"
@@ -41,7 +41,7 @@ def write_page(
 ) -> Path:
     """Write ``session.html``, which contains its figures and loads nothing. Return its path."""
     metadata = session.metadata
-    subtitle = f"run {metadata.run}, started {utc(metadata.started_utc)}"
+    subtitle = f"run {metadata.run}, started {format_utc(metadata.started_utc)}"
     body = [
         f"<header><span class=stamp>{_escape(mode_stamp(metadata.mode))}</span>"
         f"<h1>Session {_escape(session.name)}</h1><p>{_escape(subtitle)}</p></header>",
@@ -76,7 +76,7 @@ def page_notes(result: Result, session: SessionRun) -> list[str]:
     reasons = {
         point.row: point.incomplete_reason for point in session.points if point.incomplete_reason
     }
-    reasons |= dict.fromkeys(session.missing_rows, GONE)
+    reasons |= dict.fromkeys(session.missing_rows, ALL_TICKS_MISSING)
     return [*lines, *(f"Row {row} is left out: {reasons[row]}." for row in sorted(reasons))]
 
 

@@ -13,7 +13,7 @@ from rig.analysis.session import periods
 from rig.analysis.session.deflection import Motion, trim_motion
 from rig.analysis.session.estimate import Floats
 from rig.analysis.session.periods import PeriodCut
-from rig.analysis.windows import Window, gone, windows
+from rig.analysis.windows import Window, missing_rows, read_windows
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import Facts, facts
 from rig.recording.runs.state import Reading, RecordState
@@ -139,7 +139,7 @@ def open_session(run: str | os.PathLike[str]) -> SessionRun:
     repeat_period = float((config.get("irregular") or {}).get("repeat_s") or np.nan)
     latest: dict[int, SetpointData] = {}
     reading = Reading(source.contents, source.damage)
-    for window in windows(source, list(FIELDS), metadata.plan, reading=reading):
+    for window in read_windows(source, list(FIELDS), metadata.plan, reading=reading):
         if window.row >= 0:
             latest.pop(window.row, None)  # a later attempt replaces an earlier one
             latest[window.row] = _setpoint_data(
@@ -157,7 +157,7 @@ def open_session(run: str | os.PathLike[str]) -> SessionRun:
         float(scales.get("velocity_constant_rad_per_s_per_v") or np.nan),
         bool(config.get("irregular")),
         record,
-        tuple(sorted(gone(metadata.plan, latest, record))),
+        tuple(sorted(missing_rows(metadata.plan, latest, record))),
     )
 
 

@@ -1,4 +1,4 @@
-"""What a spring map leaves: dataset, table, and the calibration that a rig file can name."""
+"""Files of a spring map: dataset, table, and the calibration for a rig file."""
 
 import csv
 import math
@@ -10,7 +10,7 @@ import xarray
 from rig.recording.calibration import Known, open_calibration
 from rig.recording.runs import RunError
 
-MARGIN = 0.95  # of the stroke at which the stator's force reverses
+STROKE_MARGIN = 0.95  # of the stroke at which the stator's force reverses
 NAME = "spring_map"
 _COLUMNS = (
     "rate", "rate_interval", "rate_column", "rate_small", "passes", "peak", "departure",
@@ -20,7 +20,7 @@ _COLUMNS = (
 
 
 def write_map(table: xarray.Dataset, folder: Path) -> list[Path]:
-    """``spring_map.nc`` with everything and ``spring_map.csv`` with a line for each station."""
+    """Write ``spring_map.nc`` with all data and ``spring_map.csv`` with a line for each station."""
     binary, text = folder / f"{NAME}.nc", folder / f"{NAME}.csv"
     table.to_netcdf(binary, engine="h5netcdf")
     units = {name: table[name].attrs.get("units", "1") for name in _COLUMNS}
@@ -32,28 +32,32 @@ def write_map(table: xarray.Dataset, folder: Path) -> list[Path]:
     return [text, binary]
 
 
-def strokes(table: xarray.Dataset) -> list[float]:
-    """Stroke (m, either way) at each station: short of the reversal, and of the travel seen."""
+def safe_strokes(table: xarray.Dataset) -> list[float]:
+    """Return the stroke (m, either direction) of each station.
+
+    It stays below the force reversal and within the measured travel.
+    """
     reversed_at, travel = table["reversal_stroke"].values, table["travel"].values
     return [
-        math.floor(1000.0 * min(MARGIN * float(stroke), float(seen))) / 1000.0
-        for stroke, seen in zip(reversed_at, travel, strict=True)
+        math.floor(1000.0 * min(STROKE_MARGIN * float(stroke), float(travelled))) / 1000.0
+        for stroke, travelled in zip(reversed_at, travel, strict=True)
     ]
 
 
 def write_calibration(
     table: xarray.Dataset, path: Path, name: str = NAME, supersedes: int | None = None
 ) -> Known:
-    """The map as a version of a calibration: stator position (%) -> spring rate (N/m), strokes.
+    """Write the map as a calibration file: stator position (%) -> spring rate (N/m), strokes.
 
-    It is read back as `rig` reads it. Raises RunError where the map cannot be inverted: a station
-    has no rate, there are fewer than two, or the rate does not rise or fall strictly.
+    Returns the calibration as `rig` reads it. Raises RunError if the map cannot be inverted: a
+    station has no rate, there are fewer than two, or the rate is not strictly monotone.
     """
-    stations = [round(float(one), 2) for one in table["station"].values]
-    rates = [round(float(one), 1) for one in table["rate"].values]
-    _invertible(stations, rates)
+    stations = [round(float(value), 2) for value in table["station"].values]
+    rates = [round(float(value), 1) for value in table["rate"].values]
+    _check_invertible(stations, rates)
     attributes = table.attrs
     version = 1 if supersedes is None else supersedes + 1
+    strokes = safe_strokes(table)
     lines = [
         f"# Spring map of run {attributes.get('run', '')}; a rig file names it: spring_map: FILE",
         f"name: {name}",
@@ -65,7 +69,7 @@ def write_calibration(
         "  kind: table",
         f"  recorded: {stations}",
         f"  corrected: {rates}",
-        f"stroke_m: {strokes(table)}     # {MARGIN:g} of where the stator's force reverses",
+        f"stroke_m: {strokes}     # {STROKE_MARGIN:g} of the stroke at force reversal",
         f'valid: {{dates: {{from: "{str(attributes.get("started_utc", ""))[:10]}"}}}}',
         "outside: refuse",
         f'source: "run {attributes.get("run", "")} ({attributes.get("mode", "")})"',
@@ -75,16 +79,16 @@ def write_calibration(
     return open_calibration(path)
 
 
-def _invertible(stations: list[float], rates: list[float]) -> None:
+def _check_invertible(stations: list[float], rates: list[float]) -> None:
     if len(rates) < 2:
         raise RunError(f"{len(rates)} stator position: a map needs at least 2")
-    lost = [f"{s:g} %" for s, rate in zip(stations, rates, strict=True) if math.isnan(rate)]
-    if lost:
-        raise RunError(f"no rate at {', '.join(lost)}: the travel was too short there")
+    without_rate = [f"{s:g} %" for s, rate in zip(stations, rates, strict=True) if math.isnan(rate)]
+    if without_rate:
+        raise RunError(f"no rate at {', '.join(without_rate)}: the travel there was too short")
     steps = [after - before for before, after in pairwise(rates)]
     if not (all(step > 0.0 for step in steps) or all(step < 0.0 for step in steps)):
         shown = ", ".join(f"{s:g} %: {rate:g}" for s, rate in zip(stations, rates, strict=True))
         raise RunError(
-            f"rates (N/m) neither rise nor fall strictly over the stator ({shown}): a rate would "
-            "have two positions"
+            f"rates (N/m) neither rise nor fall strictly with stator position ({shown}): a rate "
+            "would have two positions"
         )

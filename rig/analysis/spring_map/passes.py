@@ -1,7 +1,7 @@
-"""One stator position: what the cells read over rotor angle, going up and going down.
+"""Load cell readings of one stator position over rotor angle, upwards and downwards.
 
-Samples are averaged in bins of angle, each direction by itself; half the sum of the two is the
-spring, half their difference is what rubs. No filter is needed, and none shifts the curve.
+Samples are averaged in bins of angle for each direction. Half the sum of both directions is the
+spring, half their difference is friction. No filter is needed, so none shifts the curve.
 """
 
 import math
@@ -13,99 +13,107 @@ import numpy.typing as npt
 from scipy import stats
 
 Floats = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
+Integers = npt.NDArray[np.int64]
 
-FIT = math.pi / 4.0 - 0.1
-"""Half the window of the rate's line of best fit, rad: 39.27 deg (public fbWecCntrl repository,
+FIT_HALF_ANGLE = math.pi / 4.0 - 0.1
+"""Half width of the window of the rate's linear fit, rad: 39.27 deg (public fbWecCntrl repository,
 magSpringMapping.m)."""
 
-SMALL = math.radians(10.0)
-"""Half the window of the small-displacement rate, rad."""
+SMALL_HALF_ANGLE = math.radians(10.0)
+"""Half width of the window of the small-displacement rate, rad."""
 
-_BINS = 40  # from balance to the end of the fit window
-WIDTH = FIT / _BINS
-"""Width of a bin, rad: about a degree, and the fit window holds whole bins."""
+_HALF_WINDOW_BINS = 40  # from balance to the end of the fit window
+BIN_WIDTH = FIT_HALF_ANGLE / _HALF_WINDOW_BINS
+"""Width of a bin, rad: about one degree; the fit window contains whole bins."""
 
-_LEAST = 3  # samples that make a bin
+_MIN_SAMPLES = 3  # in a bin
 _CONFIDENCE = 0.95
 
 
 class Samples(NamedTuple):
-    """Ticks of one stator position, all of one length, with zeros taken off."""
+    """Ticks of one stator position as arrays of equal length, relative to their tare."""
 
     angle: Floats  # rad, of the rotor from its balance
-    upwards: Whole  # 1 up, -1 down, 0 turning round
+    direction: Integers  # 1 up, -1 down, 0 at reversal
     torque: Floats  # N m, restoring at a positive angle
     column: Floats  # N, column load cell: force on the body
     stator: Floats  # N, both cells of the stator together
 
 
-class Curve(NamedTuple):
-    """What one station gave over angle, NaN where the hoist did not go both ways."""
+class StationCurve(NamedTuple):
+    """Means of one station over angle; NaN where the hoist did not pass in both directions."""
 
-    bins: Whole  # numbers of the bins: bin i holds angles i .. i + 1 times WIDTH
+    bins: Integers  # bin i contains angles i * BIN_WIDTH .. (i + 1) * BIN_WIDTH
     angle: Floats  # rad, mean in the bin
     torque: Floats
     column: Floats
     stator: Floats
-    friction: Floats  # N, half of what the column cell reads less going up than going down
+    friction: Floats  # N, half of (column force downwards - column force upwards)
 
 
-class Line(NamedTuple):
+class RateEstimate(NamedTuple):
     """A slope with its 95 % interval from the scatter of whole passes."""
 
     slope: float
-    interval: float  # either way; NaN for fewer than two whole passes
+    interval: float  # half width; NaN for fewer than two whole passes
     passes: int
 
 
-def middle(index: Whole) -> Floats:
-    """Angle in the middle of bins, rad."""
-    return np.asarray((index + 0.5) * WIDTH)
+def bin_centres(index: Integers) -> Floats:
+    """Return the angles at the centres of bins, rad."""
+    return np.asarray((index + 0.5) * BIN_WIDTH)
 
 
-def curve(samples: Samples) -> Curve:
-    """The means of both directions."""
-    every = np.floor(samples.angle / WIDTH).astype(np.int64)
-    index = np.arange(every.min(), every.max() + 1)
-    up, down = (_means(samples, every - index[0], len(index), way) for way in (1, -1))
+def average_passes(samples: Samples) -> StationCurve:
+    """Return the means over both directions."""
+    bins = np.floor(samples.angle / BIN_WIDTH).astype(np.int64)
+    bin_numbers = np.arange(bins.min(), bins.max() + 1)
+    up, down = (
+        _bin_means(samples, bins - bin_numbers[0], len(bin_numbers), direction)
+        for direction in (1, -1)
+    )
     angle, torque, column, stator = (0.5 * (a + b) for a, b in zip(up, down, strict=True))
-    return Curve(index, angle, torque, column, stator, 0.5 * (down[2] - up[2]))
+    return StationCurve(bin_numbers, angle, torque, column, stator, 0.5 * (down[2] - up[2]))
 
 
-def _means(samples: Samples, bins: Whole, count: int, way: int) -> tuple[Floats, ...]:
-    """Mean angle, torque, column and stator force of each bin in one direction."""
-    going = samples.upwards == way
-    inside = bins[going]
+def _bin_means(samples: Samples, bins: Integers, count: int, direction: int) -> tuple[Floats, ...]:
+    """Return mean angle, torque, column and stator force of each bin in one direction."""
+    moving = samples.direction == direction
+    inside = bins[moving]
     number = np.bincount(inside, minlength=count)
-    enough = np.where(number >= _LEAST, number, np.nan)
+    divisor = np.where(number >= _MIN_SAMPLES, number, np.nan)
     fields = (samples.angle, samples.torque, samples.column, samples.stator)
     return tuple(
-        np.asarray(np.bincount(inside, values[going], minlength=count) / enough)
+        np.asarray(np.bincount(inside, values[moving], minlength=count) / divisor)
         for values in fields
     )
 
 
-def rate_line(samples: Samples, found: Curve, values: Floats, each: Floats) -> Line:
-    """Slope of a field over angle in the fit window, and how much single passes differ in it.
+def estimate_rate(
+    samples: Samples, curve: StationCurve, values: Floats, sample_values: Floats
+) -> RateEstimate:
+    """Return the slope of a field over angle in the fit window, with its interval.
 
-    ``values`` is the field by bin, ``each`` by sample. NaN where a bin of the window is empty.
+    ``values`` is the field by bin, ``sample_values`` by sample. The slope is NaN if a bin of the
+    window is empty. The interval comes from the slopes of single passes.
     """
-    every = (_pass_slope(samples, each, begin, end) for begin, end in _passes(samples))
-    slopes = [slope for slope in every if not math.isnan(slope)]
+    slopes_by_pass = (
+        _pass_slope(samples, sample_values, begin, end) for begin, end in _passes(samples)
+    )
+    slopes = [slope for slope in slopes_by_pass if not math.isnan(slope)]
     count, spread = len(slopes), math.nan
     if count > 1:
         quantile = float(stats.t.ppf(0.5 + 0.5 * _CONFIDENCE, count - 1))
         spread = quantile * float(np.std(slopes, ddof=1)) / math.sqrt(count)
-    return Line(slope_within(found, values, FIT), spread, count)
+    return RateEstimate(window_slope(curve, values, FIT_HALF_ANGLE), spread, count)
 
 
-def slope_within(found: Curve, values: Floats, half: float) -> float:
-    """Least-squares slope over the bins within ``half`` rad; NaN where one of them is empty."""
-    inside = np.abs(middle(found.bins)) < half
-    angle, value = found.angle[inside], values[inside]
-    wanted = 2 * round(half / WIDTH)
-    if len(angle) < wanted or not np.isfinite(value).all():
+def window_slope(curve: StationCurve, values: Floats, half_angle: float) -> float:
+    """Return the least-squares slope within ±``half_angle`` rad; NaN if a bin is empty."""
+    inside = np.abs(bin_centres(curve.bins)) < half_angle
+    angle, value = curve.angle[inside], values[inside]
+    expected = 2 * round(half_angle / BIN_WIDTH)
+    if len(angle) < expected or not np.isfinite(value).all():
         return math.nan
     return _slope(angle, value)
 
@@ -116,73 +124,73 @@ def _slope(angle: Floats, value: Floats) -> float:
 
 
 def _passes(samples: Samples) -> list[tuple[int, int]]:
-    """Index ranges in which the hoist kept its direction."""
-    way = samples.upwards
-    edges = [0, *(np.flatnonzero(np.diff(way)) + 1).tolist(), len(way)]
-    return [(begin, end) for begin, end in pairwise(edges) if way[begin] != 0]
+    """Return the index ranges in which the hoist kept its direction."""
+    direction = samples.direction
+    edges = [0, *(np.flatnonzero(np.diff(direction)) + 1).tolist(), len(direction)]
+    return [(begin, end) for begin, end in pairwise(edges) if direction[begin] != 0]
 
 
-def _pass_slope(samples: Samples, each: Floats, begin: int, end: int) -> float:
-    """Slope of one pass, bins weighted alike; NaN if it does not lead through the whole window."""
-    angle, value = samples.angle[begin:end], each[begin:end]
-    inside = np.abs(angle) < FIT
-    bins = np.floor(angle[inside] / WIDTH).astype(np.int64) + _BINS
-    number = np.bincount(bins, minlength=2 * _BINS)
-    if len(number) > 2 * _BINS or (number < _LEAST).any():
+def _pass_slope(samples: Samples, sample_values: Floats, begin: int, end: int) -> float:
+    """Return the slope of one pass with equal weight for each bin; NaN for a partial pass."""
+    angle, value = samples.angle[begin:end], sample_values[begin:end]
+    inside = np.abs(angle) < FIT_HALF_ANGLE
+    bins = np.floor(angle[inside] / BIN_WIDTH).astype(np.int64) + _HALF_WINDOW_BINS
+    number = np.bincount(bins, minlength=2 * _HALF_WINDOW_BINS)
+    if len(number) > 2 * _HALF_WINDOW_BINS or (number < _MIN_SAMPLES).any():
         return math.nan
     means = (np.bincount(bins, field[inside]) / number for field in (angle, value))
     return _slope(*means)
 
 
-class Sine(NamedTuple):
-    """The law T = Tp sin 2 theta + T0 through a torque curve."""
+class SineFit(NamedTuple):
+    """The law T = Tp sin 2 theta + T0, fitted to a torque curve."""
 
     peak: float  # N m
-    departure: float  # N m, rms of what the law leaves
+    residual: float  # N m, rms
 
 
-def sine(found: Curve) -> Sine:
-    """Least squares over all angles that were reached."""
-    there = np.isfinite(found.torque)
-    angle, torque = found.angle[there], found.torque[there]
+def fit_sine(curve: StationCurve) -> SineFit:
+    """Return the least-squares fit over all measured angles."""
+    measured = np.isfinite(curve.torque)
+    angle, torque = curve.angle[measured], curve.torque[measured]
     basis = np.column_stack([np.sin(2.0 * angle), np.ones(len(angle))])
-    found_by, *_ = np.linalg.lstsq(basis, torque, rcond=None)
-    left = torque - basis @ found_by
-    return Sine(float(found_by[0]), float(np.sqrt(np.mean(left * left))))
+    coefficients, *_ = np.linalg.lstsq(basis, torque, rcond=None)
+    residual = torque - basis @ coefficients
+    return SineFit(float(coefficients[0]), float(np.sqrt(np.mean(residual * residual))))
 
 
-class Reversal(NamedTuple):
-    """Angles (rad) either side of balance at which the stator's force changes sign; NaN: not."""
+class ForceReversal(NamedTuple):
+    """Angles (rad) on both sides of balance at which the stator's force changes sign; NaN: none."""
 
     below: float
     above: float
 
     @property
     def nearest(self) -> float:
-        """The lesser of the two, from balance; infinite where the force does not reverse."""
+        """The smaller distance from balance, rad; infinite if the force does not reverse."""
         return float(np.nanmin([-self.below, self.above, math.inf]))
 
 
-def reversal(found: Curve) -> Reversal:
-    """Where the stator's force first has the sign that it has not at balance, in two bins."""
-    there = np.isfinite(found.stator)
-    angle, force = found.angle[there], found.stator[there]
-    near = np.abs(angle) <= 0.5 * SMALL
+def find_reversal(curve: StationCurve) -> ForceReversal:
+    """Return where the stator's force first has the opposite sign of balance in two bins."""
+    measured = np.isfinite(curve.stator)
+    angle, force = curve.angle[measured], curve.stator[measured]
+    near = np.abs(angle) <= 0.5 * SMALL_HALF_ANGLE
     if not near.any():
-        return Reversal(math.nan, math.nan)
-    held = force * math.copysign(1.0, float(force[near].mean()))
-    return Reversal(
-        -_crossing(-angle[angle < 0.0][::-1], held[angle < 0.0][::-1]),
-        _crossing(angle[angle >= 0.0], held[angle >= 0.0]),
+        return ForceReversal(math.nan, math.nan)
+    normalised = force * math.copysign(1.0, float(force[near].mean()))
+    return ForceReversal(
+        -_sign_change(-angle[angle < 0.0][::-1], normalised[angle < 0.0][::-1]),
+        _sign_change(angle[angle >= 0.0], normalised[angle >= 0.0]),
     )
 
 
-def _crossing(angle: Floats, held: Floats) -> float:
-    """Angle at which a force that begins above zero falls below it for two bins and more."""
-    below = held < 0.0
-    twice = np.flatnonzero(below[:-1] & below[1:])
-    if not len(twice) or twice[0] == 0:
+def _sign_change(angle: Floats, normalised: Floats) -> float:
+    """Return the angle where a force that starts above zero falls below it for two bins or more."""
+    below = normalised < 0.0
+    starts = np.flatnonzero(below[:-1] & below[1:])
+    if not len(starts) or starts[0] == 0:
         return math.nan
-    i = int(twice[0])
-    share = held[i - 1] / (held[i - 1] - held[i])
+    i = int(starts[0])
+    share = normalised[i - 1] / (normalised[i - 1] - normalised[i])
     return float(angle[i - 1] + share * (angle[i] - angle[i - 1]))

@@ -29,7 +29,7 @@ def write_surfaces(advice: Recommendation, path: Path) -> Path:
     )
     told = {**_attributes(advice), "campaign": advice.campaign.file.name}
     title = f"Predicted on the identified twin: {words(advice.asked.station)} looked for"
-    figure, body = picture.framed(12.0, 4.1, title, told, beneath=beneath)
+    figure, body = picture.framed_figure(12.0, 4.1, title, told, subtitle=beneath)
     panels: Any = body.subplots(1, 3, sharey=True)
     for axes, station in zip(panels, STATIONS, strict=True):
         power = np.array([one.power(station) for one in tried]).reshape(len(reaches), len(kps))
@@ -38,14 +38,14 @@ def write_surfaces(advice: Recommendation, path: Path) -> Path:
         _rows(axes, [row.tried.gains for row in advice.rows], best.spring_rate)
         least = min((one for one in tried if one.allowed), key=lambda one: one.power(station))
         star = advice.best if station == advice.asked.station else least
-        axes.plot(star.gains.kp, star.gains.ki, "*", ms=15, mfc=picture.ZERO, mec=picture.INK)
+        axes.plot(star.gains.kp, star.gains.ki, "*", ms=15, mfc=picture.HIGHLIGHT, mec=picture.DARK)
         for one in advice.measured:
             if abs(one.gains.spring_rate - best.spring_rate) < _NEAR and _inside(axes, one.gains):
                 axes.plot(one.gains.kp, one.gains.ki, "x", ms=7, mew=1.5, color="white")
         name = words(station)
         axes.set_title(f"{name}, {star.power(station):.1f} W at the star", fontsize=9, loc="left")
         axes.set_xlabel("Kp, N s/m", fontsize=8)
-        picture.quiet(axes)
+        picture.style_axes(axes)
     panels[0].set_ylabel("Ki, N/m", fontsize=8)
     return picture.save(figure, path)
 
@@ -93,9 +93,9 @@ def _panel(axes: Axes, kps: Any, kis: Any, power: Any) -> None:
 def _rows(axes: Axes, rows: Sequence[Gains], rate: float) -> None:
     for gains in rows:
         near = abs(gains.spring_rate - rate) < _NEAR
-        face = picture.MARK if near else "none"
+        face = picture.ACCENT if near else "none"
         if _inside(axes, gains):
-            axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.MARK)
+            axes.plot(gains.kp, gains.ki, "o", ms=5, mfc=face, mec=picture.ACCENT)
 
 
 def _inside(axes: Axes, gains: Gains) -> bool:

@@ -92,7 +92,7 @@ def write_effects(
 
     ``attributes`` say run and mode.
     """
-    figure, body = picture.framed(10.0, 6.4, title, attributes, SAID)
+    figure, body = picture.framed_figure(10.0, 6.4, title, attributes, SAID)
     panels: Any = body.subplots(2, 2, sharex=True)
     f = omega / (2.0 * np.pi)
     found = [impedances(omega, z_i, drivetrain, motor, case) for case in cases]
@@ -104,9 +104,9 @@ def write_effects(
         _parts(panels[1], f, each.load, **style)
         if not one_target:
             _parts(panels[1], f, np.conj(each.z_out), color=colour, lw=0.9, ls="--")
-    _parts(panels[0], f, np.conj(z_i), color=picture.INK, lw=1.4, ls=":", label="what matches")
+    _parts(panels[0], f, np.conj(z_i), color=picture.DARK, lw=1.4, ls=":", label="what matches")
     if one_target:
-        _parts(panels[1], f, np.conj(found[0].z_out), color=picture.INK, lw=1.4, ls=":")
+        _parts(panels[1], f, np.conj(found[0].z_out), color=picture.DARK, lw=1.4, ls=":")
     mark = "dotted" if one_target else "dashed"
     for axes, part in zip(panels.T, ("Re", "Im"), strict=True):
         _frame(axes[0], f"{part} Z_in, N s/m  (dotted: {part} Z_i*)")
@@ -127,4 +127,4 @@ def _frame(axes: Axes, title: str) -> None:
     axes.set_title(title, fontsize=9, loc="left")
     axes.axhline(0.0, color=picture.FRAME, lw=0.8, zorder=0)
     axes.margins(x=0.0)
-    picture.quiet(axes)
+    picture.style_axes(axes)

@@ -81,7 +81,7 @@ def write_transfer(
     attributes: Mapping[str, Any],
 ) -> Path:
     """Draw shares above and mismatch below, over frequency, as PNG; as in `write_effects`."""
-    figure, body = picture.framed(10.0, 6.4, title, attributes, SAID)
+    figure, body = picture.framed_figure(10.0, 6.4, title, attributes, SAID)
     panels: Any = body.subplots(2, 2, sharex=True)
     f = omega / (2.0 * np.pi)
     names = ("column", "load", "at_input", "at_output")
@@ -96,13 +96,13 @@ def write_transfer(
         for i, each in enumerate(told):
             style = {"color": COLOURS[i % len(COLOURS)], "lw": 2.0 if i == 0 else 1.2}
             if i >= matched:
-                style = {"color": picture.INK, "lw": 1.1, "ls": ":" if i == matched else "--"}
+                style = {"color": picture.DARK, "lw": 1.1, "ls": ":" if i == matched else "--"}
             axes.plot(f, getattr(each, name), label=each.label, **style)
         axes.set_title(words, fontsize=9, loc="left")
         axes.axhline(0.0, color=picture.FRAME, lw=0.8, zorder=0)
         axes.margins(x=0.0)
         axes.set_ylim(-0.5 if name == "load" else 0.0, 1.05 if name in names[:2] else 1.4)
-        picture.quiet(axes)
+        picture.style_axes(axes)
     for axes in panels[1]:
         axes.set_xlabel("frequency, Hz", fontsize=8)
     handles, labels = panels[0, 0].get_legend_handles_labels()

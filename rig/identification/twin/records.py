@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rig.analysis.windows import Window, windows
+from rig.analysis.windows import Window, read_windows
 from rig.identification import periods
 from rig.identification.periods import (
     Complexes,
@@ -104,7 +104,7 @@ def read(run: Path, *, incomplete_rows: bool = False) -> Read:
     rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
     made: dict[int, Record] = {}
     left: dict[int, str] = {}
-    for window in windows(source, list(FIELDS), known.plan, incomplete_rows=incomplete_rows):
+    for window in read_windows(source, list(FIELDS), known.plan, incomplete_rows=incomplete_rows):
         if window.row not in rows:
             continue
         try:

@@ -15,7 +15,7 @@ from rig.interop.basin.merge import Merged, as_json
 from rig.interop.basin.recording import Recording
 from rig.realtime.sequence import Phase
 
-LINE, EDGE = "#0b6e99", picture.MARK
+LINE, EDGE = "#0b6e99", picture.ACCENT
 _SMOOTH = 30  # lags, of the line through the residuals
 
 
@@ -66,10 +66,10 @@ def row_means(table: xarray.Dataset) -> list[dict[str, Any]]:
 def write_picture(merged: Merged, path: Path) -> Path:
     """Each file's lags against the fitted clock, by sine or twin, and where its trigger stands."""
     count = len(merged.sources)
-    figure, body = picture.framed(
+    figure, body = picture.framed_figure(
         10.0,
         2.6 * count + 0.2,
-        f"Clocks of merged records: {picture.campaign(merged.table.attrs)}",
+        f"Clocks of merged records: {picture.campaign_name(merged.table.attrs)}",
         merged.table.attrs,
         "",
         "what the fit of offset and drift leaves; run less recorder",
@@ -97,7 +97,7 @@ def _residuals(axes: Axes, record: Recording, one: Alignment) -> None:
         axes.plot(middle, smooth, color=LINE, lw=1.2, label=f"mean of {width}")
     else:
         axes.text(0.5, 0.2, "no sine: one moment is known, and no drift", fontsize=8, ha="center",
-                  color=picture.SOFT, transform=axes.transAxes)  # fmt: skip
+                  color=picture.MUTED, transform=axes.transAxes)  # fmt: skip
     if one.edge_at is not None and one.edge_less_fit is not None:
         bar = 1e3 * DISAGREE
         axes.errorbar(
@@ -111,7 +111,7 @@ def _residuals(axes: Axes, record: Recording, one: Alignment) -> None:
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="upper right", ncols=3, frameon=False, fontsize=7)
     axes.margins(y=0.3)
-    picture.quiet(axes)
+    picture.style_axes(axes)
 
 
 def _shown(one: Alignment, time: Any, left: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.windows import incomplete
+from rig.analysis.windows import find_incomplete_windows
 from rig.interop.basin.merge import FREQUENCY
 from rig.interop.exchange.mask4_fields import FIELDS, KT_N, OWN, PLACE, RATE, TIMED, TTL_HIGH
 from rig.realtime.sequence import Phase
@@ -46,9 +46,9 @@ def structure(run: Path, rate: float = RATE) -> Exported:
     kept = np.flatnonzero((ticks - ticks[0]) % step == 0)
     data = {name: values[kept] for name, values in data.items()}
     made = _structure(data, known)
-    lacking = incomplete(run)
-    made.buses[OWN]["incomplete"] = column(lacking.marks(data["time"]))
-    return made._replace(remarks=(*made.remarks, *lacking.notes))
+    lacking = find_incomplete_windows(run)
+    made.buses[OWN]["incomplete"] = column(lacking.mask(data["time"]))
+    return made._replace(remarks=(*made.remarks, *lacking.messages))
 
 
 def _every(run: Path, time: Any, ticks: Any, rate: float) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import xarray
 
-from rig.analysis.windows import incomplete
+from rig.analysis.windows import find_incomplete_windows
 from rig.recording.runs import RunError, open_run
 
 CSV_FIELDS = (
@@ -31,11 +31,11 @@ def table(
     run's.
     """
     found = open_run(run, fields or None, rows or None)
-    lacking = incomplete(run)
-    if lacking.notes:
-        marks = lacking.marks(found["time"].values)
+    lacking = find_incomplete_windows(run)
+    if lacking.messages:
+        marks = lacking.mask(found["time"].values)
         found[MARK] = ("time", marks, {"units": "flag", "long_name": "window lacks ticks"})
-        found.attrs[LACKING] = "; ".join(lacking.notes)
+        found.attrs[LACKING] = "; ".join(lacking.messages)
     if rate is None or found.sizes["time"] < 2:
         return found
     time = found["time"].values

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from rig.analysis.rows import COMPLETE, POWERS, SETTINGS, row_table
-from rig.analysis.windows import Window, windows
+from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import model_of
 from rig.execution.rehearsal import job
 from rig.execution.replay import as_logged
@@ -130,7 +130,7 @@ def foretell(
         if state == COMPLETE
     )
     kept = {row["row"] for row in rows}
-    measured = (w for w in windows(source, list(FIELDS), known.plan) if w.row in kept)
+    measured = (w for w in read_windows(source, list(FIELDS), known.plan) if w.row in kept)
     return counterfactual_rows(Measured(known.run, rows, measured), was, campaign, by, lead_in, see)
 
 

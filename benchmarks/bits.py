@@ -48,7 +48,7 @@ def beside(campaign: Path, run: Path) -> Beside:
     assert report.plan is not None
     walk = iter(Subject(report.campaign, report.plan).walk(report.plan))
     rows = numbers = differing = unlike = 0
-    for theirs in read_windows(reader.source(run), list(KEPT)):
+    for theirs in read_windows(reader.open_files(run), list(KEPT)):
         ours = next(walk, None)
         rows += 1
         if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):

@@ -43,7 +43,7 @@ class Cost(NamedTuple):
 def cost(recorded: Recorded, blocks: int) -> Cost:
     """Put recorded rows; walk recorded ticks with and without putting; block after block."""
     fd = ring.create(KIND.row_type)
-    writer, reader = ring.Writer(fd, KIND.row_type, wait=False), ring.Reader(fd)
+    writer, reader = ring.RingWriter(fd, KIND.row_type, wait=False), ring.RingReader(fd)
     os.posix_fallocate(fd, 0, os.fstat(fd).st_size)
     os.close(fd)
     found = Cost([], [], [], [], [])
@@ -62,7 +62,7 @@ def cost(recorded: Recorded, blocks: int) -> Cost:
     return found
 
 
-def _put(recorded: Recorded, writer: ring.Writer) -> tuple[float, float]:
+def _put(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
     """Mean in processor time, and the 99th percentile by the clock; microseconds."""
     put, now = writer.put, perf_counter_ns
     began = process_time_ns()
@@ -77,7 +77,7 @@ def _put(recorded: Recorded, writer: ring.Writer) -> tuple[float, float]:
     return mean, quantile(single, 0.99) / 1e3
 
 
-def _walk(recorded: Recorded, writer: ring.Writer) -> tuple[float, float]:
+def _walk(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
     """The cycle alone, and what putting adds: medians over short stretches walked both ways."""
     step = cycle.make(KIND)
     params, dt, timing, now = recorded.params, recorded.dt, _NO_TIMING, process_time_ns
@@ -108,7 +108,7 @@ def _nothing(row: Any) -> None:
     pass
 
 
-def _empty(reader: ring.Reader) -> None:
+def _empty(reader: ring.RingReader) -> None:
     while reader.pending:
         reader.take()
         reader.commit()

@@ -1,10 +1,10 @@
-"""Small blocks that laws and limits are made of."""
+"""Building blocks of laws and limits."""
 
 from typing import NamedTuple
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """Hold ``value`` within [low, high]; NaN passes through as NaN, never as a bound.
+    """Return ``value`` limited to [low, high]; NaN passes through as NaN, never as a bound.
 
     ``max(low, min(value, high))`` would turn NaN into ``low``: full negative force.
     """
@@ -16,12 +16,12 @@ def clamp(value: float, low: float, high: float) -> float:
 
 
 def finite(value: float) -> bool:
-    """True for a number that is neither NaN nor infinite."""
+    """Return True for a number that is neither NaN nor infinite."""
     return value - value == 0.0
 
 
 def interpolate(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> float:
-    """Piecewise-linear ys(x) over increasing xs (same length >= 2), held constant outside."""
+    """Return piecewise-linear ys(x) over increasing xs (same length >= 2), constant outside."""
     if x <= xs[0]:
         return ys[0]
     n = len(xs)
@@ -34,23 +34,23 @@ def interpolate(x: float, xs: tuple[float, ...], ys: tuple[float, ...]) -> float
 
 
 class Ramp(NamedTuple):
-    """A value on its way to a target at a constant rate."""
+    """A value that moves to a target at a constant rate."""
 
     value: float
     target: float
-    rate: float  # absolute, per second
+    rate: float  # magnitude, per second
 
 
 def ramp_start(value: float) -> Ramp:
-    """A ramp at rest on ``value``."""
+    """Return a ramp at rest on ``value``."""
     return Ramp(value, value, 0.0)
 
 
 def ramp_step(ramp: Ramp, target: float, duration: float, dt: float) -> Ramp:
-    """Move one tick towards ``target``; a new target starts from the present value.
+    """Return the ramp moved one tick towards ``target``; a new target starts at the present value.
 
-    The whole way takes ``duration`` seconds from the tick in which the target changed; the value
-    never jumps by more than rate * dt, whatever the target does.
+    The way takes ``duration`` seconds from the tick in which the target changed; the value never
+    jumps by more than rate * dt, whatever the target does.
     """
     if ramp.value == target and ramp.target == target:
         return ramp

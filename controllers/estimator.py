@@ -10,27 +10,27 @@ from controllers.signals import Estimate
 
 
 class Params(NamedTuple):
-    """The filter's steady-state gains."""
+    """Steady-state gains of the filter."""
 
     gain_position: float  # 1
     gain_velocity: float  # 1/s
     gain_acceleration: float  # 1/s^2
 
 
-def predict(before: Estimate, periods: int, dt: float) -> Estimate:
-    """The motion after ``periods`` ticks without a measurement."""
-    x, v, a = before
+def predict(previous: Estimate, periods: int, dt: float) -> Estimate:
+    """Return the motion after ``periods`` ticks without a measurement."""
+    x, v, a = previous
     span = periods * dt
     return Estimate(x + v * span + 0.5 * a * span * span, v + a * span, a)
 
 
-def step(params: Params, before: Estimate, measured: float, periods: int, dt: float) -> Estimate:
-    """Predict over ``periods`` ticks (1 unless some were lost), then correct with ``measured`` (m).
+def step(params: Params, previous: Estimate, measured: float, periods: int, dt: float) -> Estimate:
+    """Return the prediction over ``periods`` ticks corrected with ``measured`` (m).
 
-    The filter has no memory but its last estimate.
+    ``periods`` is 1 unless ticks were lost. The last estimate is all of the filter's memory.
     """
     gain_position, gain_velocity, gain_acceleration = params
-    x, v, a = before
+    x, v, a = previous
     span = periods * dt
     x = x + v * span + 0.5 * a * span * span
     v = v + a * span
@@ -42,32 +42,31 @@ def step(params: Params, before: Estimate, measured: float, periods: int, dt: fl
     )
 
 
-def stretched(params: Params, times: float) -> Params:
-    """The same filter for measurements that lie so many ``times`` farther apart.
+def stretch_gains(params: Params, factor: float) -> Params:
+    """Return the gains for measurements whose spacing is ``factor`` times the tick.
 
-    With its own gains it would swing up on them: a correction acts for as long as it takes until
-    the next one. These are the same filter with all times of its motion stretched, and so as
-    stable, and slower in that proportion.
+    With its own gains the filter would oscillate on them, because a correction acts until the next
+    one. The returned gains are those of the same filter with all its time constants multiplied by
+    ``factor``: equally stable, and slower in proportion.
     """
     gain_position, gain_velocity, gain_acceleration = params
-    return Params(gain_position, gain_velocity / times, gain_acceleration / (times * times))
+    return Params(gain_position, gain_velocity / factor, gain_acceleration / (factor * factor))
 
 
 def step_late(
-    params: Params, before: Estimate, measured: float, late: float, periods: int, dt: float
+    params: Params, previous: Estimate, measured: float, delay: float, periods: int, dt: float
 ) -> Estimate:
-    """As `step`, with a measurement of ``late`` seconds (> 0) before the moment of the estimate.
+    """Return `step` for a measurement taken ``delay`` seconds (> 0) before the estimate's time.
 
-    It is compared with where the estimate says the body was then. A correction that was due so
-    long ago swings up in a filter that is quicker than the delay, so the filter is made slower:
-    with its bandwidth w = gain_velocity / gain_position, as one of bandwidth w / (1 + 2 late w),
-    which decays for any constant delay. Of two such filters the gains differ by that factor, its
-    square and its cube.
+    The filter compares it with the estimated position at that time. A correction that comes late
+    makes a filter oscillate if the filter is faster than the delay, so its bandwidth is reduced
+    from w = gain_velocity / gain_position to w / (1 + 2 delay w), which decays for any constant
+    delay. The gains of the slower filter differ by that factor, its square and its cube.
     """
     gain_position, gain_velocity, gain_acceleration = params
-    x, v, a = predict(before, periods, dt)
-    residual = measured - (x - v * late + 0.5 * a * late * late)
-    slower = 1.0 / (1.0 + 2.0 * late * gain_velocity / gain_position)
+    x, v, a = predict(previous, periods, dt)
+    residual = measured - (x - v * delay + 0.5 * a * delay * delay)
+    slower = 1.0 / (1.0 + 2.0 * delay * gain_velocity / gain_position)
     return Estimate(
         x + slower * gain_position * residual,
         v + slower * slower * gain_velocity * residual,

@@ -1,25 +1,25 @@
-"""Position of the OSWEC's shaft: a periodic reference, and what makes the shaft follow it.
+"""Position of the OSWEC's shaft: a periodic reference, and corrections that make the shaft follow.
 
-The drive takes velocities; the shaft trails the motor by backlash, friction and torsion of the
+The drive takes velocities; the shaft lags the motor by backlash, friction and torsion of the
 driveline (OSWEC thesis (University of Washington), section 2.3.1). The reference is a sum of
-cosines of the row's own clock t, grown and faded by an envelope e:
+cosines of the row's own clock t, with an envelope e that rises and falls:
 
     theta(t) = e(t) sum_k A_k cos(w_k t + phi_k)                       (rad)
 
-Correction of each component, from regressions of earlier runs (thesis, section 2.3.2): amplified
+Correction per component, from regressions of earlier runs (thesis, section 2.3.2): amplified
 and advanced,
 
     theta_c(t) = e(t) sum_k g_k A_k cos(w_k (t + tau_k) + phi_k)
 
-One component is the thesis's sinusoid, many are an irregular command.
+One component is the sinusoid of the thesis, many are an irregular command.
 
-Correction in the instant, from the piecewise-linear relation D of torque and deflection (thesis,
-Fig. 2.9): the motor is put ahead by the deflection that the measured torque T tells,
+Instantaneous correction, from the piecewise-linear relation D of torque and deflection (thesis,
+Fig. 2.9): the motor leads by the deflection that belongs to the measured torque T,
 
     T_f'' = w0^2 (T - T_f) - 2 w0 T_f'             theta_c(t) = theta(t) + D(T_f)
 
-The filter is there because D is steep where the gears change flanks, and T answers to the
-correction: angle and rate of D(T_f) are bounded for the same reason.
+The filter is necessary because D is steep where the gears change flanks, and T responds to the
+correction; for the same reason angle and rate of D(T_f) are bounded.
 
 Bad input: NaN or infinity in clock, torque or components gives an output that is not finite, which
 the limits turn into a stop.
@@ -42,34 +42,34 @@ PI = 3.141592653589793
 
 
 class Component(NamedTuple):
-    """One cosine of a reference, and how it is corrected."""
+    """One cosine of a reference, with its correction."""
 
     amplitude: float  # rad; N*m where the reference is a torque
     omega: RadianPerSecond
-    phase: Radian  # at zero of the clock
+    phase: Radian  # at clock zero
     gain: Ratio  # g: corrected over plain amplitude, 1 without correction
     advance: Second  # tau, 0 without correction
 
 
-class Span(NamedTuple):
-    """When the envelope grows and fades, on the row's own clock."""
+class EnvelopeTimes(NamedTuple):
+    """Times of the envelope on the row's own clock."""
 
-    rise: Second  # in which it grows from 0 to 1, and fades again
-    until: Second  # when it begins to fade
+    rise: Second  # duration of the rise from 0 to 1, and of the fall to 0
+    fade_start: Second  # start of the fall
 
 
 class Params(NamedTuple):
-    """The correction in the instant; without a map there is none."""
+    """Parameters of the instantaneous correction; without a map there is none."""
 
-    torques: tuple[float, ...]  # N*m, increasing, two at least; or none
-    deflections: tuple[float, ...]  # rad, motor ahead of shaft, at those torques
+    torques: tuple[float, ...]  # N*m, increasing, at least two; or empty
+    deflections: tuple[float, ...]  # rad, lead of the motor over the shaft at each torque
     filter_omega: RadianPerSecond  # w0 of the torque filter
-    most_angle: Radian  # either way
-    most_velocity: RadianPerSecond  # either way
+    max_angle: Radian  # bound of the correction, in both directions
+    max_velocity: RadianPerSecond  # bound of its rate, in both directions
 
 
 class State(NamedTuple):
-    """The torque filter, and the correction in the instant as it was last given."""
+    """State of the torque filter, and the last instantaneous correction."""
 
     torque: NewtonMetre
     torque_rate: float  # N*m/s
@@ -77,12 +77,12 @@ class State(NamedTuple):
 
 
 def start() -> State:
-    """State at switch-on: no torque seen, no correction given."""
+    """Return the state at switch-on: zero torque, zero correction."""
     return State(0.0, 0.0, 0.0)
 
 
-def envelope(span: Span, clock: float) -> tuple[float, float]:
-    """Share of the reference in use (1) and its rate (1/s): half a cosine up, and down again."""
+def envelope(span: EnvelopeTimes, clock: float) -> tuple[float, float]:
+    """Return the envelope (1) and its rate (1/s): half a cosine up, and half a cosine down."""
     rise, until = span
     if not finite(clock):
         return clock, clock
@@ -99,26 +99,28 @@ def envelope(span: Span, clock: float) -> tuple[float, float]:
     return 0.5 - 0.5 * cos(turn * before), sign * 0.5 * turn * sin(turn * before)
 
 
-def reference(components: tuple[Component, ...], span: Span, clock: float) -> Turning:
-    """The plain reference at ``clock`` (s): its value and its rate, 0 before the clock runs."""
+def reference(components: tuple[Component, ...], span: EnvelopeTimes, clock: float) -> Turning:
+    """Return value and rate of the plain reference at ``clock`` (s); 0 before the clock starts."""
     share, rate = envelope(span, clock)
     if not finite(share) or share == 0.0:
         return Turning(share, share)
     angle = velocity = 0.0
     for amplitude, omega, phase, _, _ in components:
-        angle, velocity = _added(angle, velocity, amplitude, omega, omega * clock + phase)
+        angle, velocity = _add_cosine(angle, velocity, amplitude, omega, omega * clock + phase)
     return Turning(share * angle, share * velocity + rate * angle)
 
 
-def corrected(components: tuple[Component, ...], span: Span, clock: float) -> Turning:
-    """The reference amplified and advanced component by component."""
+def corrected_reference(
+    components: tuple[Component, ...], span: EnvelopeTimes, clock: float
+) -> Turning:
+    """Return the reference amplified and advanced component by component."""
     share, rate = envelope(span, clock)
     if not finite(share) or share == 0.0:
         return Turning(share, share)
     angle = velocity = 0.0
     for amplitude, omega, phase, gain, advance in components:
         at = omega * (clock + advance) + phase
-        angle, velocity = _added(angle, velocity, gain * amplitude, omega, at)
+        angle, velocity = _add_cosine(angle, velocity, gain * amplitude, omega, at)
     return Turning(share * angle, share * velocity + rate * angle)
 
 
@@ -126,39 +128,39 @@ def step(
     params: Params,
     state: State,
     components: tuple[Component, ...],
-    span: Span,
+    span: EnvelopeTimes,
     clock: Second,
     torque: NewtonMetre,
     dt: float,
 ) -> tuple[State, tuple[Turning, Turning]]:
-    """Plain reference, and what the corrections add to it; ``torque``: measured, tared."""
+    """Return the plain reference and the sum of its corrections; ``torque``: measured, tared."""
     plain = reference(components, span, clock)
-    ahead = corrected(components, span, clock)
+    ahead = corrected_reference(components, span, clock)
     angle, velocity = ahead.angle - plain.angle, ahead.velocity - plain.velocity
     if len(params.torques) == 0:
         return state, (plain, Turning(angle, velocity))
     before = state.angle
-    state = _told(params, state, clock, torque, dt)
+    state = _step_deflection(params, state, clock, torque, dt)
     moved = state.angle - before
     return state, (plain, Turning(angle + state.angle, velocity + moved / dt))
 
 
-def _told(params: Params, state: State, clock: float, torque: float, dt: float) -> State:
-    """The filter one tick further, and the correction it tells, moved there within its bounds."""
+def _step_deflection(params: Params, state: State, clock: float, torque: float, dt: float) -> State:
+    """Return the torque filter and the correction one tick later, the correction within bounds."""
     filtered, rate, angle = state
     omega = params.filter_omega
     rate = rate + dt * (omega * omega * (torque - filtered) - 2.0 * omega * rate)
     filtered = filtered + dt * rate
-    told = 0.0
-    if clock >= 0.0:  # else the row's motion has not begun: back to no correction
-        told = _deflection(params.torques, params.deflections, filtered)
-    told = clamp(told, -params.most_angle, params.most_angle)
-    step_most = params.most_velocity * dt
-    return State(filtered, rate, clamp(told, angle - step_most, angle + step_most))
+    deflection = 0.0
+    if clock >= 0.0:  # before the row's motion begins, return to no correction
+        deflection = _deflection(params.torques, params.deflections, filtered)
+    deflection = clamp(deflection, -params.max_angle, params.max_angle)
+    max_step = params.max_velocity * dt
+    return State(filtered, rate, clamp(deflection, angle - max_step, angle + max_step))
 
 
 def _deflection(torques: tuple[float, ...], deflections: tuple[float, ...], torque: float) -> float:
-    """D(T), rad; not finite for a torque that is not, none without a map."""
+    """Return D(T) in rad: not finite for a torque that is not, 0 without a map."""
     if len(torques) == 0:
         return 0.0
     if not finite(torque):
@@ -166,10 +168,10 @@ def _deflection(torques: tuple[float, ...], deflections: tuple[float, ...], torq
     return interpolate(torque, torques, deflections)
 
 
-def _added(
+def _add_cosine(
     value: float, rate: float, amplitude: float, omega: float, at: float
 ) -> tuple[float, float]:
-    """One more cosine in a sum and in its rate; not finite for a phase that is not."""
+    """Return a sum of cosines and its rate with one cosine more; not finite if ``at`` is not."""
     if not finite(at):
         return at, at
     return value + amplitude * cos(at), rate - amplitude * omega * sin(at)

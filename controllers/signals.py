@@ -1,7 +1,7 @@
-"""The words of the loop: what is sensed, estimated, demanded and commanded, with its unit.
+"""Signals of the loop: sensed, estimated, demanded and commanded values, with their units.
 
-A word is a NamedTuple whose leaves are float or int; the unit is the annotation. A log row is
-built of these words, so a unit is said once, here.
+Each signal is a NamedTuple whose leaves are float or int; the annotation gives the unit. A log row
+consists of these signals, so this module alone defines their units.
 """
 
 from enum import IntEnum
@@ -31,12 +31,12 @@ Watt = Annotated[float, "W"]
 
 
 class DriveFault(IntEnum):
-    """What a drive says is wrong with it."""
+    """Cause of a drive fault, as the drive reports it."""
 
     NONE = 0
     GENERAL = 1
-    UNDERVOLTAGE = 2  # its bus ran out of energy
-    OVERVOLTAGE = 3  # its bus took more than the dump resistors could burn
+    UNDERVOLTAGE = 2  # the bus ran out of energy
+    OVERVOLTAGE = 3  # the bus took more energy than the dump resistors could burn
 
 
 class AxisSense(NamedTuple):
@@ -45,8 +45,8 @@ class AxisSense(NamedTuple):
     counts: Count  # encoder, unwrapped, arbitrary zero
     encoder_age: Second  # time since the counts were sampled
     current: Ampere  # measured drive current, i = F / (Kt N)
-    enabled: Flag  # the drive says its power stage is on
-    fault: Index  # `DriveFault`: why the drive is in fault, 0 if it is not
+    enabled: Flag  # 1: the drive reports its power stage on
+    fault: Index  # `DriveFault`: cause of the fault, 0 without a fault
     drive_age: Second  # time since the drive's values were sampled
 
 
@@ -67,7 +67,7 @@ class Gains(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """What the law asks for, and the gains it used in this tick."""
+    """Demand of the law, and the gains it used in this tick."""
 
     kp: NewtonSecondPerMetre
     ki: NewtonPerMetre
@@ -76,32 +76,32 @@ class Demand(NamedTuple):
 
 
 class AxisCommand(NamedTuple):
-    """What is sent to the drive of one axis, after all limits."""
+    """Command to the drive of one axis, after all limits."""
 
     force: Newton  # force on the body
     current: Ampere  # drive current, F / (Kt N)
-    enable: Flag  # the drive shall have its power stage on
-    limited: Flag  # set of `Limited` flags: why the demand was not granted in full
+    enable: Flag  # 1: the drive shall switch its power stage on
+    limited: Flag  # set of `LimitFlag` values: why the demand was not granted in full
 
 
 class SpringSense(NamedTuple):
     """The magnetic spring's stator actuator."""
 
-    position: Percent  # stator position by the field's convention, Table 4-1 of the MASK4 report
-    arrived: Flag  # at its target and at rest
+    position: Percent  # stator position by the convention of Table 4-1 of the MASK4 report
+    arrived: Flag  # 1: at its target and at rest
     age: Second
 
 
 class SpringCommand(NamedTuple):
-    """Where the stator actuator shall stand."""
+    """Command to the stator actuator."""
 
-    rate: NewtonPerMetre  # spring rate asked for, small-displacement, Table 4-1
-    target: Percent  # stator position that gives it
-    enable: Flag  # 1: go to the target and hold there; 0: stay where you are
+    rate: NewtonPerMetre  # demanded spring rate, small-displacement, Table 4-1
+    target: Percent  # stator position that gives this rate
+    enable: Flag  # 1: move to the target and hold there; 0: stay in place
 
 
 class Modulation(IntEnum):
-    """How a custom drive switches its bridge (MASK4 report (Sandia), Table 3-2)."""
+    """Modulation scheme of a custom drive's bridge (MASK4 report (Sandia), Table 3-2)."""
 
     SVPWM = 0
     SINE_TRIANGLE = 1
@@ -116,27 +116,27 @@ class DriveSettings(NamedTuple):
     bus_voltage: Volt  # set point of the DC bus
     switching_period: Second
     hysteresis_tolerance: Ampere  # dead band of the current, hysteresis scheme only
-    velocity_threshold: MetrePerSecond  # below it the power stage rests; 0: never
+    velocity_threshold: MetrePerSecond  # below it the power stage rests; 0: it never rests
     discharge_level: Index  # set of dump resistors in use: 1 one, 15 all four
 
 
 class DriveCommand(NamedTuple):
-    """What a custom drive is told beside its current; a drive without such settings ignores it."""
+    """Command to a custom drive in addition to its current; other drives ignore it."""
 
     conducting: Flag  # 0: the power stage rests, no current and no switching loss
     settings: DriveSettings
 
 
 class DriveSense(NamedTuple):
-    """What a custom drive reports beside its current; as old as the axis's ``drive_age``."""
+    """Report of a custom drive in addition to its current; as old as the axis's ``drive_age``."""
 
-    conducting: Flag  # its power stage switches
-    saturated: Flag  # the bus voltage does not suffice for the current asked
-    dump: Index  # set of dump resistors that burn now
+    conducting: Flag  # 1: the power stage switches
+    saturated: Flag  # 1: the bus voltage does not suffice for the commanded current
+    dump: Index  # set of dump resistors that are burning energy now
 
 
 class ProbeSense(NamedTuple):
-    """Wave probes of the basin; they see what the body radiates, too."""
+    """Wave probes of the basin; they also measure the waves that the body radiates."""
 
     probe_1: Metre
     probe_2: Metre
@@ -145,10 +145,10 @@ class ProbeSense(NamedTuple):
 
 
 class PanelSense(NamedTuple):
-    """Digital inputs of the rig, as far as they are read: the stop chain itself is hard-wired."""
+    """Digital inputs of the rig that the loop reads; the stop chain itself is hard-wired."""
 
     e_stop: Flag  # 1: pressed
-    limit_switch: Flag  # 1: an end of travel was reached
+    limit_switch: Flag  # 1: the axis reached an end of travel
     age: Second
 
 
@@ -160,7 +160,7 @@ class Reference(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """An angle about a shaft's axis and its rate."""
+    """Angle and angular velocity of a shaft."""
 
     angle: Radian
     velocity: RadianPerSecond

@@ -15,7 +15,7 @@ from numba import njit
 from rig.analysis.session.points import SessionRun, SetpointData
 from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.compiled_bench import CompiledStepper
-from rig.recording.runs.folder import Facts
+from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
 from rig.sweep import lifting
 from sim_plant.bench import dynamometer
@@ -29,7 +29,7 @@ TARE = 500  # ticks
 NOMINAL_GAIN, NOMINAL_CONSTANT = 1.5708, 16.845
 OUTPUT = 15.0  # gear ratio
 TORQUE, VELOCITY = 1, 0
-_NOBODY = Facts("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
+_NOBODY = RunInfo("blind", "batch", "", {}, {}, {}, {}, {}, {}, {})
 _WHOLE = RecordState("complete", 0, 0, (), (), False)
 
 Floats = npt.NDArray[np.float64]

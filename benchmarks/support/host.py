@@ -12,7 +12,7 @@ from rig.recording import provenance
 
 def facts() -> dict[str, Any]:
     """Processor, cores, kernel, Python, memory, version of the code, and the date."""
-    host, code = provenance.host(), provenance.code()
+    host, code = provenance.describe_host(), provenance.describe_code()
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
         "processor": host["processor"],
@@ -29,7 +29,7 @@ def facts() -> dict[str, Any]:
 
 def told() -> str:
     """Processor, cores, kernel and Python in one line, for people."""
-    processor = provenance.host()["processor"]
+    processor = provenance.describe_host()["processor"]
     virtual = ", virtual machine" if "hypervisor" in _processor_flags() else ""
     return (
         f"{processor}, {len(os.sched_getaffinity(0))} cores{virtual}, "

@@ -31,10 +31,10 @@ from benchmarks.support.recorded import campaign_file
 from rig.kinds.wavebot import WaveBotRow
 from rig.processes.wire_locks import REALTIME_PLACE, hold
 from rig.realtime.safety import STOP_0
-from rig.recording.ring import Reader
+from rig.recording.ring import RingReader
 from rig.recording.row_layout import leaves
 from rig.recording.runs import RunError, create, mcap_file
-from rig.recording.runs.account import Account
+from rig.recording.runs.account import TickAccount
 from rig.recording.runs.create import BusyError
 from rig.recording.runs.recover import Recovery, recover
 
@@ -102,7 +102,7 @@ class Witness:
 
     def __init__(self, run: LiveRun) -> None:
         self._run = run
-        self.ring: Reader | None = None
+        self.ring: RingReader | None = None
         self.zero = float("inf")  # when tick 0 was due, monotonic s
 
     def look(self, until: float) -> None:
@@ -130,7 +130,7 @@ class Witness:
     def rows(self, row_type: type = WaveBotRow) -> Any:
         """The newest rows the loop put, as records."""
         dtype = mcap_file.row_dtype(leaves(row_type))
-        return np.frombuffer(self.ring.kept(), dtype) if self.ring else np.empty(0, dtype)
+        return np.frombuffer(self.ring.remaining_rows(), dtype) if self.ring else np.empty(0, dtype)
 
 
 def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fate:
@@ -229,7 +229,7 @@ def _locked(runs: Path, supervisor: int) -> list[str]:
             wrong.append(str(error))
     for folder in _folders(runs):
         try:
-            with create.hold_run(folder):
+            with create.lock_run(folder):
                 pass
         except BusyError as error:
             wrong.append(str(error))
@@ -312,9 +312,9 @@ def _differ(truth: Any, saved: Any, ticks: Any, put: int | None) -> list[str]:
     return wrong
 
 
-def _misstated(told: Account, lost: Any) -> list[str]:
+def _misstated(told: TickAccount, lost: Any) -> list[str]:
     """What `rig recover` says of missing ticks otherwise than the witness."""
-    final = told.ending is not None and told.ending.final
+    final = told.end_report is not None and told.end_report.final
     known = -1 if told.last_known is None else told.last_known
     stated = np.concatenate(
         [np.empty(0, np.int64), *(np.arange(gap.first, gap.last + 1) for gap in told.gaps)]
@@ -325,7 +325,7 @@ def _misstated(told: Account, lost: Any) -> list[str]:
         wrong.append(f"{told.lost} lost ticks are stated, {len(expected)} are lost")
     if len(np.setdiff1d(expected, stated)):
         wrong.append("lost ticks outside the stated ranges")
-    if final and told.whole != (len(lost) == 0):
+    if final and told.complete != (len(lost) == 0):
         wrong.append("whole and not whole are mistaken")
     return wrong
 

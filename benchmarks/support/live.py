@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.recorded import ROOT
 from rig.processes.wire_locks import REALTIME_PLACE, hold
-from rig.recording.ring import Producer, Reader
+from rig.recording.ring import ProducerState, RingReader
 from rig.recording.runs.create import BusyError
 
 LOOP, LOGGER = "rig.execution.rehearsal", "rig.recording.logger"
@@ -104,14 +104,14 @@ def memory(pid: int) -> dict[str, int]:
     return found
 
 
-def ring_of(pid: int) -> Reader | None:
+def ring_of(pid: int) -> RingReader | None:
     """A bystander's end of the ring that a process holds, None while there is none."""
     try:
         for entry in Path(f"/proc/{pid}/fd").iterdir():
             if "memfd:wec-rig-ring" in os.readlink(entry):
                 fd = os.open(entry, os.O_RDWR | os.O_CLOEXEC)
                 try:
-                    return Reader(fd)
+                    return RingReader(fd)
                 finally:
                     os.close(fd)
     except (OSError, ValueError):  # ended, or not complete yet
@@ -148,7 +148,7 @@ class LiveRun:
             text=True,
             env={**os.environ, **(env or {})},
         )
-        self._ring: Reader | None = None
+        self._ring: RingReader | None = None
         self.known: dict[int, str] = {}  # children seen so far: process id and module
 
     def __enter__(self) -> "LiveRun":
@@ -170,14 +170,14 @@ class LiveRun:
         self._words.close()
 
     @property
-    def ring(self) -> Reader:
+    def ring(self) -> RingReader:
         """The run's ring."""
         if self._ring is None:
             wait_until(self._look, f"a ring of rows ({self.last_words()})")
         assert self._ring is not None
         return self._ring
 
-    def try_ring(self) -> Reader | None:
+    def try_ring(self) -> RingReader | None:
         """The run's ring if there is one yet."""
         if self._ring is None:
             self._ring = ring_of(self.process.pid)
@@ -255,7 +255,7 @@ class LiveRun:
 
     def drained(self) -> bool:
         """The loop has ended and every row it put is safe on disk."""
-        return self.ring.state == Producer.FINISHED and self.ring.tail == self.ring.head
+        return self.ring.state == ProducerState.FINISHED and self.ring.tail == self.ring.head
 
 
 def live_run(

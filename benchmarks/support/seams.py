@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.realtime.devices import Devices
-from rig.recording.ring import Writer
+from rig.recording.ring import RingWriter
 
 # The loop reads the devices, runs the cycle, writes, puts the row; the rest is clock and mailbox.
 PARTS = ("plant", "cycle", "ring", "rest")
@@ -55,7 +55,7 @@ class TimedDevices:
         self.write = _timed(devices.write, stamps)
 
 
-class TimedWriter(Writer):
+class TimedWriter(RingWriter):
     """A ring's end with a stamp before and after a row is put."""
 
     def __init__(self, fd: int, row_type: type, stamps: Stamps) -> None:

@@ -34,7 +34,7 @@ def tick(
     with suppress(OSError):  # touched once, as in a loop that has run for a minute
         os.posix_fallocate(ring_fd, 0, os.fstat(ring_fd).st_size)
     if stamps is None:
-        writer = ring.Writer(ring_fd, KIND.row_type, wait=False)
+        writer = ring.RingWriter(ring_fd, KIND.row_type, wait=False)
     else:
         writer = TimedWriter(ring_fd, KIND.row_type, stamps)
         devices = TimedDevices(devices, stamps)
@@ -74,7 +74,7 @@ def main() -> None:
         tick(made, RealClock, seconds, stamps)
         lock.close()
     else:
-        scheduling.quiet_memory()
+        scheduling.freeze_garbage_collector()
         tick(made, VirtualClock, seconds, stamps)
     found = stamps.parts()
     told = {

@@ -7,7 +7,7 @@ import xarray
 
 from rig.analysis import phrases
 from rig.analysis.rows import INCOMPLETE, INTERRUPTED
-from rig.recording.runs.folder import Facts
+from rig.recording.runs.folder import RunInfo
 
 
 def format_rows(rows: Any) -> str:
@@ -35,7 +35,7 @@ def _flag_alarms(table: xarray.Dataset, name: str, template: str) -> list[str]:
     ]
 
 
-def alarms(table: xarray.Dataset, run_facts: Facts, unfinished: str = "") -> list[str]:
+def alarms(table: xarray.Dataset, run_facts: RunInfo, unfinished: str = "") -> list[str]:
     """Return one message for each condition that may invalidate results; empty without any.
 
     ``unfinished`` is the first message if the record has no proper end.

@@ -12,9 +12,15 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from rig.config.calibration_file import TORQUE_CONSTANT_KEY, OffsetCorrection, ScaleCorrection
-from rig.recording.calibration import At, Known, OutsideError, apply, corrected
-from rig.recording.calibration.correction import holds
-from rig.recording.runs.folder import Facts
+from rig.recording.calibration import (
+    CalibrationVersion,
+    RecordingTime,
+    ValidityError,
+    apply_calibration,
+    apply_correction,
+)
+from rig.recording.calibration.correction import is_valid
+from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records
 
 SCALED_WITH_POSITION = ("heave.estimate.velocity", "power.mechanical_1", "power.mechanical_2")
@@ -31,10 +37,10 @@ TableRow = dict[str, Any]
 class RowCorrections(NamedTuple):
     """Corrections that calibrations apply to the rows of one run."""
 
-    spring_rate: Known | None
+    spring_rate: CalibrationVersion | None
     force_factor: float
     position: ScaleCorrection | OffsetCorrection | None
-    at: At
+    at: RecordingTime
     names: tuple[str, ...]  # name and version of each calibration
     descriptions: tuple[str, ...]  # effect and file of each calibration
 
@@ -46,17 +52,19 @@ class RowCorrections(NamedTuple):
         return {"read_by": ", ".join(self.names), "calibration": "; ".join(self.descriptions)}
 
 
-AS_RECORDED = RowCorrections(None, 1.0, None, At(), (), ())
+AS_RECORDED = RowCorrections(None, 1.0, None, RecordingTime(), (), ())
 
 
-def build_corrections(calibrations: Sequence[Known], run_facts: Facts) -> RowCorrections:
+def build_corrections(
+    calibrations: Sequence[CalibrationVersion], run_facts: RunInfo
+) -> RowCorrections:
     """Return the corrections that the calibrations apply to a run.
 
     Raises `OutsideError` if a calibration is not valid for the run and its file says ``refuse``, if
     its validity is unknown, and for a table of positions, with which gains would depend on the
     position of the body. Raises ValueError for two calibrations of one quantity.
     """
-    at, corrections = At.on(run_facts.started_utc), AS_RECORDED
+    at, corrections = RecordingTime.from_utc(run_facts.started_utc), AS_RECORDED
     corrected_by: dict[str, str] = {}
     for calibration in calibrations:
         file = calibration.file
@@ -66,12 +74,12 @@ def build_corrections(calibrations: Sequence[Known], run_facts: Facts) -> RowCor
             raise ValueError(f"{titles} both correct {quantity}: give one of them")
         corrected_by[quantity] = file.title
         try:
-            inside = holds(file.valid, at)
-        except OutsideError as error:
-            raise OutsideError(f"{file.title}: {error}") from None
+            inside = is_valid(file.valid, at)
+        except ValidityError as error:
+            raise ValidityError(f"{file.title}: {error}") from None
         if not inside and file.outside == "refuse":
             valid = file.valid.description()
-            raise OutsideError(
+            raise ValidityError(
                 f"{file.title} does not hold for {at.description()}: valid for {valid}"
             )
         description = f"{calibration.description()}: {file.quantity.replace('_', ' ')}"
@@ -86,20 +94,20 @@ def build_corrections(calibrations: Sequence[Known], run_facts: Facts) -> RowCor
 
 
 def _add_correction(
-    corrections: RowCorrections, calibration: Known, run_facts: Facts
+    corrections: RowCorrections, calibration: CalibrationVersion, run_facts: RunInfo
 ) -> RowCorrections:
     correction = calibration.file.correction
     if calibration.file.quantity in ("spring_rate", "spring_map"):
         return corrections._replace(spring_rate=calibration)
     if calibration.file.quantity == "torque_constant":
-        value = run_facts.configured(*TORQUE_CONSTANT_KEY)
+        value = run_facts.config_number(*TORQUE_CONSTANT_KEY)
         if not value:
-            raise OutsideError(
+            raise ValidityError(
                 f"{calibration.file.title}: the run's configuration lacks the torque constant"
             )
-        return corrections._replace(force_factor=apply(correction, value) / value)
+        return corrections._replace(force_factor=apply_correction(correction, value) / value)
     if not isinstance(correction, ScaleCorrection | OffsetCorrection):
-        raise OutsideError(
+        raise ValidityError(
             f"{calibration.file.title} is a table of positions: gains would depend on position, "
             "but a row has a single value of each"
         )
@@ -135,7 +143,7 @@ def correct_row(corrections: RowCorrections, recorded: TableRow) -> TableRow:
         if corrections.spring_rate.file.quantity == "spring_map":
             rate = recorded["stator"]
         if not math.isnan(rate):  # NaN for a run without a plan that did not log it
-            rate = corrected(corrections.spring_rate.file, rate, corrections.at).value
+            rate = apply_calibration(corrections.spring_rate.file, rate, corrections.at).value
         set_value("spring_rate", rate)
     scale = (
         corrections.position.factor if isinstance(corrections.position, ScaleCorrection) else 1.0

@@ -25,7 +25,7 @@ from rig.analysis.matching import (
 from rig.analysis.points import Matrix, Point, Setting, gain_matrix
 from rig.analysis.rows import INCOMPLETE, POWERS, row_table
 from rig.config.columns import COLUMNS
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 
 KINDS = POWERS
 """The stations that are compared."""
@@ -74,14 +74,14 @@ def compare(
     ``incomplete_rows`` is that of `rig.analysis.rows.row_table`. Raises RunError if a record cannot
     be read, and KeyError if the kind of rig has no rows and power.
     """
-    facts_a, facts_b = facts(run_a), facts(run_b)
+    facts_a, facts_b = run_info(run_a), run_info(run_b)
     table_a, table_b = (row_table(run, incomplete_rows=incomplete_rows) for run in (run_a, run_b))
     return compare_tables(facts_a, facts_b, table_a, table_b, tolerances)
 
 
 def compare_tables(
-    facts_a: Facts,
-    facts_b: Facts,
+    facts_a: RunInfo,
+    facts_b: RunInfo,
     table_a: xarray.Dataset,
     table_b: xarray.Dataset,
     tolerances: Mapping[str, float] | None = None,
@@ -110,7 +110,7 @@ def compare_tables(
     )
 
 
-def _describe_run(run_facts: Facts, matrix: Matrix) -> ComparedRun:
+def _describe_run(run_facts: RunInfo, matrix: Matrix) -> ComparedRun:
     sea = run_facts.plan.get("sea") or {}
     status = str(run_facts.status.get("status") or "no end recorded")
     sea_text = str(sea.get("words") or sea.get("kind") or "not recorded")
@@ -126,7 +126,7 @@ def _describe_run(run_facts: Facts, matrix: Matrix) -> ComparedRun:
     )
 
 
-def _withheld_rows(run_facts: Facts, table: xarray.Dataset) -> list[str]:
+def _withheld_rows(run_facts: RunInfo, table: xarray.Dataset) -> list[str]:
     """Return a warning about rows excluded because the record lacks ticks of them."""
     if not table.sizes.get("row", 0):
         return []
@@ -136,8 +136,8 @@ def _withheld_rows(run_facts: Facts, table: xarray.Dataset) -> list[str]:
 
 
 def _warnings(
-    facts_a: Facts,
-    facts_b: Facts,
+    facts_a: RunInfo,
+    facts_b: RunInfo,
     seas: tuple[object, object],
     same_sea: bool,
     matched: MatchedPoints,

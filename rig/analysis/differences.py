@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.analysis.rows import wave_period
-from rig.recording.runs.folder import Facts
+from rig.recording.runs.folder import RunInfo
 
 GROUPS = (
     "mode", "sea", "drive", "control", "plant", "calibration", "code", "timing", "limits", "rig",
@@ -34,7 +34,7 @@ class Difference(NamedTuple):
     b: str
 
 
-def differences(a: Facts, b: Facts) -> list[Difference]:
+def differences(a: RunInfo, b: RunInfo) -> list[Difference]:
     """Return every difference between the resolved configurations, the code and the host.
 
     The gain matrix is excluded; `rig.analysis.matching` matches its points one by one.
@@ -48,7 +48,7 @@ def differences(a: Facts, b: Facts) -> list[Difference]:
     return sorted(found, key=lambda each: GROUPS.index(each.group))
 
 
-def _flat_settings(run_facts: Facts) -> Iterator[tuple[str, str]]:
+def _flat_settings(run_facts: RunInfo) -> Iterator[tuple[str, str]]:
     yield "mode", run_facts.mode or ABSENT
     yield from _flatten("sea", normalised_sea(run_facts))
     config = run_facts.config
@@ -66,7 +66,7 @@ def _flat_settings(run_facts: Facts) -> Iterator[tuple[str, str]]:
     yield "host", str(run_facts.host.get("name") or run_facts.host.get("hostname") or ABSENT)
 
 
-def normalised_sea(run_facts: Facts) -> dict[str, Any]:
+def normalised_sea(run_facts: RunInfo) -> dict[str, Any]:
     """Return the parameters of a run's sea in a form that is equal for equal seas."""
     planned = run_facts.plan.get("sea") or {}
     sea = {k: v for k, v in planned.items() if k != "words" and v is not None}

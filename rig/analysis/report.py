@@ -21,9 +21,9 @@ from rig.analysis.spring_map.pictures import write_pictures
 from rig.analysis.stop_reason import find_stop
 from rig.analysis.summary import Summary, summarise, write_texts
 from rig.analysis.surfaces import can_be_sliced, write_sliced, write_surfaces
-from rig.recording.calibration import Known
+from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import RunError, mcap_file, reader
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 from rig.recording.runs.state import RecordState
 
 OPEN_LOOP = "Excited by an open-loop reference"
@@ -32,7 +32,7 @@ SPRING_MAP = "Magnetic spring, moved by a hoist"
 GAINS = ("kp", "ki", "km")
 
 
-def _unfinished_text(contents: list[mcap_file.Contents]) -> str:
+def _unfinished_text(contents: list[mcap_file.FileContents]) -> str:
     if all(each.finished for each in contents):
         return ""
     unread = sum(each.unread for each in contents)
@@ -43,16 +43,18 @@ def _unfinished_text(contents: list[mcap_file.Contents]) -> str:
 def _summarise_rows(
     run: Path,
     mean_position_alarm: float,
-    calibrations: Sequence[Known],
+    calibrations: Sequence[CalibrationVersion],
     incomplete_rows: bool = False,
 ) -> tuple[xarray.Dataset, Summary]:
-    contents = list(reader.source(run).contents)
+    contents = list(reader.open_files(run).contents)
     table = row_table(run, mean_position_alarm, calibrations, incomplete_rows=incomplete_rows)
-    run_facts = facts(run, contents)
+    run_facts = run_info(run, contents)
     summary = summarise(
         table, run_facts, _unfinished_text(contents), find_stop(run, run_facts.status)
     )
-    summary = summary._replace(record=RecordState.of(json.loads(table.attrs["record_state"])))
+    summary = summary._replace(
+        record=RecordState.from_dict(json.loads(table.attrs["record_state"]))
+    )
     if has_excitation(run_facts.plan):
         findings = (str(run_facts.plan["reference"].get("words", "")), IDENTIFY_HINT)
         summary = summary._replace(optima=(), effects=(), findings_of=OPEN_LOOP, findings=findings)
@@ -73,8 +75,8 @@ def _summarise_calibration(
     run: Path, incomplete_rows: bool
 ) -> tuple[xarray.Dataset | None, Summary]:
     """Return wave calibration and summary; no calibration if no whole period was measured."""
-    contents = list(reader.source(run).contents)
-    run_facts = facts(run, contents)
+    contents = list(reader.open_files(run).contents)
+    run_facts = run_info(run, contents)
     try:
         table = wave_calibration.calibrate_waves(run, incomplete_rows=incomplete_rows)
         findings = wave_calibration.findings(table)
@@ -82,7 +84,7 @@ def _summarise_calibration(
         table, findings = None, [str(error)]
     no_rows = xarray.Dataset()
     summary = summarise(no_rows, run_facts, _unfinished_text(contents), findings=tuple(findings))
-    return table, summary._replace(record=reader.read_through(run))
+    return table, summary._replace(record=reader.check_record(run))
 
 
 def _summarise_map(
@@ -104,7 +106,7 @@ def _summarise_map(
 def summarise_run(
     run: Path,
     mean_position_alarm: float = MEAN_POSITION_ALARM,
-    calibrations: Sequence[Known] = (),
+    calibrations: Sequence[CalibrationVersion] = (),
     *,
     incomplete_rows: bool = False,
 ) -> Summary:
@@ -114,21 +116,21 @@ def summarise_run(
     Raises RunError if the record cannot be read, and KeyError if the kind of rig has no rows and
     power.
     """
-    if wave_calibration.is_calibration(facts(run).plan):
+    if wave_calibration.is_calibration(run_info(run).plan):
         _refuse_for_waves(calibrations)
         return _summarise_calibration(Path(run), incomplete_rows)[1]
-    if result.is_hoisted(facts(run).plan):
+    if result.is_hoisted(run_info(run).plan):
         _refuse_for_map(calibrations)
         return _summarise_map(Path(run), mean_position_alarm, incomplete_rows)[2]
     return _summarise_rows(Path(run), mean_position_alarm, calibrations, incomplete_rows)[1]
 
 
-def _refuse_for_waves(calibrations: Sequence[Known]) -> None:
+def _refuse_for_waves(calibrations: Sequence[CalibrationVersion]) -> None:
     if calibrations:
         raise ValueError("a wave calibration has no rows for a calibration to correct")
 
 
-def _refuse_for_map(calibrations: Sequence[Known]) -> None:
+def _refuse_for_map(calibrations: Sequence[CalibrationVersion]) -> None:
     if calibrations:
         raise ValueError(
             "a spring map is a source of calibrations; analyse it without --calibration"
@@ -138,7 +140,7 @@ def _refuse_for_map(calibrations: Sequence[Known]) -> None:
 def write_products(
     run_folder: Path,
     mean_position_alarm: float = MEAN_POSITION_ALARM,
-    calibrations: Sequence[Known] = (),
+    calibrations: Sequence[CalibrationVersion] = (),
     *,
     incomplete_rows: bool = False,
 ) -> list[Path]:
@@ -155,7 +157,7 @@ def write_products(
     """
     run = Path(run_folder)
     folder = run if run.is_dir() else run.parent
-    if wave_calibration.is_calibration(facts(run).plan):
+    if wave_calibration.is_calibration(run_info(run).plan):
         _refuse_for_waves(calibrations)
         waves, summary = _summarise_calibration(run, incomplete_rows)
         paths = (
@@ -167,7 +169,7 @@ def write_products(
             ]
         )
         return [*paths, *write_texts(summary, folder)]
-    if result.is_hoisted(facts(run).plan):
+    if result.is_hoisted(run_info(run).plan):
         _refuse_for_map(calibrations)
         return _write_hoisted(run, folder, mean_position_alarm, incomplete_rows)
     table, summary = _summarise_rows(run, mean_position_alarm, calibrations, incomplete_rows)
@@ -193,7 +195,7 @@ def _write_hoisted(
     return [*paths, *write_texts(summary, folder)]
 
 
-def products_folder(folder: Path, calibrations: Sequence[Known]) -> Path:
+def products_folder(folder: Path, calibrations: Sequence[CalibrationVersion]) -> Path:
     """Return the folder of a run's products: its own, or a subfolder if calibrations apply."""
     titles = "_".join(calibration.file.title.replace(" ", "_") for calibration in calibrations)
     return folder / f"read_by_{titles}" if titles else folder

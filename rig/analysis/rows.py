@@ -24,12 +24,12 @@ from rig.analysis.windows import (
     read_windows,
 )
 from rig.config.columns import COLUMNS
-from rig.realtime.limits import Limited, Warned
-from rig.recording.calibration import Known
+from rig.realtime.limits import LimitFlag, WarningFlag
+from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import reader
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 from rig.recording.runs.mcap_file import Records
-from rig.recording.runs.state import Reading
+from rig.recording.runs.state import RecordCheck
 
 if TYPE_CHECKING:
     import xarray
@@ -113,7 +113,7 @@ def standard_error(means: Any) -> float:
     return float(np.std(means, ddof=1) / np.sqrt(count)) if count > 1 else float("nan")
 
 
-def flag_names(kind: type[Limited] | type[Warned], values: Any) -> str:
+def flag_names(kind: type[LimitFlag] | type[WarningFlag], values: Any) -> str:
     """Return the names of all flags raised in ``values``, separated by spaces."""
     raised = int(np.bitwise_or.reduce(values)) if len(values) else 0
     return " ".join(str(flag.name) for flag in kind if raised & flag)
@@ -136,8 +136,8 @@ def reduce_window(window: Window, period_ticks: float | None) -> dict[str, Any]:
         "ticks_missing": window.missing,
         "tare_samples": int(data["tare.samples"].min()),
         "start": float(data["time"][0]),
-        "limits": flag_names(Limited, data["heave.command.limited"]),
-        "warned": flag_names(Warned, data["heave.warned"]),
+        "limits": flag_names(LimitFlag, data["heave.command.limited"]),
+        "warned": flag_names(WarningFlag, data["heave.warned"]),
         "periods": 0,
     }
     for name in POWERS:
@@ -183,7 +183,7 @@ def _add_repetition_errors(table: list[dict[str, Any]]) -> None:
 def row_table(
     run: str | os.PathLike[str],
     mean_position_alarm: float = MEAN_POSITION_ALARM,
-    calibrations: Sequence[Known] = (),
+    calibrations: Sequence[CalibrationVersion] = (),
     *,
     incomplete_rows: bool = False,
 ) -> "xarray.Dataset":
@@ -200,8 +200,8 @@ def row_table(
     of `rig.analysis.calibrated.build_corrections`. With ``incomplete_rows`` rows that lack ticks in
     the record keep their means.
     """
-    source = reader.source(run)
-    run_facts = facts(run, source.contents)
+    source = reader.open_files(run)
+    run_facts = run_info(run, source.contents)
     corrections = calibrated.build_corrections(calibrations, run_facts)
     dt = run_facts.plan.get("dt")
     period = wave_period(run_facts.plan)
@@ -213,7 +213,7 @@ def row_table(
         quality.required_fields(available)
     )
     fields = ["time", *FIELDS, *sorted(logged)]
-    reading = Reading(source.contents, source.damage)
+    reading = RecordCheck(source.contents, source.damage)
     for raw_window in read_windows(
         source, fields, run_facts.plan, incomplete_rows=True, reading=reading
     ):
@@ -292,7 +292,7 @@ _ORDER = ["row", "point", "repetition", "state", *SETTINGS]
 
 
 def _build_dataset(
-    table: list[dict[str, Any]], run_facts: Facts, period: float | None
+    table: list[dict[str, Any]], run_facts: RunInfo, period: float | None
 ) -> "xarray.Dataset":
     import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
 

@@ -120,7 +120,7 @@ def find_stop(run: Path, status: Mapping[str, Any]) -> Stop:
     if status.get("status") == "complete":
         return NO_STOP
     ticks, skipped = np.empty(0, np.int64), np.empty(0, np.int64)
-    for block in reader.blocks(reader.source(run)):
+    for block in reader.blocks(reader.open_files(run)):
         stop_ticks = np.flatnonzero(block["safety.reason"] != Reason.NONE)
         end = int(stop_ticks[0]) + 1 if stop_ticks.size else len(block)
         dt = float(block["time"][-1]) / max(1, int(block["tick"][-1]))

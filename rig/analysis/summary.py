@@ -15,7 +15,7 @@ from rig.analysis.rows import COMPLETE
 from rig.analysis.slices import NEGLIGIBLE_SHARE, Optimum, find_optima
 from rig.analysis.stop_reason import NO_STOP, LostTicks, Stop, describe_ending
 from rig.config.columns import REQUIRED_COLUMNS
-from rig.recording.runs.folder import Facts
+from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.state import RecordState
 
 _STANDARD_COLUMNS = {column.name for column in REQUIRED_COLUMNS}
@@ -132,7 +132,7 @@ def _config_name(config: dict[str, Any], key: str) -> str:
 
 def summarise(
     table: xarray.Dataset,
-    run_facts: Facts,
+    run_facts: RunInfo,
     unfinished: str = "",
     stop: Stop = NO_STOP,
     findings: tuple[str, ...] = (),

@@ -21,8 +21,8 @@ from scipy.interpolate import PchipInterpolator
 from rig.analysis.rows import period_means, standard_error
 from rig.analysis.windows import ExcludedRows, Window, read_windows
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import Facts, facts
-from rig.recording.runs.state import Reading
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.state import RecordCheck
 
 KEPT_POWER_SHARE = 0.98
 """Share of the best row's heave power that must be kept."""
@@ -83,8 +83,8 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError unless the
     sea is regular, the heave set point is constant and at least 3 surge dampings were measured.
     """
-    source = reader.source(run)
-    run_facts = facts(run, source.contents)
+    source = reader.open_files(run)
+    run_facts = run_info(run, source.contents)
     frequency = (run_facts.plan.get("sea") or {}).get("frequency_hz")
     period = (run_facts.plan.get("sea") or {}).get("period_s")
     frequency = frequency or (1.0 / period if period else None)
@@ -94,7 +94,7 @@ def measure_rows(run: str | os.PathLike[str], *, incomplete_rows: bool = False) 
     _check_heave_settings(planned, run)
     ticks = 1.0 / (float(frequency) * float(run_facts.plan["dt"]))
     rows: dict[float, DampingRow] = {}
-    reading, excluded = Reading(source.contents, source.damage), ExcludedRows()
+    reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
     for window in read_windows(
         source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
     ):
@@ -139,7 +139,7 @@ def _measure_row(window: Window, damping: float, period: float) -> DampingRow:
     )
 
 
-def allowed_stroke(run_facts: Facts) -> float:
+def allowed_stroke(run_facts: RunInfo) -> float:
     """Return the allowed stroke (m, either direction): `STROKE_SHARE` of the lowest surge bound.
 
     The bounds are those of the run's own rig file and limits. Raises RunError if there are none.
@@ -151,7 +151,7 @@ def allowed_stroke(run_facts: Facts) -> float:
             ("limits", "surge", "position_warn_m"),
             ("limits", "surge", "position_stop_m"),
         )
-        if (bound := run_facts.configured(*keys)) is not None
+        if (bound := run_facts.config_number(*keys)) is not None
     ]
     if not bounds:
         raise RunError(f"{run_facts.run}: its configuration has no bound on surge; give --stroke-m")

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from rig.analysis import phrases, picture
 from rig.realtime.sequence import Phase
 from rig.recording.runs import reader
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 
 DEFAULT_FIELDS = ("heave.estimate", "heave.command.force", "power.mechanical_1", "power.ac")
 _WIDTH, _PAGE_HEIGHT = (
@@ -111,8 +111,8 @@ def write_traces(
     selects rows, None the whole run. Constant fields are listed as text, unless all are constant.
     Raises KeyError for an unknown field or row, and RunError for a run that cannot be read.
     """
-    source = reader.source(run)
-    names = [name for name in reader.choose(source.leaves, fields) if name != "time"]
+    source = reader.open_files(run)
+    names = [name for name in reader.select_fields(source.leaves, fields) if name != "time"]
     if isinstance(rows, int):
         rows = [rows]
     plan_fields = [leaf.name for leaf in source.leaves if leaf.name == "plan.phase"]
@@ -171,7 +171,7 @@ def write_traces(
             axes.spines[side].set_visible(False)
     axes_of[-1].set_xlabel("time from run start, s")
     figure.align_ylabels(list(axes_of))
-    run_facts = facts(run, source.contents)
+    run_facts = run_info(run, source.contents)
     stamp = phrases.mode_stamp(run_facts.mode)
     figure.suptitle(
         f"{run_facts.campaign or 'campaign unknown'}, run {run_facts.run}   [{stamp}]",

@@ -28,7 +28,7 @@ from rig.analysis.wave_lines import (
 )
 from rig.analysis.windows import Window, lost_between_rows, read_windows
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 from rig.recording.runs.mcap_file import Records
 
 PROBE_FIELDS = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
@@ -67,8 +67,8 @@ def calibrate_waves(
     them if they have at least 90 % of their samples. Raises RunError if the run is not a wave
     calibration, or if no whole period was measured.
     """
-    source = reader.source(run)
-    run_facts = facts(run, source.contents)
+    source = reader.open_files(run)
+    run_facts = run_info(run, source.contents)
     if not is_calibration(run_facts.plan):
         raise RunError(f"{run}: no wave calibration (its plan has no device: absent)")
     target = _target_lines(run_facts.plan)
@@ -116,7 +116,7 @@ def _target_lines(plan: dict[str, Any]) -> WaveMakerLines:
     return WaveMakerLines(float(sea["repeat_s"]), np.array(sea["cycles"], dtype=np.int64), *columns)
 
 
-def _wave_fields(source: reader.Source) -> list[str]:
+def _wave_fields(source: reader.RunFiles) -> list[str]:
     """Return the log fields of probes with their age, and of the elevation if it is logged."""
     names = {leaf.name for leaf in source.leaves}
     age = [name for name in AGE_FIELDS if name in names][:1]

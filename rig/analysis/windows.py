@@ -20,9 +20,9 @@ from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import reader
 from rig.recording.runs.account import SKIPPED
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 from rig.recording.runs.mcap_file import Records
-from rig.recording.runs.state import Reading, RecordState
+from rig.recording.runs.state import RecordCheck, RecordState
 
 PLAN_FIELDS = ("plan.row", "plan.phase", "plan.attempt")
 REQUIRED_FIELDS = (*PLAN_FIELDS, "tick", "safety.mode", "safety.reason")
@@ -129,12 +129,12 @@ def _reason_incomplete(row: int, next_tick: Any) -> str:
 
 
 def read_windows(
-    run: reader.Source,
+    run: reader.RunFiles,
     fields: list[str],
     plan: Mapping[str, Any],
     *,
     incomplete_rows: bool = False,
-    reading: Reading | None = None,
+    reading: RecordCheck | None = None,
 ) -> Iterator[Window]:
     """Yield the window of every attempt at a row, in the order of the run, with the named fields.
 
@@ -144,7 +144,7 @@ def read_windows(
     """
     lengths = {int(row["row"]): planned_ticks(row, plan.get("dt")) for row in plan.get("rows", [])}
     skipped_fields = [leaf.name for leaf in run.leaves if leaf.name == SKIPPED]
-    names = reader.choose(run.leaves, [*REQUIRED_FIELDS, *skipped_fields, *fields])
+    names = reader.select_fields(run.leaves, [*REQUIRED_FIELDS, *skipped_fields, *fields])
     dtypes = {leaf.name: "<f8" if leaf.code == "d" else "<i8" for leaf in run.leaves}
     dtype = np.dtype([(name, dtypes[name]) for name in names])
     for window in split_windows(reader.blocks(run, reading), dtype):
@@ -215,11 +215,11 @@ class IncompleteWindows(NamedTuple):
 
 def find_incomplete_windows(run: str | os.PathLike[str]) -> IncompleteWindows:
     """Return the incomplete windows of a run; none for a kind of run without windows."""
-    source = reader.source(run)
+    source = reader.open_files(run)
     if not {*REQUIRED_FIELDS, "time"} <= {leaf.name for leaf in source.leaves}:
         return IncompleteWindows((), ())
-    plan = facts(run, source.contents).plan
-    reading = Reading(source.contents, source.damage)
+    plan = run_info(run, source.contents).plan
+    reading = RecordCheck(source.contents, source.damage)
     spans, messages, rows = [], [], set()
     for window in read_windows(source, ["time"], plan, reading=reading):
         rows.add(window.row)

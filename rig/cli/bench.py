@@ -54,7 +54,7 @@ def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int
         return fail("bench", error, as_json=as_json, code=cli.FAILED)
     results, products, summary_text, trouble = _analyse(ended, quiet=as_json)
     lost = _lost_ticks(ended)
-    create.note_rows(ended.folder, _rows_done(ended, len(plan.rows)))
+    create.write_rows_done(ended.folder, _rows_done(ended, len(plan.rows)))
     trouble = "; ".join(filter(None, (ended.trouble, trouble)))
     if as_json:
         outcome = ended.outcome

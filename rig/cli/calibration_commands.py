@@ -12,19 +12,19 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.problems import format_number
 from rig.interop.legacy.testlog import read_log
 from rig.recording.calibration import (
-    Applied,
-    At,
-    Known,
-    corrected,
+    CalibratedValue,
+    CalibrationVersion,
+    RecordingTime,
+    apply_calibration,
+    invert_calibration,
     open_calibration,
     open_history,
-    recorded,
 )
-from rig.recording.calibration.diff import Changed, Difference, difference
-from rig.recording.calibration.sources import Stood, in_log, in_runs
+from rig.recording.calibration.diff import CalibrationDifference, ChangedValue, compare_calibrations
+from rig.recording.calibration.sources import RecordedValue, values_in_log, values_in_runs
 
 
-def find_calibration(name: str, folder: Path) -> Known:
+def find_calibration(name: str, folder: Path) -> CalibrationVersion:
     """Return a calibration by file (.yaml, .yml), or by name with or without its version."""
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
@@ -81,7 +81,7 @@ def show(name: str, folder: Path, *, as_json: bool) -> int:
     return cli.OK
 
 
-def _correction_text(known: Known) -> str:
+def _correction_text(known: CalibrationVersion) -> str:
     correction = known.file.correction.model_dump()
     kind = correction.pop("kind")
     if kind == "table":
@@ -90,7 +90,7 @@ def _correction_text(known: Known) -> str:
     return f"{kind} {', '.join(format_number(value) for value in correction.values())}"
 
 
-def _calibration_as_dict(known: Known) -> dict[str, Any]:
+def _calibration_as_dict(known: CalibrationVersion) -> dict[str, Any]:
     file = known.file.model_dump(mode="json", by_alias=True)
     return {**file, "file": str(known.path), "sha256": known.sha256}
 
@@ -110,7 +110,7 @@ def apply_to_values(
         if not values:
             raise ValueError("nothing to correct; give --value or --testlog")
         at = recording_time(known, *recorded_in)
-        convert = recorded if invert else corrected
+        convert = invert_calibration if invert else apply_calibration
         applied = [convert(known.file, value, at) for value in values]
     except INPUT_ERRORS as error:
         return refuse("calibration apply", error, as_json=as_json)
@@ -127,14 +127,14 @@ def apply_to_values(
     return cli.OK
 
 
-def _inverted_text(applied: Applied) -> str:
+def _inverted_text(applied: CalibratedValue) -> str:
     if not applied.inside:
         return applied.description()
     given, value = format_number(applied.given), format_number(applied.value)
     return f"{given} was recorded as {value}, before {applied.by}"
 
 
-def recording_time(known: Known, run: str | None, day: str | None) -> At:
+def recording_time(known: CalibrationVersion, run: str | None, day: str | None) -> RecordingTime:
     """Parse the run (24 or MASK4_024) and the day in which a value was recorded.
 
     A bare run number belongs to the series of the calibration file.
@@ -147,7 +147,7 @@ def recording_time(known: Known, run: str | None, day: str | None) -> At:
         if not digits.isdecimal():
             raise ValueError(f"{run!r} is not a run; write 24 or MASK4_024")
         number = int(digits)
-    return At(series, number, _parse_date(day) if day is not None else None)
+    return RecordingTime(series, number, _parse_date(day) if day is not None else None)
 
 
 def _parse_date(text: str) -> date:
@@ -163,8 +163,8 @@ def apply_to_log(name: str, folder: Path, path: Path, output: Path | None, *, as
         known = find_calibration(name, folder)
         log = read_log(path)
         rows = [
-            (entry, corrected(known.file, entry.value, entry.at))
-            for entry in in_log(log, known.file.quantity)
+            (entry, apply_calibration(known.file, entry.value, entry.time))
+            for entry in values_in_log(log, known.file.quantity)
             if entry.value is not None
         ]
         if output is not None:
@@ -190,7 +190,12 @@ def apply_to_log(name: str, folder: Path, path: Path, output: Path | None, *, as
     return cli.OK
 
 
-def _write_csv(output: Path, known: Known, source: str, rows: list[tuple[Stood, Applied]]) -> None:
+def _write_csv(
+    output: Path,
+    known: CalibrationVersion,
+    source: str,
+    rows: list[tuple[RecordedValue, CalibratedValue]],
+) -> None:
     file = known.file
     with output.open("x", newline="", encoding="utf-8") as out:
         out.write(f"# {file.quantity} of {source} by {known.description()}\n")
@@ -210,12 +215,12 @@ def diff(
     """Print the differences between two versions and the values that they change."""
     try:
         before, after = find_calibration(old, folder), find_calibration(new, folder)
-        values: list[Stood] = []
+        values: list[RecordedValue] = []
         if testlog is not None:
-            values += in_log(read_log(testlog), before.file.quantity)
+            values += values_in_log(read_log(testlog), before.file.quantity)
         if runs is not None:
-            values += in_runs(runs, before.file.quantity)
-        result = difference(before.file, after.file, values)
+            values += values_in_runs(runs, before.file.quantity)
+        result = compare_calibrations(before.file, after.file, values)
     except INPUT_ERRORS as error:
         return refuse("calibration diff", error, as_json=as_json)
     if as_json:
@@ -229,19 +234,21 @@ def diff(
     return cli.OK
 
 
-def _difference_as_dict(result: Difference, before: Known, after: Known) -> dict[str, Any]:
+def _difference_as_dict(
+    result: CalibrationDifference, before: CalibrationVersion, after: CalibrationVersion
+) -> dict[str, Any]:
     return {
         "old": _calibration_as_dict(before),
         "new": _calibration_as_dict(after),
         "keys": [dict(zip(("key", "old", "new"), key, strict=True)) for key in result.keys],
         "changed": [change._asdict() for change in result.changed],
         "unchanged": result.unchanged,
-        "undecided": [{"where": where, "why": why} for where, why in result.untold],
+        "undecided": [{"where": where, "why": why} for where, why in result.undetermined],
         "stale": result.stale,
     }
 
 
-def _print_difference(result: Difference, unit: str, *, searched: bool) -> None:
+def _print_difference(result: CalibrationDifference, unit: str, *, searched: bool) -> None:
     print(f"{result.old} -> {result.new}")
     for key, old, new in result.keys:
         print(f"  {key}: {'-' if old is None else old} -> {'-' if new is None else new}")
@@ -255,13 +262,13 @@ def _print_difference(result: Difference, unit: str, *, searched: bool) -> None:
         print("\noutdated products, to be made again")
         for where, names in result.stale.items():
             print(f"  {where}: {', '.join(names)}")
-    if result.untold:
+    if result.undetermined:
         print("\nundecided")
-        for where, why in result.untold:
+        for where, why in result.undetermined:
             print(f"  {where}: {why}")
 
 
-def _change_text(change: Changed, unit: str) -> str:
+def _change_text(change: ChangedValue, unit: str) -> str:
     if change.recorded is None:
         return change.note
     old, new = (

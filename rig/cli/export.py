@@ -67,13 +67,13 @@ def main(
     """Write a run in the given format, and print the file's path and any remarks."""
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
-    from rig.recording.runs.folder import facts
+    from rig.recording.runs.folder import run_info
 
     remarks: tuple[str, ...] = ()
     try:
         record = find_run(run_name, runs)
         folder = record if record.is_dir() else record.parent
-        output_path = output or folder / f"{facts(record).run}{SUFFIX[form]}"
+        output_path = output or folder / f"{run_info(record).run}{SUFFIX[form]}"
         if form is ExportFormat.MAT:
             remarks = _write_mat(record, output_path, fields, rows, rate)
         else:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from rig.recording.runs import RunError, list_runs
 
 if TYPE_CHECKING:
-    from rig.recording.calibration import Known
+    from rig.recording.calibration import CalibrationVersion
 
 
 def find_run(name: Path, runs: Path) -> Path:
@@ -35,7 +35,7 @@ def find_run(name: Path, runs: Path) -> Path:
     raise RunError(f"{name}: no such run or campaign in {runs}/; the newest there: {newest}")
 
 
-def find_calibrations(names: list[str]) -> "list[Known]":
+def find_calibrations(names: list[str]) -> "list[CalibrationVersion]":
     """Return calibrations by file or name; raises the same errors as `rig calibration show`."""
     if not names:
         return []

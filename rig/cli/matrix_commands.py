@@ -14,7 +14,7 @@ from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, mask4_file, matrix, sign_conventions, stepped
 from rig.interop.legacy.columns import SPRING
 from rig.interop.legacy.matrix import Matrix
-from rig.recording.calibration import corrected
+from rig.recording.calibration import apply_calibration
 
 _OPTIONS = {
     "lever": "--lever-m",
@@ -136,7 +136,7 @@ def _with_calibration(original: Matrix, options: MatrixOptions) -> tuple[Matrix,
         raise ValueError(f"{known.file.title} needs the run that used the matrix; give --run")
     recorded_at = recording_time(known, run, None)
     i = original.columns.index(SPRING)
-    applied = [corrected(known.file, row[i], recorded_at) for row in original.rows]
+    applied = [apply_calibration(known.file, row[i], recorded_at) for row in original.rows]
     rows = tuple(
         (*row[:i], correction.value, *row[i + 1 :])
         for row, correction in zip(original.rows, applied, strict=True)

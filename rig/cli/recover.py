@@ -43,9 +43,9 @@ def main(run_name: Path, runs: Path, output: Path | None, *, as_json: bool) -> i
         with suppress(
             OSError, ValueError
         ):  # the record is complete; only the status may be missing
-            create.note_rows(run, sum(row.state == "complete" for row in rows))
+            create.write_rows_done(run, sum(row.state == "complete" for row in rows))
     print(json.dumps(_as_dict(recovery, rows)) if as_json else "\n".join(_lines(recovery, rows)))
-    return cli.OK if recovery.whole else cli.LOST
+    return cli.OK if recovery.complete else cli.LOST
 
 
 def _with_advice(error: OSError) -> Exception:
@@ -75,8 +75,8 @@ def _read_rows(record: Path) -> list[RecoveredRow] | None:
 def _as_dict(recovery: Recovery, rows: list[RecoveredRow] | None) -> dict[str, Any]:
     account = recovery.account
     return {
-        "status": "whole" if recovery.whole else "incomplete",
-        "ending": recovery.ending,
+        "status": "whole" if recovery.complete else "incomplete",
+        "ending": recovery.outcome,
         "output": str(recovery.output),
         "written": recovery.written,
         "sources": [str(path) for path in recovery.sources],
@@ -88,23 +88,25 @@ def _as_dict(recovery: Recovery, rows: list[RecoveredRow] | None) -> dict[str, A
         "missing_ticks": [[gap.first, gap.last] for gap in account.gaps if gap.lost],
         "skipped_ticks": [[gap.first, gap.last] for gap in account.gaps if gap.skipped],
         "lost": account.lost,
-        "lost_at_least": account.ending is None or not account.ending.final,
-        "lost_after_the_end": account.beyond,
+        "lost_at_least": account.end_report is None or not account.end_report.final,
+        "lost_after_the_end": account.lost_at_end,
         "seconds_lost": None if account.period is None else account.lost * account.period,
         "skipped": account.skipped,
         "last_tick_known": account.last_known,
-        "end_seen_by": account.ending.witness if account.ending and account.ending.final else None,
+        "end_seen_by": account.end_report.source
+        if account.end_report and account.end_report.final
+        else None,
         "duplicates": recovery.duplicates,
         "unread_bytes": recovery.unread,
         "damage": list(recovery.damage),
-        "verified": recovery.seen._asdict(),
+        "verified": recovery.read_back._asdict(),
         "campaign_rows": None if rows is None else [row._asdict() for row in rows],
     }
 
 
 def _lines(recovery: Recovery, rows: list[RecoveredRow] | None) -> list[str]:
     account = recovery.account
-    lines = [f"{'ended':<10}{recovery.ending}"]
+    lines = [f"{'ended':<10}{recovery.outcome}"]
     if account.first_tick is None:
         lines.append(f"{'saved':<10}no row: the run ended before its first tick was on the disk")
     else:
@@ -121,7 +123,7 @@ def _lines(recovery: Recovery, rows: list[RecoveredRow] | None) -> list[str]:
         *([f"{recovery.unread} torn bytes"] if recovery.unread else []),
     ] or ["none"]
     lines += [f"{'' if i else 'damage':<10}{text}" for i, text in enumerate(damage)]
-    verified = recovery.seen
+    verified = recovery.read_back
     size = recovery.output.stat().st_size / 1e6
     lines.append(
         f"{'record':<10}{recovery.output}, {size:.1f} MB, "
@@ -133,7 +135,9 @@ def _lines(recovery: Recovery, rows: list[RecoveredRow] | None) -> list[str]:
     )
     if recovery.sources:
         names = ", ".join(path.name for path in recovery.sources)
-        advice = "no longer needed" if recovery.whole else "keep it: another copy may hold the rest"
+        advice = (
+            "no longer needed" if recovery.complete else "keep it: another copy may hold the rest"
+        )
         lines.append(f"{'':<10}{names} unchanged; {advice}")
     return lines
 
@@ -156,14 +160,14 @@ def _missing_lines(recovery: Recovery) -> list[tuple[str, str]]:
         lines.append(
             f"and {len(gaps) - _MAX_LISTED} more gaps with {rest} ticks (--json has them all)"
         )
-    if account.beyond:
-        lines.append(f"{account.beyond} executed ticks at the end: their rows were dropped")
-    if account.ending is None or not account.ending.final:
+    if account.lost_at_end:
+        lines.append(f"{account.lost_at_end} executed ticks at the end: their rows were dropped")
+    if account.end_report is None or not account.end_report.final:
         after = "" if account.last_known is None else f" after tick {account.last_known}"
         lower_bound = f"in all at least {account.lost} rows"
         lines.append(f"{lower_bound}: no process recorded what the loop did{after}")
     else:
-        witness = f"by {account.ending.witness}: {account.ending.ticks} ticks executed"
+        witness = f"by {account.end_report.source}: {account.end_report.ticks} ticks executed"
         total = f"in all {account.lost}" if lines else "nothing"
         lines.append(f"{total} (end recorded {witness})")
     labelled = [("missing" if i == 0 else "", line) for i, line in enumerate(lines)]

@@ -121,7 +121,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], 
     try:
         products = write_products(ended.folder)
         summary = json.loads((ended.folder / "summary.json").read_text())
-        create.note_rows(ended.folder, summary["rows_done"])
+        create.write_rows_done(ended.folder, summary["rows_done"])
     except (RunError, OSError, ValueError) as error:
         message = command_error.error_text(error)
         return products, summary, message if products else f"could not make all products: {message}"

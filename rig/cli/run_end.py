@@ -9,7 +9,7 @@ from typing import Any
 from rig import cli
 from rig.execution.task import Ended
 from rig.processes.run_types import Outcome
-from rig.realtime.limits import Limited, Warned
+from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import Phase
 
@@ -18,7 +18,10 @@ _NAMES: dict[str, type[IntEnum]] = {
     "safety.reason": Reason,
     "plan.phase": Phase,
 }
-_FLAGS: dict[str, type[IntFlag]] = {"command.limited": Limited, "warned": Warned}  # of every axis
+_FLAGS: dict[str, type[IntFlag]] = {
+    "command.limited": LimitFlag,
+    "warned": WarningFlag,
+}  # of every axis
 _EXIT_CODES = {"complete": cli.OK, "stopped": cli.STOPPED, "fault": cli.FAULT}
 
 

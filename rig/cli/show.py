@@ -17,12 +17,12 @@ def main(
     from rig.analysis.rows import MEAN_POSITION_ALARM
     from rig.analysis.summary import as_json as in_json
     from rig.analysis.summary import as_text
-    from rig.recording.runs.folder import facts
+    from rig.recording.runs.folder import run_info
 
     try:
         known = find_calibrations(calibrations)
         run = find_run(run_name, runs)
-        if "session" in facts(run).config:
+        if "session" in run_info(run).config:
             return _show_session(run, as_json=as_json)
         summary = summarise_run(run, MEAN_POSITION_ALARM, known, incomplete_rows=incomplete_rows)
     except INPUT_ERRORS as error:
@@ -39,14 +39,14 @@ def _show_session(run: Path, *, as_json: bool) -> int:
     from rig.analysis.session import analyse
     from rig.analysis.stop_reason import describe_ending, find_stop
     from rig.recording.runs import reader
-    from rig.recording.runs.folder import facts
+    from rig.recording.runs.folder import run_info
 
     try:
         summary = analyse(run)
     except RunError as error:
-        status = facts(run).status
+        status = run_info(run).status
         ending = describe_ending(status, find_stop(run, status).lost)
-        record = reader.read_through(run).sentence
+        record = reader.check_record(run).sentence
         raise RunError(f"{ending.description}.\n{record}.\n{error}") from error
     print(json.dumps(summary.as_dict()) if as_json else summary.as_text())
     return cli.OK

@@ -55,12 +55,12 @@ def main(
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.recording.runs import RunError
-    from rig.recording.runs.folder import facts
+    from rig.recording.runs.folder import run_info
 
     try:
         run = find_run(run_name, runs)
         measurement = surge_damping.measure_rows(run, incomplete_rows=incomplete_rows)
-        run_facts = facts(run)
+        run_facts = run_info(run)
         allowed = surge_damping.allowed_stroke(run_facts) if stroke is None else stroke
         choice = surge_damping.choose_damping(measurement.rows, allowed, keep)._replace(
             notes=measurement.notes

@@ -16,7 +16,7 @@ from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.sweep_progress import SweepProgress
-from rig.recording.runs import RunError, facts
+from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
@@ -54,7 +54,7 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
                 "--lead-in: with --sequential the campaign's start.lead_in_s counts; leave it out"
             )
         measured = find_run(options.measured, options.runs) if options.measured else None
-        if measured and "session" in facts(measured).config:
+        if measured and "session" in run_info(measured).config:
             raise RunError(
                 f"--measured {measured}: a run of the bench has no campaign rows; name another run"
             )

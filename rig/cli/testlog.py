@@ -11,7 +11,7 @@ from rig import cli
 
 if TYPE_CHECKING:
     from rig.interop.legacy.testlog import Entry, Log
-    from rig.recording.calibration import Applied, Known
+    from rig.recording.calibration import CalibratedValue, CalibrationVersion
 
 CALIBRATIONS = Path("configs/calibrations")
 
@@ -53,7 +53,7 @@ def main(path: Path, run: int | None, calibrations: Path, *, as_json: bool) -> i
     return cli.OK
 
 
-def spring_calibration(folder: Path, series: str) -> "Known | None":
+def spring_calibration(folder: Path, series: str) -> "CalibrationVersion | None":
     """Return the newest calibration of spring rates for runs of ``series``; None without one.
 
     A missing folder counts as empty. Raises ValueError if several calibrations match.
@@ -76,18 +76,20 @@ def spring_calibration(folder: Path, series: str) -> "Known | None":
     return matches[0] if matches else None
 
 
-def corrected_spring(entry: "Entry", known: "Known | None") -> "Applied | None":
+def corrected_spring(
+    entry: "Entry", known: "CalibrationVersion | None"
+) -> "CalibratedValue | None":
     """Return an entry's spring rate, corrected by a calibration."""
-    from rig.recording.calibration import corrected
-    from rig.recording.calibration.sources import at_of
+    from rig.recording.calibration import apply_calibration
+    from rig.recording.calibration.sources import recording_time
 
     if entry.spring is None or known is None:
         return None
-    return corrected(known.file, entry.spring.written_n_per_m, at_of(entry))
+    return apply_calibration(known.file, entry.spring.written_n_per_m, recording_time(entry))
 
 
 def _as_dict(
-    log: "Log", entries: "tuple[Entry, ...]", known: "Known | None", *, whole_log: bool
+    log: "Log", entries: "tuple[Entry, ...]", known: "CalibrationVersion | None", *, whole_log: bool
 ) -> dict[str, Any]:
     from rig.interop.legacy.testlog import links
 
@@ -102,7 +104,7 @@ def _as_dict(
     return out
 
 
-def _spring_as_dict(entry: "Entry", known: "Known | None") -> dict[str, Any]:
+def _spring_as_dict(entry: "Entry", known: "CalibrationVersion | None") -> dict[str, Any]:
     applied = corrected_spring(entry, known)
     if entry.spring is None:
         return {}
@@ -123,7 +125,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _print_table(log: "Log", known: "Known | None") -> None:
+def _print_table(log: "Log", known: "CalibrationVersion | None") -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -177,7 +179,7 @@ def _wave_text(wave: Any) -> str:
     return " ".join(filter(None, (wave.kind.value, when, height, wave.code)))
 
 
-def _spring_text(entry: "Entry", known: "Known | None") -> str:
+def _spring_text(entry: "Entry", known: "CalibrationVersion | None") -> str:
     if entry.spring is None:
         return ""
     written = f"{entry.spring.written_n_per_m:+.0f}"
@@ -187,7 +189,7 @@ def _spring_text(entry: "Entry", known: "Known | None") -> str:
     return f"{written} -> {applied.value:+.0f}"
 
 
-def _print_entry(entry: "Entry", known: "Known | None") -> None:
+def _print_entry(entry: "Entry", known: "CalibrationVersion | None") -> None:
     from rig.config.problems import format_number
 
     applied = corrected_spring(entry, known)

@@ -24,8 +24,8 @@ from rig.planning.session.plan import plan_session
 from rig.planning.session.recorded import session_as_logged
 from rig.realtime import cycle, safety
 from rig.recording import row_layout
-from rig.recording.runs import RunError, facts, reader
-from rig.recording.runs.folder import Facts
+from rig.recording.runs import RunError, reader, run_info
+from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records, row_dtype
 
 _LOGGED_AS = {  # words of a WaveBot's `Sense` by their place in a row; others stand by their name
@@ -114,8 +114,8 @@ def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Repla
     Raises RunError for a run that cannot be replayed: no configuration of today's, no tick, or no
     record of its first tick, ticks lost from the log, or a sense that was not logged.
     """
-    source = reader.source(run)
-    known = facts(run, source.contents)
+    source = reader.open_files(run)
+    known = run_info(run, source.contents)
     subject = _subject(known)
     names = [leaf.name for leaf in source.leaves]
     absent_senses = [name for name in (*subject.fields(), *_TIMING, *_SAFETY) if name not in names]
@@ -241,7 +241,7 @@ class _Tally:
         return tuple(sorted(self._found.values(), key=lambda found: found.first))
 
 
-def as_logged(known: Facts) -> RecordedCampaign:
+def as_logged(known: RunInfo) -> RecordedCampaign:
     """What a run was configured to do; RunError where its record has none that holds today."""
     try:
         return campaign_from_record(known.config)
@@ -251,7 +251,7 @@ def as_logged(known: Facts) -> RecordedCampaign:
         raise _not_of_today(known, error) from None
 
 
-def _subject(known: Facts) -> _Subject:
+def _subject(known: RunInfo) -> _Subject:
     """Rig and parameters, made by today's code of the configuration in the run."""
     try:
         return _bench(known) if "session" in known.config else _wavebot(known)
@@ -261,7 +261,7 @@ def _subject(known: Facts) -> _Subject:
         raise _not_of_today(known, error) from None
 
 
-def _wavebot(known: Facts) -> _Subject:
+def _wavebot(known: RunInfo) -> _Subject:
     campaign, rig, limits, points, record = as_logged(known)
     planned: Plan = build_plan(campaign, rig, points)
     params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints, record)
@@ -269,7 +269,7 @@ def _wavebot(known: Facts) -> _Subject:
     return _Subject(KIND, Sense, places, params, planned.dt)
 
 
-def _bench(known: Facts) -> _Subject:
+def _bench(known: RunInfo) -> _Subject:
     session = session_as_logged(known.config)
     planned = plan_session(session)
     places = {word: word for word in oswec_bench.Sense._fields}
@@ -278,5 +278,5 @@ def _bench(known: Facts) -> _Subject:
     )
 
 
-def _not_of_today(known: Facts, error: ValueError) -> RunError:
+def _not_of_today(known: RunInfo, error: ValueError) -> RunError:
     return RunError(f"{known.run}: its configuration does not hold today: {error}")

@@ -18,8 +18,8 @@ from rig.processes.wire_locks import REALTIME_PLACE, Wire
 from rig.realtime import cycle, safety
 from rig.recording import process_identity, provenance
 from rig.recording.folder_watch import PROGRESS
-from rig.recording.runs import Joined, RunError, create, join, reader
-from rig.recording.runs.folder import MCAP, STATUS, parts
+from rig.recording.runs import JoinResult, RunError, create, join, reader
+from rig.recording.runs.folder import MCAP, STATUS, mcap_parts
 
 ATTACHED = ("config.json", "plan.json", "code.json", "host.json")
 
@@ -78,8 +78,8 @@ def carry_out_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> E
         started = datetime.now(UTC)
         wires = (REALTIME_PLACE, *mode.wires) if mode.real_clock else mode.wires
         taken = locks.enter_context(wire_locks.hold(wires, f"campaign {task.name}"))
-        folder = create.make(runs, task.name, started)
-        held = locks.enter_context(create.hold_run(folder))
+        folder = create.create_folder(runs, task.name, started)
+        held = locks.enter_context(create.lock_run(folder))
         _write_start(folder, task, started, mode)
         run = Run(
             Setup(
@@ -176,7 +176,7 @@ def _finish_record(folder: Path, outcome: Outcome) -> tuple[Outcome, str, str]:
                 why = "; ".join(damage) or "no part holds them"
                 failed = f"{MCAP} lacks {max(0, lacks)} rows, its parts are kept in {folder}: {why}"
             else:
-                for part in parts(folder):
+                for part in mcap_parts(folder):
                     part.unlink()
     except (OSError, RunError) as error:
         failed = f"the record stays as its writers left it, `rig recover`: {_why(error)}"
@@ -192,7 +192,7 @@ def _finish_record(folder: Path, outcome: Outcome) -> tuple[Outcome, str, str]:
 def _rows(folder: Path) -> int:
     """Rows of a record that can be read."""
     try:
-        state = reader.read_through(folder)
+        state = reader.check_record(folder)
     except (OSError, RunError):
         return 0
     return state.ticks - state.lost
@@ -212,26 +212,26 @@ def _status(folder: Path, task: Task, started: datetime, mode: ExecutionMode) ->
         "rows_planned": task.rows,
         "started_utc": started.isoformat(),
         "pid": os.getpid(),
-        "pid_started": process_identity.started(os.getpid()),
+        "pid_started": process_identity.start_ticks(os.getpid()),
     }
 
 
 def _write_start(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
     (folder / "config.json").write_text(task.config + "\n")
     create.write_json(folder, "plan.json", task.plan)
-    create.write_json(folder, "code.json", provenance.code())
-    create.write_json(folder, "host.json", provenance.host())
+    create.write_json(folder, "code.json", provenance.describe_code())
+    create.write_json(folder, "host.json", provenance.describe_host())
     create.write_json(folder, STATUS, _status(folder, task, started, mode))
 
 
-def _join_parts(folder: Path) -> Joined | None:
+def _join_parts(folder: Path) -> JoinResult | None:
     """One file out of what killed loggers left; None if the record is one file already."""
     if (folder / MCAP).is_file():
         return None
     made = folder / f".{MCAP}.new"
     try:
         # A logger that was killed as it started leaves an empty file: nothing to join or to lose.
-        joined = join([part for part in parts(folder) if part.stat().st_size], made)
+        joined = join([part for part in mcap_parts(folder) if part.stat().st_size], made)
     except OSError:
         made.unlink(missing_ok=True)
         raise

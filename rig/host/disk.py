@@ -10,7 +10,7 @@ from rig.host.finding import ALL_USES, REALTIME, Finding, Host, Verdict, forbidd
 from rig.kinds import KINDS
 from rig.processes import supervisor
 from rig.recording import mcap_writer, row_layout
-from rig.recording.logger import FLUSH
+from rig.recording.logger import FLUSH_INTERVAL
 
 AREA = "disk"
 INDEX_BYTES = 16  # of a message in a chunk's index
@@ -125,7 +125,7 @@ def _speed(place: Path, rate_hz: float) -> list[Finding]:
     rate_limit = f"at least {1e-6 * 10 * log_rate:.1f} MB/s: ten times the largest rate of the log"
     timeout = supervisor.DISK_TIMEOUT_S
     flush_limit = (
-        f"at most {FLUSH:g} s, the time between two flushes; a disk that fails for {timeout:g} s "
+        f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for {timeout:g} s "
         "ends the run"
     )
     names = ("sequential writing", "flush to the disk")
@@ -136,7 +136,7 @@ def _speed(place: Path, rate_hz: float) -> list[Finding]:
         advice = f"make {place} writable, or give `--runs` another folder"
         return [Finding(AREA, names[0], reason, rate_limit, Verdict.BAD, advice, ALL_USES)]
     rate_verdict = grade(-speed.rate, -10.0 * log_rate, -1.5 * log_rate)
-    flush_verdict = grade(speed.worst, FLUSH, timeout)
+    flush_verdict = grade(speed.worst, FLUSH_INTERVAL, timeout)
     advice = "find other programs that write (`iotop`); use a solid-state disk"
     return [
         Finding(

@@ -76,7 +76,7 @@ def examine(options: DoctorOptions, host: Host | None = None) -> Examination:
     measured = timing.measure(dt, options.seconds)
     clock_after, cpu_after = clocks.ClockReading.now(), processor.CpuTime.read(host)
     wakeups = measured.privileged
-    core = scheduling.core() if wakeups is None else int(wakeups["core"])
+    core = scheduling.loop_core() if wakeups is None else int(wakeups["core"])
     latest = None if wakeups is None else float(wakeups["max_us"]) * 1e-6 / dt
     checks: tuple[AreaCheck, ...] = (
         (timing.AREA, lambda: timing.findings(measured, dt)),

@@ -76,7 +76,7 @@ def _isolated(host: Host, core: int) -> Finding:
     if text is None:
         return Finding(AREA, check, "the kernel gives no value", limit, Verdict.UNKNOWN)
     try:
-        isolated = core in scheduling.cores(text)
+        isolated = core in scheduling.parse_core_list(text)
     except ValueError:
         return Finding(AREA, check, f"not understood: {text[:20]}", limit, Verdict.UNKNOWN)
     if isolated:
@@ -93,7 +93,7 @@ def _siblings(host: Host, core: int) -> Finding:
     limit = "one: a second one can halve the speed of the loop's core at any time"
     text = host.read_text(f"{_CPU}/cpu{core}/topology/thread_siblings_list")
     try:
-        others = scheduling.cores(text or "") - {core}
+        others = scheduling.parse_core_list(text or "") - {core}
     except ValueError:
         text = None
     if not text:

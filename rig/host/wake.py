@@ -23,7 +23,7 @@ def measure(dt: float, seconds: float, *, privileged: bool) -> dict[str, Any]:
     if privileged:
         granted = scheduling.acquire()
     else:
-        scheduling.quiet_memory()
+        scheduling.freeze_garbage_collector()
     periods = max(1, round(seconds / dt))
     lateness = [0.0] * periods
     wakes = skipped = longest_gap = tick = 0

@@ -23,7 +23,7 @@ from rig.identification.periods import (
     whole_ticks,
 )
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 
 BEYOND = 1.25  # lines are kept up to so many times the highest excited frequency
 HIGHEST = 5.0  # Hz, of a reference
@@ -100,8 +100,8 @@ def experiments(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -
 
     Raises RunError where the run cannot be read or has no reference.
     """
-    source = reader.source(run)
-    known = facts(run, source.contents)
+    source = reader.open_files(run)
+    known = run_info(run, source.contents)
     told = known.plan.get("reference")
     if not isinstance(told, dict):
         raise RunError(f"{run}: no open-loop reference in its plan, so nothing to identify by")
@@ -143,7 +143,7 @@ def _saturated(window: Window, found: dict[str, Sensor]) -> str:
 
 
 def _experiment(
-    window: Window, row: dict[str, Any], known: Facts, found: dict[str, Sensor]
+    window: Window, row: dict[str, Any], known: RunInfo, found: dict[str, Sensor]
 ) -> Experiment:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
@@ -188,15 +188,15 @@ def _experiment(
     )
 
 
-def _scale(name: str, known: Facts, axis: str, omega: Floats) -> Complexes:
+def _scale(name: str, known: RunInfo, axis: str, omega: Floats) -> Complexes:
     """From the record's unit to newtons or metres per second, by line."""
     one = np.ones(omega.size, dtype=np.complex128)
     if name == CURRENT:
         return one * float(known.plan["reference"]["newtons_per_ampere"])
     if name != VELOCITY:
         return one
-    ratio = known.configured("rig", axis, "gear_ratio_rad_per_m")
-    counts = known.configured("rig", axis, "counts_per_revolution")
+    ratio = known.config_number("rig", axis, "gear_ratio_rad_per_m")
+    counts = known.config_number("rig", axis, "counts_per_revolution")
     if ratio is None or counts is None:
         raise ValueError("its configuration does not say what an encoder count is")
     return one * 1j * omega * (2.0 * np.pi / ratio / counts)

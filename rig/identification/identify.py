@@ -15,7 +15,7 @@ from rig.identification.families import Member, family
 from rig.identification.fit import Fitted, fit
 from rig.identification.impedances import Model, models
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 
 FITTED = ("Z_i", "Z_id")
 TRUTH = "elevation"  # of a simulated sea at the device's place
@@ -52,7 +52,7 @@ def identify(runs: Sequence[Path], asked: IdentificationOptions | None = None) -
     notes: list[str] = []
     found: list[Experiment] = []
     seas: list[Sea] = []
-    known = [facts(run) for run in runs]
+    known = [run_info(run) for run in runs]
     for run, what in zip(runs, known, strict=True):
         if wave_calibration.is_calibration(what.plan):
             seas.append(_sea(run, asked, notes))

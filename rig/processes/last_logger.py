@@ -14,10 +14,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from rig.realtime.loop import End
+from rig.realtime.loop import LoopResult
 from rig.realtime.safety import Reason
-from rig.recording.folder_watch import folder_now, note_progress, rescued
-from rig.recording.ring import Writer, consumed
+from rig.recording.folder_watch import current_folder, save_to_rescue_folder, write_progress
+from rig.recording.ring import RingWriter, has_consumer
 
 STUCK = 3.0  # s without a row saved after which a logger is started
 HANGS = 60.0  # s after which one that saves nothing is killed, as the supervisor has it
@@ -53,7 +53,7 @@ class LastLogger:
         """Whether a logger is at work, of the supervisor or started here; starts one if need be."""
         if not self._request or not self.alone:
             return False
-        if self._works or consumed(self._request["ring"]):
+        if self._works or has_consumer(self._request["ring"]):
             return True
         if self._started >= ATTEMPTS:
             return False
@@ -63,7 +63,7 @@ class LastLogger:
             return True
         return False
 
-    def see_out(self, ring: Writer, end: End | None) -> None:
+    def see_out(self, ring: RingWriter, end: LoopResult | None) -> None:
         """Wait until every row is saved, if need be by a logger of our own, or none can be.
 
         Returns at once if there is no request.
@@ -98,7 +98,7 @@ class LastLogger:
         if self.alone:
             self._note(ring, end)
 
-    def _note(self, ring: Writer, end: End | None) -> bool:
+    def _note(self, ring: RingWriter, end: LoopResult | None) -> bool:
         known: dict[str, int | str | None] = {"final": True, "ticks": ring.head + ring.dropped}
         known |= {"dropped": ring.dropped, "saved": ring.tail}
         if end is not None:
@@ -106,7 +106,7 @@ class LastLogger:
             known |= {"reason": Reason(end.reason).name}
         with suppress(OSError):
             fd = os.open(self._folder(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            note_progress(fd, **known)
+            write_progress(fd, **known)
             os.close(fd)
         return True
 
@@ -115,7 +115,7 @@ class LastLogger:
         folder, fd = Path(self._request["job"]["folder"]), int(self._request["folder"])
         if fd < 0:
             return folder
-        return folder_now(fd) or rescued(folder, {}, {})
+        return current_folder(fd) or save_to_rescue_folder(folder, {}, {})
 
     def _start(self) -> "subprocess.Popen[str]":
         folder = self._folder()

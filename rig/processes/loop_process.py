@@ -22,7 +22,7 @@ from rig.processes.mailbox import Mailbox, Request
 from rig.realtime import cycle, loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock, utc_of_zero
 from rig.realtime.devices import Devices
-from rig.recording.ring import Writer
+from rig.recording.ring import RingWriter
 
 
 class Job(NamedTuple):
@@ -81,8 +81,8 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
         return overseer() != 0 or (mail is not None and mail.request != safety.REQUEST_NONE)
 
     signal.signal(signal.SIGTERM, abort)
-    ring = Writer(job.ring, kind.row_type, wait=job.real_clock == 0, hurried=hurried)
-    end: loop.End | None = None
+    ring = RingWriter(job.ring, kind.row_type, wait=job.real_clock == 0, stop_requested=hurried)
+    end: loop.LoopResult | None = None
     try:
         try:
             devices = connect(json.loads(job.devices), job.dt)
@@ -131,5 +131,5 @@ def _privileges(job: Job) -> scheduling.Privileges | None:
     """Ask for what the clock needs; None on the virtual clock, which must not be given it."""
     if job.real_clock == 1:
         return scheduling.acquire()
-    scheduling.quiet_memory()
+    scheduling.freeze_garbage_collector()
     return None

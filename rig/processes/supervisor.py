@@ -29,9 +29,9 @@ from rig.realtime import safety
 from rig.realtime.safety import Reason
 from rig.recording import logger as log_process
 from rig.recording import ring
-from rig.recording.folder_watch import Whereabouts, leads_to, note_progress
+from rig.recording.folder_watch import FolderTracker, refers_to, write_progress
 from rig.recording.row_layout import layout, leaves
-from rig.recording.runs.create import ending, write_json
+from rig.recording.runs.create import end_status, write_json
 from rig.recording.runs.folder import MCAP
 
 POLL = 0.1  # s between looks
@@ -49,7 +49,7 @@ class Run:
         self._setup = setup
         self._ring_fd = ring.create(setup.kind.row_type)
         self._mail_fd = mailbox.create()
-        self._ring = ring.Reader(self._ring_fd)
+        self._ring = ring.RingReader(self._ring_fd)
         self._mail = Mailbox(self._mail_fd, Request)
         self._layout = layout(setup.kind.row_type)
         self._names = [leaf.name for leaf in leaves(setup.kind.row_type)]
@@ -64,7 +64,7 @@ class Run:
         self._lost = False  # the log is given up
         self._loop_moves = Progress()
         self._log_moves = Progress()
-        self._place = Whereabouts(setup.folder)
+        self._place = FolderTracker(setup.folder)
 
     @property
     def folder(self) -> Path:
@@ -99,7 +99,7 @@ class Run:
             while loop.alive() or logger.alive() or self._unfinished(logger):
                 self._listen(loop)
                 if not loop.alive():
-                    self._ring.bury()
+                    self._ring.mark_finished()
                 self._ask(asked())
                 self._look_after(loop)
                 died = self._companions.listen()
@@ -157,24 +157,24 @@ class Run:
         if logger.alive() or not self._unfinished(logger):
             return logger
         self._log_moves = Progress()
-        if not leads_to(self.folder, self._place.descriptor):
+        if not refers_to(self.folder, self._place.descriptor):
             self._ask(safety.REQUEST_LOGGER_LOST)  # first: to settle it may copy the whole record
-        vain = self._parts > RESTARTS or logger.process.returncode == log_process.DISK
-        if vain or not self._place.settled():
+        vain = self._parts > RESTARTS or logger.process.returncode == log_process.EXIT_ROWS_LOST
+        if vain or not self._place.can_locate_record():
             self._lost = True
             self._trouble = f"the log is lost: {self._trouble or logger.last_message()}"
             self._ring.abandon()
-        if self._lost or self._place.lost:
+        if self._lost or self._place.problem:
             self._ask(safety.REQUEST_LOGGER_LOST)
         return logger if self._lost else self._start_logger()
 
     def _listen_to_log(self, logger: Child) -> None:
-        self._place.hold(f"{MCAP}.part{self._parts - 1}")
+        self._place.open_part(f"{MCAP}.part{self._parts - 1}")
         for event in logger.heard():
             self._trouble = event.get("error") or event.get("why") or ""
             if event["event"] == "place":
                 self._place.relocate(Path(event["folder"]), event["why"])
-                self._trouble = self._place.lost
+                self._trouble = self._place.problem
             if self._trouble:
                 self._ask(safety.REQUEST_LOGGER_LOST)
 
@@ -186,12 +186,12 @@ class Run:
             loop.end(DEAF)
             self._listen(loop)
         self._companions.end(DEAF)  # after the loop: what they hold for it is then let go
-        self._ring.bury()
+        self._ring.mark_finished()
         if logger is not None:
             logger.end(STALL)
             self._listen_to_log(logger)
             try:
-                folder = self._place.settle()
+                folder = self._place.locate_record()
                 if self._parts == 1 and logger.process.returncode == 0:
                     (folder / f"{MCAP}.part0").rename(folder / MCAP)
             except OSError as error:  # what is open is all that is left: say so, and end
@@ -207,9 +207,9 @@ class Run:
         errors = self.folder / "logger.stderr"
         return Child("rig.recording.logger", handover.dumps(job), fds, errors)
 
-    def _log_job(self) -> log_process.Job:
+    def _log_job(self) -> log_process.LoggerJob:
         setup = self._setup
-        return log_process.Job(
+        return log_process.LoggerJob(
             kind=setup.kind_name,
             ring=self._ring_fd,
             supervisor=os.getpid(),
@@ -271,7 +271,7 @@ class Run:
         """Note the progress on disk, for a recovery after all processes were killed."""
         if row := snapshot.row:
             seen = {"last_tick": int(row["tick"]), "skipped": int(row["timing.skipped"])}
-            note_progress(self._place.descriptor, **seen)
+            write_progress(self._place.descriptor, **seen)
 
     def _snapshot(self) -> Snapshot:
         behind = self._ring.head - self._ring.tail
@@ -287,7 +287,7 @@ class Run:
         end, row = self._end, self._latest()
         if end is not None:
             reason = Reason(end["reason"])
-            status, why = ending(reason), reason.name
+            status, why = end_status(reason), reason.name
         elif self._refused:
             status, why = "refused", self._refused
         else:
@@ -308,7 +308,7 @@ class Run:
             row,
             self._died,
             tuple(self._companions.said),
-            self._place.lost,
+            self._place.problem,
         )
 
 

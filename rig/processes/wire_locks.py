@@ -221,7 +221,7 @@ def _label(holder: str) -> socket.socket:
     """A socket whose name tells everybody, in /proc/net/unix, what this process does."""
     pid = os.getpid()
     text = "".join(letter if letter.isprintable() else "?" for letter in holder)
-    name = f"{_PREFIX}holder/{pid}/{process_identity.started(pid)}/{next(_numbers)}/{text}"
+    name = f"{_PREFIX}holder/{pid}/{process_identity.start_ticks(pid)}/{next(_numbers)}/{text}"
     label = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     label.bind(b"\0" + name.encode()[:_LONGEST])
     return label
@@ -246,7 +246,7 @@ def _holder(identity: str) -> str:
     pid, uid, _ = _CREDENTIALS.unpack(told)
     what, began = _labelled(pid)
     who = f"{what} (process {pid}, user {_user(uid)})"
-    if process_identity.started(pid) is None or process_identity.started(pid) != began:
+    if process_identity.start_ticks(pid) is None or process_identity.start_ticks(pid) != began:
         return f"{who}, which was killed; its loop is coming to a stop: try again in some seconds"
     return f"{who}; wait for its end, or stop it with Ctrl-C"
 
@@ -259,7 +259,7 @@ def _labelled(pid: int) -> tuple[str, int | None]:
         if found:
             began, _, what = label.split("/", 2)
             return what, int(began) if began.isdigit() else None
-    return "a program", process_identity.started(pid)
+    return "a program", process_identity.start_ticks(pid)
 
 
 def _user(uid: int) -> str:

@@ -1,1 +1,1 @@
-"""What ticks: the loop, its cycle, limits and the safety machine."""
+"""The real-time core: loop, cycle, limits and safety machine."""

@@ -1,4 +1,7 @@
-"""The two clocks of the loop. Only here, in driver links and where a run is named is time read."""
+"""The two clocks of the loop.
+
+Only this module, the driver links and the naming of a run read the time.
+"""
 
 import ctypes
 import errno
@@ -12,33 +15,33 @@ _NS = 1_000_000_000
 class Wake(NamedTuple):
     """One wake-up of the loop."""
 
-    tick: int  # number of the period since the clock was made
-    now: float  # s, planned time of this tick since the clock was made
-    periods: int  # periods since the last wake-up: 1, more when some were lost
-    lateness: float  # s, after the planned time; 0 on a virtual clock
+    tick: int  # number of the period since the clock was created
+    now: float  # s, planned time of this tick since the clock was created
+    periods: int  # periods since the last wake-up: 1, more after a missed deadline
+    lateness: float  # s, wake-up after the planned time; 0 on a virtual clock
 
 
 class Clock(Protocol):
-    """What the loop needs of a clock."""
+    """Interface of a clock that drives the loop."""
 
     dt: float  # s
 
     def now(self) -> float:
-        """Seconds since the clock was made."""
+        """Return the seconds since the clock was created."""
         ...
 
     def wait_next(self) -> Wake:
-        """Sleep until the next period that is not over yet."""
+        """Sleep until the start of the next period that has not passed yet."""
         ...
 
 
 def utc_of_zero(clock: Clock) -> int:
-    """UTC of the clock's time zero, nanoseconds since 1970: the one mapping a run stores."""
+    """Return the UTC of the clock's zero, ns since 1970: the one mapping that a run stores."""
     return time.time_ns() - round(clock.now() * _NS)
 
 
 class VirtualClock:
-    """As fast as the loop goes; time is the number of ticks, so a run is repeatable to the bit."""
+    """A clock that never sleeps: time is the number of ticks, so a run repeats bit for bit."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
@@ -59,8 +62,8 @@ class _Timespec(ctypes.Structure):
 class RealClock:
     """Absolute deadlines on CLOCK_MONOTONIC; a late wake-up never shifts the ones after it.
 
-    When a deadline is missed by a whole period or more, those periods are skipped and counted:
-    the loop never runs a burst of ticks to catch up.
+    When the loop misses a deadline by a whole period or more, those periods are skipped and
+    counted: the loop never runs a burst of ticks to catch up.
     """
 
     def __init__(self, dt: float) -> None:
@@ -69,11 +72,11 @@ class RealClock:
         if self._period <= 0 or abs(self._period - dt * _NS) > 1e-3:
             raise ValueError(f"a period of {dt} s is not a whole number of nanoseconds")
         self._sleep = ctypes.CDLL(None, use_errno=True).clock_nanosleep
-        self._until = _Timespec()
-        self._until_reference = ctypes.byref(self._until)
+        self._deadline = _Timespec()
+        self._deadline_reference = ctypes.byref(self._deadline)
         self._tick = -1
         # Tick 0 is more than one period from now, on a multiple of the period of CLOCK_MONOTONIC:
-        # what works beside the loop can keep step with it, so that its delay is the same each run.
+        # other processes can keep in step with the loop, so their delay is the same in each run.
         self._zero = (time.monotonic_ns() // self._period + 2) * self._period
 
     def now(self) -> float:
@@ -81,12 +84,12 @@ class RealClock:
 
     def wait_next(self) -> Wake:
         due = self._zero + (self._tick + 1) * self._period
-        self._until.seconds, self._until.nanoseconds = divmod(due, _NS)
-        # CLOCK_MONOTONIC = 1, TIMER_ABSTIME = 1; a signal may cut it short
-        while error := self._sleep(1, 1, self._until_reference, None):
+        self._deadline.seconds, self._deadline.nanoseconds = divmod(due, _NS)
+        # CLOCK_MONOTONIC = 1, TIMER_ABSTIME = 1; a signal may interrupt the sleep
+        while error := self._sleep(1, 1, self._deadline_reference, None):
             if error != errno.EINTR:
                 raise OSError(error, os.strerror(error))
-        late = time.monotonic_ns() - due
-        periods = 1 + max(0, late // self._period)
+        lateness_ns = time.monotonic_ns() - due
+        periods = 1 + max(0, lateness_ns // self._period)
         self._tick += periods
-        return Wake(self._tick, self._tick * self.dt, periods, late / _NS)
+        return Wake(self._tick, self._tick * self.dt, periods, lateness_ns / _NS)

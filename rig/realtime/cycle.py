@@ -1,7 +1,7 @@
 """The cycle: sense -> estimate -> control -> limit -> actuate -> log, as one pure function.
 
-`make` composes it from the functions of one kind of rig (its axes, its other devices); the order
-of the stages is said here and nowhere else. A tick either ends in a valid command or in a stop.
+`make` composes it from the functions of one rig kind (its axes, its other devices); only this
+module defines the order of the stages. A tick ends either in a valid command or in a stop.
 """
 
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from controllers.signals import Count, Index, Second
 from rig.realtime import safety, sequence
-from rig.realtime.safety import FINE, RUN, STOP_2, Reason
+from rig.realtime.safety import NO_REASON, RUN, STOP_2, Reason
 
 
 class Params(NamedTuple):
@@ -17,7 +17,7 @@ class Params(NamedTuple):
 
     segments: sequence.Segments
     safety: safety.Params
-    lost_ticks_stop: int  # more periods than this in one gap trip
+    lost_ticks_stop: int  # a gap of more periods than this trips
     rig: Any  # the kind's own Params
 
 
@@ -26,37 +26,37 @@ class State(NamedTuple):
 
     sequence: sequence.State
     safety: safety.State
-    waves_since: int  # tick in which the wave maker was started; -1: it stands
+    wave_start_tick: int  # tick in which the wave maker started; -1 while it is stopped
     rig: Any  # the kind's own State
 
 
 class Timing(NamedTuple):
-    """When a tick really ran; all zero on a virtual clock."""
+    """Actual timing of a tick; all zero on a virtual clock."""
 
     lateness: Second  # wake-up after the planned time
-    work: Second  # duration of the tick before
+    work: Second  # duration of the previous tick
     skipped: Count  # periods lost since the run began
 
 
 class PlanRecord(NamedTuple):
-    """Where the campaign stands."""
+    """Present position in the campaign plan."""
 
-    row: Index  # row id, -1: none
+    row: Index  # row id; -1 for none
     phase: Index  # `rig.realtime.sequence.Phase`
-    attempt: Index  # times a hold made the row start over
-    wave_clock: Second  # since the wave maker was started; -1 while it stands
+    attempt: Index  # number of times that a hold restarted the row
+    wave_clock: Second  # time since the wave maker started; -1 while it is stopped
 
 
 class Kind(NamedTuple):
-    """The functions that make one kind of rig; each is pure.
+    """The functions of one kind of rig; each is pure.
 
     ``start(params) -> state`` before the first tick
     ``observe(params, state, sense, periods, dt) -> motion`` of every axis
-    ``ready(params, state, sense) -> set of sequence.WAIT_ flags that hold``
+    ``ready(params, state, sense) -> set of the sequence.WAIT_ flags`` that are met
     ``check(params, state, sense, motion, mode) -> reason``
-    ``control(params, state, sense, motion, plan, safety, setpoint, dt) -> state, command, words``,
-    ``setpoint`` an index into the kind's table of set points
-    ``row(tick, time, timing, plan, safety, sense, command, words) -> row``
+    ``control(params, state, sense, motion, plan, safety, setpoint, dt) -> state, command, signals``
+    where ``setpoint`` is an index into the kind's table of set points
+    ``row(tick, time, timing, plan, safety, sense, command, signals) -> row``
     """
 
     row_type: type
@@ -73,16 +73,16 @@ Step = Callable[..., tuple[State, Any, Any]]
 
 
 def start(kind: Kind, params: Params, tick: int) -> State:
-    """State before the first tick."""
+    """Return the state before the first tick."""
     return State(sequence.start(tick), safety.start(tick), -1, kind.start(params.rig))
 
 
 def make(kind: Kind) -> Step:
-    """The cycle of one kind of rig.
+    """Return the cycle of one kind of rig.
 
     ``step(params, state, sense, request, tick, timing, periods, dt) -> state, command, row``:
-    ``request`` is what people or the supervisor asked through the mailbox, ``periods`` the ticks
-    since the last call (1 unless some were lost), ``dt`` the period in seconds.
+    ``request`` is the operator's or the supervisor's request from the mailbox, ``periods`` the
+    ticks since the last call (1 unless some were lost), ``dt`` the period in seconds.
     """
     observe, ready, check = kind.observe, kind.ready, kind.check
     control, make_row = kind.control, kind.row
@@ -97,40 +97,41 @@ def make(kind: Kind) -> Step:
         periods: int,
         dt: float,
     ) -> tuple[State, Any, Any]:
-        segments, guard_params, most_lost, rig_params = params
-        place, guard, since, rig = state
+        segments, safety_params, max_lost_ticks, rig_params = params
+        plan_state, safety_state, wave_start, rig = state
         motion = observe(rig_params, rig, sense, periods, dt)
 
-        # The plan moves on what held until now; the safety machine then has the last word.
-        # What holds is asked only where something waits for it: a drive to come on, or the plan.
-        mode = guard.mode
-        waits = mode < RUN or segments.wait[place.segment] != 0
-        holds = ready(rig_params, rig, sense) if waits else 0
-        place, (finished, late) = sequence.step(
-            segments, place, tick, holds, mode <= RUN, mode == STOP_2
+        # The plan advances on the conditions met so far; the safety machine then decides.
+        # The conditions are evaluated only where the drive is coming on or the plan waits for one.
+        mode = safety_state.mode
+        waiting = mode < RUN or segments.wait[plan_state.segment] != 0
+        conditions = ready(rig_params, rig, sense) if waiting else 0
+        plan_state, (finished, timed_out) = sequence.step(
+            segments, plan_state, tick, conditions, mode <= RUN, mode == STOP_2
         )
         trip = check(rig_params, rig, sense, motion, mode)
-        if periods > most_lost:  # allows no controlled stop, so it goes first
+        if periods > max_lost_ticks:  # this trip allows no controlled stop, so it overrides
             trip = Reason.LOST_TICKS.value
-        if late and trip == FINE:
-            stator_there = (holds & sequence.WAIT_STATOR) != 0
-            trip = (Reason.DRIVE_NOT_ON if stator_there else Reason.STATOR_LATE).value
-        i = place.segment
-        on = (holds & sequence.WAIT_DRIVE) != 0
-        guard = safety.step(
-            guard_params, guard, tick, trip, request, finished, segments.drive[i] == 1, on
+        if timed_out and trip == NO_REASON:
+            stator_arrived = (conditions & sequence.WAIT_STATOR) != 0
+            trip = (Reason.DRIVE_NOT_ON if stator_arrived else Reason.STATOR_LATE).value
+        i = plan_state.segment
+        power_required = segments.drive[i] == 1
+        drive_on = (conditions & sequence.WAIT_DRIVE) != 0
+        safety_state = safety.step(
+            safety_params, safety_state, tick, trip, request, finished, power_required, drive_on
         )
 
-        if segments.waves[i] == 0 or guard.mode > STOP_2:
-            since, clock = -1, -1.0
+        if segments.waves[i] == 0 or safety_state.mode > STOP_2:
+            wave_start, wave_clock = -1, -1.0
         else:
-            since = tick if since < 0 else since
-            clock = (tick - since) * dt
-        plan = PlanRecord(segments.row[i], segments.phase[i], place.attempt, clock)
-        rig, command, words = control(
-            rig_params, rig, sense, motion, plan, guard, segments.setpoint[i], dt
+            wave_start = tick if wave_start < 0 else wave_start
+            wave_clock = (tick - wave_start) * dt
+        plan = PlanRecord(segments.row[i], segments.phase[i], plan_state.attempt, wave_clock)
+        rig, command, signals = control(
+            rig_params, rig, sense, motion, plan, safety_state, segments.setpoint[i], dt
         )
-        row = make_row(tick, tick * dt, timing, plan, guard, sense, command, words)
-        return State(place, guard, since, rig), command, row
+        row = make_row(tick, tick * dt, timing, plan, safety_state, sense, command, signals)
+        return State(plan_state, safety_state, wave_start, rig), command, row
 
     return step

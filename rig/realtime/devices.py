@@ -1,31 +1,31 @@
-"""The seam between the loop and whatever is on the other side of its wires."""
+"""The interface between the loop and the devices of a rig."""
 
 from typing import Any, Protocol
 
 
 class Devices(Protocol):
-    """All devices of a rig as the loop sees them; words are the rig kind's Sense and Command."""
+    """All devices of a rig; the rig kind defines the types of its Sense and Command."""
 
     def warm_up(self, dt: float) -> None:
-        """Get the wires into the step of ticks of ``dt`` (s); OSError names what does not answer.
+        """Synchronise the wires with ticks of ``dt`` (s); raise OSError naming a silent device.
 
-        It is the last thing before the first tick, which comes ``dt`` after it.
+        The loop calls it last before the first tick, which comes ``dt`` after it.
         """
         ...
 
     def read(self, now: float) -> Any:
-        """What has come since the last tick, every value with its age; never blocks.
+        """Return the values that arrived since the last tick, each with its age; never block.
 
         ``now``: planned time of the tick, s since run start.
         """
         ...
 
     def write(self, command: Any) -> None:
-        """Send a command; it expires in the devices if the next one does not come."""
+        """Send a command; it expires in the devices unless the next one follows."""
         ...
 
     def stop(self, reason: int) -> None:
-        """Remove force and power; cannot raise, may be called again and again."""
+        """Remove force and power; never raise; the loop may call it repeatedly."""
         ...
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The loop: the only place that ticks."""
+"""The control loop: the only code that ticks."""
 
 import time
 from collections.abc import Callable
@@ -10,14 +10,14 @@ from rig.realtime import cycle
 from rig.realtime.clock import Clock
 from rig.realtime.devices import Devices
 from rig.realtime.safety import STOP_0, Reason
-from rig.recording.ring import Writer
+from rig.recording.ring import RingWriter
 
-STOPS = 5  # how often the stop is repeated at the end: one lost frame must not matter
-LINGER = 20  # ticks logged after power was removed, so that the record shows it
-WATCH = 0.05  # s of ticks between looks at what comes from outside the mailbox
+STOP_REPEATS = 5  # repetitions of the stop at the end, so that one lost frame does not matter
+LINGER_TICKS = 20  # ticks logged after power was removed, so that the record shows it
+EXTERNAL_REQUEST_INTERVAL = 0.05  # s of ticks between calls of ``external_request``
 
 
-class End(NamedTuple):
+class LoopResult(NamedTuple):
     """How the loop ended."""
 
     ticks: int  # executed
@@ -30,40 +30,40 @@ def run(
     params: cycle.Params,
     devices: Devices,
     clock: Clock,
-    ring: Writer,
+    ring: RingWriter,
     mailbox: Mailbox,
-    overseer: Callable[[], int],
+    external_request: Callable[[], int],
     *,
     measure_work: bool,
-) -> End:
-    """Tick until the safety machine has removed the power, then a few ticks more.
+) -> LoopResult:
+    """Run ticks until the safety machine has removed the power, then `LINGER_TICKS` more.
 
-    Every way out of here, an exception included, ends in repeated stops: when this returns or
-    raises, the last thing every device was told is to stop. ``overseer`` is asked now and then for
-    a request that does not come by mailbox (supervisor lost, process terminated).
-    ``measure_work``: log how long each tick took (real clock only, so that rehearsals repeat to
-    the bit).
+    Every exit, an exception included, ends in repeated stops: when this function returns or
+    raises, the last command to every device is a stop. The loop calls ``external_request`` every
+    `EXTERNAL_REQUEST_INTERVAL` for a request that does not come by mailbox (supervisor lost,
+    process terminated). ``measure_work``: log how long each tick took (real clock only, so that
+    rehearsals repeat bit for bit).
     """
     step = cycle.make(kind)
     reason = Reason.EXCEPTION.value
     try:
         state = cycle.start(kind, params, 0)
-        ticks = skipped = linger = imposed = 0
+        ticks = skipped = linger = external = 0
         work, dt = 0.0, clock.dt
         timing = cycle.Timing(0.0, 0.0, 0)
-        watch = max(1, round(WATCH / dt))
-        while linger < LINGER:
+        request_ticks = max(1, round(EXTERNAL_REQUEST_INTERVAL / dt))
+        while linger < LINGER_TICKS:
             tick, now, periods, lateness = clock.wait_next()
             began = time.perf_counter() if measure_work else 0.0
             ticks += 1
             skipped += periods - 1
-            if ticks % watch == 0:
-                imposed = overseer()
-            mail = mailbox.read()
-            request = imposed or (0 if mail is None else mail.request)
+            if ticks % request_ticks == 0:
+                external = external_request()
+            message = mailbox.read()
+            request = external or (0 if message is None else message.request)
 
             sense = devices.read(now)
-            if measure_work or periods != 1:  # else it is what it was
+            if measure_work or periods != 1:  # otherwise the timing has not changed
                 timing = cycle.Timing(lateness, work, skipped)
             state, command, row = step(params, state, sense, request, tick, timing, periods, dt)
             devices.write(command)
@@ -73,11 +73,11 @@ def run(
                 linger += 1
             work = time.perf_counter() - began if measure_work else 0.0
         reason = state.safety.reason
-        return End(ticks, skipped, reason)
+        return LoopResult(ticks, skipped, reason)
     finally:
         try:
-            for _ in range(STOPS):
-                with suppress(Exception):  # it must not raise; if it does, the others still count
+            for _ in range(STOP_REPEATS):
+                with suppress(Exception):  # stop must not raise; if it does, repeat it all the same
                     devices.stop(reason)
         finally:
             ring.finish()

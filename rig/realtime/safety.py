@@ -1,8 +1,8 @@
 """The safety machine: one table that a person can read at once.
 
 Stop categories follow IEC 60204-1: category 0 removes power at once; category 1 brings the motion
-under control (passive damping), then removes power; category 2 does the same and keeps power on.
-There is no way back up from a stop of category 0 or 1: a new run is a new, explicit request.
+to rest (passive damping), then removes power; category 2 does the same and keeps power on.
+The machine never leaves a stop of category 0 or 1: a new run needs a new, explicit request.
 """
 
 from enum import IntEnum
@@ -14,29 +14,29 @@ from controllers.signals import Index, Tick
 class Mode(IntEnum):
     """State of the machine."""
 
-    OFF = 0  # power off, nothing wrong
-    ENABLING = 1  # drive asked to come up, not yet on
+    OFF = 0  # power off, no fault
+    ENABLING = 1  # power requested, the drive is not on yet
     RUN = 2  # the law acts
-    STOP_2 = 3  # held: damping, power stays on
+    STOP_2 = 3  # on hold: damping, power stays on
     STOP_1 = 4  # damping for a set time, then STOP_0
     STOP_0 = 5  # power off, latched
 
 
-# Plain ints for the tick: looking up an enum member costs 0.1 us, and a tick compares many.
+# Plain ints for the tick: an enum look-up costs 0.1 us, and a tick does many comparisons.
 OFF, ENABLING, RUN, STOP_2, STOP_1, STOP_0 = (int(mode) for mode in Mode)
 
 
 class Event(IntEnum):
-    """What may happen in a tick; when several do, the one named first counts."""
+    """Events of a tick, the most important first: of several only the first counts."""
 
     TRIP_0 = 0  # a fault that allows no controlled stop
-    EXPIRED = 1  # the present state has lasted as long as it may
+    EXPIRED = 1  # the present mode has reached its time limit
     TRIP_1 = 2  # a fault that allows a controlled stop
     STOP = 3  # the operator, the supervisor, or the plan's end
-    HOLD = 4  # the operator holds the rig
+    HOLD = 4  # the operator requests a hold
     RESUME = 5
-    POWER = 6  # the plan wants the drive on and it reports on
-    WANTED = 7  # the plan wants the drive on and it is not on yet
+    POWERED = 6  # the plan requires the drive on, and the drive reports on
+    POWER_REQUIRED = 7  # the plan requires the drive on, and the drive is not on yet
     NONE = 8
 
 
@@ -45,24 +45,24 @@ _ST2, _ST1, _ST0 = Mode.STOP_2, Mode.STOP_1, Mode.STOP_0
 
 # fmt: off
 TABLE: tuple[tuple[Mode, ...], ...] = (
-    # TRIP_0 EXPIRED TRIP_1 STOP   HOLD  RESUME POWER WANTED NONE
-    (_ST0,   _OFF,   _ST0,  _ST0,  _OFF, _OFF,  _ENA, _ENA,  _OFF),  # OFF
-    (_ST0,   _ST0,   _ST0,  _ST0,  _ENA, _ENA,  _RUN, _ENA,  _ENA),  # ENABLING
-    (_ST0,   _RUN,   _ST1,  _ST1,  _ST2, _RUN,  _RUN, _RUN,  _RUN),  # RUN
-    (_ST0,   _ST2,   _ST1,  _ST1,  _ST2, _RUN,  _ST2, _ST2,  _ST2),  # STOP_2
-    (_ST0,   _ST0,   _ST1,  _ST1,  _ST1, _ST1,  _ST1, _ST1,  _ST1),  # STOP_1
-    (_ST0,   _ST0,   _ST0,  _ST0,  _ST0, _ST0,  _ST0, _ST0,  _ST0),  # STOP_0
+    # TRIP_0 EXPIRED TRIP_1 STOP  HOLD  RESUME POWERED POWER_REQUIRED NONE
+    (_ST0,   _OFF,   _ST0,  _ST0, _OFF, _OFF,  _ENA,   _ENA,          _OFF),  # OFF
+    (_ST0,   _ST0,   _ST0,  _ST0, _ENA, _ENA,  _RUN,   _ENA,          _ENA),  # ENABLING
+    (_ST0,   _RUN,   _ST1,  _ST1, _ST2, _RUN,  _RUN,   _RUN,          _RUN),  # RUN
+    (_ST0,   _ST2,   _ST1,  _ST1, _ST2, _RUN,  _ST2,   _ST2,          _ST2),  # STOP_2
+    (_ST0,   _ST0,   _ST1,  _ST1, _ST1, _ST1,  _ST1,   _ST1,          _ST1),  # STOP_1
+    (_ST0,   _ST0,   _ST0,  _ST0, _ST0, _ST0,  _ST0,   _ST0,          _ST0),  # STOP_0
 )
 # fmt: on
 
 _NEXT = tuple(tuple(int(mode) for mode in row) for row in TABLE)
-_TRIP_0, _EXPIRED, _TRIP_1, _STOP, _HOLD, _RESUME, _POWER, _WANTED, _NONE = (
+_TRIP_0, _EXPIRED, _TRIP_1, _STOP, _HOLD, _RESUME, _POWERED, _POWER_REQUIRED, _NONE = (
     int(event) for event in Event
 )
 
 
 class Reason(IntEnum):
-    """Why the rig stopped, or was asked to."""
+    """Reason of a stop, or of a stop request."""
 
     NONE = 0
     PLAN_END = 1
@@ -87,10 +87,10 @@ class Reason(IntEnum):
     STATOR_LATE = 20
     NOT_CALM = 21  # the body moved during the tare
     EXCEPTION = 22  # the loop's own code failed
-    ENCODER_JUMP = 23  # counts far from where the motion could have led: slip, lost counts
+    ENCODER_JUMP = 23  # counts too far from the predicted motion: slip, lost counts
     SPRING_STROKE = 24  # beyond the stroke at which the stator's force reverses
     BUS_UNDERVOLTAGE = 25  # the custom drive's bus ran out of energy
-    BUS_OVERVOLTAGE = 26  # more energy than the dump resistors burn
+    BUS_OVERVOLTAGE = 26  # more energy than the dump resistors can burn
     SURGE_STALE_ENCODER = 27
     SURGE_STALE_DRIVE = 28
     SURGE_DRIVE_FAULT = 29
@@ -98,26 +98,26 @@ class Reason(IntEnum):
     SURGE_POSITION = 31
     SURGE_VELOCITY = 32
     SURGE_ENCODER_JUMP = 33
-    EMERGENCY_STOP = 34  # the button; the hard-wired chain has acted already
+    EMERGENCY_STOP = 34  # button pressed; the hard-wired chain has acted already
     LIMIT_SWITCH = 35
     STALE_PANEL = 36
-    BRAKE_LOST = 37  # the brake's current is not what it was told to be
+    BRAKE_LOST = 37  # the brake's current differs from its command
     STALE_BRAKE = 38
-    COUPLING_SLIP = 39  # motor and shaft are further apart than the driveline can twist
+    COUPLING_SLIP = 39  # the angle between motor and shaft exceeds the twist of the driveline
     LOAD_CELL_OVERLOAD = 40
     SHAFT_ENCODER_JUMP = 41
-    CURRENT_DISAGREES = 42  # the drive's current is not what it was commanded to be
+    CURRENT_DISAGREES = 42  # the drive's current differs from its command
     SURGE_CURRENT_DISAGREES = 43
-    VELOCITY_DISAGREES = 44  # the motor does not turn as its velocity loop was commanded to
-    FORCE_DISAGREES = 45  # the force sensor at the motor's shaft does not show its current
+    VELOCITY_DISAGREES = 44  # the motor's velocity differs from the command of its velocity loop
+    FORCE_DISAGREES = 45  # the force sensor at the motor's shaft contradicts the drive's current
     POWER_SIGN = 46  # the motor feeds energy into the body under a law that can only absorb
-    POWER_BALANCE = 47  # two stations report powers that no loss between them explains
+    POWER_BALANCE = 47  # no loss between two stations explains the difference of their powers
 
 
-FINE = int(Reason.NONE)
+NO_REASON = int(Reason.NONE)
 
-# The stop category of each reason. A fault in what the damping itself needs (encoder, drive,
-# arithmetic, time) leaves no controlled stop.
+# The stop category of each reason. A controlled stop is impossible after a fault in something that
+# the damping itself needs (encoder, drive, arithmetic, time).
 CATEGORY: tuple[int, ...] = (
     1,  # NONE (never used)
     1,  # PLAN_END
@@ -169,7 +169,7 @@ CATEGORY: tuple[int, ...] = (
     1,  # POWER_BALANCE
 )
 
-# Requests of people and of the supervisor, as they come through the mailbox.
+# Requests of the operator and of the supervisor, from the mailbox.
 REQUEST_NONE = 0
 REQUEST_STOP = 1
 REQUEST_ABORT = 2
@@ -180,7 +180,7 @@ REQUEST_SUPERVISOR_LOST = 6
 
 
 class Params(NamedTuple):
-    """How long a state may last, in ticks."""
+    """Time limits of the modes, in ticks."""
 
     enable_ticks: int  # ENABLING
     stop_ticks: int  # STOP_1
@@ -190,17 +190,17 @@ class State(NamedTuple):
     """State of the machine; logged every tick."""
 
     mode: Index  # `Mode`
-    entered: Tick  # in which the mode began
-    reason: Index  # `Reason`: the first cause of a stop
+    entered: Tick  # tick in which the mode began
+    reason: Index  # `Reason`: first cause of the stop
 
 
 def start(tick: int) -> State:
-    """Power off, nothing wrong."""
+    """Return the state at switch-on: power off, no fault."""
     return State(0, tick, 0)
 
 
-def requested(request: int) -> int:
-    """The reason to stop that a request carries, or NONE."""
+def stop_reason(request: int) -> int:
+    """Return the stop reason that a request carries, or NONE."""
     if request == REQUEST_STOP:
         return Reason.OPERATOR_STOP.value
     if request == REQUEST_ABORT:
@@ -218,48 +218,51 @@ def step(
     tick: int,
     trip: int,
     request: int,
-    finished: bool,
-    wanted: bool,
-    powered: bool,
+    plan_finished: bool,
+    power_required: bool,
+    drive_on: bool,
 ) -> State:
-    """The mode for this tick.
+    """Return the mode of this tick.
 
-    ``trip``: the reason (0: none) found by the checks in this very tick; ``finished``: the plan is
-    walked to its end; ``wanted``: the plan wants the drive on; ``powered``: the drive says it is.
+    ``trip``: reason (0: none) found by this tick's checks; ``plan_finished``: the plan has reached
+    its end; ``power_required``: the plan requires the drive on; ``drive_on``: the drive reports
+    that it is.
     """
     mode = state.mode
     age = tick - state.entered
     reason = trip
-    if reason == FINE and mode == ENABLING and age >= params.enable_ticks and not powered:
+    if reason == NO_REASON and mode == ENABLING and age >= params.enable_ticks and not drive_on:
         reason = Reason.DRIVE_NOT_ON.value
     if request != REQUEST_NONE:
-        asked = requested(request)
-        # An abort goes before a fault that would still allow a controlled stop.
-        if asked != FINE and (reason == FINE or CATEGORY[asked] < CATEGORY[reason]):
-            reason = asked
-    if reason == FINE and finished:
+        request_reason = stop_reason(request)
+        # An abort has priority over a fault that would still allow a controlled stop.
+        if request_reason != NO_REASON and (
+            reason == NO_REASON or CATEGORY[request_reason] < CATEGORY[reason]
+        ):
+            reason = request_reason
+    if reason == NO_REASON and plan_finished:
         reason = Reason.PLAN_END.value
 
-    if reason != FINE and CATEGORY[reason] == 0:
+    if reason != NO_REASON and CATEGORY[reason] == 0:
         event = _TRIP_0
     elif mode == STOP_1 and age >= params.stop_ticks:
         event = _EXPIRED
-    elif trip != FINE:
+    elif trip != NO_REASON:
         event = _TRIP_1
-    elif reason != FINE:
+    elif reason != NO_REASON:
         event = _STOP
     elif request == REQUEST_HOLD and mode == RUN:
         event = _HOLD
     elif request == REQUEST_RESUME and mode == STOP_2:
         event = _RESUME
-    elif wanted:
-        event = _POWER if powered else _WANTED
+    elif power_required:
+        event = _POWERED if drive_on else _POWER_REQUIRED
     else:
         event = _NONE
 
     after = _NEXT[mode][event]
     if after == mode:
         return state
-    # The first reason is the cause; what follows from it must not hide it.
-    kept = state.reason if state.reason != FINE else reason
-    return State(after, tick, kept)
+    # The first reason is the cause; later ones are often its consequences and must not replace it.
+    first_reason = state.reason if state.reason != NO_REASON else reason
+    return State(after, tick, first_reason)

@@ -1,8 +1,8 @@
-"""Asking the host for real-time privileges, in one place, once, with a report of what was granted.
+"""Real-time privileges of a process: one place requests them, once, and reports the result.
 
-FIFO scheduling (not inherited by children), a core of its own, memory locked, garbage collection
-frozen and off, and the processor kept out of deep sleep. A rehearsal on the virtual clock never
-asks: a busy FIFO process would take the machine away from everything else.
+FIFO scheduling (not inherited by children), a core for the loop alone, locked memory, garbage
+collection frozen and disabled, and no deep sleep of the processor. A rehearsal on the virtual clock
+never requests them: a busy FIFO process would block all other work on the machine.
 """
 
 import ctypes
@@ -20,11 +20,11 @@ _LATENCY_FILE = "/dev/cpu_dma_latency"
 _ISOLATED = "/sys/devices/system/cpu/isolated"
 _MCL_CURRENT_AND_FUTURE = 3
 
-_held: list[int] = []  # keeps the latency request open for the life of the process
+_latency_fds: list[int] = []  # open files keep the latency request for the life of the process
 
 
 class Privileges(NamedTuple):
-    """What was asked and granted; an empty text means granted, otherwise it says why not."""
+    """Result of each request: an empty text if granted, otherwise the cause of the refusal."""
 
     fifo: str
     core: str
@@ -33,16 +33,16 @@ class Privileges(NamedTuple):
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """The refusals in words."""
+        """The refused privileges, each with its cause, as texts."""
         return tuple(
-            f"{name.replace('_', ' ')}: {why}"
-            for name, why in zip(self._fields, self, strict=True)
-            if why
+            f"{name.replace('_', ' ')}: {cause}"
+            for name, cause in zip(self._fields, self, strict=True)
+            if cause
         )
 
 
-def quiet_memory() -> None:
-    """No garbage collection from here on; nothing allocated so far is ever looked at again."""
+def freeze_garbage_collector() -> None:
+    """Disable garbage collection and exempt everything allocated so far from it."""
     sys.setswitchinterval(1e-4)
     gc.collect()
     gc.freeze()
@@ -50,43 +50,45 @@ def quiet_memory() -> None:
 
 
 def acquire() -> Privileges:
-    """Ask for all privileges; never raises, the caller decides whether a refusal matters."""
-    quiet_memory()
+    """Request all privileges; never raise: the caller decides whether a refusal matters."""
+    freeze_garbage_collector()
     return Privileges(
-        fifo=_try(_fifo), core=_try(_pin), memory_lock=_try(_lock), latency=_try(_hold_latency)
+        fifo=_try(_fifo), core=_try(_pin), memory_lock=_try(_lock), latency=_try(_request_latency)
     )
 
 
-def beside_the_loop() -> str:
-    """For what plays real devices: FIFO below the loop and off its core; why not, or empty.
+def acquire_for_emulator() -> str:
+    """Request FIFO below the loop and off its core, for emulated devices.
 
-    A drive answers within its microseconds whatever the host has to do.
+    Return the cause of a refusal, or an empty text. A real drive answers within microseconds
+    whatever load the host has; so must its emulation.
     """
-    quiet_memory()
+    freeze_garbage_collector()
 
-    def ask() -> None:
-        others = os.sched_getaffinity(0) - {core()}
+    def request() -> None:
+        others = os.sched_getaffinity(0) - {loop_core()}
         if others:
             os.sched_setaffinity(0, others)
         parameters = os.sched_param(PRIORITY // 2)
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, parameters)
 
-    return _try(ask)
+    return _try(request)
 
 
-def at_its_service() -> str:
-    """For what watches a bus or asks a slow line: ahead of ordinary work; why not, or empty.
+def acquire_for_io() -> str:
+    """Request a priority above ordinary work, for processes that serve a bus or a slow line.
 
-    Threads started later have it too. On a host with other work the loop would otherwise stop for
-    the age of values that only nobody had fetched. It is not FIFO: the kernel stops all of a core's
-    FIFO work for a while when there is too much of it, emulated devices among it.
+    Return the cause of a refusal, or an empty text. Threads started later inherit the priority. On
+    a busy host the loop would otherwise trip on the age of values that arrived in time but were not
+    read. It is not FIFO: the kernel suspends all FIFO work of a core for a while when there is too
+    much of it, emulated devices included.
     """
     return _try(lambda: os.setpriority(os.PRIO_PROCESS, 0, _NICE))
 
 
-def _try(ask: Callable[[], None]) -> str:
+def _try(request: Callable[[], None]) -> str:
     try:
-        ask()
+        request()
     except OSError as error:
         return error.strerror or str(error)
     return ""
@@ -99,32 +101,32 @@ def _fifo() -> None:
 def _pin() -> None:
     allowed = os.sched_getaffinity(0)
     try:
-        os.sched_setaffinity(0, {core()})
+        os.sched_setaffinity(0, {loop_core()})
     except OSError:  # an isolated core that a container or service may not use
         os.sched_setaffinity(0, {max(allowed)})
 
 
-def core() -> int:
-    """The core that is the loop's: the last that is kept free of other work, else the last one.
+def loop_core() -> int:
+    """Return the loop's core: the last of the cores kept free of other work, else the last core.
 
     A kernel started with ``isolcpus`` starts every process on the other cores.
     """
     isolated: set[int] = set()
-    # UTF-8 is there from the start; another codec would be imported, and whoever has given up root
-    # may not be able to read where it lies.
+    # UTF-8 is loaded at start-up; another codec would be imported here, and a process that has
+    # given up root may not be able to read its file.
     with suppress(OSError, ValueError), open(_ISOLATED, encoding="utf-8") as file:
-        isolated = cores(file.read())
+        isolated = parse_core_list(file.read())
     return max(isolated or os.sched_getaffinity(0))
 
 
-def cores(text: str) -> set[int]:
-    """The cores of a kernel's list, such as ``1,3-5``; ValueError if it is none."""
-    found: set[int] = set()
+def parse_core_list(text: str) -> set[int]:
+    """Return the cores in a kernel list such as ``1,3-5``; raise ValueError for other texts."""
+    numbers: set[int] = set()
     for part in text.strip().split(","):
         first, _, last = part.partition("-")
         if part:
-            found.update(range(int(first), int(last or first) + 1))
-    return found
+            numbers.update(range(int(first), int(last or first) + 1))
+    return numbers
 
 
 def _lock() -> None:
@@ -133,7 +135,7 @@ def _lock() -> None:
         raise OSError(code, os.strerror(code))
 
 
-def _hold_latency() -> None:
+def _request_latency() -> None:
     fd = os.open(_LATENCY_FILE, os.O_WRONLY | os.O_CLOEXEC)
     os.write(fd, struct.pack("=i", 0))
-    _held.append(fd)
+    _latency_fds.append(fd)

@@ -1,8 +1,8 @@
-"""Walking the campaign plan: an immutable table of segments and one pure step through it.
+"""Execution of the campaign plan: an immutable table of segments and one pure step through it.
 
-A row of the gain matrix is several segments (moving, settle, measure, tail); each lasts a number
-of ticks and may also wait for a condition. The table is stored by columns, so the same step runs
-over tuples in the loop and over arrays in a compiled batch.
+A row of the gain matrix consists of several segments (moving, settle, measure, tail); each lasts a
+number of ticks and may also wait for a condition. The table is stored by columns, so the same step
+runs over tuples in the loop and over arrays in a compiled batch.
 """
 
 from enum import IntEnum
@@ -10,18 +10,18 @@ from typing import NamedTuple
 
 
 class Phase(IntEnum):
-    """What a tick belongs to; only `MEASURE` ticks enter a row's means."""
+    """Phase of the plan to which a tick belongs; only `MEASURE` ticks enter a row's means."""
 
-    TARE = 0  # calm water, drive off: sensor zeros are taken
+    TARE = 0  # calm water, drive off: the sensor zeros are measured
     LEAD_IN = 1  # waves build up before the first row
-    MOVING = 2  # stator on its way, or waiting for the drive to come up
-    SETTLE = 3  # row's gains in, transient dies out
+    MOVING = 2  # the stator moves, or the drive is coming on
+    SETTLE = 3  # the row's gains act, the transient decays
     MEASURE = 4  # whole wave periods
     TAIL = 5  # rest of the row's interval after its last whole period
-    DONE = 6  # plan walked to its end, or left by a stop
+    DONE = 6  # plan finished, or left by a stop
 
 
-# Plain ints for the tick, which compares them a thousand times a second.
+# Plain ints for the tick, which compares them a thousand times a second (enum look-up is slower).
 TARE, LEAD_IN, MOVING, SETTLE, MEASURE, TAIL, DONE = (int(phase) for phase in Phase)
 
 WAIT_STATOR = 1  # the stator has arrived
@@ -31,73 +31,73 @@ NO_ROW = -1  # row id of segments that belong to no row
 
 
 class Segments(NamedTuple):
-    """The plan, one entry a segment, all columns of one length; the last one is `DONE`."""
+    """The plan, one entry per segment, all columns of equal length; the last segment is `DONE`."""
 
     row: tuple[int, ...]  # row id, or NO_ROW
     phase: tuple[int, ...]
-    ticks: tuple[int, ...]  # length; with a condition to wait for, the least length
-    wait: tuple[int, ...]  # set of WAIT_ flags that must hold before the segment ends
+    ticks: tuple[int, ...]  # length; for a segment that waits for a condition, the minimum length
+    wait: tuple[int, ...]  # set of WAIT_ flags that must be met before the segment ends
     timeout: tuple[int, ...]  # ticks after which a segment that still waits has failed
-    restart: tuple[int, ...]  # segment to go back to when a hold interrupted this one
+    restart: tuple[int, ...]  # segment to return to after a hold interrupted this one
     drive: tuple[int, ...]  # 1: the drive shall be on
     waves: tuple[int, ...]  # 1: the wave maker shall run
     setpoint: tuple[int, ...]  # index into the kind's table of set points
 
 
 class State(NamedTuple):
-    """Where the plan stands."""
+    """Present position in the plan."""
 
     segment: int
     entered: int  # tick in which the segment began
-    attempt: int  # 0, then one more for each time a hold made the row start over
-    paused: int  # 1 while the rig is held (the plan stands still)
+    attempt: int  # number of times that a hold restarted the row
+    paused: int  # 1 while the rig is on hold (the plan does not advance)
 
 
-class Position(NamedTuple):
-    """What the walk tells the rest of the cycle in this tick."""
+class PlanEvents(NamedTuple):
+    """Events of the plan in this tick, for the rest of the cycle."""
 
-    finished: bool  # the plan's end was reached
-    late: bool  # a condition did not come true in time
+    finished: bool  # the plan reached its end
+    timed_out: bool  # a condition was not met in time
 
 
-_ON = Position(False, False)  # made once: most ticks give this
+_NO_EVENTS = PlanEvents(False, False)  # one object for most ticks
 
 
 def start(tick: int) -> State:
-    """State that enters the first segment in ``tick``."""
+    """Return the state that enters the first segment in ``tick``."""
     return State(0, tick, 0, 0)
 
 
 def step(
-    segments: Segments, state: State, tick: int, ready: int, running: bool, paused: bool
-) -> tuple[State, Position]:
-    """Advance the plan to ``tick``.
+    segments: Segments, state: State, tick: int, conditions: int, running: bool, paused: bool
+) -> tuple[State, PlanEvents]:
+    """Return the plan advanced to ``tick``, and its events.
 
-    ``ready`` is the set of WAIT_ flags that hold now. While ``held`` the plan stands still and the
-    interrupted row starts over afterwards; with neither ``running`` nor ``held`` it is left for
-    good (the last segment, `DONE`).
+    ``conditions``: set of the WAIT_ flags that are met now. While ``paused`` the plan does not
+    advance, and the interrupted row starts over afterwards; with neither ``running`` nor ``paused``
+    the plan is left for good (the last segment, `DONE`).
     """
     last = len(segments.phase) - 1
     if state.segment == last:
-        return state, Position(True, False)
+        return state, PlanEvents(True, False)
     if not (running or paused):
-        return State(last, tick, state.attempt, 0), _ON
+        return State(last, tick, state.attempt, 0), _NO_EVENTS
     if paused:
-        return State(state.segment, state.entered, state.attempt, 1), _ON
+        return State(state.segment, state.entered, state.attempt, 1), _NO_EVENTS
     if state.paused == 1:
         state = State(segments.restart[state.segment], tick, state.attempt + 1, 0)
     i = state.segment
     elapsed = tick - state.entered
     if elapsed < segments.ticks[i]:
-        return state, _ON
-    waiting = (segments.wait[i] & ~ready) != 0
+        return state, _NO_EVENTS
+    waiting = (segments.wait[i] & ~conditions) != 0
     if waiting:
-        return state, Position(False, elapsed >= segments.timeout[i])
-    # A segment that ends by time ends on its planned tick even when that tick was lost, so
-    # windows do not drift; one that waited ends now.
+        return state, PlanEvents(False, elapsed >= segments.timeout[i])
+    # A segment that ends by time ends on its planned tick even if that tick was lost, so that
+    # windows do not drift; a segment that waited ends now.
     entered = tick
     if segments.wait[i] == 0:
         entered = state.entered + segments.ticks[i]
     same_row = segments.row[i + 1] == segments.row[i]
     attempt = state.attempt if same_row else 0
-    return State(i + 1, entered, attempt, 0), Position(i + 1 == last, False)
+    return State(i + 1, entered, attempt, 0), PlanEvents(i + 1 == last, False)

@@ -1,1 +1,1 @@
-"""What records: rows, ring, logger, run folders, calibrations."""
+"""Recording: rows, ring, logger, run folders, calibrations."""

@@ -1,7 +1,8 @@
-"""Where a run's record really is: its folder may be deleted, moved or replaced while it is written.
+"""Location of a run's record, whose folder may be deleted, moved or replaced during the run.
 
-An open descriptor outlives all that. That of the folder says where it went, and a deleted file can
-still be read through its own: it is copied to a rescue place and written on there.
+An open descriptor remains valid in all these cases. The folder's descriptor gives its new path. A
+deleted file can still be read through its descriptor: it is copied to a rescue folder, and writing
+continues there.
 """
 
 import json
@@ -11,171 +12,171 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-PROGRESS = "progress.json"  # newest tick while a run goes on
-RESCUED = ".rescued"  # behind the run's name
-_COPIED = 1 << 22  # bytes at a time
+PROGRESS = "progress.json"  # newest tick of a running run
+RESCUE_SUFFIX = ".rescued"  # appended to the run's name
+_COPY_BYTES = 1 << 22  # bytes per read
 
 
-def leads_to(path: Path, fd: int) -> bool:
-    """Whether a path still leads to the open file or folder."""
+def refers_to(path: Path, fd: int) -> bool:
+    """Return whether ``path`` still refers to the open file or folder."""
     try:
         return os.path.samestat(os.stat(path), os.fstat(fd))
     except OSError:
         return False
 
 
-def folder_now(fd: int) -> Path | None:
-    """Where the folder behind a descriptor is now; None if it is deleted or out of reach."""
+def current_folder(fd: int) -> Path | None:
+    """Return the present path of an open folder; None if it is deleted or unreachable."""
     with suppress(OSError):
         path = Path(os.readlink(f"/proc/self/fd/{fd}"))
-        if leads_to(path, fd):
+        if refers_to(path, fd):
             return path
     return None
 
 
 def rescue_folders(folder: Path) -> Iterator[Path]:
-    """Where to save a run whose folder is lost, the best place first."""
-    name = folder.name.removesuffix(RESCUED) + RESCUED
+    """Yield the folders in which a run without its folder can be saved, the best one first."""
+    name = folder.name.removesuffix(RESCUE_SUFFIX) + RESCUE_SUFFIX
     yield folder.parent / name
     with suppress(RuntimeError):  # a user without a home
         yield Path.home() / name
     yield Path(tempfile.gettempdir()) / name
 
 
-def rescued(
+def save_to_rescue_folder(
     folder: Path,
     texts: Mapping[str, bytes],
     files: Mapping[str, int],
-    left: Collection[Path] = (),
+    excluded: Collection[Path] = (),
 ) -> Path:
-    """Save the files of a lost folder in another one; returns that.
+    """Save the files of a lost folder in a rescue folder; return that folder.
 
-    ``texts``: its small files by name; ``files``: descriptors of large ones, copied whole. A rescue
-    folder that is there already is used (who saved there saved the same run), but none of ``left``:
-    those have failed, and what is in them is out of date. Raises the last place's OSError if all
-    places refuse.
+    ``texts``: small files by name; ``files``: descriptors of large files, copied whole. A rescue
+    folder that exists already is used (it holds the same run), except those in ``excluded``: they
+    have failed before, and their content is out of date. Raise the OSError of the last candidate if
+    all fail.
     """
-    refused: OSError = FileNotFoundError(f"no place to save {folder.name}")
+    failure: OSError = FileNotFoundError(f"no place to save {folder.name}")
     for place in rescue_folders(folder):
-        made: list[Path] = []
+        written: list[Path] = []
         try:
-            if place in left or not place.parent.is_dir():
+            if place in excluded or not place.parent.is_dir():
                 continue
             place.mkdir(exist_ok=True)
             for name in (*texts, *files):
                 if not (place / name).exists():
-                    made.append(place / name)
+                    written.append(place / name)
                     if name in texts:
                         (place / name).write_bytes(texts[name])
                     else:
                         copy(files[name], place / name)
         except OSError as error:
-            refused = error
-            for path in made:
+            failure = error
+            for path in written:
                 with suppress(OSError):
                     path.unlink()
             with suppress(OSError):
                 place.rmdir()
         else:
             return place
-    raise refused
+    raise failure
 
 
 def copy(fd: int, target: Path) -> None:
-    """Copy an open file, deleted or not, to a new one; raises OSError."""
-    out = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+    """Copy an open file, deleted or not, to a new file; raise OSError."""
+    target_fd = os.open(target, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
     try:
-        at = 0
-        while data := os.pread(fd, _COPIED, at):
+        offset = 0
+        while data := os.pread(fd, _COPY_BYTES, offset):
             done = 0
             while done < len(data):
-                done += os.pwrite(out, memoryview(data)[done:], at + done)
-            at += done
+                done += os.pwrite(target_fd, memoryview(data)[done:], offset + done)
+            offset += done
     finally:
-        os.close(out)
+        os.close(target_fd)
 
 
-def held_folder(folder: Path) -> int:
-    """A descriptor of a folder, which says where that is whatever becomes of it."""
+def open_folder(folder: Path) -> int:
+    """Return a descriptor of a folder; it stays valid wherever the folder is moved."""
     return os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
 
 
-def note_progress(folder: int, **known: int | str | None) -> None:
-    """Note what is known of the ticks so far, for `rig recover` if all are killed.
+def write_progress(folder: int, **values: int | str | None) -> None:
+    """Write the newest tick counts, for `rig recover` in case all processes are killed.
 
-    ``folder``: a descriptor of it, which leads there wherever it was moved to. ``known``: the
-    newest tick as ``last_tick``, the periods ``skipped``; from the loop that has ended
-    ``final=True`` and the executed ``ticks``.
-    Written in place, a few bytes of one block: it costs no metadata and needs no room on a full
-    disk. A failure is nobody's trouble: the record is what counts.
+    ``folder``: descriptor of the run's folder, valid wherever it is moved. ``values``: the newest
+    tick as ``last_tick``, the periods ``skipped``; from a loop that has ended ``final=True`` and
+    the executed ``ticks``.
+    The file is overwritten in place, a few bytes of one block: this costs no metadata update and
+    works on a full disk. An OSError is ignored, because the record itself matters more.
     """
     with suppress(OSError):
         fd = os.open(PROGRESS, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644, dir_fd=folder)
         try:
-            text = json.dumps(known)
+            text = json.dumps(values)
             os.pwrite(fd, f"{text:<255}\n".encode(), 0)
         finally:
             os.close(fd)
 
 
-class Whereabouts:
-    """Where a run's folder is, for the process that sees the run to its end.
+class FolderTracker:
+    """Tracks a run's folder for the process that supervises the run to its end.
 
-    It holds the parts of the record open: one that is deleted after its logger has ended is saved
-    all the same.
+    It keeps the parts of the record open, so that it can save a part that is deleted after its
+    logger has ended.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.lost = ""  # what became of the folder, in words; empty: it is where it was made
-        self._why = ""
-        self.descriptor = held_folder(folder)
+        self.problem = ""  # what happened to the folder; empty while it is in its first place
+        self._cause = ""
+        self.descriptor = open_folder(folder)
         self._texts = {path.name: path.read_bytes() for path in folder.glob("*.json")}
         self._parts: dict[str, int] = {}
 
-    def hold(self, part: str) -> None:
-        """Hold a part of the record as soon as it is there."""
+    def open_part(self, part: str) -> None:
+        """Open a part of the record if it exists."""
         if part not in self._parts:
             with suppress(OSError):
                 self._parts[part] = os.open(self.folder / part, os.O_RDONLY | os.O_CLOEXEC)
 
-    def relocate(self, folder: Path, why: str) -> None:
-        """The record goes on in another folder."""
-        before = self.descriptor  # the display notes progress through it, in a thread of its own
-        self.folder, self.descriptor = folder, held_folder(folder)
+    def relocate(self, folder: Path, cause: str) -> None:
+        """Continue the record in another folder."""
+        before = self.descriptor  # the display writes progress through it, in its own thread
+        self.folder, self.descriptor = folder, open_folder(folder)
         os.close(before)
-        self._why = self._why or why
-        self.lost = f"{self._why} while it was written; the record is in {folder}"
-        for part, fd in list(self._parts.items()):  # of a copy the original grows no more
+        self._cause = self._cause or cause
+        self.problem = f"{self._cause} while it was written; the record is in {folder}"
+        for part, fd in list(self._parts.items()):  # the original of a copy no longer grows
             with suppress(OSError):
                 self._parts[part] = os.open(folder / part, os.O_RDONLY | os.O_CLOEXEC)
                 os.close(fd)
 
-    def settle(self) -> Path:
-        """The folder with all of the record in it, after saving what is not; raises OSError."""
-        now = folder_now(self.descriptor)
+    def locate_record(self) -> Path:
+        """Return the folder with the whole record, after saving missing files; raise OSError."""
+        now = current_folder(self.descriptor)
         if now is None:
-            saved = rescued(self.folder, self._texts, self._parts)
+            saved = save_to_rescue_folder(self.folder, self._texts, self._parts)
             self.relocate(saved, "the run's folder was deleted")
-        elif now != self.folder and not leads_to(self.folder, self.descriptor):
+        elif now != self.folder and not refers_to(self.folder, self.descriptor):
             self.relocate(now, "the run's folder was moved")
         for part, fd in self._parts.items():
             if not (self.folder / part).exists():
                 copy(fd, self.folder / part)
-                self._why = self._why or f"{part} was deleted"
-                self.lost = f"{self._why} while it was written; the record is in {self.folder}"
+                self._cause = self._cause or f"{part} was deleted"
+                self.problem = f"{self._cause} while it was written; the record is in {self.folder}"
         return self.folder
 
-    def settled(self) -> bool:
-        """Whether `settle` found or made a folder that can be written to."""
+    def can_locate_record(self) -> bool:
+        """Return whether `locate_record` found or created a writable folder."""
         try:
-            self.settle()
+            self.locate_record()
         except OSError:
             return False
         return True
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Close all descriptors."""
         before, self.descriptor = self.descriptor, -1
         for fd in (before, *self._parts.values()):
             os.close(fd)

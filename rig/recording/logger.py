@@ -1,10 +1,10 @@
 """The logger process: drains the ring, writes MCAP, flushes twice a second, certifies the timing.
 
-Rows count as safe only when they are flushed; only then does the ring's tail move. So a killed
-logger loses nothing: the next one goes on from the tail in a new part of the file. Trouble with
-the disk is said on standard output and retried; it never reaches the loop. At every flush it is
-looked whether the file is still where it belongs; if not, it is written on where its folder went,
-or, when it was deleted, in a rescue folder (`rig.recording.folder_watch`).
+Rows count as safe only after a flush; only then does the ring's tail move. So a killed logger loses
+nothing: the next one continues from the tail in a new part of the file. The logger reports disk
+errors on standard output and retries; they never reach the loop. At every flush it checks whether
+the file is still in its place; if not, it continues where the folder was moved to, or, after a
+deletion, in a rescue folder (`rig.recording.folder_watch`).
 """
 
 import errno
@@ -23,60 +23,60 @@ from numpy.lib.recfunctions import repack_fields
 from rig.kinds import KINDS
 from rig.processes import handover
 from rig.realtime.safety import Reason
-from rig.recording.folder_watch import folder_now, held_folder, leads_to, rescued
+from rig.recording.folder_watch import current_folder, open_folder, refers_to, save_to_rescue_folder
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.ring import Producer, Reader, consume
+from rig.recording.ring import ProducerState, RingReader, lock_consumer
 from rig.recording.runs import RunError, mcap_file
-from rig.recording.runs.create import ending
-from rig.recording.runs.folder import STATUS, parts
-from rig.recording.timing import Certificate
+from rig.recording.runs.create import end_status
+from rig.recording.runs.folder import STATUS, mcap_parts
+from rig.recording.timing import TimingCertificate
 
-FLUSH = 0.5  # s between flushes
-RETRY = 0.5  # s between attempts on a full disk
-ORPHANED = 5.0  # s without a row, and without a supervisor, that end the log
-IDLE = 0.02  # s without a row before the next look; longer blocks cost less a row
-_HOPELESS = {errno.EROFS, errno.EIO, errno.ESTALE, errno.EACCES, errno.EPERM, errno.ENODEV}
-DISK = 74  # exit code: rows were lost to the disk
+FLUSH_INTERVAL = 0.5  # s between flushes
+RETRY_INTERVAL = 0.5  # s between attempts on a full disk
+ORPHAN_TIMEOUT = 5.0  # s without a row and without a supervisor after which the log ends
+IDLE_INTERVAL = 0.02  # s to sleep without a row; longer blocks cost less per row
+_PERMANENT_ERRORS = {errno.EROFS, errno.EIO, errno.ESTALE, errno.EACCES, errno.EPERM, errno.ENODEV}
+EXIT_ROWS_LOST = 74  # exit code: rows were lost to the disk
 
 
-class Job(NamedTuple):
-    """What the supervisor asks of the logger."""
+class LoggerJob(NamedTuple):
+    """The supervisor's request to the logger."""
 
     kind: str
     ring: int  # file descriptor
     supervisor: int  # process id
-    folder: str  # the run's
-    part: str  # file to write, new
-    attachments: tuple[str, ...]  # files of the folder to put into it
+    folder: str  # folder of the run
+    part: str  # name of the file to create
+    attachments: tuple[str, ...]  # files of the folder to attach to it
     run: str  # run id
     mode: str
     clock: str  # "virtual" or "real"
     rate_hz: float
-    disk_timeout_s: float  # s of a failing disk after which the rest is lost
+    disk_timeout_s: float  # s of disk errors after which the remaining rows are lost
 
 
-PRIVILEGES = "privileges.json"  # left in the folder by the supervisor when the loop reports
+PRIVILEGES = "privileges.json"  # written by the supervisor when the loop reports
 
 
-class Log:
-    """One part of the run's record, being written."""
+class RunLogger:
+    """Writes one part of the run's record."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: LoggerJob) -> None:
         kind = KINDS[job.kind]
         self._job = job
         self._folder = Path(job.folder)
-        self._folder_fd = held_folder(self._folder)
-        self._lock = consume(job.ring)  # before the tail is read: another may still move it
-        self._reader = Reader(job.ring)
-        self._certificate = Certificate(kind.row_type)
+        self._folder_fd = open_folder(self._folder)
+        self._lock = lock_consumer(job.ring)  # before reading the tail: its consumer may move it
+        self._reader = RingReader(job.ring)
+        self._certificate = TimingCertificate(kind.row_type)
         self._flushed = self._moved = time.monotonic()
         self._failing_since: float | None = None
-        self._left: set[Path] = set()  # folders that the record had to leave
-        self._head = 0  # rows the ring had when it last moved
+        self._abandoned_folders: set[Path] = set()  # folders that the record had to leave
+        self._head = 0  # head of the ring when it last moved
         self._count_earlier_parts(self._folder)
         self._texts: dict[str, bytes] = {}
-        for name in (*job.attachments, STATUS):  # the last so that a rescued run is listed as it is
-            with suppress(OSError):  # the rows count, also in a folder of which nothing is left
+        for name in (*job.attachments, STATUS):  # STATUS: so that a rescued run is listed correctly
+            with suppress(OSError):  # the rows must be written even in an emptied folder
                 self._texts[name] = (self._folder / name).read_bytes()
         attached = {name: text for name, text in self._texts.items() if name != STATUS}
         self._writer = RowWriter(
@@ -88,66 +88,68 @@ class Log:
         )
 
     def run(self) -> int:
-        """Log until the rows end; returns the exit code."""
+        """Log until no more rows come; return the exit code."""
         quarter = self._reader.capacity // 4
-        while not self._complete():
+        while not self._all_rows_taken():
             block = b"" if self._failing_since else self._reader.take()
             if block:
                 self._writer.append(block)
                 self._certificate.add(block)
             waited = time.monotonic() - self._flushed
-            if self._reader.uncommitted >= quarter or waited >= FLUSH:
+            if self._reader.uncommitted >= quarter or waited >= FLUSH_INTERVAL:
                 if not self._flush():
-                    return DISK
+                    return EXIT_ROWS_LOST
             elif not block:
-                time.sleep(IDLE)
+                time.sleep(IDLE_INTERVAL)
         for name, value in (("timing.json", self._timing()), ("status.json", self._status())):
             self._writer.attach(name, json.dumps(value, indent=2).encode())
         while not self._finish():
-            if self._given_up():
-                return DISK
-            time.sleep(RETRY)
+            if self._disk_timed_out():
+                return EXIT_ROWS_LOST
+            time.sleep(RETRY_INTERVAL)
         return 0
 
     def _wait_start(self) -> int:
-        """UTC of run time zero, once there is a loop that knows it; of now if there never is one.
+        """Return the UTC of run time zero once the loop reports it; now if there never is a loop.
 
-        The logger is there before the first tick, so that no moment is left in which the death of
+        The logger starts before the first tick, so that there is no moment in which the death of
         the supervisor would leave a loop without a logger.
         """
         ring = self._reader
-        while not ring.start_utc_ns and ring.state != Producer.FINISHED and not self._orphaned():
-            time.sleep(IDLE)
+        while (
+            not ring.start_utc_ns and ring.state != ProducerState.FINISHED and not self._orphaned()
+        ):
+            time.sleep(IDLE_INTERVAL)
         return ring.start_utc_ns or time.time_ns()
 
-    def _complete(self) -> bool:
-        finished = self._reader.state == Producer.FINISHED or self._orphaned()
+    def _all_rows_taken(self) -> bool:
+        finished = self._reader.state == ProducerState.FINISHED or self._orphaned()
         return finished and self._reader.pending == 0 and not self._failing_since
 
     def _orphaned(self) -> bool:
-        """Supervisor and loop are both gone: nobody is left to say that no more rows will come."""
+        """Return whether supervisor and loop are both gone, so that no more rows will come."""
         now = time.monotonic()
         if self._reader.head != self._head or os.getppid() == self._job.supervisor:
             self._head, self._moved = self._reader.head, now
-        if now - self._moved > ORPHANED:
-            self._reader.bury()
+        if now - self._moved > ORPHAN_TIMEOUT:
+            self._reader.mark_finished()
             return True
         return False
 
     def _count_earlier_parts(self, folder: Path) -> None:
-        """The certificate is the whole run's, so what a killed logger wrote counts too."""
-        for path in parts(folder):
-            with suppress(RunError):  # a part whose logger died before it wrote anything
+        """Add the rows of killed loggers: the certificate covers the whole run."""
+        for path in mcap_parts(folder):
+            with suppress(RunError):  # the logger of this part died before it wrote a row
                 for block in mcap_file.blocks(mcap_file.scan(path), []):
                     self._certificate.add(repack_fields(block).tobytes())
 
     def _status(self) -> dict[str, Any]:
-        """How the run ended, as far as its rows say."""
+        """Return the end of the run, as far as its rows show."""
         reason = Reason(self._certificate.reason)
         return {
             "run": self._job.run,
             "mode": self._job.mode,
-            "status": ending(reason),
+            "status": end_status(reason),
             "reason": reason.name,
             "ticks": self._reader.head + self._reader.dropped,
             "dropped_rows": self._reader.dropped,
@@ -155,106 +157,108 @@ class Log:
 
     def _timing(self) -> dict[str, Any]:
         privileges = self._folder / PRIVILEGES
-        until = time.monotonic() + 2.0  # a loop that ends at once is ahead of its supervisor
+        until = time.monotonic() + 2.0  # a very short loop ends before its supervisor writes
         while not privileges.exists() and time.monotonic() < until:
-            time.sleep(IDLE)
+            time.sleep(IDLE_INTERVAL)
         granted = json.loads(privileges.read_text()) if privileges.exists() else None
         return self._certificate.result(
             self._job.clock, self._job.rate_hz, self._reader.dropped, granted
         )
 
     def _flush(self) -> bool:
-        """Make the rows taken so far safe; False when the disk has failed for too long."""
+        """Write the rows taken so far to disk; return False after `disk_timeout_s` of errors."""
         self._flushed = time.monotonic()
         try:
-            self._stay_reachable()
+            self._follow_file()
             self._writer.flush()
         except OSError as error:
-            self._failed(error)
-            if self._rescued_from_disk(error):
-                return True  # the next flush writes there
-            if self._given_up():
+            self._report_disk_error(error)
+            if self._rescue_from_failed_disk(error):
+                return True  # the next flush writes to the rescue folder
+            if self._disk_timed_out():
                 return False
-            time.sleep(RETRY)
+            time.sleep(RETRY_INTERVAL)
             return True
         self._reader.commit()
-        self._recovered()
+        self._report_disk_recovered()
         return True
 
     def _finish(self) -> bool:
         try:
-            self._stay_reachable()
+            self._follow_file()
             self._writer.finish()
         except OSError as error:
-            self._failed(error)
-            self._rescued_from_disk(error)
+            self._report_disk_error(error)
+            self._rescue_from_failed_disk(error)
             return False
         self._reader.commit()
-        self._recovered()
+        self._report_disk_recovered()
         return True
 
-    def _stay_reachable(self) -> None:
-        """Go on writing where the record can be found; raises OSError if there is no such place."""
+    def _follow_file(self) -> None:
+        """Continue writing where the record can be found; raise OSError if that fails."""
         fd, part = self._writer.descriptor, self._job.part
-        if leads_to(self._folder / part, fd):
+        if refers_to(self._folder / part, fd):
             return
-        moved = folder_now(self._folder_fd)
-        if moved is not None and leads_to(moved / part, fd):
+        moved = current_folder(self._folder_fd)
+        if moved is not None and refers_to(moved / part, fd):
             self._folder = moved
             self._writer.path = moved / part
-            _say(event="place", folder=str(moved), why="the run's folder was moved")
+            _report(event="place", folder=str(moved), why="the run's folder was moved")
         else:
-            gone = "the run's folder was deleted" if moved is None else f"{part} was taken away"
-            self._rescue(gone)
+            cause = "the run's folder was deleted" if moved is None else f"{part} was taken away"
+            self._rescue(cause)
 
     def _rescue(self, why: str) -> None:
-        if self._folder not in self._left:
-            self._left.add(self._folder)
-            _say(event="lost", why=why)  # first of all the rig stops; copying may take its time
+        if self._folder not in self._abandoned_folders:
+            self._abandoned_folders.add(self._folder)
+            _report(event="lost", why=why)  # before the copying, so that the rig stops at once
         part = self._job.part
-        saved = rescued(self._folder, self._texts, {part: self._writer.descriptor}, self._left)
-        self._writer.go_on_in(saved / part)
+        saved = save_to_rescue_folder(
+            self._folder, self._texts, {part: self._writer.descriptor}, self._abandoned_folders
+        )
+        self._writer.switch_file(saved / part)
         os.close(self._folder_fd)
-        self._folder, self._folder_fd = saved, held_folder(saved)
-        with suppress(OSError):  # as the run's own folder is, against a recovery meanwhile
+        self._folder, self._folder_fd = saved, open_folder(saved)
+        with suppress(OSError):  # the lock of a run's folder, against a recovery meanwhile
             fcntl.flock(self._folder_fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        _say(event="place", folder=str(saved), why=why)
+        _report(event="place", folder=str(saved), why=why)
 
-    def _rescued_from_disk(self, error: OSError) -> bool:
-        """Save the record from a disk that takes nothing any more; a full one gets its time."""
-        if error.errno not in _HOPELESS and not self._given_up():
+    def _rescue_from_failed_disk(self, error: OSError) -> bool:
+        """Save the record from a disk that fails for good; a full disk first gets its timeout."""
+        if error.errno not in _PERMANENT_ERRORS and not self._disk_timed_out():
             return False
         with suppress(OSError):
             self._rescue(f"{self._folder} cannot be written ({error.strerror})")
-            self._failing_since = time.monotonic()  # the new place has its own time
+            self._failing_since = time.monotonic()  # the rescue folder has its own timeout
             return True
         return False
 
-    def _failed(self, error: OSError) -> None:
+    def _report_disk_error(self, error: OSError) -> None:
         if self._failing_since is None:
             self._failing_since = time.monotonic()
-            _say(event="disk", error=error.strerror or str(error))
+            _report(event="disk", error=error.strerror or str(error))
 
-    def _recovered(self) -> None:
+    def _report_disk_recovered(self) -> None:
         if self._failing_since is not None:
             self._failing_since = None
-            _say(event="disk", error="")
+            _report(event="disk", error="")
 
-    def _given_up(self) -> bool:
+    def _disk_timed_out(self) -> bool:
         since = self._failing_since
         return since is not None and time.monotonic() - since > self._job.disk_timeout_s
 
 
 def main() -> None:
-    """Run the job on standard input."""
-    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # it ends when the rows end
+    """Run the job given on standard input."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):  # it ends with the rows only
         signal.signal(number, signal.SIG_IGN)
-    job: Job = handover.loads(Job, sys.stdin.read())
-    sys.exit(Log(job).run())
+    job: LoggerJob = handover.loads(LoggerJob, sys.stdin.read())
+    sys.exit(RunLogger(job).run())
 
 
-def _say(**event: Any) -> None:
-    with suppress(OSError):  # nobody may be left to hear it
+def _report(**event: Any) -> None:
+    with suppress(OSError):  # the supervisor may be gone
         os.write(1, f"{json.dumps(event)}\n".encode())
 
 

@@ -1,14 +1,15 @@
-"""Packed log rows -> one MCAP file that other tools open too.
+"""Writer of packed log rows into one MCAP file that other tools can open.
 
-Rows go in as the bytes the loop wrote, come out as ROS 2 messages (4 header bytes and the row), and
-nothing is decoded on the way but tick and time. Records are built in memory and written at known
-offsets: a record is either wholly in the file or will be written again in the same place, so a full
-disk costs no row and leaves no half record between good ones. A file whose writer was killed holds
-every record up to the last `RowWriter.flush` and lacks only its index
-(`rig.recording.runs.recover`).
+Rows arrive as the bytes that the loop wrote and are stored as ROS 2 messages (4 header bytes and
+the row); only tick and time are decoded on the way. Records are built in memory and written at
+known offsets: a record is either wholly in the file or will be written again in the same place, so
+a full disk costs no row and leaves no partial record between whole ones. A file whose writer was
+killed holds every record up to the last `RowWriter.flush` and lacks only its index
+(`rig.recording.runs.recover` restores it).
 
-Chunks are built here, as arrays of messages: single ones through ``mcap.writer.Writer`` cost 8 us a
-row, these less than 1 us and compression. All else is written by the library's own records.
+Chunks are built here, as arrays of messages: single messages through ``mcap.writer.Writer`` cost
+8 us a row, arrays less than 1 us plus compression. The library's own classes write all other
+records.
 """
 
 import os
@@ -28,25 +29,25 @@ from mcap.writer import MCAP0_MAGIC
 from rig.recording import row_layout
 from rig.recording.row_schema import (
     CHANNEL_ID,
-    CHECK,
-    CLOCK,
-    FORM,
+    CHECKSUM_KEY,
+    CLOCK_RECORD,
     SCHEMA_ID,
+    SCHEMA_RECORD,
     START_KEY,
-    Form,
+    MessageSchema,
     channel_record,
-    form,
-    form_sum,
-    pairs_sum,
-    time_place,
+    message_schema,
+    metadata_checksum,
+    schema_checksum,
+    time_index,
 )
 
 # Measured: 256 KiB to 1 MiB chunks are equally fast, smaller ones compress worse and 4 MiB leaves
 # the cache (1.8 times slower). Level 1 is 1.7 times faster than 3 for 1 % of size, -1 again 1.3.
 CHUNK_BYTES = 512 * 1024
-LEVEL = -1
-_NO_CRC = 0  # zstd's own check sum is faster, and no decoder passes it over
-_MESSAGE = [  # record head, message head, CDR header; then comes the row
+COMPRESSION_LEVEL = -1
+_NO_CRC = 0  # zstd's own check sum is faster, and every decoder checks it
+_MESSAGE = [  # record head, message head, CDR header; the row follows
     ("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"),
     ("log_time", "<u8"), ("publish_time", "<u8"), ("cdr", "V4"),
 ]  # fmt: skip
@@ -55,7 +56,7 @@ _INDEX = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _INDEX_HEAD = struct.Struct("<BQHI")
 
 
-def _built(*parts: records.McapRecord) -> bytes:
+def _serialise(*parts: records.McapRecord) -> bytes:
     builder = RecordBuilder()
     for part in parts:
         part.write(builder)
@@ -64,16 +65,16 @@ def _built(*parts: records.McapRecord) -> bytes:
 
 
 class RowWriter:
-    """A run's MCAP file under construction; one thread uses it.
+    """Writes a run's MCAP file; for use by one thread.
 
-    `append` takes rows into memory and never touches the disk. `flush` and `finish` do: when they
-    raise OSError (disk full, device gone) nothing is lost, and either may be called again.
+    `append` takes rows into memory and never touches the disk. `flush` and `finish` do: after an
+    OSError (disk full, device gone) nothing is lost, and either may be called again.
     """
 
     def __init__(
         self,
         path: str | os.PathLike[str],
-        row_type: type | Form,
+        row_type: type | MessageSchema,
         attachments: dict[str, bytes],
         metadata: dict[str, dict[str, str]],
         *,
@@ -85,22 +86,22 @@ class RowWriter:
         RowError, or OSError when the head of the file cannot be written.
         """
         self.path = Path(path)
-        self._form = row_type if isinstance(row_type, Form) else form(row_type)
+        self._form = row_type if isinstance(row_type, MessageSchema) else message_schema(row_type)
         leaves = row_layout.leaves_of_schema(self._form.schema)
-        self._time = time_place(leaves)
+        self._time = time_index(leaves)
         self._size = 8 * len(leaves)
         self._stride = MESSAGE_BYTES + self._size
         message = np.dtype([*_MESSAGE, ("row", f"V{self._size}")])
-        # The chunk being filled: what is the same in every message is written once.
+        # The open chunk; the fields that all messages share are set once.
         self._open = np.zeros(max(1, CHUNK_BYTES // self._stride), message)
         self._open["opcode"], self._open["length"] = Opcode.MESSAGE, self._stride - 9
         self._open["channel"], self._open["cdr"] = CHANNEL_ID, np.void(row_layout.CDR_HEADER)
-        self._filled = 0  # messages in it
+        self._filled = 0  # messages in the open chunk
         self._start = start_utc_ns
         self._latest = start_utc_ns
-        self._compressor = zstandard.ZstdCompressor(level=LEVEL, write_checksum=True)
-        self._waiting: list[bytes] = []  # whole records not yet in the file
-        self._end = 0  # file length with all that waits
+        self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL, write_checksum=True)
+        self._waiting: list[bytes] = []  # whole records that are not in the file yet
+        self._end = 0  # file length including the queued records
         self._chunks: list[records.ChunkIndex] = []
         self._attachments: list[records.AttachmentIndex] = []
         self._metadata: list[records.MetadataIndex] = []
@@ -112,13 +113,16 @@ class RowWriter:
         self._channel = channel_record()
         self.descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o644)
         self._closed = False
-        # Twice, as the standard allows: without it no row can be read, and it has no check sum.
-        described = (self._schema, self._channel) * 2
-        head = _built(records.Header("ros2", "wec-rig"), *described)
+        # Written twice, as the standard allows: a schema has no check sum, and rows need it.
+        descriptions = (self._schema, self._channel) * 2
+        head = _serialise(records.Header("ros2", "wec-rig"), *descriptions)
         self._queue(MCAP0_MAGIC + head)
-        written = {FORM: {"sum": form_sum(*self._form)}, CLOCK: {START_KEY: str(start_utc_ns)}}
-        for name, pairs in {**metadata, **written}.items():
-            self._describe(name, pairs)
+        encoded = {
+            SCHEMA_RECORD: {"sum": schema_checksum(*self._form)},
+            CLOCK_RECORD: {START_KEY: str(start_utc_ns)},
+        }
+        for name, pairs in {**metadata, **encoded}.items():
+            self._queue_metadata(name, pairs)
         for name, data in attachments.items():
             self.attach(name, data)
         try:
@@ -130,7 +134,7 @@ class RowWriter:
 
     @property
     def pending(self) -> int:
-        """Bytes held in memory: all that a kill would lose now."""
+        """Bytes held in memory: the loss if the process were killed now."""
         return self._end - self.committed + self._filled * self._stride
 
     @property
@@ -139,14 +143,14 @@ class RowWriter:
         return self._rows + self._filled
 
     def append(self, rows: bytes | bytearray | memoryview) -> None:
-        """Take n whole packed rows (copied); ValueError, with nothing taken, if they are not."""
+        """Take n whole packed rows (copied); raise ValueError, taking none, if they are not."""
         if len(rows) % self._size:
             raise ValueError(f"{len(rows)} bytes are not whole rows of {self._size} bytes")
         numbers = np.frombuffer(rows, "<f8").reshape(-1, self._size // 8)
         seconds = numbers[:, self._time]
         if not np.isfinite(seconds).all():
             raise ValueError("a row's time is not a finite number")
-        ticks = numbers.view("<i8")[:, 0].astype(np.uint32)  # its low half
+        ticks = numbers.view("<i8")[:, 0].astype(np.uint32)  # the low half of the tick
         times = (seconds * 1e9 + 0.5).astype(np.int64) + self._start
         packed = np.frombuffer(rows, f"V{self._size}")
         done, capacity = 0, len(self._open)
@@ -160,28 +164,28 @@ class RowWriter:
                 self._end_chunk()
 
     def attach(self, name: str, data: bytes) -> None:
-        """Queue an attachment; of several with one name the last one counts."""
+        """Queue an attachment; of several with the same name the last one counts."""
         media = "application/json" if name.endswith(".json") else "application/octet-stream"
-        written = _built(records.Attachment(self._latest, self._latest, name, media, data))
+        encoded = _serialise(records.Attachment(self._latest, self._latest, name, media, data))
         self._attachments.append(
             records.AttachmentIndex(
                 create_time=self._latest,
                 data_size=len(data),
-                length=len(written),
+                length=len(encoded),
                 log_time=self._latest,
                 media_type=media,
                 name=name,
                 offset=self._end,
             )
         )
-        self._queue(written)
+        self._queue(encoded)
 
     def flush(self, durable: bool = False) -> int:
         """End the open chunk and hand everything to the operating system.
 
-        What came before then survives a kill of this process; with ``durable`` also a power cut
-        (waits for the disk). Returns the file's length in bytes. Raises OSError: rows stay in
-        memory, the file ends on a whole record, and the next call goes on from there.
+        The data then survives a kill of this process; with ``durable`` also a power cut (the call
+        waits for the disk). Return the file's length in bytes. Raise OSError: rows stay in memory,
+        the file ends on a whole record, and the next call continues from there.
         """
         self._end_chunk()
         while self._waiting:
@@ -196,17 +200,17 @@ class RowWriter:
         if self._closed:
             return
         self.flush()
-        self._write(self._tail())
+        self._write(self._closing_records())
         self.close()
 
-    def go_on_in(self, path: Path) -> None:
-        """Write on in another file that holds a copy of this one; raises OSError."""
+    def switch_file(self, path: Path) -> None:
+        """Continue in another file that holds a copy of this one; raise OSError."""
         file = os.open(path, os.O_RDWR)
         os.close(self.descriptor)
         self.path, self.descriptor = path, file
 
     def close(self) -> None:
-        """Give up without a summary; the file stays recoverable."""
+        """Close without a summary; the file stays recoverable."""
         if not self._closed:
             self._closed = True
             os.close(self.descriptor)
@@ -221,15 +225,15 @@ class RowWriter:
             while done < len(data):
                 done += os.pwrite(self.descriptor, memoryview(data)[done:], self.committed + done)
         except OSError:
-            # A part of the record may be in: cut it off, so that what is there is whole.
+            # Cut off a partly written record, so that the file holds whole records only.
             os.ftruncate(self.descriptor, self.committed)
             raise
 
-    def _describe(self, name: str, pairs: dict[str, str]) -> None:
-        checked = {**pairs, CHECK: pairs_sum(name, pairs)}
-        written = _built(records.Metadata(name, checked))
-        self._metadata.append(records.MetadataIndex(self._end, len(written), name))
-        self._queue(written)
+    def _queue_metadata(self, name: str, pairs: dict[str, str]) -> None:
+        checked = {**pairs, CHECKSUM_KEY: metadata_checksum(name, pairs)}
+        encoded = _serialise(records.Metadata(name, checked))
+        self._metadata.append(records.MetadataIndex(self._end, len(encoded), name))
+        self._queue(encoded)
 
     def _end_chunk(self) -> None:
         if not self._filled:
@@ -238,7 +242,7 @@ class RowWriter:
         data, times = messages.tobytes(), messages["log_time"]
         packed = self._compressor.compress(data)
         first, last = int(times.min()), int(times.max())
-        chunk = _built(records.Chunk("zstd", packed, last, first, _NO_CRC, len(data)))
+        chunk = _serialise(records.Chunk("zstd", packed, last, first, _NO_CRC, len(data)))
         entries = np.zeros(self._filled, _INDEX)
         entries["time"], entries["offset"] = times, np.arange(self._filled) * self._stride
         index = entries.tobytes()
@@ -261,9 +265,9 @@ class RowWriter:
         self._latest = last
         self._filled = 0
 
-    def _tail(self) -> bytes:
-        """Data end, summary, footer and closing magic, as they stand at the committed length."""
-        data_end = _built(records.DataEnd(0))
+    def _closing_records(self) -> bytes:
+        """Return data end, summary, footer and closing magic for the committed length."""
+        data_end = _serialise(records.DataEnd(0))
         start = self.committed + len(data_end)
         chunks, rows = self._chunks, self._rows
         statistics = records.Statistics(
@@ -288,9 +292,9 @@ class RowWriter:
         summary, offsets = b"", b""
         for opcode, members in groups:
             if members:
-                group = _built(*members)
+                group = _serialise(*members)
                 offset = records.SummaryOffset(opcode, start + len(summary), len(group))
-                offsets += _built(offset)
+                offsets += _serialise(offset)
                 summary += group
         directory = start + len(summary)
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 20, start, directory)

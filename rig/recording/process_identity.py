@@ -1,18 +1,18 @@
-"""Which process is which: a number alone may have gone to another one."""
+"""Identity of processes: a process id alone may have been reused."""
 
 from pathlib import Path
 
-_ENDED = ("Z", "X")
-_STATE, _START = 0, 19  # fields 3 and 22 of /proc/PID/stat, counted behind the name
+_ENDED_STATES = ("Z", "X")
+_STATE, _START = 0, 19  # fields 3 and 22 of /proc/PID/stat, counted after the process name
 
 
-def started(pid: int) -> int | None:
-    """When a living process began, in clock ticks since boot; None if there is none.
+def start_ticks(pid: int) -> int | None:
+    """Return the start time of a live process in clock ticks since boot; None without one.
 
-    Together with its number it names one process for as long as the machine is up.
+    Process id and start time together identify one process until the next reboot.
     """
     try:
-        told = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return None
-    return None if told[_STATE] in _ENDED else int(told[_START])
+    return None if fields[_STATE] in _ENDED_STATES else int(fields[_START])

@@ -1,4 +1,4 @@
-"""Which code on which host made a run."""
+"""Code version and host of a run."""
 
 import os
 import platform
@@ -12,8 +12,8 @@ _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("numpy", "scipy", "filterpy", "mcap", "pydantic", "ruamel.yaml", "xarray")
 
 
-def code() -> dict[str, Any]:
-    """Version, git commit (empty outside a checkout), whether it has uncommitted changes."""
+def describe_code() -> dict[str, Any]:
+    """Return version, git commit (empty outside a checkout) and whether it has local changes."""
     commit = _git("rev-parse", "HEAD")
     return {
         "version": metadata.version("wec-rig"),
@@ -24,8 +24,8 @@ def code() -> dict[str, Any]:
     }
 
 
-def host() -> dict[str, Any]:
-    """Name, kernel, processor, cores and memory of this machine, and the command that ran."""
+def describe_host() -> dict[str, Any]:
+    """Return name, kernel, processor, cores and memory of this machine, and the command line."""
     pages = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return {
         "name": platform.node(),
@@ -38,14 +38,18 @@ def host() -> dict[str, Any]:
     }
 
 
-def _git(*words: str) -> str:
+def _git(*arguments: str) -> str:
     try:
-        done = subprocess.run(
-            ["git", "-C", str(_ROOT), *words], capture_output=True, text=True, timeout=5, check=True
+        completed = subprocess.run(
+            ["git", "-C", str(_ROOT), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=True,
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip()
+    return completed.stdout.strip()
 
 
 def _processor() -> str:

@@ -1,4 +1,4 @@
-"""One declaration of a log row, many layouts: struct format, packed bytes, ros2msg schema.
+"""Layouts of a log row from its one declaration: struct format, packed bytes, ros2msg schema.
 
 A row type is a NamedTuple of NamedTuples whose leaves are float or int with a unit
 (``Annotated[float, "m"]``). Every leaf is stored as float64 or int64, little-endian: then the
@@ -35,7 +35,7 @@ class Leaf(NamedTuple):
 
 
 class RowError(TypeError):
-    """A row type that cannot be laid out, with the field named."""
+    """A row type without a valid layout; the message names the field."""
 
 
 def _fields(row_type: type, where: str = "") -> dict[str, Any]:
@@ -57,7 +57,7 @@ def _leaf(path: tuple[str, ...], hint: Any) -> Leaf:
     return Leaf(path, "d" if kind is float else "q", unit)
 
 
-def _walk(row_type: type, path: tuple[str, ...], named: dict[str, type]) -> list[Leaf]:
+def _collect_leaves(row_type: type, path: tuple[str, ...], named: dict[str, type]) -> list[Leaf]:
     found: list[Leaf] = []
     fields = _fields(row_type, ".".join(path))
     if named.setdefault(row_type.__name__, row_type) is not row_type:
@@ -68,7 +68,7 @@ def _walk(row_type: type, path: tuple[str, ...], named: dict[str, type]) -> list
         if not FIELD_NAME.fullmatch(name):
             raise RowError(f"{'.'.join(here)}: not a ROS field name ([a-z][a-z0-9_]*)")
         if isinstance(hint, type) and issubclass(hint, tuple):
-            found += _walk(hint, here, named)
+            found += _collect_leaves(hint, here, named)
         else:
             found.append(_leaf(here, hint))
     return found
@@ -76,20 +76,20 @@ def _walk(row_type: type, path: tuple[str, ...], named: dict[str, type]) -> list
 
 @lru_cache
 def leaves(row_type: type) -> tuple[Leaf, ...]:
-    """All numbers of a row type in storage order; raises RowError naming the field at fault."""
-    return tuple(_walk(row_type, (), {}))
+    """Return all numbers of a row type in storage order; raise RowError naming an invalid field."""
+    return tuple(_collect_leaves(row_type, (), {}))
 
 
 def layout(row_type: type) -> struct.Struct:
-    """The packed little-endian layout of a row."""
+    """Return the packed little-endian layout of a row."""
     return struct.Struct(_ORDER + "".join(leaf.code for leaf in leaves(row_type)))
 
 
 def packer(row_type: type) -> Callable[[Any, int, Any], None]:
-    """``pack(buffer, at, row)`` for the row type: stores a row's numbers at byte ``at``.
+    """Return ``pack(buffer, at, row)``, which stores a row's numbers at byte ``at``.
 
-    Generated as one call of `struct.Struct.pack_into`, because unpacking sub-tuples costs a few
-    nanoseconds a number, while walking the fields by name would cost as much as the cycle.
+    The code is generated as one call of `struct.Struct.pack_into`: unpacking sub-tuples costs a few
+    nanoseconds a number, while visiting the fields by name would cost as much as the cycle.
     """
 
     def parts(kind: type, expression: str) -> list[str]:
@@ -103,21 +103,21 @@ def packer(row_type: type) -> Callable[[Any, int, Any], None]:
             out += parts(hint, here) if is_nested else [here]
         return out
 
-    leaves(row_type)  # refuse a bad type before generating code from it
+    leaves(row_type)  # raise for an invalid type before generating code from it
     source = f"lambda buffer, at, row: pack_into(buffer, at, {', '.join(parts(row_type, 'row'))})"
-    made: Callable[[Any, int, Any], None] = eval(
+    pack: Callable[[Any, int, Any], None] = eval(
         source, {"__builtins__": {}, "pack_into": layout(row_type).pack_into}
     )
-    return made
+    return pack
 
 
 def schema_name(row_type: type) -> str:
-    """Name of the row type as a ROS 2 message."""
+    """Return the name of the row type as a ROS 2 message."""
     return f"{PACKAGE}/msg/{row_type.__name__}"
 
 
 def schema(row_type: type) -> str:
-    """The row type as a ros2msg schema, units in the comments."""
+    """Return the row type as a ros2msg schema, with units in the comments."""
     seen: dict[str, str] = {}
 
     def define(kind: type) -> str:
@@ -144,14 +144,14 @@ _SCHEMA_FIELD = re.compile(r"(?P<type>\S+) (?P<name>\S+)(?:\s+# \[(?P<unit>.*)\]
 
 
 def leaves_of_schema(text: str) -> tuple[Leaf, ...]:
-    """The leaves of a schema written by `schema`, so that a file is read by what it says itself."""
+    """Return the leaves of a schema written by `schema`, to read a file by its own description."""
     sections = re.split(r"=+\nMSG: ", text)
     bodies = {"": sections[0]}
     for section in sections[1:]:
         name, body = section.split("\n", 1)
         bodies[name] = body
 
-    def walk(body: str, path: tuple[str, ...]) -> list[Leaf]:
+    def collect(body: str, path: tuple[str, ...]) -> list[Leaf]:
         found: list[Leaf] = []
         for line in filter(None, body.splitlines()):
             match = _SCHEMA_FIELD.fullmatch(line)
@@ -162,7 +162,7 @@ def leaves_of_schema(text: str) -> tuple[Leaf, ...]:
                 code = "d" if match["type"] == "float64" else "q"
                 found.append(Leaf(here, code, match["unit"] or ""))
             else:
-                found += walk(bodies[match["type"]], here)
+                found += collect(bodies[match["type"]], here)
         return found
 
-    return tuple(walk(bodies[""], ()))
+    return tuple(collect(bodies[""], ()))

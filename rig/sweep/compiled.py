@@ -26,7 +26,7 @@ from rig.execution.rehearsal.compiled_plant import LIFTED as PLANT
 from rig.kinds.wavebot import signals as wavebot_signals
 from rig.kinds.wavebot import tare
 from rig.realtime import average, axis, cycle, limits, power, safety, sequence
-from rig.realtime.loop import LINGER
+from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE
 from rig.sweep import column, lifting, noise, pages, plant_coupling
 from rig.sweep.pages import TICKS
@@ -124,7 +124,7 @@ def _source(fields: tuple[str, ...]) -> str:
         keep=keep,
         fields=len(fields),
         ticks=TICKS,
-        linger=LINGER,
+        linger=LINGER_TICKS,
         stop_0=safety.STOP_0,
         measure=MEASURE,
     )

@@ -138,7 +138,7 @@ def _units(text: str) -> dict[str, str]:
 
 
 def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
-    code = provenance.code()
+    code = provenance.describe_code()
     period = repeat_period(campaign.file.sea)
     told: dict[str, Any] = {
         "run": name,

@@ -17,7 +17,7 @@ from rig.kinds.wavebot import KIND, Setpoints, WaveBotRow
 from rig.kinds.wavebot.build import placed, realisations_of, wavebot_params
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
-from rig.realtime.loop import LINGER
+from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import MEASURE, Segments
 from rig.recording.row_layout import leaves
@@ -176,12 +176,12 @@ class RowSimulation:
 
     def __iter__(self) -> Iterator[Window]:
         filled = 0
-        while self._machine.linger < LINGER:
+        while self._machine.linger < LINGER_TICKS:
             if not self._go_on():
                 raise InterruptedSweepError
             filled = self.tick(self._machine.tick + _AT_A_TIME, filled)
             machine, last = self._machine, self._kept[_TICK, filled - 1]
-            if filled and (machine.linger == LINGER or last != machine.tick - 1):
+            if filled and (machine.linger == LINGER_TICKS or last != machine.tick - 1):
                 yield from _windows(self._kept[:, :filled], machine)
                 filled = 0
         self.reason = Reason(self._machine.loop.safety.reason)

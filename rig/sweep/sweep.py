@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rig.config.problems import ConfigError, Problem, format_value
 from rig.planning.campaign import Campaign, build_plan
-from rig.recording.runs.create import BusyError, RunLock, hold_run, write_json
+from rig.recording.runs.create import BusyError, RunLock, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
 from rig.sweep.inputs import inputs
@@ -106,7 +106,7 @@ def same_cases(asked: SweepRequest, digest: str) -> Cases:
 def hold(sweep: Sweep) -> RunLock:
     """Lock the folder; raises BusyError where the same sweep goes on already."""
     try:
-        return hold_run(sweep.folder)
+        return lock_run(sweep.folder)
     except BusyError:
         raise BusyError(
             f"{sweep.folder}: the same sweep is being run by another process; wait for it, or end "

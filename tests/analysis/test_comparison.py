@@ -28,7 +28,7 @@ from rig.analysis.points import Matrix, Point
 from rig.analysis.rows import POWERS
 from rig.cli import app
 from rig.config.columns import COLUMNS
-from rig.recording.runs.folder import Facts
+from rig.recording.runs.folder import RunInfo
 
 SHAPE = Shape(noise=1.0, wander=1.0, settle=5, tail=2, lead_in=10)
 CUSTOM = {
@@ -148,9 +148,9 @@ def test_the_settings_that_differ_come_first(comparison: Comparison) -> None:
     assert comparison.same_sea
 
 
-def run_facts(**more: Any) -> Facts:
-    blank: dict[str, Any] = {name: {} for name in Facts._fields[3:]}
-    return Facts("r", "hardware", "c", **{**blank, **more})
+def run_facts(**more: Any) -> RunInfo:
+    blank: dict[str, Any] = {name: {} for name in RunInfo._fields[3:]}
+    return RunInfo("r", "hardware", "c", **{**blank, **more})
 
 
 def test_groups_of_settings() -> None:

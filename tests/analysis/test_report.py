@@ -26,7 +26,7 @@ from rig.analysis.report import summarise_run, write_products
 from rig.analysis.rows import row_table
 from rig.analysis.summary import as_text
 from rig.analysis.traces import decimate, write_traces
-from rig.realtime.limits import Limited
+from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import Reason
 from rig.realtime.sequence import Phase
 from rig.recording.calibration.sources import PRODUCTS
@@ -110,7 +110,7 @@ def test_crashed_run_has_products(tmp_path: Path) -> None:
     at = np.flatnonzero((data["plan.row"] == 9) & (data["plan.phase"] == Phase.MEASURE))
     data["heave.estimate.position"][data["plan.row"] == 4] -= 0.0072
     third = np.flatnonzero((data["plan.row"] == 3) & (data["plan.phase"] == Phase.MEASURE))
-    data["heave.command.limited"][third] = Limited.CURRENT_PEAK
+    data["heave.command.limited"][third] = LimitFlag.CURRENT_PEAK
     cut = np.delete(data[: at[100]], third[5:8])
     synthetic.write_run(tmp_path, cut, synthetic.plan_json(ROWS, SHAPE), finish=False)
     with (tmp_path / "run.mcap").open("ab") as file:

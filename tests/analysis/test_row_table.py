@@ -17,7 +17,7 @@ from rig.analysis.rows import INCOMPLETE, POWERS, period_means, row_table, stand
 from rig.analysis.rows_file import write_rows
 from rig.analysis.slices import find_optima
 from rig.kinds.wavebot import WaveBotRow
-from rig.realtime.limits import Limited, Warned
+from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import Phase
 from rig.recording import row_layout
@@ -194,9 +194,9 @@ def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
     rows, shape = planned(3), Shape()
     data = synthetic.run_rows(rows, shape)
     second = np.flatnonzero((data["plan.row"] == 1) & (data["plan.phase"] == Phase.MEASURE))
-    data["heave.command.limited"][second[5]] = Limited.CURRENT_PEAK
-    data["heave.command.limited"][second[9]] = Limited.SLEW
-    data["heave.warned"][second[5]] = Warned.POSITION
+    data["heave.command.limited"][second[5]] = LimitFlag.CURRENT_PEAK
+    data["heave.command.limited"][second[9]] = LimitFlag.SLEW
+    data["heave.warned"][second[5]] = WarningFlag.POSITION
     data["heave.estimate.position"][data["plan.row"] == 2] += 0.006
     table = table_of(tmp_path, data, rows, shape)
     assert table["limits"].values.tolist() == ["", "CURRENT_PEAK SLEW", ""]
@@ -208,7 +208,7 @@ def test_limits_and_alarms_are_named(tmp_path: Path) -> None:
 def test_old_run_with_a_renamed_field(tmp_path: Path) -> None:
     rows, shape = planned(2), Shape()
     data = synthetic.run_rows(rows, shape)
-    data["heave.warned"][data["plan.row"] == 1] = Warned.POSITION
+    data["heave.warned"][data["plan.row"] == 1] = WarningFlag.POSITION
     hints = get_type_hints(WaveBotRow, include_extras=True)
     axis = get_type_hints(hints["heave"], include_extras=True)
     safety = get_type_hints(hints["safety"], include_extras=True)

@@ -24,7 +24,12 @@ from rig.analysis.spring_map.result import findings, natural_frequency, spring_m
 from rig.config import ConfigError, RigFile, load
 from rig.planning.campaign import check_campaign
 from rig.realtime.sequence import Phase
-from rig.recording.calibration import At, corrected, open_calibration, recorded
+from rig.recording.calibration import (
+    RecordingTime,
+    apply_calibration,
+    invert_calibration,
+    open_calibration,
+)
 from rig.recording.runs import RunError
 
 HALF = [-93.0, -33.0, 7.0, 67.0]  # of the stations: half the time
@@ -100,8 +105,11 @@ def test_the_positioner_uses_the_map(
     slope = (hidden.rate(-33.0) - hidden.rate(7.0)) / 40.0
     assert report.plan.rows[0].stator_position == pytest.approx(-13.0, abs=tolerance / slope)
     assert "spring map" in {file.role for file in report.campaign.files}
-    at = At.on("2100-01-01T00:00:00Z")
-    assert recorded(known.file, corrected(known.file, 7.0, at).value, at).value == 7.0
+    at = RecordingTime.from_utc("2100-01-01T00:00:00Z")
+    assert (
+        invert_calibration(known.file, apply_calibration(known.file, 7.0, at).value, at).value
+        == 7.0
+    )
     # the run's configuration contains the calibration and the resulting map
     rig_config = report.campaign.rig.model_dump(mode="json", by_alias=True)
     assert rig_config["spring_map"]["name"] == "spring_map"

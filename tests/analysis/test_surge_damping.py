@@ -25,7 +25,7 @@ from rig.analysis.surge_damping import (
 from rig.planning.campaign import check_campaign
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 
 OMEGA = math.pi  # 0.5 Hz
 DAMPINGS = (250.0, 500.0, 1000.0, 2000.0, 4000.0, 8000.0)
@@ -164,7 +164,7 @@ def test_rows_agree_with_the_bem(finished: Path) -> None:
 
 @pytest.mark.slow
 def test_the_command_reports_the_damping(finished: Path) -> None:
-    assert allowed_stroke(facts(finished)) == 0.125  # half of the soft stop's reach of 0.25 m
+    assert allowed_stroke(run_info(finished)) == 0.125  # half of the soft stop's reach of 0.25 m
     code, stdout, err = rig_here("surge-damping", finished, "--stroke-m", "0.08", "--json")
     assert (code, err) == (0, "")
     result = json.loads(stdout)

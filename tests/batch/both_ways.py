@@ -22,7 +22,7 @@ from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import wavebot_params
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.realtime import cycle
-from rig.realtime.loop import LINGER
+from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.safety import STOP_0, Reason
 from rig.realtime.sequence import MEASURE
 from rig.sweep.simulation import KEPT, Subject
@@ -78,7 +78,7 @@ def interpreted(path: Path) -> Given:
     step, state = cycle.make(KIND), cycle.start(KIND, params, 0)
     fields = attrgetter(*KEPT)
     found, tick, linger = [], 0, 0
-    while linger < LINGER:
+    while linger < LINGER_TICKS:
         sense = devices.read(tick * plan.dt)
         state, command, row = step(params, state, sense, 0, tick, STILL_CLOCK, 1, plan.dt)
         devices.write(command)

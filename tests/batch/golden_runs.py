@@ -17,8 +17,8 @@ from typing import Any
 
 from rehearsing import run
 
-from rig.recording.runs import facts
-from rig.recording.runs.folder import Facts
+from rig.recording.runs import run_info
+from rig.recording.runs.folder import RunInfo
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
 IN_WAVES = ("cots", "custom")  # by the gain matrix, with either drive
@@ -30,11 +30,11 @@ def record(kind: str) -> Path:
     return GOLDEN / f"{kind}.mcap"
 
 
-def facts_without(*later: str) -> Callable[..., Facts]:
+def facts_without(*later: str) -> Callable[..., RunInfo]:
     """`rig.recording.runs.facts` of records that lack the limits whose dotted names begin so."""
 
-    def found(*given: Any) -> Facts:
-        known = facts(*given)
+    def found(*given: Any) -> RunInfo:
+        known = run_info(*given)
         limits = {
             section: {k: v for k, v in values.items() if not f"{section}.{k}".startswith(later)}
             for section, values in known.config["limits"].items()

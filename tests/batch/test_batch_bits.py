@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from both_ways import STILL_CLOCK, compiled, interpreted, opened
-from law_lifting import same
+from law_lifting import same_bits
 from rehearsing import CONFIGS, campaign_file, yaml_file
 
 import rig
@@ -163,8 +163,8 @@ def test_senses_that_are_none_give_the_same_mode_reason_and_command(
         for _ in range(10):
             state, told = by_hand(subject, subject.params, machine, machine.line[1])
             machine = advance(machine, machine.tick + 1)
-            assert same(lifting.numbers(machine.loop), lifting.numbers(state))
-            assert same(lifting.numbers(machine.wire), lifting.numbers(told))
+            assert same_bits(lifting.numbers(machine.loop), lifting.numbers(state))
+            assert same_bits(lifting.numbers(machine.wire), lifting.numbers(told))
             assert all(map(math.isfinite, lifting.numbers(machine.wire)))
             guard = machine.loop.safety
             if guard.mode == STOP_0:

@@ -27,7 +27,7 @@ from rig.planning.session.assemble import bench_params
 from rig.planning.session.check import check_session
 from rig.planning.session.recorded import session_as_logged
 from rig.planning.session.resolved import resolved_session
-from rig.recording.runs import RunError, facts, open_run
+from rig.recording.runs import RunError, open_run, run_info
 
 LAST_BITS = 1e-9
 
@@ -110,7 +110,7 @@ def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatc
 
 def test_a_run_that_kept_no_constants_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """As runs of the bench did before."""
-    sound = facts
+    sound = run_info
 
     def without(*given: Any) -> Any:
         known = sound(*given)

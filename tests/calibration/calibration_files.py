@@ -1,4 +1,4 @@
-"""Calibration files to test with."""
+"""Calibration files for tests."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ UNITS = {"spring_rate": "N/m", "torque_constant": "N*m/A", "heave_position": "m"
 
 
 def write(folder: Path, **changes: Any) -> Path:
-    """A calibration file with some keys changed; its name is that of the calibration."""
+    """Write a calibration file with some keys changed; it has the name of the calibration."""
     whole = {
         "name": "one",
         "version": 1,
@@ -43,5 +43,5 @@ def write(folder: Path, **changes: Any) -> Path:
 
 
 def calibration(folder: Path, **changes: Any) -> CalibrationFile:
-    """The same, opened."""
+    """Write and open a calibration file."""
     return open_calibration(write(folder, **changes)).file

@@ -1,4 +1,4 @@
-"""Runs read with other calibrations than they were made with: rows, products, commands."""
+"""Runs read with other calibrations than they were recorded with: rows, products, commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from synthetic_runs import Row, Shape
 
 from rig.analysis.report import summarise_run, write_products
 from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-from rig.recording.calibration import Known, OutsideError, open_calibration
+from rig.recording.calibration import CalibrationVersion, ValidityError, open_calibration
 
 POWER = {"mechanical_1": -80.0, "mechanical_2": -60.0, "ac": -40.0, "dc": -5.0}
 CONFIG = {"name": "default", "rig": {"name": "b", "heave": {"torque_constant_n_m_per_a": 6.0}}}
@@ -37,17 +37,17 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return synthetic.write_run(folder, synthetic.run_rows(rows, shape), plan, config=CONFIG)
 
 
-def by(folder: Path, quantity: str, correction: str, **more: Any) -> Known:
+def calibration(folder: Path, quantity: str, correction: str, **more: Any) -> CalibrationVersion:
     keys = {"valid": DATES, "outside": "refuse"} | more
     return open_calibration(write(folder, quantity=quantity, correction=correction, **keys))
 
 
-def read(run: Path, *calibrations: Known) -> xarray.Dataset:
+def read(run: Path, *calibrations: CalibrationVersion) -> xarray.Dataset:
     return row_table(run, MEAN_POSITION_ALARM, calibrations)
 
 
 def changed(before: xarray.Dataset, after: xarray.Dataset) -> set[str]:
-    """Columns with other values, and those that came."""
+    """Return columns with other values, and new columns."""
     return {
         str(name)
         for name in after.variables
@@ -56,105 +56,111 @@ def changed(before: xarray.Dataset, after: xarray.Dataset) -> set[str]:
     }
 
 
-def test_a_spring_rate_is_another_one_and_nothing_else(tmp_path: Path, run: Path) -> None:
+def test_a_corrected_spring_rate_changes_nothing_else(tmp_path: Path, run: Path) -> None:
     plain = row_table(run)
-    told = read(run, by(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}"))
-    assert told["spring_rate"].values.tolist() == [377.5021, 377.5021, -4394.835, -4394.835]
-    assert changed(plain, told) == {"spring_rate", "spring_rate_recorded"}
-    assert told["spring_rate_recorded"].values.tolist() == plain["spring_rate"].values.tolist()
-    assert told["spring_rate_recorded"].attrs["units"] == "N/m"
-    assert told.attrs["read_by"] == "one v1"
-    assert "sha256" in told.attrs["calibration"]
+    table = read(run, calibration(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}"))
+    assert table["spring_rate"].values.tolist() == [377.5021, 377.5021, -4394.835, -4394.835]
+    assert changed(plain, table) == {"spring_rate", "spring_rate_recorded"}
+    assert table["spring_rate_recorded"].values.tolist() == plain["spring_rate"].values.tolist()
+    assert table["spring_rate_recorded"].attrs["units"] == "N/m"
+    assert table.attrs["read_by"] == "one v1"
+    assert "sha256" in table.attrs["calibration"]
     assert not {"read_by", "calibration"} & set(plain.attrs)
 
 
-def test_a_torque_constant_makes_force_and_gains_as_much_larger(tmp_path: Path, run: Path) -> None:
-    """The drive held the current; 6 N*m/A were divided by, 6.6 N*m/A were true."""
+def test_a_torque_constant_scales_force_and_gains(tmp_path: Path, run: Path) -> None:
+    """The drive controlled the current; 6 N*m/A was assumed, 6.6 N*m/A is true."""
     plain = row_table(run)
-    told = read(run, by(tmp_path, "torque_constant", "{kind: scale, factor: 1.1}"))
+    table = read(run, calibration(tmp_path, "torque_constant", "{kind: scale, factor: 1.1}"))
     for name in ("kp", "ki", "force_rms", "force_peak"):
-        np.testing.assert_allclose(told[name], 1.1 * plain[name], rtol=1e-12)
-    assert not {name for name in changed(plain, told) if name.startswith(("power", "current"))}
-    offset = read(run, by(tmp_path, "torque_constant", "{kind: offset, offset: -3}"))
+        np.testing.assert_allclose(table[name], 1.1 * plain[name], rtol=1e-12)
+    assert not {name for name in changed(plain, table) if name.startswith(("power", "current"))}
+    offset = read(run, calibration(tmp_path, "torque_constant", "{kind: offset, offset: -3}"))
     np.testing.assert_allclose(offset["kp"], 0.5 * plain["kp"])
 
 
-def test_a_position_moves_what_was_made_from_it(tmp_path: Path, run: Path) -> None:
+def test_a_corrected_position_changes_its_derived_columns(tmp_path: Path, run: Path) -> None:
     plain = row_table(run)
-    scaled = read(run, by(tmp_path, "heave_position", "{kind: scale, factor: 1.25}"))
+    scaled = read(run, calibration(tmp_path, "heave_position", "{kind: scale, factor: 1.25}"))
     for name in ("stroke", "velocity_rms", "velocity_p98", "position_peak", "power_mechanical_1",
                  "power_mechanical_2", "power_mechanical_1_demeaned"):  # fmt: skip
         np.testing.assert_allclose(scaled[name], 1.25 * plain[name], rtol=1e-12)
-    np.testing.assert_allclose(scaled["kp"], 0.8 * plain["kp"])  # it acted on 0.8 of the velocity
+    np.testing.assert_allclose(
+        scaled["kp"], 0.8 * plain["kp"]
+    )  # the gain acted on 0.8 of the velocity
     for name in ("power_ac", "power_dc", "force_rms", "current_rms"):
         np.testing.assert_array_equal(scaled[name], plain[name])
-    moved = read(run, by(tmp_path, "heave_position", "{kind: offset, offset: 0.01}"))
+    moved = read(run, calibration(tmp_path, "heave_position", "{kind: offset, offset: 0.01}"))
     np.testing.assert_allclose(moved["position_mean"], plain["position_mean"] + 0.01, atol=1e-12)
     np.testing.assert_allclose(moved["stroke"], plain["stroke"])
     assert (plain["position_alarm"].values == 0).all()
     assert (moved["position_alarm"].values == 1).all()
     table = "{kind: table, recorded: [-1, 0, 1], corrected: [-1, 0, 1.1]}"
-    with pytest.raises(OutsideError, match="is a table of positions"):
-        read(run, by(tmp_path, "heave_position", table))
+    with pytest.raises(ValidityError, match="is a table of positions"):
+        read(run, calibration(tmp_path, "heave_position", table))
 
 
 def test_outside_its_range_a_calibration_changes_nothing_or_refuses(
     tmp_path: Path, run: Path
 ) -> None:
     half = "{kind: scale, factor: 0.5}"
-    with pytest.raises(OutsideError, match="one v1 does not hold for 2026-05-04: valid for dates"):
-        read(run, by(tmp_path, "spring_rate", half, valid=EARLIER))
-    told = read(run, by(tmp_path, "spring_rate", half, valid=EARLIER, outside="unchanged"))
-    assert changed(row_table(run), told) == set()
-    assert told.attrs["read_by"] == "one v1 (outside its range)"
-    numbered = by(tmp_path, "spring_rate", half, valid="{runs: {series: MASK4, before: 51}}")
-    with pytest.raises(OutsideError, match="one v1: valid for MASK4 runs before 51; of 2026-05-04"):
+    with pytest.raises(ValidityError, match="one v1 does not hold for 2026-05-04: valid for dates"):
+        read(run, calibration(tmp_path, "spring_rate", half, valid=EARLIER))
+    table = read(
+        run, calibration(tmp_path, "spring_rate", half, valid=EARLIER, outside="unchanged")
+    )
+    assert changed(row_table(run), table) == set()
+    assert table.attrs["read_by"] == "one v1 (outside its range)"
+    numbered = calibration(
+        tmp_path, "spring_rate", half, valid="{runs: {series: MASK4, before: 51}}"
+    )
+    with pytest.raises(
+        ValidityError, match="one v1: valid for MASK4 runs before 51; of 2026-05-04"
+    ):
         read(run, numbered)
     with pytest.raises(ValueError, match="both correct spring_rate: give one of them"):
-        read(run, *[by(tmp_path, "spring_rate", half)] * 2)
+        read(run, *[calibration(tmp_path, "spring_rate", half)] * 2)
 
 
-def test_products_say_by_what_they_were_read_and_leave_the_others(
-    tmp_path: Path, run: Path
-) -> None:
+def test_products_name_their_calibrations(tmp_path: Path, run: Path) -> None:
     plain = {path.name: path.read_bytes() for path in write_products(run)}
-    known = by(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}")
-    made = write_products(run, MEAN_POSITION_ALARM, [known])
-    assert {path.parent for path in made} == {run / "read_by_one_v1"}
-    assert {path.name for path in made} == set(plain)
+    known = calibration(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}")
+    created = write_products(run, MEAN_POSITION_ALARM, [known])
+    assert {path.parent for path in created} == {run / "read_by_one_v1"}
+    assert {path.name for path in created} == set(plain)
     assert all((run / name).read_bytes() == data for name, data in plain.items())
     text = (run / "read_by_one_v1" / "summary.txt").read_text()
     assert "read by  one v1 (sha256 " in text
     assert "spring +378 N/m" in text
-    with xarray.open_dataset(run / "read_by_one_v1" / "rows.nc") as told:
-        assert told.attrs["read_by"] == "one v1"
+    with xarray.open_dataset(run / "read_by_one_v1" / "rows.nc") as table:
+        assert table.attrs["read_by"] == "one v1"
     assert summarise_run(run).calibration == ""
 
 
-def test_the_commands_read_by_a_calibration_when_asked(tmp_path: Path, run: Path) -> None:
-    by(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}")
+def test_the_commands_apply_a_calibration_on_request(tmp_path: Path, run: Path) -> None:
+    calibration(tmp_path, "spring_rate", "{kind: scale, factor: 0.769}")
     file = str(tmp_path / "one_1.yaml")
 
-    def rig(*words: str) -> tuple[int, str, str]:
-        return rig_here(*words, "--calibration", file)
+    def rig(*arguments: str) -> tuple[int, str, str]:
+        return rig_here(*arguments, "--calibration", file)
 
     code, out, _ = rig("show", str(run), "--json")
-    told = json.loads(out)
-    assert (code, told["optima"][0]["spring_rate_n_per_m"]) == (0, 377.5021)
-    assert told["calibration"].startswith("one v1 (sha256 ")
+    table = json.loads(out)
+    assert (code, table["optima"][0]["spring_rate_n_per_m"]) == (0, 377.5021)
+    assert table["calibration"].startswith("one v1 (sha256 ")
     code, out, _ = rig("plot", str(run), "--surface", "ki", "kp")
     assert (code, Path(out.strip()).parent.name) == (0, "read_by_one_v1")
     code, _, errors = rig("plot", str(run), "-f", "power.ac")
     assert (code, "as recorded" in errors) == (2, True)
 
 
-def test_diff_says_how_what_is_stale_is_made_anew(
+def test_diff_names_the_command_for_outdated_products(
     tmp_path: Path, run: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(Figure, "savefig", lambda *told, **more: None)  # texts are enough
+    monkeypatch.setattr(Figure, "savefig", lambda *table, **more: None)  # figures are not needed
     for version, factor, more in ((1, 1, {}), (2, 0.769, {"supersedes": 1})):
         correction = f"{{kind: scale, factor: {factor}}}"
-        by(tmp_path, "spring_rate", correction, version=version, **more)
+        calibration(tmp_path, "spring_rate", correction, version=version, **more)
     old, new = (str(tmp_path / f"one_{version}.yaml") for version in (1, 2))
     write_products(run)
     _, out, _ = rig_here("calibration", "diff", old, new, "--runs", run.parent)

@@ -1,4 +1,4 @@
-"""`rig calibration` as a person or a script calls it."""
+"""`rig calibration` called by a person or a script."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rig.recording.calibration import open_history
 NAME = "mask4_spring_rate"
 
 
-def rig(*words: str | Path, folder: Path = CALIBRATIONS) -> tuple[int, str, str]:
-    return rig_here("calibration", *words, "--calibrations", folder)
+def rig(*arguments: str | Path, folder: Path = CALIBRATIONS) -> tuple[int, str, str]:
+    return rig_here("calibration", *arguments, "--calibrations", folder)
 
 
-def in_json(*words: str | Path, folder: Path = CALIBRATIONS) -> Any:
-    return json.loads(rig(*words, "--json", folder=folder)[1])
+def in_json(*arguments: str | Path, folder: Path = CALIBRATIONS) -> Any:
+    return json.loads(rig(*arguments, "--json", folder=folder)[1])
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def log(tmp_path: Path) -> Path:
     )
 
 
-def test_list_marks_the_version_that_counts(tmp_path: Path) -> None:
+def test_list_marks_the_valid_version(tmp_path: Path) -> None:
     code, out, _ = rig("list")
     assert code == 0
     first, second, note = out.splitlines()
@@ -49,11 +49,11 @@ def test_list_marks_the_version_that_counts(tmp_path: Path) -> None:
     assert "table 0 -> 1, 1 -> 3" in rig("list", folder=tmp_path)[1]
 
 
-def test_show_tells_all_of_one_version() -> None:
+def test_show_prints_one_version() -> None:
     code, out, _ = rig("show", NAME)
     assert code == 0
-    for said in ("v2", "supersedes   mask4_spring_rate v1", "section 4.1", "values stay"):
-        assert said in out
+    for report in ("v2", "supersedes   mask4_spring_rate v1", "section 4.1", "values stay"):
+        assert report in out
     shown = in_json("show", CALIBRATIONS / "mask4_spring_rate_v1.yaml")
     assert (shown["version"], shown["supersedes"]) == (1, None)
     assert shown["sha256"] == open_history(CALIBRATIONS).find(f"{NAME}@1").sha256
@@ -61,7 +61,7 @@ def test_show_tells_all_of_one_version() -> None:
     assert (code, "has no version 3; there are 1, 2" in errors) == (2, True)
 
 
-def test_values_are_corrected_and_taken_back() -> None:
+def test_values_are_corrected_and_inverted() -> None:
     assert rig("apply", NAME, "-x", "-12000", "--run", "24")[1] == (
         "-12000 by mask4_spring_rate v2 is -9228\n"
     )
@@ -71,16 +71,16 @@ def test_values_are_corrected_and_taken_back() -> None:
     assert "unchanged" in rig("apply", NAME, "-x", "-6152", "--run", "62")[1]
     assert "unchanged" in rig("apply", NAME, "-x", "-6152", "--run", "62", "--invert")[1]
     assert "is -12000" in rig("apply", f"{NAME}@1", "-x", "-12000", "--run", "24")[1]
-    said = in_json("apply", NAME, "-x", "-12000", "-x", "10000", "--run", "24")
-    assert [(v["given"], v["value"], v["by"], v["inside"]) for v in said["values"]] == [
+    report = in_json("apply", NAME, "-x", "-12000", "-x", "10000", "--run", "24")
+    assert [(v["given"], v["value"], v["by"], v["inside"]) for v in report["values"]] == [
         (-12000.0, -9228.0, "mask4_spring_rate v2", True),
         (10000.0, 7690.0, "mask4_spring_rate v2", True),
     ]
-    assert said["calibration"]["correction"] == {"kind": "scale", "factor": 0.769}
+    assert report["calibration"]["correction"] == {"kind": "scale", "factor": 0.769}
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "report"),
     [
         (("-x", "1"), "no run number is known"),
         (("--run", "24"), "nothing to correct; give --value or --testlog"),
@@ -89,10 +89,10 @@ def test_values_are_corrected_and_taken_back() -> None:
         (("-x", "nan", "--run", "24"), "nan is not a finite number"),
     ],
 )
-def test_what_cannot_be_corrected_says_why(words: tuple[str, ...], said: str) -> None:
-    code, _, errors = rig("apply", NAME, *words)
+def test_an_impossible_correction_gives_the_reason(arguments: tuple[str, ...], report: str) -> None:
+    code, _, errors = rig("apply", NAME, *arguments)
     assert code == 2
-    assert said in errors
+    assert report in errors
 
 
 def test_a_date_decides_where_dates_are_valid(tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def test_a_date_decides_where_dates_are_valid(tmp_path: Path) -> None:
     assert (code, "one v1 does not hold for 2023-09-26" in errors) == (2, True)
 
 
-def test_a_log_is_corrected_into_a_file_that_says_with_what(log: Path, tmp_path: Path) -> None:
+def test_a_corrected_log_names_its_calibration(log: Path, tmp_path: Path) -> None:
     code, out, _ = rig("apply", NAME, "--testlog", log)
     assert code == 0
     assert "MASK4_024      -12000 ->      -9228 N/m\n" in out
@@ -126,10 +126,10 @@ def test_a_log_is_corrected_into_a_file_that_says_with_what(log: Path, tmp_path:
     assert len(in_json("apply", NAME, "--testlog", log)["values"]) == 2
 
 
-def test_diff_says_what_changes_and_what_is_stale(log: Path) -> None:
+def test_diff_lists_changes_and_outdated_products(log: Path) -> None:
     code, out, _ = rig("diff", f"{NAME}@1", f"{NAME}@2", "--testlog", log)
     assert code == 0
-    for said in (
+    for report in (
         "mask4_spring_rate v1 -> mask4_spring_rate v2",
         "correction.factor: 1.0 -> 0.769",
         "2 changed, 1 read as before",
@@ -137,15 +137,15 @@ def test_diff_says_what_changes_and_what_is_stale(log: Path) -> None:
         "MASK4_036 row 3: spring rates stand in GainMatrix002, not in the log",
         "MASK4_036: row table, power surfaces",
     ):
-        assert said in out
-    said = in_json("diff", f"{NAME}@1", f"{NAME}@2", "--testlog", log)
-    assert said["stale"]["MASK4_024"] == ["identified impedance"]
-    assert said["changed"][0]["new"] == -9228.0
+        assert report in out
+    report = in_json("diff", f"{NAME}@1", f"{NAME}@2", "--testlog", log)
+    assert report["stale"]["MASK4_024"] == ["identified impedance"]
+    assert report["changed"][0]["new"] == -9228.0
     code, _, errors = rig("diff", f"{NAME}@1", NAME)
     assert (code, "--testlog, --runs" in errors) == (0, True)
 
 
-def test_diff_looks_through_runs(tmp_path: Path) -> None:
+def test_diff_examines_runs(tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     run = runs / "20230920T100000Z_a"
     run.mkdir(parents=True)
@@ -169,7 +169,7 @@ def test_diff_looks_through_runs(tmp_path: Path) -> None:
     assert (code, "do not correct the same thing" in errors) == (2, True)
 
 
-def test_a_broken_file_is_told_with_its_line(tmp_path: Path) -> None:
+def test_a_broken_file_is_reported_with_its_line(tmp_path: Path) -> None:
     write(tmp_path, outside="never")
     code, _, errors = rig("list", folder=tmp_path)
     assert (code, "one_1.yaml:7: outside: " in errors) == (2, True)

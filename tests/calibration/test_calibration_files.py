@@ -1,4 +1,4 @@
-"""Calibration files: what is refused and where, and the chains that versions form."""
+"""Calibration files: errors with their lines, and chains of versions."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rig.config.problems import ConfigError
 from rig.recording.calibration import open_calibration, open_history
 
 
-def told(action: Any) -> list[tuple[str, int, str, str]]:
+def problems_of(action: Any) -> list[tuple[str, int, str, str]]:
     with pytest.raises(ConfigError) as caught:
         action()
     return [(Path(p.file).name, p.line, p.key, p.message) for p in caught.value.problems]
@@ -33,7 +33,7 @@ def test_the_shipped_calibrations_are_one_chain() -> None:
     assert second.description() == f"mask4_spring_rate v2 (sha256 {second.sha256[:12]})"
 
 
-def test_names_that_are_not_there_are_told_with_those_that_are() -> None:
+def test_unknown_names_are_reported_with_the_known_ones() -> None:
     history = open_history(CALIBRATIONS)
     with pytest.raises(KeyError, match="there are: mask4_spring_rate"):
         history.find("mask4")
@@ -42,7 +42,7 @@ def test_names_that_are_not_there_are_told_with_those_that_are() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "line", "key", "said"),
+    ("changes", "line", "key", "message"),
     [
         ({"name": "Bad"}, 1, "name", "character"),
         ({"version": 0}, 2, "version", "out of range"),
@@ -78,19 +78,19 @@ def test_names_that_are_not_there_are_told_with_those_that_are() -> None:
         ({"version": 2, "supersedes": 2}, 8, "supersedes", "is no earlier version"),
     ],
 )  # fmt: skip
-def test_each_mistake_is_told_at_its_line(
-    tmp_path: Path, changes: dict[str, Any], line: int, key: str, said: str
+def test_each_mistake_is_reported_at_its_line(
+    tmp_path: Path, changes: dict[str, Any], line: int, key: str, message: str
 ) -> None:
     path = write(tmp_path, **changes)
-    found = told(lambda: open_calibration(path))
+    found = problems_of(lambda: open_calibration(path))
     assert [p[:3] for p in found] == [(path.name, line, key)], found
-    assert said in found[0][3]
+    assert message in found[0][3]
 
 
-def test_unknown_keys_and_everything_else_are_told_at_once(tmp_path: Path) -> None:
+def test_all_problems_of_a_file_are_reported_at_once(tmp_path: Path) -> None:
     path = write(tmp_path, unit="m", outside="never")
     path.write_text(path.read_text() + "author: me\n")
-    assert [(line, key) for _, line, key, _ in told(lambda: open_calibration(path))] == [
+    assert [(line, key) for _, line, key, _ in problems_of(lambda: open_calibration(path))] == [
         (7, "outside"), (10, "author"),
     ]  # fmt: skip
 
@@ -102,16 +102,16 @@ def test_frozen_and_with_whole_numbers_as_people_write_them(tmp_path: Path) -> N
         file.version = 2
 
 
-def test_ranges_in_words(tmp_path: Path) -> None:
-    for valid, words in (
+def test_ranges_have_a_description(tmp_path: Path) -> None:
+    for valid, text in (
         ("{runs: {series: T, before: 51}}", "T runs before 51"),
         ("{runs: {series: T, from: 0, before: 51}}", "T runs from 0 before 51"),
         ("{dates: {from: 2023-09-26}}", "dates from 2023-09-26"),
     ):
-        assert calibration(tmp_path, valid=valid).valid.description() == words
+        assert calibration(tmp_path, valid=valid).valid.description() == text
 
 
-def test_broken_chains_are_told_where_they_break(tmp_path: Path) -> None:
+def test_broken_chains_are_reported_at_their_line(tmp_path: Path) -> None:
     write(tmp_path, version=1)
     write(tmp_path, version=2, supersedes=1)
     write(tmp_path, version=3, supersedes=1)
@@ -120,7 +120,7 @@ def test_broken_chains_are_told_where_they_break(tmp_path: Path) -> None:
     write(tmp_path, version=1).rename(tmp_path / "again.yaml")
     write(tmp_path, version=1)
     write(tmp_path, name="bad", outside="never")
-    found = told(lambda: open_history(tmp_path))
+    found = problems_of(lambda: open_history(tmp_path))
     assert [(file, key) for file, _, key, _ in found] == [
         ("bad_1.yaml", "outside"),
         ("one_1.yaml", "version"),
@@ -128,26 +128,26 @@ def test_broken_chains_are_told_where_they_break(tmp_path: Path) -> None:
         ("one_7.yaml", "supersedes"),
         ("one_8.yaml", "supersedes"),
     ]
-    for problem, said in zip(
+    for problem, message in zip(
         found[1:],
         (
-            "one v1 stands in",
+            "one v1 is defined in",
             "one v1 is superseded by one v2 already",
-            "one v4 is not there",
+            "one v4 does not exist",
             "one v2 corrects spring_rate, not torque_constant",
         ),
         strict=True,
     ):
-        assert said in problem[3]
-    assert "no such folder" in told(lambda: open_history(tmp_path / "none"))[0][3]
+        assert message in problem[3]
+    assert "no such folder" in problems_of(lambda: open_history(tmp_path / "none"))[0][3]
 
 
 @pytest.mark.parametrize("name", ["rig.recording.calibration", "rig.interop.legacy.testlog"])
-def test_no_module_hides_what_its_package_offers(name: str) -> None:
-    """A module of the same name takes the place of a function as soon as somebody imports it."""
+def test_no_module_hides_a_function_of_its_package(name: str) -> None:
+    """A module of the same name replaces a function of the package once it is imported."""
     package = importlib.import_module(name)
     for module in pkgutil.iter_modules(package.__path__):
         importlib.import_module(f"{name}.{module.name}")
-    offered = {word: getattr(package, word) for word in package.__all__}
-    assert [word for word, what in offered.items() if isinstance(what, ModuleType)] == []
+    offered = {text_part: getattr(package, text_part) for text_part in package.__all__}
+    assert [text_part for text_part, what in offered.items() if isinstance(what, ModuleType)] == []
     assert not {module.name for module in pkgutil.iter_modules(package.__path__)} & set(offered)

@@ -57,7 +57,7 @@ def run_plan(planned: Plan, ticks: Any, ready: Any = None, held_ticks: Any = ())
         )
         phase = Phase(planned.segments.phase[state.segment])
         row = planned.segments.row[state.segment]
-        ticks_run.append(Tick(tick, state.segment, row, phase, state.attempt, position.late))
+        ticks_run.append(Tick(tick, state.segment, row, phase, state.attempt, position.timed_out))
         if phase is Phase.DONE:
             assert position.finished
             break

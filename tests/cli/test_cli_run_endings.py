@@ -17,17 +17,17 @@ from rig.cli.run_end import row_as_json
 from rig.host import disk
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
-from rig.realtime.limits import Limited, Warned
+from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.sequence import Phase
 
 
 def test_flags_of_every_axis_are_named() -> None:
     row: dict[str, float | int] = {
-        "heave.command.limited": int(Limited.SLEW),
-        "surge.command.limited": int(Limited.MODE | Limited.SLEW),
-        "command.limited": int(Limited.CURRENT_RMS),
+        "heave.command.limited": int(LimitFlag.SLEW),
+        "surge.command.limited": int(LimitFlag.MODE | LimitFlag.SLEW),
+        "command.limited": int(LimitFlag.CURRENT_RMS),
         "heave.warned": 0,
-        "surge.warned": int(Warned.POSITION),
+        "surge.warned": int(WarningFlag.POSITION),
         "unlimited": 3,
     }
     assert row_as_json(row) == {

@@ -23,7 +23,7 @@ from rig.cli.runs import main as list_command
 from rig.config.problems import Problem
 from rig.execution.campaign import Ended
 from rig.processes.run_types import Outcome, Snapshot
-from rig.realtime.limits import Limited
+from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import Mode, Reason
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError
@@ -238,7 +238,7 @@ def test_json_of_a_run_has_names_for_its_codes(
         "plan.phase": int(Phase.LEAD_IN),
         "safety.mode": int(Mode.STOP_1),
         "safety.reason": 1000,  # an unknown code stays a number
-        "heave.command.limited": int(Limited.CURRENT_PEAK | Limited.MODE),
+        "heave.command.limited": int(LimitFlag.CURRENT_PEAK | LimitFlag.MODE),
         "heave.warned": 0,
     }
     outcome = Outcome("fault", "POSITION", 0, 0, 0, 0, 0, row)

@@ -1,7 +1,7 @@
-"""What limits and safety must do, written apart from them, and run on any version of the modules.
+"""Independent specification of limits and safety, to be checked on any version of the modules.
 
-`check_safety(module)` and `check_limits(module)` raise AssertionError when a module, the real one
-or a mutant, does something else.
+`check_safety(module)` and `check_limits(module)` raise AssertionError if a module, the real one
+or a mutant, deviates from it.
 """
 
 from __future__ import annotations
@@ -76,81 +76,97 @@ REQUESTS = {
     "SUPERVISOR_LOST": (6, "SUPERVISOR_LOST"),
 }
 
-# Every pair of mode and event, in the words of IEC 60204-1. "away": power removed (category 0);
-# "damp": motion brought under control, then power removed (category 1); "hold": the same and power
-# kept (category 2); "up": the drive is asked on; "run": the law acts; "-": nothing changes.
-EVENTS = ["TRIP_0", "EXPIRED", "TRIP_1", "STOP", "HOLD", "RESUME", "POWER", "WANTED", "NONE"]
-WORDS = {
-    "OFF": "away - away away - - up up -",
-    "ENABLING": "away away away away - - run - -",
-    "RUN": "away - damp damp hold - - - -",
-    "STOP_2": "away - damp damp - run - - -",
-    "STOP_1": "away away - - - - - - -",
+# Every pair of mode and event, by IEC 60204-1. "off": power removed (category 0); "damp": motion
+# brought to rest, then power removed (category 1); "hold": the same and power kept (category 2);
+# "enable": power requested; "run": the law acts; "-": no change.
+EVENTS = [
+    "TRIP_0",
+    "EXPIRED",
+    "TRIP_1",
+    "STOP",
+    "HOLD",
+    "RESUME",
+    "POWERED",
+    "POWER_REQUIRED",
+    "NONE",
+]
+TRANSITIONS = {
+    "OFF": "off - off off - - enable enable -",
+    "ENABLING": "off off off off - - run - -",
+    "RUN": "off - damp damp hold - - - -",
+    "STOP_2": "off - damp damp - run - - -",
+    "STOP_1": "off off - - - - - - -",
     "STOP_0": "- - - - - - - - -",
 }
-MEANING = {"away": "STOP_0", "damp": "STOP_1", "hold": "STOP_2", "up": "ENABLING", "run": "RUN"}
+ACTION_MODE = {
+    "off": "STOP_0",
+    "damp": "STOP_1",
+    "hold": "STOP_2",
+    "enable": "ENABLING",
+    "run": "RUN",
+}
 
 ENABLE_TICKS, STOP_TICKS = 5, 3
 
 
 class Input(NamedTuple):
-    """What the safety machine is told in a tick, in words; "" is none."""
+    """Inputs of the safety machine in a tick, by name; "NONE" for none."""
 
     mode: str
     age: int
-    reason: str  # kept from before
+    reason: str  # of the state before
     trip: str
     request: str
-    finished: bool
-    wanted: bool
-    powered: bool
+    plan_finished: bool
+    power_required: bool
+    drive_on: bool
 
 
-def cause(now: Input) -> str:
-    """Why to stop in this tick: the worst first; at equal rank what was found, asked, planned."""
+def stop_reason(now: Input) -> str:
+    """Return the stop reason of this tick: lowest category first, then trip, request, plan."""
     causes = []
     if now.trip != "NONE":
         causes.append(now.trip)
-    elif now.mode == "ENABLING" and now.age >= ENABLE_TICKS and not now.powered:
+    elif now.mode == "ENABLING" and now.age >= ENABLE_TICKS and not now.drive_on:
         causes.append("DRIVE_NOT_ON")
     if REQUESTS.get(now.request, (0, "NONE"))[1] != "NONE":
         causes.append(REQUESTS[now.request][1])
-    if now.finished:
+    if now.plan_finished:
         causes.append("PLAN_END")
     return min(causes, key=lambda name: REASONS[name][1], default="NONE")
 
 
 def expected(now: Input) -> tuple[str, str]:
-    """Mode and reason after the tick."""
-    why = cause(now)
-    after = _mode_after(now, why)
+    """Return mode and reason after the tick."""
+    reason = stop_reason(now)
+    after = _mode_after(now, reason)
     if after == now.mode:
         return after, now.reason
-    return after, now.reason if now.reason != "NONE" else why
+    return after, now.reason if now.reason != "NONE" else reason
 
 
-def _mode_after(now: Input, why: str) -> str:
+def _mode_after(now: Input, reason: str) -> str:
     if now.mode == "STOP_0":
         return "STOP_0"  # latched
-    if why != "NONE" and REASONS[why][1] == 0:
-        return "STOP_0"  # category 0: power away at once
+    if reason != "NONE" and REASONS[reason][1] == 0:
+        return "STOP_0"  # category 0: remove power at once
     if now.mode == "STOP_1":
         return "STOP_0" if now.age >= STOP_TICKS else "STOP_1"
     if now.mode in ("OFF", "ENABLING"):
-        if why != "NONE":
-            return "STOP_0"  # nothing moves under power yet: nothing to damp
+        if reason != "NONE":
+            return "STOP_0"  # no motion under power yet, so nothing to damp
         if now.mode == "OFF":
-            return "ENABLING" if now.wanted else "OFF"
-        return "RUN" if now.wanted and now.powered else "ENABLING"
-    if why != "NONE":
-        return "STOP_1"  # category 1: damp, then power away
+            return "ENABLING" if now.power_required else "OFF"
+        return "RUN" if now.power_required and now.drive_on else "ENABLING"
+    if reason != "NONE":
+        return "STOP_1"  # category 1: damp, then remove power
     if now.mode == "RUN":
         return "STOP_2" if now.request == "HOLD" else "RUN"
     return "RUN" if now.request == "RESUME" else "STOP_2"
 
 
 def inputs() -> list[Input]:
-    """Every combination that can matter to the machine."""
+    """Return every combination that can matter to the machine."""
     return [
         Input(*case)
         for case in itertools.product(
@@ -170,14 +186,14 @@ INPUTS = [(case, expected(case)) for case in inputs()]
 
 
 def check_safety(module: Any) -> None:
-    """The numbers, the categories, the start, and every step."""
+    """Check the numbers, the categories, the start, and every step."""
     assert {mode.name: mode.value for mode in module.Mode} == MODES
     assert {name: getattr(module, name) for name in MODES} == MODES
     assert {event.name: event.value for event in module.Event} == {
         name: number for number, name in enumerate(EVENTS)
     }
     assert [[mode.name for mode in row] for row in module.TABLE] == [
-        [MEANING.get(word, name) for word in WORDS[name].split()] for name in MODES
+        [ACTION_MODE.get(action, name) for action in TRANSITIONS[name].split()] for name in MODES
     ]
     assert {reason.name: reason.value for reason in module.Reason} == {
         name: number for name, (number, _) in REASONS.items()
@@ -185,8 +201,8 @@ def check_safety(module: Any) -> None:
     assert list(module.CATEGORY) == [category for _, category in REASONS.values()]
     for name, (number, reason) in REQUESTS.items():
         assert getattr(module, f"REQUEST_{name}") == number
-        assert module.requested(number) == REASONS[reason][0]
-    assert module.requested(99) == module.FINE == 0
+        assert module.stop_reason(number) == REASONS[reason][0]
+    assert module.stop_reason(99) == module.NO_REASON == 0
     assert module.start(7) == (0, 7, 0)
     params = module.Params(ENABLE_TICKS, STOP_TICKS)
     for case, (mode, reason) in INPUTS:
@@ -198,9 +214,9 @@ def check_safety(module: Any) -> None:
             tick,
             REASONS[case.trip][0],
             REQUESTS.get(case.request, (99,))[0],
-            case.finished,
-            case.wanted,
-            case.powered,
+            case.plan_finished,
+            case.power_required,
+            case.drive_on,
         )
         entered = 100 if mode == case.mode else tick
         assert got == (MODES[mode], entered, REASONS[reason][0]), case
@@ -230,10 +246,10 @@ LIMITED = {
     "CURRENT_PEAK": 1, "CURRENT_RMS": 2, "SLEW": 4, "MODE": 8, "NOT_FINITE": 16, "GATED": 32,
     "VELOCITY": 64,
 }  # fmt: skip
-NORMAL = AxisSense(123, 0.125, 3.0, 1, 0, 0.375)  # ages stand on their bounds
-STILL = Estimate(0.5, -2.0, 7.0)  # and so does the motion
+NORMAL = AxisSense(123, 0.125, 3.0, 1, 0, 0.375)  # ages at their bounds
+STILL = Estimate(0.5, -2.0, 7.0)  # position and velocity at theirs
 
-# What can be wrong with an axis, in order of rank: the reason, and what makes it so.
+# Faults of an axis, the most severe first: the reason, and the values that cause it.
 FAULTS: tuple[tuple[str, dict[str, float]], ...] = (
     ("NOT_FINITE", {"acceleration": math.nan}),
     ("STALE_ENCODER", {"encoder_age": 0.126}),
@@ -248,7 +264,7 @@ FAULTS: tuple[tuple[str, dict[str, float]], ...] = (
 
 
 def axis_with(jump: float = 0.0625, **changes: Any) -> tuple[AxisSense, float, Estimate]:
-    """A faultless axis with some values replaced: sense, what the counts say, motion."""
+    """Return a faultless axis with some values replaced: sense, measured position, motion."""
     sense = {name: value for name, value in changes.items() if name in AxisSense._fields}
     motion = {name: value for name, value in changes.items() if name in Estimate._fields}
     assert len(sense) + len(motion) == len(changes)
@@ -257,11 +273,11 @@ def axis_with(jump: float = 0.0625, **changes: Any) -> tuple[AxisSense, float, E
 
 
 def check_limits(module: Any) -> None:
-    """Trips, warnings, and the force that is granted."""
+    """Check trips, warnings, and the granted force."""
     limits = module.AxisLimits(**BOUNDS)
     assert module.start() == (0.0, 0.0, 0)
-    assert {flag.name: flag.value for flag in module.Limited} == LIMITED
-    assert {flag.name: flag.value for flag in module.Warned} == {"POSITION": 1}
+    assert {flag.name: flag.value for flag in module.LimitFlag} == LIMITED
+    assert {flag.name: flag.value for flag in module.WarningFlag} == {"POSITION": 1}
     _check_trips(module, limits)
     _check_mismatch(module, limits)
     for position, warned in ((0.25, 0), (-0.25, 0), (0.2501, 1), (-0.2501, 1), (0.0, 0)):
@@ -270,7 +286,7 @@ def check_limits(module: Any) -> None:
 
 
 def _check_trips(module: Any, limits: Any) -> None:
-    fine = module.AxisState(0.0, 0.0, 0)
+    healthy = module.AxisState(0.0, 0.0, 0)
     for mode in MODES.values():
         powered = mode in (MODES["RUN"], MODES["STOP_2"], MODES["STOP_1"])
         for chosen in itertools.product((False, True), repeat=len(FAULTS)):
@@ -283,20 +299,20 @@ def _check_trips(module: Any, limits: Any) -> None:
                         found.append(reason)
             mismatch = changes.pop("mismatch", 4)
             sense, measured, motion = axis_with(**changes)
-            got = module.check_axis(limits, fine, mismatch, sense, measured, motion, mode)
+            got = module.check_axis(limits, healthy, mismatch, sense, measured, motion, mode)
             assert got == REASONS[found[0] if found else "NONE"][0], (mode, changes)
             assert type(got) is int
     run = MODES["RUN"]
     for name in ("current", "encoder_age", "drive_age", *Estimate._fields):
         for bad in (math.nan, math.inf, -math.inf):
             sense, measured, motion = axis_with(**{name: bad})
-            got = module.check_axis(limits, fine, 0, sense, measured, motion, run)
+            got = module.check_axis(limits, healthy, 0, sense, measured, motion, run)
             assert got == REASONS["NOT_FINITE"][0], (name, bad)
-    sense, measured, motion = axis_with(current=math.inf, velocity=-math.inf)  # must not cancel out
-    got = module.check_axis(limits, fine, 0, sense, measured, motion, run)
+    sense, measured, motion = axis_with(current=math.inf, velocity=-math.inf)  # must not cancel
+    got = module.check_axis(limits, healthy, 0, sense, measured, motion, run)
     assert got == REASONS["NOT_FINITE"][0]
-    absurd = module.AxisState(0.0, 0.0, 1)
-    got = module.check_axis(limits, absurd, 0, NORMAL, STILL.position, STILL, run)
+    bad_demand = module.AxisState(0.0, 0.0, 1)
+    got = module.check_axis(limits, bad_demand, 0, NORMAL, STILL.position, STILL, run)
     assert got == REASONS["NOT_FINITE"][0]
     for name, value, reason in (
         ("position", 0.501, "POSITION"),
@@ -305,62 +321,62 @@ def _check_trips(module: Any, limits: Any) -> None:
         ("velocity", 2.0, "NONE"),
         ("fault", 0x2310, "DRIVE_FAULT"),
         ("encoder_age", 0.0, "NONE"),
-        ("encoder_age", -0.001, "STALE_ENCODER"),  # an age from the future is no age
+        ("encoder_age", -0.001, "STALE_ENCODER"),  # a negative age means a wrong clock
         ("drive_age", 0.0, "NONE"),
         ("drive_age", -0.001, "STALE_DRIVE"),
         ("jump", -0.0625, "NONE"),
         ("jump", 0.063, "ENCODER_JUMP"),
-        ("current", -900.0, "NONE"),  # it must last for some ticks
+        ("current", -900.0, "NONE"),  # trips only after some ticks
     ):
         sense, measured, motion = axis_with(**{name: value})
-        got = module.check_axis(limits, fine, 0, sense, measured, motion, run)
+        got = module.check_axis(limits, healthy, 0, sense, measured, motion, run)
         assert got == REASONS[reason][0], (name, value)
 
 
 def _check_mismatch(module: Any, limits: Any) -> None:
-    """Every command, current on a bound and beside it, mode, and count until then."""
-    scale, most = BOUNDS["newtons_per_ampere"], BOUNDS["current_difference_stop"]
-    edges = [around + side * most for around in (-4.0, 0.0, 4.0) for side in (-1.0, 1.0)]
+    """Check every command, current on and next to a bound, mode, and previous count."""
+    scale, tolerance = BOUNDS["newtons_per_ampere"], BOUNDS["current_difference_stop"]
+    edges = [around + side * tolerance for around in (-4.0, 0.0, 4.0) for side in (-1.0, 1.0)]
     currents = [edge + off for edge in edges for off in (-0.0625, 0.0, 0.0625)]
     for commanded, current, on, saturated, (name, mode), before in itertools.product(
         (-4.0, 0.0, 4.0), (*currents, math.nan), (0, 1), (0, 1), MODES.items(), (0, 1, 5)
     ):
         low, high = commanded, commanded
-        if saturated:  # it may give less, not more and not the other way
+        if saturated:  # the drive may supply less, not more, and not the opposite sign
             low, high = min(commanded, 0.0), max(commanded, 0.0)
-        agrees = low - most <= current <= high + most
-        due = max(before - 1, 0) if agrees else before + 1
+        agrees = low - tolerance <= current <= high + tolerance
+        expected_count = max(before - 1, 0) if agrees else before + 1
         if not on or name not in ("RUN", "STOP_2", "STOP_1"):
-            due = 0
+            expected_count = 0
         state = module.AxisState(scale * commanded, 0.0, 0)
         sense = NORMAL._replace(current=current, enabled=on)
         got = module.mismatch_ticks(limits, state, before, sense, saturated, mode)
-        assert got == due, (commanded, current, on, saturated, name, before)
+        assert got == expected_count, (commanded, current, on, saturated, name, before)
         assert type(got) is int
 
 
-def granted(
+def expected_grant(
     before: float, square: float, demand: float, mode: int
 ) -> tuple[tuple[float, float, int], tuple[float, float, int, int]]:
-    """State and command that `grant` owes, by plain words."""
+    """Return the expected state and command of `grant`."""
     share = DT / BOUNDS["current_rms_time"]
-    rest = square * (1.0 - share)
+    decayed = square * (1.0 - share)
     if mode not in (MODES["RUN"], MODES["STOP_2"], MODES["STOP_1"]):
         on = int(mode == MODES["ENABLING"])
-        return (0.0, rest, 0), (0.0, 0.0, on, 0 if demand == 0.0 else LIMITED["MODE"])
+        return (0.0, decayed, 0), (0.0, 0.0, on, 0 if demand == 0.0 else LIMITED["MODE"])
     if not math.isfinite(demand):
-        return (0.0, rest, 1), (0.0, 0.0, 1, LIMITED["NOT_FINITE"])
-    spent = square >= BOUNDS["current_rms"] ** 2
-    top = RMS if spent else PEAK
+        return (0.0, decayed, 1), (0.0, 0.0, 1, LIMITED["NOT_FINITE"])
+    rms_exceeded = square >= BOUNDS["current_rms"] ** 2
+    ceiling = RMS if rms_exceeded else PEAK
     flags = 0
-    wanted = min(max(demand, -top), top)
-    if wanted != demand:
-        flags += LIMITED["CURRENT_RMS" if spent else "CURRENT_PEAK"]
-    force = min(max(wanted, before - SLEW), before + SLEW)
-    if force != wanted:
+    limited = min(max(demand, -ceiling), ceiling)
+    if limited != demand:
+        flags += LIMITED["CURRENT_RMS" if rms_exceeded else "CURRENT_PEAK"]
+    force = min(max(limited, before - SLEW), before + SLEW)
+    if force != limited:
         flags += LIMITED["SLEW"]
     current = force / BOUNDS["newtons_per_ampere"]
-    return (force, rest + share * current * current, 0), (force, current, 1, flags)
+    return (force, decayed + share * current * current, 0), (force, current, 1, flags)
 
 
 DEMANDS = (
@@ -368,7 +384,7 @@ DEMANDS = (
     *(1e9, -1e9, math.nan, math.inf, -math.inf),
 )
 GRANTS = [
-    (before, square, demand, mode, granted(before, square, demand, mode))
+    (before, square, demand, mode, expected_grant(before, square, demand, mode))
     for before, square, demand, mode in itertools.product(
         (0.0, 1.0, 30.0, -30.0, 60.0, -60.0, 64.0, -64.0),
         (0.0, 40.0, math.nextafter(64.0, 0.0), 64.0, 65.0),
@@ -379,15 +395,15 @@ GRANTS = [
 
 
 def _check_grants(module: Any, limits: Any) -> None:
-    """The table of grants."""
+    """Check all cases of `GRANTS`."""
     for before, square, demand, mode, (state, command) in GRANTS:
-        for absurd in (0, 1):
-            memory = module.AxisState(before, square, absurd)
+        for not_finite in (0, 1):
+            memory = module.AxisState(before, square, not_finite)
             got_state, got_command = module.grant(limits, memory, demand, 1, mode, DT)
             case = (before, square, demand, mode)
             assert got_state.force == state[0], case
             assert math.isclose(got_state.mean_square, state[1], rel_tol=1e-12), case
-            assert got_state.absurd == state[2], case
+            assert got_state.not_finite == state[2], case
             assert got_command == command, case
             assert type(got_command.limited) is int
             gated_state, gated_command = module.grant(limits, memory, demand, 0, mode, DT)
@@ -396,5 +412,5 @@ def _check_grants(module: Any, limits: Any) -> None:
                 continue
             rest = square * (1.0 - DT / BOUNDS["current_rms_time"])
             assert math.isclose(gated_state.mean_square, rest, rel_tol=1e-12), case
-            assert (gated_state.force, gated_state.absurd) == (0.0, 0), case
+            assert (gated_state.force, gated_state.not_finite) == (0.0, 0), case
             assert gated_command == (0.0, 0.0, 1, LIMITED["GATED"]), case

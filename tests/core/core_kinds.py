@@ -1,6 +1,6 @@
-"""Two small kinds of rig, one axis and two axes, built of the same pieces as the WaveBot.
+"""Two small rig kinds with one and two axes, built from the same parts as the WaveBot.
 
-Nothing here needs numpy, so the loop's import closure can be looked at with these kinds too.
+Nothing here needs numpy, so they also serve the test of the loop's import closure.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from controllers.signals import (
     Tick,
 )
 from rig.realtime import axis, cycle, limits, safety
-from rig.realtime.safety import FINE, RUN
+from rig.realtime.safety import NO_REASON, RUN
 from rig.realtime.sequence import WAIT_DRIVE
 
 DT = 0.001
@@ -85,63 +85,63 @@ class BenchRow(NamedTuple):
     tick_end: Tick
 
 
-class Driven(NamedTuple):
-    """An axis and the law that moves it."""
+class DrivenAxis(NamedTuple):
+    """An axis and its control law."""
 
     axis: axis.State
     law: impedance.State
 
 
-def _driven_start(params: Any) -> Driven:
-    return Driven(axis.start(), impedance.start())
+def _start_axis(params: Any) -> DrivenAxis:
+    return DrivenAxis(axis.start(), impedance.start())
 
 
-def _driven(
+def _step_axis(
     params: axis.Params,
-    state: Driven,
+    state: DrivenAxis,
     sense: AxisSense,
     motion: Estimate,
     table: Table,
     setpoint: int,
     mode: int,
     dt: float,
-) -> tuple[Driven, axis.Record]:
-    law, wanted = impedance.start(), axis.NOTHING
+) -> tuple[DrivenAxis, axis.Record]:
+    law, demand = impedance.start(), axis.NO_DEMAND
     if mode == RUN:
         gains = Gains(table.kp[setpoint], table.ki[setpoint], 0.0)
-        law, wanted = impedance.step(LAW, state.law, gains, motion, 0.0, 0.0, dt)
-    after, record = axis.control(params, state.axis, sense, motion, wanted, 1, 0, mode, dt)
-    return Driven(after, law), record
+        law, demand = impedance.step(LAW, state.law, gains, motion, 0.0, 0.0, dt)
+    after, record = axis.control(params, state.axis, sense, motion, demand, 1, 0, mode, dt)
+    return DrivenAxis(after, law), record
 
 
 def _bench_observe(
-    params: BenchParams, state: Driven, sense: BenchSense, periods: int, dt: float
+    params: BenchParams, state: DrivenAxis, sense: BenchSense, periods: int, dt: float
 ) -> Estimate:
     return axis.observe(params.axis, state.axis, sense.axis, 0.0, periods, dt)
 
 
-def _bench_ready(params: BenchParams, state: Driven, sense: BenchSense) -> int:
+def _bench_ready(params: BenchParams, state: DrivenAxis, sense: BenchSense) -> int:
     return WAIT_DRIVE if sense.axis.enabled == 1 else 0
 
 
 def _bench_check(
-    params: BenchParams, state: Driven, sense: BenchSense, motion: Estimate, mode: int
+    params: BenchParams, state: DrivenAxis, sense: BenchSense, motion: Estimate, mode: int
 ) -> int:
     return axis.check(params.axis, state.axis, sense.axis, motion, 0.0, mode)
 
 
 def _bench_control(
     params: BenchParams,
-    state: Driven,
+    state: DrivenAxis,
     sense: BenchSense,
     motion: Estimate,
     plan: cycle.PlanRecord,
-    guard: safety.State,
+    safety_state: safety.State,
     setpoint: int,
     dt: float,
-) -> tuple[Driven, BenchCommand, axis.Record]:
-    after, record = _driven(
-        params.axis, state, sense.axis, motion, params.gains, setpoint, guard.mode, dt
+) -> tuple[DrivenAxis, BenchCommand, axis.Record]:
+    after, record = _step_axis(
+        params.axis, state, sense.axis, motion, params.gains, setpoint, safety_state.mode, dt
     )
     return after, BenchCommand(record.command), record
 
@@ -151,18 +151,18 @@ def _bench_row(
     time: float,
     timing: cycle.Timing,
     plan: cycle.PlanRecord,
-    guard: safety.State,
+    safety_state: safety.State,
     sense: BenchSense,
     command: BenchCommand,
-    words: axis.Record,
+    records: axis.Record,
 ) -> BenchRow:
-    return BenchRow(tick, time, timing, plan, guard, words, tick)
+    return BenchRow(tick, time, timing, plan, safety_state, records, tick)
 
 
 BENCH = cycle.Kind(
     BenchRow,
     BenchParams,
-    _driven_start,
+    _start_axis,
     _bench_observe,
     _bench_ready,
     _bench_check,
@@ -182,8 +182,8 @@ class PairParams(NamedTuple):
 
 
 class PairState(NamedTuple):
-    heave: Driven
-    surge: Driven
+    heave: DrivenAxis
+    surge: DrivenAxis
 
 
 class PairSense(NamedTuple):
@@ -202,7 +202,7 @@ class PairMotion(NamedTuple):
 
 
 class Offset(NamedTuple):
-    """A word of this kind's own."""
+    """A signal that only this kind has."""
 
     between: Metre  # surge minus heave
     setpoint: Index
@@ -222,7 +222,7 @@ class PairRow(NamedTuple):
 
 
 def _pair_start(params: PairParams) -> PairState:
-    return PairState(_driven_start(params), _driven_start(params))
+    return PairState(_start_axis(params), _start_axis(params))
 
 
 def _pair_observe(
@@ -242,11 +242,11 @@ def _pair_check(
     params: PairParams, state: PairState, sense: PairSense, motion: PairMotion, mode: int
 ) -> int:
     found = [
-        axis.check(part, memory.axis, word, moving, 0.0, mode)
-        for part, memory, word, moving in zip(params[:2], state, sense, motion, strict=True)
+        axis.check(part, memory.axis, sense_part, moving, 0.0, mode)
+        for part, memory, sense_part, moving in zip(params[:2], state, sense, motion, strict=True)
     ]
-    faults = [reason for reason in found if reason != FINE]
-    return min(faults, key=lambda reason: safety.CATEGORY[reason], default=FINE)
+    faults = [reason for reason in found if reason != NO_REASON]
+    return min(faults, key=lambda reason: safety.CATEGORY[reason], default=NO_REASON)
 
 
 def _pair_control(
@@ -255,22 +255,24 @@ def _pair_control(
     sense: PairSense,
     motion: PairMotion,
     plan: cycle.PlanRecord,
-    guard: safety.State,
+    safety_state: safety.State,
     setpoint: int,
     dt: float,
 ) -> tuple[PairState, PairCommand, tuple[axis.Record, axis.Record, Offset]]:
     states, records = [], []
-    for part, memory, word, moving, table in zip(
+    for part, memory, sense_part, moving, table in zip(
         params[:2], state, sense, motion, params[2:], strict=True
     ):
-        after, record = _driven(part, memory, word, moving, table, setpoint, guard.mode, dt)
+        after, record = _step_axis(
+            part, memory, sense_part, moving, table, setpoint, safety_state.mode, dt
+        )
         states.append(after)
         records.append(record)
     heave, surge = records
     between = motion.surge.position - motion.heave.position
     both = heave.command.enable & surge.command.enable
-    words = (heave, surge, Offset(between, setpoint, both))
-    return PairState(*states), PairCommand(heave.command, surge.command), words
+    records = (heave, surge, Offset(between, setpoint, both))
+    return PairState(*states), PairCommand(heave.command, surge.command), records
 
 
 def _pair_row(
@@ -278,12 +280,12 @@ def _pair_row(
     time: float,
     timing: cycle.Timing,
     plan: cycle.PlanRecord,
-    guard: safety.State,
+    safety_state: safety.State,
     sense: PairSense,
     command: PairCommand,
-    words: tuple[axis.Record, axis.Record, Offset],
+    records: tuple[axis.Record, axis.Record, Offset],
 ) -> PairRow:
-    return PairRow(tick, time, timing, plan, guard, *words, tick)
+    return PairRow(tick, time, timing, plan, safety_state, *records, tick)
 
 
 PAIR = cycle.Kind(

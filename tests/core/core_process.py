@@ -1,4 +1,4 @@
-"""Starting a Python process that shares file descriptors with a test."""
+"""Helpers to start Python processes that share file descriptors with a test."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def start(code: str, *fds: int) -> subprocess.Popen[str]:
 
 
 def output(code: str, *fds: int) -> str:
-    """What a process that must end well prints."""
+    """Return the output of a process that must succeed."""
     process = start(code, *fds)
     text, _ = process.communicate(timeout=60)
     assert process.returncode == 0

@@ -1,4 +1,4 @@
-"""Honest small plants, short plans and whole runs of the real loop, for any kind of rig."""
+"""Small fault-free plants, short plans and whole runs of the real loop, for any rig kind."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from rig.recording.row_layout import layout
 
 
 class Slider:
-    """A mass on a damped slide with a drive that takes a while to come up."""
+    """A mass on a damped slide with a drive that takes some ticks to enable."""
 
     def __init__(self, push: Callable[[float], float] = lambda t: 0.0) -> None:
-        self.push = push  # N, outside force on the mass at time t
+        self.push = push  # N, external force on the mass at time t
         self.mass = 20.0
         self.damping = 10.0
         self.newtons_per_ampere = 50.0
         self.enable_ticks = 30
         self.position = self.velocity = self.time = 0.0
         self.current = 0.0
-        self.asked = self.waited = 0
+        self.enable_requested = self.enable_age = 0
         self.fault = 0
 
     @property
     def enabled(self) -> int:
-        return int(self.fault == 0 and self.waited >= self.enable_ticks)
+        return int(self.fault == 0 and self.enable_age >= self.enable_ticks)
 
-    def tell(self, command: AxisCommand) -> None:
-        self.asked = command.enable
+    def set_command(self, command: AxisCommand) -> None:
+        self.enable_requested = command.enable
         self.current = command.current
 
     def advance(self, dt: float) -> None:
-        self.waited = self.waited + 1 if self.asked == 1 else 0
+        self.enable_age = self.enable_age + 1 if self.enable_requested == 1 else 0
         force = self.push(self.time) - self.damping * self.velocity
         if self.enabled:
             force += self.current * self.newtons_per_ampere
@@ -81,13 +81,13 @@ class Sliders:
 
     def write(self, command: Any) -> None:
         self.commands.append(command)
-        for one, word in zip(self.axes, command, strict=True):
-            one.tell(word)
+        for one, axis_command in zip(self.axes, command, strict=True):
+            one.set_command(axis_command)
 
     def stop(self, reason: int) -> None:
         self.stops.append(reason)
         for one in self.axes:
-            one.tell(AxisCommand(0.0, 0.0, 0, 0))
+            one.set_command(AxisCommand(0.0, 0.0, 0, 0))
 
     def close(self) -> None:
         self.closed += 1
@@ -153,36 +153,36 @@ def bench_params(
 
 
 @functools.cache
-def _parts(kind: Any) -> tuple[Any, ...]:
-    """Types of the fields of a word, None for a number."""
+def _field_types(kind: Any) -> tuple[Any, ...]:
+    """Return the types of the fields of a signal, None for a number."""
     hints = get_type_hints(kind)
     return tuple(hints[name] if hasattr(hints[name], "_fields") else None for name in kind._fields)
 
 
 def unflatten(row_type: Any, values: Iterable[Any]) -> Any:
-    """A row from its numbers in storage order, by walking the type."""
+    """Return the row with these numbers in storage order."""
     flow = iter(values)
 
     def build(kind: Any) -> Any:
-        return kind(*[next(flow) if part is None else build(part) for part in _parts(kind)])
+        return kind(*[next(flow) if part is None else build(part) for part in _field_types(kind)])
 
     row = build(row_type)
     assert next(flow, None) is None
     return row
 
 
-def drain(reader: ring.Reader, row_type: Any) -> list[Any]:
-    """All rows of a ring whose producer has finished."""
+def drain(reader: ring.RingReader, row_type: Any) -> list[Any]:
+    """Return all rows of a ring whose producer has finished."""
     packed, rows = layout(row_type), []
     while block := reader.take():
         rows += [unflatten(row_type, values) for values in packed.iter_unpack(block)]
     return rows
 
 
-class Ran(NamedTuple):
-    """What is left of a run."""
+class RunResult(NamedTuple):
+    """Result of a run."""
 
-    end: loop.End | None
+    end: loop.LoopResult | None
     rows: list[Any]
     error: BaseException | None
     state: int  # of the ring
@@ -194,21 +194,21 @@ def run(
     devices: Any,
     *,
     clock: Clock | None = None,
-    posts: dict[int, int] | None = None,
-    overseer: Callable[[], int] = lambda: 0,
-    writer: Callable[[ring.Writer], Any] = lambda made: made,
+    requests: dict[int, int] | None = None,
+    external_request: Callable[[], int] = lambda: 0,
+    wrap_writer: Callable[[ring.RingWriter], Any] = lambda writer: writer,
     capacity: int = 20_000,
     measure_work: bool = False,
-) -> Ran:
-    """One run of the real loop with a real ring and mailbox; ``posts``: tick -> request.
+) -> RunResult:
+    """Run the real loop with a real ring and mailbox; ``requests``: tick -> request.
 
-    Raises nothing: an exception of the loop is in the result.
+    It raises nothing: an exception of the loop is part of the result.
     """
     ring_fd, mail_fd = ring.create(kind.row_type, capacity), mailbox.create()
     try:
-        reader, sender = ring.Reader(ring_fd), Mailbox(mail_fd, Request)
-        timed = _Posting(clock or VirtualClock(DT), sender, posts or {})
-        made = writer(ring.Writer(ring_fd, kind.row_type, wait=False))
+        reader, sender = ring.RingReader(ring_fd), Mailbox(mail_fd, Request)
+        timed = _RequestingClock(clock or VirtualClock(DT), sender, requests or {})
+        writer = wrap_writer(ring.RingWriter(ring_fd, kind.row_type, wait=False))
         end, error = None, None
         try:
             end = loop.run(
@@ -216,22 +216,22 @@ def run(
                 params,
                 devices,
                 timed,
-                made,
+                writer,
                 Mailbox(mail_fd, Request),
-                overseer,
+                external_request,
                 measure_work=measure_work,
             )
-        except BaseException as caught:  # noqa: BLE001  what was raised is a result here
+        except BaseException as caught:  # noqa: BLE001  the exception is part of the result
             error = caught
         assert reader.dropped == 0
-        return Ran(end, drain(reader, kind.row_type), error, reader.state)
+        return RunResult(end, drain(reader, kind.row_type), error, reader.state)
     finally:
         os.close(ring_fd)
         os.close(mail_fd)
 
 
-class _Posting:
-    """A clock that lets people press a button at a given tick."""
+class _RequestingClock:
+    """A clock that posts requests at given ticks."""
 
     def __init__(self, clock: Clock, mail: Mailbox, posts: dict[int, int]) -> None:
         self.dt = clock.dt
@@ -246,7 +246,7 @@ class _Posting:
 
 
 class LossyClock:
-    """A virtual clock that loses the given periods: {tick it should give: periods it takes}."""
+    """A virtual clock that loses periods: {tick due next: periods until it wakes}."""
 
     def __init__(self, gaps: dict[int, int], dt: float = DT) -> None:
         self.dt = dt

@@ -1,6 +1,6 @@
-"""What the checks of power must do, written apart from them, and run on any version of them.
+"""Independent specification of the power checks, to be run on any version of the modules.
 
-Numbers are exact in binary, and small, so that many cases stand on a bound.
+The numbers are exact in binary and small, so that many cases lie exactly on a bound.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ POWERED = [MODES[name] for name in ("RUN", "STOP_2", "STOP_1")]
 
 
 def averaged(before: float, value: float, newest: float) -> float:
-    """The low-pass in other words."""
+    """Return the low-pass average in another form."""
     return (1.0 - newest) * before + newest * value
 
 
@@ -28,7 +28,7 @@ def _draw(rng: random.Random, *choices: float) -> float:
 
 
 def check_wavebot_stations(module: Any) -> None:
-    """Averages, what counts as fed, every bound from both sides, and what resets them."""
+    """Check averages, the power that counts, every bound from both sides, and resets."""
     rest = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
     assert module.start() == rest
     rng = random.Random(1)
@@ -37,7 +37,7 @@ def check_wavebot_stations(module: Any) -> None:
         "friction": 2.0, "loss": 0.5, "newtons_per_ampere": 4.0,
         "newest": 0.25, "newest_slow": 0.125,
     }  # fmt: skip
-    seen = dict.fromkeys(("NONE", "FORCE_DISAGREES", "POWER_SIGN", "POWER_BALANCE"), 0)
+    counts_by_reason = dict.fromkeys(("NONE", "FORCE_DISAGREES", "POWER_SIGN", "POWER_BALANCE"), 0)
     for _ in range(CASES):
         absorbs = rng.choice((0, 1))
         params = module.Params(absorbs=absorbs, **bounds)
@@ -60,7 +60,7 @@ def check_wavebot_stations(module: Any) -> None:
             4.0 * current * velocity - shaft, abs(shaft), (lcb - trs) * velocity,
             velocity * velocity, ac - shaft, current * current,
         )  # fmt: skip
-        # An average that is what the value is stays there: so bounds are met exactly.
+        # An average equal to its value stays there, so bounds are met exactly.
         before = tuple(value if rng.random() < 0.8 else 2.0 * value + 1.0 for value in values)
         record = axis.Record(
             AxisSense(0, 0.0, current, 1, 0, 0.0),
@@ -76,9 +76,9 @@ def check_wavebot_stations(module: Any) -> None:
             assert got == rest
             continue
         shares = (0.25, 0.25, 0.25, 0.125, 0.125, 0.125, 0.125)
-        due = tuple(map(averaged, before, values, shares))
-        assert got[:7] == due, (before, values)
-        fed, motor, size, cells, speed, electric, heat = due
+        expected = tuple(map(averaged, before, values, shares))
+        assert got[:7] == expected, (before, values)
+        fed, motor, size, cells, speed, electric, heat = expected
         reason = "NONE"
         if abs(motor) > 2.0 + 0.5 * size:
             reason = "FORCE_DISAGREES"
@@ -91,14 +91,14 @@ def check_wavebot_stations(module: Any) -> None:
             or electric > 4.0 + 0.5 * heat
         ):
             reason = "POWER_BALANCE"
-        assert got.reason == REASONS[reason][0], (due, reason)
+        assert got.reason == REASONS[reason][0], (expected, reason)
         assert type(got.reason) is int
-        seen[reason] += 1
-    assert min(seen.values()) > CASES // 100, seen
+        counts_by_reason[reason] += 1
+    assert min(counts_by_reason.values()) > CASES // 100, counts_by_reason
 
 
 def check_bench_stations(module: Any) -> None:
-    """The same of the bench's motor."""
+    """Check the same for the bench's motor."""
     rest = (0.0, 0.0, 0.0, 0)
     assert module.start() == rest
     params = module.Params(
@@ -115,13 +115,13 @@ def check_bench_stations(module: Any) -> None:
         if mode not in POWERED:
             assert got == rest
             continue
-        due = [averaged(*each, 0.25) for each in zip(before, values, strict=True)]
-        fed, motor, size = due
-        assert list(got[:3]) == due
+        expected = [averaged(*each, 0.25) for each in zip(before, values, strict=True)]
+        fed, motor, size = expected
+        assert list(got[:3]) == expected
         reason = "NONE"
         if abs(motor) > 2.0 + 0.5 * size:
             reason = "FORCE_DISAGREES"
         elif fed > 2.0:
             reason = "POWER_SIGN"
-        assert got.reason == REASONS[reason][0], due
+        assert got.reason == REASONS[reason][0], expected
         assert type(got.reason) is int

@@ -1,4 +1,4 @@
-"""A WaveBot with the shipped configuration: parameters, quiet devices, the simulated plant."""
+"""A WaveBot with the shipped configuration: parameters, constant devices, simulated plant."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 DT = 0.001
 READY = WAIT_STATOR | WAIT_DRIVE
 
-# Two rows at the spring's station of the start (490.9 N/m at -13 %): nothing has to travel.
+# Two rows at the initial stator position (490.9 N/m at -13 %): nothing has to move.
 SHORT = plan(
     (-1, Phase.TARE, 300, 0, 0),
     (-1, Phase.MOVING, 100, READY, 0),
@@ -45,11 +45,11 @@ def table(
     kp: tuple[float, ...], ki: tuple[float, ...], spring_rate: tuple[float, ...]
 ) -> Setpoints:
     """Set points of heave gains (N*s/m, N/m) and spring rates (N/m); surge is damped."""
-    many = len(kp)
-    columns: dict[str, Any] = dict.fromkeys(Setpoints._fields, (0.0,) * many)
+    count = len(kp)
+    columns: dict[str, Any] = dict.fromkeys(Setpoints._fields, (0.0,) * count)
     columns |= {"kp": kp, "ki": ki, "spring_rate": spring_rate}
-    columns |= {"stroke": (0.35,) * many, "surge_kp": (-2500.0,) * many}
-    return Setpoints(**columns | {"discharge_level": (0,) * many, "realisation": (1,) * many})
+    columns |= {"stroke": (0.35,) * count, "surge_kp": (-2500.0,) * count}
+    return Setpoints(**columns | {"discharge_level": (0,) * count, "realisation": (1,) * count})
 
 
 SETPOINTS = table((-2000.0, -1000.0), (0.0, 1000.0), (490.9, 490.9))
@@ -58,8 +58,8 @@ WAVES = {"kind": "regular", "amplitude_m": 0.05, "frequency_hz": 0.5}
 
 
 @cache
-def configured() -> tuple[CampaignFile, RigFile, LimitsFile]:
-    """A shipped campaign, its rig and its limits."""
+def shipped_files() -> tuple[CampaignFile, RigFile, LimitsFile]:
+    """Return a shipped campaign, its rig and its limits."""
     return (
         load(CONFIGS / "campaigns" / "quick.yaml", CampaignFile)[0],
         load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)[0],
@@ -70,18 +70,18 @@ def configured() -> tuple[CampaignFile, RigFile, LimitsFile]:
 def params(
     segments: sequence.Segments = SHORT, setpoints: Setpoints = SETPOINTS, **bounds: float
 ) -> cycle.Params:
-    """Parameters of a run; ``bounds`` replace limits of what is not an axis."""
-    campaign, rig, limits = configured()
-    made = wavebot_params(campaign, rig, limits, segments, setpoints)
-    inner = made.rig._replace(limits=made.rig.limits._replace(**bounds))
-    return made._replace(rig=inner)
+    """Return parameters of a run; ``bounds`` replace limits outside the axes."""
+    campaign, rig, limits = shipped_files()
+    run_params = wavebot_params(campaign, rig, limits, segments, setpoints)
+    inner = run_params.rig._replace(limits=run_params.rig.limits._replace(**bounds))
+    return run_params._replace(rig=inner)
 
 
 _OFF = AxisCommand(0.0, 0.0, 0, 0)
 
 
 class Quiet:
-    """The devices of a rig in still water that stays where it is, even when it is pushed."""
+    """Devices of a rig in still water whose body never moves, whatever the force."""
 
     def __init__(self) -> None:
         self.commands: list[Command] = []
@@ -92,12 +92,12 @@ class Quiet:
         pass
 
     def read(self, now: float) -> Sense:
-        _, push, enabled, _ = self.commands[-1].heave if self.commands else _OFF
-        _, aside, surge, _ = self.commands[-1].surge if self.commands else _OFF
+        _, heave_current, enabled, _ = self.commands[-1].heave if self.commands else _OFF
+        _, surge_current, surge, _ = self.commands[-1].surge if self.commands else _OFF
         target = self.commands[-1].spring.target if self.commands else -13.0
         return Sense(
-            AxisSense(183264, 0.001, push, enabled, 0, 0.001),
-            AxisSense(-4711, 0.001, aside, surge, 0, 0.001),
+            AxisSense(183264, 0.001, heave_current, enabled, 0, 0.001),
+            AxisSense(-4711, 0.001, surge_current, surge, 0, 0.001),
             LoadSense(15.0, -6.0, 1.0, 40.0, 42.0, 0.004, 0.0, 0.001),
             SpringSense(target, 1, 0.001),
             PowerSense(0.0, 30.0, 150.0, 0.001),
@@ -117,18 +117,20 @@ class Quiet:
         self.closed += 1
 
 
-Bend = Callable[[int, Any], Any]
+Modifier = Callable[[int, Any], Any]
 
 
-class Bent:
-    """Devices whose words are bent on the way: ``sense(tick, word)``, ``command(tick, word)``."""
+class ModifiedDevices:
+    """Devices with modified signals: ``sense(tick, signals)``, ``command(tick, signals)``."""
 
-    def __init__(self, inner: Any, sense: Bend | None = None, command: Bend | None = None) -> None:
+    def __init__(
+        self, inner: Any, sense: Modifier | None = None, command: Modifier | None = None
+    ) -> None:
         self._inner = inner
-        self._sense = sense or (lambda tick, word: word)
-        self._command = command or (lambda tick, word: word)
+        self._sense = sense or (lambda tick, signals: signals)
+        self._command = command or (lambda tick, signals: signals)
         self.tick = -1
-        self.true: list[Any] = []
+        self.original: list[Any] = []
         self.commands: list[Any] = []
         self.stops: list[int] = []
         self.closed = 0
@@ -138,9 +140,9 @@ class Bent:
 
     def read(self, now: float) -> Any:
         self.tick = round(now / DT)
-        word = self._inner.read(now)
-        self.true.append(word)
-        return self._sense(self.tick, word)
+        signals = self._inner.read(now)
+        self.original.append(signals)
+        return self._sense(self.tick, signals)
 
     def write(self, command: Any) -> None:
         self.commands.append(command)
@@ -156,7 +158,7 @@ class Bent:
 
 
 def plant(sea: dict[str, Any] = WAVES) -> PlantDevices:
-    """The simulated plant as shipped, interpreted, seeded."""
+    """Return the simulated plant as shipped, interpreted, with a seed."""
     path = CONFIGS / "plants" / "wavebot.yaml"
     mapping, _ = load_mapping(path)
     bem = str(path.parent / mapping["bem"])

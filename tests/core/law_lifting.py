@@ -1,4 +1,4 @@
-"""One law compiled by rig/sweep/lifting.py, to be run beside the interpreted one."""
+"""One law compiled by rig/sweep/lifting.py, for comparison with the interpreted law."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ def tick({arguments}):
 
 
 class Law(NamedTuple):
-    """A law with what its step takes and gives."""
+    """A law with inputs and outputs of its step."""
 
     module: ModuleType
     params: Any
     start: Any
     inputs: Callable[[np.random.Generator, int], Inputs]  # of one tick
-    gives: str = "state, given"  # what `step` returns: one of them or both
-    timed: bool = True  # `step` takes dt
-    table: str = ""  # the field of params that is an array in compiled code
-    varied: int = 1000  # different outcomes to be seen in a test, at least
+    returns: str = "state, given"  # outputs of `step`: one of them or both
+    takes_dt: bool = True  # `step` takes dt
+    table: str = ""  # field of params that is an array in compiled code
+    min_outcomes: int = 1000  # different outcomes required in a test
 
 
 def interpreted(law: Law, state: Any, inputs: Inputs) -> Any:
-    """What the law returns for a state and inputs."""
-    return law.module.step(law.params, state, *inputs, *((DT,) if law.timed else ()))
+    """Return the law's result for a state and inputs."""
+    return law.module.step(law.params, state, *inputs, *((DT,) if law.takes_dt else ()))
 
 
 def state_of(law: Law, returned: Any) -> Any:
-    """The new state of what `step` returned."""
-    return returned[0] if law.gives == "state, given" else returned
+    """Return the new state in the result of `step`."""
+    return returned[0] if law.returns == "state, given" else returned
 
 
-def same(one: list[float], other: list[float]) -> bool:
-    """Bit by bit, but all NaNs alike."""
+def same_bits(one: list[float], other: list[float]) -> bool:
+    """Return whether both are equal bit by bit, all NaNs being equal."""
     return len(one) == len(other) and all(
         (math.isnan(a) and math.isnan(b)) or struct.pack("d", a) == struct.pack("d", b)
         for a, b in zip(one, other, strict=True)
@@ -67,7 +67,7 @@ def same(one: list[float], other: list[float]) -> bool:
 
 
 def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
-    """The same tick in compiled code: state and inputs -> the numbers of what `step` returns."""
+    """Return the compiled tick: state and inputs -> the numbers of the result of `step`."""
     example = law.inputs(np.random.default_rng(0), 0)
     returned = interpreted(law, law.start, example)
     parts, fixed = [], []
@@ -79,17 +79,17 @@ def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
     for one in example:
         call.append(lifting.unpacking(one, "x", at))
         at += len(lifting.numbers(one))
-    if law.timed:
+    if law.takes_dt:
         call.append(repr(DT))
     names = lifting.words(law.params) | lifting.words(law.start) | lifting.words(example)
     imports = sorted(f"from {kind.__module__} import {kind.__name__}" for kind in names)
-    store = lifting.packing(returned, f"({law.gives})", "out")
+    store = lifting.packing(returned, f"({law.returns})", "out")
     source = _SOURCE.format(
         imports="\n".join([*imports, f"from {law.module.__name__} import step"]),
         arguments="x, table" if law.table else "x",
         params=f"{type(law.params).__name__}({', '.join(parts)})",
         state=lifting.unpacking(law.start, "x", len(fixed)),
-        result=law.gives,
+        result=law.returns,
         call=", ".join(call),
         size=len(store),
         store="\n    ".join(store),

@@ -1,4 +1,4 @@
-"""A value whose age is below zero is as stale as one that is too old: in every kind of rig."""
+"""Negative ages trip like ages that are too large, in every rig kind."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rig.kinds import KINDS
-from rig.realtime.safety import FINE, OFF, Reason
+from rig.realtime.safety import NO_REASON, OFF, Reason
 
 HOSTS: dict[str, Any] = {"wavebot": core_wavebot, "oswec bench": core_bench}
-UNCHECKED = {("wavebot", "probes", "age")}  # they serve the analysis; no limit asks for them
+UNCHECKED = {("wavebot", "probes", "age")}  # for the analysis only; no limit uses them
 TOO_OLD = 1e6  # s
 
 
-def sensed(kind: str) -> tuple[Any, Any, Any]:
-    """Parameters, state and a sense of a rig at rest, all well."""
+def params_state_and_sense(kind: str) -> tuple[Any, Any, Any]:
+    """Return parameters, state and sense of a rig at rest without faults."""
     host = HOSTS[kind]
     devices = host.Quiet()
     params = host.params().rig
@@ -27,11 +27,11 @@ def sensed(kind: str) -> tuple[Any, Any, Any]:
 
 
 def ages() -> list[tuple[str, str, str]]:
-    """Every field of every sense that is an age."""
+    """Return every age among the sensed values."""
     return [
-        (kind, word, field)
+        (kind, signal, field)
         for kind in KINDS
-        for word, value in sensed(kind)[2]._asdict().items()
+        for signal, value in params_state_and_sense(kind)[2]._asdict().items()
         for field in getattr(value, "_fields", ())
         if field == "age" or field.endswith("_age")
     ]
@@ -40,13 +40,13 @@ def ages() -> list[tuple[str, str, str]]:
 CHECKED = [one for one in ages() if one not in UNCHECKED]
 
 
-def verdict(kind: str, word: str, field: str, age: float) -> int:
-    """What the checks find of a rig at rest with one age as given."""
-    params, state, sense = sensed(kind)
-    made = KINDS[kind]
-    motion = made.observe(params, state, sense, 1, 0.001)
-    bent = sense._replace(**{word: getattr(sense, word)._replace(**{field: age})})
-    return made.check(params, state, bent, motion, OFF)
+def trip_reason(kind: str, signal: str, field: str, age: float) -> int:
+    """Return the trip reason of a rig at rest with one age replaced."""
+    params, state, sense = params_state_and_sense(kind)
+    rig_kind = KINDS[kind]
+    motion = rig_kind.observe(params, state, sense, 1, 0.001)
+    modified = sense._replace(**{signal: getattr(sense, signal)._replace(**{field: age})})
+    return rig_kind.check(params, state, modified, motion, OFF)
 
 
 def test_the_list_of_ages_is_not_empty() -> None:
@@ -54,15 +54,15 @@ def test_the_list_of_ages_is_not_empty() -> None:
     assert len(CHECKED) >= 12
 
 
-@pytest.mark.parametrize(("kind", "word", "field"), CHECKED)
-def test_zero_is_well_and_too_old_has_a_reason(kind: str, word: str, field: str) -> None:
-    assert verdict(kind, word, field, 0.0) == FINE
-    assert verdict(kind, word, field, -0.0) == FINE
-    assert "STALE" in Reason(verdict(kind, word, field, TOO_OLD)).name
+@pytest.mark.parametrize(("kind", "signal", "field"), CHECKED)
+def test_an_age_of_zero_passes_and_a_large_one_trips(kind: str, signal: str, field: str) -> None:
+    assert trip_reason(kind, signal, field, 0.0) == NO_REASON
+    assert trip_reason(kind, signal, field, -0.0) == NO_REASON
+    assert "STALE" in Reason(trip_reason(kind, signal, field, TOO_OLD)).name
 
 
-@pytest.mark.parametrize(("kind", "word", "field"), CHECKED)
+@pytest.mark.parametrize(("kind", "signal", "field"), CHECKED)
 @given(age=st.floats(min_value=-1e300, max_value=-5e-324))
 @example(age=-1e-9)
-def test_an_age_below_zero_is_stale(kind: str, word: str, field: str, age: float) -> None:
-    assert verdict(kind, word, field, age) == verdict(kind, word, field, TOO_OLD)
+def test_an_age_below_zero_is_stale(kind: str, signal: str, field: str, age: float) -> None:
+    assert trip_reason(kind, signal, field, age) == trip_reason(kind, signal, field, TOO_OLD)

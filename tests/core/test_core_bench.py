@@ -15,13 +15,13 @@ from core_bench import (
     setpoints,
     simulated_bench,
 )
-from core_runs import Ran, run
-from core_wavebot import Bent
+from core_runs import RunResult, run
+from core_wavebot import ModifiedDevices
 
 from rig.kinds.oswec_bench import KIND, Sense
 from rig.kinds.oswec_bench.signals import BenchRow
 from rig.realtime import cycle
-from rig.realtime.limits import Limited
+from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
 from rig.realtime.sequence import Phase
 from rig.recording.row_layout import leaves
@@ -31,12 +31,12 @@ FAULT_TICK = 700  # a tick of MEASURE
 
 def run_bench(
     sense: Any = None, parameters: cycle.Params | None = None, simulated: Any = None
-) -> tuple[Ran, Bent]:
+) -> tuple[RunResult, ModifiedDevices]:
     parameters = parameters or params()
     if simulated is None:  # its shaft stands still, like a servo that ignores its commands
         limits = parameters.rig.limits._replace(velocity_difference_stop=math.inf)
         parameters = parameters._replace(rig=parameters.rig._replace(limits=limits))
-    devices = Bent(simulated or Quiet(), sense)
+    devices = ModifiedDevices(simulated or Quiet(), sense)
     result = run(KIND, parameters, devices)
     assert result.error is None
     return result, devices
@@ -222,8 +222,8 @@ def test_a_demand_beyond_the_limits_is_clipped_and_flagged() -> None:
     row = [one for one in result.rows if one.plan.phase == Phase.MEASURE]
     assert max(abs(one.command.velocity) for one in row) <= 0.2
     flags = {one.command.limited for one in row}
-    assert any(flag & Limited.VELOCITY for flag in flags)
-    assert any(flag & Limited.SLEW for flag in flags)
+    assert any(flag & LimitFlag.VELOCITY for flag in flags)
+    assert any(flag & LimitFlag.SLEW for flag in flags)
     speeds = [one.command.velocity for one in row]
     changes = [abs(after - before) for before, after in pairwise(speeds)]
     assert max(changes) <= 5.0 * 0.001 + 1e-12

@@ -1,4 +1,4 @@
-"""Blocks: bounds, NaN, tables, and ramps that never jump."""
+"""Building blocks: bounds, NaN, tables, and ramps that never jump."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_clamp_holds_between_its_bounds(value: float, one: float, other: float) 
     assert got == value or (got == low and value < low) or (got == high and value > high)
 
 
-def test_clamp_lets_nan_through_and_bounds_infinity() -> None:
+def test_clamp_passes_nan_and_bounds_infinity() -> None:
     assert math.isnan(clamp(math.nan, -1.0, 1.0))
     assert clamp(math.inf, -1.0, 1.0) == 1.0
     assert clamp(-math.inf, -1.0, 1.0) == -1.0
@@ -63,7 +63,7 @@ def test_interpolation_stays_between_its_neighbours(
         i = next(i for i in range(1, len(xs)) if xs[i] >= x)
         low, high = sorted((ys[i - 1], ys[i]))
         share = (x - xs[i - 1]) / (xs[i] - xs[i - 1])
-        slack = 1e-15 * (abs(low) + abs(high))  # their difference is rounded before it is added
+        slack = 1e-15 * (abs(low) + abs(high))  # the difference is rounded before the addition
         assert low - slack <= got <= high + slack
         assert got == pytest.approx((1 - share) * ys[i - 1] + share * ys[i], rel=1e-9, abs=1e-8)
 
@@ -88,7 +88,7 @@ def test_a_ramp_never_jumps_and_never_overshoots(
     for target, ticks in switches:
         began = ramp.value
         slack = 1e-9 * (abs(began) + abs(target)) + 1e-12
-        # a target that did not change goes on at its old rate
+        # an unchanged target keeps its old rate
         bound = ramp.rate if target == ramp.target else abs(target - began) / duration
         for _ in range(ticks):
             before = ramp.value
@@ -112,7 +112,7 @@ def test_a_ramp_arrives_in_its_duration(start: float, target: float, duration: f
 
 
 @pytest.mark.parametrize("bad", WEIRD)
-def test_a_ramp_to_no_number_never_gives_a_number(bad: float) -> None:
+def test_a_ramp_to_a_value_that_is_not_finite_is_not_finite(bad: float) -> None:
     ramp = ramp_start(1.0)
     for _ in range(10):
         ramp = ramp_step(ramp, bad, 0.01, DT)

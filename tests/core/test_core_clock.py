@@ -18,7 +18,7 @@ EINTR = 4
 
 
 class Host:
-    """A machine whose time moves only when somebody sleeps or works, and that wakes late."""
+    """A host whose time advances only by sleep and work, with late wake-ups."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, start: int = 123_456_789_012) -> None:
         self.now = start
@@ -27,18 +27,18 @@ class Host:
         self.deadlines: list[int] = []
         monkeypatch.setattr(clock, "time", SimpleNamespace(monotonic_ns=lambda: self.now))
         self.clock = RealClock(PERIOD * 1e-9)
-        self.zero = (start // PERIOD + 2) * PERIOD  # on the grid of the clock itself
+        self.zero = (start // PERIOD + 2) * PERIOD  # on a multiple of the period
         monkeypatch.setattr(self.clock, "_sleep", self._sleep)
 
     def _sleep(self, which: int, flags: int, until: Any, rest: Any) -> int:
         assert (which, flags, rest) == (1, 1, None)  # CLOCK_MONOTONIC, TIMER_ABSTIME
-        target = self.clock._until
-        due = target.seconds * 1_000_000_000 + target.nanoseconds
+        target = self.clock._deadline
+        deadline = target.seconds * 1_000_000_000 + target.nanoseconds
         assert 0 <= target.nanoseconds < 1_000_000_000
         if next(self.interrupts):
             return EINTR
-        self.deadlines.append(due)
-        self.now = max(self.now, due) + next(self.late)
+        self.deadlines.append(deadline)
+        self.now = max(self.now, deadline) + next(self.late)
         return 0
 
 
@@ -50,7 +50,7 @@ def test_ten_thousand_jittered_ticks_end_on_the_planned_tick(
     for tick in range(10_000):
         wake = host.clock.wait_next()
         assert (wake.tick, wake.periods) == (tick, 1)
-        host.now += 300_000  # work; the late wakes leave the next deadline in the past
+        host.now += 300_000  # work; late wake-ups leave the next deadline in the past
     assert host.deadlines == [host.zero + k * PERIOD for k in range(10_000)]
     assert wake.now == pytest.approx(9.999)
 
@@ -60,7 +60,7 @@ def test_ten_thousand_jittered_ticks_end_on_the_planned_tick(
     st.lists(st.tuples(st.integers(0, 5 * PERIOD), st.integers(0, 3 * PERIOD)), max_size=60),
     st.integers(0, 10**15),
 )
-def test_whatever_the_host_does_the_grid_stands(delays: list[tuple[int, int]], start: int) -> None:
+def test_delays_never_shift_the_tick_grid(delays: list[tuple[int, int]], start: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         host = Host(patch, start)
         host.late = iter([late for late, _ in delays])
@@ -71,17 +71,17 @@ def test_whatever_the_host_does_the_grid_stands(delays: list[tuple[int, int]], s
             assert wake.periods >= 1
             assert wake.now == wake.tick * host.clock.dt
             grid = host.zero + wake.tick * PERIOD
-            # it is within the period it was given: no tick is given before or after its time
+            # the wake-up lies within its period: no tick comes before or after its time
             assert grid <= host.now < grid + PERIOD
-            due = host.zero + (before + 1) * PERIOD
-            assert wake.lateness == (host.now - due) / 1e9
+            deadline = host.zero + (before + 1) * PERIOD
+            assert wake.lateness == (host.now - deadline) / 1e9
             before, total = wake.tick, total + wake.periods
             host.now += work
         assert total == before + 1
         assert host.deadlines == sorted(set(host.deadlines))
 
 
-def test_a_long_stall_skips_its_periods_and_goes_on_in_step(
+def test_a_long_stall_skips_whole_periods(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     host = Host(monkeypatch)
@@ -93,7 +93,7 @@ def test_a_long_stall_skips_its_periods_and_goes_on_in_step(
     assert wakes[3].lateness == 0.0
 
 
-def test_a_signal_does_not_cut_a_sleep_short(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_signal_does_not_shorten_a_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
     host = Host(monkeypatch)
     host.interrupts = itertools.cycle([1, 1, 0])
     for tick in range(20):
@@ -110,7 +110,7 @@ def test_now_counts_from_tick_zero(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("start", [0, 1, PERIOD - 1, PERIOD, 123_456_789_012])
-def test_two_clocks_tick_in_the_same_moments(monkeypatch: pytest.MonkeyPatch, start: int) -> None:
+def test_ticks_lie_on_multiples_of_the_period(monkeypatch: pytest.MonkeyPatch, start: int) -> None:
     host = Host(monkeypatch, start)
     host.clock.wait_next()
     assert host.deadlines[0] % PERIOD == 0
@@ -118,22 +118,22 @@ def test_two_clocks_tick_in_the_same_moments(monkeypatch: pytest.MonkeyPatch, st
 
 
 @pytest.mark.parametrize("dt", [0.0, -0.001, 1.0 / 3.0, 1.0 / 1024.0, 1e-10])
-def test_a_period_that_is_no_whole_number_of_nanoseconds_is_refused(dt: float) -> None:
+def test_a_period_of_fractional_nanoseconds_is_refused(dt: float) -> None:
     with pytest.raises(ValueError, match="whole number of nanoseconds"):
         RealClock(dt)
 
 
 @pytest.mark.parametrize("dt", [0.001, 0.002, 0.005, 0.0001, 1.0 / 128.0])
 def test_the_true_sleep_wakes_on_or_after_its_deadline(dt: float) -> None:
-    made = RealClock(dt)
+    new_clock = RealClock(dt)
     for _ in range(5):
-        wake = made.wait_next()
+        wake = new_clock.wait_next()
         assert wake.lateness >= 0.0
-        assert made.now() >= wake.now
+        assert new_clock.now() >= wake.now
 
 
 def test_the_virtual_clock_counts_and_is_never_late() -> None:
-    made = VirtualClock(0.002)
+    new_clock = VirtualClock(0.002)
     for tick in range(100):
-        assert made.wait_next() == (tick, tick * 0.002, 1, 0.0)
-        assert made.now() == tick * 0.002
+        assert new_clock.wait_next() == (tick, tick * 0.002, 1, 0.0)
+        assert new_clock.now() == tick * 0.002

@@ -1,4 +1,4 @@
-"""What the loop's process holds in memory: none of the heavy or foreign packages, ever."""
+"""The loop's process never imports a heavy or foreign package."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ FOREIGN = {
     "filterpy", "rich", "typer", "h5py", "mcap",
 }  # fmt: skip
 
-# A whole run of a bench, with everything the loop process imports and a WaveBot's rows beside.
+# A whole run of a bench, with all imports of the loop process and of a WaveBot's rows.
 RUN = """
 import json, sys
 import rig.processes.loop_process, rig.kinds.wavebot, rig.kinds
 from core_kinds import BENCH
 from core_runs import bench, bench_params, run
-made = run(BENCH, bench_params(), bench())
-assert made.error is None
-print(json.dumps({"ticks": made.end.ticks, "modules": sorted(sys.modules)}))
+result = run(BENCH, bench_params(), bench())
+assert result.error is None
+print(json.dumps({"ticks": result.end.ticks, "modules": sorted(sys.modules)}))
 """
 
 
-def test_the_running_loop_has_nothing_foreign_in_memory() -> None:
-    said = json.loads(output(RUN))
-    assert said["ticks"] > 400
-    modules = set(said["modules"])
+def test_the_running_loop_imports_no_heavy_package() -> None:
+    report = json.loads(output(RUN))
+    assert report["ticks"] > 400
+    modules = set(report["modules"])
     assert {
         "rig.realtime.loop",
         "rig.realtime.cycle",
@@ -36,12 +36,16 @@ def test_the_running_loop_has_nothing_foreign_in_memory() -> None:
         "rig.realtime.safety",
     } <= modules
     assert {name.split(".")[0] for name in modules} & FOREIGN == set()
-    prepared = ("rig.config", "rig.planning", "rig.kinds.wavebot.build")  # before the loop starts
+    prepared = (
+        "rig.config",
+        "rig.planning",
+        "rig.kinds.wavebot.build",
+    )  # used before the loop starts
     assert {name for name in modules if name.startswith(prepared)} == set()
 
 
-def test_the_look_finds_what_it_looks_for() -> None:
-    """The same look at a process that designs an estimator sees filterpy and numpy."""
+def test_the_import_check_detects_heavy_packages() -> None:
+    """The same check finds filterpy and numpy in a process that designs an estimator."""
     code = (
         "import json, sys; from rig.design.estimator import designed; "
         "designed(2.5e-5, 0.5, 0.5, 0.001); print(json.dumps(sorted(sys.modules)))"

@@ -1,6 +1,6 @@
-"""A loop on the simulated plants notices an actuator or a sensor that does something else.
+"""A loop on the simulated plants detects a faulty actuator or sensor.
 
-Each fault is put between the loop and a plant in waves; without one nothing trips.
+Each fault acts between the loop and a plant in waves; without a fault nothing trips.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import pytest
 from core_bench import params as bench_params
 from core_bench import setpoints
 from core_bench import simulated_bench as bench_plant
-from core_runs import Ran, plan, run
-from core_wavebot import READY, Bent, params, plant, table
+from core_runs import RunResult, plan, run
+from core_wavebot import READY, ModifiedDevices, params, plant, table
 
 from controllers import impedance
 from controllers.oswec_position import Component
@@ -23,7 +23,7 @@ from rig.kinds.wavebot import KIND, Sense
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 
-AT = 9000  # tick of the fault; the waves are up since 7 s
+AT = 9000  # tick of the fault, 7 s after the waves started
 WAVES = {"kind": "regular", "amplitude_m": 0.2, "frequency_hz": 0.5}
 LONG = plan(
     (-1, Phase.TARE, 500, 0, 0),
@@ -38,30 +38,32 @@ POINTS = table((-2000.0, -2500.0), (0.0, 3000.0), (490.9, 490.9))
 
 
 class Fault:
-    """What is put between loop and plant from tick AT on."""
+    """A fault between loop and plant from tick AT on."""
 
     def __init__(self) -> None:
         self.commanded: Any = None
 
-    def sense(self, word: Any) -> Any:
-        """What the loop reads of it."""
-        return word
+    def sense(self, signals: Any) -> Any:
+        """Return the signals that the loop reads."""
+        return signals
 
-    def command(self, word: Any) -> Any:
-        """What the plant hears of it."""
-        return word
+    def command(self, signals: Any) -> Any:
+        """Return the command that the plant receives."""
+        return signals
 
 
-def ran(fault: Fault, segments: Any = LONG, points: Any = POINTS) -> tuple[Ran, Bent]:
-    def sense(tick: int, word: Any) -> Any:
-        return fault.sense(word) if tick >= AT else word
+def run_with_fault(
+    fault: Fault, segments: Any = LONG, points: Any = POINTS
+) -> tuple[RunResult, ModifiedDevices]:
+    def sense(tick: int, signals: Any) -> Any:
+        return fault.sense(signals) if tick >= AT else signals
 
-    def command(tick: int, word: Any) -> Any:
-        made = fault.command(word) if tick >= AT else word
-        fault.commanded = word
-        return made
+    def command(tick: int, signals: Any) -> Any:
+        modified = fault.command(signals) if tick >= AT else signals
+        fault.commanded = signals
+        return modified
 
-    devices = Bent(plant(WAVES), sense, command)
+    devices = ModifiedDevices(plant(WAVES), sense, command)
     done = run(KIND, params(segments, points), devices)
     assert done.error is None
     assert done.end is not None
@@ -69,53 +71,53 @@ def ran(fault: Fault, segments: Any = LONG, points: Any = POINTS) -> tuple[Ran, 
 
 
 class Command(Fault):
-    """The current of an axis on its way to the drive."""
+    """Changes the current command of an axis."""
 
     def __init__(self, axis: str, change: Any) -> None:
         super().__init__()
         self._axis, self._change = axis, change
 
-    def command(self, word: Any) -> Any:
-        told = getattr(word, self._axis)
-        changed = told._replace(current=self._change(told.current))
-        return word._replace(**{self._axis: changed})
+    def command(self, signals: Any) -> Any:
+        axis_command = getattr(signals, self._axis)
+        changed = axis_command._replace(current=self._change(axis_command.current))
+        return signals._replace(**{self._axis: changed})
 
 
 class Lying(Command):
-    """The same with a drive that reports the current it was commanded to have."""
+    """Like `Command`, with a drive that reports the commanded current."""
 
-    def sense(self, word: Any) -> Any:
-        axis = getattr(word, self._axis)
+    def sense(self, signals: Any) -> Any:
+        axis = getattr(signals, self._axis)
         current = getattr(self.commanded, self._axis).current if axis.enabled else 0.0
-        return word._replace(**{self._axis: axis._replace(current=current)})
+        return signals._replace(**{self._axis: axis._replace(current=current)})
 
 
 class Read(Fault):
-    """A sensor."""
+    """Changes sensed values."""
 
     def __init__(self, change: Any) -> None:
         super().__init__()
         self._change = change
 
-    def sense(self, word: Sense) -> Sense:
-        changed: Sense = self._change(word)
+    def sense(self, signals: Sense) -> Sense:
+        changed: Sense = self._change(signals)
         return changed
 
 
-def inverted_cell(word: Sense) -> Sense:
-    return word._replace(load=word.load._replace(lcb=-word.load.lcb))
+def inverted_cell(signals: Sense) -> Sense:
+    return signals._replace(load=signals.load._replace(lcb=-signals.load.lcb))
 
 
-def inverted_torque_sensor(word: Sense) -> Sense:
-    return word._replace(load=word.load._replace(trs=-word.load.trs))
+def inverted_torque_sensor(signals: Sense) -> Sense:
+    return signals._replace(load=signals.load._replace(trs=-signals.load.trs))
 
 
-def dead_cells(word: Sense) -> Sense:
-    return word._replace(load=word.load._replace(lcb=0.0, trs=0.0))
+def dead_cells(signals: Sense) -> Sense:
+    return signals._replace(load=signals.load._replace(lcb=0.0, trs=0.0))
 
 
-def inverted_analyser(word: Sense) -> Sense:
-    return word._replace(power=word.power._replace(ac=-word.power.ac))
+def inverted_analyser(signals: Sense) -> Sense:
+    return signals._replace(power=signals.power._replace(ac=-signals.power.ac))
 
 
 FAULTS: dict[str, tuple[Fault, Reason, float]] = {
@@ -123,8 +125,12 @@ FAULTS: dict[str, tuple[Fault, Reason, float]] = {
     "second master": (Command("heave", lambda i: 19.6), Reason.CURRENT_DISAGREES, 0.3),
     "no torque": (Command("heave", lambda i: 0.0), Reason.CURRENT_DISAGREES, 1.2),
     "inverted surge motor": (Command("surge", lambda i: -i), Reason.SURGE_CURRENT_DISAGREES, 0.9),
-    "inverted force, current as told": (Lying("heave", lambda i: -i), Reason.FORCE_DISAGREES, 1.0),
-    "half the force, current as told": (
+    "inverted force, current as commanded": (
+        Lying("heave", lambda i: -i),
+        Reason.FORCE_DISAGREES,
+        1.0,
+    ),
+    "half the force, current as commanded": (
         Lying("heave", lambda i: i / 2),
         Reason.FORCE_DISAGREES,
         4.0,
@@ -137,8 +143,8 @@ FAULTS: dict[str, tuple[Fault, Reason, float]] = {
 
 
 @cache
-def undisturbed() -> tuple[Ran, Bent]:
-    return ran(Fault())
+def undisturbed() -> tuple[RunResult, ModifiedDevices]:
+    return run_with_fault(Fault())
 
 
 def test_without_a_fault_nothing_disagrees() -> None:
@@ -146,26 +152,30 @@ def test_without_a_fault_nothing_disagrees() -> None:
     assert done.end is not None
     assert done.end.reason == Reason.PLAN_END
     moved = [row.heave.estimate.velocity for row in done.rows if row.tick > AT]
-    assert max(map(abs, moved)) > 0.2  # m/s: there was power to compare
+    assert max(map(abs, moved)) > 0.2  # m/s: enough power to compare
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_what_does_not_do_what_it_was_told_is_noticed(name: str) -> None:
+def test_every_device_fault_is_detected(name: str) -> None:
     fault, reason, within = FAULTS[name]
-    done, devices = ran(fault)
+    done, devices = run_with_fault(fault)
     first = next(row for row in done.rows if row.safety.mode > RUN)
     assert (first.safety.reason, first.tick > AT) == (reason, True)
     assert (first.tick - AT) * 0.001 <= within
     assert first.safety.mode == (STOP_0 if CATEGORY[reason] == 0 else STOP_1)
     if CATEGORY[reason] == 0:
-        told = devices.commands[first.tick]
-        assert (told.heave.current, told.heave.enable, told.surge.enable) == (0.0, 0, 0)
+        axis_command = devices.commands[first.tick]
+        assert (
+            axis_command.heave.current,
+            axis_command.heave.enable,
+            axis_command.surge.enable,
+        ) == (0.0, 0, 0)
 
 
-def test_a_law_that_pushes_where_it_should_damp_is_noticed(
+def test_a_law_with_the_wrong_sign_is_detected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As if the sign of the force were wrong: current and load cells agree with each other."""
+    """The sign of the force is wrong, while current and load cells agree with each other."""
     sound, calls = impedance.step, iter(range(10**9))
 
     def wrong(*given: Any) -> Any:
@@ -175,27 +185,27 @@ def test_a_law_that_pushes_where_it_should_damp_is_noticed(
         return state, demand
 
     monkeypatch.setattr(impedance, "step", wrong)
-    done, devices = ran(Fault())
+    done, devices = run_with_fault(Fault())
     first = next(row for row in done.rows if row.safety.mode > RUN)
     assert (first.safety.mode, first.safety.reason) == (STOP_0, Reason.POWER_SIGN)
     assert devices.commands[first.tick].heave.current == 0.0
 
 
-def test_a_saturated_drive_may_give_less() -> None:
-    """Half the current under a bus that does not suffice agrees; twice as much does not."""
+def test_a_saturated_drive_may_supply_less_current() -> None:
+    """At insufficient bus voltage half the current is accepted, twice the current is not."""
 
     class Saturated(Lying):
-        def sense(self, word: Sense) -> Sense:
-            current = self._change(self.commanded.heave.current) if word.heave.enabled else 0.0
-            return word._replace(
-                heave=word.heave._replace(current=current),
-                drive=word.drive._replace(saturated=1),
+        def sense(self, signals: Sense) -> Sense:
+            current = self._change(self.commanded.heave.current) if signals.heave.enabled else 0.0
+            return signals._replace(
+                heave=signals.heave._replace(current=current),
+                drive=signals.drive._replace(saturated=1),
             )
 
-    weak, _ = ran(Saturated("heave", lambda i: 0.5 * i))
+    weak, _ = run_with_fault(Saturated("heave", lambda i: 0.5 * i))
     assert weak.end is not None
     assert weak.end.reason == Reason.PLAN_END
-    strong, _ = ran(Saturated("heave", lambda i: 2.0 * i))
+    strong, _ = run_with_fault(Saturated("heave", lambda i: 2.0 * i))
     assert strong.end is not None
     assert strong.end.reason == Reason.CURRENT_DISAGREES
 
@@ -213,39 +223,43 @@ SLOW = plan(
 STRIKE = 2500
 
 
-def bench_ran(sense: Any = None, command: Any = None) -> Ran:
+def run_bench(sense: Any = None, command: Any = None) -> RunResult:
     point = setpoints(TURN, 60.0)._replace(rise=(0.5,), until=(7.0,))
-    made = bench_params(segments=SLOW, setpoints=point)
-    done = run(BENCH, made, Bent(bench_plant(), sense, command))
+    modified = bench_params(segments=SLOW, setpoints=point)
+    done = run(BENCH, modified, ModifiedDevices(bench_plant(), sense, command))
     assert done.error is None
     return done
 
 
 def test_a_bench_without_a_fault_agrees() -> None:
-    done = bench_ran()
+    done = run_bench()
     assert done.end is not None
     assert done.end.reason == Reason.PLAN_END
 
 
-def test_a_servo_that_keeps_its_last_speed_is_noticed_before_the_end_of_travel() -> None:
+def test_a_servo_with_a_frozen_speed_is_detected_in_time() -> None:
     last: list[float] = []
 
-    def ignoring(tick: int, word: Any) -> Any:
+    def ignoring(tick: int, signals: Any) -> Any:
         if tick < STRIKE:
-            last[:] = [word.volts]
-        return word._replace(volts=last[0]) if last else word
+            last[:] = [signals.volts]
+        return signals._replace(volts=last[0]) if last else signals
 
-    done = bench_ran(command=ignoring)
+    done = run_bench(command=ignoring)
     first = next(row for row in done.rows if row.safety.mode > RUN)
     assert (first.safety.mode, first.safety.reason) == (STOP_0, Reason.VELOCITY_DISAGREES)
     assert 0 < first.tick - STRIKE < 600
 
 
-def test_an_inverted_load_cell_of_the_bench_is_noticed() -> None:
-    def inverted(tick: int, word: Any) -> Any:
-        return word if tick < STRIKE else word._replace(load=word.load._replace(tz=-word.load.tz))
+def test_an_inverted_load_cell_of_the_bench_is_detected() -> None:
+    def inverted(tick: int, signals: Any) -> Any:
+        return (
+            signals
+            if tick < STRIKE
+            else signals._replace(load=signals.load._replace(tz=-signals.load.tz))
+        )
 
-    done = bench_ran(sense=inverted)
+    done = run_bench(sense=inverted)
     first = next(row for row in done.rows if row.safety.mode > RUN)
     assert (first.safety.mode, first.safety.reason) == (STOP_0, Reason.FORCE_DISAGREES)
     assert 0 < first.tick - STRIKE < 1500

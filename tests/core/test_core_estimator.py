@@ -21,7 +21,7 @@ from rig.design.estimator import design, response
 
 DT = 0.001
 COUNT = 2.52e-5  # m, heave a count of the WaveBot
-NOISE = 0.5  # counts, besides quantisation
+NOISE = 0.5  # counts, in addition to quantisation
 JERK = 0.5  # m^2/s^5
 PARAMS = design(COUNT, NOISE, JERK, DT)
 REST = Estimate(0.0, 0.0, 0.0)
@@ -38,8 +38,8 @@ def track(measured: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
-def counted(positions: np.ndarray) -> np.ndarray:
-    """What the encoder makes of true positions (m): whole counts."""
+def quantised(positions: np.ndarray) -> np.ndarray:
+    """Return true positions (m) rounded to whole counts."""
     return np.rint(positions / COUNT) * COUNT
 
 
@@ -71,11 +71,11 @@ def test_equals_a_full_kalman_filter_once_that_has_settled() -> None:
     assert abs(motion.velocity) > 1e-3
 
 
-def test_design_knows_no_sign_of_the_count() -> None:
+def test_the_design_ignores_the_sign_of_the_count() -> None:
     assert design(-COUNT, NOISE, JERK, DT) == PARAMS
 
 
-def test_a_finer_count_is_trusted_more_and_so_is_a_livelier_body() -> None:
+def test_a_finer_count_or_more_jerk_raises_the_gains() -> None:
     fine = design(COUNT / 10.0, NOISE, JERK, DT)
     assert 0.0 < PARAMS.gain_position < fine.gain_position < 1.0
     eager = design(COUNT, NOISE, 100.0 * JERK, DT)
@@ -83,39 +83,39 @@ def test_a_finer_count_is_trusted_more_and_so_is_a_livelier_body() -> None:
     assert 0.0 < PARAMS.gain_position < eager.gain_position < 1.0
 
 
-def test_design_says_when_the_gain_does_not_settle(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gain_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(estimator_design, "_MOST_STEPS", 50)
     with pytest.raises(ValueError, match="did not settle"):
         design(COUNT, NOISE, JERK, DT)
 
 
-def test_kept_gains_are_those_of_filterpy_to_the_last_bit(
+def test_cached_gains_equal_those_of_filterpy_bit_by_bit(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """And none is taken from a file that is cut off, empty or another's."""
+    """Truncated, empty and foreign cache files are ignored."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    asked = (COUNT, NOISE, JERK, DT)
-    by_filterpy = estimator_design.designed(*asked)
-    assert design(*asked) == by_filterpy
-    (kept,) = tmp_path.glob("wec-rig/estimator_*.json")
+    inputs = (COUNT, NOISE, JERK, DT)
+    by_filterpy = estimator_design.designed(*inputs)
+    assert design(*inputs) == by_filterpy
+    (cached,) = tmp_path.glob("wec-rig/estimator_*.json")
     with monkeypatch.context() as patch:
         patch.setattr(estimator_design, "designed", None)  # not called
-        assert design(*asked) == by_filterpy
-    whole = kept.read_text()
+        assert design(*inputs) == by_filterpy
+    whole = cached.read_text()
     wrong = json.dumps({"asked": [1.0, 2.0, 3.0, 4.0], "gains": [0.5, 0.5, 0.5]})
-    not_finite = json.dumps({"asked": asked, "gains": [0.5, float("nan"), 0.5]})
+    not_finite = json.dumps({"asked": inputs, "gains": [0.5, float("nan"), 0.5]})
     for text in (whole[:-3], "", "[]", wrong, not_finite):
-        kept.write_text(text)
-        assert design(*asked) == by_filterpy
-        assert kept.read_text() == whole
+        cached.write_text(text)
+        assert design(*inputs) == by_filterpy
+        assert cached.read_text() == whole
     assert design(COUNT, NOISE, JERK, 2.0 * DT) != by_filterpy
     assert len(list(tmp_path.glob("wec-rig/*"))) == 2
 
 
 def test_a_gain_is_the_same_on_every_processor() -> None:
-    """OpenBLAS multiplies with and without fused operations: the last bits of filterpy's differ."""
-    asked = (COUNT, NOISE, JERK, DT)
-    code = f"from rig.design.estimator import designed; print(*designed(*{asked}))"
+    """OpenBLAS uses fused operations on some processors, which changes filterpy's last bits."""
+    inputs = (COUNT, NOISE, JERK, DT)
+    code = f"from rig.design.estimator import designed; print(*designed(*{inputs}))"
     for kernels in ("Prescott", "Haswell"):
         env = os.environ | {"OPENBLAS_CORETYPE": kernels}
         done = subprocess.run(
@@ -124,7 +124,7 @@ def test_a_gain_is_the_same_on_every_processor() -> None:
         assert tuple(map(float, done.stdout.split())) == tuple(PARAMS)
 
 
-def test_gains_are_designed_where_nothing_can_be_kept(
+def test_gains_are_designed_without_a_writable_cache(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()
@@ -133,7 +133,7 @@ def test_gains_are_designed_where_nothing_can_be_kept(
 
 
 @pytest.mark.parametrize("f", [0.2, 0.5, 1.0])
-def test_a_sinusoid_comes_out_as_the_design_says(f: float) -> None:
+def test_the_response_to_a_sinusoid_is_as_designed(f: float) -> None:
     periods = 1 if f < 0.5 else 2
     n, settle = round(periods / (f * DT)), 4000
     t = np.arange(settle + n) * DT
@@ -160,7 +160,7 @@ def test_the_velocity_error_over_the_wave_band_is_small() -> None:
     assert np.max(lag) < 80e-6
 
 
-def test_what_does_not_move_stays_as_it_is() -> None:
+def test_a_body_at_rest_stays_at_rest() -> None:
     found = Estimate(183264 * COUNT, 0.0, 0.0)
     motion = found
     for _ in range(100):
@@ -170,15 +170,15 @@ def test_what_does_not_move_stays_as_it_is() -> None:
 
 
 def test_a_descending_body_has_a_negative_velocity() -> None:
-    x = counted(0.2 * np.arange(3000) * DT)
+    x = quantised(0.2 * np.arange(3000) * DT)
     up, down = track(x)[-1], track(-x)[-1]
     assert up[1] == pytest.approx(0.2, rel=0.01)
     assert down == pytest.approx(-up)
 
 
 @pytest.mark.parametrize("zero", [-4.618, 0.25, 4.618])
-def test_the_zero_of_a_position_does_not_matter_to_its_velocity(zero: float) -> None:
-    x = counted(0.05 * np.sin(3.0 * np.arange(2000) * DT))
+def test_the_velocity_does_not_depend_on_the_zero(zero: float) -> None:
+    x = quantised(0.05 * np.sin(3.0 * np.arange(2000) * DT))
     here, there = track(x), track(x - zero)
     assert np.max(np.abs(there[:, 0] + zero - here[:, 0])) < 1e-12
     assert np.max(np.abs(there[:, 1] - here[:, 1])) < 1e-11
@@ -201,10 +201,10 @@ def test_lost_periods_are_predicted(lost: int) -> None:
 
 def test_ignoring_a_gap_would_cost_velocity() -> None:
     before, after = Estimate(0.0, 0.5, 0.0), 0.5 * 0.02
-    told = estimator.step(PARAMS, before, after, 20, DT)
-    untold = estimator.step(PARAMS, before, after, 1, DT)
-    assert told.velocity == pytest.approx(0.5, abs=1e-12)
-    assert abs(untold.velocity - 0.5) > 0.1
+    with_gap = estimator.step(PARAMS, before, after, 20, DT)
+    without_gap = estimator.step(PARAMS, before, after, 1, DT)
+    assert with_gap.velocity == pytest.approx(0.5, abs=1e-12)
+    assert abs(without_gap.velocity - 0.5) > 0.1
 
 
 def peak_gain() -> float:
@@ -214,21 +214,21 @@ def peak_gain() -> float:
 
 
 def test_at_rest_a_still_encoder_gives_no_velocity() -> None:
-    got = track(counted(np.full(2000, 0.4567)))
+    got = track(quantised(np.full(2000, 0.4567)))
     assert np.all(got[:, 1] == 0.0)
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.1, 0.5])
-def test_quantisation_disturbs_velocity_little(speed: float) -> None:
+def test_the_velocity_error_of_quantisation_is_bounded(speed: float) -> None:
     """Bound: the error's rms q/sqrt(12) times the largest gain, wherever its lines alias to."""
     bound = peak_gain() * COUNT / math.sqrt(12.0)
     assert bound < 1.5e-3  # m/s, 1.5 % of 0.1 m/s: 5 N of noise at Kp = -3000 N s/m
-    got = track(counted(speed * np.arange(6000) * DT))[2000:, 1]
+    got = track(quantised(speed * np.arange(6000) * DT))[2000:, 1]
     assert np.sqrt(np.mean((got - speed) ** 2)) < bound
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.1])
-def test_encoder_noise_disturbs_velocity_as_the_covariance_says(speed: float) -> None:
+def test_the_velocity_noise_is_as_the_covariance_predicts(speed: float) -> None:
     """White noise of the designed size: rms by the filter's impulse response, within 25 %."""
     impulse, motion = [], REST
     for k in range(3000):
@@ -239,5 +239,5 @@ def test_encoder_noise_disturbs_velocity_as_the_covariance_says(speed: float) ->
     assert expected < 0.8e-3  # m/s: 2 N at Kp = -3000 N s/m
     rng = np.random.default_rng(5)
     x = speed * np.arange(20_000) * DT + rng.normal(0.0, NOISE * COUNT, 20_000)
-    got = track(counted(x))[2000:, 1] - speed
+    got = track(quantised(x))[2000:, 1] - speed
     assert float(np.sqrt(np.mean(got**2))) == pytest.approx(expected, rel=0.25)

@@ -1,4 +1,4 @@
-"""The gate for numbers that are none: NaN or infinity in any sensed value of a WaveBot."""
+"""NaN or infinity in any sensed value of a WaveBot removes power."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import math
 from typing import Any, get_type_hints
 
 import pytest
-from core_runs import Ran, plan, run
-from core_wavebot import READY, Bent, Quiet, params
+from core_runs import RunResult, plan, run
+from core_wavebot import READY, ModifiedDevices, Quiet, params
 
 from rig.kinds.wavebot import KIND, Sense, WaveBotRow
 from rig.realtime import safety
@@ -28,29 +28,29 @@ PLAN = plan(
 PARAMS = params(PLAN)._replace(safety=safety.Params(enable_ticks=50, stop_ticks=40))
 
 
-def bent(path: tuple[str, ...], value: float, at: int) -> Bent:
-    """Quiet devices with one value spoilt in one single tick."""
+def devices_with(path: tuple[str, ...], value: float, at: int) -> ModifiedDevices:
+    """Return constant devices with one value replaced in one single tick."""
 
-    def spoil(tick: int, sense: Sense) -> Sense:
+    def corrupt(tick: int, sense: Sense) -> Sense:
         if tick != at:
             return sense
         part = getattr(sense, path[0])
         return sense._replace(**{path[0]: part._replace(**{path[1]: value})})
 
-    return Bent(Quiet(), spoil)
+    return ModifiedDevices(Quiet(), corrupt)
 
 
-def stopped(made: Ran, devices: Bent, at: int) -> None:
-    """Power away in the very tick, and never back."""
-    assert made.error is None
-    for row, command in zip(made.rows, devices.commands, strict=True):
+def check_stopped(result: RunResult, devices: ModifiedDevices, at: int) -> None:
+    """Check that power is removed in this tick, and stays off."""
+    assert result.error is None
+    for row, command in zip(result.rows, devices.commands, strict=True):
         if row.tick >= at:
             assert row.safety.mode == STOP_0
             assert command.heave[:3] == (0.0, 0.0, 0)
             assert command.surge[:3] == (0.0, 0.0, 0)
             assert command.wave_trigger == 0
             assert command.spring.enable == 0
-    assert made.rows[-1].tick == at + 19  # the record goes on for 20 ticks, then the run ends
+    assert result.rows[-1].tick == at + 19  # 20 more ticks are logged, then the run ends
 
 
 def test_the_list_of_fields_is_that_of_the_type() -> None:
@@ -61,16 +61,16 @@ def test_the_list_of_fields_is_that_of_the_type() -> None:
 
 @pytest.mark.parametrize("path", GUARDED, ids=".".join)
 @pytest.mark.parametrize("bad", BAD)
-def test_no_number_anywhere_removes_power_in_the_same_tick(
+def test_a_value_that_is_not_finite_removes_power_in_the_same_tick(
     path: tuple[str, ...], bad: float
 ) -> None:
-    devices = bent(path, bad, at=55)
-    made = run(KIND, PARAMS, devices)
-    assert made.rows[54].safety.mode == RUN
-    assert made.rows[55].safety.reason == Reason.NOT_FINITE
-    assert made.end is not None
-    assert made.end.reason == Reason.NOT_FINITE
-    stopped(made, devices, 55)
+    devices = devices_with(path, bad, at=55)
+    result = run(KIND, PARAMS, devices)
+    assert result.rows[54].safety.mode == RUN
+    assert result.rows[55].safety.reason == Reason.NOT_FINITE
+    assert result.end is not None
+    assert result.end.reason == Reason.NOT_FINITE
+    check_stopped(result, devices, 55)
 
 
 @pytest.mark.parametrize("path", GUARDED, ids=".".join)
@@ -85,34 +85,34 @@ def test_no_number_anywhere_removes_power_in_the_same_tick(
     ],
 )
 def test_in_every_mode(path: tuple[str, ...], at: int, mode: int | None, request_: int) -> None:
-    """In the first tick too, and in a stop that is on its way."""
-    devices = bent(path, math.nan, at)
-    made = run(KIND, PARAMS, devices, posts={40: request_})
+    """In the first tick too, and during a stop."""
+    devices = devices_with(path, math.nan, at)
+    result = run(KIND, PARAMS, devices, requests={40: request_})
     if mode is not None:
-        assert made.rows[at - 1].safety.mode == mode
-    stopped(made, devices, at)
+        assert result.rows[at - 1].safety.mode == mode
+    check_stopped(result, devices, at)
 
 
 def test_two_infinities_of_opposite_sign_do_not_cancel() -> None:
-    def spoil(tick: int, sense: Sense) -> Sense:
+    def corrupt(tick: int, sense: Sense) -> Sense:
         if tick != 55:
             return sense
         return sense._replace(load=sense.load._replace(lcb=math.inf, trs=-math.inf))
 
-    devices = Bent(Quiet(), spoil)
-    made = run(KIND, PARAMS, devices)
-    stopped(made, devices, 55)
+    devices = ModifiedDevices(Quiet(), corrupt)
+    result = run(KIND, PARAMS, devices)
+    check_stopped(result, devices, 55)
 
 
-def test_an_unknown_elevation_stops_nothing() -> None:
+def test_an_unknown_elevation_does_not_trip() -> None:
     def unknown(tick: int, sense: Sense) -> Sense:
         return sense._replace(wave=sense.wave._replace(elevation=math.nan))
 
-    made = run(KIND, PARAMS, Bent(Quiet(), unknown))
-    assert made.end is not None
-    assert made.end.reason == Reason.PLAN_END
-    assert isinstance(made.rows[0], WaveBotRow)
-    assert all(math.isnan(row.wave.elevation) for row in made.rows)
+    result = run(KIND, PARAMS, ModifiedDevices(Quiet(), unknown))
+    assert result.end is not None
+    assert result.end.reason == Reason.PLAN_END
+    assert isinstance(result.rows[0], WaveBotRow)
+    assert all(math.isnan(row.wave.elevation) for row in result.rows)
 
 
 AGES: list[tuple[tuple[str, str], float, Reason, int]] = [
@@ -128,23 +128,23 @@ AGES: list[tuple[tuple[str, str], float, Reason, int]] = [
 def test_an_age_beyond_its_bound_stops_and_one_on_it_does_not(
     path: tuple[str, str], bound: float, reason: Reason, mode: int
 ) -> None:
-    made = run(KIND, PARAMS, bent(path, bound, 55))
-    assert made.end is not None
-    assert made.end.reason == Reason.PLAN_END
-    made = run(KIND, PARAMS, bent(path, math.nextafter(bound, 9.0), 55))
-    assert made.rows[54].safety.mode == RUN
-    assert made.rows[55].safety == (mode, 55, reason)
-    assert made.end is not None
-    assert made.end.reason == reason
+    result = run(KIND, PARAMS, devices_with(path, bound, 55))
+    assert result.end is not None
+    assert result.end.reason == Reason.PLAN_END
+    result = run(KIND, PARAMS, devices_with(path, math.nextafter(bound, 9.0), 55))
+    assert result.rows[54].safety.mode == RUN
+    assert result.rows[55].safety == (mode, 55, reason)
+    assert result.end is not None
+    assert result.end.reason == reason
 
 
-def change(sense: Sense, **words: dict[str, Any]) -> Sense:
+def change(sense: Sense, **parts: dict[str, Any]) -> Sense:
     return sense._replace(
-        **{name: getattr(sense, name)._replace(**values) for name, values in words.items()}
+        **{name: getattr(sense, name)._replace(**values) for name, values in parts.items()}
     )
 
 
-# Each fault of the WaveBot with what brings it about, worst first.
+# Each fault of the WaveBot with the values that cause it, worst first.
 FAULTS: list[tuple[Reason, dict[str, dict[str, Any]]]] = [
     (Reason.STALE_ENCODER, {"heave": {"encoder_age": 0.5}}),
     (Reason.STALE_DRIVE, {"heave": {"drive_age": 0.5}}),
@@ -162,20 +162,20 @@ PAIRS = list(itertools.combinations_with_replacement(range(len(FAULTS)), 2))
 
 
 @pytest.mark.parametrize(("i", "j"), PAIRS)
-def test_of_two_faults_in_one_tick_the_worse_counts(i: int, j: int) -> None:
-    """A fault that allows no controlled stop is never hidden behind one that does."""
+def test_of_two_simultaneous_faults_the_worse_counts(i: int, j: int) -> None:
+    """A fault that allows no controlled stop is never hidden by one that does."""
 
-    def spoil(tick: int, sense: Sense) -> Sense:
+    def corrupt(tick: int, sense: Sense) -> Sense:
         if tick != 55:
             return sense
         return change(change(sense, **FAULTS[j][1]), **FAULTS[i][1])
 
-    made = run(KIND, PARAMS, Bent(Quiet(), spoil))
+    result = run(KIND, PARAMS, ModifiedDevices(Quiet(), corrupt))
     reason = FAULTS[i][0]
     reasons = {FAULTS[i][0], FAULTS[j][0]}
     if reasons == {Reason.POSITION_DISAGREES, Reason.STALE_LOAD_CELL}:
-        reason = Reason.STALE_LOAD_CELL  # a string pot that is silent cannot disagree
-    assert made.rows[54].safety.mode == RUN
-    assert made.rows[55].safety.reason == reason
+        reason = Reason.STALE_LOAD_CELL  # a silent string pot cannot disagree
+    assert result.rows[54].safety.mode == RUN
+    assert result.rows[55].safety.reason == reason
     expected = STOP_0 if safety.CATEGORY[reason] == 0 else STOP_1
-    assert made.rows[55].safety.mode == expected
+    assert result.rows[55].safety.mode == expected

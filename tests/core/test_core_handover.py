@@ -1,4 +1,4 @@
-"""Parameters from the supervisor to the loop: the same to the bit, or an error that says where."""
+"""Parameters from the supervisor to the loop: equal bit by bit, or an error with the place."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, -2.2e-308, 
 
 
 def values(hint: Any, rig: Any) -> st.SearchStrategy[Any]:
-    """Any value of a parameter type."""
+    """Return a strategy for any value of a parameter type."""
     if hint is Any:
         hint = rig
     if get_origin(hint) is Annotated:
@@ -42,7 +42,7 @@ def values(hint: Any, rig: Any) -> st.SearchStrategy[Any]:
 
 
 def bits(value: Any) -> Any:
-    """A value with every float as its bytes and every type named."""
+    """Return a value with every float as its bytes and every type by name."""
     if isinstance(value, float):
         return "float", struct.pack("<d", value)
     if isinstance(value, tuple):
@@ -53,36 +53,36 @@ def bits(value: Any) -> Any:
 @pytest.mark.parametrize("rig", [wavebot.Params, BenchParams, PairParams])
 @settings(max_examples=20, deadline=None)
 @given(data=st.data())
-def test_any_parameters_come_back_to_the_bit(rig: Any, data: Any) -> None:
+def test_any_parameters_are_restored_bit_by_bit(rig: Any, data: Any) -> None:
     value = data.draw(values(cycle.Params, rig))
     assert bits(handover.loads(cycle.Params, handover.dumps(value), rig=rig)) == bits(value)
 
 
-def test_the_shipped_parameters_and_a_job_come_back() -> None:
-    made = params()
-    again = handover.loads(cycle.Params, handover.dumps(made), rig=wavebot.Params)
-    assert bits(again) == bits(made)
-    job = Job(1, 0, 0.001, 3, 4, 5, made, json.dumps({"seed": 1}), 1.0)
+def test_the_shipped_parameters_and_a_job_are_restored() -> None:
+    restored = params()
+    second = handover.loads(cycle.Params, handover.dumps(restored), rig=wavebot.Params)
+    assert bits(second) == bits(restored)
+    job = Job(1, 0, 0.001, 3, 4, 5, restored, json.dumps({"seed": 1}), 1.0)
     assert bits(handover.loads(Job, handover.dumps(job), rig=wavebot.Params)) == bits(job)
 
 
-def whole(value: Any) -> Any:
-    """The same with every float that is a whole number written as an int."""
+def integers_for_floats(value: Any) -> Any:
+    """Return the value with every whole-number float written as an int."""
     if isinstance(value, tuple):
-        return [whole(part) for part in value]
+        return [integers_for_floats(part) for part in value]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def test_a_float_written_as_an_int_comes_back_as_a_float() -> None:
-    made = bench_params()
-    text = json.dumps(whole(made))
-    assert text != handover.dumps(made)
-    assert bits(handover.loads(cycle.Params, text, rig=BenchParams)) == bits(made)
+def test_a_float_written_as_an_int_is_restored_as_a_float() -> None:
+    restored = bench_params()
+    text = json.dumps(integers_for_floats(restored))
+    assert text != handover.dumps(restored)
+    assert bits(handover.loads(cycle.Params, text, rig=BenchParams)) == bits(restored)
 
 
 @pytest.mark.parametrize("odd", [math.inf, -math.inf, math.nan])
-def test_no_number_passes_unchanged(odd: float) -> None:
-    """It is the configuration's task to refuse it; here nothing may turn it into a number."""
+def test_values_that_are_not_finite_pass_unchanged(odd: float) -> None:
+    """The configuration must refuse such values; the handover must not turn them into numbers."""
     back = handover.loads(Word, handover.dumps(Word(odd, 1, ())))
     assert struct.pack("d", back.a) == struct.pack("d", odd)
 
@@ -94,7 +94,7 @@ class Word(NamedTuple):
 
 
 class Outer(NamedTuple):
-    word: Word
+    field: Word
     name: str
 
 
@@ -105,22 +105,22 @@ class Union(NamedTuple):
 @pytest.mark.parametrize(
     ("text", "where"),
     [
-        ('[["x", 1, []], "n"]', "Outer.word.a"),
-        ("[[true, 1, []], 2]", "Outer.word.a"),
-        ("[[null, 1, []], 2]", "Outer.word.a"),
-        ('[[1.0, 1.0, []], "n"]', "Outer.word.b"),
-        ('[[1.0, true, []], "n"]', "Outer.word.b"),
-        ('[[1.0, 1, 5], "n"]', "Outer.word.c"),
-        ('[[1.0, 1, [0.5, "x"]], "n"]', r"Outer.word.c\[1\]"),
-        ('[[1.0, 1], "n"]', "Outer.word"),
-        ('[[1.0, 1, [], 4], "n"]', "Outer.word"),
-        ('[{"a": 1}, "n"]', "Outer.word"),
+        ('[["x", 1, []], "n"]', "Outer.field.a"),
+        ("[[true, 1, []], 2]", "Outer.field.a"),
+        ("[[null, 1, []], 2]", "Outer.field.a"),
+        ('[[1.0, 1.0, []], "n"]', "Outer.field.b"),
+        ('[[1.0, true, []], "n"]', "Outer.field.b"),
+        ('[[1.0, 1, 5], "n"]', "Outer.field.c"),
+        ('[[1.0, 1, [0.5, "x"]], "n"]', r"Outer.field.c\[1\]"),
+        ('[[1.0, 1], "n"]', "Outer.field"),
+        ('[[1.0, 1, [], 4], "n"]', "Outer.field"),
+        ('[{"a": 1}, "n"]', "Outer.field"),
         ("[[1.0, 1, []], 7]", "Outer.name"),
         ("[]", "Outer"),
         ("3", "Outer"),
     ],
 )
-def test_what_does_not_fit_is_named(text: str, where: str) -> None:
+def test_an_invalid_field_is_named(text: str, where: str) -> None:
     with pytest.raises(HandoverError, match=rf"^{where}: "):
         handover.loads(Outer, text)
 

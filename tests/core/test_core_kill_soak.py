@@ -1,6 +1,6 @@
 """kill -9 of loop, logger and supervisor at random moments of whole runs.
 
-Each time: no row is lost (at most a second if all die at once), `rig recover` states exactly the
+Each time: no row is lost (at most one second if all die at once), `rig recover` states exactly the
 ticks that are missing, no process is left, the locks are free and the next run starts.
 """
 
@@ -26,9 +26,9 @@ SEED = int(os.environ.get("KILL_SEED") or secrets.randbits(32))
 VIRTUAL, REAL = 16, 6  # kills; 300 of them: python -m benchmarks crash
 
 
-def judge(fates: list[Fate], kills: int) -> None:
-    told = "\n".join(map(str, fates))
-    print(f"KILL_SEED={SEED}\n{told}")  # shown if it fails
+def check_outcomes(fates: list[Fate], kills: int) -> None:
+    report = "\n".join(map(str, fates))
+    print(f"KILL_SEED={SEED}\n{report}")  # shown on failure
     assert sum(len(fate.kill.moments) for fate in fates) == kills
     assert not [fate for fate in fates if fate.wrong]
     assert max(fate.seconds for fate in fates) <= 1.0
@@ -39,7 +39,7 @@ def judge(fates: list[Fate], kills: int) -> None:
 
 def test_kills_on_the_virtual_clock(tmp_path: Path) -> None:
     todo = plans(random.Random(SEED), VIRTUAL, ("loop", "logger", SUPERVISOR, *PAIRS), 1.5)
-    judge(soak(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
+    check_outcomes(soak(tmp_path, todo, real_clock=False, workers=2), VIRTUAL)
 
 
 def test_kills_on_the_real_clock(tmp_path: Path) -> None:
@@ -47,16 +47,16 @@ def test_kills_on_the_real_clock(tmp_path: Path) -> None:
     whom = ["loop", "logger", SUPERVISOR, *PAIRS, "all"]
     todo = [plans(dice, 1, (who,), 1.5)[0]._replace(starting=False) for who in whom]
     dice.shuffle(todo)
-    judge(soak(tmp_path, todo, real_clock=True, workers=1), REAL)
+    check_outcomes(soak(tmp_path, todo, real_clock=True, workers=1), REAL)
 
 
-def test_a_stopping_loop_keeps_the_real_time_place(tmp_path: Path) -> None:
-    """The next run must not get a rig whose last loop still has the drive on."""
+def test_a_stopping_loop_keeps_the_real_time_lock(tmp_path: Path) -> None:
+    """The next run must not start while the last loop still has the drive on."""
     campaign = campaign_file(tmp_path, 60.0)
     with live_run(campaign, tmp_path / "runs", real_clock=True) as run:
         run.wait_started()
         loop, logger = run.pid(LOOP), run.pid(LOGGER)
-        time.sleep(1.3)  # past the tare: the drive is on, damping for 2 s comes first
+        time.sleep(1.3)  # after the tare: the drive is on, and the stop begins with 2 s of damping
         run.process.kill()
         run.process.wait()
         with pytest.raises(BusyError, match="was killed; its loop is coming to a stop"):

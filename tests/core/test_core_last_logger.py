@@ -1,4 +1,4 @@
-"""A loop whose supervisor and logger are dead saves its rows itself, or says how many are lost."""
+"""A loop without supervisor and logger saves its rows itself, or records the loss."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from core_runs import unflatten
 from rig.kinds.wavebot import WaveBotRow
 from rig.processes import last_logger
 from rig.processes.last_logger import LastLogger
-from rig.realtime.loop import End
+from rig.realtime.loop import LoopResult
 from rig.realtime.safety import Reason
 from rig.recording import ring
 from rig.recording.mcap_writer import RowWriter
@@ -27,7 +27,7 @@ from rig.recording.runs import create, mcap_file
 from rig.recording.runs.recover import recover
 
 NOW = datetime(2026, 1, 2, tzinfo=UTC)
-END = End(900, 0, Reason.SUPERVISOR_LOST.value)
+END = LoopResult(900, 0, Reason.SUPERVISOR_LOST.value)
 GONE = 1 << 30  # no process
 
 
@@ -36,16 +36,16 @@ def run(tmp_path: Path) -> Path:
     folder = tmp_path / "a"
     folder.mkdir()
     (folder / "config.json").write_text("{}")
-    (folder / "privileges.json").write_text("null")  # no logger waits for it at its end
+    (folder / "privileges.json").write_text("null")  # so that no logger waits for it at its end
     create.write_json(folder, "run.json", {"status": "running", "pid": GONE, "pid_started": 1})
     return folder
 
 
 @pytest.fixture
-def rows() -> tuple[int, ring.Writer]:
-    """A ring with 900 rows that nobody has taken."""
+def rows() -> tuple[int, ring.RingWriter]:
+    """Return a ring with 900 rows, none of them taken."""
     fd = ring.create(WaveBotRow, 1024)
-    writer = ring.Writer(fd, WaveBotRow, wait=False)
+    writer = ring.RingWriter(fd, WaveBotRow, wait=False)
     writer.start(1_760_000_000_000_000_000)
     for tick in range(900):
         values = {"tick": tick, "tick_end": tick, "time": tick * 1e-3}
@@ -69,26 +69,32 @@ def ticks(path: Path) -> Any:
     return np.concatenate([block["tick"] for block in mcap_file.blocks(mcap_file.scan(path))])
 
 
-def test_a_logger_of_its_own_saves_every_row(
-    run: Path, rows: tuple[int, ring.Writer], monkeypatch: pytest.MonkeyPatch
+def test_a_logger_started_by_the_loop_saves_every_row(
+    run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     fd, writer = rows
-    (run / "run.mcap.part0").write_bytes(b"")  # of the logger that was killed as it started
+    (run / "run.mcap.part0").write_bytes(b"")  # of a logger that was killed at its start
     LastLogger(request(run, fd), GONE).see_out(writer, END)
     assert writer.tail == writer.head == 900
     assert np.array_equal(ticks(run / "run.mcap.part1"), np.arange(900))
-    made = recover(run, None, NOW)
-    assert (made.account.lost, made.account.ending and made.account.ending.final) == (0, True)
-    assert made.ending == "fault: SUPERVISOR_LOST"
+    ring_fd = recover(run, None, NOW)
+    assert (
+        ring_fd.account.lost,
+        ring_fd.account.end_report and ring_fd.account.end_report.final,
+    ) == (
+        0,
+        True,
+    )
+    assert ring_fd.outcome == "fault: SUPERVISOR_LOST"
 
 
-def test_where_none_can_be_started_the_loss_is_noted_exactly(
-    run: Path, rows: tuple[int, ring.Writer], monkeypatch: pytest.MonkeyPatch
+def test_without_a_logger_the_exact_loss_is_recorded(
+    run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     fd, writer = rows
-    reader = ring.Reader(fd)
+    reader = ring.RingReader(fd)
     saved = reader.take(300)
     out = RowWriter(run / "run.mcap.part0", WaveBotRow, {}, {}, start_utc_ns=writer.start_utc_ns)
     out.append(saved)
@@ -97,17 +103,20 @@ def test_where_none_can_be_started_the_loss_is_noted_exactly(
     reader.commit()
     monkeypatch.setattr(sys, "executable", "/bin/false")
     LastLogger(request(run, fd), GONE).see_out(writer, END)
-    noted = json.loads((run / "progress.json").read_text())
-    assert noted["final"] is True
-    assert (noted["ticks"], noted["saved"], noted["last_tick"]) == (900, 300, 899)
-    made = recover(run, None, NOW)
-    assert [(gap.first, gap.last, gap.lost) for gap in made.account.gaps] == [(300, 899, 600)]
-    assert made.account.ending is not None
-    assert (made.account.ending.final, made.account.ending.witness) == (True, "the loop")
+    progress = json.loads((run / "progress.json").read_text())
+    assert progress["final"] is True
+    assert (progress["ticks"], progress["saved"], progress["last_tick"]) == (900, 300, 899)
+    ring_fd = recover(run, None, NOW)
+    assert [(gap.first, gap.last, gap.lost) for gap in ring_fd.account.gaps] == [(300, 899, 600)]
+    assert ring_fd.account.end_report is not None
+    assert (ring_fd.account.end_report.final, ring_fd.account.end_report.source) == (
+        True,
+        "the loop",
+    )
 
 
-def test_nobody_interferes_while_the_supervisor_lives(
-    run: Path, rows: tuple[int, ring.Writer], monkeypatch: pytest.MonkeyPatch
+def test_the_loop_starts_no_logger_while_the_supervisor_lives(
+    run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(last_logger, "LIVING", 0.2)
     fd, writer = rows
@@ -117,13 +126,13 @@ def test_nobody_interferes_while_the_supervisor_lives(
     ]
 
 
-def test_a_slow_logger_that_lives_is_not_joined_by_a_second(
-    run: Path, rows: tuple[int, ring.Writer], monkeypatch: pytest.MonkeyPatch
+def test_a_slow_logger_is_not_joined_by_a_second(
+    run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its disk lets it save nothing for a while; once it is dead, another goes on from its tail."""
+    """Its disk is blocked for a while; after its death another one continues from its tail."""
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     fd, writer = rows
-    lock = ring.consume(fd)
+    lock = ring.lock_consumer(fd)
     found: list[list[str]] = []
 
     def die() -> None:
@@ -136,28 +145,30 @@ def test_a_slow_logger_that_lives_is_not_joined_by_a_second(
     timer.join()
     assert found == [[]]
     assert np.array_equal(ticks(run / "run.mcap.part0"), np.arange(900))
-    assert not ring.consumed(fd)
+    assert not ring.has_consumer(fd)
 
 
 def test_a_logger_that_hangs_keeps_its_rows(
-    run: Path, rows: tuple[int, ring.Writer], monkeypatch: pytest.MonkeyPatch
+    run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The loop does not wait for ever: the ring lives as long as that logger does."""
+    """The loop does not wait for ever: the ring lives as long as that logger."""
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     monkeypatch.setattr(last_logger, "HANGS", 0.3)
     fd, writer = rows
-    lock = ring.consume(fd)
+    lock = ring.lock_consumer(fd)
     LastLogger(request(run, fd), GONE).see_out(writer, END)
     os.close(lock)
     assert list(run.glob("*.mcap*")) == []
     assert json.loads((run / "progress.json").read_text())["saved"] == 0
 
 
-def test_two_loggers_take_turns(run: Path, rows: tuple[int, ring.Writer]) -> None:
-    """However both came to be started: one reads the ring, the other goes on where it ended."""
+def test_two_loggers_write_one_after_the_other(
+    run: Path, rows: tuple[int, ring.RingWriter]
+) -> None:
+    """If two are started, one reads the ring and the other continues where it ended."""
     fd, writer = rows
-    first = ring.consume(fd)
-    reader = ring.Reader(fd)
+    first = ring.lock_consumer(fd)
+    reader = ring.RingReader(fd)
     job = json.loads(request(run, fd))["job"]
     command = [sys.executable, "-m", "rig.recording.logger"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, text=True, pass_fds=(fd,)) as second:
@@ -175,8 +186,8 @@ def test_two_loggers_take_turns(run: Path, rows: tuple[int, ring.Writer]) -> Non
     assert np.array_equal(ticks(run / "run.mcap.part0"), np.arange(300, 900))
 
 
-def test_without_a_request_nothing_is_waited_for_or_noted(
-    rows: tuple[int, ring.Writer], monkeypatch: pytest.MonkeyPatch
+def test_without_a_request_the_call_returns_at_once(
+    rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     _, writer = rows

@@ -1,4 +1,4 @@
-"""The limiter of an axis: what is granted, how it moves, and what trips."""
+"""The limiter of an axis: granted force, its rate, and trips."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_limits_have_no_default() -> None:
 
 
 @given(st.lists(st.tuples(DEMAND, st.sampled_from([RUN, STOP_1, STOP_2])), max_size=60))
-def test_whatever_is_demanded_the_force_keeps_its_bounds(demands: list[tuple[float, int]]) -> None:
+def test_any_demand_keeps_the_force_within_its_bounds(demands: list[tuple[float, int]]) -> None:
     state, last = limits.start(), 0.0
     for demand, mode in demands:
         state, command = limits.grant(WAVEBOT, state, demand, 1, mode, DT)
@@ -60,7 +60,7 @@ def test_whatever_is_demanded_the_force_keeps_its_bounds(demands: list[tuple[flo
 
 
 @given(st.lists(st.one_of(st.floats(), DEMAND), min_size=1, max_size=30))
-def test_no_demand_gives_anything_but_a_number(demands: list[float]) -> None:
+def test_any_demand_gives_a_finite_force(demands: list[float]) -> None:
     state = limits.start()
     for demand in demands:
         state, command = limits.grant(WAVEBOT, state, demand, 1, RUN, DT)
@@ -72,7 +72,7 @@ def test_no_demand_gives_anything_but_a_number(demands: list[float]) -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_demand_that_is_no_number_trips_in_the_next_tick(bad: float) -> None:
+def test_a_demand_that_is_not_finite_trips_in_the_next_tick(bad: float) -> None:
     state = AxisState(500.0, 3.0, 0)
     state, command = limits.grant(WAVEBOT, state, bad, 1, RUN, DT)
     assert command.force == 0.0
@@ -87,7 +87,7 @@ def checked(state: AxisState, sense: AxisSense, motion: Estimate) -> int:
 
 
 def constant(demand: float, seconds: float) -> list[tuple[float, int]]:
-    """Current and flags, tick by tick, of a demand that does not change."""
+    """Return current and flags, tick by tick, for a constant demand."""
     state, out = limits.start(), []
     for _ in range(round(seconds / DT)):
         state, command = limits.grant(WAVEBOT, state, demand, 1, RUN, DT)
@@ -115,7 +115,7 @@ def test_the_continuous_current_is_never_folded_back() -> None:
 
 
 def test_the_mean_square_over_any_long_time_stays_at_the_continuous_current() -> None:
-    """A demand of a sinusoid of 60 A: peaks at 40 A, mean square held near 20 A."""
+    """A sinusoidal demand of 60 A: peaks limited to 40 A, mean square to about 20 A."""
     state, squares, n = limits.start(), 0.0, 60_000
     for k in range(2 * n):
         demand = 60.0 * WAVEBOT.newtons_per_ampere * math.sin(2.0 * math.pi * 0.5 * k * DT)

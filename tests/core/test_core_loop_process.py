@@ -1,4 +1,4 @@
-"""The loop process: what comes before the first tick, in its order, and what ends it."""
+"""The loop process: the order of its steps before the first tick, and its end."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from core_process import output
 from rig.realtime import loop
 from rig.realtime.safety import STOP_0, STOP_1, Reason
 
-# A loop process whose steps are told; `TROUBLE` is raised while the wires are warmed up.
+# A loop process that reports its steps; `TROUBLE` is raised while the wires warm up.
 CODE = """
 import io, json, os, sys
 from core_kinds import BENCH, DT
@@ -55,8 +55,8 @@ print(json.dumps({"event": "order", "order": order, "code": code}))
 """
 
 
-# A loop process on the real clock whose supervisor posts once and then is silent. Its start, tick
-# and request are those of a real supervisor; the plan is walked in 0.5 s and more.
+# A loop process on the real clock whose supervisor posts once and is then silent. Start, tick
+# and request are those of a real supervisor; the plan takes 0.5 s or more.
 SILENT = """
 import io, json, os, sys, time
 from core_kinds import BENCH, DT
@@ -70,41 +70,41 @@ loop_process.leave_terminal_alone = lambda: None
 rows, mail = ring.create(BENCH.row_type, 20_000), mailbox.create()
 devices = bench()
 devices.warm_up = lambda dt: Mailbox(mail, Request).post(Request(0, time.monotonic()))
-params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stand still
+params = bench_params()._replace(lost_ticks_stop=10**9)  # the host may stall
 job = loop_process.Job(1, 0, DT, rows, mail, os.getppid(), params, "{}", TIMEOUT)
 sys.stdin = io.StringIO(handover.dumps(job))
 loop_process.main(BENCH, lambda config, dt: devices)
-reader, modes = ring.Reader(rows), []
+reader, modes = ring.RingReader(rows), []
 while block := reader.take():
     row = row_layout.layout(BENCH.row_type)
     modes += [row.unpack_from(block, at) for at in range(0, len(block), row.size)]
 names = [leaf.name for leaf in row_layout.leaves(BENCH.row_type)]
-tick, mode, why = (names.index(n) for n in ("tick", "safety.mode", "safety.reason"))
-print(json.dumps({"event": "rows", "rows": [[r[tick], r[mode], r[why]] for r in modes]}))
+tick, mode, reason = (names.index(n) for n in ("tick", "safety.mode", "safety.reason"))
+print(json.dumps({"event": "rows", "rows": [[r[tick], r[mode], r[reason]] for r in modes]}))
 """
 
 
-def told(trouble: str) -> dict[str, Any]:
+def events_of(trouble: str) -> dict[str, Any]:
     lines = output(f"TROUBLE = {trouble!r}\n{CODE}").splitlines()
     return {one["event"]: one for one in map(json.loads, lines)}
 
 
 def test_the_wires_are_warmed_up_last_before_the_first_tick() -> None:
-    said = told("")
-    assert said["order"]["order"][:5] == [
+    events = events_of("")
+    assert events["order"]["order"][:5] == [
         "connect", "privileges", "warm up 0.001", "clock", "first tick",
     ]  # fmt: skip
-    assert said["order"]["order"][-1] == "close"
-    assert said["end"]["ticks"] > 400
+    assert events["order"]["order"][-1] == "close"
+    assert events["end"]["ticks"] > 400
 
 
 @pytest.mark.parametrize("why", ["no process data from surge in 3 s"])
-def test_wires_that_do_not_answer_are_named_and_given_back(why: str) -> None:
-    said = told(why)
-    assert said["refused"]["why"] == why
-    assert said["order"]["code"] == 78
-    assert said["order"]["order"] == ["connect", "privileges", "warm up 0.001", "close"]
-    assert "start" not in said
+def test_silent_wires_are_reported_and_released(why: str) -> None:
+    events = events_of(why)
+    assert events["refused"]["why"] == why
+    assert events["order"]["code"] == 78
+    assert events["order"]["order"] == ["connect", "privileges", "warm up 0.001", "close"]
+    assert "start" not in events
 
 
 def silent(timeout: float) -> dict[str, Any]:
@@ -113,16 +113,16 @@ def silent(timeout: float) -> dict[str, Any]:
 
 
 def test_a_silent_supervisor_is_a_controlled_stop_on_the_real_clock() -> None:
-    said = silent(0.2)
-    assert said["end"]["reason"] == Reason.SUPERVISOR_LOST
-    rows = said["rows"]["rows"]
+    events = silent(0.2)
+    assert events["end"]["reason"] == Reason.SUPERVISOR_LOST
+    rows = events["rows"]["rows"]
     first = next(tick for tick, _, why in rows if why == Reason.SUPERVISOR_LOST)
-    # Posted while the wires warm up; looked at every 50 ms; a busy host only makes it later.
-    assert 0.15 <= first * 0.001 <= 0.2 + loop.WATCH + 0.2
+    # Posted while the wires warm up, read every 50 ms; a busy host only delays it.
+    assert 0.15 <= first * 0.001 <= 0.2 + loop.EXTERNAL_REQUEST_INTERVAL + 0.2
     modes = [mode for _, mode, _ in rows]
     assert STOP_1 in modes  # damping first
     assert modes[-1] == STOP_0
 
 
-def test_a_supervisor_that_is_heard_of_in_time_stops_nothing() -> None:
+def test_a_supervisor_within_its_timeout_stops_nothing() -> None:
     assert silent(30.0)["end"]["reason"] == Reason.PLAN_END

@@ -1,4 +1,4 @@
-"""The shared slot: the newest whole value, never half of one."""
+"""The mailbox: the newest complete value, never a partial one."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Meter(NamedTuple):
 
 @pytest.fixture
 def fd() -> Iterator[int]:
-    made = mailbox.create()
-    yield made
-    os.close(made)
+    mailbox_fd = mailbox.create()
+    yield mailbox_fd
+    os.close(mailbox_fd)
 
 
-def test_before_the_first_post_there_is_nothing(fd: int) -> None:
+def test_an_empty_mailbox_reads_none(fd: int) -> None:
     assert Mailbox(fd, Request).read() is None
 
 
@@ -36,42 +36,42 @@ def test_before_the_first_post_there_is_nothing(fd: int) -> None:
 @given(
     st.lists(st.tuples(st.floats(allow_nan=False), st.integers(-(2**63), 2**63 - 1)), max_size=9)
 )
-def test_every_reader_gets_the_newest(values: list[tuple[float, int]]) -> None:
-    made = mailbox.create()
+def test_every_reader_gets_the_newest_value(values: list[tuple[float, int]]) -> None:
+    mailbox_fd = mailbox.create()
     try:
-        sender, early = Mailbox(made, Meter), Mailbox(made, Meter)
+        sender, early = Mailbox(mailbox_fd, Meter), Mailbox(mailbox_fd, Meter)
         for value in values:
             sender.post(Meter(*value))
             assert early.read() == value
             assert isinstance(early.read(), Meter)
-            assert early.read() is early.read()  # a level: it stands
-        late = Mailbox(made, Meter).read()
+            assert early.read() is early.read()  # a level: it persists
+        late = Mailbox(mailbox_fd, Meter).read()
         assert late == (values[-1] if values else None)
     finally:
-        os.close(made)
+        os.close(mailbox_fd)
 
 
 def put_words(fd: int, before: int, after: int, payload: bytes = b"") -> None:
-    """Write the sequence words and the value as a writer might have left them."""
+    """Write sequence numbers and value as an interrupted writer might have left them."""
     os.pwrite(fd, struct.pack("<q", before), 0)
     os.pwrite(fd, struct.pack("<q", after), 8)
     if payload:
         os.pwrite(fd, payload, 16)
 
 
-def test_a_writer_caught_in_the_act_leaves_the_old_value(fd: int) -> None:
+def test_an_interrupted_write_leaves_the_old_value(fd: int) -> None:
     sender, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
     sender.post(Meter(1.0, 1))
     assert reader.read() == (1.0, 1)
     half = struct.pack("<d", 2.0)
     put_words(fd, 2, 1, half)  # sequence taken, half of the value written
     assert reader.read() == (1.0, 1)
-    assert Mailbox(fd, Meter).read() is None  # who comes now knows of nothing whole
+    assert Mailbox(fd, Meter).read() is None  # a new reader finds no complete value
     put_words(fd, 2, 2, half + struct.pack("<q", 2))
     assert reader.read() == (2.0, 2)
 
 
-def test_a_value_that_changes_while_it_is_read_is_not_given(fd: int) -> None:
+def test_a_value_that_changes_while_being_read_is_discarded(fd: int) -> None:
     sender, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
     sender.post(Meter(1.0, 1))
     assert reader.read() == (1.0, 1)
@@ -79,11 +79,11 @@ def test_a_value_that_changes_while_it_is_read_is_not_given(fd: int) -> None:
     plain = reader._layout
 
     class Meddling:
-        """Lets the writer begin another post in the middle of the reading."""
+        """Starts another post in the middle of the read."""
 
-        def unpack_from(self, *place: Any) -> Any:
+        def unpack_from(self, *arguments: Any) -> Any:
             put_words(fd, 3, 2)
-            return plain.unpack_from(*place)
+            return plain.unpack_from(*arguments)
 
     reader._layout = Meddling()
     assert reader.read() == (1.0, 1)
@@ -92,7 +92,7 @@ def test_a_value_that_changes_while_it_is_read_is_not_given(fd: int) -> None:
     assert reader.read() == (3.0, 3)
 
 
-def test_a_writer_that_died_in_the_act_is_replaced(fd: int) -> None:
+def test_a_writer_that_died_while_writing_is_replaced(fd: int) -> None:
     first, reader = Mailbox(fd, Meter), Mailbox(fd, Meter)
     first.post(Meter(1.0, 1))
     put_words(fd, 2, 1)
@@ -100,13 +100,13 @@ def test_a_writer_that_died_in_the_act_is_replaced(fd: int) -> None:
     assert reader.read() == (5.0, 5)
 
 
-def test_a_word_that_does_not_fit_is_refused(fd: int) -> None:
+def test_a_value_of_another_type_is_refused(fd: int) -> None:
     fields = [(f"f{i}", Annotated[float, "m"]) for i in range(os.sysconf("SC_PAGE_SIZE") // 8)]
     with pytest.raises(ValueError, match="Wide does not fit"):
         Mailbox(fd, NamedTuple("Wide", fields))
 
 
-def test_a_post_of_another_process_arrives(fd: int) -> None:
+def test_a_post_from_another_process_arrives(fd: int) -> None:
     reader = Mailbox(fd, Request)
     code = (
         "import sys; from rig.processes.mailbox import Mailbox, Request;"
@@ -124,15 +124,15 @@ def test_values_of_a_busy_writer_are_whole(fd: int) -> None:
         "m = Mailbox(int(sys.argv[1]), Meter)\n"
         "for n in range(1, 200_000): m.post(Meter(n * 0.5, n))\n"
     )
-    process, reader, seen = start(code, fd), Mailbox(fd, Meter), []
+    process, reader, values = start(code, fd), Mailbox(fd, Meter), []
     try:
-        while not seen or seen[-1] < 199_999:
+        while not values or values[-1] < 199_999:
             value = reader.read()
-            if value is not None and (not seen or value.count != seen[-1]):
+            if value is not None and (not values or value.count != values[-1]):
                 assert value.power == value.count * 0.5
-                seen.append(value.count)
+                values.append(value.count)
             assert process.poll() in (None, 0)
     finally:
         process.kill()
         process.communicate()
-    assert seen == sorted(seen)
+    assert values == sorted(values)

@@ -1,4 +1,4 @@
-"""Limits, safety and the checks of power: every branch taken, every small change noticed."""
+"""Mutation tests of limits, safety and power checks: every branch taken, every mutant killed."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ CHECKS: dict[str, Callable[[Any], None]] = {
     "kinds/wavebot/stations": check_wavebot_stations,
     "kinds/oswec_bench/stations": check_bench_stations,
 }
-LEAST = {  # mutants, branches
+MINIMUM = {  # mutants, branches
     "realtime/limits": (150, 10),
     "realtime/safety": (150, 10),
     "kinds/wavebot/stations": (60, 4),
     "kinds/oswec_bench/stations": (30, 3),
 }
 
-# Survivors: source line and change, each with the reason why it does the same as the original.
+# Equivalent mutants: source line and change, with the reason why both behave alike.
 EQUIVALENT = {
     "realtime/limits.py": {
         "total = current + encoder_age + drive_age + position + velocity + acceleration": {
@@ -43,8 +43,8 @@ EQUIVALENT = {
         "if request != REQUEST_NONE:": {
             "request != REQUEST_NONE -> True": "no request carries no reason, only time is saved",
         },
-        "elif trip != FINE:": {
-            "trip != FINE -> False": "TRIP_1 and STOP have the same column in the table",
+        "elif trip != NO_REASON:": {
+            "trip != NO_REASON -> False": "TRIP_1 and STOP have the same column in the table",
         },
     },
 }
@@ -53,7 +53,7 @@ EQUIVALENT = {
 class Mutant(NamedTuple):
     line: int
     change: str
-    operator: str  # "+ -> -" where only that changed
+    operator: str  # "+ -> -" if only the operator changed
     code: ast.Module
 
 
@@ -76,15 +76,15 @@ CELLS = ("_OFF", "_ENA", "_RUN", "_ST2", "_ST1", "_ST0")
 
 
 def replacements(node: ast.AST) -> Iterator[ast.AST]:
-    """What may stand in place of one expression."""
+    """Yield the replacements of one expression."""
     new = copy.deepcopy(node)
     match new:
         case ast.Compare(ops=ops):
             for i, op in enumerate(ops):
                 for other in COMPARE[type(op)]:
-                    made = copy.deepcopy(new)
-                    made.ops[i] = other()
-                    yield made
+                    mutated = copy.deepcopy(new)
+                    mutated.ops[i] = other()
+                    yield mutated
         case ast.BinOp():
             new.op = ARITHMETIC[type(new.op)]()
             yield new
@@ -107,13 +107,13 @@ def replacements(node: ast.AST) -> Iterator[ast.AST]:
         case ast.Attribute(value=ast.Name(id="Reason")):
             other = "DRIVE_FAULT" if new.attr != "DRIVE_FAULT" else "VELOCITY"
             yield ast.Attribute(new.value, other, ast.Load())
-        case ast.Attribute(value=ast.Name(id="Limited")):
+        case ast.Attribute(value=ast.Name(id="LimitFlag")):
             other = "MODE" if new.attr != "MODE" else "SLEW"
             yield ast.Attribute(new.value, other, ast.Load())
 
 
-def places(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST]]:
-    """Every expression with where it hangs; annotations are not code."""
+def expressions(tree: ast.AST) -> Iterator[tuple[ast.AST, str, int | None, ast.AST]]:
+    """Yield every expression with its parent and field; annotations are no code."""
     for parent in ast.walk(tree):
         for field, value in ast.iter_fields(parent):
             if field in ("annotation", "returns"):
@@ -134,7 +134,7 @@ def put(parent: Any, field: str, i: int | None, node: Any) -> None:
 
 
 def mutants(source: str) -> Iterator[Mutant]:
-    """All single changes of a module; the tree is put back after each."""
+    """Yield all single changes of a module; the tree is restored after each."""
     tree = ast.parse(source)
     annotated = {
         id(part)
@@ -143,7 +143,7 @@ def mutants(source: str) -> Iterator[Mutant]:
         if hint is not None
         for part in ast.walk(hint)
     }
-    for parent, field, i, node in list(places(tree)):
+    for parent, field, i, node in list(expressions(tree)):
         if id(node) in annotated:
             continue
         news = list(replacements(node))
@@ -168,7 +168,7 @@ def execute(code: Any, filename: str) -> types.ModuleType:
 def survives(mutant: Mutant, check: Callable[[Any], None]) -> bool:
     try:
         check(execute(mutant.code, "<mutant>"))
-    except Exception:  # noqa: BLE001  whatever it dies of
+    except Exception:  # noqa: BLE001  any exception kills the mutant
         return False
     return True
 
@@ -180,21 +180,23 @@ def test_the_module_itself_passes(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CHECKS)
-def test_every_small_change_is_noticed(name: str) -> None:
+def test_every_mutant_is_killed(name: str) -> None:
     source = (RIG / f"{name}.py").read_text()
-    lines, alive, excused, tried = source.splitlines(), [], set(), 0
+    lines, alive, equivalent, total = source.splitlines(), [], set(), 0
     for mutant in mutants(source):
-        tried += 1
+        total += 1
         if survives(mutant, CHECKS[name]):
             line = lines[mutant.line - 1].strip()
             known = EQUIVALENT.get(f"{name}.py", {}).get(line, {})
             if mutant.change in known or mutant.operator in known:
-                excused.add(line)
+                equivalent.add(line)
             else:
                 alive.append(f"{name}.py:{mutant.line}: {mutant.change}")
-    assert tried > LEAST[name][0]
+    assert total > MINIMUM[name][0]
     assert alive == []
-    assert excused == set(EQUIVALENT.get(f"{name}.py", {}))  # no excuse outlives its reason
+    assert equivalent == set(
+        EQUIVALENT.get(f"{name}.py", {})
+    )  # every listed equivalent still exists
 
 
 @pytest.mark.parametrize("name", CHECKS)
@@ -202,7 +204,7 @@ def test_every_branch_is_taken_both_ways(name: str) -> None:
     path = RIG / f"{name}.py"
     source = path.read_text()
     module = execute(source, str(path))
-    seen: set[tuple[int, int]] = set()
+    transitions: set[tuple[int, int]] = set()
 
     def trace(frame: Any, event: str, _: Any) -> Any:
         if frame.f_code.co_filename != str(path):
@@ -212,7 +214,7 @@ def test_every_branch_is_taken_both_ways(name: str) -> None:
         def lines(inner: Any, kind: str, _: Any) -> Any:
             nonlocal last
             if kind in ("line", "return"):
-                seen.add((last, inner.f_lineno if kind == "line" else -1))
+                transitions.add((last, inner.f_lineno if kind == "line" else -1))
                 last = inner.f_lineno
             return lines
 
@@ -226,15 +228,15 @@ def test_every_branch_is_taken_both_ways(name: str) -> None:
         sys.settrace(before)
     tree = ast.parse(source)
     branches = [node for node in ast.walk(tree) if isinstance(node, ast.If)]
-    assert len(branches) >= LEAST[name][1]
+    assert len(branches) >= MINIMUM[name][1]
     for branch in branches:
         assert branch.test.end_lineno is not None
         inside = range(branch.test.lineno, branch.test.end_lineno + 1)
-        after = {to for at, to in seen if at in inside and to not in inside}
+        after = {to for at, to in transitions if at in inside and to not in inside}
         into = branch.body[0].lineno
         assert into in after, f"{name}.py:{branch.lineno} is never true"
         assert after - {into}, f"{name}.py:{branch.lineno} is never false"
-    reached = {to for _, to in seen}
+    reached = {to for _, to in transitions}
     for function in (node for node in tree.body if isinstance(node, ast.FunctionDef)):
         for node in ast.walk(function):
             if isinstance(node, ast.Return | ast.Assign | ast.AugAssign):

@@ -34,16 +34,16 @@ _number = itertools.count()
 Metre = Annotated[float, "m"]
 
 
-def walked(value: Any) -> list[float | int]:
-    """The numbers of a row by plain recursion."""
+def flatten(value: Any) -> list[float | int]:
+    """Return the numbers of a row by recursion."""
     if isinstance(value, tuple):
-        return [number for part in value for number in walked(part)]
+        return [number for part in value for number in flatten(part)]
     return [value]
 
 
 def named_tuple(fields: list[tuple[str, Any]]) -> Any:
-    made: Any = NamedTuple(f"Word{next(_number)}", fields)
-    return made
+    row_type: Any = NamedTuple(f"Word{next(_number)}", fields)
+    return row_type
 
 
 FIELD = st.from_regex(r"[a-z](_?[a-z0-9]){0,6}", fullmatch=True).filter(
@@ -62,7 +62,7 @@ ROW_TYPES = tuples(st.recursive(LEAF, tuples, max_leaves=12))
 
 
 def packed_row(row_type: Any, row: Any) -> bytes:
-    """The row's bytes, stored among others that must stay as they are."""
+    """Return the row's bytes, stored between bytes that must not change."""
     size = layout(row_type).size
     buffer = bytearray(b"\xaa" * (size + 16))
     packer(row_type)(buffer, 8, row)
@@ -80,7 +80,7 @@ def test_any_nested_type_is_laid_out_the_same_everywhere(row_type: Any, data: An
     }
     values = [data.draw(number[leaf.code]) for leaf in found]
     row = unflatten(row_type, values)
-    assert values == walked(row)
+    assert values == flatten(row)
     packed = packed_row(row_type, row)
     assert packed == b"".join(
         struct.pack("<" + leaf.code, value) for leaf, value in zip(found, values, strict=True)
@@ -96,7 +96,7 @@ def test_any_nested_type_is_laid_out_the_same_everywhere(row_type: Any, data: An
 
 
 @pytest.mark.parametrize("row_type", ROWS)
-def test_each_row_type_has_a_unit_everywhere_and_a_schema_that_says_it(row_type: Any) -> None:
+def test_every_field_of_a_row_has_a_unit_in_the_schema(row_type: Any) -> None:
     found = leaves(row_type)
     assert all(leaf.unit for leaf in found)
     assert len({leaf.name for leaf in found}) == len(found)
@@ -110,7 +110,7 @@ def test_each_row_type_has_a_unit_everywhere_and_a_schema_that_says_it(row_type:
     assert schema_name(row_type) == f"wec_rig/msg/{row_type.__name__}"
 
 
-def test_the_wavebot_row_carries_what_the_analysis_needs() -> None:
+def test_the_wavebot_row_has_the_fields_of_the_analysis() -> None:
     units = {leaf.name: leaf.unit for leaf in leaves(WaveBotRow)}
     assert units["heave.estimate.velocity"] == "m/s"
     assert units["heave.demand.force"] == units["heave.command.force"] == "N"
@@ -122,21 +122,28 @@ def test_the_wavebot_row_carries_what_the_analysis_needs() -> None:
     assert {f"{name}.age" for name in ("load", "spring_sense", "power_sense")} <= set(units)
 
 
-def test_every_word_of_the_loop_has_a_unit() -> None:
-    words = [
+def test_every_signal_of_the_loop_has_a_unit() -> None:
+    types = [
         kind
         for kind in vars(signals).values()
         if inspect.isclass(kind) and issubclass(kind, tuple) and hasattr(kind, "_fields")
     ]
-    assert {word.__name__ for word in words} >= {"AxisSense", "Estimate", "Demand", "AxisCommand"}
-    for word in (*words, wavebot.Sense, wavebot.Command):
-        for name, hint in get_type_hints(word, include_extras=True).items():
-            assert hasattr(hint, "_fields") or hint.__metadata__[0], f"{word.__name__}.{name}"
-        leaves(word)
+    assert {signal_type.__name__ for signal_type in types} >= {
+        "AxisSense",
+        "Estimate",
+        "Demand",
+        "AxisCommand",
+    }
+    for signal_type in (*types, wavebot.Sense, wavebot.Command):
+        for name, hint in get_type_hints(signal_type, include_extras=True).items():
+            assert hasattr(hint, "_fields") or hint.__metadata__[0], (
+                f"{signal_type.__name__}.{name}"
+            )
+        leaves(signal_type)
 
 
 @pytest.mark.parametrize(
-    ("hint", "says"),
+    ("hint", "message"),
     [
         (float, "has no unit"),
         (int, "has no unit"),
@@ -152,40 +159,40 @@ def test_every_word_of_the_loop_has_a_unit() -> None:
         (NamedTuple("Nothing", []), "at least one field"),
     ],
 )
-def test_what_cannot_be_laid_out_is_refused_by_name(hint: Any, says: str) -> None:
+def test_an_invalid_leaf_is_refused_by_name(hint: Any, message: str) -> None:
     outer = named_tuple([("tick", Metre), ("inner", named_tuple([("odd", hint)]))])
     for use in (leaves, layout, packer, schema):
-        with pytest.raises(RowError, match=says) as caught:
+        with pytest.raises(RowError, match=message) as caught:
             use(outer)
         assert str(caught.value).startswith("inner.odd: ")
 
 
 @pytest.mark.parametrize("name", ["Upper", "two__scores", "tail_", "größe", "camelCase"])
-def test_a_field_that_is_no_ros_name_is_refused(name: str) -> None:
+def test_a_field_without_a_ros_name_is_refused(name: str) -> None:
     outer = named_tuple([("inner", named_tuple([(name, Metre)]))])
     with pytest.raises(RowError, match=f"^inner.{name}: not a ROS field name"):
         leaves(outer)
 
 
-def test_a_type_that_is_no_named_tuple_is_refused() -> None:
+def test_a_type_other_than_a_named_tuple_is_refused() -> None:
     with pytest.raises(RowError, match=r"^int is not a NamedTuple"):
         leaves(int)
 
 
 def test_two_types_of_one_name_are_refused() -> None:
-    """A schema names a type once: the second would be read by the layout of the first."""
+    """A schema defines a type name once: the second type would be read with the first layout."""
     one, two = NamedTuple("Same", [("a", Metre)]), NamedTuple("Same", [("b", Metre)])
     with pytest.raises(RowError, match=r"^y: a second type named Same"):
         leaves(named_tuple([("x", one), ("y", two)]))
     assert len(leaves(named_tuple([("x", one), ("y", one)]))) == 2
 
 
-def test_a_schema_line_that_is_not_ours_is_refused() -> None:
+def test_a_foreign_schema_line_is_refused() -> None:
     with pytest.raises(RowError, match="not understood"):
         leaves_of_schema("float64\n")
 
 
-def test_floats_go_through_to_the_bit() -> None:
+def test_floats_are_stored_bit_by_bit() -> None:
     odd = (math.nan, -0.0, 5e-324, math.inf, -math.inf, 1.7976931348623157e308)
     kind = named_tuple([(f"f{i}", Metre) for i in range(len(odd))])
     back = layout(kind).unpack(packed_row(kind, kind(*odd)))

@@ -1,4 +1,4 @@
-"""The ring against a list, its dangers one by one, and a producer that is killed."""
+"""The ring against a list model, its hazards one by one, and a killed producer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.recording import ring
-from rig.recording.ring import Producer, Reader, TornRowError, Writer
+from rig.recording.ring import ProducerState, RingReader, RingWriter, TornRowError
 from rig.recording.row_layout import layout
 
 Tick = Annotated[int, "tick"]
@@ -48,13 +48,13 @@ def decode(block: bytes) -> list[Row]:
 
 @pytest.fixture
 def fd() -> Iterator[int]:
-    made = ring.create(Row, 8)
-    yield made
-    os.close(made)
+    ring_fd = ring.create(Row, 8)
+    yield ring_fd
+    os.close(ring_fd)
 
 
 class Model:
-    """What a ring owes, as lists."""
+    """Model of a ring by lists."""
 
     def __init__(self, capacity: int) -> None:
         self.capacity = capacity
@@ -75,10 +75,14 @@ STEPS = st.lists(
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(2, 9), STEPS)
-def test_put_take_commit_as_a_list(capacity: int, steps: list[tuple[str, int]]) -> None:
-    made = ring.create(Row, capacity)
+def test_the_ring_behaves_like_a_list(capacity: int, steps: list[tuple[str, int]]) -> None:
+    ring_fd = ring.create(Row, capacity)
     try:
-        writer, reader, model = Writer(made, Row, wait=False), Reader(made), Model(capacity)
+        writer, reader, model = (
+            RingWriter(ring_fd, Row, wait=False),
+            RingReader(ring_fd),
+            Model(capacity),
+        )
         number = 0
         for what, count in steps:
             if what == "put":
@@ -91,17 +95,17 @@ def test_put_take_commit_as_a_list(capacity: int, steps: list[tuple[str, int]]) 
                     number += 1
             elif what == "take":
                 got = [one.tick for one in decode(reader.take(count))]
-                # only what the poll before had seen, one stretch of memory at a time
+                # only rows seen by the previous poll, one contiguous part at a time
                 stretch = capacity - model.taken % capacity
-                most = max(0, min(model.shown - model.taken, count, stretch))
-                assert got == model.put[model.taken : model.taken + most]
-                model.taken += most
+                max_rows = max(0, min(model.shown - model.taken, count, stretch))
+                assert got == model.put[model.taken : model.taken + max_rows]
+                model.taken += max_rows
                 model.shown = len(model.put)
             elif what == "commit":
                 reader.commit()
                 model.tail = model.taken
             else:
-                reader = Reader(made)  # a new logger goes on from what is safe
+                reader = RingReader(ring_fd)  # a new logger continues from the tail
                 model.taken = model.shown = model.tail
             assert (reader.head, reader.tail) == (len(model.put), model.tail)
             assert reader.dropped == model.dropped
@@ -115,11 +119,11 @@ def test_put_take_commit_as_a_list(capacity: int, steps: list[tuple[str, int]]) 
             rest += decode(block)
         assert rest == [row(n) for n in model.put[model.taken :]]
     finally:
-        os.close(made)
+        os.close(ring_fd)
 
 
 def test_a_full_ring_drops_and_counts(fd: int) -> None:
-    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+    writer, reader = RingWriter(fd, Row, wait=False), RingReader(fd)
     for n in range(11):
         writer.put(row(n))
     assert (reader.head, reader.dropped) == (8, 3)
@@ -127,25 +131,25 @@ def test_a_full_ring_drops_and_counts(fd: int) -> None:
     assert [one.tick for one in decode(reader.take())] == list(range(8))
 
 
-def test_a_full_ring_is_waited_for_until_there_is_room(fd: int) -> None:
-    writer, reader = Writer(fd, Row, wait=True), Reader(fd)
+def test_a_writer_waits_for_space_in_a_full_ring(fd: int) -> None:
+    writer, reader = RingWriter(fd, Row, wait=True), RingReader(fd)
     for n in range(8):
         writer.put(row(n))
     late = threading.Thread(target=writer.put, args=(row(8),))
     late.start()
     late.join(timeout=0.05)
     assert late.is_alive()
-    assert reader.take() == b""  # the first poll only looks
+    assert reader.take() == b""  # the first poll only reads the head
     assert [one.tick for one in decode(reader.take())] == list(range(8))
-    assert late.is_alive()  # taken is not yet safe
+    assert late.is_alive()  # taken, but not committed
     reader.commit()
     late.join(timeout=10)
     assert not late.is_alive()
     assert (reader.head, reader.dropped) == (9, 0)
 
 
-def test_nobody_waits_for_a_reader_that_was_given_up(fd: int) -> None:
-    writer, reader = Writer(fd, Row, wait=True), Reader(fd)
+def test_a_writer_does_not_wait_for_an_abandoned_reader(fd: int) -> None:
+    writer, reader = RingWriter(fd, Row, wait=True), RingReader(fd)
     for n in range(8):
         writer.put(row(n))
     late = threading.Thread(target=writer.put, args=(row(8),))
@@ -156,8 +160,8 @@ def test_nobody_waits_for_a_reader_that_was_given_up(fd: int) -> None:
     assert (reader.head, reader.dropped) == (8, 1)
 
 
-def test_a_row_is_not_given_in_the_poll_that_first_sees_it(fd: int) -> None:
-    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+def test_a_row_is_taken_one_poll_after_it_appeared(fd: int) -> None:
+    writer, reader = RingWriter(fd, Row, wait=False), RingReader(fd)
     writer.put(row(0))
     assert reader.take() == b""
     writer.put(row(1))
@@ -167,7 +171,7 @@ def test_a_row_is_not_given_in_the_poll_that_first_sees_it(fd: int) -> None:
 
 @pytest.mark.parametrize("torn", [0, 3, 4])
 def test_a_torn_row_is_an_error(fd: int, torn: int) -> None:
-    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+    writer, reader = RingWriter(fd, Row, wait=False), RingReader(fd)
     for n in range(5):
         writer.put(row(n))
     os.pwrite(fd, struct.pack("<q", 99), HEADER + (torn + 1) * SIZE - 8)
@@ -178,8 +182,8 @@ def test_a_torn_row_is_an_error(fd: int, torn: int) -> None:
         assert reader.latest() is None
 
 
-def test_a_bystander_sees_the_newest_row_and_changes_nothing(fd: int) -> None:
-    writer, logger, bystander = Writer(fd, Row, wait=False), Reader(fd), Reader(fd)
+def test_an_observer_reads_the_newest_row_only(fd: int) -> None:
+    writer, logger, bystander = RingWriter(fd, Row, wait=False), RingReader(fd), RingReader(fd)
     assert bystander.latest() is None
     for n in range(20):
         writer.put(row(n))
@@ -193,55 +197,55 @@ def test_a_bystander_sees_the_newest_row_and_changes_nothing(fd: int) -> None:
     assert decode(logger.take()) == [row(n) for n in range(tail, 20)]
 
 
-def test_a_second_writer_goes_on_where_the_first_ended(fd: int) -> None:
-    Writer(fd, Row, wait=False).put(row(0))
-    second = Writer(fd, Row, wait=False)
+def test_a_second_writer_continues_after_the_first(fd: int) -> None:
+    RingWriter(fd, Row, wait=False).put(row(0))
+    second = RingWriter(fd, Row, wait=False)
     second.put(row(1))
     second.finish()
-    assert decode(Reader(fd).take()) == [row(0), row(1)]
+    assert decode(RingReader(fd).take()) == [row(0), row(1)]
 
 
-def test_state_tells_what_became_of_the_producer(fd: int) -> None:
-    reader = Reader(fd)
-    assert [state.value for state in Producer] == [0, 1, 2]
-    assert reader.state == Producer.ABSENT
-    writer = Writer(fd, Row, wait=False)
-    assert reader.state == Producer.RUNNING
+def test_the_state_follows_the_producer(fd: int) -> None:
+    reader = RingReader(fd)
+    assert [state.value for state in ProducerState] == [0, 1, 2]
+    assert reader.state == ProducerState.ABSENT
+    writer = RingWriter(fd, Row, wait=False)
+    assert reader.state == ProducerState.RUNNING
     writer.put(row(0))
-    reader.bury()
-    assert reader.state == Producer.FINISHED
+    reader.mark_finished()
+    assert reader.state == ProducerState.FINISHED
     assert decode(reader.take()) == [row(0)]
 
 
-def test_a_ring_of_other_rows_is_refused(fd: int) -> None:
+def test_a_ring_of_another_row_size_is_refused(fd: int) -> None:
     with pytest.raises(ValueError, match=f"rows of {SIZE} bytes, not 16"):
-        Writer(fd, Inner, wait=False)
+        RingWriter(fd, Inner, wait=False)
 
 
-def test_what_is_no_ring_is_refused() -> None:
+def test_a_file_that_is_not_a_ring_is_refused() -> None:
     other = os.memfd_create("other")
     os.ftruncate(other, HEADER)
     with pytest.raises(ValueError, match="not a ring"):
-        Reader(other)
+        RingReader(other)
     os.close(other)
 
 
 PRODUCER = """
 import sys
 from test_core_ring import Row, row
-from rig.recording.ring import Writer
-writer, n = Writer(int(sys.argv[1]), Row, wait=True), 0
+from rig.recording.ring import RingWriter
+writer, n = RingWriter(int(sys.argv[1]), Row, wait=True), 0
 while True:
     writer.put(row(n))
     n += 1
 """
 
 
-def test_a_killed_producer_loses_nothing_it_had_shown() -> None:
-    made = ring.create(Row, 64)
-    process = start(PRODUCER, made)
+def test_a_killed_producer_loses_no_published_row() -> None:
+    ring_fd = ring.create(Row, 64)
+    process = start(PRODUCER, ring_fd)
     try:
-        reader, got = Reader(made), []
+        reader, got = RingReader(ring_fd), []
         deadline = time.monotonic() + 60
         while len(got) < 1000:
             got += decode(reader.take())
@@ -249,7 +253,7 @@ def test_a_killed_producer_loses_nothing_it_had_shown() -> None:
             assert time.monotonic() < deadline
         process.send_signal(signal.SIGKILL)
         process.wait(timeout=10)
-        reader.bury()
+        reader.mark_finished()
         head = reader.head
         while block := reader.take():
             got += decode(block)
@@ -258,60 +262,60 @@ def test_a_killed_producer_loses_nothing_it_had_shown() -> None:
     finally:
         process.kill()
         process.communicate()
-        os.close(made)
+        os.close(ring_fd)
 
 
 def test_a_killed_reader_is_replaced() -> None:
-    """The second goes on after what the first had made safe."""
-    made = ring.create(Row, 64)
+    """The second reader continues after the rows committed by the first."""
+    ring_fd = ring.create(Row, 64)
     try:
-        writer = Writer(made, Row, wait=False)
+        writer = RingWriter(ring_fd, Row, wait=False)
         for n in range(30):
             writer.put(row(n))
         first = (
-            "import sys, os, signal; from rig.recording.ring import Reader;"
-            "r = Reader(int(sys.argv[1]));"
+            "import sys, os, signal; from rig.recording.ring import RingReader;"
+            "r = RingReader(int(sys.argv[1]));"
             "r.take(); r.take(10); r.commit(); r.take(5); os.kill(os.getpid(), signal.SIGKILL)"
         )
-        process = start(first, made)
+        process = start(first, ring_fd)
         process.communicate(timeout=60)
         assert process.returncode == -signal.SIGKILL
         writer.finish()
-        assert decode(Reader(made).take()) == [row(n) for n in range(10, 30)]
+        assert decode(RingReader(ring_fd).take()) == [row(n) for n in range(10, 30)]
     finally:
-        os.close(made)
+        os.close(ring_fd)
 
 
 def test_another_process_reads_the_same_bytes() -> None:
-    made = ring.create(Row, 16)
+    ring_fd = ring.create(Row, 16)
     try:
-        writer = Writer(made, Row, wait=False)
+        writer = RingWriter(ring_fd, Row, wait=False)
         for n in range(10):
             writer.put(row(n))
         writer.finish()
         code = (
-            "import sys; from rig.recording.ring import Reader; "
-            "print(Reader(int(sys.argv[1])).take().hex())"
+            "import sys; from rig.recording.ring import RingReader; "
+            "print(RingReader(int(sys.argv[1])).take().hex())"
         )
-        assert decode(bytes.fromhex(output(code, made))) == [row(n) for n in range(10)]
+        assert decode(bytes.fromhex(output(code, ring_fd))) == [row(n) for n in range(10)]
     finally:
-        os.close(made)
+        os.close(ring_fd)
 
 
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 16, 29])
-def test_what_is_still_in_memory_is_the_newest_in_order(fd: int, count: int) -> None:
-    writer, bystander = Writer(fd, Row, wait=False), Reader(fd)
-    logger = Reader(fd)
+def test_the_remaining_rows_are_the_newest_in_order(fd: int, count: int) -> None:
+    writer, bystander = RingWriter(fd, Row, wait=False), RingReader(fd)
+    logger = RingReader(fd)
     for number in range(count):
         writer.put(row(number))
         logger.take()
         logger.take()
         logger.commit()
-    assert decode(bystander.kept()) == [row(n) for n in range(count)][-8:]
+    assert decode(bystander.remaining_rows()) == [row(n) for n in range(count)][-8:]
 
 
-def test_run_time_zero_is_with_the_rows(fd: int) -> None:
-    writer, reader = Writer(fd, Row, wait=False), Reader(fd)
+def test_the_ring_holds_the_utc_of_run_time_zero(fd: int) -> None:
+    writer, reader = RingWriter(fd, Row, wait=False), RingReader(fd)
     assert reader.start_utc_ns == 0
     writer.start(1_760_000_000_123_456_789)
-    assert Reader(fd).start_utc_ns == reader.start_utc_ns == 1_760_000_000_123_456_789
+    assert RingReader(fd).start_utc_ns == reader.start_utc_ns == 1_760_000_000_123_456_789

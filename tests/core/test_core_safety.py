@@ -1,4 +1,4 @@
-"""The safety machine under any interleaving of faults, requests and power."""
+"""The safety machine under any sequence of faults, requests and power."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from core_checks import EVENTS, MEANING, MODES, REASONS, REQUESTS, WORDS, check_safety
+from core_checks import ACTION_MODE, EVENTS, MODES, REASONS, REQUESTS, TRANSITIONS, check_safety
 from core_kinds import AXIS, DT
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -30,26 +30,27 @@ from rig.realtime.safety import (
 PARAMS = safety.Params(enable_ticks=6, stop_ticks=4)
 
 
-def walk(state: safety.State, tick: int, **what: Any) -> safety.State:
-    """One step with nothing happening but what is told."""
-    told = {
-        "trip": 0, "request": 0, "finished": False, "wanted": True, "powered": True, **what,
+def step(state: safety.State, tick: int, **changes: Any) -> safety.State:
+    """Return the state after one step with the given inputs, the others normal."""
+    inputs = {
+        "trip": 0, "request": 0, "plan_finished": False, "power_required": True, "drive_on": True,
+        **changes,
     }  # fmt: skip
-    return safety.step(PARAMS, state, tick, **told)
+    return safety.step(PARAMS, state, tick, **inputs)
 
 
-@pytest.mark.parametrize("mode", WORDS)
+@pytest.mark.parametrize("mode", TRANSITIONS)
 @pytest.mark.parametrize("event", EVENTS)
-def test_the_table_means_its_words(mode: str, event: str) -> None:
-    word = WORDS[mode].split()[EVENTS.index(event)]
-    assert TABLE[MODES[mode]][EVENTS.index(event)].name == MEANING.get(word, mode)
+def test_the_table_follows_iec_60204(mode: str, event: str) -> None:
+    action = TRANSITIONS[mode].split()[EVENTS.index(event)]
+    assert TABLE[MODES[mode]][EVENTS.index(event)].name == ACTION_MODE.get(action, mode)
 
 
 def test_every_step_is_as_expected() -> None:
     check_safety(safety)
 
 
-def test_no_way_leads_up_from_a_stop_of_category_0_or_1() -> None:
+def test_a_stop_of_category_0_or_1_is_final() -> None:
     reached = {Mode.STOP_1}
     for _ in Mode:
         reached |= {after for mode in reached for after in TABLE[mode]}
@@ -66,11 +67,11 @@ def test_every_reason_has_a_category() -> None:
 @pytest.mark.parametrize("persists", [name for name, (_, c) in REASONS.items() if c == 1])
 @pytest.mark.parametrize("request_name", ["NONE", "STOP", "HOLD", "RESUME", "LOGGER_LOST"])
 def test_a_controlled_stop_ends_in_time_whatever_persists(persists: str, request_name: str) -> None:
-    state = walk(safety.State(RUN, 0, 0), 10, trip=REASONS["POSITION"][0])
+    state = step(safety.State(RUN, 0, 0), 10, trip=REASONS["POSITION"][0])
     assert state == (STOP_1, 10, Reason.POSITION)
     for tick in range(11, 20):
         request = REQUESTS[request_name][0]
-        state = walk(state, tick, trip=REASONS[persists][0], request=request, finished=True)
+        state = step(state, tick, trip=REASONS[persists][0], request=request, plan_finished=True)
         assert state.mode == (STOP_1 if tick < 10 + PARAMS.stop_ticks else STOP_0)
         assert state.reason == Reason.POSITION
 
@@ -79,41 +80,43 @@ def test_a_controlled_stop_ends_in_time_whatever_persists(persists: str, request
 @pytest.mark.parametrize("trip", [name for name, (_, c) in REASONS.items() if c == 1])
 def test_an_abort_cuts_power_even_while_a_lesser_trip_persists(mode: int, trip: str) -> None:
     number = REASONS[trip][0]
-    kept = number if mode == STOP_1 else 0
-    state = walk(safety.State(mode, 0, kept), 1, trip=number, request=safety.REQUEST_ABORT)
+    expected_reason = number if mode == STOP_1 else 0
+    state = step(
+        safety.State(mode, 0, expected_reason), 1, trip=number, request=safety.REQUEST_ABORT
+    )
     assert state.mode == STOP_0
-    assert state.reason == (kept or Reason.OPERATOR_ABORT)
+    assert state.reason == (expected_reason or Reason.OPERATOR_ABORT)
 
 
 def test_a_worse_fault_in_a_controlled_stop_cuts_power_and_keeps_the_first_cause() -> None:
-    state = walk(safety.State(RUN, 0, 0), 1, trip=Reason.VELOCITY.value)
-    state = walk(state, 2, trip=Reason.STALE_ENCODER.value)
+    state = step(safety.State(RUN, 0, 0), 1, trip=Reason.VELOCITY.value)
+    state = step(state, 2, trip=Reason.STALE_ENCODER.value)
     assert state == (STOP_0, 2, Reason.VELOCITY)
 
 
 def test_hold_and_resume() -> None:
-    state = walk(safety.State(RUN, 0, 0), 1, request=safety.REQUEST_HOLD)
+    state = step(safety.State(RUN, 0, 0), 1, request=safety.REQUEST_HOLD)
     assert state == (STOP_2, 1, 0)
-    state = walk(state, 2, request=safety.REQUEST_HOLD)  # a level: it stands until the next
+    state = step(state, 2, request=safety.REQUEST_HOLD)  # a level: it persists until the next
     assert state == (STOP_2, 1, 0)
-    state = walk(state, 50, request=safety.REQUEST_RESUME)
+    state = step(state, 50, request=safety.REQUEST_RESUME)
     assert state == (RUN, 50, 0)
-    assert walk(state, 51, request=safety.REQUEST_RESUME) is state
+    assert step(state, 51, request=safety.REQUEST_RESUME) is state
 
 
-def test_a_hold_asked_for_too_early_takes_effect_once_the_law_acts() -> None:
+def test_an_early_hold_takes_effect_in_run() -> None:
     state, modes = safety.start(0), []
     for tick in range(6):
-        state = walk(state, tick, request=safety.REQUEST_HOLD, powered=tick > 2)
+        state = step(state, tick, request=safety.REQUEST_HOLD, drive_on=tick > 2)
         modes.append(state.mode)
     assert modes == [ENABLING, ENABLING, ENABLING, RUN, STOP_2, STOP_2]
 
 
-def test_a_drive_that_comes_up_on_its_last_tick_is_in_time() -> None:
+def test_a_drive_that_enables_in_the_last_tick_is_in_time() -> None:
     for late in (0, 1):
         state = safety.State(ENABLING, 0, 0)
         for tick in range(1, PARAMS.enable_ticks + 1 + late):
-            state = walk(state, tick, powered=tick == PARAMS.enable_ticks + late)
+            state = step(state, tick, drive_on=tick == PARAMS.enable_ticks + late)
         if late:
             assert state == (STOP_0, PARAMS.enable_ticks, Reason.DRIVE_NOT_ON)
         else:
@@ -124,41 +127,50 @@ WANTED = Demand(-500.0, 900.0, 0.0, 321.0)
 
 
 class Interleavings(RuleBasedStateMachine):
-    """The machine and the limiter of one axis, told anything in any order."""
+    """The machine and the limiter of one axis with any inputs in any order."""
 
     def __init__(self) -> None:
         super().__init__()
         self.tick = 0
-        self.guard = safety.start(0)
+        self.safety_state = safety.start(0)
         self.axis = axis.start()
         self.counts = 0
-        self.before = self.guard
+        self.before = self.safety_state
         self.force = 0.0
         self.enable = 0
         self.trip = self.request = 0
         self.stopped_at: int | None = None
         self.first: int = 0
 
-    def _tick(self, trip: int, request: int, finished: bool, wanted: bool, powered: bool) -> None:
+    def _tick(
+        self, trip: int, request: int, plan_finished: bool, power_required: bool, drive_on: bool
+    ) -> None:
         self.tick += 1
-        self.before, self.trip, self.request = self.guard, trip, request
-        self.guard = safety.step(
-            PARAMS, self.guard, self.tick, trip, request, finished, wanted, powered
+        self.before, self.trip, self.request = self.safety_state, trip, request
+        self.safety_state = safety.step(
+            PARAMS,
+            self.safety_state,
+            self.tick,
+            trip,
+            request,
+            plan_finished,
+            power_required,
+            drive_on,
         )
         self.counts += 40
-        sense = AxisSense(self.counts, 0.0, 0.0, int(powered), 0, 0.0)
+        sense = AxisSense(self.counts, 0.0, 0.0, int(drive_on), 0, 0.0)
         motion = axis.observe(AXIS, self.axis, sense, 0.0, 1, DT)
         self.axis, record = axis.control(
-            AXIS, self.axis, sense, motion, WANTED, 1, 0, self.guard.mode, DT
+            AXIS, self.axis, sense, motion, WANTED, 1, 0, self.safety_state.mode, DT
         )
         self.force, self.enable = record.command.force, record.command.enable
-        if self.guard.mode >= STOP_1 and self.stopped_at is None:
-            self.stopped_at, self.first = self.tick, self.guard.reason
+        if self.safety_state.mode >= STOP_1 and self.stopped_at is None:
+            self.stopped_at, self.first = self.tick, self.safety_state.reason
 
-    @rule(wanted=st.booleans(), powered=st.booleans(), n=st.integers(1, 4))
-    def quiet(self, wanted: bool, powered: bool, n: int) -> None:
+    @rule(power_required=st.booleans(), drive_on=st.booleans(), n=st.integers(1, 4))
+    def quiet(self, power_required: bool, drive_on: bool, n: int) -> None:
         for _ in range(n):
-            self._tick(0, 0, False, wanted, powered)
+            self._tick(0, 0, False, power_required, drive_on)
             self.holds()
 
     @rule(n=st.integers(1, 8))
@@ -170,13 +182,15 @@ class Interleavings(RuleBasedStateMachine):
     @rule(
         trip=st.sampled_from([0, 0, 0, *(r.value for r in Reason)]),
         request=st.integers(0, 7),
-        finished=st.booleans(),
-        powered=st.booleans(),
+        plan_finished=st.booleans(),
+        drive_on=st.booleans(),
         n=st.integers(1, 3),
     )
-    def anything(self, trip: int, request: int, finished: bool, powered: bool, n: int) -> None:
+    def anything(
+        self, trip: int, request: int, plan_finished: bool, drive_on: bool, n: int
+    ) -> None:
         for _ in range(n):
-            self._tick(trip, request, finished, True, powered)
+            self._tick(trip, request, plan_finished, True, drive_on)
             self.holds()
 
     @rule(request=st.sampled_from([safety.REQUEST_HOLD, safety.REQUEST_RESUME]))
@@ -185,7 +199,7 @@ class Interleavings(RuleBasedStateMachine):
 
     @invariant()
     def holds(self) -> None:
-        mode, last = self.guard.mode, self.before.mode
+        mode, last = self.safety_state.mode, self.before.mode
         assert math.isfinite(self.force)
         if self.force != 0.0:
             assert mode in (RUN, STOP_1, STOP_2)
@@ -193,7 +207,7 @@ class Interleavings(RuleBasedStateMachine):
         if self.stopped_at is not None:
             assert mode in (STOP_1, STOP_0)
             assert mode >= last or last < STOP_1
-            assert self.guard.reason == self.first != 0
+            assert self.safety_state.reason == self.first != 0
             if self.tick >= self.stopped_at + PARAMS.stop_ticks:
                 assert mode == STOP_0
         if mode == STOP_2 != last:
@@ -205,7 +219,7 @@ class Interleavings(RuleBasedStateMachine):
                 assert last == ENABLING
         if mode < STOP_1:
             assert self.trip == 0
-            assert self.guard.reason == 0
+            assert self.safety_state.reason == 0
         aborted = self.request == safety.REQUEST_ABORT
         if aborted or (self.trip and CATEGORY[self.trip] == 0):
             assert mode == STOP_0

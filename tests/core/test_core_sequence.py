@@ -1,4 +1,4 @@
-"""Walking any plan: order, lengths, waiting, holding, lost ticks, leaving for good."""
+"""Execution of any plan: order, lengths, waiting, holding, lost ticks, stopping."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ MANY = settings(max_examples=200, deadline=None)
 
 
 @st.composite
-def plans(draw: st.DrawFn, waits: bool = True, least: int = 0) -> Segments:
-    """Any plan of a preamble and some rows of some segments."""
+def plans(draw: st.DrawFn, waits: bool = True, min_ticks: int = 0) -> Segments:
+    """Draw a plan of a preamble and some rows of some segments."""
     parts = [(NO_ROW, draw(st.integers(1, 3)))]
     parts += [(row, draw(st.integers(1, 4))) for row in range(draw(st.integers(1, 4)))]
-    made = []
+    built = []
     for row, count in parts:
         for _ in range(count):
             wait = draw(st.integers(0, FLAGS)) if waits else 0
-            made.append((row, Phase.SETTLE, draw(st.integers(least, 9)), wait, max(row, 0)))
-    return plan(*made, timeout=draw(st.integers(0, 30)))
+            built.append((row, Phase.SETTLE, draw(st.integers(min_ticks, 9)), wait, max(row, 0)))
+    return plan(*built, timeout=draw(st.integers(0, 30)))
 
 
-class Walk:
-    """A walk and what was seen on it."""
+class PlanRun:
+    """Runs a plan and records its segments."""
 
     def __init__(self, segments: Segments) -> None:
         self.segments = segments
@@ -40,19 +40,19 @@ class Walk:
         self.visits: list[tuple[int, int]] = []  # segment, tick of entry
 
     def step(
-        self, *, ready: int = FLAGS, running: bool = True, held: bool = False, periods: int = 1
-    ) -> sequence.Position:
+        self, *, ready: int = FLAGS, running: bool = True, paused: bool = False, periods: int = 1
+    ) -> sequence.PlanEvents:
         self.tick += periods
         if not self.visits:
             self.visits.append((0, 0))
         before = self.state
-        self.state, position = sequence.step(
-            self.segments, self.state, self.tick, ready, running, held
+        self.state, events = sequence.step(
+            self.segments, self.state, self.tick, ready, running, paused
         )
         entered = (self.state.segment, self.state.entered)
         if entered != (before.segment, before.entered):
             self.visits.append(entered)
-        return position
+        return events
 
     @property
     def done(self) -> bool:
@@ -66,152 +66,152 @@ def last_of(segments: Segments) -> int:
 @MANY
 @given(plans())
 def test_every_segment_is_entered_once_in_order_and_lasts_its_ticks(segments: Segments) -> None:
-    walk = Walk(segments)
-    finished = [walk.step() for _ in range(sum(segments.ticks) + len(segments.ticks))]
-    assert [segment for segment, _ in walk.visits] == list(range(last_of(segments) + 1))
-    assert walk.state.attempt == 0
-    assert walk.done
+    plan_run = PlanRun(segments)
+    finished = [plan_run.step() for _ in range(sum(segments.ticks) + len(segments.ticks))]
+    assert [segment for segment, _ in plan_run.visits] == list(range(last_of(segments) + 1))
+    assert plan_run.state.attempt == 0
+    assert plan_run.done
     assert finished[-1] == (True, False)
-    assert not any(position.late for position in finished)
+    assert not any(events.timed_out for events in finished)
 
 
 @MANY
-@given(plans(waits=False, least=1))
+@given(plans(waits=False, min_ticks=1))
 def test_without_waiting_every_entry_is_exact(segments: Segments) -> None:
-    walk = Walk(segments)
+    plan_run = PlanRun(segments)
     entries = list(itertools.accumulate(segments.ticks[:-1], initial=0))
-    while not walk.done:
-        position = walk.step()
-        assert position.finished == walk.done
-    assert walk.visits == list(zip(range(last_of(segments) + 1), entries, strict=True))
-    assert walk.tick == entries[-1]
+    while not plan_run.done:
+        events = plan_run.step()
+        assert events.finished == plan_run.done
+    assert plan_run.visits == list(zip(range(last_of(segments) + 1), entries, strict=True))
+    assert plan_run.tick == entries[-1]
 
 
 @MANY
 @given(plans(), st.lists(st.integers(0, FLAGS), min_size=1, max_size=200))
-def test_a_segment_that_waits_ends_when_its_flags_hold(
+def test_a_waiting_segment_ends_when_its_conditions_are_met(
     segments: Segments, flags: list[int]
 ) -> None:
-    walk, given_flags = Walk(segments), itertools.chain(flags, itertools.repeat(FLAGS))
-    while not walk.done:
-        i, entered = walk.state.segment, walk.state.entered
-        ready = next(given_flags)
-        position = walk.step(ready=ready)
-        elapsed = walk.tick - entered
+    plan_run, flags_by_tick = PlanRun(segments), itertools.chain(flags, itertools.repeat(FLAGS))
+    while not plan_run.done:
+        i, entered = plan_run.state.segment, plan_run.state.entered
+        ready = next(flags_by_tick)
+        events = plan_run.step(ready=ready)
+        elapsed = plan_run.tick - entered
         met = (segments.wait[i] & ready) == segments.wait[i]
         if elapsed >= segments.ticks[i] and met:
-            assert walk.state.segment == i + 1
+            assert plan_run.state.segment == i + 1
             planned = entered + segments.ticks[i]
-            assert walk.state.entered == (walk.tick if segments.wait[i] else planned)
-            assert not position.late
+            assert plan_run.state.entered == (plan_run.tick if segments.wait[i] else planned)
+            assert not events.timed_out
         else:
-            assert walk.state == (i, entered, 0, 0)
+            assert plan_run.state == (i, entered, 0, 0)
             waiting = elapsed >= segments.ticks[i]
-            assert position.late == (waiting and elapsed >= segments.timeout[i])
-    assert [segment for segment, _ in walk.visits] == list(range(last_of(segments) + 1))
+            assert events.timed_out == (waiting and elapsed >= segments.timeout[i])
+    assert [segment for segment, _ in plan_run.visits] == list(range(last_of(segments) + 1))
 
 
-def test_a_timeout_counts_from_the_entry_and_lasts_until_the_flag_holds() -> None:
+def test_a_timeout_counts_from_the_segment_entry() -> None:
     segments = plan((0, Phase.MOVING, 3, 2, 0), (0, Phase.MEASURE, 5, 0, 0), timeout=10)
-    walk, late = Walk(segments), []
+    plan_run, late = PlanRun(segments), []
     for tick in range(16):
-        late.append(walk.step(ready=2 if tick == 14 else 1).late)
+        late.append(plan_run.step(ready=2 if tick == 14 else 1).timed_out)
     assert late == [False] * 10 + [True] * 4 + [False] * 2
-    assert walk.state[:2] == (1, 14)
+    assert plan_run.state[:2] == (1, 14)
 
 
 @MANY
 @given(plans(), st.integers(0, 60), st.integers(1, 20), st.integers(0, 30), st.integers(1, 9))
-def test_a_hold_freezes_the_plan_and_the_row_starts_over(
-    segments: Segments, begin: int, length: int, again: int, second: int
+def test_a_hold_pauses_the_plan_and_restarts_the_row(
+    segments: Segments, begin: int, length: int, restarted: int, second: int
 ) -> None:
-    walk, attempts = Walk(segments), [0] * (last_of(segments) + 1)
+    plan_run, attempts = PlanRun(segments), [0] * (last_of(segments) + 1)
     for _ in range(begin):
-        walk.step()
-    for span, gap in ((length, again), (second, 0)):
-        if walk.done:
+        plan_run.step()
+    for span, gap in ((length, restarted), (second, 0)):
+        if plan_run.done:
             return
-        frozen = walk.state.segment, walk.state.entered, walk.state.attempt
+        frozen = plan_run.state.segment, plan_run.state.entered, plan_run.state.attempt
         for _ in range(span):
-            assert walk.step(running=False, held=True) == (False, False)
-            assert walk.state == (*frozen, 1)
-        walk.step()
-        assert walk.state.paused == 0
+            assert plan_run.step(running=False, paused=True) == (False, False)
+            assert plan_run.state == (*frozen, 1)
+        plan_run.step()
+        assert plan_run.state.paused == 0
         start = segments.restart[frozen[0]]
-        # A segment of no length may be over in the tick it starts in.
-        assert walk.state.segment in (start, start + 1)
-        assert walk.visits[-1][1] >= walk.tick - segments.ticks[start]
-        if walk.state.segment == start:
-            assert walk.state == (start, walk.tick, frozen[2] + 1, 0)
+        # A segment of zero length may end in its first tick.
+        assert plan_run.state.segment in (start, start + 1)
+        assert plan_run.visits[-1][1] >= plan_run.tick - segments.ticks[start]
+        if plan_run.state.segment == start:
+            assert plan_run.state == (start, plan_run.tick, frozen[2] + 1, 0)
         assert segments.row[start] == segments.row[frozen[0]]
         attempts[frozen[0]] += 1
         for _ in range(gap):
-            walk.step()
-    while not walk.done:
-        row, attempt = segments.row[walk.state.segment], walk.state.attempt
-        walk.step()
-        same = segments.row[walk.state.segment] == row
-        assert walk.state.attempt == (attempt if same else 0)
+            plan_run.step()
+    while not plan_run.done:
+        row, attempt = segments.row[plan_run.state.segment], plan_run.state.attempt
+        plan_run.step()
+        same = segments.row[plan_run.state.segment] == row
+        assert plan_run.state.attempt == (attempt if same else 0)
 
 
 def test_attempts_count_every_hold_of_the_row() -> None:
     segments = plan(
         (0, Phase.SETTLE, 5, 0, 0), (0, Phase.MEASURE, 10, 0, 0), (1, Phase.SETTLE, 5, 0, 1)
     )
-    walk, seen = Walk(segments), []
+    plan_run, visited = PlanRun(segments), []
     for tick in range(60):
-        held = tick in (7, 8, 20, 40)
-        walk.step(running=not held, held=held)
-        seen.append((walk.state.segment, walk.state.attempt))
-    assert seen[6] == seen[8] == (1, 0)
-    assert seen[9] == (0, 1)  # starts over with its settling
-    assert seen[14] == (1, 1)
-    assert seen[21] == (0, 2)
-    assert seen[36] == (2, 0)  # the next row is at its first attempt
-    assert seen[41] == (2, 1)
-    assert seen[46] == (3, 0)
+        paused = tick in (7, 8, 20, 40)
+        plan_run.step(running=not paused, paused=paused)
+        visited.append((plan_run.state.segment, plan_run.state.attempt))
+    assert visited[6] == visited[8] == (1, 0)
+    assert visited[9] == (0, 1)  # restarts with its settling
+    assert visited[14] == (1, 1)
+    assert visited[21] == (0, 2)
+    assert visited[36] == (2, 0)  # the next row is in its first attempt
+    assert visited[41] == (2, 1)
+    assert visited[46] == (3, 0)
 
 
 @MANY
 @given(plans(), st.integers(0, 60), st.lists(st.booleans(), min_size=5, max_size=40))
-def test_left_for_good(segments: Segments, when: int, later: list[bool]) -> None:
-    walk = Walk(segments)
+def test_a_stopped_plan_never_continues(segments: Segments, when: int, later: list[bool]) -> None:
+    plan_run = PlanRun(segments)
     for _ in range(when):
-        walk.step()
-    left = walk.done
-    attempt = walk.state.attempt
-    position = walk.step(running=False)
-    assert position.finished == left  # a plan that was left is not finished in that tick
-    assert walk.done
-    assert walk.state.attempt == attempt
+        plan_run.step()
+    left = plan_run.done
+    attempt = plan_run.state.attempt
+    events = plan_run.step(running=False)
+    assert events.finished == left  # a stopped plan is not finished in that tick
+    assert plan_run.done
+    assert plan_run.state.attempt == attempt
     for flag in later:
-        assert walk.step(running=flag, held=not flag) == (True, False)
-        assert walk.done
+        assert plan_run.step(running=flag, paused=not flag) == (True, False)
+        assert plan_run.done
 
 
 @MANY
-@given(plans(waits=False, least=4), st.lists(st.integers(1, 4), min_size=1, max_size=60))
-def test_lost_ticks_do_not_move_what_is_planned(segments: Segments, gaps: list[int]) -> None:
-    """Gaps shorter than any segment: every segment begins on its planned tick all the same."""
-    walk, periods = Walk(segments), itertools.cycle(gaps)
-    while not walk.done:
-        walk.step(periods=next(periods))
+@given(plans(waits=False, min_ticks=4), st.lists(st.integers(1, 4), min_size=1, max_size=60))
+def test_lost_ticks_do_not_shift_the_plan(segments: Segments, gaps: list[int]) -> None:
+    """With gaps shorter than any segment, every segment begins on its planned tick."""
+    plan_run, periods = PlanRun(segments), itertools.cycle(gaps)
+    while not plan_run.done:
+        plan_run.step(periods=next(periods))
     entries = itertools.accumulate(segments.ticks[:-1], initial=0)
-    assert walk.visits == list(zip(range(last_of(segments) + 1), entries, strict=True))
+    assert plan_run.visits == list(zip(range(last_of(segments) + 1), entries, strict=True))
 
 
 @pytest.mark.parametrize("lost", [5, 50])
 def test_a_gap_over_several_segments_skips_none(lost: int) -> None:
     segments = plan(*((0, Phase.SETTLE, 3, 0, 0) for _ in range(5)))
-    walk = Walk(segments)
-    walk.step()
-    walk.step(periods=lost)
-    while not walk.done:
-        walk.step()
-    assert [segment for segment, _ in walk.visits] == [0, 1, 2, 3, 4, 5]
+    plan_run = PlanRun(segments)
+    plan_run.step()
+    plan_run.step(periods=lost)
+    while not plan_run.done:
+        plan_run.step()
+    assert [segment for segment, _ in plan_run.visits] == [0, 1, 2, 3, 4, 5]
 
 
-def test_phases_have_the_numbers_that_are_in_recorded_files() -> None:
+def test_phase_numbers_match_recorded_files() -> None:
     names: Callable[[int], str] = lambda number: Phase(number).name  # noqa: E731
     assert [names(n) for n in range(7)] == [
         "TARE", "LEAD_IN", "MOVING", "SETTLE", "MEASURE", "TAIL", "DONE",

@@ -1,4 +1,4 @@
-"""Magnetic spring, tare and power: what stands beside the axis on a WaveBot."""
+"""Magnetic spring, tare and power of a WaveBot."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ def test_the_map_is_inverted_at_its_points(position: float, rate: float) -> None
 
 
 @given(st.floats(-93.0, 67.0))
-def test_there_and_back_between_the_points(position: float) -> None:
+def test_the_map_and_its_inverse_agree_between_points(position: float) -> None:
     positions, rates = zip(*TABLE, strict=True)
     rate = interpolate(position, positions, rates)
     assert stator_position(SPRING, rate) == pytest.approx(position, abs=1e-9)
 
 
 @pytest.mark.parametrize(("rate", "end"), [(8341.0, -93.0), (1e9, -93.0), (-10014.0, 67.0)])
-def test_a_rate_beyond_the_map_is_held_at_its_end(rate: float, end: float) -> None:
+def test_a_rate_beyond_the_map_is_limited_to_its_end(rate: float, end: float) -> None:
     assert stator_position(SPRING, rate) == end
 
 
-def test_nothing_moves_before_it_is_told() -> None:
+def test_the_stator_does_not_move_before_the_first_rate() -> None:
     state = step(SPRING, start(), 8340.0, 0)
     assert state.command.enable == 0
     assert state.commanded == 0
     assert not arrived(SPRING, state, SpringSense(0.0, 1, 0.0))
 
 
-def test_the_target_is_held_and_recomputed_only_for_another_rate() -> None:
+def test_the_target_is_recomputed_only_for_a_new_rate() -> None:
     state = step(SPRING, start(), 0.0, 1)
     assert state.command[:3] == (0.0, pytest.approx(-9.983, abs=1e-3), 1)
     for _ in range(10):
@@ -58,7 +58,7 @@ def test_the_target_is_held_and_recomputed_only_for_another_rate() -> None:
     assert other.command == (-5715.0, 27.0, 1)
 
 
-def test_stopped_on_its_way_it_stays_and_goes_on_later() -> None:
+def test_a_stopped_stator_stays_and_continues_later() -> None:
     state = step(SPRING, start(), 5873.0, 1)
     halted = step(SPRING, state, 3379.0, 0)
     assert halted.command == (5873.0, -53.0, 0)
@@ -79,14 +79,14 @@ def test_arrived_means_at_the_target_and_at_rest(
     assert arrived(SPRING, state, SpringSense(position, at_rest, 0.0)) is there
 
 
-def test_standing_at_the_old_target_is_not_arrival_at_the_new_one() -> None:
+def test_the_old_target_is_not_arrival_at_the_new_one() -> None:
     state = step(SPRING, start(), -5715.0, 1)
     sense = SpringSense(27.0, 1, 0.0)
     assert arrived(SPRING, state, sense)
     assert not arrived(SPRING, step(SPRING, state, 490.9, 1), sense)
 
 
-def test_the_state_says_what_was_sent() -> None:
+def test_the_state_holds_the_last_command() -> None:
     assert magnetic_spring.start() == ((0.0, 0.0, 0), 0)
 
 
@@ -102,7 +102,7 @@ def test_the_zeros_are_the_means_of_the_tare(samples: list[tare.Raw]) -> None:
     state = tare.start()
     for raw in samples:
         state = tare.step(state, raw, Phase.TARE)
-        assert state.zeros == (*samples[0], 0)  # provisional until it is over
+        assert state.zeros == (*samples[0], 0)  # provisional until its end
     state = tare.step(state, tare.Raw(*[7.0] * CHANNELS), Phase.MOVING)
     n = len(samples)
     for column in range(CHANNELS):
@@ -113,7 +113,7 @@ def test_the_zeros_are_the_means_of_the_tare(samples: list[tare.Raw]) -> None:
 
 
 @given(st.lists(st.floats(-9, 9), min_size=1, max_size=30))
-def test_the_span_is_how_far_the_body_went(positions: list[float]) -> None:
+def test_the_span_is_the_travel_of_the_body(positions: list[float]) -> None:
     state = tare.start()
     for x in positions:
         state = tare.step(state, CALM._replace(position=x), Phase.TARE)
@@ -132,7 +132,7 @@ def test_a_second_tare_starts_afresh() -> None:
     assert state.zeros.samples == 2
 
 
-def test_without_a_tare_the_first_tick_stands_in() -> None:
+def test_without_a_tare_the_first_tick_sets_the_zero() -> None:
     state = tare.step(tare.start(), CALM, Phase.MOVING)
     assert state.zeros == (*CALM, 0)
 
@@ -169,7 +169,7 @@ def test_means_are_those_of_the_measured_ticks(
     assert power.step(tail, 1.0, 1.0, 1.0, 1.0, 1.0, Phase.SETTLE)[4:] == (0.0, 0.0, 0.0, 0)
 
 
-def test_both_start_from_nothing() -> None:
+def test_both_start_empty() -> None:
     assert power.start() == (0.0,) * 7 + (0,)
     assert tare.start() == (((0.0,) * CHANNELS + (0,)), 0, 0, (0.0,) * CHANNELS, 0.0, 0.0)
     seeded = tare.step(tare.start(), CALM, Phase.TARE)

@@ -1,4 +1,4 @@
-"""A WaveBot's second axis, its custom drive and its references, in quiet water."""
+"""A WaveBot's second axis, its custom drive and its references, in still water."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 from typing import Any
 
 import pytest
-from core_runs import Ran, plan, run
-from core_wavebot import READY, Bent, Quiet, params, table
+from core_runs import RunResult, plan, run
+from core_wavebot import READY, ModifiedDevices, Quiet, params, table
 
 from controllers.signals import DriveFault
 from rig.kinds.wavebot import KIND, Sense
 from rig.kinds.wavebot.state import SurgeUse
 from rig.realtime import cycle, safety
-from rig.realtime.limits import Limited
+from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
 from rig.realtime.sequence import Phase
 
@@ -28,23 +28,25 @@ QUICK = safety.Params(enable_ticks=50, stop_ticks=30)
 SURGE_COUNT = 2.52e-5  # m, about one count
 
 
-def ran(sense: Any = None, made: cycle.Params | None = None) -> tuple[Ran, Bent]:
-    devices = Bent(Quiet(), sense)
-    own = (made or params(PLAN))._replace(safety=QUICK)
+def run_quiet(
+    sense: Any = None, result: cycle.Params | None = None
+) -> tuple[RunResult, ModifiedDevices]:
+    devices = ModifiedDevices(Quiet(), sense)
+    own = (result or params(PLAN))._replace(safety=QUICK)
     done = run(KIND, own, devices)
     assert done.error is None
     return done, devices
 
 
-def bent(part: str, **values: Any) -> Any:
-    """One word of the sense replaced from tick AT on."""
+def modified(part: str, **values: Any) -> Any:
+    """Return a modifier that replaces one part of the sense from tick AT on."""
 
-    def spoil(tick: int, word: Sense) -> Sense:
+    def corrupt(tick: int, signals: Sense) -> Sense:
         if tick < AT:
-            return word
-        return word._replace(**{part: getattr(word, part)._replace(**values)})
+            return signals
+        return signals._replace(**{part: getattr(signals, part)._replace(**values)})
 
-    return spoil
+    return corrupt
 
 
 @pytest.mark.parametrize(
@@ -58,9 +60,9 @@ def bent(part: str, **values: Any) -> Any:
         ({"counts": 40_000}, Reason.SURGE_ENCODER_JUMP),
     ],
 )
-def test_a_fault_of_surge_says_that_it_is_surge(values: dict[str, Any], reason: Reason) -> None:
-    made, devices = ran(bent("surge", **values))
-    first = made.rows[AT]
+def test_a_surge_fault_has_a_surge_reason(values: dict[str, Any], reason: Reason) -> None:
+    result, devices = run_quiet(modified("surge", **values))
+    first = result.rows[AT]
     assert (first.safety.mode, first.safety.reason) == (STOP_0, reason)
     assert CATEGORY[reason] == 0
     assert devices.commands[AT].surge[:3] == devices.commands[AT].heave[:3] == (0.0, 0.0, 0)
@@ -76,20 +78,20 @@ def test_a_fault_of_surge_says_that_it_is_surge(values: dict[str, Any], reason: 
         ({"e_stop": 1, "limit_switch": 1, "age": math.nan}, STOP_0, Reason.EMERGENCY_STOP),
     ],
 )
-def test_what_the_panel_says_stops(values: dict[str, Any], mode: int, reason: Reason) -> None:
-    made, _ = ran(bent("panel", **values))
-    assert (made.rows[AT].safety.mode, made.rows[AT].safety.reason) == (mode, reason)
-    assert made.rows[AT].panel == made.rows[0].panel._replace(**values) or "age" in values
+def test_the_panel_inputs_stop_the_rig(values: dict[str, Any], mode: int, reason: Reason) -> None:
+    result, _ = run_quiet(modified("panel", **values))
+    assert (result.rows[AT].safety.mode, result.rows[AT].safety.reason) == (mode, reason)
+    assert result.rows[AT].panel == result.rows[0].panel._replace(**values) or "age" in values
 
 
 def drifting(counts: int) -> Any:
-    """Surge goes away by so many counts a tick."""
+    """Return a modifier that moves surge by ``counts`` a tick."""
 
-    def spoil(tick: int, word: Sense) -> Sense:
+    def corrupt(tick: int, signals: Sense) -> Sense:
         more = counts * max(0, tick - 60)
-        return word._replace(surge=word.surge._replace(counts=word.surge.counts + more))
+        return signals._replace(surge=signals.surge._replace(counts=signals.surge.counts + more))
 
-    return spoil
+    return corrupt
 
 
 @pytest.mark.parametrize(
@@ -104,17 +106,17 @@ def test_a_limit_of_surge_is_a_controlled_stop(
 ) -> None:
     base = params(PLAN)
     surge = base.rig.surge._replace(limits=base.rig.surge.limits._replace(**bounds))
-    made, _ = ran(drifting(counts), base._replace(rig=base.rig._replace(surge=surge)))
-    first = next(row for row in made.rows if row.safety.reason)
+    result, _ = run_quiet(drifting(counts), base._replace(rig=base.rig._replace(surge=surge)))
+    first = next(row for row in result.rows if row.safety.reason)
     assert (first.safety.mode, first.safety.reason) == (STOP_1, reason)
 
 
 def test_station_keeping_pushes_against_the_velocity_of_surge() -> None:
-    made, _ = ran(drifting(4))  # 0.1 m/s
-    row = next(row for row in made.rows if row.plan.phase == Phase.MEASURE and row.tick > 230)
+    result, _ = run_quiet(drifting(4))  # 0.1 m/s
+    row = next(row for row in result.rows if row.plan.phase == Phase.MEASURE and row.tick > 230)
     assert row.surge.estimate.velocity == pytest.approx(4 * SURGE_COUNT / 0.001, rel=0.01)
     share = row.surge.demand.kp / -2500.0
-    assert 0.0 < share < 1.0  # the gain is still on its ramp
+    assert 0.0 < share < 1.0  # the gain is still being ramped
     assert row.surge.demand.force == pytest.approx(
         row.surge.demand.kp * row.surge.estimate.velocity
     )
@@ -122,18 +124,18 @@ def test_station_keeping_pushes_against_the_velocity_of_surge() -> None:
     assert row.heave.command.force == 0.0
 
 
-def test_a_surge_drive_that_is_not_used_stays_off_and_is_not_waited_for() -> None:
+def test_an_unused_surge_drive_stays_off() -> None:
     base = params(PLAN)
     off = base._replace(rig=base.rig._replace(surge_use=int(SurgeUse.OFF)))
-    made, devices = ran(drifting(4), off)
-    assert made.end is not None
-    assert made.end.reason == Reason.PLAN_END
-    assert {row.surge.sense.enabled for row in made.rows} == {0}
+    result, devices = run_quiet(drifting(4), off)
+    assert result.end is not None
+    assert result.end.reason == Reason.PLAN_END
+    assert {row.surge.sense.enabled for row in result.rows} == {0}
     assert {command.surge[:3] for command in devices.commands} == {(0.0, 0.0, 0)}
-    # Its encoder is still watched.
-    made, _ = ran(bent("surge", encoder_age=0.5), off)
-    assert made.end is not None
-    assert made.end.reason == Reason.SURGE_STALE_ENCODER
+    # Its encoder is still checked.
+    result, _ = run_quiet(modified("surge", encoder_age=0.5), off)
+    assert result.end is not None
+    assert result.end.reason == Reason.SURGE_STALE_ENCODER
 
 
 def test_surge_can_be_held_in_place() -> None:
@@ -141,8 +143,8 @@ def test_surge_can_be_held_in_place() -> None:
     rig = base.rig._replace(
         surge_use=int(SurgeUse.HOLD), surge_hold=base.rig.surge_hold._replace(ramp=0.01)
     )
-    made, _ = ran(drifting(4), base._replace(rig=rig))
-    row = made.rows[230]
+    result, _ = run_quiet(drifting(4), base._replace(rig=rig))
+    row = result.rows[230]
     hold = base.rig.surge_hold
     pulled = -hold.stiffness * row.surge.estimate.position
     assert row.surge.demand.force == pytest.approx(
@@ -158,47 +160,47 @@ def test_surge_can_be_held_in_place() -> None:
         (DriveFault.OVERVOLTAGE, Reason.BUS_OVERVOLTAGE),
     ],
 )
-def test_a_fault_of_the_bus_is_told_from_others(fault: DriveFault, reason: Reason) -> None:
-    made, _ = ran(bent("heave", fault=fault.value))
-    assert (made.rows[AT].safety.mode, made.rows[AT].safety.reason) == (STOP_0, reason)
+def test_bus_faults_have_their_own_reasons(fault: DriveFault, reason: Reason) -> None:
+    result, _ = run_quiet(modified("heave", fault=fault.value))
+    assert (result.rows[AT].safety.mode, result.rows[AT].safety.reason) == (STOP_0, reason)
 
 
 def test_too_much_on_the_bus_removes_power() -> None:
     bound = params().rig.limits.bus_voltage_stop
-    made, _ = ran(bent("power", bus_voltage=bound))
-    assert made.end is not None
-    assert made.end.reason == Reason.PLAN_END
-    made, _ = ran(bent("power", bus_voltage=bound + 0.1))
-    assert (made.rows[AT].safety.mode, made.rows[AT].safety.reason) == (
+    result, _ = run_quiet(modified("power", bus_voltage=bound))
+    assert result.end is not None
+    assert result.end.reason == Reason.PLAN_END
+    result, _ = run_quiet(modified("power", bus_voltage=bound + 0.1))
+    assert (result.rows[AT].safety.mode, result.rows[AT].safety.reason) == (
         STOP_0,
         Reason.BUS_OVERVOLTAGE,
     )
 
 
 def rising(counts: int) -> Any:
-    """Heave goes up by so many counts a tick, and the string pot with it."""
+    """Return a modifier that moves heave and the string pot up by ``counts`` a tick."""
     scale = params().rig.heave.metres_per_count
 
-    def spoil(tick: int, word: Sense) -> Sense:
+    def corrupt(tick: int, signals: Sense) -> Sense:
         more = counts * max(0, tick - 60)
-        return word._replace(
-            heave=word.heave._replace(counts=word.heave.counts + more),
-            load=word.load._replace(string_pot=word.load.string_pot + more * scale),
+        return signals._replace(
+            heave=signals.heave._replace(counts=signals.heave.counts + more),
+            load=signals.load._replace(string_pot=signals.load.string_pot + more * scale),
         )
 
-    return spoil
+    return corrupt
 
 
 def test_the_stroke_of_the_set_point_is_a_controlled_stop() -> None:
-    made, _ = ran(rising(8), params(PLAN))
-    assert made.end is not None
-    assert made.end.reason == Reason.PLAN_END
-    short = table((-2000.0,), (0.0,), (490.9,))._replace(stroke=(0.02,))
-    made, _ = ran(rising(8), params(PLAN, short))
-    first = next(row for row in made.rows if row.safety.reason)
+    result, _ = run_quiet(rising(8), params(PLAN))
+    assert result.end is not None
+    assert result.end.reason == Reason.PLAN_END
+    quick_stop = table((-2000.0,), (0.0,), (490.9,))._replace(stroke=(0.02,))
+    result, _ = run_quiet(rising(8), params(PLAN, quick_stop))
+    first = next(row for row in result.rows if row.safety.reason)
     assert (first.safety.mode, first.safety.reason) == (STOP_1, Reason.SPRING_STROKE)
     assert first.heave.estimate.position > 0.02
-    assert made.rows[first.tick - 1].heave.estimate.position <= 0.02
+    assert result.rows[first.tick - 1].heave.estimate.position <= 0.02
 
 
 def test_below_its_thresholds_the_power_stage_rests() -> None:
@@ -211,17 +213,17 @@ def test_below_its_thresholds_the_power_stage_rests() -> None:
         )
     )
 
-    made, devices = ran(rising(1), gated)  # 25 mm/s
-    resting = [row for row in made.rows if row.safety.mode == RUN]
+    result, devices = run_quiet(rising(1), gated)  # 25 mm/s
+    resting = [row for row in result.rows if row.safety.mode == RUN]
     assert {row.drive_command.conducting for row in resting} == {0}
-    assert {row.heave.command for row in resting} == {(0.0, 0.0, 1, Limited.GATED)}
+    assert {row.heave.command for row in resting} == {(0.0, 0.0, 1, LimitFlag.GATED)}
     assert any(row.heave.demand.force != 0.0 for row in resting)
-    made, devices = ran(rising(4), gated)  # 100 mm/s: above the threshold once it is under way
-    late = [row for row in made.rows if row.safety.mode == RUN and row.tick > 200]
+    result, devices = run_quiet(rising(4), gated)  # 100 mm/s: above the threshold after the start
+    late = [row for row in result.rows if row.safety.mode == RUN and row.tick > 200]
     assert {row.drive_command.conducting for row in late} == {1}
     assert all(row.heave.command.force < 0.0 for row in late)
-    # In a stop it brakes, whatever the thresholds say.
-    stopping = [row for row in made.rows if row.safety.mode == STOP_1]
+    # In a stop it brakes, whatever the thresholds.
+    stopping = [row for row in result.rows if row.safety.mode == STOP_1]
     assert {row.drive_command.conducting for row in stopping} == {1}
     assert {command.drive.settings.velocity_threshold for command in devices.commands} == {0.05}
 
@@ -239,9 +241,9 @@ def test_the_reference_is_added_from_its_own_clock_and_at_the_scale_of_the_row()
     rig = base.rig._replace(reference=base.rig.reference._replace(table=wave, ramp=0.0))
     limits = rig.heave.limits._replace(force_slew=1e9)
     rig = rig._replace(heave=rig.heave._replace(limits=limits, stop_ramp=0.0))
-    made, _ = ran(None, base._replace(rig=rig))
-    seen = 0
-    for row in made.rows:
+    result, _ = run_quiet(None, base._replace(rig=rig))
+    values = 0
+    for row in result.rows:
         at = round(row.plan.wave_clock / 0.001)
         if row.safety.mode != RUN or row.plan.wave_clock < 0.0:
             assert row.reference.force == 0.0
@@ -250,5 +252,5 @@ def test_the_reference_is_added_from_its_own_clock_and_at_the_scale_of_the_row()
         assert row.reference == (scale, scale * wave[at % 7])
         assert row.heave.demand.force == pytest.approx(row.reference.force)
         assert row.heave.command.force == pytest.approx(row.reference.force)
-        seen += 1
-    assert seen == 80
+        values += 1
+    assert values == 80

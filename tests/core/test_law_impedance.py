@@ -1,4 +1,4 @@
-"""The impedance law: its equation, its signs, and changes of it that never jump."""
+"""The impedance law: its equation, its signs, and bumpless changes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_the_force_is_the_sum_of_its_parts(
     assert demand[:3] == (kp, ki, km)
     assert type(demand) is Demand
     assert demand.force == pytest.approx(math.fsum(terms), rel=1e-12, abs=1e-12 * abs(terms).max())
-    assert state.used == gains
+    assert state.active_gains == gains
 
 
 def test_without_reference_and_mass_it_is_the_pi_law_to_the_bit() -> None:
@@ -63,7 +63,7 @@ def test_without_reference_and_mass_it_is_the_pi_law_to_the_bit() -> None:
 
 
 def test_the_sign_of_the_recorded_data() -> None:
-    """Kp < 0 takes energy out of the body; Ki > 0 pushes it from rest, Km > 0 the way it speeds."""
+    """Kp < 0 dissipates energy; Ki > 0 pushes away from rest, Km > 0 along the acceleration."""
     for gains, motion, product in (
         (Gains(-2000.0, 0.0, 0.0), Estimate(0.1, 0.4, 0.0), -320.0),
         (Gains(0.0, 3000.0, 0.0), Estimate(0.1, 0.0, 0.0), 30.0),
@@ -77,7 +77,7 @@ def test_the_sign_of_the_recorded_data() -> None:
 
 
 def test_km_adds_mass_to_a_body_and_takes_it_off() -> None:
-    """(M - Km) a = F_0: a body pushed by a constant force speeds up as that equation says."""
+    """(M - Km) a = F_0: a body under a constant force accelerates by that equation."""
     mass, push = 1500.0, 900.0
     for km in (-500.0, 500.0):
         state, law, v, a = settled(Gains(0.0, 0.0, km)), Gains(0.0, 0.0, km), 0.0, 0.0
@@ -98,8 +98,8 @@ def test_the_first_force_is_within_one_step_of_zero(params: impedance.Params, v:
     share = DT / LAW.ramp
     assert demand[:3] == pytest.approx([gain * share for gain in gains])
     direct = math.prod(section.b0 for section in params.sections) if params.sections else 0.0
-    wanted = share * (-2000.0 * v + 5000.0 * 0.2 + 300.0 + direct * v)
-    assert demand.force == pytest.approx(wanted)
+    expected = share * (-2000.0 * v + 5000.0 * 0.2 + 300.0 + direct * v)
+    assert demand.force == pytest.approx(expected)
 
 
 @settings(max_examples=200, deadline=None)
@@ -112,61 +112,61 @@ def test_the_first_force_is_within_one_step_of_zero(params: impedance.Params, v:
 def test_no_sequence_of_gain_switches_bumps_the_force(
     switches: list[tuple[float, float, float, int]], v: float, x: float, a: float
 ) -> None:
-    """At constant motion the force moves by at most rate * dt a tick, whenever a switch comes."""
+    """At constant motion the force changes by at most rate * dt a tick at any switch."""
     state, last = impedance.start(), 0.0
     steps = LAW.ramp / DT
-    reach = [0.0, 0.0, 0.0]  # widest way any ramp so far could have to go
+    reach = [0.0, 0.0, 0.0]  # largest change that any ramp so far may need
     motion = Estimate(x, v, a)
-    for *wanted, ticks in switches:
-        for i, (old, new) in enumerate(zip(state.used, wanted, strict=True)):
+    for *expected, ticks in switches:
+        for i, (old, new) in enumerate(zip(state.active_gains, expected, strict=True)):
             reach[i] = max(reach[i], abs(new - old))
         for _ in range(ticks):
-            state, demand = impedance.step(LAW, state, Gains(*wanted), motion, 0.0, 0.0, DT)
-            most = (reach[0] * v + reach[1] * x + reach[2] * a) / steps
-            size = abs(last) + abs(demand.force) + sum(map(abs, wanted)) * (v + x + a)
-            assert abs(demand.force - last) <= most + 1e-9 * size + 1e-9
+            state, demand = impedance.step(LAW, state, Gains(*expected), motion, 0.0, 0.0, DT)
+            bound = (reach[0] * v + reach[1] * x + reach[2] * a) / steps
+            size = abs(last) + abs(demand.force) + sum(map(abs, expected)) * (v + x + a)
+            assert abs(demand.force - last) <= bound + 1e-9 * size + 1e-9
             last = demand.force
     for _ in range(int(steps) + 1):
-        state, demand = impedance.step(LAW, state, Gains(*wanted), motion, 0.0, 0.0, DT)
-    assert demand[:3] == tuple(wanted)
+        state, demand = impedance.step(LAW, state, Gains(*expected), motion, 0.0, 0.0, DT)
+    assert demand[:3] == tuple(expected)
 
 
 # --- Z_c
 
 
-def test_sections_do_what_scipys_do() -> None:
-    """Same difference equation, other code: 1e-9 for another order of the same sums."""
+def test_sections_agree_with_scipy() -> None:
+    """Same difference equation, other code: 1e-9 for another order of summation."""
     v = np.random.default_rng(5).normal(size=4000)
     sections = design([-4e4, -3e3, -9e4, -1.0], [1.0, 3.0, 30.0, 20.0, 5.0], DT)
     state, forces = impedance.start(sections), []
-    law = impedance.Params(0.0, sections)  # no ramp: the whole share from the first tick
+    law = impedance.Params(0.0, sections)  # no ramp: full share from the first tick
     for velocity in v.tolist():
         estimate = Estimate(0.0, velocity, 0.0)
         state, demand = impedance.step(law, state, NONE, estimate, 100.0, 0.0, DT)
         forces.append(demand.force)
     rows = [(*section[:3], 1.0, *section[3:]) for section in sections]
-    wanted = 100.0 + signal.sosfilt(rows, v)
-    assert np.abs(np.array(forces) - wanted).max() <= 1e-9 * np.abs(wanted).max()
+    expected = 100.0 + signal.sosfilt(rows, v)
+    assert np.abs(np.array(forces) - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-def test_what_the_memory_holds_is_the_output_for_no_input() -> None:
+def test_the_memory_gives_the_free_response() -> None:
     sections = design([-4e4, -3e3, -9e4, -1.0], [1.0, 3.0, 30.0, 20.0, 5.0], DT)
     states = biquads.start(sections)
-    assert biquads.held(sections, states, 0.0) == 0.0
+    assert biquads.output(sections, states, 0.0) == 0.0
     for _ in range(300):
         states, _ = biquads.step(sections, states, 0.4)
     for u in (0.0, 0.7):
-        assert biquads.held(sections, states, u) == biquads.step(sections, states, u)[1]
-    half = biquads.scaled(states, 0.5)
-    assert biquads.held(sections, half, 0.0) == 0.5 * biquads.held(sections, states, 0.0)
-    for _ in range(500):  # the free response scales too
+        assert biquads.output(sections, states, u) == biquads.step(sections, states, u)[1]
+    half = biquads.scale_states(states, 0.5)
+    assert biquads.output(sections, half, 0.0) == 0.5 * biquads.output(sections, states, 0.0)
+    for _ in range(500):  # the free response is scaled too
         states, whole = biquads.step(sections, states, 0.0)
         half, part = biquads.step(sections, half, 0.0)
         assert part == 0.5 * whole
 
 
 def test_the_share_of_zc_is_ramped_in() -> None:
-    """At a constant velocity the force never moves by more than a ramp's step and Z_c's own."""
+    """At constant velocity the force changes by at most a ramp's step plus that of Z_c."""
     v, ramp = 0.5, 0.1
     law = impedance.Params(ramp, LAGGED)
     state, alone, forces, replies = impedance.start(LAGGED), biquads.start(LAGGED), [0.0], [0.0]
@@ -181,8 +181,8 @@ def test_the_share_of_zc_is_ramped_in() -> None:
     assert np.array_equal(force[101:2001], reply[101:2001])
 
 
-def test_a_start_is_a_start() -> None:
-    """Whatever was before: a law that starts afresh gives the same forces again."""
+def test_a_restarted_law_has_no_memory() -> None:
+    """A restarted law gives the same forces again, whatever happened before."""
     rng = np.random.default_rng(11)
     motions = [Estimate(*row) for row in rng.normal(size=(400, 3)).tolist()]
 
@@ -199,19 +199,21 @@ def test_a_start_is_a_start() -> None:
     assert impedance.start(LAGGED).sections == ((0.0, 0.0),)
 
 
-# --- no number in, no number out
+# --- input that is not finite
 
 
 @pytest.mark.parametrize("bad", WEIRD)
 @pytest.mark.parametrize("params", [LAW, WITH_ZC])
 @pytest.mark.parametrize("field", range(3))
-def test_no_number_in_gives_no_number_out(bad: float, field: int, params: impedance.Params) -> None:
+def test_input_that_is_not_finite_gives_output_that_is_not_finite(
+    bad: float, field: int, params: impedance.Params
+) -> None:
     gains, motion = [-2000.0, 500.0, 30.0], [0.1, 0.2, 0.3]
     state = settled(Gains(*gains), params)
     odd = [*motion[:field], bad, *motion[field + 1 :]]
     after, demand = impedance.step(params, state, Gains(*gains), Estimate(*odd), 0.0, 0.0, DT)
     assert not finite(demand.force)
-    if params.sections and field == 1:  # and it stays so until the law starts afresh
+    if params.sections and field == 1:  # stays so until the law restarts
         for _ in range(100):
             after, demand = impedance.step(
                 params, after, Gains(*gains), Estimate(*motion), 0.0, -1.0, DT

@@ -1,7 +1,7 @@
-"""Every law compiled does what the interpreted one does, bit by bit, and so with NaN and infinity.
+"""Every compiled law equals the interpreted one bit by bit, also with NaN and infinity.
 
-Numbers without end also show that no law makes a finite force of them that is larger than what the
-law gives for the motions and gains of the test.
+These inputs also show that no law turns them into a finite force larger than the law gives
+for the motions and gains of the test.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from law_lifting import DT, Inputs, Law, compiled, interpreted, same, state_of
+from law_lifting import DT, Inputs, Law, compiled, interpreted, same_bits, state_of
 
 from controllers import (
     blocks,
@@ -27,13 +27,13 @@ from controllers import (
     station_keeping,
     torque_tracking,
 )
-from controllers.oswec_position import Component, Span
+from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import Estimate, Gains, SpringCommand
 from rig.design.impedance import design
 from rig.sweep import lifting
 
 TICKS = 3000
-FORCE = 3e5  # N, above what any law gives here for finite input
+FORCE = 3e5  # N, larger than any force of a law here for finite input
 
 
 def motion(rng: np.random.Generator) -> Estimate:
@@ -41,15 +41,15 @@ def motion(rng: np.random.Generator) -> Estimate:
 
 
 def gains(tick: int) -> Gains:
-    """Set points that change every 150 ticks, so that half the ticks are within a ramp."""
+    """Return set points that change every 150 ticks, so that half the ticks are within a ramp."""
     rng = np.random.default_rng(tick // 150)
     return Gains(*(rng.normal(size=3) * [2e3, 5e3, 100.0]).tolist())
 
 
 def of_impedance(rng: np.random.Generator, tick: int) -> Inputs:
     reference = float(rng.normal() * 300.0)
-    short = float(rng.choice([0.0, rng.normal() * 500.0]))
-    return gains(tick), motion(rng), reference, short
+    deficit = float(rng.choice([0.0, rng.normal() * 500.0]))
+    return gains(tick), motion(rng), reference, deficit
 
 
 def of_station(rng: np.random.Generator, tick: int) -> Inputs:
@@ -87,12 +87,17 @@ def of_position(rng: np.random.Generator, tick: int) -> Inputs:
         for _ in range(3)
     )
     clock = DT * (tick % 500) - 0.05
-    return components, Span(0.1, 0.3), clock, float(40.0 * math.sin(0.02 * tick) + rng.normal())
+    return (
+        components,
+        EnvelopeTimes(0.1, 0.3),
+        clock,
+        float(40.0 * math.sin(0.02 * tick) + rng.normal()),
+    )
 
 
 def of_tracking(rng: np.random.Generator, tick: int) -> Inputs:
-    wanted, measured = (rng.normal(size=2) * 40.0).tolist()
-    return wanted, measured, float(rng.choice([0.0, rng.normal() * 10.0]))
+    reference, measured = (rng.normal(size=2) * 40.0).tolist()
+    return reference, measured, float(rng.choice([0.0, rng.normal() * 10.0]))
 
 
 def of_brake(rng: np.random.Generator, tick: int) -> Inputs:
@@ -124,7 +129,7 @@ LAWS = {
         open_loop, open_loop.Params(TABLE, 0.05, 3), open_loop.start(), of_reference
     ),
     "reference, none": Law(
-        open_loop, open_loop.Params((), 0.05, 1), open_loop.start(), of_reference, varied=1
+        open_loop, open_loop.Params((), 0.05, 1), open_loop.start(), of_reference, min_outcomes=1
     ),
     "reference, array": Law(
         open_loop, open_loop.Params(TABLE, 0.05, 1), open_loop.start(), of_reference, table="table"
@@ -140,16 +145,16 @@ LAWS = {
         drive_gating.Params(3.0, 0.0),
         drive_gating.start(),
         of_gate,
-        timed=False,
-        varied=2,
+        takes_dt=False,
+        min_outcomes=2,
     ),
     "gate, hysteresis": Law(
         drive_gating,
         drive_gating.Params(0.0, 0.3),
         drive_gating.start(),
         of_gate,
-        timed=False,
-        varied=2,
+        takes_dt=False,
+        min_outcomes=2,
     ),
     "hold": Law(
         position_hold,
@@ -162,7 +167,7 @@ LAWS = {
         estimator.Params(0.2, 20.0, 1000.0),
         Estimate(0.0, 0.0, 0.0),
         of_estimator,
-        gives="state",
+        returns="state",
     ),
     "position": Law(
         oswec_position,
@@ -187,17 +192,23 @@ LAWS = {
         brake_damping.Params((2.0, 30.0, 95.0), (0.0, 0.3, 1.0), 50.0, 0.0075),
         brake_damping.start(),
         of_brake,
-        gives="state",
-        varied=300,
+        returns="state",
+        min_outcomes=300,
     ),
     "magnetic spring": Law(
-        magnetic_spring, SPRING, AT_REST, of_spring, gives="state", timed=False, varied=50
+        magnetic_spring,
+        SPRING,
+        AT_REST,
+        of_spring,
+        returns="state",
+        takes_dt=False,
+        min_outcomes=50,
     ),
 }
 
 
-def test_no_law_is_left_out() -> None:
-    """Words and blocks are no laws; the blocks are lifted with every law that uses them."""
+def test_every_law_is_tested() -> None:
+    """Signals and blocks are no laws; the blocks are compiled with every law that uses them."""
     folder = Path(impedance.__file__).parent
     files = {path.stem for path in folder.glob("*.py")} - {"__init__", "signals"}
     assert files - {"blocks", "biquads"} == {
@@ -215,20 +226,20 @@ def test_compiled_and_interpreted_give_the_same_bits(pair: Any) -> None:
     law, tick = pair
     for seed in (1, 2):
         rng, state = np.random.default_rng(seed), law.start
-        seen = set()
+        outcomes = set()
         for n in range(TICKS):
             inputs = law.inputs(rng, n)
             returned = interpreted(law, state, inputs)
             numbers = lifting.numbers(returned)
-            assert same(numbers, tick(state, inputs)), (n, inputs)
+            assert same_bits(numbers, tick(state, inputs)), (n, inputs)
             assert all(map(math.isfinite, numbers))
             state = state_of(law, returned)
-            seen.add(tuple(numbers))
-        assert len(seen) >= law.varied
+            outcomes.add(tuple(numbers))
+        assert len(outcomes) >= law.min_outcomes
 
 
 def spoiled(inputs: Inputs, rng: np.random.Generator) -> Inputs:
-    """The inputs with one of their floats gone to NaN or infinity."""
+    """Return the inputs with one float replaced by NaN or infinity."""
     floats = [i for i, leaf in enumerate(leaves(inputs)) if isinstance(leaf, float)]
     at, bad = int(rng.choice(floats)), float(rng.choice([math.nan, math.inf, -math.inf]))
 
@@ -241,8 +252,8 @@ def spoiled(inputs: Inputs, rng: np.random.Generator) -> Inputs:
             parts.append(part)
         return (tuple(parts) if type(tree) is tuple else type(tree)(*parts)), start
 
-    made: Inputs = rebuilt(inputs, 0)[0]
-    return made
+    rebuilt_tree: Inputs = rebuilt(inputs, 0)[0]
+    return rebuilt_tree
 
 
 def leaves(tree: Any) -> list[Any]:
@@ -251,10 +262,10 @@ def leaves(tree: Any) -> list[Any]:
     return [tree]
 
 
-def test_so_they_do_when_numbers_are_none(pair: Any) -> None:
+def test_compiled_and_interpreted_agree_for_values_that_are_not_finite(pair: Any) -> None:
     """One float in twenty ticks is NaN or infinite: the same bits or NaN on both sides.
 
-    A law whose memory caught one starts afresh after ten ticks.
+    A law with such a value in its memory restarts after ten ticks.
     """
     law, tick = pair
     rng, state, caught, bad_forces = np.random.default_rng(3), law.start, 0, 0
@@ -264,20 +275,20 @@ def test_so_they_do_when_numbers_are_none(pair: Any) -> None:
             inputs = spoiled(inputs, rng)
         returned = interpreted(law, state, inputs)
         numbers = lifting.numbers(returned)
-        assert same(numbers, tick(state, inputs)), (n, inputs)
+        assert same_bits(numbers, tick(state, inputs)), (n, inputs)
         force = numbers[-1]
-        if law.gives == "state, given":
+        if law.returns == "state, given":
             assert not math.isfinite(force) or abs(force) <= FORCE
             bad_forces += not math.isfinite(force)
         state = state_of(law, returned)
         caught = 0 if all(map(math.isfinite, lifting.numbers(state))) else caught + 1
         if caught == 10:
             state, caught = law.start, 0
-    if law.gives == "state, given" and law.varied > 2:  # a force, and not always none
+    if law.returns == "state, given" and law.min_outcomes > 2:  # a force that is not always zero
         assert bad_forces > 50
 
 
-ROOM = """'''Generated: what an axis does with its laws besides stepping them.'''
+ROOM = """'''Generated: functions of the laws other than `step`.'''
 
 from numba import njit
 from controllers import open_loop, position_hold, station_keeping
@@ -291,6 +302,6 @@ def others():
 """
 
 
-def test_what_an_axis_does_besides_stepping_compiles_too() -> None:
-    room = lifting.load("law_room", ROOM, (blocks, open_loop, position_hold, station_keeping))
-    assert room.others() == room.others.py_func()
+def test_the_other_functions_of_the_laws_compile_too() -> None:
+    module = lifting.load("law_room", ROOM, (blocks, open_loop, position_hold, station_keeping))
+    assert module.others() == module.others.py_func()

@@ -1,4 +1,4 @@
-"""The open-loop reference: a table that repeats, scaled without a jump."""
+"""The open-loop reference: a periodic table, scaled without jumps."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ def settled(scale: float, law: open_loop.Params = LAW) -> open_loop.State:
 
 
 @given(st.floats(-3.0, 3.0, allow_subnormal=False), st.integers(0, 10**12))
-def test_the_force_is_the_scaled_table_again_and_again(scale: float, tick: int) -> None:
+def test_the_force_repeats_the_scaled_table(scale: float, tick: int) -> None:
     state, force = open_loop.step(LAW, settled(scale), scale, 0, tick, DT)
     whole = math.floor(tick / 750)  # exact: below 2^53
     assert force == scale * TABLE[tick - 750 * whole]
     assert state.scale.value == scale
 
 
-def test_one_period_comes_out_as_it_went_in() -> None:
-    """A multisine of three whole cycles a period: its spectrum has its lines and no other."""
+def test_one_period_keeps_its_spectrum() -> None:
+    """A multisine of three whole cycles a period: the spectrum has only its lines."""
     t = np.arange(1000) * DT
     wave = 300.0 * np.sin(2 * np.pi * 3 * t) + 80.0 * np.cos(2 * np.pi * 7 * t)
     law, state, out = open_loop.Params(tuple(wave.tolist()), 0.0, 1), open_loop.start(), []
@@ -82,7 +82,7 @@ def test_an_empty_table_is_no_force(tick: int) -> None:
 
 
 @pytest.mark.parametrize("bad", WEIRD)
-def test_no_number_in_gives_no_number_out(bad: float) -> None:
+def test_input_that_is_not_finite_gives_output_that_is_not_finite(bad: float) -> None:
     state = settled(1.0)
     for tick in range(10):
         state, force = open_loop.step(LAW, state, bad, 0, tick, DT)
@@ -92,30 +92,30 @@ def test_no_number_in_gives_no_number_out(bad: float) -> None:
     assert not finite(force)
 
 
-def test_a_start_is_a_start() -> None:
+def test_a_restarted_law_has_no_memory() -> None:
     assert open_loop.start() == ((0.0, 0.0, 0.0), 0)
     _, force = open_loop.step(FLAT, open_loop.start(), 1.0, 0, 123456, DT)
     assert force == pytest.approx(16.0)
 
 
-def test_another_realisation_begins_from_zero_force() -> None:
-    """Two realisations: the force goes down before the change, and up after it, no faster."""
+def test_a_new_realisation_starts_from_zero_force() -> None:
+    """Two realisations: the force is ramped down before the change and up after it."""
     law = open_loop.Params((500.0,) * 4 + (-900.0,) * 4, 0.05, 2)
-    state, forces, asked = open_loop.start(), [], []
+    state, forces, requested = open_loop.start(), [], []
     for tick in range(400):
-        wanted = 0 if tick < 100 or tick >= 250 else 1
-        state, force = open_loop.step(law, state, 1.0, wanted, tick, DT)
+        realisation = 0 if tick < 100 or tick >= 250 else 1
+        state, force = open_loop.step(law, state, 1.0, realisation, tick, DT)
         forces.append(force)
-        asked.append(state.realisation)
+        requested.append(state.realisation)
     steps = np.abs(np.diff(forces))
     assert steps.max() <= 900.0 * DT / law.ramp + 1e-9
     assert [forces[99], forces[249], forces[399]] == [500.0, -900.0, 500.0]
-    assert forces[asked.index(1) - 1] == 0.0
-    assert asked.index(1) == 150  # a ramp after it was asked for
+    assert forces[requested.index(1) - 1] == 0.0
+    assert requested.index(1) == 150  # one ramp after the request
 
 
 @pytest.mark.parametrize(("number", "value"), [(-3, 1.0), (0, 1.0), (1, 2.0), (7, 2.0)])
-def test_a_realisation_that_is_not_there_is_the_nearest_one(number: int, value: float) -> None:
+def test_an_unknown_realisation_selects_the_nearest(number: int, value: float) -> None:
     law, state = open_loop.Params((1.0, 1.0, 2.0, 2.0), 0.0, 2), open_loop.start()
     for tick in range(3):
         state, force = open_loop.step(law, state, 1.0, number, tick, DT)

@@ -1,4 +1,4 @@
-"""Station keeping: its equation, its soft stop, and that it never feeds energy."""
+"""Station keeping: its equation, its soft stop, and its passivity."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def force(params: Params, gains: Gains, x: float, v: float) -> float:
 
 
 @given(GAIN, GAIN, st.floats(-0.16, 0.24), st.floats(-2.0, 2.0))
-def test_within_reach_it_is_damper_and_spring(kp: float, ki: float, x: float, v: float) -> None:
+def test_within_reach_the_force_is_damper_and_spring(
+    kp: float, ki: float, x: float, v: float
+) -> None:
     gains = Gains(kp, ki, 123.0)
     state, demand = station_keeping.step(LAW, settled(gains), gains, Estimate(x, v, 9.9), DT)
     assert type(demand) is Demand
@@ -44,15 +46,15 @@ def test_within_reach_it_is_damper_and_spring(kp: float, ki: float, x: float, v:
 
 
 @given(GAIN, GAIN, st.floats(-1.0, 1.0), st.floats(-2.0, 2.0))
-def test_beyond_reach_there_is_the_soft_stop_besides(
+def test_beyond_reach_the_soft_stop_adds_its_force(
     kp: float, ki: float, x: float, v: float
 ) -> None:
-    """Hunt and Crossley's contact, written with signs of numpy instead of branches."""
+    """Hunt and Crossley's contact, written with numpy's sign instead of branches."""
     d = x - 0.04
     depth = np.maximum(np.abs(d) - 0.2, 0.0)
     push = np.maximum(depth * (3e4 + 4e4 * np.sign(d) * v), 0.0)
-    wanted = kp * v + ki * d - np.sign(d) * push
-    assert force(LAW, Gains(kp, ki, 0.0), x, v) == pytest.approx(wanted, rel=1e-9, abs=1e-6)
+    expected = kp * v + ki * d - np.sign(d) * push
+    assert force(LAW, Gains(kp, ki, 0.0), x, v) == pytest.approx(expected, rel=1e-9, abs=1e-6)
 
 
 def test_the_default_is_the_damping_of_the_report() -> None:
@@ -62,7 +64,7 @@ def test_the_default_is_the_damping_of_the_report() -> None:
 
 
 @given(st.floats(0.0, 1e5), st.floats(0.0, 1e5), st.floats(-0.9, 0.9), st.floats(-2.0, 2.0))
-def test_gains_that_would_feed_energy_count_as_none(
+def test_gains_that_would_feed_energy_count_as_zero(
     kp: float, ki: float, x: float, v: float
 ) -> None:
     gains = Gains(kp, ki, 0.0)
@@ -77,7 +79,7 @@ def test_gains_that_would_feed_energy_count_as_none(
 
 @given(st.floats(-2.0, 2.0), st.floats(-5.0, 5.0), st.floats(-1e5, 1e6), st.floats(-1e5, 1e6))
 def test_the_soft_stop_never_pulls_outward(x: float, v: float, k: float, c: float) -> None:
-    """Also with a spring or damper of the wrong sign, and however fast the body comes back."""
+    """Also with a spring or damper of the wrong sign, and for any speed of return."""
     law = LAW._replace(soft_stiffness=k, soft_damping=c)
     alone = force(law, Gains(0.0, 0.0, 0.0), x, v)
     d = x - law.station
@@ -93,7 +95,7 @@ def test_nothing_jumps_at_the_edge(side: float, v: float) -> None:
     assert inside == pytest.approx(outside, abs=1e-3)
 
 
-def test_a_start_far_out_is_no_jolt() -> None:
+def test_a_start_beyond_reach_is_without_a_jolt() -> None:
     state, forces = station_keeping.start(), []
     for _ in range(60):
         state, demand = station_keeping.step(LAW, state, DEFAULT, Estimate(0.5, 0.4, 0.0), DT)
@@ -117,11 +119,11 @@ def test_no_change_of_gains_bumps_the_force(
     for kp, ki, ticks in switches:
         for i, (ramp, gain) in enumerate(((state.kp, kp), (state.ki, ki))):
             widest[i] = max(widest[i], abs(min(gain, 0.0) - ramp.value))
-        most = (widest[0] * abs(v) + widest[1] * abs(x - 0.04)) * DT / LAW.ramp
+        bound = (widest[0] * abs(v) + widest[1] * abs(x - 0.04)) * DT / LAW.ramp
         for _ in range(ticks):
             gains = Gains(kp, ki, 0.0)
             state, demand = station_keeping.step(LAW, state, gains, Estimate(x, v, 0.0), DT)
-            assert abs(demand.force - last) <= most + 1e-6
+            assert abs(demand.force - last) <= bound + 1e-6
             last = demand.force
 
 
@@ -134,7 +136,7 @@ Motions = st.lists(
 
 
 def travel(parts: list[tuple[float, int]], span: float) -> tuple[np.ndarray, np.ndarray]:
-    """A motion that starts at rest, ends at rest where it began: x (m) and v (m/s)."""
+    """Return a motion that starts and ends at rest at the same place: x (m) and v (m/s)."""
     t = np.arange(round(span / DT)) * DT
     x, v = np.zeros_like(t), np.zeros_like(t)
     for amplitude, cycles in parts:
@@ -147,7 +149,7 @@ def travel(parts: list[tuple[float, int]], span: float) -> tuple[np.ndarray, np.
 def energies(
     params: Params, gains: Gains, x: np.ndarray, v: np.ndarray
 ) -> tuple[float, float, float]:
-    """Energy given to the body (J), the turnover, and the damper's share of the first."""
+    """Return the energy given to the body (J), the turnover, and the energy of the damper."""
     state, forces = settled(gains, params), []
     for position, velocity in zip(x.tolist(), v.tolist(), strict=True):
         motion = Estimate(position, velocity, 0.0)
@@ -159,10 +161,10 @@ def energies(
 
 @settings(max_examples=60, deadline=None)
 @given(Motions, GAIN, GAIN, st.floats(-0.3, 0.3))
-def test_a_closed_way_never_gains_energy(
+def test_a_closed_path_never_gains_energy(
     parts: list[tuple[float, int]], kp: float, ki: float, station: float
 ) -> None:
-    """The sum over whole cycles is the integral itself for what is smooth, so within reach it is
+    """For smooth forces the sum over whole cycles equals the integral, so within reach it is
     the damper's loss to rounding; the soft stop's corner costs (v dt)^2 K of accuracy a crossing.
     """
     x, v = travel(parts, 4.0)
@@ -181,34 +183,36 @@ def test_a_closed_way_never_gains_energy(
 
 @settings(max_examples=60, deadline=None)
 @given(Motions)
-def test_the_soft_stop_takes_energy_where_it_is_met(parts: list[tuple[float, int]]) -> None:
+def test_contact_with_the_soft_stop_dissipates_energy(parts: list[tuple[float, int]]) -> None:
     x, v = travel(parts, 4.0)
     got, turnover, _ = energies(LAW._replace(station=0.0), Gains(0.0, 0.0, 0.0), x, v)
     met = np.abs(x).max() > 0.25
     assert got <= (-1e-3 * turnover if met else 40 * 3e4 * (np.abs(v).max() * DT) ** 2)
 
 
-def test_a_body_let_go_comes_to_rest_at_the_station() -> None:
-    """1420 kg in surge against 20 kN/m of guide, pushed out of reach: it only ever loses energy."""
+def test_a_released_body_comes_to_rest_at_the_station() -> None:
+    """1420 kg in surge with a guide of 20 kN/m, released beyond reach, only loses energy."""
     state, x, v, mass, guide = settled(DEFAULT), 0.6, 0.0, 1420.0, 2e4
-    seen = []
+    energies_seen = []
     for _ in range(20_000):
         state, demand = station_keeping.step(LAW, state, DEFAULT, Estimate(x, v, 0.0), DT)
         v += DT * (demand.force - guide * (x - 0.04)) / mass
         x += DT * v
         depth = max(abs(x - 0.04) - LAW.reach, 0.0)
-        kept = mass * v * v + guide * (x - 0.04) ** 2 + LAW.soft_stiffness * depth**2
-        seen.append(0.5 * kept)
-    assert max(np.diff(seen)) <= 1e-4 * seen[0]  # what a tick of symplectic Euler wobbles by
-    assert seen[-1] <= 1e-4 * seen[0]
+        energy = mass * v * v + guide * (x - 0.04) ** 2 + LAW.soft_stiffness * depth**2
+        energies_seen.append(0.5 * energy)
+    assert (
+        max(np.diff(energies_seen)) <= 1e-4 * energies_seen[0]
+    )  # energy ripple of symplectic Euler
+    assert energies_seen[-1] <= 1e-4 * energies_seen[0]
 
 
-# --- no number in, no number out
+# --- input that is not finite
 
 
 @pytest.mark.parametrize("bad", WEIRD)
 @pytest.mark.parametrize("x", [0.0, 0.5, -0.5])
-def test_no_number_in_gives_no_number_out(bad: float, x: float) -> None:
+def test_input_that_is_not_finite_gives_output_that_is_not_finite(bad: float, x: float) -> None:
     for motion in (Estimate(bad, 0.1, 0.0), Estimate(x, bad, 0.0)):
         for gains in (DEFAULT, Gains(0.0, 0.0, 0.0), Gains(-100.0, -100.0, 0.0)):
             _, demand = station_keeping.step(LAW, settled(gains), gains, motion, DT)
@@ -216,10 +220,10 @@ def test_no_number_in_gives_no_number_out(bad: float, x: float) -> None:
     for gains in (Gains(bad, 0.0, 0.0), Gains(0.0, bad, 0.0)):
         state = settled(DEFAULT)
         _, demand = station_keeping.step(LAW, state, gains, Estimate(x, 0.2, 0.0), DT)
-        assert not finite(demand.force) or bad == math.inf  # plus infinity counts as none
+        assert not finite(demand.force) or bad == math.inf  # plus infinity counts as zero
 
 
-def test_a_start_is_a_start() -> None:
+def test_a_restarted_law_has_no_memory() -> None:
     none = (0.0, 0.0, 0.0)
     assert station_keeping.start() == (none, none, none, none, 0.0)
     motion = Estimate(0.9, -3.0, 0.0)

@@ -1,4 +1,4 @@
-"""Sections of Z_c(s): against scipy, against sines through the law, and what is refused."""
+"""Sections of Z_c(s): against scipy, against sines through the law, and refused designs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RADIATION = (
     [-4594.69, -75223.29, -668098.5, -543002.2, 0.0],
     [1.0, 18.185, 155.3015, 660.4136, 1316.647, 922.0699],
 )
-# About the conjugate of the intrinsic impedance at 0.55 Hz: damping, and a spring that fades.
+# Near the conjugate of the intrinsic impedance at 0.55 Hz: damping, and a decaying spring.
 MATCHED = ([-2650.0, -9000.0, 0.0], [1.0, 0.9, 0.2])
 LAG = ([-3000.0], [2.0, 1.0])
 NOTCH = ([-1500.0, 0.0, -1500.0 * 9.0], [1.0, 2.0, 9.0])
@@ -35,23 +35,23 @@ Polynomials = tuple[list[float], list[float]]
 def test_the_response_is_scipys(zc: Polynomials) -> None:
     """`evaluate` against freqs, `response` against freqz_sos: same formulas, other code."""
     f = np.geomspace(0.01, 10.0, 300)
-    _, wanted = signal.freqs(*zc, worN=2.0 * np.pi * f)
-    assert evaluate(*zc, f) == pytest.approx(wanted, rel=1e-12)
+    _, expected = signal.freqs(*zc, worN=2.0 * np.pi * f)
+    assert evaluate(*zc, f) == pytest.approx(expected, rel=1e-12)
     sections = design(*zc, DT)
     rows = [(*section[:3], 1.0, *section[3:]) for section in sections]
-    _, wanted = signal.freqz_sos(rows, worN=f, fs=1.0 / DT)
-    assert response(sections, f, DT) == pytest.approx(wanted, rel=1e-9)
+    _, expected = signal.freqz_sos(rows, worN=f, fs=1.0 / DT)
+    assert response(sections, f, DT) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("zc", EXAMPLES, ids=IDS)
 def test_the_sections_are_the_bilinear_transform(zc: Polynomials) -> None:
-    """H(z) = Z_c(2/T (z-1)/(z+1)) at every frequency: the definition, not scipy's way to it."""
+    """H(z) = Z_c(2/T (z-1)/(z+1)) at every frequency: the definition, not scipy's method."""
     f = np.geomspace(0.05, 490.0, 200)
     z = np.exp(2j * np.pi * f * DT)
     s = 2.0 / DT * (z - 1.0) / (z + 1.0)
-    wanted = np.polyval(zc[0], s) / np.polyval(zc[1], s)
+    expected = np.polyval(zc[0], s) / np.polyval(zc[1], s)
     got = response(design(*zc, DT), f, DT)
-    assert np.abs(got - wanted).max() <= 1e-7 * np.abs(wanted).max()
+    assert np.abs(got - expected).max() <= 1e-7 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("zc", EXAMPLES, ids=IDS)
@@ -70,9 +70,9 @@ def test_a_sine_through_the_law_shows_zc(zc: Polynomials, f_hz: float) -> None:
         if tick >= first:
             total += demand.force * np.conj(turn)
     measured = total * 2.0 / period / 0.3
-    wanted = evaluate(*zc, f_hz)
+    expected = evaluate(*zc, f_hz)
     floor = 0.01 * np.abs(evaluate(*zc, np.geomspace(*BAND, 400))).max()
-    assert abs(measured - wanted) <= TOLERANCE * max(abs(wanted), floor)
+    assert abs(measured - expected) <= TOLERANCE * max(abs(expected), floor)
 
 
 @given(
@@ -82,10 +82,10 @@ def test_a_sine_through_the_law_shows_zc(zc: Polynomials, f_hz: float) -> None:
     st.floats(-1e5, 1e5),
 )
 @settings(max_examples=300, deadline=None)
-def test_whatever_is_granted_holds_what_is_promised(
+def test_accepted_designs_are_stable_with_the_right_response(
     real: list[float], pairs: list[tuple[float, float]], zeros: list[float], gain: float
 ) -> None:
-    """Any stable proper Z_c with poles in reach of the waves: stable sections, right response."""
+    """Any stable proper Z_c with poles near the wave band: stable sections, right response."""
     assume(abs(gain) > 1e-3)
     poles = [-p + 0j for p in real]
     for omega, zeta in pairs:
@@ -98,12 +98,12 @@ def test_whatever_is_granted_holds_what_is_promised(
     for _, _, _, a1, a2 in sections:
         assert np.abs(np.roots([1.0, a1, a2])).max() < 1.0
     f = np.geomspace(*BAND, 77)
-    wanted = np.asarray(evaluate(top, bottom, f))
-    bound = TOLERANCE * np.maximum(np.abs(wanted), 0.01 * np.abs(wanted).max())
-    assert np.all(np.abs(response(sections, f, DT) - wanted) <= 1.1 * bound)
+    expected = np.asarray(evaluate(top, bottom, f))
+    bound = TOLERANCE * np.maximum(np.abs(expected), 0.01 * np.abs(expected).max())
+    assert np.all(np.abs(response(sections, f, DT) - expected) <= 1.1 * bound)
 
 
-def test_a_zc_of_zero_costs_nothing() -> None:
+def test_a_zc_of_zero_has_no_sections() -> None:
     assert design([0.0], [1.0, 1.0], DT) == ()
     assert np.array_equal(response((), [0.1, 1.0], DT), [0.0, 0.0])
 
@@ -133,14 +133,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_run_is_refused_with_its_reason(name: str) -> None:
-    zc, dt, said = REFUSED[name]
+def test_an_invalid_design_is_refused_with_its_reason(name: str) -> None:
+    zc, dt, message = REFUSED[name]
     with pytest.raises(ValueError, match=r"^Z_c: ") as refusal:
         design(*zc, dt)
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
 
 
-def test_all_that_is_wrong_is_said_at_once() -> None:
+def test_all_problems_are_reported_at_once() -> None:
     with pytest.raises(ValueError, match="Z_c") as refusal:
         design([math.nan], [], -1.0)
     for part in ("period", "numerator", "denominator"):
@@ -153,10 +153,10 @@ def test_all_that_is_wrong_is_said_at_once() -> None:
     st.floats(1e-4, 0.01),
 )
 @settings(max_examples=300, deadline=None)
-def test_any_coefficients_are_granted_or_refused(
+def test_any_coefficients_are_accepted_or_refused(
     top: list[float], bottom: list[float], dt: float
 ) -> None:
-    """No warning, no other error; what is granted is finite and stable."""
+    """No warning, no other error; accepted sections are finite and stable."""
     try:
         sections = design(top, bottom, dt)
     except ValueError as refusal:

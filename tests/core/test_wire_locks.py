@@ -1,4 +1,4 @@
-"""One lock a wire, for every user and environment of the host, held as long as anybody sends."""
+"""One lock per wire, for all users and environments of the host, for as long as it is in use."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ if uid: os.setuid(uid)
 from rig.processes.wire_locks import hold, network_wire
 wire = network_wire("line io", "tcp", "127.0.0.1", int(sys.argv[2]))
 with hold([wire], "campaign first") as held:
-    if len(sys.argv) > 3:  # a child that holds on, as a loop does
+    if len(sys.argv) > 3:  # a child that keeps the lock, as a loop does
         child = subprocess.Popen(["sleep", "60"], pass_fds=held.fds)
         print(child.pid, flush=True)
     print("held", flush=True)
@@ -61,10 +61,10 @@ def line(port: int, host: str = "127.0.0.1") -> tuple[Wire]:
 
 
 @contextmanager
-def holder(port: int, *words: str, uid: int = 0, **env: str) -> Iterator[tuple[Any, list[str]]]:
-    """Another process that holds a wire; gives it and what it printed before."""
+def holder(port: int, *arguments: str, uid: int = 0, **env: str) -> Iterator[tuple[Any, list[str]]]:
+    """Start a process that locks a wire; yield it and its previous output."""
     process = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(uid), str(port), *words],
+        [sys.executable, "-c", HOLDER, str(uid), str(port), *arguments],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, **env},
@@ -72,9 +72,9 @@ def holder(port: int, *words: str, uid: int = 0, **env: str) -> Iterator[tuple[A
     assert process.stdout is not None
     printed = []
     try:
-        while (said := process.stdout.readline().strip()) != "held":
-            assert said, "the holder has died"
-            printed.append(said)
+        while (line_read := process.stdout.readline().strip()) != "held":
+            assert line_read, "the holder has died"
+            printed.append(line_read)
         yield process, printed
     finally:
         process.kill()
@@ -83,8 +83,8 @@ def holder(port: int, *words: str, uid: int = 0, **env: str) -> Iterator[tuple[A
 
 
 def test_environment_does_not_move_a_lock(port: int, tmp_path: Path) -> None:
-    place = str(tmp_path)
-    moved = holder(port, TMPDIR=place, HOME=place, XDG_RUNTIME_DIR=place)
+    path = str(tmp_path)
+    moved = holder(port, TMPDIR=path, HOME=path, XDG_RUNTIME_DIR=path)
     with moved, pytest.raises(BusyError):
         hold(line(port), "campaign second")
     hold(line(port), "campaign second").close()
@@ -97,18 +97,18 @@ def test_two_users_meet_the_same_lock(port: int) -> None:
     assert f"campaign first (process {process.pid}, user nobody)" in str(refused.value)
 
 
-def test_refusal_says_wire_holder_and_what_to_do(port: int) -> None:
+def test_a_refusal_names_wire_holder_and_remedy(port: int) -> None:
     with holder(port) as (process, _), pytest.raises(BusyError) as refused:
         hold((serial_wire("servo", "/dev/none"), *line(port)), "rig devices")
     assert str(refused.value) == (
         f"line io 127.0.0.1:{port} is taken by campaign first (process {process.pid}, user root); "
         "wait for its end, or stop it with Ctrl-C"
     )
-    hold([serial_wire("servo", "/dev/none")], "x").close()  # all or nothing: it was let go
+    hold([serial_wire("servo", "/dev/none")], "x").close()  # all or none: it was released
 
 
-def test_what_a_killed_program_handed_on_stays_locked(port: int) -> None:
-    """As the loop of a killed supervisor, which still stops its motors."""
+def test_a_lock_inherited_from_a_killed_program_persists(port: int) -> None:
+    """Like the loop of a killed supervisor, which still has to stop its motors."""
     with holder(port, "child") as (process, (child,)):
         process.kill()
         process.wait()
@@ -128,15 +128,15 @@ def test_what_a_killed_program_handed_on_stays_locked(port: int) -> None:
                 break
 
 
-def test_a_taken_name_that_never_listens_is_refused_all_the_same(port: int) -> None:
+def test_a_name_taken_without_listening_is_refused_too(port: int) -> None:
     with socket.socket(socket.AF_UNIX) as squatter:
         squatter.bind(f"\0wec-rig/tcp/127.0.0.1:{port}")
         with pytest.raises(BusyError, match="another program"):
             hold(line(port), "campaign second")
 
 
-def test_lookers_without_end_are_refused(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every refusal connects to the holder once, and nobody there takes the connections."""
+def test_any_number_of_lock_queries_is_refused(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every refusal connects to the holder once, which never accepts the connections."""
     monkeypatch.setattr("rig.processes.wire_locks._LOOKS", 3)
     with hold(line(port), "campaign first"):
         for _ in range(10):
@@ -144,15 +144,15 @@ def test_lookers_without_end_are_refused(port: int, monkeypatch: pytest.MonkeyPa
                 hold(line(port), "campaign second")
 
 
-def test_many_at_once_get_one_place(port: int) -> None:
-    words = [sys.executable, "-c", HOLDER, "0", str(port)]
+def test_of_many_contenders_one_gets_the_lock(port: int) -> None:
+    arguments = [sys.executable, "-c", HOLDER, "0", str(port)]
     with ExitStack() as stack:
-        tried = []
+        attempts = []
         for _ in range(4):
-            one = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-            tried.append(stack.enter_context(one))
+            one = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+            attempts.append(stack.enter_context(one))
             stack.callback(one.kill)
-        assert sum(one.stdout.readline() == b"held\n" for one in tried if one.stdout) == 1
+        assert sum(one.stdout.readline() == b"held\n" for one in attempts if one.stdout) == 1
         with pytest.raises(BusyError):
             hold((*line(port), serial_wire("servo", f"/dev/none{port}")), "campaign last")
 
@@ -161,7 +161,7 @@ def same(one: Wire, other: Wire) -> bool:
     return bool(one.identities & other.identities)
 
 
-def test_names_of_one_wire_are_one(tmp_path: Path) -> None:
+def test_all_names_of_a_wire_share_one_lock(tmp_path: Path) -> None:
     tcp = network_wire("a", "tcp", "127.0.0.1", 502)
     for name in ("localhost", "127.1", "0.0.0.0", "::ffff:127.0.0.1", "LOCALHOST"):
         assert same(tcp, network_wire("b", "tcp", name, 502)), name
@@ -174,7 +174,7 @@ def test_names_of_one_wire_are_one(tmp_path: Path) -> None:
     master, slave = pty.openpty()
     try:
         device, link = os.ttyname(slave), tmp_path / "by-id"
-        early = serial_wire("a", str(link))  # before the emulated devices are there
+        early = serial_wire("a", str(link))  # before the emulated devices exist
         link.symlink_to(device)
         assert same(serial_wire("a", str(link)), serial_wire("b", device))
         assert same(early, serial_wire("b", str(link)))
@@ -191,13 +191,13 @@ def test_names_of_one_wire_are_one(tmp_path: Path) -> None:
     assert not same(can_wire("socketcand", "can0", here), can_wire("socketcand", "can1", here))
     assert same(can_wire("socketcan", "can0", {}), can_wire("socketcan", "can0", {"fd": True}))
     assert not same(can_wire("pcan", "PCAN_USBBUS1", {}), can_wire("kvaser", "PCAN_USBBUS1", {}))
-    # a socketcand of this host hands out the kernel's own interface of that name
+    # a socketcand on this host serves the kernel's interface of that name
     assert same(can_wire("socketcand", "lo", here), can_wire("socketcan", "lo", {}))
     elsewhere = can_wire("socketcand", "lo", {"host": "192.0.2.1"})
     assert not same(elsewhere, can_wire("socketcan", "lo", {}))
 
 
-def test_long_names_stay_apart() -> None:
+def test_long_names_stay_distinct() -> None:
     far = "/very" * 40
     with hold([serial_wire("a", f"{far}/1")], "campaign " + "\u00e9\n" * 99):
         hold([serial_wire("b", f"{far}/2")], "campaign b").close()
@@ -248,8 +248,8 @@ class Listening:
         )
         path = self.folder / f"{name}.yaml"
         with path.open("w") as file:
-            told = {"extends": str(base), "name": name, "limits": str(limits), "wiring": wiring}
-            YAML(typ="safe").dump(told, file)
+            rig_file = {"extends": str(base), "name": name, "limits": str(limits), "wiring": wiring}
+            YAML(typ="safe").dump(rig_file, file)
         return path
 
     def untouched(self) -> bool:
@@ -267,7 +267,7 @@ class Listening:
 
 
 def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
-    """Whatever it is: run, look or scan; and a rig of another name with one wire in common."""
+    """For run, check and scan, and for a rig of another name that shares one wire."""
     campaign = tmp_path / "campaign.yaml"
     with ExitStack() as stack:
         far = Listening(tmp_path, stack)
@@ -280,26 +280,28 @@ def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
         shared = [one for one in wires_of(load_rig(first)[0]) if one.name == "line amplifiers"]
         stack.enter_context(hold(shared, "campaign first"))
         mode = wired(report.campaign, emulated=False)
-        mode = mode._replace(real_clock=False)  # so that nothing but the wire refuses it
+        mode = mode._replace(real_clock=False)  # so that only the wire refuses it
         with pytest.raises(BusyError, match=r"line amplifiers .* taken by campaign first"):
             carry_out(report.campaign, report.plan, runs, lambda snapshot: None, mode)
         assert not runs.exists()
-        words = [sys.executable, "-m", "rig"]
+        arguments = [sys.executable, "-m", "rig"]
         port = str(far.wiring["lines"]["amplifiers"]["port"])  # type: ignore[index]
         for command in (["devices", str(other)], ["scan", "modbus", "--serial", port]):
             command += ["--json"]
-            done = subprocess.run([*words, *command], capture_output=True, text=True, check=False)
+            done = subprocess.run(
+                [*arguments, *command], capture_output=True, text=True, check=False
+            )
             assert done.returncode == 1, done.stderr
             assert "campaign first" in json.loads(done.stdout)["message"]
         assert far.untouched()
 
 
-def test_the_real_time_place_is_one_of_its_own() -> None:
+def test_the_real_time_lock_is_separate() -> None:
     assert REALTIME_PLACE.identities == {"realtime"}
 
 
-def test_every_length_of_a_name_can_be_locked() -> None:
-    """The kernel takes 107 bytes, ours in front of them included."""
+def test_names_of_any_length_can_be_locked() -> None:
+    """The kernel allows 107 bytes, including our prefix."""
     for length in range(60, 140):
         port = f"/tmp/{'x' * length}"
         with hold((serial_wire("servo", port),), "first"), pytest.raises(BusyError):

@@ -15,11 +15,11 @@ DTYPE = row_dtype(row_layout.leaves(WaveBotRow))
 
 
 def rows(count: int, first: int = 0, dt: float = 1e-3) -> Any:
-    """``count`` rows from tick ``first`` on; no two fields of a row are equal but the ticks."""
+    """Return ``count`` rows from tick ``first``; all fields of a row differ except the ticks."""
     block = np.zeros(count, DTYPE)
     ticks = np.arange(first, first + count)
-    for place, name in enumerate(DTYPE.names or ()):
-        block[name] = ticks * 100 + place
+    for column, name in enumerate(DTYPE.names or ()):
+        block[name] = ticks * 100 + column
         if DTYPE[name] == np.float64:
             block[name] += 0.25
     block["tick"] = block["tick_end"] = ticks
@@ -29,13 +29,13 @@ def rows(count: int, first: int = 0, dt: float = 1e-3) -> Any:
 
 
 def writer(path: Path, **attachments: bytes) -> RowWriter:
-    """A writer of WaveBot rows at the common start."""
-    told = {"run": {"run": "test"}}
-    return RowWriter(path, WaveBotRow, attachments, told, start_utc_ns=START)
+    """Return a writer of WaveBot rows with the common start."""
+    metadata = {"run": {"run": "test"}}
+    return RowWriter(path, WaveBotRow, attachments, metadata, start_utc_ns=START)
 
 
 def write(path: Path, data: Any, flush_every: int = 500, finish: bool = True) -> Path:
-    """A file of these rows; without ``finish`` as a killed writer leaves it."""
+    """Write a file of these rows; without ``finish`` as a killed writer leaves it."""
     out = writer(path)
     for begin in range(0, len(data), flush_every):
         out.append(data[begin : begin + flush_every].tobytes())

@@ -1,4 +1,4 @@
-"""Flipped bits and cuts of a record: everything readable is read, nothing wrong ever is."""
+"""Flipped bits and cuts of a record: readers return all intact rows and no wrong ones."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def rows() -> Any:
 
 @cache
 def good(folder: Path, name: str) -> tuple[bytes, tuple[tuple[int, int], ...]]:
-    """A small record, and where each of its chunks lies."""
+    """Return a small record and the location of each of its chunks."""
     path = folder / name
     out = files.writer(path, **{"config.json": b'{"name": "small"}', "plan.json": b"{}" * 50})
     data = rows()
@@ -53,7 +53,7 @@ def good(folder: Path, name: str) -> tuple[bytes, tuple[tuple[int, int], ...]]:
 
 
 def records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Kind, begin and end of every record."""
+    """Yield kind, begin and end of every record."""
     at = 8
     while at + RECORD.size <= len(data):
         opcode, length = RECORD.unpack_from(data, at)
@@ -62,7 +62,7 @@ def records(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 
 def places(data: bytes, dice: random.Random) -> list[int]:
-    """Bytes to damage: a third anywhere, a third in the heads of records, a third by kind."""
+    """Choose bytes to damage: a third anywhere, a third in record heads, a third by kind."""
     every = list(records(data))
     kinds = sorted({opcode for opcode, _, _ in every})
     found = [0, 5, len(data) - 3]  # the magic at both ends
@@ -74,14 +74,14 @@ def places(data: bytes, dice: random.Random) -> list[int]:
                 _, begin, end = dice.choice(every)
                 found.append(dice.randrange(begin, min(begin + 50, end)))
             case _:
-                wanted = dice.choice(kinds)
-                _, begin, end = dice.choice([each for each in every if each[0] == wanted])
+                kind = dice.choice(kinds)
+                _, begin, end = dice.choice([each for each in every if each[0] == kind])
                 found.append(dice.randrange(begin, end))
     return found
 
 
 def read(path: Path) -> Any:
-    """The rows that `open_run` gives, as records."""
+    """Return the rows of `open_run` as records."""
     data = open_run(path)
     out = np.zeros(data.sizes["time"], files.DTYPE)
     for name in files.DTYPE.names or ():
@@ -90,8 +90,8 @@ def read(path: Path) -> Any:
     return out, data.attrs
 
 
-def judge(found: Any, expected: Any, where: str) -> None:
-    """Every row as it was, each tick once, and of undamaged chunks all."""
+def check_rows(found: Any, expected: Any, where: str) -> None:
+    """Check that every row is correct, each tick occurs once, and undamaged chunks are complete."""
     ticks = found["tick"].astype(np.int64)
     assert len(np.unique(ticks)) == len(ticks), where
     assert ((ticks >= 0) & (ticks < ROWS)).all(), where
@@ -108,33 +108,35 @@ def of_chunks(spans: tuple[tuple[int, int], ...], whole: list[bool]) -> list[int
     ]
 
 
-def tried(place: Path, name: str, data: bytes, expected: list[int], where: str) -> None:
-    """What the readers and a recovery in place make of a damaged record."""
-    place.mkdir()
-    (place / name).write_bytes(data)
+def check_damaged(
+    folder_path: Path, name: str, data: bytes, expected: list[int], where: str
+) -> None:
+    """Check readers and a recovery in place on a damaged record."""
+    folder_path.mkdir()
+    (folder_path / name).write_bytes(data)
     status: dict[str, Any] = {"status": "complete", "ticks": ROWS, "last_tick": ROWS - 1}
-    (place / "run.json").write_text(json.dumps({**status, "skipped": 0}))
+    (folder_path / "run.json").write_text(json.dumps({**status, "skipped": 0}))
     try:
-        found, told = read(place)
+        found, report = read(folder_path)
     except RunError:
         if expected:
             raise
         for refused in (read, lambda run: recover(run, None, NOW)):
             with pytest.raises(RunError, match=r"rig recover"):
-                refused(place)
+                refused(folder_path)
         return
-    judge(found, expected, where)
+    check_rows(found, expected, where)
     lost = ROWS - len(found)
     if lost:
-        assert told["record"] != "complete", where
-        assert f"{lost} of {ROWS} ticks missing" in told["record"], where
-    made = recover(place, None, NOW)
-    assert (place / name).read_bytes() == data, where
-    assert (made.account.rows, made.account.lost) == (len(found), lost), where
-    blocks = list(mcap_file.blocks(scan(made.output)))
-    again = np.concatenate(blocks) if blocks else found[:0]
-    assert again.tobytes() == found.tobytes(), where
-    assert read(place)[0].tobytes() == found.tobytes(), where
+        assert report["record"] != "complete", where
+        assert f"{lost} of {ROWS} ticks missing" in report["record"], where
+    recovery = recover(folder_path, None, NOW)
+    assert (folder_path / name).read_bytes() == data, where
+    assert (recovery.account.rows, recovery.account.lost) == (len(found), lost), where
+    blocks = list(mcap_file.blocks(scan(recovery.output)))
+    second = np.concatenate(blocks) if blocks else found[:0]
+    assert second.tobytes() == found.tobytes(), where
+    assert read(folder_path)[0].tobytes() == found.tobytes(), where
 
 
 @pytest.fixture(scope="module")
@@ -150,14 +152,16 @@ def test_a_flipped_bit_costs_its_chunk_at_most(name: str, folder: Path, tmp_path
         changed = bytearray(data)
         changed[at] ^= 1 << dice.randrange(8)
         expected = of_chunks(spans, [not begin <= at < end for begin, end in spans])
-        tried(tmp_path / str(number), name, bytes(changed), expected, f"case {number}, byte {at}")
+        check_damaged(
+            tmp_path / str(number), name, bytes(changed), expected, f"case {number}, byte {at}"
+        )
 
 
 @pytest.mark.parametrize("first", [36, 33])  # tick of the second part: without and with overlap
 def test_a_flipped_bit_in_one_of_two_parts_costs_its_chunk_at_most(
     first: int, tmp_path: Path
 ) -> None:
-    """A flip in the times of a chunk's head, which have no check sum, costs nothing at all."""
+    """A flip in the times of a chunk's head, which have no check sum, costs no row."""
     data, dice = rows(), random.Random(first)
     parts = [tmp_path / f"{FINISHED}.part{number}" for number in (0, 1)]
     for path, some in zip(parts, (data[:36], data[first:]), strict=True):
@@ -173,17 +177,17 @@ def test_a_flipped_bit_in_one_of_two_parts_costs_its_chunk_at_most(
     ]
     for case in range(CASES // 2):
         number, begin, end = dice.choice(chunks)
-        place = dice.randrange(RECORD.size, RECORD.size + 16 if case % 2 else end - begin)
-        times = place < RECORD.size + 16
+        folder_path = dice.randrange(RECORD.size, RECORD.size + 16 if case % 2 else end - begin)
+        times = folder_path < RECORD.size + 16
         changed = bytearray(undamaged[number])
-        changed[begin + place] ^= 1 << dice.randrange(8)
+        changed[begin + folder_path] ^= 1 << dice.randrange(8)
         parts[number].write_bytes(changed)
-        where = f"case {case}: byte {begin + place} of part {number}"
-        found, told = read(tmp_path)
-        judge(found, range(ROWS) if times else (), where)
+        where = f"case {case}: byte {begin + folder_path} of part {number}"
+        found, report = read(tmp_path)
+        check_rows(found, range(ROWS) if times else (), where)
         lost = ROWS - len(found)
         assert lost <= PER_CHUNK, where
-        assert (f"{lost} of {ROWS} ticks missing" in told["record"]) == (lost > 0), where
+        assert (f"{lost} of {ROWS} ticks missing" in report["record"]) == (lost > 0), where
         joined = join(parts, tmp_path / "joined.mcap")
         assert (joined.rows, bool(joined.damage)) == (ROWS - lost, bool(lost)), where
         joined.path.unlink()
@@ -191,15 +195,15 @@ def test_a_flipped_bit_in_one_of_two_parts_costs_its_chunk_at_most(
 
 
 @pytest.mark.parametrize("name", [FINISHED, KILLED])
-def test_a_cut_costs_what_lies_behind_it(name: str, folder: Path, tmp_path: Path) -> None:
+def test_a_cut_costs_only_the_rows_after_it(name: str, folder: Path, tmp_path: Path) -> None:
     data, spans = good(folder, name)
     for number, length in enumerate(random.Random(name).sample(range(len(data)), CASES)):
         expected = of_chunks(spans, [end <= length for _, end in spans])
-        tried(tmp_path / str(number), name, data[:length], expected, f"cut at {length}")
+        check_damaged(tmp_path / str(number), name, data[:length], expected, f"cut at {length}")
 
 
-def test_a_hole_costs_what_it_touches(folder: Path, tmp_path: Path) -> None:
-    """Bytes that are gone from the middle, so that lengths lead past the next record."""
+def test_a_hole_costs_only_the_chunks_it_touches(folder: Path, tmp_path: Path) -> None:
+    """Bytes are missing in the middle, so that lengths lead past the next record."""
     data, spans = good(folder, FINISHED)
     dice = random.Random(5)
     for number in range(CASES // 2):
@@ -208,13 +212,13 @@ def test_a_hole_costs_what_it_touches(folder: Path, tmp_path: Path) -> None:
         whole = [last <= begin or first >= end for first, last in spans]
         expected = of_chunks(spans, whole)
         changed = data[:begin] + data[end:]
-        tried(tmp_path / str(number), FINISHED, changed, expected, f"hole {begin} to {end}")
+        check_damaged(tmp_path / str(number), FINISHED, changed, expected, f"hole {begin} to {end}")
 
 
 def test_huge_lengths_cost_neither_memory_nor_time(folder: Path, tmp_path: Path) -> None:
     data, spans = good(folder, FINISHED)
     lengths = [begin + 1 for _, begin, _ in records(data)]  # of records
-    for begin, _ in spans:  # of the compressed and the plain data of a chunk, of zstd's frame
+    for begin, _ in spans:  # of a chunk's compressed and plain data, and of zstd's frame
         lengths += [begin + 9 + 16, begin + 9 + 28 + 8, begin + 9 + 28 + 4 + 4 + 8 + 4]
     tracemalloc.start()
     began = time.perf_counter()
@@ -226,10 +230,10 @@ def test_huge_lengths_cost_neither_memory_nor_time(folder: Path, tmp_path: Path)
             path.write_bytes(changed)
             reading = open_run(path, ["tick", "time"])
             assert reading.sizes["time"] >= ROWS - PER_CHUNK, f"length at {at}"
-    spent, peak = time.perf_counter() - began, tracemalloc.get_traced_memory()[1]
+    duration, peak = time.perf_counter() - began, tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 64e6
-    assert spent / (3 * len(lengths)) < 0.2
+    assert duration / (3 * len(lengths)) < 0.2
 
 
 def test_the_index_is_not_needed(folder: Path, tmp_path: Path) -> None:
@@ -240,12 +244,12 @@ def test_the_index_is_not_needed(folder: Path, tmp_path: Path) -> None:
         path.write_bytes(changed)
         found = open_run(path, "load.lcb")
         assert found.sizes["time"] == ROWS
-        assert found.attrs["record"].startswith("damaged: every tick that is known of has its row")
+        assert found.attrs["record"].startswith("damaged: every known tick has its row")
         assert "its index" in found.attrs["record_damage"]
 
 
-def test_any_bit_of_the_head_may_flip(folder: Path, tmp_path: Path) -> None:
-    """What says where a row's fields lie has a copy or a check sum, each byte of it."""
+def test_a_flipped_bit_in_the_head_costs_no_row(folder: Path, tmp_path: Path) -> None:
+    """Every byte of the description of the rows has a copy or a check sum."""
     data, spans = good(folder, KILLED)
     leaves = scan(folder / KILLED).leaves
     path, dice = tmp_path / KILLED, random.Random(8)
@@ -256,5 +260,5 @@ def test_any_bit_of_the_head_may_flip(folder: Path, tmp_path: Path) -> None:
         path.write_bytes(changed)
         found = scan(path)
         assert (found.leaves, len(found.chunks)) == (leaves, len(spans)), at
-        told = found.metadata.get("clock", {"start_utc_ns": str(files.START)})
-        assert told == {"start_utc_ns": str(files.START)}, at
+        report = found.metadata.get("clock", {"start_utc_ns": str(files.START)})
+        assert report == {"start_utc_ns": str(files.START)}, at

@@ -1,4 +1,4 @@
-"""Killed writers: what was flushed is there, parts join to one file, failure is said."""
+"""Killed writers: flushed rows are readable, parts join to one file, failures are reported."""
 
 import json
 import random
@@ -36,7 +36,7 @@ out.finish()
 """
 
 
-def test_kill_at_any_moment_loses_only_what_was_not_flushed(tmp_path: Path) -> None:
+def test_a_kill_loses_only_unflushed_rows(tmp_path: Path) -> None:
     chance = random.Random(7)
     here = str(Path(__file__).parent)
     killed_running = 0
@@ -45,21 +45,21 @@ def test_kill_at_any_moment_loses_only_what_was_not_flushed(tmp_path: Path) -> N
         command = [sys.executable, "-c", WRITER, str(path), here]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
             assert child.stdout is not None
-            said = [child.stdout.readline()]
+            output = [child.stdout.readline()]
             time.sleep(chance.uniform(0.0, 0.15))
             child.send_signal(signal.SIGKILL)
-            said += child.stdout.readlines()
-        flushed = int([line for line in said if line.endswith("\n")][-1])
+            output += child.stdout.readlines()
+        flushed = int([line for line in output if line.endswith("\n")][-1])
         found = runs.salvage(path)
         assert found.rows >= flushed
         assert found.last_tick == found.rows - 1
-        assert found.rows <= flushed + 100  # the next block may have been written, not yet told
+        assert found.rows <= flushed + 100  # the next block may be written, but not reported yet
         assert not found.damage
         killed_running += not found.finished
     assert killed_running > 0
 
 
-def test_any_truncation_gives_the_rows_before_it(tmp_path: Path) -> None:
+def test_a_truncated_file_gives_the_rows_before_the_cut(tmp_path: Path) -> None:
     whole = files.write(tmp_path / "whole.mcap", files.rows(2000), flush_every=200)
     data = whole.read_bytes()
     chunks = scan(whole).chunks
@@ -85,13 +85,13 @@ def test_the_stock_reader_needs_the_join(tmp_path: Path) -> None:
         assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == 1000
 
 
-def test_parts_join_without_doubles_and_gaps_are_told(tmp_path: Path) -> None:
+def test_parts_join_without_duplicates_and_gaps_are_reported(tmp_path: Path) -> None:
     first, second, third = (tmp_path / f"run.mcap.part{i}" for i in range(3))
     out = files.writer(first, **{"plan.json": b"{}", "status.json": b"old"})
     out.append(files.rows(1000).tobytes())
     out.flush()
     out.close()
-    files.write(second, files.rows(800, 900), finish=False)  # 100 rows came twice
+    files.write(second, files.rows(800, 900), finish=False)  # 100 duplicate rows
     out = files.writer(third)
     out.append(files.rows(300, 1750).tobytes())  # 50 rows are lost
     out.attach("status.json", b"new")
@@ -103,15 +103,15 @@ def test_parts_join_without_doubles_and_gaps_are_told(tmp_path: Path) -> None:
     ticks = np.concatenate([block["tick"] for block in blocks(scan(joined.path))])
     assert ticks.tolist() == [*range(1700), *range(1750, 2050)]
     inside = runs.attachments(joined.path)
-    told = json.loads(inside.pop("recovery.json"))
+    record = json.loads(inside.pop("recovery.json"))
     assert inside == {"plan.json": b"{}", "status.json": b"new"}
-    assert told["parts"] == [part.name for part in (first, second, third)]
-    assert (told["rows"], told["absent_ticks"]) == (2000, [[1700, 1749]])
+    assert record["parts"] == [part.name for part in (first, second, third)]
+    assert (record["rows"], record["absent_ticks"]) == (2000, [[1700, 1749]])
     assert scan(joined.path).metadata["run"] == {"run": "test"}
     assert not list(tmp_path.glob("*.joining"))
 
 
-def test_a_damaged_chunk_is_skipped_and_told(tmp_path: Path) -> None:
+def test_a_damaged_chunk_is_skipped_and_reported(tmp_path: Path) -> None:
     path = files.write(tmp_path / "run.mcap", files.rows(1000), flush_every=100)
     chunk = scan(path).chunks[3]
     data = bytearray(path.read_bytes())
@@ -129,11 +129,11 @@ def test_a_damaged_chunk_is_skipped_and_told(tmp_path: Path) -> None:
     assert joined.damage
 
 
-@pytest.mark.parametrize("block", [1, 37, 1 << 20])  # bytes looked through at a time
+@pytest.mark.parametrize("block", [1, 37, 1 << 20])  # bytes searched at a time
 def test_a_destroyed_record_head_does_not_hide_what_follows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    monkeypatch.setattr(mcap_records, "_BLOCK", block)
+    monkeypatch.setattr(mcap_records, "_SEARCH_BYTES", block)
     path = files.write(tmp_path / "run.mcap", files.rows(1000), flush_every=100, finish=False)
     contents = scan(path)
     begin = contents.chunks[4].offset - 50
@@ -155,8 +155,8 @@ def test_an_unreadable_file_is_no_success(tmp_path: Path) -> None:
     chunk = scan(whole).chunks[0]
     data[chunk.offset : chunk.offset + chunk.length] = bytes(chunk.length)
     rubbish.write_bytes(data)
-    for path, said in ((empty, "empty"), (head, "no channel"), (rubbish, "none of its 1 chunks")):
-        with pytest.raises(RunError, match=said):
+    for path, output in ((empty, "empty"), (head, "no channel"), (rubbish, "none of its 1 chunks")):
+        with pytest.raises(RunError, match=output):
             runs.salvage(path)
         with pytest.raises(RunError):
             runs.join([path], tmp_path / "out.mcap")
@@ -165,7 +165,7 @@ def test_an_unreadable_file_is_no_success(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no parts"):
         runs.join([], tmp_path / "out.mcap")
     assert not (tmp_path / "out.mcap").exists()
-    joined = runs.join([whole, empty], tmp_path / "out.mcap")  # one part is enough
+    joined = runs.join([whole, empty], tmp_path / "out.mcap")  # one readable part is enough
     assert joined.rows == 100
     assert "empty" in joined.damage[0]
     with pytest.raises(FileExistsError):
@@ -180,8 +180,8 @@ def test_a_part_without_rows_is_not_damage(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("loose", [False, True])
-def test_the_start_that_no_metadata_gives_comes_from_one_row(tmp_path: Path, loose: bool) -> None:
-    """The clock's metadata, the first chunk and the time in another's head are damaged."""
+def test_without_metadata_the_start_comes_from_a_row(tmp_path: Path, loose: bool) -> None:
+    """The clock's metadata, the first chunk and the time in another chunk's head are damaged."""
     part = tmp_path / "run.mcap.part0"
     if loose:
         with part.open("wb") as file:
@@ -201,8 +201,8 @@ def test_the_start_that_no_metadata_gives_comes_from_one_row(tmp_path: Path, loo
 
 
 def write_loose(file: BinaryIO, rows: Any) -> None:
-    """A file of another writer: messages without chunks, no metadata."""
-    form = row_form.form(WaveBotRow)
+    """Write a file like another writer: messages without chunks, no metadata."""
+    form = row_form.message_schema(WaveBotRow)
     out = Writer(file, use_chunking=False)
     out.start("ros2", "another")
     schema = out.register_schema(form.name, "ros2msg", form.schema.encode())

@@ -1,4 +1,4 @@
-"""Other people's tools open a run and see the same numbers."""
+"""Independent tools open a run and read the same numbers."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Recovering a run: what the crash left stays, the new file is whole or not there at all."""
+"""Recovery of a run: the sources are kept, the new file is complete or absent."""
 
 from __future__ import annotations
 
@@ -28,28 +28,34 @@ NOW = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 
 
 def rows(count: int, first: int = 0) -> Any:
-    """Rows of a loop that skipped nothing."""
+    """Return rows of a loop that skipped no period."""
     block = files.rows(count, first)
     block["timing.skipped"] = 0
     return block
 
 
-def left_behind(place: Path, *stretches: tuple[int, int], **status: Any) -> Path:
-    """The folder of a run whose loggers were killed: each part holds (first tick, rows)."""
-    place.mkdir(parents=True)
+def left_behind(run_folder: Path, *stretches: tuple[int, int], **status: Any) -> Path:
+    """Write the folder of a run with killed loggers: each part holds (first tick, rows)."""
+    run_folder.mkdir(parents=True)
     for number, (first, count) in enumerate(stretches):
-        files.write(place / f"run.mcap.part{number}", rows(count, first), finish=False)
-    told = {"run": place.name, "status": "running", "pid": 1 << 30, "pid_started": 1, **status}
-    create.write_json(place, folder.STATUS, told)
-    return place
+        files.write(run_folder / f"run.mcap.part{number}", rows(count, first), finish=False)
+    status_file = {
+        "run": run_folder.name,
+        "status": "running",
+        "pid": 1 << 30,
+        "pid_started": 1,
+        **status,
+    }
+    create.write_json(run_folder, folder.STATUS, status_file)
+    return run_folder
 
 
-def again(run: Path, output: Path | None = None) -> Recovery:
+def recover_again(run: Path, output: Path | None = None) -> Recovery:
     return recover(run, output, NOW)
 
 
-def prints(place: Path) -> dict[str, str]:
-    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in place.glob("*.part*")}
+def prints(run_folder: Path) -> dict[str, str]:
+    return {p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in run_folder.glob("*.part*")}
 
 
 def messages(path: Path) -> int:
@@ -57,91 +63,98 @@ def messages(path: Path) -> int:
         return sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages())
 
 
-def test_parts_become_a_record_and_stay(tmp_path: Path) -> None:
+def test_parts_are_joined_and_kept(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 1000), (900, 300), (1250, 100))
     before = prints(run)
-    made = again(run)
+    recovery = recover_again(run)
     assert prints(run) == before
-    assert made.output == run / "run.mcap"
-    assert (made.written, made.duplicates) == (True, 100)
-    assert made.account.gaps == (Gap(1200, 1249, 0),)
-    assert (made.account.rows, made.account.lost, made.whole) == (1300, 50, False)
-    assert messages(made.output) == made.seen.rows == 1300
+    assert recovery.output == run / "run.mcap"
+    assert (recovery.written, recovery.duplicates) == (True, 100)
+    assert recovery.account.gaps == (Gap(1200, 1249, 0),)
+    assert (recovery.account.rows, recovery.account.lost, recovery.complete) == (1300, 50, False)
+    assert messages(recovery.output) == recovery.read_back.rows == 1300
     assert len(runs.open_run(run, "load")["time"]) == 1300
-    told = json.loads((run / "run.json").read_text())
-    assert (told["status"], told["reason"]) == ("crashed", "its processes were killed")
-    assert told["recovered_utc"] == NOW.isoformat()
+    status_file = json.loads((run / "run.json").read_text())
+    assert (status_file["status"], status_file["reason"]) == (
+        "crashed",
+        "its processes were killed",
+    )
+    assert status_file["recovered_utc"] == NOW.isoformat()
 
 
-def test_doing_it_again_changes_nothing(tmp_path: Path) -> None:
+def test_a_second_recovery_changes_nothing(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 500), (510, 500))
     (run / "progress.json").write_text('{"last_tick": 1030, "skipped": 0}   \n')
-    first = again(run)
+    first = recover_again(run)
     every = {p: p.read_bytes() for p in run.iterdir()}
-    second = again(run)
+    second = recover_again(run)
     assert {p: p.read_bytes() for p in run.iterdir()} == every
     assert (first.written, second.written) == (True, False)
     assert second.account == first.account
     assert first.account.gaps == (Gap(500, 509, 0), Gap(1010, 1030, 0))
-    assert (second.whole, second.ending) == (first.whole, first.ending)
-    for part in run.glob("*.part*"):  # nobody needs them any more
+    assert (second.complete, second.outcome) == (first.complete, first.outcome)
+    for part in run.glob("*.part*"):  # no longer needed
         part.unlink()
-    assert again(run).account == first.account
+    assert recover_again(run).account == first.account
 
 
-def test_what_the_logger_saw_of_the_end_counts(tmp_path: Path) -> None:
+def test_the_end_report_of_the_logger_counts(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a")
     out = files.writer(run / "run.mcap.part0")
     out.append(rows(700).tobytes())
-    said = {"status": "fault", "reason": "SUPERVISOR_LOST", "ticks": 700, "dropped_rows": 0}
-    out.attach("status.json", json.dumps(said).encode())
+    status = {"status": "fault", "reason": "SUPERVISOR_LOST", "ticks": 700, "dropped_rows": 0}
+    out.attach("status.json", json.dumps(status).encode())
     out.finish()
-    made = again(run)
-    assert made.whole
-    assert made.ending == "fault: SUPERVISOR_LOST"
-    told = json.loads((run / "run.json").read_text())
-    assert (told["status"], told["reason"], told["ticks"]) == ("fault", "SUPERVISOR_LOST", 700)
-    assert again(run).whole
+    recovery = recover_again(run)
+    assert recovery.complete
+    assert recovery.outcome == "fault: SUPERVISOR_LOST"
+    status_file = json.loads((run / "run.json").read_text())
+    assert (status_file["status"], status_file["reason"], status_file["ticks"]) == (
+        "fault",
+        "SUPERVISOR_LOST",
+        700,
+    )
+    assert recover_again(run).complete
 
 
-def test_what_the_supervisor_saw_of_the_end_counts(tmp_path: Path) -> None:
-    """A log given up to a full disk: the ring had more, and then it overflowed."""
+def test_the_end_report_of_the_supervisor_counts(tmp_path: Path) -> None:
+    """A log ended by a full disk: the ring held more rows and then overflowed."""
     ended = {"status": "fault", "reason": "LOGGER_LOST", "ticks": 1100, "last_tick": 1049}
     run = left_behind(tmp_path / "a", (0, 1000), **ended, skipped=10)
-    made = again(run)
-    assert made.account.gaps == (Gap(1000, 1049, 10),)
-    assert (made.account.beyond, made.account.lost) == (60, 100)
-    told = json.loads((run / "run.json").read_text())
-    assert (told["status"], told["ticks"]) == ("fault", 1100)
-    assert told["recovered_utc"] == NOW.isoformat()
+    recovery = recover_again(run)
+    assert recovery.account.gaps == (Gap(1000, 1049, 10),)
+    assert (recovery.account.lost_at_end, recovery.account.lost) == (60, 100)
+    status_file = json.loads((run / "run.json").read_text())
+    assert (status_file["status"], status_file["ticks"]) == ("fault", 1100)
+    assert status_file["recovered_utc"] == NOW.isoformat()
 
 
-def test_a_torn_record_is_recovered_beside_itself(tmp_path: Path) -> None:
+def test_a_damaged_record_is_recovered_next_to_itself(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a")
     whole = files.write(tmp_path / "whole.mcap", rows(1000), flush_every=100)
     torn = whole.read_bytes()[: scan(whole).chunks[6].offset + 5]
     (run / "run.mcap").write_bytes(torn)
-    made = again(run)
-    assert made.output == run / "run.recovered.mcap"
-    assert (made.account.rows, messages(made.output)) == (600, 600)
-    assert made.unread > 0
+    recovery = recover_again(run)
+    assert recovery.output == run / "run.recovered.mcap"
+    assert (recovery.account.rows, messages(recovery.output)) == (600, 600)
+    assert recovery.unread > 0
     assert (run / "run.mcap").read_bytes() == torn
     assert len(runs.open_run(run, "load")["time"]) == 600
-    assert not again(run).written
+    assert not recover_again(run).written
 
 
-def test_one_file_alone(tmp_path: Path) -> None:
+def test_a_single_file_is_recovered(tmp_path: Path) -> None:
     for name in ("x.mcap", "run.mcap.part0"):
         path = files.write(tmp_path / name, rows(300), finish=False)
-        made = again(path)
+        recovery = recover_again(path)
         stem = name.removesuffix(".mcap")
-        assert made.output == tmp_path / f"{stem}.recovered.mcap"
-        assert (made.account.rows, messages(made.output)) == (300, 300)
-        done = again(made.output)
-        assert (done.written, done.sources, done.output) == (False, (), made.output)
+        assert recovery.output == tmp_path / f"{stem}.recovered.mcap"
+        assert (recovery.account.rows, messages(recovery.output)) == (300, 300)
+        done = recover_again(recovery.output)
+        assert (done.written, done.sources, done.output) == (False, (), recovery.output)
 
 
-def test_damage_is_told_every_time(tmp_path: Path) -> None:
+def test_damage_is_reported_every_time(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a")
     path = files.write(run / "run.mcap.part0", rows(1000), flush_every=100)
     chunk = scan(path).chunks[3]
@@ -149,20 +162,20 @@ def test_damage_is_told_every_time(tmp_path: Path) -> None:
     data[chunk.offset + chunk.length // 2] ^= 0xFF
     path.write_bytes(data)
     for _ in range(2):
-        made = again(run)
-        assert made.account.gaps == (Gap(300, 399, 0),)
-        assert f"chunk at byte {chunk.offset}" in made.damage[0]
-        assert not made.whole
+        recovery = recover_again(run)
+        assert recovery.account.gaps == (Gap(300, 399, 0),)
+        assert f"chunk at byte {chunk.offset}" in recovery.damage[0]
+        assert not recovery.complete
 
 
-def test_another_place_leaves_the_run_as_it_is(tmp_path: Path) -> None:
+def test_another_output_leaves_the_run_unchanged(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 200))
     before = {p: p.read_bytes() for p in run.iterdir()}
-    made = again(run, tmp_path / "elsewhere.mcap")
-    assert messages(made.output) == 200
+    recovery = recover_again(run, tmp_path / "elsewhere.mcap")
+    assert messages(recovery.output) == 200
     assert {p: p.read_bytes() for p in run.iterdir()} == before
-    again(run)
-    copy = again(run, tmp_path / "copy.mcap")  # of a record that is whole by now
+    recover_again(run)
+    copy = recover_again(run, tmp_path / "copy.mcap")  # of a record that is complete by now
     assert messages(copy.output) == 200
 
 
@@ -171,37 +184,37 @@ def test_an_unreadable_record_is_no_success(content: bytes, tmp_path: Path) -> N
     run = left_behind(tmp_path / "a")
     (run / "run.mcap.part0").write_bytes(content)
     with pytest.raises(RunError):
-        again(run)
+        recover_again(run)
     assert sorted(p.name for p in run.iterdir()) == ["run.json", "run.mcap.part0"]
     assert json.loads((run / "run.json").read_text())["status"] == "running"
     (run / "run.mcap.part0").rename(run / "run.mcap")
     with pytest.raises(RunError):
-        again(run)
+        recover_again(run)
     (run / "run.mcap").unlink()
     with pytest.raises(RunError, match="nothing was written"):
-        again(run)
+        recover_again(run)
 
 
-def test_a_run_that_goes_on_is_left_alone(tmp_path: Path) -> None:
+def test_a_running_run_is_refused(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 100))
-    with create.hold_run(run), pytest.raises(create.BusyError, match="still being written"):
-        again(run)
-    me = {"pid": os.getpid(), "pid_started": process_identity.started(os.getpid())}
+    with create.lock_run(run), pytest.raises(create.BusyError, match="still being written"):
+        recover_again(run)
+    me = {"pid": os.getpid(), "pid_started": process_identity.start_ticks(os.getpid())}
     other = left_behind(tmp_path / "b", (0, 100), **me)
     with pytest.raises(create.BusyError, match=f"process {os.getpid()}"):
-        again(other)
+        recover_again(other)
     assert not (run / "run.mcap").exists()
     assert not (other / "run.mcap").exists()
-    assert again(run).written  # the lock went with its holder
+    assert recover_again(run).written  # the lock ended with its holder
 
 
-def test_a_file_in_the_way_is_not_touched(tmp_path: Path) -> None:
+def test_an_existing_output_is_not_overwritten(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 400))
     for content in (files.write(tmp_path / "o.mcap", rows(100)).read_bytes(), b"something else"):
         target = tmp_path / "out.mcap"
         target.write_bytes(content)
         with pytest.raises(RunError, match=r"out\.mcap"):
-            again(run, target)
+            recover_again(run, target)
         assert target.read_bytes() == content
 
 
@@ -218,13 +231,13 @@ def test_a_full_disk_leaves_nothing_half_done(
 
     monkeypatch.setattr(os, "pwrite", small)
     with pytest.raises(OSError, match="No space left"):
-        again(run)
+        recover_again(run)
     monkeypatch.undo()
     assert sorted(p.name for p in run.iterdir()) == ["run.json", "run.mcap.part0"]
-    assert again(run).account.rows == 5000
+    assert recover_again(run).account.rows == 5000
 
 
-def test_a_recovery_that_is_killed_can_be_done_again(tmp_path: Path) -> None:
+def test_a_killed_recovery_can_be_repeated(tmp_path: Path) -> None:
     run = left_behind(tmp_path / "a", (0, 60_000))
     code = (
         "import sys; from pathlib import Path; from datetime import datetime, UTC\n"
@@ -244,5 +257,5 @@ def test_a_recovery_that_is_killed_can_be_done_again(tmp_path: Path) -> None:
         if (run / "run.mcap").exists():
             assert messages(run / "run.mcap") == 60_000
     assert unfinished > 0
-    assert again(run).account.rows == 60_000
+    assert recover_again(run).account.rows == 60_000
     assert not list(run.glob("*.joining"))

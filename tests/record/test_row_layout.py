@@ -1,4 +1,4 @@
-"""Any row type has one layout: struct, numpy and CDR give the same bytes, the schema tells it."""
+"""Any row type has one layout: struct, numpy, CDR and schema agree."""
 
 import keyword
 from typing import Annotated, Any, NamedTuple
@@ -53,7 +53,7 @@ def built(row_type: Any, numbers: list[Any]) -> Any:
 
 
 def as_message(store: Any, row: Any, hint: type) -> Any:
-    """The row as an object of the ROS type that its own schema declares."""
+    """Return the row as an object of the ROS type that its own schema declares."""
     hints = row_layout._fields(hint)
     values = [
         as_message(store, value, inner) if isinstance(inner, type) else value
@@ -64,7 +64,7 @@ def as_message(store: Any, row: Any, hint: type) -> Any:
 
 @settings(max_examples=50, deadline=None)
 @given(st.data())
-def test_one_layout(data: st.DataObject) -> None:
+def test_all_layouts_agree(data: st.DataObject) -> None:
     row_type = data.draw(row_types())
     leaves = row_layout.leaves(row_type)
     numbers = [data.draw(number(each.code)) for each in leaves]
@@ -74,7 +74,7 @@ def test_one_layout(data: st.DataObject) -> None:
 
     assert len(packed) == 8 * len(leaves)
     assert np.array([tuple(numbers)], row_dtype(leaves)).tobytes() == packed
-    # An encoder that shares no code with us, fed by the schema alone.
+    # An independent encoder that gets the schema alone.
     store = get_typestore(Stores.EMPTY)
     name = row_layout.schema_name(row_type)
     store.register(get_types_from_msg(row_layout.schema(row_type), name))
@@ -84,7 +84,7 @@ def test_one_layout(data: st.DataObject) -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(row_types())
-def test_the_schema_tells_the_layout(row_type: Any) -> None:
+def test_the_schema_gives_the_layout(row_type: Any) -> None:
     assert row_layout.leaves_of_schema(row_layout.schema(row_type)) == row_layout.leaves(row_type)
 
 
@@ -123,7 +123,7 @@ class Empty(NamedTuple):
     pass
 
 
-def test_an_empty_word_is_refused() -> None:
+def test_an_empty_tuple_is_refused() -> None:
     with pytest.raises(
         row_layout.RowError, match="Empty is not a NamedTuple with at least one field"
     ):
@@ -132,5 +132,5 @@ def test_an_empty_word_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", ["Upper", "two__scores", "trailing_", "dänisch"])
-def test_names_that_ros_does_not_know_are_refused(name: str) -> None:
+def test_invalid_ros_names_are_refused(name: str) -> None:
     assert refused(Annotated[float, "m"], name) == f"{name}: not a ROS field name ([a-z][a-z0-9_]*)"

@@ -56,7 +56,7 @@ def test_the_stock_reader_finds_index_statistics_and_attachments(tmp_path: Path)
         assert found.sequence == 1234
 
 
-def test_the_index_of_a_chunk_leads_to_each_message(tmp_path: Path) -> None:
+def test_the_index_of_a_chunk_locates_each_message(tmp_path: Path) -> None:
     path = files.write(tmp_path / "run.mcap", files.rows(900), flush_every=300)
     plain, indexed = b"", 0
     with path.open("rb") as file:
@@ -72,7 +72,7 @@ def test_the_index_of_a_chunk_leads_to_each_message(tmp_path: Path) -> None:
     assert indexed == 900
 
 
-def test_a_large_block_is_cut_into_chunks(tmp_path: Path) -> None:
+def test_a_large_block_is_split_into_chunks(tmp_path: Path) -> None:
     data = files.rows(20_000)
     out = files.writer(tmp_path / "run.mcap")
     out.append(memoryview(data.tobytes()))
@@ -116,7 +116,7 @@ def test_an_old_run_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_finish_twice_is_one_end(tmp_path: Path) -> None:
+def test_finish_may_be_called_twice(tmp_path: Path) -> None:
     out = files.writer(tmp_path / "run.mcap")
     out.finish()
     length = out.path.stat().st_size
@@ -142,7 +142,7 @@ def test_a_row_needs_tick_and_time(tmp_path: Path) -> None:
 
 
 class Disk(NamedTuple):
-    """A place with little room, and a way to make more."""
+    """A small disk, with a function to free space."""
 
     folder: Path
     more: Any
@@ -150,11 +150,11 @@ class Disk(NamedTuple):
 
 @pytest.fixture(params=["file size limit", "small file system"])
 def disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Disk]:
-    room = 300_000
+    free_bytes = 300_000
     if request.param == "small file system":
         folder = tmp_path / "small"
         folder.mkdir()
-        mount = ["mount", "-t", "tmpfs", "-o", f"size={room}", "tmpfs", str(folder)]
+        mount = ["mount", "-t", "tmpfs", "-o", f"size={free_bytes}", "tmpfs", str(folder)]
         if subprocess.run(mount, capture_output=True, check=False).returncode:
             pytest.skip("no right to mount a file system")
         grow = ["mount", "-o", "remount,size=100m", str(folder)]
@@ -162,7 +162,7 @@ def disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Disk]:
         subprocess.run(["umount", str(folder)], check=True)
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (free_bytes, hard))
     yield Disk(tmp_path, lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard)))
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
@@ -195,7 +195,7 @@ def test_a_full_disk_loses_no_row_and_leaves_whole_records(disk: Disk) -> None:
         assert len(list(make_reader(file, validate_crcs=True).iter_messages())) == 3000
 
 
-def test_no_room_for_the_head_leaves_no_file(tmp_path: Path) -> None:
+def test_without_space_for_the_head_no_file_remains(tmp_path: Path) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
@@ -206,7 +206,7 @@ def test_no_room_for_the_head_leaves_no_file(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_giving_up_leaves_a_readable_file(tmp_path: Path) -> None:
+def test_close_without_finish_leaves_a_readable_file(tmp_path: Path) -> None:
     out = files.writer(tmp_path / "run.mcap")
     out.append(files.rows(100).tobytes())
     out.flush()

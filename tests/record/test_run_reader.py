@@ -1,4 +1,4 @@
-"""Opening runs: fields, rows, units, and the same numbers as the stock reader gives."""
+"""Opening runs: fields, rows, units, and the same numbers as with the stock reader."""
 
 import json
 import os
@@ -61,7 +61,7 @@ def test_fields_by_name_prefix_and_pattern(run: Path, fields: object, names: set
     assert set(open_run(run, fields).data_vars) == names  # type: ignore[arg-type]
 
 
-def test_an_unknown_field_is_told_with_near_ones(run: Path) -> None:
+def test_an_unknown_field_is_reported_with_similar_ones(run: Path) -> None:
     with pytest.raises(
         KeyError, match=r"no field 'heave.estimate.positon'.*heave\.estimate\.position"
     ):
@@ -74,7 +74,7 @@ def test_rows_by_id(run: Path) -> None:
         [t * 1e-3 for t in (*range(300, 400), *range(2400, 2500))]
     )
     assert open_run(run, "load", rows=7).sizes["time"] == 100
-    with pytest.raises(TypeError, match="whole numbers; 'three' is none"):
+    with pytest.raises(TypeError, match="row ids must be whole numbers, not 'three'"):
         open_run(run, "load", rows=[3, "three"])  # type: ignore[list-item]
     with pytest.raises(KeyError, match=r"no row 99 in this run \(rows: 0 to 24\)"):
         open_run(run, rows=99)
@@ -98,17 +98,17 @@ def test_labels_are_small_where_they_fit(tmp_path: Path) -> None:
         assert np.array_equal(found[name].values, data[name])
 
 
-def test_columns_are_held_once(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    held: dict[str, reader.Column] = {}
+def test_columns_are_in_memory_once(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    peak: dict[str, reader.Column] = {}
     columns = reader.columns
-    monkeypatch.setattr(reader, "columns", lambda *a: held.update(columns(*a)) or held)
+    monkeypatch.setattr(reader, "columns", lambda *a: peak.update(columns(*a)) or peak)
     data = open_run(run, ["load", "plan.row"])
-    for name, column in held.items():
+    for name, column in peak.items():
         assert np.shares_memory(data[name].values, column), name
-    assert list(held) == ["time", *data.data_vars]
+    assert list(peak) == ["time", *data.data_vars]
 
 
-def test_the_fast_way_equals_the_stock_reader(run: Path) -> None:
+def test_the_fast_reader_equals_the_stock_reader(run: Path) -> None:
     with (run / "run.mcap").open("rb") as file:
         stock = b"".join(m.data[4:] for _, _, m in make_reader(file).iter_messages())
     expected = np.frombuffer(stock, files.DTYPE)
@@ -118,7 +118,7 @@ def test_the_fast_way_equals_the_stock_reader(run: Path) -> None:
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
-def test_files_that_another_writer_made(tmp_path: Path, compression: CompressionType) -> None:
+def test_files_of_other_writers_are_read(tmp_path: Path, compression: CompressionType) -> None:
     data = files.rows(700)
     path = tmp_path / "other.mcap"
     with path.open("wb") as file:
@@ -152,9 +152,9 @@ def test_an_empty_run_has_no_ticks(tmp_path: Path) -> None:
     assert open_run(tmp_path, ["load"])["load.lcb"].size == 0
 
 
-def test_what_is_no_run_is_told(tmp_path: Path) -> None:
-    for path, said in ((tmp_path, "no run.mcap and no part"), (tmp_path / "x", "no such run")):
-        with pytest.raises(RunError, match=said):
+def test_invalid_runs_are_reported(tmp_path: Path) -> None:
+    for path, problems in ((tmp_path, "no run.mcap and no part"), (tmp_path / "x", "no such run")):
+        with pytest.raises(RunError, match=problems):
             open_run(path)
 
 
@@ -162,16 +162,16 @@ def test_reading_is_fast(tmp_path: Path) -> None:
     path = files.write(tmp_path / "run.mcap", files.rows(200_000), flush_every=2000)
     begin = time.perf_counter()
     open_run(path, ["load", "heave.estimate"])
-    assert time.perf_counter() - begin < 3.0  # 0.2 s on a quiet machine; catches the slow way
+    assert time.perf_counter() - begin < 3.0  # 0.2 s on an idle machine; detects the slow method
 
 
 def test_lists_of_runs(tmp_path: Path) -> None:
     good = tmp_path / "b_good"
     good.mkdir()
     files.write(good / "run.mcap", files.rows(10))
-    told = {"status": "complete", "reason": "PLAN_END", "rows_done": 66, "rows_planned": 66}
-    told |= {"mode": "hil", "started_utc": "2026-05-04T09:30:00Z"}
-    (good / "run.json").write_text(json.dumps(told))
+    status_file = {"status": "complete", "reason": "PLAN_END", "rows_done": 66, "rows_planned": 66}
+    status_file |= {"mode": "hil", "started_utc": "2026-05-04T09:30:00Z"}
+    (good / "run.json").write_text(json.dumps(status_file))
     (good / "config.json").write_text('{"name": "default"}')
     for name in ("empty_folder", "no_end", "zero_bytes", "rubbish", "bad_json"):
         (tmp_path / name).mkdir()
@@ -187,12 +187,12 @@ def test_lists_of_runs(tmp_path: Path) -> None:
     assert (run.mode, run.campaign, run.rows_done, run.status) == ("hil", "default", 66, "complete")
     assert run.size == (good / "run.mcap").stat().st_size
     assert not run.problem
-    said = {name: listed[name].problem for name in listed}
-    assert "no run.mcap" in said["empty_folder"]
-    assert "no run.json" in said["no_end"]
-    assert "empty" in said["zero_bytes"]
-    assert "not an MCAP file" in said["rubbish"]
-    assert "run.json is not readable" in said["bad_json"]
+    problems = {name: listed[name].problem for name in listed}
+    assert "no run.mcap" in problems["empty_folder"]
+    assert "no run.json" in problems["no_end"]
+    assert "empty" in problems["zero_bytes"]
+    assert "not an MCAP file" in problems["rubbish"]
+    assert "run.json is not readable" in problems["bad_json"]
     assert listed["no_end"].started_utc == "2025-10-09T08:53:20Z"
     assert list_runs(tmp_path / "nowhere") == []
 
@@ -204,14 +204,14 @@ def process_start(pid: int) -> int:
 def test_a_run_without_its_supervisor_is_abandoned(tmp_path: Path) -> None:
     pid = os.getpid()
     started = process_start(pid)
-    told: dict[str, tuple[dict[str, object], bool]] = {
+    status_file: dict[str, tuple[dict[str, object], bool]] = {
         "alive": ({"pid": pid, "pid_started": started}, False),
         "pid_taken_by_another": ({"pid": pid, "pid_started": started - 1}, False),
         "gone": ({"pid": 2**22 + 1, "pid_started": 1}, False),
         "old_and_finished": ({}, True),
         "old_and_unfinished": ({}, False),
     }
-    for name, (fields, finish) in told.items():
+    for name, (fields, finish) in status_file.items():
         folder = tmp_path / name
         folder.mkdir()
         files.write(folder / "run.mcap.part0", files.rows(10), finish=finish)

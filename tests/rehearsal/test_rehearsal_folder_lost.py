@@ -20,7 +20,7 @@ from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import list_runs, open_run
 from rig.recording.runs.folder import MCAP
-from rig.recording.runs.reader import read_through
+from rig.recording.runs.reader import check_record
 
 
 @pytest.fixture(autouse=True)
@@ -62,7 +62,7 @@ def whole(ended: Ended) -> None:
     ticks = open_run(folder, ["tick"])["tick"].values
     assert np.array_equal(ticks, np.arange(outcome.ticks))
     assert [path.name for path in folder.glob("*.mcap*")] == [MCAP]
-    assert read_through(folder).state == "complete"
+    assert check_record(folder).state == "complete"
     told = json.loads((folder / "run.json").read_text())
     assert (told["status"], told["moved"]) == (outcome.status, outcome.moved)
     assert json.loads((folder / "config.json").read_text())
@@ -194,7 +194,7 @@ def test_rows_that_did_not_come_along_are_counted(
     assert exit_code(ended.outcome, ended.trouble) == 5
     told = json.loads((ended.folder / "run.json").read_text())
     assert told["record"].startswith(f"incomplete: {ended.outcome.unsaved} of ")
-    assert read_through(ended.folder).lost == ended.outcome.unsaved
+    assert check_record(ended.folder).lost == ended.outcome.unsaved
 
 
 @pytest.fixture

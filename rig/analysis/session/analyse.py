@@ -28,7 +28,7 @@ from rig.analysis.session.result import FigureSpec, Result, format_estimate
 from rig.analysis.session.tables import result_as_dict, write_tables
 from rig.analysis.stop_reason import Ending, LostTicks, describe_ending, find_stop
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import Facts, facts, list_runs
+from rig.recording.runs.folder import RunInfo, list_runs, run_info
 from rig.recording.runs.state import RecordState
 
 _SINGLE_RUN: dict[str, Callable[[SessionRun], Result]] = {
@@ -192,20 +192,20 @@ def _find_baseline(session: SessionRun, run: Path) -> Path | None:
     for each in list_runs(run.resolve().parent)[::-1]:
         if each.status != "complete" or each.path.resolve() == run.resolve():
             continue
-        other_metadata = facts(each.path, ())
+        other_metadata = run_info(each.path, ())
         other_config = session_config(other_metadata)
         same_kind = (
             other_config.get("session") == session.kind
             and (other_config.get("irregular") is None) == regular
         )
         if same_kind and _is_baseline(other_config):
-            same_scales = _command_scales(facts(each.path)) == _command_scales(session.metadata)
+            same_scales = _command_scales(run_info(each.path)) == _command_scales(session.metadata)
             candidates.append((not same_scales, each.run not in calibration_runs, each.path))
     candidates.sort(key=lambda each: each[:2])
     return candidates[0][2] if candidates else None
 
 
-def _command_scales(metadata: Facts) -> dict[str, Any]:
+def _command_scales(metadata: RunInfo) -> dict[str, Any]:
     """Return the constants by which a run's drive was commanded."""
     scales = metadata.plan.get("scales") or {}
     return {key: value for key, value in scales.items() if key != "origin"}
@@ -215,7 +215,7 @@ def _find_analysed_run(run: Path, kind: str) -> Path | None:
     """Return the newest analysed run of a kind of session in the parent folder of a run."""
     for each in list_runs(run.resolve().parent)[::-1]:
         if (each.path / FILE).is_file():
-            config = session_config(facts(each.path, ()))
+            config = session_config(run_info(each.path, ()))
             if config.get("session") == kind:
                 return each.path
     return None

@@ -17,7 +17,7 @@ from rig.analysis.session.result import (
 )
 from rig.analysis.stop_reason import ENDINGS, Ending
 from rig.analysis.windows import ALL_TICKS_MISSING
-from rig.recording.runs.state import RECOVERED, WHOLE
+from rig.recording.runs.state import COMPLETE, RECOVERED
 
 FILE = "session.html"
 _STYLE = """
@@ -46,7 +46,7 @@ def write_page(
         f"<header><span class=stamp>{_escape(mode_stamp(metadata.mode))}</span>"
         f"<h1>Session {_escape(session.name)}</h1><p>{_escape(subtitle)}</p></header>",
         _status_line(ending.description, ending.title == ENDINGS["complete"]),
-        _status_line(session.record.sentence, session.record.state in (WHOLE, RECOVERED)),
+        _status_line(session.record.sentence, session.record.state in (COMPLETE, RECOVERED)),
         _comparison_table(result),
         _constants_table(result),
         "<h2>Notes</h2><ul>"

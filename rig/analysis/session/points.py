@@ -15,8 +15,8 @@ from rig.analysis.session.estimate import Floats
 from rig.analysis.session.periods import PeriodCut
 from rig.analysis.windows import Window, missing_rows, read_windows
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import Facts, facts
-from rig.recording.runs.state import Reading, RecordState
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.state import RecordCheck, RecordState
 
 FIELDS = (
     *("encoders.motor_counts", "encoders.shaft_counts", "load.tz", "servo.current"),
@@ -104,7 +104,7 @@ class SetpointData(NamedTuple):
 class SessionRun(NamedTuple):
     """A run of a session."""
 
-    metadata: Facts
+    metadata: RunInfo
     kind: str  # driveline, torque_constant, ...
     name: str
     points: list[SetpointData]  # in the order of the run
@@ -120,7 +120,7 @@ class SessionRun(NamedTuple):
         return [point for point in self.points if not point.incomplete_reason]
 
 
-def session_config(metadata: Facts) -> dict[str, Any]:
+def session_config(metadata: RunInfo) -> dict[str, Any]:
     """Return the resolved session file of a run; empty for a run that is not a session's."""
     config = metadata.config.get("session")
     return config if isinstance(config, dict) else {}
@@ -128,8 +128,8 @@ def session_config(metadata: Facts) -> dict[str, Any]:
 
 def open_session(run: str | os.PathLike[str]) -> SessionRun:
     """Read a run; RunError if it is not a session's or has no measured set point."""
-    source = reader.source(run)
-    metadata = facts(run, source.contents)
+    source = reader.open_files(run)
+    metadata = run_info(run, source.contents)
     config = session_config(metadata)
     if not config:
         raise RunError(f"{run}: not a run of a bench session: its configuration names no session")
@@ -138,7 +138,7 @@ def open_session(run: str | os.PathLike[str]) -> SessionRun:
     rows = {int(row["row"]): row for row in metadata.plan.get("rows", [])}
     repeat_period = float((config.get("irregular") or {}).get("repeat_s") or np.nan)
     latest: dict[int, SetpointData] = {}
-    reading = Reading(source.contents, source.damage)
+    reading = RecordCheck(source.contents, source.damage)
     for window in read_windows(source, list(FIELDS), metadata.plan, reading=reading):
         if window.row >= 0:
             latest.pop(window.row, None)  # a later attempt replaces an earlier one

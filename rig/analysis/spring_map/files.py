@@ -7,7 +7,7 @@ from pathlib import Path
 
 import xarray
 
-from rig.recording.calibration import Known, open_calibration
+from rig.recording.calibration import CalibrationVersion, open_calibration
 from rig.recording.runs import RunError
 
 STROKE_MARGIN = 0.95  # of the stroke at which the stator's force reverses
@@ -46,7 +46,7 @@ def safe_strokes(table: xarray.Dataset) -> list[float]:
 
 def write_calibration(
     table: xarray.Dataset, path: Path, name: str = NAME, supersedes: int | None = None
-) -> Known:
+) -> CalibrationVersion:
     """Write the map as a calibration file: stator position (%) -> spring rate (N/m), strokes.
 
     Returns the calibration as `rig` reads it. Raises RunError if the map cannot be inverted: a

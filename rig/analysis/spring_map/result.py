@@ -22,8 +22,8 @@ from rig.analysis.spring_map.passes import (
 from rig.analysis.windows import ExcludedRows, Window, read_windows
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import Facts, facts
-from rig.recording.runs.state import Reading
+from rig.recording.runs.folder import RunInfo, run_info
+from rig.recording.runs.state import RecordCheck
 
 MAX_CELL_DISAGREEMENT = (
     0.05  # of the larger; a larger difference between the cells' rates is reported
@@ -69,8 +69,8 @@ def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) ->
     ``incomplete_rows`` includes rows for which the record lacks ticks. Raises RunError if no hoist
     moved the body, the rig file lacks `spring.mapping`, or no station was completed.
     """
-    source = reader.source(run)
-    run_facts = facts(run, source.contents)
+    source = reader.open_files(run)
+    run_facts = run_info(run, source.contents)
     if not is_hoisted(run_facts.plan):
         raise RunError(f"{run}: no spring map (its campaign has no hoist)")
     rig = _rig_constants(run_facts)
@@ -89,9 +89,9 @@ def spring_map(run: str | os.PathLike[str], *, incomplete_rows: bool = False) ->
     )
 
 
-def _rig_constants(run_facts: Facts) -> _RigConstants:
+def _rig_constants(run_facts: RunInfo) -> _RigConstants:
     def number(*keys: str) -> float:
-        value = run_facts.configured("rig", *keys)
+        value = run_facts.config_number("rig", *keys)
         return math.nan if value is None else value
 
     constants = _RigConstants(
@@ -108,7 +108,7 @@ def _rig_constants(run_facts: Facts) -> _RigConstants:
     return constants
 
 
-def _balance_angle(source: reader.Source) -> float:
+def _balance_angle(source: reader.RunFiles) -> float:
     """Return the rotor angle (rad) of the floating body: mean over the tare; 0 without a tare."""
     total, count = 0.0, 0
     for block in reader.blocks(source):
@@ -122,8 +122,8 @@ def _balance_angle(source: reader.Source) -> float:
 
 def _measure_stations(
     run: str | os.PathLike[str],
-    source: reader.Source,
-    run_facts: Facts,
+    source: reader.RunFiles,
+    run_facts: RunInfo,
     rig: _RigConstants,
     balance: float,
     incomplete_rows: bool,
@@ -134,7 +134,7 @@ def _measure_stations(
     """
     point_of_row = {row["row"]: row["point"] for row in run_facts.plan["rows"]}
     by_point: dict[int, list[Window]] = {}
-    reading, excluded = Reading(source.contents, source.damage), ExcludedRows()
+    reading, excluded = RecordCheck(source.contents, source.damage), ExcludedRows()
     for window in read_windows(
         source, list(_FIELDS), run_facts.plan, incomplete_rows=incomplete_rows, reading=reading
     ):

@@ -12,7 +12,7 @@ from rig.identification.twin import plant_file
 from rig.identification.twin.estimate import Twin, twin
 from rig.planning.campaign import Campaign
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 
 
 class RecommendOptions(NamedTuple):
@@ -81,7 +81,7 @@ def advise(runs: Sequence[Path], asked: RecommendOptions, folder: Path) -> Recom
 def _sea_of(runs: Sequence[Path]) -> Path:
     """The campaign file of the last run in waves."""
     for run in reversed(runs):
-        known = facts(run)
+        known = run_info(run)
         if (known.plan.get("sea") or {}).get("kind") in ("calm", None):
             continue
         if known.plan.get("device") == "absent" or known.plan.get("reference"):

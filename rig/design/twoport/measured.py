@@ -12,7 +12,7 @@ from rig.identification.periods import Complexes, Floats
 from rig.identification.twin.electrics import RESISTANCE, winding
 from rig.identification.twin.records import Record
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import Facts
+from rig.recording.runs.folder import RunInfo
 
 
 class Measured(NamedTuple):
@@ -39,14 +39,14 @@ class Steps(NamedTuple):
     gear_step: float = 0.25  # share of the gear ratio
 
 
-def measured(found: Identification, known: Facts, records: tuple[Record, ...]) -> Measured:
+def measured(found: Identification, known: RunInfo, records: tuple[Record, ...]) -> Measured:
     """Of the heave model of largest amplitude; RunError where there is none with Z_i and Z_d."""
     models = [one for one in found.models if one.axis == "heave" and "Z_d" in one.responses]
     if not models:
         raise RunError(f"{known.run}: no model of heave with Z_i and Z_d")
     model: Model = max(models, key=lambda one: one.peak)
-    torque = known.configured("rig", "heave", "torque_constant_n_m_per_a")
-    gear = known.configured("rig", "heave", "gear_ratio_rad_per_m")
+    torque = known.config_number("rig", "heave", "torque_constant_n_m_per_a")
+    gear = known.config_number("rig", "heave", "gear_ratio_rad_per_m")
     if torque is None or gear is None:
         raise RunError(f"{known.run}: its configuration does not say motor and gear")
     resistance = winding(records).known[RESISTANCE]

@@ -28,7 +28,7 @@ def serve(job: dict[str, Any]) -> None:
     """Set up and watch until terminated, or until the loop has ended."""
     config, ended = job["config"], until_ended(job["lifeline"])
     slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
-    if refused := scheduling.at_its_service():
+    if refused := scheduling.acquire_for_io():
         report(event="say", text=f"no priority over other work: {refused}")
     interface, channel, bit_rate, options = config["bus"]
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))

@@ -247,7 +247,7 @@ def poll(job: dict[str, Any]) -> None:
     writable = [t.polled.block for t in tasks if t.polled.written]
     writable += [block for t in tasks for block, given in prepared(t.polled) if given.write]
     line = line_of(config, writable)
-    if refused := scheduling.at_its_service():
+    if refused := scheduling.acquire_for_io():
         report(event="say", text=f"no priority over other work: {refused}")
     ended = until_ended(job["lifeline"])
     began, ready = time.monotonic(), False

@@ -34,7 +34,7 @@ def converse(job: dict[str, Any]) -> None:
     except (CodecError, LinkError) as error:
         report(event="refused", why=str(error))
         return
-    if refused := scheduling.at_its_service():
+    if refused := scheduling.acquire_for_io():
         report(event="say", text=f"no priority over other work: {refused}")
     ended = until_ended(job["lifeline"])
     exchange, slot = Exchange(stream.link, stream.talk), slots[config["kind"]]

@@ -53,7 +53,7 @@ async def _host(config: dict[str, Any], lifeline: int, make: Make) -> None:
     loop.add_reader(lifeline, hung_up)
     try:
         guests = make(config, loop)
-        if refused := scheduling.beside_the_loop():
+        if refused := scheduling.acquire_for_emulator():
             report(event="say", text=f"no priority over other work: {refused}")
         await guests.serve(ended)
     except OSError as error:  # an address is taken: another run, or another rig's devices

@@ -15,7 +15,7 @@ from rig.identification.twin.group import Group, allowance
 from rig.identification.twin.hull import Hull, hull
 from rig.identification.twin.records import Record, read
 from rig.recording.runs import RunError
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 GUIDE = 20.0
@@ -64,7 +64,7 @@ def twin(
     that the first run names. ``incomplete_rows``: also rows of which the record lacks
     ticks. Raises RunError or ValueError where the runs do not tell enough.
     """
-    known = [facts(run) for run in runs]
+    known = [run_info(run) for run in runs]
     calibrations = [wave_calibration.is_calibration(one.plan) for one in known]
     measured = [run for run, sea in zip(runs, calibrations, strict=True) if not sea]
     if not measured:
@@ -102,7 +102,7 @@ def twin(
     )
 
 
-def _template(known: Facts, plant: Path | None) -> Template:
+def _template(known: RunInfo, plant: Path | None) -> Template:
     """The plant file given, or that the run's configuration names."""
     if plant is None:
         named = [one["path"] for one in known.config.get("files", []) if one["role"] == "plant"]
@@ -125,7 +125,7 @@ def _rated(plant: dict[str, Any]) -> float | None:
 def _coefficient(
     template: Template,
     runs: Sequence[Path],
-    known: Sequence[Facts],
+    known: Sequence[RunInfo],
     calibrated: bool,
     probe: str,
     notes: list[str],

@@ -21,7 +21,7 @@ from rig.identification.periods import (
     whole_ticks,
 )
 from rig.recording.runs import reader
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 
 HIGHEST = 2.5  # Hz, of the lines that are kept: five times the usual wave
 BLOCK = 0.1  # s, over which power and current are averaged beside each other
@@ -89,7 +89,7 @@ class Record(NamedTuple):
 class Read(NamedTuple):
     """What a run gives."""
 
-    facts: Facts
+    facts: RunInfo
     records: tuple[Record, ...]
     left_out: tuple[str, ...]  # rows that cannot be used, and why
 
@@ -99,8 +99,8 @@ def read(run: Path, *, incomplete_rows: bool = False) -> Read:
 
     Raises RunError where the run cannot be read, KeyError where it did not log what is needed.
     """
-    source = reader.source(run)
-    known = facts(run, source.contents)
+    source = reader.open_files(run)
+    known = run_info(run, source.contents)
     rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
     made: dict[int, Record] = {}
     left: dict[int, str] = {}
@@ -126,7 +126,7 @@ def analysed(record: Record, samples: Floats) -> Complexes:
     return periods.analysed(samples, len(record.velocity))
 
 
-def _record(window: Window, row: dict[str, Any], known: Facts) -> Record:
+def _record(window: Window, row: dict[str, Any], known: RunInfo) -> Record:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     data, plan = window.data, known.plan
@@ -184,10 +184,10 @@ def _waves(sea: dict[str, Any], period: float, lines: int) -> Flags:
     return found
 
 
-def _metres(known: Facts) -> float:
+def _metres(known: RunInfo) -> float:
     """Heave of an encoder count, m."""
-    ratio = known.configured("rig", "heave", "gear_ratio_rad_per_m")
-    counts = known.configured("rig", "heave", "counts_per_revolution")
+    ratio = known.config_number("rig", "heave", "gear_ratio_rad_per_m")
+    counts = known.config_number("rig", "heave", "counts_per_revolution")
     if ratio is None or counts is None:
         raise ValueError("its configuration does not say what an encoder count is")
     return 2.0 * np.pi / ratio / counts

@@ -17,7 +17,7 @@ from rig.interop.basin.recording import METRES, Floats, Recording, read_recordin
 from rig.interop.basin.resample import cubic
 from rig.interop.basin.sync import Edge, computed, phase_track, rising_edge
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import facts
+from rig.recording.runs.folder import run_info
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
 TTL = ("ttltrigger", "ttl", "trigger")
@@ -70,7 +70,7 @@ def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: SyncCha
     Raises `ConfigError` for a file that cannot be read or aligned, RunError or KeyError for a run
     or field that is not there.
     """
-    opened = reader.source(run)
+    opened = reader.open_files(run)
     names = [name for name in _PLACE if name in {leaf.name for leaf in opened.leaves}]
     field = None
     if asked.run_sine not in (None, OWN_CLOCK):
@@ -101,13 +101,13 @@ def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: SyncCha
     own = (len(place["time"]) - 1) / float(place["time"][-1] - place["time"][0])
     rate = asked.rate or min(max(record.rate for record in records), own)
     table = _on_one_time(place, rate, sources, records, alignments, asked)
-    table = table.assign_attrs(facts(run, opened.contents).attributes())
+    table = table.assign_attrs(run_info(run, opened.contents).attributes())
     return Merged(table, tuple(sources), tuple(records), tuple(alignments))
 
 
-def _field(opened: reader.Source, named: str) -> str:
+def _field(opened: reader.RunFiles, named: str) -> str:
     """The one log field of a name; KeyError for none, and for several."""
-    field, *more = reader.choose(opened.leaves, [named])
+    field, *more = reader.select_fields(opened.leaves, [named])
     if more:
         raise KeyError(f"{named} is {1 + len(more)} fields; name one of them")
     return field

@@ -11,7 +11,7 @@ from rig.interop.basin.merge import FREQUENCY
 from rig.interop.exchange.mask4_fields import FIELDS, KT_N, OWN, PLACE, RATE, TIMED, TTL_HIGH
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 
 Structure = dict[str, dict[str, Any]]
 
@@ -34,13 +34,13 @@ def structure(run: Path, rate: float = RATE) -> Exported:
     run's, and for a run of another kind of rig. ``rigSignals.incomplete`` is 1 in measured windows
     of which the record lacks ticks.
     """
-    opened = reader.source(run)
+    opened = reader.open_files(run)
     there = {leaf.name for leaf in opened.leaves}
     wanted = {field.leaf for field in FIELDS} | {*PLACE, _CLOCK, *PROBES}
     if absent := sorted(wanted - there):
         raise RunError(f"{run}: no MASK4 structure without {', '.join(absent)}")
     data = reader.columns(opened, ["time", "tick", *sorted(wanted)])
-    known = facts(run, opened.contents)
+    known = run_info(run, opened.contents)
     ticks = data["tick"]
     step = _every(run, data["time"], ticks, rate)
     kept = np.flatnonzero((ticks - ticks[0]) % step == 0)
@@ -61,7 +61,7 @@ def _every(run: Path, time: Any, ticks: Any, rate: float) -> int:
     return step
 
 
-def _structure(data: dict[str, Any], known: Facts) -> Exported:
+def _structure(data: dict[str, Any], known: RunInfo) -> Exported:
     drive = str(((known.config.get("rig") or {}).get("drive") or {}).get("kind") or "cots")
     ampere = _newtons_per_ampere(known)
     time = np.asarray(data["time"], dtype=np.float64)
@@ -90,10 +90,10 @@ def _structure(data: dict[str, Any], known: Facts) -> Exported:
     return Exported(made, tuple(remarks))
 
 
-def _newtons_per_ampere(known: Facts) -> float:
+def _newtons_per_ampere(known: RunInfo) -> float:
     """The run's own Kt N, N/A; MASK4's where its configuration does not say."""
-    torque = known.configured("rig", "heave", "torque_constant_n_m_per_a")
-    gear = known.configured("rig", "heave", "gear_ratio_rad_per_m")
+    torque = known.config_number("rig", "heave", "torque_constant_n_m_per_a")
+    gear = known.config_number("rig", "heave", "gear_ratio_rad_per_m")
     return torque * gear if torque and gear else KT_N
 
 

@@ -79,7 +79,7 @@ def write_run(signals: Signals, path: Path, runs: Path, said: FileDescription) -
     remarks = list(windows.remarks)
     if signals.absent:
         remarks.append(f"not in the file: {', '.join(signals.absent)}")
-    folder = create.make(runs, said.name, said.started)
+    folder = create.create_folder(runs, said.name, said.started)
     source = {
         "file": path.name,
         "sha256": hashlib.sha256(read_regular(path, MAX_RECORD_BYTES)).hexdigest(),
@@ -196,7 +196,7 @@ def _write(
     }
     rate = 1.0 / plan["dt"]
     timing = {"summary": f"Recorded by another system at {rate:g} Hz: no timing certificate."}
-    texts = {CONFIG: config, "plan.json": plan, "code.json": provenance.code()}
+    texts = {CONFIG: config, "plan.json": plan, "code.json": provenance.describe_code()}
     writer = RowWriter(
         folder / MCAP,
         WaveBotRow,

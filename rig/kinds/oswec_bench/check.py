@@ -8,7 +8,7 @@ from controllers.signals import AxisSense
 from rig.kinds.oswec_bench.signals import Motion, Sense, WrenchSense
 from rig.kinds.oswec_bench.state import LoadLimits, Params, State, zeros_in_use
 from rig.realtime import axis
-from rig.realtime.safety import CATEGORY, FINE, Reason
+from rig.realtime.safety import CATEGORY, NO_REASON, Reason
 
 
 def motor_sense(sense: Sense) -> AxisSense:
@@ -39,7 +39,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     motor_zero, shaft_zero = zeros_in_use(params, state, encoders)
     station_reason = state.stations.reason
     fault = axis.check(params.motor, state.motor, motor_sense(sense), motor, motor_zero, mode)
-    if fault != FINE and CATEGORY[fault] == 0:
+    if fault != NO_REASON and CATEGORY[fault] == 0:
         return fault
     most = limits.shaft_jump_stop
     measured = encoders.shaft_counts * params.shaft.radians_per_count - shaft_zero
@@ -55,9 +55,9 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return Reason.LOAD_CELL_OVERLOAD.value
     if state.mismatch >= limits.velocity_ticks_stop:
         return Reason.VELOCITY_DISAGREES.value
-    if station_reason != FINE:
+    if station_reason != NO_REASON:
         return station_reason
-    if fault != FINE:
+    if fault != NO_REASON:
         return fault
     if panel.limit_switch != 0:
         return Reason.LIMIT_SWITCH.value
@@ -71,7 +71,7 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
         return Reason.BRAKE_LOST.value
     if tare_state.samples > 0 and tare_state.highest - tare_state.lowest > limits.tare_span_stop:
         return Reason.NOT_CALM.value
-    return FINE
+    return NO_REASON
 
 
 def exceeds_range(load: WrenchSense, bounds: LoadLimits) -> bool:

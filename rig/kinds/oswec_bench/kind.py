@@ -181,7 +181,9 @@ def _step_laws(
     if params.mode == TORQUE:
         torque_reference = oswec_position.reference(components, span, clock).angle
         if flume.pto_damping > 0.0:
-            torque_reference += brake_damping.opposing(flume.pto_damping, filtered_velocity)
+            torque_reference += brake_damping.motor_damping_torque(
+                flume.pto_damping, filtered_velocity
+            )
         tracking, tracking_output = torque_tracking.step(
             params.torque, laws.torque, torque_reference, torque, saturation_deficit, dt
         )
@@ -251,12 +253,12 @@ def _command_drive(
 
 def _command_brake(
     params: Params,
-    previous: brake_damping.Braked,
+    previous: brake_damping.BrakeState,
     active_setpoint: ActiveSetpoint,
     velocity: float,
     mode: int,
     dt: float,
-) -> brake_damping.Braked:
+) -> brake_damping.BrakeState:
     """Return torque and current of the brake.
 
     The brake acts during a controlled stop and is released when power goes off.
@@ -292,7 +294,7 @@ def _velocity_mismatch_ticks(
     if enabled == 0 or not RUN <= mode <= STOP_1:
         return 0
     max_difference = params.limits.velocity_difference_stop
-    return limits.counted(previous_ticks, velocity - speed_state.velocity, max_difference)
+    return limits.count_mismatch(previous_ticks, velocity - speed_state.velocity, max_difference)
 
 
 def _brake_mismatch_ticks(params: Params, brake: BrakeState, measured: float) -> int:

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from controllers.blocks import clamp, finite
-from rig.realtime.limits import Limited
+from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import ENABLING, RUN, STOP_1
 
 
@@ -47,18 +47,18 @@ def limit_command(
     velocity, and the next tick trips.
     """
     if not RUN <= mode <= STOP_1:
-        limited = 0 if demand == 0.0 else Limited.MODE.value
+        limited = 0 if demand == 0.0 else LimitFlag.MODE.value
         return State(0.0, 0), VelocityCommand(0.0, 0.0, 1 if mode == ENABLING else 0, limited)
     if not finite(demand):
-        return State(0.0, 1), VelocityCommand(0.0, 0.0, 1, Limited.NOT_FINITE.value)
+        return State(0.0, 1), VelocityCommand(0.0, 0.0, 1, LimitFlag.NOT_FINITE.value)
     velocity_constant, max_volts, max_velocity, acceleration = params
     ceiling = max_volts * velocity_constant
     ceiling = min(ceiling, max_velocity)
     velocity, limited = clamp(demand, -ceiling, ceiling), 0
     if velocity != demand:
-        limited = Limited.VELOCITY.value
+        limited = LimitFlag.VELOCITY.value
     change = acceleration * dt
     slewed = clamp(velocity, state.velocity - change, state.velocity + change)
     if slewed != velocity:
-        limited = limited | Limited.SLEW.value
+        limited = limited | LimitFlag.SLEW.value
     return State(slewed, 0), VelocityCommand(slewed, slewed / velocity_constant, 1, limited)

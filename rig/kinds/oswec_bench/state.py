@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from controllers import brake_damping, estimator, oswec_position, torque_tracking
-from controllers.oswec_position import Component, Span
+from controllers.oswec_position import Component, EnvelopeTimes
 from controllers.signals import Estimate
 from rig.kinds.oswec_bench import speed, stations, tare
 from rig.kinds.oswec_bench.signals import NO_FLUME, EncoderSense, Flume, Setpoints
@@ -79,7 +79,7 @@ class ShaftState(NamedTuple):
 class BrakeState(NamedTuple):
     """The brake's last command, and for how long the brake has not followed it."""
 
-    command: brake_damping.Braked
+    command: brake_damping.BrakeState
     mismatch_ticks: int  # consecutive ticks
 
 
@@ -95,7 +95,7 @@ class ActiveSetpoint(NamedTuple):
 
     setpoint: int  # index, -1: none yet
     components: tuple[Component, ...]
-    span: Span
+    span: EnvelopeTimes
     damping: float  # N*m*s/rad
     brake_current: float  # A
     flume: Flume
@@ -129,7 +129,7 @@ def start(params: Params) -> State:
         0,
         stations.start(),
         tare.start(),
-        ActiveSetpoint(-1, (), Span(0.0, 0.0), 0.0, 0.0, NO_FLUME),
+        ActiveSetpoint(-1, (), EnvelopeTimes(0.0, 0.0), 0.0, 0.0, NO_FLUME),
     )
 
 
@@ -138,7 +138,7 @@ def activate_setpoint(table: Setpoints, setpoint: int) -> ActiveSetpoint:
     return ActiveSetpoint(
         setpoint,
         table.components[setpoint],
-        Span(table.rise[setpoint], table.until[setpoint]),
+        EnvelopeTimes(table.rise[setpoint], table.until[setpoint]),
         table.damping[setpoint],
         table.brake_current[setpoint],
         table.flume[setpoint],

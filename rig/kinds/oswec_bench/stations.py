@@ -15,7 +15,7 @@ into the motor: tz v < 0 on average. A positive average means that the damping d
 from typing import NamedTuple
 
 from rig.realtime import average
-from rig.realtime.safety import FINE, RUN, STOP_1, Reason
+from rig.realtime.safety import NO_REASON, RUN, STOP_1, Reason
 
 _FORCE = Reason.FORCE_DISAGREES.value
 _SIGN = Reason.POWER_SIGN.value
@@ -40,7 +40,7 @@ class State(NamedTuple):
     reason: int  # to stop, or NONE
 
 
-_ZERO_POWER = State(0.0, 0.0, 0.0, FINE)
+_ZERO_POWER = State(0.0, 0.0, 0.0, NO_REASON)
 
 
 def start() -> State:
@@ -71,7 +71,7 @@ def step(
     fed_power = average.step(fed_power, power if damps_only else 0.0, weight)
     difference = average.step(difference, torque_constant * current * velocity - power, weight)
     cell_power = average.step(cell_power, abs(power), weight)
-    reason = FINE
+    reason = NO_REASON
     max_difference = difference_stop + difference_ratio * cell_power
     if not -max_difference <= difference <= max_difference:
         reason = _FORCE

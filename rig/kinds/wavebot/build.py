@@ -196,11 +196,11 @@ def _stations(
 ) -> stations.Params:
     return stations.Params(
         absorbs=1 if campaign.uses_gains_only else 0,
-        newest=average.share(bounds.time_s, dt),
+        newest=average.weight_of_tick(bounds.time_s, dt),
         fed_stop=bounds.fed_stop_w,
         motor_stop=bounds.motor_difference_stop_w,
         motor_ratio=bounds.motor_difference_ratio,
-        newest_slow=average.share(bounds.balance_time_s, dt),
+        newest_slow=average.weight_of_tick(bounds.balance_time_s, dt),
         balance_stop=bounds.balance_stop_w,
         friction=bounds.friction_n_s_per_m,
         loss=bounds.loss_w_per_a2,

@@ -4,7 +4,7 @@ from controllers.blocks import finite
 from rig.kinds.wavebot.signals import Motion, Sense
 from rig.kinds.wavebot.state import SURGE_OFF, Params, State, zeros
 from rig.realtime import axis
-from rig.realtime.safety import CATEGORY, FINE, OFF, Reason
+from rig.realtime.safety import CATEGORY, NO_REASON, OFF, Reason
 
 # An axis says what is wrong with it; whose fault it is, is said here. By number, so that compiled
 # code can look it up, too.
@@ -45,11 +45,11 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     heave_fault = axis.check(params.heave, state.heave, heave, in_heave, heave_zero, mode)
     surge_mode = OFF if params.surge_use == SURGE_OFF else mode
     surge_fault = axis.check(params.surge, state.surge, surge, in_surge, surge_zero, surge_mode)
-    if heave_fault != FINE and CATEGORY[heave_fault] == 0:
+    if heave_fault != NO_REASON and CATEGORY[heave_fault] == 0:
         if heave_fault == Reason.DRIVE_FAULT.value:
             return _heave_drive(heave.fault)
         return heave_fault
-    if surge_fault != FINE and CATEGORY[surge_fault] == 0:
+    if surge_fault != NO_REASON and CATEGORY[surge_fault] == 0:
         return _SURGE[surge_fault]
     lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, load_age = load
     stator, _, stator_age = spring
@@ -76,11 +76,11 @@ def check(params: Params, state: State, sense: Sense, motion: Motion, mode: int)
     if not (-apart <= gap <= apart or stale):
         return Reason.POSITION_DISAGREES.value
     powers = state.stations.reason
-    if powers != FINE and CATEGORY[powers] == 0:
+    if powers != NO_REASON and CATEGORY[powers] == 0:
         return powers
-    if heave_fault != FINE:  # damping trusts the encoder, so the string pot is asked first
+    if heave_fault != NO_REASON:  # damping trusts the encoder, so the string pot is asked first
         return heave_fault
-    if surge_fault != FINE:
+    if surge_fault != NO_REASON:
         return _SURGE[surge_fault]
     if limit_switch != 0:
         return Reason.LIMIT_SWITCH.value

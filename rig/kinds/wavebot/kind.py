@@ -77,7 +77,7 @@ def control(
         )
     else:  # at rest they start afresh, so a later start ramps its gains up from zero
         laws = laws_at_rest(params)
-        wanted, reference, conducting, aside = axis.NOTHING, _NO_REFERENCE, 1, axis.NOTHING
+        wanted, reference, conducting, aside = axis.NO_DEMAND, _NO_REFERENCE, 1, axis.NO_DEMAND
     drive = held.drive if conducting == 1 else DriveCommand(0, held.drive.settings)
     saturated = drive_sense.saturated
     heave, record = axis.control(
@@ -100,7 +100,7 @@ def control(
     lcb, trs = load.lcb - zero.lcb, load.trs - zero.trs
     spent = power.step(spent, lcb, trs, in_heave.velocity, ac, dc, phase)
     powers = stations.step(
-        params.stations, powers, record, heave.fade, saturated, lcb, trs, ac, mode
+        params.stations, powers, record, heave.fade_share, saturated, lcb, trs, ac, mode
     )
     waves = 1 if wave_clock >= 0.0 else 0
     return (
@@ -141,7 +141,7 @@ def _laws(
         gate, conducting = drive_gating.step(
             params.gate, gate, in_heave.velocity, current, threshold
         )
-    aside, use = axis.NOTHING, params.surge_use
+    aside, use = axis.NO_DEMAND, params.surge_use
     if use == SURGE_KEPT:
         keeping, aside = station_keeping.step(
             params.station_keeping, keeping, held.surge, in_surge, dt

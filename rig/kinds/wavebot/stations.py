@@ -24,7 +24,7 @@ Ticks in which limits, the drive's bus voltage or a fade cut the force count as 
 from typing import NamedTuple
 
 from rig.realtime import average, axis
-from rig.realtime.safety import FINE, RUN, STOP_1, Reason
+from rig.realtime.safety import NO_REASON, RUN, STOP_1, Reason
 
 _FORCE = Reason.FORCE_DISAGREES.value
 _SIGN = Reason.POWER_SIGN.value
@@ -59,7 +59,7 @@ class State(NamedTuple):
     reason: int  # to stop, or NONE
 
 
-_NOTHING = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, FINE)
+_NOTHING = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, NO_REASON)
 
 
 def start() -> State:
@@ -102,7 +102,7 @@ def step(
     speed = average.step(speed, velocity * velocity, slow)
     electric = average.step(electric, ac - shaft, slow)
     heat = average.step(heat, current * current, slow)
-    reason = FINE
+    reason = NO_REASON
     apart = motor_stop + ratio * size
     if not -apart <= motor <= apart:
         reason = _FORCE

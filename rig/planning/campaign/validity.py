@@ -4,8 +4,8 @@ from datetime import date
 
 from rig.config.problems import Problem
 from rig.planning.campaign.files import Campaign
-from rig.recording.calibration import At, OutsideError
-from rig.recording.calibration.correction import holds
+from rig.recording.calibration import RecordingTime, ValidityError
+from rig.recording.calibration.correction import is_valid
 
 
 def validity_warnings(campaign: Campaign, day: date) -> tuple[Problem, ...]:
@@ -18,10 +18,10 @@ def validity_warnings(campaign: Campaign, day: date) -> tuple[Problem, ...]:
     if spring_map is None:
         return ()
     try:
-        if holds(spring_map.valid, At(day=day)):
+        if is_valid(spring_map.valid, RecordingTime(day=day)):
             return ()
         reason = f"does not hold on {day.isoformat()}: valid for {spring_map.valid.description()}"
-    except OutsideError as error:
+    except ValidityError as error:
         reason = str(error)
     message = f"{spring_map.title} {reason}; the stator is nevertheless positioned by this map"
     return (campaign.rig_locate.problem(("spring_map", "valid"), None, message),)

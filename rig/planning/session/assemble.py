@@ -81,7 +81,7 @@ def bench_params(session: Session, plan: SessionPlan) -> cycle.Params:
             locked=1 if session_file.shaft == "clamped" else 0,
             limits=_limits(limits_file, in_torque_loop, dt),
             stations=stations.Params(
-                average_weight=average.share(limits_file.power.time_s, dt),
+                average_weight=average.weight_of_tick(limits_file.power.time_s, dt),
                 fed_power_stop=limits_file.power.fed_stop_w,
                 difference_stop=limits_file.power.motor_difference_stop_w,
                 difference_ratio=limits_file.power.motor_difference_ratio,

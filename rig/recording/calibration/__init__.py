@@ -1,32 +1,37 @@
-"""Calibrations: versioned corrections of what was recorded, each with its range of validity.
+"""Calibrations: versioned corrections of recorded values, each with its range of validity.
 
-A record is never rewritten. What stands in it is corrected when somebody asks to read it so, and
-what comes of it says which version of which calibration it was read with.
+A record is never rewritten. Its values are corrected when they are read with a calibration, and
+every product names the version of the calibration that was used.
 """
 
 from rig.config.calibration_file import CalibrationFile
 from rig.recording.calibration.correction import (
-    Applied,
-    At,
-    OutsideError,
-    apply,
-    corrected,
-    invert,
-    recorded,
+    CalibratedValue,
+    RecordingTime,
+    ValidityError,
+    apply_calibration,
+    apply_correction,
+    invert_calibration,
+    invert_correction,
 )
-from rig.recording.calibration.history import History, Known, open_calibration, open_history
+from rig.recording.calibration.history import (
+    CalibrationHistory,
+    CalibrationVersion,
+    open_calibration,
+    open_history,
+)
 
 __all__ = [
-    "Applied",
-    "At",
+    "CalibratedValue",
     "CalibrationFile",
-    "History",
-    "Known",
-    "OutsideError",
-    "apply",
-    "corrected",
-    "invert",
+    "CalibrationHistory",
+    "CalibrationVersion",
+    "RecordingTime",
+    "ValidityError",
+    "apply_calibration",
+    "apply_correction",
+    "invert_calibration",
+    "invert_correction",
     "open_calibration",
     "open_history",
-    "recorded",
 ]

@@ -1,4 +1,4 @@
-"""A calibration applied to numbers, and taken back. Pure functions.
+"""Application of a calibration to numbers, and its inverse. Pure functions.
 
 Numbers of logs and files are decimal, and so is the arithmetic here: -12000 * 0.7690 is -9228 and
 comes back as -12000, to the last bit. Only the result is rounded to a float.
@@ -18,146 +18,158 @@ from rig.config.calibration_file import (
 )
 from rig.config.problems import format_number
 
-DIGITS = 40  # of the arithmetic between two floats of 17
+DIGITS = 40  # of the decimal arithmetic; a float has 17
 
 
-class OutsideError(ValueError):
-    """A value, run or date for which a calibration does not hold, or of which it cannot be told."""
+class ValidityError(ValueError):
+    """A calibration does not hold for a value, run or date, or this cannot be determined."""
 
 
-class At(NamedTuple):
-    """What is known of when a value was recorded."""
+class RecordingTime(NamedTuple):
+    """Run number and date of a recording, as far as known."""
 
-    series: str = ""  # of numbered runs; empty where runs have no number
+    series: str = ""  # series of numbered runs; empty where runs have no number
     run: int | None = None
     day: date | None = None  # UTC
 
     @staticmethod
-    def on(started_utc: str) -> "At":
-        """On the day of an ISO 8601 time: runs of this rig have no number in a series."""
-        return At(day=datetime.fromisoformat(started_utc).date() if started_utc else None)
+    def from_utc(started_utc: str) -> "RecordingTime":
+        """Return the date of an ISO 8601 time; runs of this rig have no number in a series."""
+        return RecordingTime(
+            day=datetime.fromisoformat(started_utc).date() if started_utc else None
+        )
 
     def description(self) -> str:
-        """The same in words."""
-        said = [f"{self.series} run {self.run}".strip()] if self.run is not None else []
-        said += [self.day.isoformat()] if self.day is not None else []
-        return ", ".join(said) or "a value without run or date"
+        """Return run number and date as text."""
+        parts = [f"{self.series} run {self.run}".strip()] if self.run is not None else []
+        parts += [self.day.isoformat()] if self.day is not None else []
+        return ", ".join(parts) or "a value without run or date"
 
 
-class Applied(NamedTuple):
-    """A value with the number it was made from and the calibration that was used."""
+class CalibratedValue(NamedTuple):
+    """A value, the number it was computed from, and the calibration used."""
 
     value: float
-    given: float
-    by: str  # name and version
-    inside: bool  # of the range of validity; outside it the value is the given one
+    given: float  # the original value
+    by: str  # name and version of the calibration
+    inside: bool  # within the range of validity; outside it the value is the original one
 
     def description(self) -> str:
-        """What produced the value, in a line."""
+        """Return the computation of the value as one line of text."""
         if self.inside:
             return f"{format_number(self.given)} by {self.by} is {format_number(self.value)}"
         return f"{format_number(self.given)}: outside the range of {self.by}, unchanged"
 
 
-def apply(correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float) -> float:
-    """The corrected value of a recorded one.
+def apply_correction(
+    correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float
+) -> float:
+    """Return the corrected value of a recorded one.
 
-    Raises `OutsideError` beyond the ends of a table, ValueError for a value that is not finite or
-    does not stay so.
+    Raise `ValidityError` beyond the ends of a table, ValueError for a value or result that is not
+    finite.
     """
     if isinstance(correction, TableCorrection):
-        return _between(correction.recorded, correction.corrected, value)
-    return _plain(correction, value, forward=True)
+        return _interpolate(correction.recorded, correction.corrected, value)
+    return _scale_or_offset(correction, value, forward=True)
 
 
-def invert(correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float) -> float:
-    """The recorded value of a corrected one; raises as `apply` does."""
+def invert_correction(
+    correction: ScaleCorrection | OffsetCorrection | TableCorrection, value: float
+) -> float:
+    """Return the recorded value of a corrected one; raise as `apply_correction` does."""
     if isinstance(correction, TableCorrection):
-        return _between(correction.corrected, correction.recorded, value)
-    return _plain(correction, value, forward=False)
+        return _interpolate(correction.corrected, correction.recorded, value)
+    return _scale_or_offset(correction, value, forward=False)
 
 
-def holds(valid: Validity, at: At) -> bool:
-    """Whether a calibration holds there; `OutsideError` if that cannot be told."""
+def is_valid(valid: Validity, time: RecordingTime) -> bool:
+    """Return whether a calibration holds at ``time``; raise `ValidityError` if that is unknown."""
     if valid.runs is not None:
-        if at.run is None or not at.series:
-            raise OutsideError(
-                f"valid for {valid.description()}; of {at.description()} no run number is known"
+        if time.run is None or not time.series:
+            raise ValidityError(
+                f"valid for {valid.description()}; of {time.description()} no run number is known"
             )
         return (
-            at.series == valid.runs.series
-            and (valid.runs.first is None or at.run >= valid.runs.first)
-            and (valid.runs.before is None or at.run < valid.runs.before)
+            time.series == valid.runs.series
+            and (valid.runs.first is None or time.run >= valid.runs.first)
+            and (valid.runs.before is None or time.run < valid.runs.before)
         )
     assert valid.dates is not None
-    if at.day is None:
-        raise OutsideError(
-            f"valid for {valid.description()}; of {at.description()} no date is known"
+    if time.day is None:
+        raise ValidityError(
+            f"valid for {valid.description()}; of {time.description()} no date is known"
         )
-    day = at.day.isoformat()
+    day = time.day.isoformat()
     return (valid.dates.first is None or day >= valid.dates.first) and (
         valid.dates.before is None or day < valid.dates.before
     )
 
 
-def corrected(calibration: CalibrationFile, value: float, at: At) -> Applied:
-    """A recorded value as it is read with a calibration.
+def apply_calibration(
+    calibration: CalibrationFile, value: float, time: RecordingTime
+) -> CalibratedValue:
+    """Return a recorded value as read with a calibration.
 
-    Raises `OutsideError` where the calibration does not hold and its file says `outside: refuse`.
+    Raise `ValidityError` where the calibration does not hold and its file has `outside: refuse`.
     """
-    inside = _inside(calibration, at)
-    made = apply(calibration.correction, value) if inside else float(value)
-    return Applied(made, float(value), calibration.title, inside)
+    inside = _check_validity(calibration, time)
+    result = apply_correction(calibration.correction, value) if inside else float(value)
+    return CalibratedValue(result, float(value), calibration.title, inside)
 
 
-def recorded(calibration: CalibrationFile, value: float, at: At) -> Applied:
-    """A corrected value as it would stand in the record; raises as `corrected` does."""
-    inside = _inside(calibration, at)
-    made = invert(calibration.correction, value) if inside else float(value)
-    return Applied(made, float(value), calibration.title, inside)
+def invert_calibration(
+    calibration: CalibrationFile, value: float, time: RecordingTime
+) -> CalibratedValue:
+    """Return a corrected value as it would be recorded; raise as `apply_calibration` does."""
+    inside = _check_validity(calibration, time)
+    result = invert_correction(calibration.correction, value) if inside else float(value)
+    return CalibratedValue(result, float(value), calibration.title, inside)
 
 
-def _inside(calibration: CalibrationFile, at: At) -> bool:
-    inside = holds(calibration.valid, at)
+def _check_validity(calibration: CalibrationFile, at: RecordingTime) -> bool:
+    inside = is_valid(calibration.valid, at)
     if not inside and calibration.outside == "refuse":
-        raise OutsideError(
+        raise ValidityError(
             f"{calibration.title} does not hold for {at.description()}: "
             f"valid for {calibration.valid.description()}"
         )
     return inside
 
 
-def _plain(correction: ScaleCorrection | OffsetCorrection, value: float, *, forward: bool) -> float:
+def _scale_or_offset(
+    correction: ScaleCorrection | OffsetCorrection, value: float, *, forward: bool
+) -> float:
     number = _decimal(value)
     with localcontext() as context:
         context.prec = DIGITS
         if isinstance(correction, ScaleCorrection):
             factor = _decimal(correction.factor)
-            made = number * factor if forward else number / factor
+            result = number * factor if forward else number / factor
         else:
             offset = _decimal(correction.offset)
-            made = number + offset if forward else number - offset
-    return _float(made)
+            result = number + offset if forward else number - offset
+    return _float(result)
 
 
-def _between(known: tuple[float, ...], wanted: tuple[float, ...], value: float) -> float:
-    """Linear interpolation; exact at the pairs."""
+def _interpolate(xs: tuple[float, ...], ys: tuple[float, ...], value: float) -> float:
+    """Return the linear interpolation; it is exact at the pairs."""
     number = _decimal(value)
-    if known[0] > known[-1]:
-        known, wanted = known[::-1], wanted[::-1]
-    if not known[0] <= value <= known[-1]:
-        ends = f"{format_number(known[0])} .. {format_number(known[-1])}"
-        raise OutsideError(f"{format_number(value)} is outside the table; allowed {ends}")
-    i = max(i for i in range(len(known) - 1) if known[i] <= value)
-    x0, x1 = _decimal(known[i]), _decimal(known[i + 1])
-    y0, y1 = _decimal(wanted[i]), _decimal(wanted[i + 1])
+    if xs[0] > xs[-1]:
+        xs, ys = xs[::-1], ys[::-1]
+    if not xs[0] <= value <= xs[-1]:
+        ends = f"{format_number(xs[0])} .. {format_number(xs[-1])}"
+        raise ValidityError(f"{format_number(value)} is outside the table; allowed {ends}")
+    i = max(i for i in range(len(xs) - 1) if xs[i] <= value)
+    x0, x1 = _decimal(xs[i]), _decimal(xs[i + 1])
+    y0, y1 = _decimal(ys[i]), _decimal(ys[i + 1])
     with localcontext() as context:
         context.prec = DIGITS
         return _float(y0 + (number - x0) * (y1 - y0) / (x1 - x0))
 
 
 def _decimal(value: float) -> Decimal:
-    """The shortest decimal number that reads back as this float."""
+    """Return the shortest decimal number that reads back as this float."""
     if not math.isfinite(value):
         raise ValueError(f"{format_number(value)} is not a finite number")
     return Decimal(repr(float(value)))

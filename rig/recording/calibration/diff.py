@@ -1,4 +1,4 @@
-"""What a changed calibration changes: which runs and rows, by how much, and what goes stale."""
+"""Effects of a changed calibration: affected runs and rows, differences, and outdated products."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -9,106 +9,126 @@ from rig.config.calibration_file import (
     ScaleCorrection,
     TableCorrection,
 )
-from rig.recording.calibration.correction import At, OutsideError, corrected, holds
-from rig.recording.calibration.sources import Stood
+from rig.recording.calibration.correction import (
+    RecordingTime,
+    ValidityError,
+    apply_calibration,
+    is_valid,
+)
+from rig.recording.calibration.sources import RecordedValue
 
 
-class Changed(NamedTuple):
-    """A value that is read differently with the new version."""
+class ChangedValue(NamedTuple):
+    """A value that reads differently with the new version."""
 
     where: str
     field: str
-    recorded: float | None  # None where the record does not hold the value itself
-    old: float | None  # None where the old version refuses it
+    recorded: float | None  # None where the record does not contain the value itself
+    old: float | None  # None where the old version rejects it
     new: float | None
     note: str
-    stale: tuple[str, ...]  # what was worked out from the old value
+    stale: tuple[str, ...]  # products computed from the old value
 
 
-class Difference(NamedTuple):
-    """What a new version of a calibration changes."""
+class CalibrationDifference(NamedTuple):
+    """Effects of a new version of a calibration."""
 
     old: str  # name and version
     new: str
-    keys: tuple[tuple[str, object, object], ...]  # of the file: key, old, new
-    changed: tuple[Changed, ...]
-    unchanged: int  # values that are read as before
-    untold: tuple[tuple[str, str], ...]  # where it cannot be told, and why; one each
+    keys: tuple[tuple[str, object, object], ...]  # changed keys of the file: key, old, new
+    changed: tuple[ChangedValue, ...]
+    unchanged: int  # number of values that read as before
+    undetermined: tuple[tuple[str, str], ...]  # place and reason where the effect is unknown
 
     @property
     def stale(self) -> dict[str, tuple[str, ...]]:
-        """What is to be made anew: run -> products."""
+        """Products to compute anew: run -> products."""
         found: dict[str, dict[str, None]] = {}
         for change in self.changed:
             found.setdefault(change.where, {}).update(dict.fromkeys(change.stale))
         return {where: tuple(names) for where, names in found.items() if names}
 
 
-class NoComparisonError(ValueError):
-    """Two calibrations that do not correct the same thing."""
+class IncomparableError(ValueError):
+    """Two calibrations that do not correct the same quantity."""
 
 
-def difference(old: CalibrationFile, new: CalibrationFile, stood: Iterable[Stood]) -> Difference:
-    """What reading recorded values with ``new`` in place of ``old`` changes.
+def compare_calibrations(
+    old: CalibrationFile, new: CalibrationFile, recorded_values: Iterable[RecordedValue]
+) -> CalibrationDifference:
+    """Return the effects of reading recorded values with ``new`` instead of ``old``.
 
-    Raises `NoComparisonError` unless both are of one name and quantity.
+    Raise `IncomparableError` unless both have the same name and quantity.
     """
     if (old.name, old.quantity) != (new.name, new.quantity):
         message = f"{old.title} ({old.quantity}) and {new.title} ({new.quantity})"
-        raise NoComparisonError(f"{message} do not correct the same thing")
+        raise IncomparableError(f"{message} do not correct the same thing")
     changed = []
     unchanged = 0
-    untold: dict[str, str] = {}
-    for one in stood:
+    undetermined: dict[str, str] = {}
+    for entry in recorded_values:
         try:
-            rules = _rule(old, one.at), _rule(new, one.at)
-        except OutsideError as error:
-            untold.setdefault(one.where, one.note or str(error))
+            rules = _rule(old, entry.time), _rule(new, entry.time)
+        except ValidityError as error:
+            undetermined.setdefault(entry.where, entry.note or str(error))
             continue
-        if one.value is None:
+        if entry.value is None:
             if rules[0] == rules[1]:
                 unchanged += 1
             else:
-                changed.append(_change(one, None, None))
+                changed.append(_change(entry, None, None))
             continue
-        if one.mean and rules[0] != rules[1] and any(isinstance(r, TableCorrection) for r in rules):
-            untold.setdefault(one.where, "a mean cannot be corrected by a table; read the record")
+        if (
+            entry.is_mean
+            and rules[0] != rules[1]
+            and any(isinstance(r, TableCorrection) for r in rules)
+        ):
+            undetermined.setdefault(
+                entry.where, "a mean cannot be corrected by a table; read the record"
+            )
             continue
-        before, after = _read(old, one), _read(new, one)
+        before, after = _read(old, entry), _read(new, entry)
         if before == after:
             unchanged += 1
         else:
-            changed.append(_change(one, before, after))
-    return Difference(
-        old.title, new.title, _keys(old, new), tuple(changed), unchanged, tuple(untold.items())
+            changed.append(_change(entry, before, after))
+    return CalibrationDifference(
+        old.title,
+        new.title,
+        _keys(old, new),
+        tuple(changed),
+        unchanged,
+        tuple(undetermined.items()),
     )
 
 
-def _change(one: Stood, before: float | None, after: float | None) -> Changed:
-    return Changed(one.where, one.field, one.value, before, after, one.note, one.products)
+def _change(entry: RecordedValue, before: float | None, after: float | None) -> ChangedValue:
+    return ChangedValue(
+        entry.where, entry.field, entry.value, before, after, entry.note, entry.products
+    )
 
 
-def _rule(calibration: CalibrationFile, at: At) -> object:
-    """What is done to values recorded there; equal rules do the same."""
-    if not holds(calibration.valid, at):
+def _rule(calibration: CalibrationFile, at: RecordingTime) -> object:
+    """Return what a calibration does to values recorded at a time; equal rules do the same."""
+    if not is_valid(calibration.valid, at):
         return calibration.outside
     correction = calibration.correction
-    nothing = (isinstance(correction, ScaleCorrection) and correction.factor == 1.0) or (
+    is_identity = (isinstance(correction, ScaleCorrection) and correction.factor == 1.0) or (
         isinstance(correction, OffsetCorrection) and correction.offset == 0.0
     )
-    return "unchanged" if nothing else correction
+    return "unchanged" if is_identity else correction
 
 
-def _read(calibration: CalibrationFile, one: Stood) -> float | None:
-    assert one.value is not None
+def _read(calibration: CalibrationFile, entry: RecordedValue) -> float | None:
+    assert entry.value is not None
     try:
-        return corrected(calibration, one.value, one.at).value
-    except OutsideError:
+        return apply_calibration(calibration, entry.value, entry.time).value
+    except ValidityError:
         return None
 
 
 def _keys(old: CalibrationFile, new: CalibrationFile) -> tuple[tuple[str, object, object], ...]:
-    """Keys of the two files that differ, leaf by leaf."""
+    """Return the keys in which the two files differ, leaf by leaf."""
     before, after = _leaves(_plain(old)), _leaves(_plain(new))
     names = dict.fromkeys((*before, *after))
     return tuple(
@@ -122,10 +142,10 @@ def _plain(calibration: CalibrationFile) -> dict[str, Any]:
     return calibration.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def _leaves(mapping: dict[str, Any], above: str = "") -> dict[str, object]:
+def _leaves(mapping: dict[str, Any], prefix: str = "") -> dict[str, object]:
     found: dict[str, object] = {}
     for key, value in mapping.items():
-        name = f"{above}.{key}" if above else key
+        name = f"{prefix}.{key}" if prefix else key
         if isinstance(value, dict):
             found |= _leaves(value, name)
         else:

@@ -1,21 +1,28 @@
-"""Runs on disk: opening one as arrays, listing many, getting one back after a crash."""
+"""Runs on disk: opening one as arrays, listing many, recovering one after a crash."""
 
-from rig.recording.runs.folder import Facts, Listed, attachments, facts, files, list_runs
-from rig.recording.runs.join import Joined, Salvaged, join, salvage
+from rig.recording.runs.folder import (
+    RunInfo,
+    RunListEntry,
+    attachments,
+    list_runs,
+    mcap_files,
+    run_info,
+)
+from rig.recording.runs.join import JoinResult, SalvagedFile, join, salvage
 from rig.recording.runs.mcap_file import RunError
 from rig.recording.runs.reader import open_run
 
 __all__ = [
-    "Facts",
-    "Joined",
-    "Listed",
+    "JoinResult",
     "RunError",
-    "Salvaged",
+    "RunInfo",
+    "RunListEntry",
+    "SalvagedFile",
     "attachments",
-    "facts",
-    "files",
     "join",
     "list_runs",
+    "mcap_files",
     "open_run",
+    "run_info",
     "salvage",
 ]

@@ -1,8 +1,8 @@
-"""Which ticks of a run are in its record and which are not, exactly.
+"""Exact account of a run's ticks: which are in its record and which are not.
 
-A period that the loop itself skipped (it woke too late) is counted in the next row, so it can be
-told from a row that was lost: of the ticks absent between two rows, as many were skipped as the
-count ``timing.skipped`` went up.
+A period that the loop itself skipped (it woke too late) is counted in the next row, which separates
+it from a lost row: of the ticks missing between two rows, the increase of the count
+``timing.skipped`` were skipped.
 """
 
 from collections.abc import Iterable
@@ -16,69 +16,69 @@ SKIPPED = "timing.skipped"
 
 
 class Gap(NamedTuple):
-    """Neighbouring ticks without a row."""
+    """Consecutive ticks without a row."""
 
     first: int  # tick
     last: int  # tick
-    skipped: int  # of them, how many the loop never executed
+    skipped: int  # number of these ticks that the loop never executed
 
     @property
-    def absent(self) -> int:
-        """Ticks without a row."""
+    def missing(self) -> int:
+        """Number of ticks without a row."""
         return self.last - self.first + 1
 
     @property
     def lost(self) -> int:
-        """Executed ticks whose row is not in the record."""
-        return self.absent - self.skipped
+        """Number of executed ticks whose row is not in the record."""
+        return self.missing - self.skipped
 
 
-class Ending(NamedTuple):
-    """What somebody who saw the loop wrote down."""
+class EndReport(NamedTuple):
+    """Report on the loop's end by a process that observed it."""
 
-    ticks: int  # executed
-    last_tick: int | None  # newest that was handed over
-    skipped: int | None  # periods lost by the loop, in all
-    witness: str  # who says so
-    final: bool  # saw the loop end; otherwise ticks may have followed
+    ticks: int  # executed ticks
+    last_tick: int | None  # newest tick that was handed over
+    skipped: int | None  # periods skipped by the loop, in total
+    source: str  # process that wrote the report
+    final: bool  # True: it observed the loop's end; otherwise ticks may have followed
 
 
-class Account(NamedTuple):
+class TickAccount(NamedTuple):
     """The ticks of a record."""
 
     rows: int
     first_tick: int | None
     last_tick: int | None
-    period: float | None  # s from tick to tick; None if one row or none is there
+    period: float | None  # s from tick to tick; None with less than two rows
     gaps: tuple[Gap, ...]  # from tick 0 on, in order
-    beyond: int  # executed after the last known tick, number of it unknown, row lost
-    ending: Ending | None  # None: nobody noted anything, so ticks may have followed the last row
+    lost_at_end: int  # executed ticks after the last known one, whose rows are lost
+    end_report: EndReport | None  # None: no report, so ticks may have followed the last row
 
     @property
     def lost(self) -> int:
-        """Executed ticks known to have no row."""
-        return self.beyond + sum(gap.lost for gap in self.gaps)
+        """Number of executed ticks known to have no row."""
+        return self.lost_at_end + sum(gap.lost for gap in self.gaps)
 
     @property
     def last_known(self) -> int | None:
-        """Newest tick that is in the record or was noted by anyone."""
-        noted = None if self.ending is None else self.ending.last_tick
-        known = [tick for tick in (self.last_tick, noted) if tick is not None]
+        """Newest tick that is in the record or in the end report."""
+        reported = None if self.end_report is None else self.end_report.last_tick
+        known = [tick for tick in (self.last_tick, reported) if tick is not None]
         return max(known, default=None)
 
     @property
     def skipped(self) -> int:
-        """Periods the loop itself skipped, before or between rows."""
+        """Number of periods that the loop skipped, before or between rows."""
         return sum(gap.skipped for gap in self.gaps)
 
     @property
-    def whole(self) -> bool:
-        """Every executed tick is in the record, and it is known that none followed."""
-        return self.lost == 0 and self.ending is not None and self.ending.final
+    def complete(self) -> bool:
+        """Whether every executed tick is in the record, and none is known to have followed."""
+        return self.lost == 0 and self.end_report is not None and self.end_report.final
 
 
-class Counting:
-    """The ticks of a record, counted while it is read in order, each tick once."""
+class TickCounter:
+    """Counts the ticks of a record that is read in order, each tick once."""
 
     def __init__(self) -> None:
         self._rows, self._tick, self._skipped = 0, -1, 0
@@ -98,32 +98,36 @@ class Counting:
         self._skipped = _last_skipped(block, self._skipped)
         self._latest = self._tick, float(block["time"][-1])
 
-    def result(self, ending: Ending | None) -> Account:
-        """The account, by what somebody who saw the loop wrote down."""
+    def result(self, end_report: EndReport | None) -> TickAccount:
+        """Return the account of the rows so far, completed by an end report."""
         gaps = list(self._gaps)
-        if ending is not None and ending.last_tick is not None and ending.last_tick > self._tick:
-            absent = ending.last_tick - self._tick
-            more = absent if ending.skipped is None else ending.skipped - self._skipped
-            gaps.append(Gap(self._tick + 1, ending.last_tick, _within(0, more, absent)))
+        if (
+            end_report is not None
+            and end_report.last_tick is not None
+            and end_report.last_tick > self._tick
+        ):
+            missing = end_report.last_tick - self._tick
+            skipped = missing if end_report.skipped is None else end_report.skipped - self._skipped
+            gaps.append(Gap(self._tick + 1, end_report.last_tick, _clamp(0, skipped, missing)))
         known = self._rows + sum(gap.lost for gap in gaps)
-        beyond = 0 if ending is None else max(0, ending.ticks - known)
-        return Account(
+        beyond = 0 if end_report is None else max(0, end_report.ticks - known)
+        return TickAccount(
             self._rows,
             None if self._first is None else self._first[0],
             None if self._first is None else self._latest[0],
             _period(self._first, self._latest),
             tuple(gaps),
             beyond,
-            ending,
+            end_report,
         )
 
 
-def account(blocks: Iterable[Records], ending: Ending | None) -> Account:
-    """Count the ticks of a record given in order, each tick once."""
-    counting = Counting()
+def account_ticks(blocks: Iterable[Records], end_report: EndReport | None) -> TickAccount:
+    """Return the account of a record's rows, given in order, each tick once."""
+    counter = TickCounter()
     for block in blocks:
-        counting.add(block)
-    return counting.result(ending)
+        counter.add(block)
+    return counter.result(end_report)
 
 
 def _period(first: tuple[int, float] | None, latest: tuple[int, float]) -> float | None:
@@ -141,16 +145,16 @@ def _gaps(block: Records, tick: int, skipped: int) -> list[Gap]:
     counted: Any = np.zeros(len(ticks), np.int64)
     if SKIPPED in (block.dtype.names or ()):
         counted = np.concatenate(([skipped], block[SKIPPED].astype(np.int64)))
-    absent = np.diff(ticks) - 1
+    missing = np.diff(ticks) - 1
     return [
         Gap(
             int(ticks[i]) + 1,
             int(ticks[i + 1]) - 1,
-            _within(0, int(counted[i + 1] - counted[i]), int(absent[i])),
+            _clamp(0, int(counted[i + 1] - counted[i]), int(missing[i])),
         )
-        for i in np.flatnonzero(absent > 0).tolist()
+        for i in np.flatnonzero(missing > 0).tolist()
     ]
 
 
-def _within(low: int, value: int, high: int) -> int:
+def _clamp(low: int, value: int, high: int) -> int:
     return min(max(low, value), high)

@@ -1,4 +1,4 @@
-"""Making a run: its folder, and its small JSON texts."""
+"""Creation of a run: its folder and its small JSON files."""
 
 import fcntl
 import json
@@ -12,11 +12,11 @@ from rig.recording.runs.folder import STATUS
 
 
 class BusyError(RuntimeError):
-    """Another run has what this one needs."""
+    """Another process uses the resource that this one needs."""
 
 
-def make(runs: Path, name: str, now: datetime) -> Path:
-    """A new folder ``<UTC time>_<name>`` in ``runs``; two runs in one second get two folders."""
+def create_folder(runs: Path, name: str, now: datetime) -> Path:
+    """Create the folder ``<UTC time>_<name>`` in ``runs``; append a number if it exists."""
     stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{name}"
     runs.mkdir(parents=True, exist_ok=True)
     for attempt in range(1, 1000):
@@ -29,8 +29,8 @@ def make(runs: Path, name: str, now: datetime) -> Path:
     raise BusyError(f"{runs}: too many runs named {stem}")
 
 
-def ending(reason: Reason) -> str:
-    """How a run ended, in one word, by the first reason of its stop."""
+def end_status(reason: Reason) -> str:
+    """Return the status of a run that ended for this first stop reason, in one word."""
     if reason is Reason.PLAN_END:
         return "complete"
     if reason in (Reason.OPERATOR_STOP, Reason.OPERATOR_ABORT):
@@ -39,23 +39,23 @@ def ending(reason: Reason) -> str:
 
 
 def write_json(folder: Path, name: str, value: Any) -> None:
-    """Write a text so that a reader finds the old one or the new one, never half of it."""
+    """Write a JSON file atomically: a reader finds the old or the new one, never a part of it."""
     part = folder / f".{name}.new"
     part.write_text(json.dumps(value, indent=2, ensure_ascii=False) + "\n")
     part.replace(folder / name)
 
 
-def note_rows(folder: Path, done: int) -> None:
-    """Add to a run's status how many rows of its matrix are complete, for lists of runs.
+def write_rows_done(folder: Path, done: int) -> None:
+    """Add the number of complete matrix rows to a run's status, for lists of runs.
 
-    Raises OSError or ValueError where there is no status that can be read.
+    Raise OSError or ValueError without a readable status.
     """
     status = json.loads((folder / STATUS).read_text())
     write_json(folder, STATUS, status | {"rows_done": done})
 
 
 class RunLock:
-    """A lock on a run's folder, held until `close` and by every process that inherits it."""
+    """A lock on a run's folder; held until it is closed by every process that inherits it."""
 
     def __init__(self, fd: int) -> None:
         self.fd = fd
@@ -67,11 +67,11 @@ class RunLock:
         os.close(self.fd)
 
 
-def hold_run(folder: Path) -> RunLock:
-    """Lock a run's folder against everybody else who would write to its record.
+def lock_run(folder: Path) -> RunLock:
+    """Lock a run's folder against all other writers of its record.
 
-    BusyError if somebody has it: the run goes on, or another recovery is at work. Some network
-    file systems know no such lock; there it is not held and nothing is said.
+    Raise BusyError if another process holds the lock: the run is going on, or another recovery is
+    at work. Some network file systems have no such lock; there the function does nothing.
     """
     fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:

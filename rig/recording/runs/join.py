@@ -1,4 +1,4 @@
-"""One finished record out of what killed loggers left."""
+"""Join the parts that killed loggers left into one finished record."""
 
 import contextlib
 import json
@@ -11,31 +11,31 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.recording.mcap_writer import RowWriter
-from rig.recording.row_schema import CLOCK, START_KEY, Form
+from rig.recording.row_schema import CLOCK_RECORD, START_KEY, MessageSchema
 from rig.recording.runs import mcap_file
-from rig.recording.runs.mcap_file import Contents, Records, RunError
+from rig.recording.runs.mcap_file import FileContents, Records, RunError
 from rig.recording.runs.state import RECOVERY
 from rig.recording.runs.verify import read_back
 
-_FLUSH_ROWS = 50_000  # rows held in memory while joining
+_FLUSH_ROWS = 50_000  # rows in memory while joining
 
 
-class Salvaged(NamedTuple):
-    """What could be read of one file."""
+class SalvagedFile(NamedTuple):
+    """Readable content of one file."""
 
     path: Path
-    contents: Contents
+    contents: FileContents
     blocks: tuple[Records, ...]  # the rows
     rows: int
     first_tick: int | None
     last_tick: int | None
-    finished: bool  # the writer ended the file itself
-    unread: int  # bytes at a torn end or in damaged places
-    damage: tuple[str, ...]  # whole places that had to be skipped
+    finished: bool  # the file's writer finished it
+    unread: int  # bytes at a cut-off end or in damaged places
+    damage: tuple[str, ...]  # damaged places that were skipped
 
 
-class Joined(NamedTuple):
-    """Outcome of joining the parts of a run."""
+class JoinResult(NamedTuple):
+    """Result of joining the parts of a run."""
 
     path: Path
     rows: int
@@ -44,19 +44,19 @@ class Joined(NamedTuple):
     gaps: tuple[tuple[int, int], ...]  # first and last missing tick of each gap
     unread: int  # bytes
     damage: tuple[str, ...]
-    crc: int  # CRC-32 of the packed rows, one after the other
+    crc: int  # CRC-32 of the packed rows in order
 
     @property
     def clean(self) -> bool:
-        """Nothing is missing or damaged between the first and the last row."""
+        """Whether nothing is missing or damaged between the first and the last row."""
         return self.missing == 0 and not self.damage
 
 
-def salvage(path: str | os.PathLike[str]) -> Salvaged:
-    """Every whole row of a file, whether its writer ended it or was killed.
+def salvage(path: str | os.PathLike[str]) -> SalvagedFile:
+    """Return every whole row of a file, finished or not.
 
-    Damaged places are skipped and told. Raises RunError if nothing says what its rows are, or if
-    it has data and none of it can be read: an unreadable file is never an empty success.
+    Damaged places are skipped and reported. Raise RunError if the file has no description of its
+    rows, or if it has data and none is readable: an unreadable file is never an empty success.
     """
     contents = mcap_file.scan(path)
     damage = list(contents.damage)
@@ -65,7 +65,7 @@ def salvage(path: str | os.PathLike[str]) -> Salvaged:
     if rows == 0 and contents.chunks:
         raise RunError(f"{path}: none of its {len(contents.chunks)} chunks is readable")
     ends = [int(block["tick"][i]) for block in blocks if len(block) for i in (0, -1)]
-    return Salvaged(
+    return SalvagedFile(
         contents.path,
         contents,
         blocks,
@@ -78,19 +78,19 @@ def salvage(path: str | os.PathLike[str]) -> Salvaged:
     )
 
 
-def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> Joined:
-    """One finished MCAP file from the parts of a run, given in the order they were written.
+def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]) -> JoinResult:
+    """Join the parts of a run, given in the order of writing, into one finished MCAP file.
 
     Rows come out in order, each tick once; attachments and metadata of all parts are kept, the
-    latest of a name counts. The parts are left as they are. A part that was created but never got
-    its head (the logger died in its first moments) is told as damage. What was joined and what is
-    missing is attached as `RECOVERY`. The file has its name only once it is whole, read back and on
-    the disk. Raises RunError if no part can be read or the parts do not belong together,
-    FileExistsError if ``out`` is there, OSError if it cannot be written.
+    latest of a name counts. The parts remain unchanged. A part without a complete head (its logger
+    died in its first moments) is reported as damage. A summary of joined and missing rows is
+    attached as `RECOVERY`. The file gets its name only once it is whole, read back and on disk.
+    Raise RunError if no part can be read or the parts do not belong together, FileExistsError if
+    ``out`` exists, OSError if it cannot be written.
     """
     out = Path(out)
     if out.exists():
-        raise FileExistsError(f"{out} is there already")
+        raise FileExistsError(f"{out} exists already")
     parts, damage = _open(segments)
     first = parts[0]
     if any(part.schema != first.schema for part in parts):
@@ -103,18 +103,18 @@ def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
     start = _start(parts)
     temporary = out.with_name(out.name + ".joining")
     temporary.unlink(missing_ok=True)
-    form = Form(first.schema_name, first.schema)
+    form = MessageSchema(first.schema_name, first.schema)
     writer = RowWriter(temporary, form, attachments, metadata, start_utc_ns=start)
     try:
         joined = _copy(parts, writer, out, damage)
-        writer.attach(RECOVERY, _told(parts, joined))
+        writer.attach(RECOVERY, _recovery_record(parts, joined))
         writer.finish()
-        _settle(temporary)
-        seen = read_back(temporary, 8 * len(first.leaves))  # before it is called done
-        if (seen.rows, seen.crc) != (joined.rows, joined.crc):
+        _sync(temporary)
+        written = read_back(temporary, 8 * len(first.leaves))  # before it gets its name
+        if (written.rows, written.crc) != (joined.rows, joined.crc):
             raise RunError(f"{out}: the joined file does not hold what was written")
         temporary.rename(out)
-        _settle(out.parent)
+        _sync(out.parent)
     except BaseException:
         writer.close()
         with contextlib.suppress(OSError):
@@ -123,10 +123,10 @@ def join(segments: Sequence[str | os.PathLike[str]], out: str | os.PathLike[str]
     return joined
 
 
-def _start(parts: list[Contents]) -> int:
-    """UTC of run time zero, ns, on which all parts agree; of the first row where none says it."""
-    said = [part.metadata.get(CLOCK, {}).get(START_KEY, "") for part in parts]
-    starts = {int(text) for text in said if text.isdigit()}
+def _start(parts: list[FileContents]) -> int:
+    """Return the UTC of run time zero (ns) of all parts; of the first row if no part has it."""
+    texts = [part.metadata.get(CLOCK_RECORD, {}).get(START_KEY, "") for part in parts]
+    starts = {int(text) for text in texts if text.isdigit()}
     if len(starts) > 1:
         raise RunError(f"{parts[0].path.parent}: the parts do not agree on the run's start")
     for part in parts if not starts else []:
@@ -136,7 +136,7 @@ def _start(parts: list[Contents]) -> int:
     return starts.pop() if starts else 0
 
 
-def _settle(path: Path) -> None:
+def _sync(path: Path) -> None:
     """Wait until a file, or the names in a folder, would survive a power cut."""
     fd = os.open(path, os.O_RDONLY)
     try:
@@ -145,8 +145,8 @@ def _settle(path: Path) -> None:
         os.close(fd)
 
 
-def _told(parts: list[Contents], joined: Joined) -> bytes:
-    told = {
+def _recovery_record(parts: list[FileContents], joined: JoinResult) -> bytes:
+    record = {
         "parts": [part.path.name for part in parts],
         "rows": joined.rows,
         "duplicates": joined.duplicates,
@@ -154,11 +154,11 @@ def _told(parts: list[Contents], joined: Joined) -> bytes:
         "unread_bytes": joined.unread,
         "damage": joined.damage,
     }
-    return json.dumps(told, indent=2).encode()
+    return json.dumps(record, indent=2).encode()
 
 
-def _open(segments: Sequence[str | os.PathLike[str]]) -> tuple[list[Contents], list[str]]:
-    parts: list[Contents] = []
+def _open(segments: Sequence[str | os.PathLike[str]]) -> tuple[list[FileContents], list[str]]:
+    parts: list[FileContents] = []
     damage: list[str] = []
     for path in segments:
         try:
@@ -168,31 +168,31 @@ def _open(segments: Sequence[str | os.PathLike[str]]) -> tuple[list[Contents], l
         else:
             damage += parts[-1].damage
     if not parts:
-        raise RunError(f"{'; '.join(damage) or 'no parts to join'}; {mcap_file.HOPELESS}")
+        raise RunError(f"{'; '.join(damage) or 'no parts to join'}; {mcap_file.UNREADABLE_HINT}")
     return parts, damage
 
 
-def _copy(parts: list[Contents], writer: RowWriter, out: Path, damage: list[str]) -> Joined:
+def _copy(parts: list[FileContents], writer: RowWriter, out: Path, damage: list[str]) -> JoinResult:
     last: int | None = None
     rows = duplicates = missing = crc = 0
     gaps: list[tuple[int, int]] = []
-    for block in mcap_file.merged(parts, damage):
+    for block in mcap_file.merged_blocks(parts, damage):
         if len(block) == 0:
             continue
-        # Within a part, too, a tick may come twice if its logger read the ring again.
+        # A tick may also repeat within a part, if its logger read the ring again.
         ticks = block["tick"].astype(np.int64)
-        so_far = [ticks[0] - 1 if last is None else last]
-        before = np.maximum.accumulate(np.concatenate((so_far, ticks)))[:-1]
+        start = [ticks[0] - 1 if last is None else last]
+        before = np.maximum.accumulate(np.concatenate((start, ticks)))[:-1]
         kept = ticks > before
         duplicates += int(len(ticks) - kept.sum())
         if not kept.any():
             continue
-        ahead, behind = ticks[kept], before[kept]
-        for i in np.flatnonzero(ahead - behind > 1).tolist():
-            gaps.append((int(behind[i]) + 1, int(ahead[i]) - 1))
-            missing += int(ahead[i] - behind[i]) - 1
-        last = int(ahead[-1])
-        rows += len(ahead)
+        kept_ticks, previous_ticks = ticks[kept], before[kept]
+        for i in np.flatnonzero(kept_ticks - previous_ticks > 1).tolist():
+            gaps.append((int(previous_ticks[i]) + 1, int(kept_ticks[i]) - 1))
+            missing += int(kept_ticks[i] - previous_ticks[i]) - 1
+        last = int(kept_ticks[-1])
+        rows += len(kept_ticks)
         packed = np.ascontiguousarray(block[kept]).tobytes()
         crc = zlib.crc32(packed, crc)
         writer.append(packed)
@@ -201,4 +201,4 @@ def _copy(parts: list[Contents], writer: RowWriter, out: Path, damage: list[str]
     if rows == 0 and any(part.chunks for part in parts):
         raise RunError(f"{out}: none of the parts' rows is readable: {'; '.join(damage)}")
     unread = sum(part.unread for part in parts)
-    return Joined(out, rows, duplicates, missing, tuple(gaps), unread, tuple(damage), crc)
+    return JoinResult(out, rows, duplicates, missing, tuple(gaps), unread, tuple(damage), crc)

@@ -1,4 +1,4 @@
-"""The records of an MCAP file, told from bytes that are none by the lengths inside them."""
+"""Records of an MCAP file; consistent lengths distinguish a record from arbitrary bytes."""
 
 import os
 import struct
@@ -16,12 +16,12 @@ from mcap.writer import MCAP0_MAGIC
 RECORD = struct.Struct("<BQ")
 _FOOTER = struct.Struct("<BQQQI")
 _SHORT, _LONG = struct.Struct("<I"), struct.Struct("<Q")
-_LEAST_MESSAGE = 22  # bytes, without data
-_MOST_PLAIN = 1 << 28  # bytes of a decompressed chunk: more is a damaged length
-_BLOCK = 1 << 20  # bytes looked through at a time for the next whole record
-# What each kind of record is made of: a number of bytes, S a text or list with a length of 4
-# bytes before it, L data with a length of 8 bytes.
-_MADE_OF: dict[int, tuple[Any, ...]] = {
+_MIN_MESSAGE_BYTES = 22  # message without data
+_MAX_CHUNK_BYTES = 1 << 28  # decompressed; a larger size is a damaged length
+_SEARCH_BYTES = 1 << 20  # bytes searched at a time for the next whole record
+# Parts of each kind of record: a number of bytes; S, a text or list after a length of 4 bytes;
+# L, data after a length of 8 bytes.
+_RECORD_PARTS: dict[int, tuple[Any, ...]] = {
     Opcode.HEADER: ("S", "S"),
     Opcode.SCHEMA: (2, "S", "S", "S"),
     Opcode.CHANNEL: (4, "S", "S", "S"),
@@ -31,7 +31,7 @@ _MADE_OF: dict[int, tuple[Any, ...]] = {
     Opcode.METADATA: ("S", "S"),
     Opcode.DATA_END: (4,),
 }
-_SEEN_FROM_AFAR = (
+_RESYNC_OPCODES = (
     Opcode.SCHEMA,
     Opcode.CHANNEL,
     Opcode.CHUNK,
@@ -43,21 +43,21 @@ _SEEN_FROM_AFAR = (
 
 
 class RunError(ValueError):
-    """A run that cannot be read, with file and cause."""
+    """A run cannot be read; the message names the file and the cause."""
 
 
 class Chunk(NamedTuple):
-    """Where a chunk's compressed data lies."""
+    """Location of a chunk's compressed data."""
 
-    offset: int  # of the data, bytes
+    offset: int  # of the data in the file, bytes
     length: int
-    size: int  # decompressed, as its head says
-    crc: int  # of the decompressed data; 0: not given, as in ours: zstd's frame has its own
+    size: int  # decompressed size given in the chunk's head
+    crc: int  # of the decompressed data; 0: none, as in our files (zstd frames have their own)
     compression: str
 
 
 class RecordFile:
-    """An open file whose length is known."""
+    """An open file of known length."""
 
     def __init__(self, fd: int, size: int) -> None:
         self.fd = fd
@@ -67,60 +67,62 @@ class RecordFile:
         return os.pread(self.fd, max(0, min(length, self.size - at)), at)
 
     def record(self, at: int) -> tuple[int, int, int] | None:
-        """Kind, start and length of the contents of the record at a place; None if none is whole.
+        """Return kind, start and length of the content of the record at ``at``; None if not whole.
 
-        A chunk may be damaged inside; that its check sum tells.
+        The content of a chunk may still be damaged; its check sum detects that.
         """
         head = self.read(at, RECORD.size)
         if len(head) < RECORD.size:
             return None
         opcode, length = RECORD.unpack(head)
-        begin = at + RECORD.size
-        if begin + length > self.size:
+        start = at + RECORD.size
+        if start + length > self.size:
             return None
-        if opcode == Opcode.MESSAGE:  # beside chunks only in files of other writers
-            return (opcode, begin, length) if length >= _LEAST_MESSAGE else None
-        made_of, place = _MADE_OF.get(opcode), begin
-        if made_of is None:
+        if opcode == Opcode.MESSAGE:  # outside chunks only in files of other writers
+            return (opcode, start, length) if length >= _MIN_MESSAGE_BYTES else None
+        record_parts, offset = _RECORD_PARTS.get(opcode), start
+        if record_parts is None:
             return None
-        for part in made_of:
+        for part in record_parts:
             if part in ("S", "L"):
-                word = _SHORT if part == "S" else _LONG
-                prefix = self.read(place, word.size)
-                if len(prefix) < word.size:
+                length_field = _SHORT if part == "S" else _LONG
+                prefix = self.read(offset, length_field.size)
+                if len(prefix) < length_field.size:
                     return None
-                place += word.size + word.unpack(prefix)[0]
+                offset += length_field.size + length_field.unpack(prefix)[0]
             else:
-                place += part
-            if place > begin + length:
+                offset += part
+            if offset > start + length:
                 return None
-        return (opcode, begin, length) if place == begin + length else None
+        return (opcode, start, length) if offset == start + length else None
 
     def next_record(self, start: int) -> int:
-        """Where the next whole record begins, at ``start`` or later; the file's end if nowhere."""
-        for at in range(start, self.size, _BLOCK):
-            block = np.frombuffer(self.read(at, _BLOCK + RECORD.size - 1), np.uint8)
+        """Return the offset of the next whole record at ``start`` or later, or the file size."""
+        for at in range(start, self.size, _SEARCH_BYTES):
+            block = np.frombuffer(self.read(at, _SEARCH_BYTES + RECORD.size - 1), np.uint8)
             count = len(block) - RECORD.size + 1
             if count <= 0:
                 break
-            here = np.isin(block[:count], _SEEN_FROM_AFAR)
-            for high in (6, 7, 8):  # a length of a terabyte or more is none
-                here &= block[high : high + count] == 0
-            for found in np.flatnonzero(here).tolist():
-                seen = self.record(at + found)
-                if seen and (seen[0] != Opcode.DATA_END or self.summary(at + found) is not None):
-                    return int(at + found)
+            candidates = np.isin(block[:count], _RESYNC_OPCODES)
+            for high in (6, 7, 8):  # no record is a terabyte long
+                candidates &= block[high : high + count] == 0
+            for index in np.flatnonzero(candidates).tolist():
+                record = self.record(at + index)
+                if record and (
+                    record[0] != Opcode.DATA_END or self.summary(at + index) is not None
+                ):
+                    return int(at + index)
         return self.size
 
     def summary(self, data_end: int) -> bytes | None:
-        """The summary behind a data end, if it is there to the file's end and its sum is right."""
+        """Return the summary after a data end, if it is complete and its check sum is right."""
         begin, end = data_end + RECORD.size + 4, self.size - len(MCAP0_MAGIC)
         tail = self.read(begin, self.size - begin)
         if len(tail) < _FOOTER.size + len(MCAP0_MAGIC) or not tail.endswith(MCAP0_MAGIC):
             return None
         footer = tail[end - _FOOTER.size - begin : end - begin]
-        opcode, length, start, _, crc = _FOOTER.unpack(footer)
-        if opcode != Opcode.FOOTER or length != 20 or start not in (0, begin):
+        opcode, length, summary_start, _, crc = _FOOTER.unpack(footer)
+        if opcode != Opcode.FOOTER or length != 20 or summary_start not in (0, begin):
             return None
         if crc and zlib.crc32(tail[: end - begin - 4]) != crc:
             return None
@@ -128,7 +130,7 @@ class RecordFile:
 
 
 def records_in(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Kind and contents of records that stand one behind the other; ends at one that is cut."""
+    """Yield kind and content of consecutive records; end at a cut-off record."""
     at = 0
     while at + RECORD.size <= len(data):
         opcode, length = RECORD.unpack_from(data, at)
@@ -139,10 +141,10 @@ def records_in(data: bytes) -> Iterator[tuple[int, bytes]]:
         at += length
 
 
-def plain(chunk: Chunk, data: bytes) -> bytes:
-    """A chunk's messages, decompressed; RunError if their check sum, or any length, is wrong.
+def decompress(chunk: Chunk, data: bytes) -> bytes:
+    """Return a chunk's decompressed messages; raise RunError for a wrong check sum or length.
 
-    The size that the chunk's head gives is not believed: zstd's own frame is checked.
+    The size in the chunk's head is not trusted: zstd's own frame is checked.
     """
     try:
         out = _decompressed(chunk, data)
@@ -157,14 +159,14 @@ def _decompressed(chunk: Chunk, data: bytes) -> bytes:
     if chunk.compression == "":
         return data
     if chunk.compression == "lz4":
-        if chunk.size > _MOST_PLAIN:
+        if chunk.size > _MAX_CHUNK_BYTES:
             raise RunError(f"{chunk.size} bytes are too many")
-        asked = McapChunk("lz4", data, 0, 0, chunk.crc, chunk.size)
-        out: bytes = get_chunk_data_stream(asked)[0].read(chunk.size)
+        lz4_chunk = McapChunk("lz4", data, 0, 0, chunk.crc, chunk.size)
+        out: bytes = get_chunk_data_stream(lz4_chunk)[0].read(chunk.size)
         return out
-    # A damaged name is no reason to lose the rows: what is no zstd will not be taken for it.
+    # A damaged compression name must not cost the rows: other data fail as zstd anyway.
     size = zstandard.frame_content_size(data)
-    most = chunk.size if size < 0 else size
-    if most > _MOST_PLAIN:
-        raise RunError(f"{most} bytes are too many")
-    return zstandard.ZstdDecompressor().decompress(data, max_output_size=most)
+    size_limit = chunk.size if size < 0 else size
+    if size_limit > _MAX_CHUNK_BYTES:
+        raise RunError(f"{size_limit} bytes are too many")
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size_limit)

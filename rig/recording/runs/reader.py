@@ -1,4 +1,4 @@
-"""Rows of a run as arrays: by field, by campaign row, with the units that the file itself gives."""
+"""Rows of a run as arrays, selected by field and campaign row, with units from the file itself."""
 
 import fnmatch
 import os
@@ -12,40 +12,44 @@ import numpy as np
 from rig.recording.mcap_writer import CHUNK_BYTES
 from rig.recording.row_layout import Leaf
 from rig.recording.runs import folder, mcap_file
-from rig.recording.runs.state import Reading, RecordState
+from rig.recording.runs.state import RecordCheck, RecordState
 
 if TYPE_CHECKING:
     import xarray
 
 ROW_FIELD = "plan.row"
-_LABELS = ("index", "flag")  # units of row ids, phases, modes, flags: small, and not to count with
+_LABELS = ("index", "flag")  # units of row ids, phases, modes, flags: small labels, not quantities
 Column = np.ndarray[tuple[int], np.dtype[Any]]
 
 
-class Source(NamedTuple):
-    """A run's files and what their rows hold."""
+class RunFiles(NamedTuple):
+    """A run's scanned files and the fields of their rows."""
 
-    contents: tuple[mcap_file.Contents, ...]  # in the order of time
+    contents: tuple[mcap_file.FileContents, ...]  # in the order of time
     leaves: tuple[Leaf, ...]
-    damage: tuple[str, ...] = ()  # files of it that cannot be read at all
+    damage: tuple[str, ...] = ()  # descriptions of files that cannot be read at all
 
     @property
-    def most_rows(self) -> int:
-        """Rows that its chunks say they have; a size that no chunk of ours has is not believed."""
+    def max_rows(self) -> int:
+        """Upper bound of the number of rows, from chunk heads with a plausible size."""
         sizes = (c.size for each in self.contents for c in each.chunks)
         return sum(size for size in sizes if size <= 2 * CHUNK_BYTES) // self.contents[0].stride
 
 
-def source(run: str | os.PathLike[str]) -> Source:
-    """The files of a run folder (or one MCAP file), scanned; RunError if none can be read.
+def open_files(run: str | os.PathLike[str]) -> RunFiles:
+    """Scan the files of a run folder (or one MCAP file); raise RunError if none can be read.
 
-    Of several files one that cannot be read at all is left out and named.
+    If one of several files cannot be read at all, it is left out and reported in ``damage``.
     """
-    contents: list[mcap_file.Contents] = []
+    contents: list[mcap_file.FileContents] = []
     damage: list[str] = []
-    place, named = Path(run), folder.files(run)
-    spare = [path for path in folder.parts(place) if path not in named] if place.is_dir() else []
-    for path in (*named, *spare):
+    folder_path, listed = Path(run), folder.mcap_files(run)
+    spare = (
+        [path for path in folder.mcap_parts(folder_path) if path not in listed]
+        if folder_path.is_dir()
+        else []
+    )
+    for path in (*listed, *spare):
         if path in spare and contents:
             break
         try:
@@ -53,42 +57,42 @@ def source(run: str | os.PathLike[str]) -> Source:
         except mcap_file.RunError as error:
             damage.append(str(error))
     if not contents:
-        raise mcap_file.RunError(f"{'; '.join(damage)}; {mcap_file.HOPELESS}")
+        raise mcap_file.RunError(f"{'; '.join(damage)}; {mcap_file.UNREADABLE_HINT}")
     if any(c.schema != contents[0].schema for c in contents):
         raise mcap_file.RunError(f"{run}: its parts hold rows of different kinds")
-    return Source(tuple(contents), contents[0].leaves, tuple(damage))
+    return RunFiles(tuple(contents), contents[0].leaves, tuple(damage))
 
 
-def choose(leaves: tuple[Leaf, ...], fields: Iterable[str] | None) -> list[str]:
-    """Names of the leaves asked for by name, by prefix or by shell pattern, in storage order.
+def select_fields(leaves: tuple[Leaf, ...], fields: Iterable[str] | None) -> list[str]:
+    """Return the names of the leaves that match names, prefixes or shell patterns.
 
-    KeyError names the field that is not there and what comes near it.
+    The names have storage order. A KeyError names the unknown field and similar ones.
     """
     names = [leaf.name for leaf in leaves]
     if fields is None:
         return names
-    wanted: set[str] = set()
+    selected: set[str] = set()
     for field in [fields] if isinstance(fields, str) else fields:
-        hits = [n for n in names if n == field or n.startswith(field + ".")]
-        hits = hits or fnmatch.filter(names, field)
-        if not hits:
+        matches = [n for n in names if n == field or n.startswith(field + ".")]
+        matches = matches or fnmatch.filter(names, field)
+        if not matches:
             groups = {name.rsplit(".", i)[0] for name in names for i in (1, 2)}
             near = get_close_matches(field, [*names, *sorted(groups)], 3, 0.4)
             hint = f"; near: {', '.join(near)}" if near else ""
             raise KeyError(f"no field {field!r} in this run{hint}")
-        wanted.update(hits)
-    return [name for name in names if name in wanted]
+        selected.update(matches)
+    return [name for name in names if name in selected]
 
 
-def blocks(run: Source, reading: Reading | None = None) -> Iterator[mcap_file.Records]:
-    """All rows as numpy records, block by block, each tick once even where files overlap.
+def blocks(run: RunFiles, check: RecordCheck | None = None) -> Iterator[mcap_file.Records]:
+    """Yield all rows as numpy records, block by block, each tick once even where files overlap.
 
-    What is damaged is left out; ``reading`` hears of it and counts the ticks. To pick fields from:
-    other bytes may lie between the rows.
+    Damaged parts are left out and reported to ``check``, which also counts the ticks. The blocks
+    are for selecting fields: other bytes may lie between the rows.
     """
     last = -1
-    damage = None if reading is None else reading.damage
-    for block in mcap_file.merged(run.contents, damage, packed=False):
+    damage = None if check is None else check.damage
+    for block in mcap_file.merged_blocks(run.contents, damage, packed=False):
         if len(block) == 0:
             continue
         ticks = block["tick"]
@@ -98,87 +102,87 @@ def blocks(run: Source, reading: Reading | None = None) -> Iterator[mcap_file.Re
             fresh = block[ticks > before]
         if len(fresh):
             last = int(fresh["tick"][-1])
-            if reading is not None:
-                reading.add(fresh)
+            if check is not None:
+                check.add(fresh)
             yield fresh
 
 
-def read_through(run: str | os.PathLike[str]) -> RecordState:
-    """The state of a run's record; reads all of it."""
-    opened = source(run)
-    reading = Reading(opened.contents, opened.damage)
-    for _ in blocks(opened, reading):
+def check_record(run: str | os.PathLike[str]) -> RecordState:
+    """Return the state of a run's record after reading all of it."""
+    opened = open_files(run)
+    check = RecordCheck(opened.contents, opened.damage)
+    for _ in blocks(opened, check):
         pass
-    return reading.state(run)
+    return check.state(run)
 
 
-def _kind(leaf: Leaf) -> np.dtype[Any]:
-    """As the file has it, but labels in two bytes: eight would be memory for nothing."""
+def _column_dtype(leaf: Leaf) -> np.dtype[Any]:
+    """Return the dtype of a column: as in the file, but 2 instead of 8 bytes for labels."""
     if leaf.code == "d":
         return np.dtype("<f8")
     return np.dtype("<i2" if leaf.unit in _LABELS else "<i8")
 
 
-def _roomy(column: Column, count: int, room: int, values: Column) -> Column:
-    """The column, or its first ``count`` numbers in one that is long and wide enough for more."""
+def _grow(column: Column, count: int, capacity: int, values: Column) -> Column:
+    """Return the column, or a copy of its first ``count`` numbers with enough room and range."""
     kind = column.dtype
     if kind.itemsize < values.itemsize and len(values):
         limits = np.iinfo(kind)
         if values.min() < limits.min or values.max() > limits.max:
             kind = values.dtype
-    if len(column) >= room and kind == column.dtype:
+    if len(column) >= capacity and kind == column.dtype:
         return column
-    # Too much room costs nothing: pages that are never written are never resident.
-    grown = np.empty(room, kind)
+    # Excess capacity costs nothing: pages that are never written are never resident.
+    grown = np.empty(capacity, kind)
     grown[:count] = column[:count]
     return grown
 
 
-def _ids(rows: Iterable[int]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Campaign row ids in order; TypeError names the first that is none."""
-    whole = list(rows)
-    for each in whole:
+def _validated_row_ids(rows: Iterable[int]) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return campaign row ids in order; raise TypeError for one that is no whole number."""
+    ids = list(rows)
+    for each in ids:
         if isinstance(each, bool) or not isinstance(each, int | np.integer):
-            raise TypeError(f"rows are asked for by their ids, whole numbers; {each!r} is none")
-    return np.array(sorted(set(whole)), np.int64)
+            raise TypeError(f"row ids must be whole numbers, not {each!r}")
+    return np.array(sorted(set(ids)), np.int64)
 
 
 def columns(
-    run: Source,
+    run: RunFiles,
     names: list[str],
     rows: Iterable[int] | None = None,
-    reading: Reading | None = None,
+    check: RecordCheck | None = None,
 ) -> dict[str, Column]:
-    """The named fields as contiguous arrays; with ``rows``, only ticks of those campaign rows.
+    """Return the named fields as contiguous arrays; with ``rows``, only of those campaign rows.
 
     Whole numbers that are labels (units `index` and `flag`) are int16 where they fit, others int64.
-    KeyError if a row id is not in the run, TypeError if it is no whole number.
+    Raise KeyError for an unknown row id, TypeError for one that is no whole number.
     """
-    kinds = {leaf.name: _kind(leaf) for leaf in run.leaves}
+    kinds = {leaf.name: _column_dtype(leaf) for leaf in run.leaves}
     if rows is not None and ROW_FIELD not in kinds:
         raise KeyError(f"this kind of run has no campaign rows ({ROW_FIELD})")
-    wanted = None if rows is None else _ids(rows)
+    selected = None if rows is None else _validated_row_ids(rows)
     seen: set[int] = set()
-    room = run.most_rows  # an upper bound for files of our own
-    out: dict[str, Column] = {name: np.empty(room, kinds[name]) for name in names}
+    capacity = run.max_rows  # an upper bound for files of our own
+    out: dict[str, Column] = {name: np.empty(capacity, kinds[name]) for name in names}
     count = 0
-    for whole in blocks(run, reading):
-        block = whole
-        if wanted is not None:
-            ids = whole[ROW_FIELD]
+    for read_block in blocks(run, check):
+        block = read_block
+        if selected is not None:
+            ids = read_block[ROW_FIELD]
             seen.update(np.unique(ids).tolist())
-            block = whole[np.isin(ids, wanted)]
-        if count + len(block) > room:
-            room = 2 * (count + len(block))
+            block = read_block[np.isin(ids, selected)]
+        if count + len(block) > capacity:
+            capacity = 2 * (count + len(block))
         for name in names:
             values = block[name]
-            out[name] = column = _roomy(out[name], count, room, values)
+            out[name] = column = _grow(out[name], count, capacity, values)
             column[count : count + len(block)] = values
         count += len(block)
-    if wanted is not None and (absent := [i for i in wanted.tolist() if i not in seen]):
-        there = sorted(i for i in seen if i >= 0)
-        span = f"{there[0]} to {there[-1]}" if there else "none"
-        raise KeyError(f"no row {absent[0]} in this run (rows: {span})")
+    if selected is not None and (unknown := [i for i in selected.tolist() if i not in seen]):
+        available = sorted(i for i in seen if i >= 0)
+        span = f"{available[0]} to {available[-1]}" if available else "none"
+        raise KeyError(f"no row {unknown[0]} in this run (rows: {span})")
     return {name: column[:count] for name, column in out.items()}
 
 
@@ -187,25 +191,25 @@ def open_run(
     fields: Iterable[str] | None = None,
     rows: int | Iterable[int] | None = None,
 ) -> "xarray.Dataset":
-    """A run as a Dataset over ``time`` (s from run start), variables named by dotted path.
+    """Return a run as a Dataset over ``time`` (s from run start), variables named by dotted path.
 
-    ``fields``: names, prefixes (``heave.estimate``) or shell patterns (``power.*``); all if not
-    given. ``rows``: campaign row ids. Units come from the schema in the file, the dataset's
-    attributes from its attachments. Row ids, phases, modes and flags are int16 where they fit.
-    Finished files, those of a killed writer and damaged ones are read alike: what is damaged is
-    left out, and the attribute ``record`` says whether ticks are missing (``record_missing_ticks``
-    which, ``record_damage`` why).
-    KeyError for an unknown field or row, TypeError for a row that is no whole number, RunError for
-    a file of which nothing can be read.
+    ``fields``: names, prefixes (``heave.estimate``) or shell patterns (``power.*``); default all.
+    ``rows``: campaign row ids. Units come from the schema in the file, the dataset's attributes
+    from its attachments. Row ids, phases, modes and flags are int16 where they fit.
+    Finished files, files of a killed writer and damaged files are read alike: damaged parts are
+    left out, and the attribute ``record`` states whether ticks are missing
+    (``record_missing_ticks``: which ones, ``record_damage``: why).
+    Raise KeyError for an unknown field or row, TypeError for a row that is no whole number,
+    RunError for an unreadable file.
     """
-    opened = source(run)
-    names = choose(opened.leaves, fields)
+    opened = open_files(run)
+    names = select_fields(opened.leaves, fields)
     if isinstance(rows, int):
         rows = [rows]
-    reading = Reading(opened.contents, opened.damage)
-    data = columns(opened, list(dict.fromkeys(["time", *names])), rows, reading)
+    check = RecordCheck(opened.contents, opened.damage)
+    data = columns(opened, list(dict.fromkeys(["time", *names])), rows, check)
     units = {leaf.name: leaf.unit for leaf in opened.leaves}
-    # Half a second that listing runs need not pay, in the memory that reading has given back.
+    # Imported late: it takes half a second, in memory that reading has released.
     import pandas  # noqa: PLC0415
     import xarray  # noqa: PLC0415
 
@@ -216,5 +220,5 @@ def open_run(
         for name in names
         if name != "time"
     }
-    attributes = folder.facts(run, opened.contents).attributes() | reading.state(run).attributes()
+    attributes = folder.run_info(run, opened.contents).attributes() | check.state(run).attributes()
     return xarray.Dataset(variables, {"time": time}, attributes)

@@ -1,9 +1,9 @@
-"""Which records lie where in a run's MCAP file: finished, cut off or damaged.
+"""Scan of a run's MCAP file for its records; the file may be finished, cut off or damaged.
 
-A file whose writer was killed has no summary, and the stock reader yields nothing from it; here
-records are walked from the front, so finished and unfinished files are read alike. A record is
-believed only if the lengths inside it add up to its own, so a flipped bit in a length costs that
-record and none behind it; where a record does not fit, the walk goes on at the next one that does.
+A file whose writer was killed has no summary, and the stock reader yields nothing from it; this
+scan visits the records from the front, so it reads finished and unfinished files alike. A record is
+accepted only if the lengths inside it add up to its own, so a flipped bit in a length costs that
+record and none after it; after an invalid record the scan continues at the next valid one.
 """
 
 import os
@@ -23,17 +23,31 @@ from mcap.writer import MCAP0_MAGIC
 
 from rig.recording import row_layout
 from rig.recording.mcap_writer import MESSAGE_BYTES
-from rig.recording.row_schema import CHECK, FORM, TOPIC, channel_record, form_sum, pairs_sum
-from rig.recording.runs.mcap_records import RECORD, Chunk, RecordFile, RunError, plain, records_in
+from rig.recording.row_schema import (
+    CHECKSUM_KEY,
+    SCHEMA_RECORD,
+    TOPIC,
+    channel_record,
+    metadata_checksum,
+    schema_checksum,
+)
+from rig.recording.runs.mcap_records import (
+    RECORD,
+    Chunk,
+    RecordFile,
+    RunError,
+    decompress,
+    records_in,
+)
 from rig.regular_file import open_regular
 
 _SHORT = struct.Struct("<I")
-_RENAMED = {"safety.warned": "heave.warned"}  # fields of runs that were recorded earlier
+_RENAMED_FIELDS = {"safety.warned": "heave.warned"}  # old names of fields in earlier runs
 _UNREADABLE = (McapError, struct.error, ValueError, KeyError, EOFError)
 
 
-class Contents(NamedTuple):
-    """A file's records, rows left where they are."""
+class FileContents(NamedTuple):
+    """A file's records; the rows remain in the file."""
 
     path: Path
     schema: str  # ros2msg text
@@ -43,10 +57,10 @@ class Contents(NamedTuple):
     metadata: dict[str, dict[str, str]]
     attachments: dict[str, bytes]
     chunks: tuple[Chunk, ...]
-    finished: bool  # the writer ended it, and nothing of its end is missing or damaged
-    unread: int  # bytes that are no whole record: a torn end, or damage
-    damage: tuple[str, ...]  # what was skipped, and what is not as it was written
-    loose: bool  # it has messages beside chunks, as other writers may leave them
+    finished: bool  # the writer finished it, and nothing of its end is missing or damaged
+    unread: int  # bytes outside whole records: a cut-off end, or damage
+    damage: tuple[str, ...]  # descriptions of skipped places and of damaged records
+    has_loose_messages: bool  # messages outside chunks, as other writers may leave them
 
     @property
     def stride(self) -> int:
@@ -54,8 +68,8 @@ class Contents(NamedTuple):
         return MESSAGE_BYTES + 8 * len(self.leaves)
 
 
-class _Found:
-    """What a walk has seen so far."""
+class _ScanResult:
+    """Records found so far by a scan."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -65,9 +79,9 @@ class _Found:
         self.attachments: dict[str, bytes] = {}
         self.chunks: list[Chunk] = []
         self.loose = False
-        self.unsummed: list[str] = []  # metadata without a check sum, as older files have it
+        self.unsummed: list[str] = []  # metadata without a check sum, as in older files
         self.damage: list[str] = []
-        self.indexed: list[Schema] = []  # of a summary whose check sum is right
+        self.indexed: list[Schema] = []  # schemas of a summary with a valid check sum
 
     def take(self, file: RecordFile, opcode: int, at: int, length: int) -> None:
         if opcode == Opcode.CHUNK:
@@ -86,7 +100,7 @@ class _Found:
                 self.damage.append(f"{self.path}: {span} are damaged and left out")
 
     def describe(self, opcode: int, data: bytes) -> None:
-        """Take what is no chunk; raises one of `_UNREADABLE` if it is not as it was written."""
+        """Store a record other than a chunk; raise one of `_UNREADABLE` if it is damaged."""
         stream = ReadDataStream(BytesIO(data))
         if opcode == Opcode.SCHEMA:
             self.schemas.append(Schema.read(stream))
@@ -94,11 +108,11 @@ class _Found:
             self.channels.append(Channel.read(stream))
         elif opcode == Opcode.METADATA:
             metadata = Metadata.read(stream)
-            check = metadata.metadata.pop(CHECK, None)
-            summed = check == pairs_sum(metadata.name, metadata.metadata)
-            if not summed and (check is not None or metadata.name == FORM):
+            check = metadata.metadata.pop(CHECKSUM_KEY, None)
+            has_checksum = check == metadata_checksum(metadata.name, metadata.metadata)
+            if not has_checksum and (check is not None or metadata.name == SCHEMA_RECORD):
                 raise ValueError(metadata.name)
-            if not summed:
+            if not has_checksum:
                 self.unsummed.append(metadata.name)
             self.metadata[metadata.name] = metadata.metadata
         elif opcode == Opcode.ATTACHMENT:
@@ -109,7 +123,7 @@ class _Found:
             self.attachments[attachment.name] = attachment.data
 
     def index(self, summary: bytes) -> None:
-        """Take the description of the rows from a summary, too."""
+        """Store schemas and channels of a summary."""
         for opcode, data in records_in(summary):
             if opcode == Opcode.SCHEMA:
                 self.indexed.append(Schema.read(ReadDataStream(BytesIO(data))))
@@ -117,13 +131,13 @@ class _Found:
                 self.channels.append(Channel.read(ReadDataStream(BytesIO(data))))
 
     def schema_of(self, channel: Channel) -> Schema | None:
-        """The schema of a channel as it was written, of several copies; None if that is unsure."""
+        """Return the original schema of a channel from several copies; None if ambiguous."""
         every = (*self.schemas, *self.indexed)
         copies = [s for s in every if s.id == channel.schema_id and s.encoding == "ros2msg"]
-        written = self.metadata.get(FORM, {}).get("sum")
+        written = self.metadata.get(SCHEMA_RECORD, {}).get("sum")
         if written is not None and channel == channel_record():
             texts = [(each, each.data.decode(errors="replace")) for each in copies]
-            good = (each for each, text in texts if form_sum(each.name, text) == written)
+            good = (each for each, text in texts if schema_checksum(each.name, text) == written)
             return next(good, None)
         counts = Counter((s.name, s.encoding, s.data) for s in copies)
         if len(counts) > 1 and counts.most_common(1)[0][1] == 1:
@@ -133,12 +147,12 @@ class _Found:
         return next(iter(best_of or copies), None)
 
 
-def _as_named_now(leaf: row_layout.Leaf) -> row_layout.Leaf:
-    return leaf._replace(path=tuple(_RENAMED.get(leaf.name, leaf.name).split(".")))
+def _with_current_name(leaf: row_layout.Leaf) -> row_layout.Leaf:
+    return leaf._replace(path=tuple(_RENAMED_FIELDS.get(leaf.name, leaf.name).split(".")))
 
 
-def _row_channel(found: _Found) -> tuple[Schema, Channel, tuple[row_layout.Leaf, ...]]:
-    """The channel of rows: ours, else one named `TOPIC`, else one whose schema can be laid out."""
+def _row_channel(found: _ScanResult) -> tuple[Schema, Channel, tuple[row_layout.Leaf, ...]]:
+    """Return the channel of rows: ours, else one named `TOPIC`, else one with a valid schema."""
     ours = channel_record()
     for channel in sorted(found.channels, key=lambda c: (c != ours, c.topic != TOPIC)):
         if channel.message_encoding != "cdr":
@@ -148,38 +162,38 @@ def _row_channel(found: _Found) -> tuple[Schema, Channel, tuple[row_layout.Leaf,
             if schema is None:
                 continue
             leaves = row_layout.leaves_of_schema(schema.data.decode())
-            return schema, channel, tuple(_as_named_now(leaf) for leaf in leaves)
+            return schema, channel, tuple(_with_current_name(leaf) for leaf in leaves)
         except (row_layout.RowError, KeyError, ValueError):
             continue
     raise RunError(f"{found.path}: no channel of log rows in this file")
 
 
-def scan(path: str | os.PathLike[str]) -> Contents:
-    """Walk a file's records; what is damaged between whole records is skipped and named.
+def scan(path: str | os.PathLike[str]) -> FileContents:
+    """Scan a file's records; damage between whole records is skipped and reported.
 
-    Raises RunError if the file is empty, not MCAP, or holds no description of log rows;
-    FileNotFoundError if there is none.
+    Raise RunError if the file is empty, not MCAP, or has no description of log rows;
+    FileNotFoundError if it does not exist.
     """
     path = Path(path)
     with open_regular(path) as opened:
         file = RecordFile(opened.fileno(), os.fstat(opened.fileno()).st_size)
         if file.size <= len(MCAP0_MAGIC):
             raise RunError(f"{path}: empty, nothing was written")
-        found = _Found(path)
+        found = _ScanResult(path)
         magic = file.read(0, len(MCAP0_MAGIC)) == MCAP0_MAGIC
-        finished, unread = _walk(file, found)
+        finished, unread = _scan_records(file, found)
         if not found.channels:
-            _look_inside(file, found)
+            _describe_from_chunks(file, found)
         if not (magic or found.channels):
             raise RunError(f"{path}: not an MCAP file")
     if not magic:
         found.damage.insert(0, f"{path}: its first bytes are not those of an MCAP file")
     schema, channel, leaves = _row_channel(found)
-    if found.metadata.pop(FORM, None) is not None:
+    if found.metadata.pop(SCHEMA_RECORD, None) is not None:
         for name in found.unsummed:
             found.damage.append(f"{path}: metadata {name!r} is damaged and left out")
             found.metadata.pop(name, None)
-    return Contents(
+    return FileContents(
         path,
         schema.data.decode(),
         schema.name,
@@ -195,41 +209,41 @@ def scan(path: str | os.PathLike[str]) -> Contents:
     )
 
 
-def _walk(file: RecordFile, found: _Found) -> tuple[bool, int]:
-    """Take every record; gives whether the file's end is whole, and the bytes left out."""
+def _scan_records(file: RecordFile, found: _ScanResult) -> tuple[bool, int]:
+    """Store every record; return whether the file's end is whole, and the bytes left out."""
     at, unread = len(MCAP0_MAGIC), 0
     while at < file.size:
-        seen = file.record(at)
-        if seen is not None and seen[0] == Opcode.DATA_END:
+        record = file.record(at)
+        if record is not None and record[0] == Opcode.DATA_END:
             summary = file.summary(at)
             if summary is None:
                 found.damage.append(f"{found.path}: its index, from byte {at} on, is damaged")
                 return False, unread + file.size - at
             found.index(summary)
             return True, unread
-        after = file.size if seen is None else seen[1] + seen[2]
-        if seen is None or (after < file.size and file.record(after) is None):
-            whole = file.next_record(at + 1)
-            if seen is None or whole < after:  # it is shorter than its head says, or none at all
-                unread += whole - at
-                if whole < file.size:
-                    text = f"{found.path}: bytes {at} to {whole} are not a record"
+        after = file.size if record is None else record[1] + record[2]
+        if record is None or (after < file.size and file.record(after) is None):
+            next_start = file.next_record(at + 1)
+            if record is None or next_start < after:  # no record, or shorter than its head states
+                unread += next_start - at
+                if next_start < file.size:
+                    text = f"{found.path}: bytes {at} to {next_start} are not a record"
                     found.damage.append(text)
-                at = whole
+                at = next_start
                 continue
-        found.take(file, *seen)
+        found.take(file, *record)
         at = after
     return False, unread
 
 
-def _look_inside(file: RecordFile, found: _Found) -> None:
-    """Other writers put schema and channel into the first chunk."""
+def _describe_from_chunks(file: RecordFile, found: _ScanResult) -> None:
+    """Read schema and channel from the first chunk, where other writers put them."""
     for chunk in found.chunks:
         try:
-            inside = plain(chunk, file.read(chunk.offset, chunk.length))
+            content = decompress(chunk, file.read(chunk.offset, chunk.length))
         except RunError:
             continue
-        for opcode, data in records_in(inside):
+        for opcode, data in records_in(content):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 with suppress(*_UNREADABLE):
                     found.describe(opcode, data)

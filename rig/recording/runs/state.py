@@ -1,4 +1,4 @@
-"""Whether a run's record holds every tick that was executed, and who says how many those were."""
+"""State of a run's record: whether it holds every executed tick, and by whose report."""
 
 import json
 import os
@@ -9,77 +9,77 @@ from typing import Any, NamedTuple
 
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import folder
-from rig.recording.runs.account import Account, Counting, Ending
-from rig.recording.runs.mcap_file import Contents, Records
+from rig.recording.runs.account import EndReport, TickAccount, TickCounter
+from rig.recording.runs.mcap_file import FileContents, Records
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
-WHOLE, RECOVERED = "complete", "recovered"
-LOOP = "the loop"  # as a witness of its own end
+COMPLETE, RECOVERED = "complete", "recovered"
+LOOP = "the loop"  # as the source of its own end report
 RECOVERY = "recovery.json"  # attachment of a file that was joined from parts
-_SHOWN = 5  # gaps named one by one
+_MAX_SHOWN_GAPS = 5  # gaps named individually
 
 
 class RecordState(NamedTuple):
-    """The state of a record, which is another thing than how its run ended."""
+    """The state of a record; it is independent of how the run ended."""
 
     state: str  # complete, recovered, unfinished, incomplete, damaged
     lost: int  # executed ticks known to have no row
-    ticks: int  # executed, as far as is known
+    ticks: int  # executed ticks, as far as known
     missing: tuple[tuple[int, int], ...]  # first and last tick of each gap with lost rows
     damage: tuple[str, ...]
-    at_least: bool  # nobody saw the end: more rows may be lost
+    at_least: bool  # the end was not observed: more rows may be lost
 
     @property
     def complete(self) -> bool:
-        """Every tick that is known of has its row."""
+        """Whether every known tick has its row."""
         return self.lost == 0 and not self.damage
 
     @property
     def description(self) -> str:
-        """The state with what is missing, in words."""
-        said = self.state
+        """The state and the missing ticks as text."""
+        text = self.state
         if self.lost:
-            least = "at least " if self.at_least else ""
-            said += f": {least}{self.lost} of {self.ticks} ticks missing"
+            at_least = "at least " if self.at_least else ""
+            text += f": {at_least}{self.lost} of {self.ticks} ticks missing"
             if spans := self.spans:
-                said += f" ({spans})"
+                text += f" ({spans})"
         elif self.damage:
-            said += ": every tick that is known of has its row"
+            text += ": every known tick has its row"
         elif self.at_least:
-            said += ": nobody saw its end, rows may be missing there"
-        return said
+            text += ": its end was not observed, rows may be missing there"
+        return text
 
     @property
     def sentence(self) -> str:
-        """The state with what is missing and what is damaged, without a full stop."""
+        """The state, the missing ticks and the damage as a sentence without full stop."""
         return "; ".join([f"Record {self.description}", *self.damage])
 
     @property
     def spans(self) -> str:
-        """The missing ticks in words."""
-        shown = [f"{a} to {b}" if b > a else str(a) for a, b in self.missing[:_SHOWN]]
+        """The missing ticks as text."""
+        shown = [f"{a} to {b}" if b > a else str(a) for a, b in self.missing[:_MAX_SHOWN_GAPS]]
         more = len(self.missing) - len(shown)
         return ", ".join([*shown, *([f"and {more} more gaps"] if more > 0 else [])])
 
     def attributes(self) -> dict[str, str]:
-        """The same as flat attributes of a dataset."""
+        """Return the state as flat attributes of a dataset."""
         found = {"record": self.description, "record_missing_ticks": self.spans}
         found["record_damage"] = "; ".join(self.damage)
         return {name: text for name, text in found.items() if text}
 
     @classmethod
-    def of(cls, data: dict[str, Any]) -> "RecordState":
-        """The state from its plain data."""
+    def from_dict(cls, data: dict[str, Any]) -> "RecordState":
+        """Return the state from its plain data."""
         missing = tuple((int(a), int(b)) for a, b in data["missing_ticks"])
         damage = tuple(map(str, data["damage"]))
         count = int(data["lost"]), int(data["ticks"])
         return cls(str(data["state"]), *count, missing, damage, bool(data["at_least"]))
 
     def as_dict(self) -> dict[str, Any]:
-        """As plain data."""
+        """Return the state as plain data."""
         return {
             "state": self.state,
-            "words": self.description,
+            "description": self.description,
             "lost": self.lost,
             "ticks": self.ticks,
             "at_least": self.at_least,
@@ -88,32 +88,32 @@ class RecordState(NamedTuple):
         }
 
 
-class Reading:
-    """What is seen of a record while its rows are read: its ticks, and what is damaged."""
+class RecordCheck:
+    """Checks a record while its rows are read: counts ticks and collects damage."""
 
-    def __init__(self, contents: Sequence[Contents], damage: Iterable[str] = ()) -> None:
+    def __init__(self, contents: Sequence[FileContents], damage: Iterable[str] = ()) -> None:
         self._contents = contents
-        self._counting = Counting()
+        self._counter = TickCounter()
         self.damage = [*damage, *(text for each in contents for text in each.damage)]
 
     def add(self, block: Records) -> None:
         """Count the next rows, each tick once, in order."""
-        self._counting.add(block)
+        self._counter.add(block)
 
     def state(self, run: str | os.PathLike[str]) -> RecordState:
-        """The state of the run's record, once all its rows were read."""
+        """Return the state of the run's record after all its rows were read."""
         place = Path(run)
         attachments: dict[str, bytes] = {}
         for each in self._contents:
             attachments.update(each.attachments)
-        status, progress = logged(attachments), dict[str, Any]()
+        status, progress = logger_status(attachments), dict[str, Any]()
         if place.is_dir():
-            status = text_of(place / folder.STATUS) or status
-            progress = text_of(place / PROGRESS)
-        running = status.get("status") == "running" and folder.supervised(status) is True
-        ending = None if running else ending_of(status, progress, attachments)
+            status = read_json(place / folder.STATUS) or status
+            progress = read_json(place / PROGRESS)
+        running = status.get("status") == "running" and folder.is_supervised(status) is True
+        report = None if running else end_report(status, progress, attachments)
         return state_of(
-            self._counting.result(ending),
+            self._counter.result(report),
             self.damage,
             finished=all(each.finished for each in self._contents),
             recovered="recovered_utc" in status,
@@ -121,8 +121,8 @@ class Reading:
         )
 
 
-def text_of(path: Path) -> dict[str, Any]:
-    """A small JSON text; empty where there is none that can be read."""
+def read_json(path: Path) -> dict[str, Any]:
+    """Return a small JSON file; empty if it cannot be read."""
     with suppress(OSError, ValueError):
         value = json.loads(read_regular(path, MAX_TABLE_BYTES))
         return value if isinstance(value, dict) else {}
@@ -130,66 +130,69 @@ def text_of(path: Path) -> dict[str, Any]:
 
 
 def state_of(
-    counted: Account, damage: Iterable[str], *, finished: bool, recovered: bool, running: bool
+    account: TickAccount, damage: Iterable[str], *, finished: bool, recovered: bool, running: bool
 ) -> RecordState:
-    """The state of a record from its account; ``finished``: its writers ended all its files."""
+    """Return the state of a record from its account; ``finished``: its files were all finished."""
     damage = tuple(damage)
-    final = counted.ending is not None and counted.ending.final
+    final = account.end_report is not None and account.end_report.final
     open_end = not (final or (finished and not running))
     if damage:
         state = "damaged"
-    elif counted.lost:
+    elif account.lost:
         state = "incomplete"
     elif running:
         state = "being written"
     elif open_end:
         state = "unfinished"
     else:
-        state = RECOVERED if recovered else WHOLE
+        state = RECOVERED if recovered else COMPLETE
     return RecordState(
         state,
-        counted.lost,
-        counted.rows + counted.lost,
-        tuple((gap.first, gap.last) for gap in counted.gaps if gap.lost),
+        account.lost,
+        account.rows + account.lost,
+        tuple((gap.first, gap.last) for gap in account.gaps if gap.lost),
         damage,
         open_end and not running,
     )
 
 
-def ending_of(
+def end_report(
     status: dict[str, Any], progress: dict[str, Any], attachments: dict[str, bytes]
-) -> Ending | None:
-    """Who saw the loop end: the supervisor, the loop itself, or a logger left to itself.
+) -> EndReport | None:
+    """Return the best report of the loop's end: by the supervisor, the loop, or a logger alone.
 
-    If none lived so long, what the supervisor noted a tenth of a second before or less.
+    If none of them survived, return what the supervisor wrote at most a tenth of a second earlier.
     """
     if status.get("status") != "running" and isinstance(status.get("ticks"), int):
-        return Ending(
+        return EndReport(
             status["ticks"],
-            _whole(status.get("last_tick")),
-            _whole(status.get("skipped")),
+            _int_or_none(status.get("last_tick")),
+            _int_or_none(status.get("skipped")),
             str(status.get("witness") or "the supervisor"),
             True,
         )
     if progress.get("final") is True and isinstance(progress.get("ticks"), int):
-        last, skipped = _whole(progress.get("last_tick")), _whole(progress.get("skipped"))
-        return Ending(progress["ticks"], last, skipped, LOOP, True)
-    told = logged(attachments)
-    if isinstance(told.get("ticks"), int):
-        return Ending(told["ticks"], None, None, "the logger", True)
-    last, skipped = _whole(progress.get("last_tick")), _whole(progress.get("skipped"))
+        last, skipped = (
+            _int_or_none(progress.get("last_tick")),
+            _int_or_none(progress.get("skipped")),
+        )
+        return EndReport(progress["ticks"], last, skipped, LOOP, True)
+    last_log = logger_status(attachments)
+    if isinstance(last_log.get("ticks"), int):
+        return EndReport(last_log["ticks"], None, None, "the logger", True)
+    last, skipped = _int_or_none(progress.get("last_tick")), _int_or_none(progress.get("skipped"))
     if last is None or skipped is None:
         return None
-    return Ending(last + 1 - skipped, last, skipped, "the supervisor", False)
+    return EndReport(last + 1 - skipped, last, skipped, "the supervisor", False)
 
 
-def logged(attachments: dict[str, bytes]) -> dict[str, Any]:
-    """What the last logger wrote of the run's end; empty if it did not live to see it."""
+def logger_status(attachments: dict[str, bytes]) -> dict[str, Any]:
+    """Return the last logger's report of the run's end; empty if it did not survive to it."""
     with suppress(ValueError):
-        told = json.loads(attachments.get("status.json", b""))
-        return told if isinstance(told, dict) else {}
+        status = json.loads(attachments.get("status.json", b""))
+        return status if isinstance(status, dict) else {}
     return {}
 
 
-def _whole(value: Any) -> int | None:
+def _int_or_none(value: Any) -> int | None:
     return value if isinstance(value, int) else None

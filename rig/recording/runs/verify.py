@@ -1,8 +1,8 @@
-"""Reading a record with the stock MCAP library: the judge of what other tools will see.
+"""Verification of a record with the stock MCAP library, as other tools will read it.
 
-The library takes 20 us a message, ten minutes for a day's record. So it finds, decompresses and
-checks every chunk through the file's own index, and takes apart message by message those at both
-ends and some in between; of the others the rows are cut out at the places where messages have them.
+The library takes 20 us a message, ten minutes for a day's record. Therefore it finds, decompresses
+and checks every chunk through the file's own index, but parses message by message only the
+first and last chunk and some in between; of the others it slices the rows at their known places.
 """
 
 import os
@@ -24,28 +24,30 @@ from rig.recording.mcap_writer import MESSAGE_BYTES
 from rig.recording.runs.mcap_file import RunError
 from rig.regular_file import open_regular
 
-PARSED = 100_000  # messages taken apart one by one, about
+MAX_PARSED = 100_000  # messages parsed one by one, approximately
 _REFUSED = (
     *(McapError, zstandard.ZstdError, struct.error, ValueError, EOFError),
     *(KeyError, MemoryError, RuntimeError, OverflowError),
 )
-_HEAD = 9  # bytes of opcode and length before a chunk
+_HEAD = 9  # bytes of opcode and length in front of a chunk
 
 
-class Seen(NamedTuple):
-    """What the stock library finds of the rows."""
+class ReadBack(NamedTuple):
+    """Rows that the stock library finds."""
 
     rows: int
-    crc: int  # CRC-32 of their packed bytes, one after the other in file order
-    parsed: int  # of them, how many were taken apart message by message
-    chunks: int  # whose check sum was right
+    crc: int  # CRC-32 of their packed bytes in file order
+    parsed: int  # number of rows parsed message by message
+    chunks: int  # chunks with a valid check sum
 
 
-def read_back(path: str | os.PathLike[str], row_size: int, most: int = PARSED) -> Seen:
-    """Read every row, of ``row_size`` bytes, of a finished file that holds nothing but rows.
+def read_back(
+    path: str | os.PathLike[str], row_size: int, max_parsed: int = MAX_PARSED
+) -> ReadBack:
+    """Read every row of ``row_size`` bytes of a finished file that holds nothing but rows.
 
-    ``most``: about how many messages are taken apart one by one. RunError if the library refuses
-    the file, or the file's own statistics count other than its rows.
+    ``max_parsed``: approximate number of messages parsed one by one. Raise RunError if the library
+    rejects the file, or the file's own statistics disagree with its rows.
     """
     rows = crc = parsed = 0
     stride = MESSAGE_BYTES + row_size
@@ -55,15 +57,15 @@ def read_back(path: str | os.PathLike[str], row_size: int, most: int = PARSED) -
             if summary is None or summary.statistics is None:
                 raise RunError(f"{path}: the mcap library finds no summary in it")
             indexes = summary.chunk_indexes
-            every = max(1, -(-summary.statistics.message_count // max(1, most)))
+            stride_of_parsed = max(1, -(-summary.statistics.message_count // max(1, max_parsed)))
             for number, index in enumerate(indexes):
                 file.seek(index.chunk_start_offset + _HEAD)
                 chunk = Chunk.read(ReadDataStream(file))
-                if number % every == 0 or number == len(indexes) - 1:
-                    data, count = _taken_apart(chunk)
+                if number % stride_of_parsed == 0 or number == len(indexes) - 1:
+                    data, count = _parse_messages(chunk)
                     parsed += count
                 else:
-                    data, count = _cut_out(chunk, stride)
+                    data, count = _slice_rows(chunk, stride)
                 crc = zlib.crc32(data, crc)
                 rows += count
     except RunError:
@@ -72,17 +74,17 @@ def read_back(path: str | os.PathLike[str], row_size: int, most: int = PARSED) -
         raise RunError(f"{path}: the mcap library refuses it: {error!r}") from error
     if summary.statistics.message_count != rows:
         raise RunError(f"{path}: its statistics do not count its rows")
-    return Seen(rows, crc, parsed, len(indexes))
+    return ReadBack(rows, crc, parsed, len(indexes))
 
 
-def _taken_apart(chunk: Chunk) -> tuple[bytes, int]:
+def _parse_messages(chunk: Chunk) -> tuple[bytes, int]:
     head = len(row_layout.CDR_HEADER)
-    found = breakup_chunk(chunk, validate_crc=True)
-    rows = [one.data[head:] for one in found if isinstance(one, Message)]
+    messages = breakup_chunk(chunk, validate_crc=True)
+    rows = [one.data[head:] for one in messages if isinstance(one, Message)]
     return b"".join(rows), len(rows)
 
 
-def _cut_out(chunk: Chunk, stride: int) -> tuple[bytes, int]:
+def _slice_rows(chunk: Chunk, stride: int) -> tuple[bytes, int]:
     stream, length = get_chunk_data_stream(chunk, validate_crc=True)
     messages = np.frombuffer(stream.read(length), np.uint8).reshape(-1, stride)
     return messages[:, MESSAGE_BYTES:].tobytes(), len(messages)

@@ -24,7 +24,7 @@ from rig.identification.twin.plant_file import identified_up_to
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
-from rig.recording.runs.folder import Facts, facts
+from rig.recording.runs.folder import RunInfo, run_info
 from rig.sweep.cases import LEAD_IN, alone, table
 from rig.sweep.counterfactual.waves import FIELDS, Waves, asked_of, recovered
 from rig.sweep.simulation import Subject
@@ -114,8 +114,8 @@ def foretell(
     that of ``campaign``. ``by``: how the waves are recovered (`rig.sweep.counterfactual.waves`).
     Raises RunError for a run that does not tell enough, ValueError for a campaign in other waves.
     """
-    source = reader.source(run)
-    known = facts(run, source.contents)
+    source = reader.open_files(run)
+    known = run_info(run, source.contents)
     if "session" in known.config:
         raise RunError(f"{known.run}: a run of a bench; only those of a WaveBot had waves")
     there = {leaf.name for leaf in source.leaves}
@@ -267,7 +267,7 @@ def _run(
         yield number, row
 
 
-def _on_model(known: Facts, model: Campaign) -> Campaign:
+def _on_model(known: RunInfo, model: Campaign) -> Campaign:
     """The campaign of a run as its record has it, on the model's plant."""
     was = as_logged(known)
     if was.rig.drive.kind != model.rig.drive.kind:

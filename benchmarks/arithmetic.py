@@ -96,7 +96,7 @@ def model(folder: Path) -> Model:
     """The plant of the default rig."""
     campaign = check_campaign(campaign_file(folder, 12.0)).campaign
     assert campaign is not None
-    devices = job.devices_of(campaign)
+    devices = job.plant_settings(campaign)
     dt = 1.0 / campaign.rig.rate_hz
     begin = build_world(devices | {"compiled": False}, dt).beginning()
     params = begin.params

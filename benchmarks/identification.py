@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from benchmarks.support.result import Figure, Result, figure
 from rig.config.yaml_source import load_mapping
-from rig.execution.campaign import carry_out, rehearsal
+from rig.execution.campaign import rehearsal_mode, run_campaign
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.experiments import GAINS, Experiment
@@ -93,12 +93,12 @@ def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
     report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
-    ended = carry_out(
+    ended = run_campaign(
         report.campaign,
         report.plan,
         folder / "runs",
         _Silent(),
-        rehearsal(report.campaign, real_clock=False),
+        rehearsal_mode(report.campaign, real_clock=False),
     )
     if ended.outcome.status != "complete":
         raise RuntimeError(f"{name}: {ended.outcome.reason}")

@@ -20,7 +20,7 @@ from rig.analysis.rows import COMPLETE, reduce_window
 from rig.design.recommend import report
 from rig.design.recommend.recommendation import Recommendation, RecommendOptions, advise
 from rig.design.recommend.trial import Gains
-from rig.execution.campaign import carry_out, rehearsal
+from rig.execution.campaign import rehearsal_mode, run_campaign
 from rig.planning.campaign import build_plan, check_campaign, open_campaign
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.stability import largest_ki
@@ -144,8 +144,8 @@ def _rehearsed(path: Path, runs: Path) -> tuple[Path, float]:
     told = check_campaign(path)
     if told.campaign is None or told.plan is None:
         raise RuntimeError(told.text())
-    mode = rehearsal(told.campaign, real_clock=False)
-    ended = carry_out(told.campaign, told.plan, runs, Silent(), mode)
+    mode = rehearsal_mode(told.campaign, real_clock=False)
+    ended = run_campaign(told.campaign, told.plan, runs, Silent(), mode)
     if ended.outcome.status != "complete":
         raise RuntimeError(f"{path.name}: {ended.outcome.reason}")
     return ended.folder, told.plan.duration

@@ -8,7 +8,7 @@ import numpy as np
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Result, figure
 from rig.analysis.spring_map.result import spring_map
-from rig.execution.campaign import carry_out, rehearsal
+from rig.execution.campaign import rehearsal_mode, run_campaign
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 
@@ -69,8 +69,8 @@ def found(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, 
     report = check_campaign(path)
     if report.campaign is None or report.plan is None:
         raise RuntimeError(report.text())
-    mode = rehearsal(report.campaign, real_clock=False)
-    ended = carry_out(report.campaign, report.plan, folder / "runs", Nobody(), mode)
+    mode = rehearsal_mode(report.campaign, real_clock=False)
+    ended = run_campaign(report.campaign, report.plan, folder / "runs", Nobody(), mode)
     table = spring_map(ended.folder)
     true = np.interp(stations, STATIONS, rates)
     errors = [

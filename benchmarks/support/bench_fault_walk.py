@@ -11,10 +11,10 @@ from typing import NamedTuple
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
 from rig.execution.rehearsal.bench_emulation import emulator_process
-from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.execution.rehearsal.bench_job import session_problems
 from rig.execution.rehearsal.control_client import ControlClient
-from rig.execution.session import task_of, wired
-from rig.execution.task import Ended, View, carry_out_task
+from rig.execution.session import session_task, wired_mode
+from rig.execution.task import RunResult, View, run_task
 from rig.planning.session import Session, SessionPlan, check_session
 from rig.processes.child import Child
 from rig.realtime.sequence import MEASURE
@@ -35,16 +35,16 @@ class BenchStage(NamedTuple):
     @property
     def companions(self) -> tuple[str, ...]:
         """The processes beside its loop, by name."""
-        return tuple(one.name for one in wired(self.session, emulated=False).companions)
+        return tuple(one.name for one in wired_mode(self.session, emulated=False).companions)
 
     def moves(self, row: Mapping[str, float]) -> bool:
         """Whether the shaft turns at more than half of its highest speed."""
         return row["plan.phase"] == MEASURE and abs(row["shaft.velocity"]) > FAST
 
-    def go(self, view: View, long: bool = False) -> Ended:
+    def go(self, view: View, long: bool = False) -> RunResult:
         """One run on them, as they are: no fault of the bench takes a long one to be seen."""
-        mode = wired(self.session, emulated=False)._replace(name="hil")
-        return carry_out_task(task_of(self.session, self.plan), self.folder, view, mode)
+        mode = wired_mode(self.session, emulated=False)._replace(name="hil")
+        return run_task(session_task(self.session, self.plan), self.folder, view, mode)
 
 
 def bench_rig_file(folder: Path) -> Path:
@@ -76,7 +76,7 @@ def bench_stage(folder: Path) -> Iterator[BenchStage]:
         "tare": {"duration_s": 0.5},
         "timing": {"rise_s": 1.5, "settle_periods": 0, "periods": 4},
     }
-    report = check_session(write_yaml(folder / "session.yaml", tree), problems_of_session)
+    report = check_session(write_yaml(folder / "session.yaml", tree), session_problems)
     if report.session is None or report.plan is None:
         raise ValueError(report.text())
     with played(emulator_process(report.session), folder) as (control, devices):

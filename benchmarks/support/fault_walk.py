@@ -27,7 +27,7 @@ from benchmarks.support.fault_table import (
     Row,
 )
 from rig.execution.rehearsal.control_client import ControlClient
-from rig.execution.task import Ended, View
+from rig.execution.task import RunResult, View
 from rig.processes.child import Child
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import Snapshot
@@ -56,7 +56,7 @@ class Scene(Protocol):
         """Whether what the motors move is moving fast, by a row of the record."""
         ...
 
-    def go(self, view: View, long: bool = False) -> Ended:
+    def go(self, view: View, long: bool = False) -> RunResult:
         """One run on them, as they are; ``long``: one that measures for longer."""
         ...
 
@@ -69,7 +69,7 @@ class Finding(NamedTuple):
     category: int | None
     seconds: float | None  # from the fault until no motor had power
     lost: int  # rows
-    ended: Ended
+    ended: RunResult
     struck: int | None = None  # pieces that a link's fault spoilt; None: no fault of a link
 
 
@@ -111,20 +111,20 @@ def played(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]
 def _address(devices: Child) -> str:
     until = time.monotonic() + PATIENCE
     while time.monotonic() < until and devices.alive():
-        for event in devices.heard():
+        for event in devices.read_events():
             if event["event"] == "ready":
                 return str(event["facts"]["control"])
         time.sleep(0.02)
     raise RuntimeError(f"no emulated devices: {devices.last_message()}")
 
 
-def ran(on: Scene, see: Callable[[Snapshot], None], long: bool = False) -> Ended:
+def ran(on: Scene, see: Callable[[Snapshot], None], long: bool = False) -> RunResult:
     """One run on the staged devices, put to rest before."""
-    on.control.ask("restart")
+    on.control.request("restart")
     return when_free(lambda: on.go(Watcher(see), long))
 
 
-def when_free(run: Callable[[], Ended]) -> Ended:
+def when_free(run: Callable[[], RunResult]) -> RunResult:
     """Run when nobody else has the host's real-time place; BusyError after two minutes."""
     until = time.monotonic() + PATIENCE
     while True:
@@ -164,7 +164,7 @@ class Trigger:
 
 def there(on: Scene) -> dict[str, tuple[str, ...]]:
     """Every fault that can be given, by device, link or process."""
-    listed = on.control.ask("faults")["faults"]
+    listed = on.control.request("faults")["faults"]
     devices = {device: tuple(faults) for device, faults in listed.items()}
     return devices | process_faults.listed(on.companions)
 
@@ -180,20 +180,20 @@ def walk(on: Scene, row: Row) -> Finding:
     before = _struck(on, row)
     trigger = Trigger(strike, ready=on.moves) if row.since == MOTION else Trigger(strike)
     if row.since == START:
-        on.control.ask("restart")
+        on.control.request("restart")
         trigger.at = strike()
         ended = when_free(lambda: on.go(Watcher(lambda snapshot: None), row.long))
     else:
         ended = ran(on, trigger, row.long)
     after = _struck(on, row)
-    on.control.ask("clear")
+    on.control.request("clear")
     found = judged(on, ended, trigger.at)
     return found if before is None or after is None else found._replace(struck=after - before)
 
 
 def _struck(on: Scene, row: Row) -> int | None:
     """How often a link's fault has struck so far."""
-    counts = on.control.ask("world")["struck"].get(row.device)
+    counts = on.control.request("world")["struck"].get(row.device)
     if counts is None:
         return None
     return sum(counts.get(f"{way}.{row.fault}", 0) for way in ("host", "device"))
@@ -208,7 +208,7 @@ def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
     return walk(on, row)
 
 
-def judged(on: Scene, ended: Ended, at: float | None) -> Finding:
+def judged(on: Scene, ended: RunResult, at: float | None) -> Finding:
     """What came of a fault that was given ``at`` a time (s; None: it never was)."""
     outcome = ended.outcome
     if outcome.reason in (Reason.OPERATOR_STOP.name, Reason.OPERATOR_ABORT.name):
@@ -243,7 +243,7 @@ def power_gone(on: Powered, patience: float = 2.0) -> float | None:
     """When the last motor was without power (s, monotonic); None: one still has it."""
     until = time.monotonic() + patience
     while True:
-        gone = on.control.ask("power")["gone"].values()
+        gone = on.control.request("power")["gone"].values()
         if None not in gone:
             return float(max(gone))
         if time.monotonic() > until:

@@ -29,7 +29,7 @@ from benchmarks.support.live import (
 )
 from benchmarks.support.recorded import campaign_file
 from rig.kinds.wavebot import WaveBotRow
-from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime.safety import STOP_0
 from rig.recording.ring import RingReader
 from rig.recording.row_layout import leaves
@@ -223,7 +223,7 @@ def _left_over(run: LiveRun, token: str) -> list[str]:
 def _locked(runs: Path, supervisor: int) -> list[str]:
     wrong = []
     try:
-        hold((REALTIME_PLACE,), "a benchmark").close()
+        acquire((REALTIME_WIRE,), "a benchmark").close()
     except BusyError as error:
         if f"process {supervisor}," in str(error):  # else another run has come since
             wrong.append(str(error))

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing import Any, NamedTuple
 
 from benchmarks.support.recorded import ROOT
-from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.ring import ProducerState, RingReader
 from rig.recording.runs.create import BusyError
 
@@ -124,7 +124,7 @@ def wait_realtime_free() -> None:
 
     def free() -> bool:
         try:
-            hold((REALTIME_PLACE,), "a benchmark").close()
+            acquire((REALTIME_WIRE,), "a benchmark").close()
         except BusyError:
             return False
         return True

@@ -93,7 +93,7 @@ def parts(path: Path) -> Parts:
     params = wavebot_params(
         campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints
     )
-    devices = json.loads(json.dumps(job.devices_of(campaign)))
+    devices = json.loads(json.dumps(job.plant_settings(campaign)))
     return Parts(campaign, plan, params, devices)
 
 

@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from rig.execution.campaign import carry_out, rehearsal, wired
+from rig.execution.campaign import rehearsal_mode, run_campaign, wired_mode
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 
@@ -34,11 +34,11 @@ def main() -> None:
     assert report.campaign is not None
     assert report.plan is not None
     mode = (
-        wired(report.campaign, emulated=True)
+        wired_mode(report.campaign, emulated=True)
         if wires
-        else rehearsal(report.campaign, real_clock=clock == "real")
+        else rehearsal_mode(report.campaign, real_clock=clock == "real")
     )
-    ended = carry_out(report.campaign, report.plan, Path(runs), _Unseen(), mode)
+    ended = run_campaign(report.campaign, report.plan, Path(runs), _Unseen(), mode)
     print(json.dumps({"folder": str(ended.folder), **ended.outcome._asdict()}))
 
 

@@ -19,7 +19,7 @@ from benchmarks.support.seams import PARTS, Stamps, TimedDevices, TimedWriter
 from rig.kinds.wavebot import KIND
 from rig.processes import mailbox
 from rig.processes.mailbox import Mailbox, Request
-from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime import loop, safety, scheduling
 from rig.realtime.clock import Clock, RealClock, VirtualClock
 from rig.recording import ring
@@ -69,7 +69,7 @@ def main() -> None:
     made = parts(campaign)
     stamps, refused = Stamps(), []
     if kind == "real":
-        lock = hold((REALTIME_PLACE,), "a benchmark")
+        lock = acquire((REALTIME_WIRE,), "a benchmark")
         refused = list(scheduling.acquire().refused)
         tick(made, RealClock, seconds, stamps)
         lock.close()

@@ -8,14 +8,14 @@ from typing import Any, NamedTuple
 
 from benchmarks.support.fault_walk import free_port, played, write_yaml
 from benchmarks.support.recorded import ROOT
-from rig.execution.campaign import Ended, ExecutionMode, carry_out
+from rig.execution.campaign import ExecutionMode, RunResult, run_campaign
 from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation
 from rig.execution.rehearsal.control_client import ControlClient
 from rig.execution.task import View
 from rig.planning.campaign import Campaign, Plan, check_campaign
 from rig.processes.child import Child
-from rig.processes.wire_locks import wires_of
+from rig.processes.wire_locks import wires_in
 
 FAST = 0.05  # m/s of the body in heave
 LONG = 40.0  # s of a run whose powers are averaged over 30 s
@@ -34,21 +34,21 @@ class Stage(NamedTuple):
     @property
     def companions(self) -> tuple[str, ...]:
         """The processes beside its loop, by name."""
-        return tuple(one.name for one in hardware.job_of(self.campaign.rig).io_processes)
+        return tuple(one.name for one in hardware.build_job(self.campaign.rig).io_processes)
 
     def moves(self, row: Mapping[str, float]) -> bool:
         """Whether the body heaves."""
         return abs(row["heave.estimate.velocity"]) > FAST
 
-    def go(self, view: View, long: bool = False) -> Ended:
+    def go(self, view: View, long: bool = False) -> RunResult:
         """One run on them, as they are."""
         campaign, plan = self.longer if long else (self.campaign, self.plan)
-        made = hardware.job_of(self.campaign.rig)
-        wires = wires_of(self.campaign.rig)
+        made = hardware.build_job(self.campaign.rig)
+        wires = wires_in(self.campaign.rig)
         mode = ExecutionMode(
             "hil", True, "rig.execution.hardware", made.devices, made.io_processes, wires
         )
-        return carry_out(campaign, plan, self.folder, view, mode)
+        return run_campaign(campaign, plan, self.folder, view, mode)
 
 
 def rig_file(folder: Path) -> Path:

@@ -26,7 +26,7 @@ from benchmarks.support.wired_rigs import (
     wait_gone,
     wait_powered,
 )
-from rig.processes.supervisor import POLL
+from rig.processes.supervisor import POLL_INTERVAL_S
 
 KILLED, SUSPENDED = "killed", "hung"  # as the tables of faults call them
 SUPERVISOR, LOGGER, LOOP, ALL = "supervisor", "logger", "loop", "all"
@@ -86,7 +86,7 @@ def due(rig: WiredRig, attack: Attack) -> tuple[float, float] | None:
         return 0.0, _stated(rig, LOOP, attack.how)
     if SUPERVISOR in who:
         waits = TIMEOUT if attack.how == SUSPENDED else 0.0
-        soonest = rig.damping + waits - (POLL + 0.05 if waits else 0.01)
+        soonest = rig.damping + waits - (POLL_INTERVAL_S + 0.05 if waits else 0.01)
         return soonest, rig.damping + waits + LOOK
     if who == {LOGGER}:
         return None

@@ -42,7 +42,7 @@ class WiredRig(NamedTuple):
 
     def powered(self) -> bool:
         """Whether a motor has power now."""
-        return None in self.control.ask("power")["gone"].values()
+        return None in self.control.request("power")["gone"].values()
 
     def power_gone(self, timeout: float) -> float | None:
         """When the last motor lost its power (s, monotonic); None if one still has it."""
@@ -73,7 +73,7 @@ WIRED = {"wavebot": wavebot, "oswec_bench": oswec_bench}
 @contextmanager
 def started(rig: WiredRig, runs: Path) -> Iterator[LiveRun]:
     """A run on a rig whose devices are put to rest before; no process of it is left afterwards."""
-    rig.control.ask("restart")
+    rig.control.request("restart")
     wait_realtime_free()
     command = [sys.executable, "-m", "rig", *rig.words, "--runs", str(runs), "--json"]
     with LiveRun(command, runs, {MARK: str(runs)}) as run:

@@ -10,9 +10,9 @@ from rig.cli.command_error import fail
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.cli.session_progress import SessionProgress
 from rig.execution.hardware.job import WiringError
-from rig.execution.rehearsal.bench_job import problems_of_session
-from rig.execution.session import rehearsal, task_of, wired
-from rig.execution.task import Ended, ExecutionMode, carry_out_task
+from rig.execution.rehearsal.bench_job import session_problems
+from rig.execution.session import rehearsal_mode, session_task, wired_mode
+from rig.execution.task import ExecutionMode, RunResult, run_task
 from rig.planning.session import Session, SessionReport, check_session
 from rig.recording.runs import RunError, create
 
@@ -33,7 +33,7 @@ def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
 
     ``rig`` replaces the rig that the session names.
     """
-    return check_session(path, further_check=problems_of_session, rig=rig)
+    return check_session(path, further_check=session_problems, rig=rig)
 
 
 def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int:
@@ -49,13 +49,13 @@ def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int
     title = f"{session.file.name} on {session.rig.name}"
     try:
         with SessionProgress(title, mode.name, plan, quiet=as_json) as view:
-            ended = carry_out_task(task_of(session, plan), runs, view, mode)
+            ended = run_task(session_task(session, plan), runs, view, mode)
     except (create.BusyError, OSError, RunError) as error:
         return fail("bench", error, as_json=as_json, code=cli.FAILED)
     results, products, summary_text, trouble = _analyse(ended, quiet=as_json)
     lost = _lost_ticks(ended)
     create.write_rows_done(ended.folder, _rows_done(ended, len(plan.rows)))
-    trouble = "; ".join(filter(None, (ended.trouble, trouble)))
+    trouble = "; ".join(filter(None, (ended.save_error, trouble)))
     if as_json:
         outcome = ended.outcome
         record = {
@@ -85,8 +85,8 @@ def _execution_mode(session: Session, options: BenchOptions) -> ExecutionMode:
             raise WiringError(
                 f"{session.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
             )
-        return rehearsal(session, real_clock=options.realtime)
-    return wired(session, emulated=options.emulated)
+        return rehearsal_mode(session, real_clock=options.realtime)
+    return wired_mode(session, emulated=options.emulated)
 
 
 def print_errors(report: SessionReport, *, as_json: bool) -> int:
@@ -104,7 +104,7 @@ def show(report: SessionReport, *, as_json: bool) -> int:
     return cli.OK if report.ok else cli.BAD_INPUT
 
 
-def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], str, str]:
+def _analyse(ended: RunResult, *, quiet: bool) -> tuple[dict[str, Any], list[Path], str, str]:
     """Return the results, the written files, the summary text and the reason for no results.
 
     A run without a tick has no results and needs no reason. For a run that stopped early, the
@@ -125,14 +125,14 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[dict[str, Any], list[Path], 
     return summary.as_dict(), list(summary.files), summary.as_text(), ""
 
 
-def _rows_done(ended: Ended, rows_planned: int) -> int:
+def _rows_done(ended: RunResult, rows_planned: int) -> int:
     """Return the number of finished rows: all, or those before the row in which the run stopped."""
     if ended.outcome.status == "complete":
         return rows_planned
     return max(0, int(ended.outcome.last_row.get("plan.row", 0)))
 
 
-def _lost_ticks(ended: Ended) -> "LostTicks | None":
+def _lost_ticks(ended: RunResult) -> "LostTicks | None":
     """Return the ticks that the host lost before a trip, where they may be its cause."""
     from rig.analysis.stop_reason import find_stop
 
@@ -142,7 +142,7 @@ def _lost_ticks(ended: Ended) -> "LostTicks | None":
         return None  # the analysis has already reported the error in the record
 
 
-def _print_result(ended: Ended, summary_text: str, lost: "LostTicks | None") -> None:
+def _print_result(ended: RunResult, summary_text: str, lost: "LostTicks | None") -> None:
     from rig.analysis.stop_reason import describe_ending
 
     outcome = ended.outcome

@@ -15,10 +15,10 @@ from rig.cli.devices_view import (
     render_verdict,
     value_as_dict,
 )
-from rig.execution.hardware.bench_survey import BenchFound, StreamFound
+from rig.execution.hardware.bench_survey import BenchSurvey, StreamSurvey
 
 
-def as_dict(rig: str, survey: BenchFound) -> dict[str, Any]:
+def as_dict(rig: str, survey: BenchSurvey) -> dict[str, Any]:
     """Return the survey as JSON values; null for a value that no device sent."""
     return {
         "status": "trouble" if survey.trouble else "ok",
@@ -40,7 +40,7 @@ def as_dict(rig: str, survey: BenchFound) -> dict[str, Any]:
     }
 
 
-def render(rig: str, survey: BenchFound) -> Group:
+def render(rig: str, survey: BenchSurvey) -> Group:
     """Draw one block per device, one table per line with a row per unit, and the verdict."""
     parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": devices on its wires\n")]
     for stream in survey.streams:
@@ -49,7 +49,7 @@ def render(rig: str, survey: BenchFound) -> Group:
     return Group(*parts, render_verdict(survey.trouble))
 
 
-def _render_stream(stream: StreamFound) -> list[Table | Text]:
+def _render_stream(stream: StreamSurvey) -> list[Table | Text]:
     head = Text.assemble((f"{stream.name}  ", "bold cyan"), f"at {stream.address}")
     if not stream.answers:
         return [head.append(f"\n  {stream.trouble}", BAD_STYLE), Text("")]

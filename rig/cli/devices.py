@@ -17,9 +17,9 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.rig_file import RigFile
-from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.hardware.bench_job import build_bench_job
 from rig.execution.hardware.bench_survey import survey_bench
-from rig.execution.hardware.job import job_of
+from rig.execution.hardware.job import build_job
 from rig.execution.hardware.listen import listen
 from rig.execution.hardware.survey import survey
 from rig.processes import wire_locks
@@ -43,7 +43,7 @@ def main(path: Path, *, only_listen: bool, objects: bool, as_json: bool) -> int:
             survey_wires = _passive_survey(rig)
         else:
             try:
-                locks.enter_context(wire_locks.hold(wire_locks.wires_of(rig), "rig devices"))
+                locks.enter_context(wire_locks.acquire(wire_locks.wires_in(rig), "rig devices"))
             except BusyError as error:
                 text = f"{error}\n--listen sends nothing: it shows what nodes on the CAN bus send"
                 return fail("devices", RuntimeError(text), as_json=as_json, code=cli.FAILED)
@@ -69,7 +69,7 @@ class _SurveyOutput(NamedTuple):
 
 
 def _wavebot_survey(rig: RigFile, objects: bool) -> Callable[[], _SurveyOutput]:
-    job = job_of(rig)
+    job = build_job(rig)
 
     def run_survey() -> _SurveyOutput:
         result = survey(job)
@@ -80,7 +80,7 @@ def _wavebot_survey(rig: RigFile, objects: bool) -> Callable[[], _SurveyOutput]:
 
 
 def _bench_survey(rig: BenchRigFile) -> Callable[[], _SurveyOutput]:
-    job = job_of_bench(rig)
+    job = build_bench_job(rig)
 
     def run_survey() -> _SurveyOutput:
         result = survey_bench(job)

@@ -10,14 +10,14 @@ from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
 from drivers.canopen.heartbeat import Nmt
-from rig.execution.hardware.line_survey import LineFound, UnitFound, ValueFound
-from rig.execution.hardware.listen import Heard
-from rig.execution.hardware.survey import BusFound, Found, NodeFound, register_words
+from rig.execution.hardware.line_survey import LineSurvey, SurveyedValue, UnitSurvey
+from rig.execution.hardware.listen import BusActivity
+from rig.execution.hardware.survey import BusSurvey, NodeSurvey, RigSurvey, error_register_text
 
 BAD_STYLE, NOTE_STYLE = "bold red", "dim"
 
 
-def as_dict(rig: str, survey: Found) -> dict[str, Any]:
+def as_dict(rig: str, survey: RigSurvey) -> dict[str, Any]:
     """Return the survey as JSON values; null for a value that no device sent."""
     can = survey.can
     return {
@@ -31,13 +31,13 @@ def as_dict(rig: str, survey: Found) -> dict[str, Any]:
             "planned_load": can.load,
             "trouble": can.trouble,
             "nodes": [_node_as_dict(node) for node in can.nodes],
-            "unlisted_nodes": list(can.strangers),
+            "unlisted_nodes": list(can.unexpected_nodes),
         },
         "lines": [line_as_dict(line, survey.at) for line in survey.lines],
     }
 
 
-def _node_as_dict(node: NodeFound) -> dict[str, Any]:
+def _node_as_dict(node: NodeSurvey) -> dict[str, Any]:
     code, status = node.error_code, node.statusword
     return {
         "name": node.name,
@@ -69,7 +69,7 @@ def _mismatch_as_dict(mismatch: arming.Mismatch) -> dict[str, Any]:
     }
 
 
-def line_as_dict(line: LineFound, at: float) -> dict[str, Any]:
+def line_as_dict(line: LineSurvey, at: float) -> dict[str, Any]:
     """Return a line and its units as JSON values; ``at``: time of the survey, monotonic (s)."""
     return {
         "name": line.name,
@@ -80,7 +80,7 @@ def line_as_dict(line: LineFound, at: float) -> dict[str, Any]:
     }
 
 
-def _unit_as_dict(unit: UnitFound, at: float) -> dict[str, Any]:
+def _unit_as_dict(unit: UnitSurvey, at: float) -> dict[str, Any]:
     return {
         "name": unit.name,
         "unit": unit.unit,
@@ -88,30 +88,30 @@ def _unit_as_dict(unit: UnitFound, at: float) -> dict[str, Any]:
         "answers": unit.answers,
         "answered_in_s": unit.took,
         "age": at - unit.asked if unit.answers else None,
-        "written_by_run": unit.told,
+        "written_by_run": unit.written,
         "values": [value_as_dict(value) for value in unit.values],
         "trouble": unit.trouble,
     }
 
 
-def value_as_dict(value: ValueFound) -> dict[str, Any]:
+def value_as_dict(value: SurveyedValue) -> dict[str, Any]:
     """Return a value as JSON values; null where it is not finite."""
     return {
         "name": value.name,
         "value": value.value if math.isfinite(value.value) else None,
         "unit": value.unit,
-        "plausible": value.believed,
+        "plausible": value.plausible,
     }
 
 
-def render(rig: str, survey: Found, *, all_objects: bool) -> Group:
+def render(rig: str, survey: RigSurvey, *, all_objects: bool) -> Group:
     """Draw the bus with a column per node, the lines with a row per unit, and the verdict."""
     parts: list[Table | Text] = [Text.assemble((rig, "bold"), ": devices on its wires\n")]
     parts += [_bus_text(survey.can)]
     if not survey.can.trouble:
         parts.append(_node_table(survey.can))
-        if survey.can.strangers:
-            numbers = ", ".join(map(str, survey.can.strangers))
+        if survey.can.unexpected_nodes:
+            numbers = ", ".join(map(str, survey.can.unexpected_nodes))
             parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
     parts.append(Text(""))
     parts += [part for line in survey.lines for part in render_line(line, survey.at)]
@@ -121,7 +121,7 @@ def render(rig: str, survey: Found, *, all_objects: bool) -> Group:
     return Group(*parts)
 
 
-def heard_as_dict(rig: str, heard: Heard) -> dict[str, Any]:
+def heard_as_dict(rig: str, heard: BusActivity) -> dict[str, Any]:
     """Return the nodes heard without sending as JSON values."""
     nodes = [
         {
@@ -139,11 +139,11 @@ def heard_as_dict(rig: str, heard: Heard) -> dict[str, Any]:
         "rig": rig,
         "listened_only": True,
         "trouble": list(heard.trouble),
-        "can": {"nodes": nodes, "unlisted_nodes": list(heard.strangers)},
+        "can": {"nodes": nodes, "unlisted_nodes": list(heard.unexpected_nodes)},
     }
 
 
-def render_heard(rig: str, heard: Heard) -> Group:
+def render_heard(rig: str, heard: BusActivity) -> Group:
     """Draw a row per node heard without sending, and the verdict."""
     title = Text.assemble(
         (rig, "bold"), ": devices that send by themselves; this command sent nothing\n"
@@ -157,13 +157,13 @@ def render_heard(rig: str, heard: Heard) -> Group:
         code = emcy.meaning(node.emergency) if node.emergency else "none"
         table.add_row(str(node.node), node.name, state, age, code)
     parts: list[Table | Text] = [title, table] if heard.nodes else [title]
-    if heard.strangers:
-        numbers = ", ".join(map(str, heard.strangers))
+    if heard.unexpected_nodes:
+        numbers = ", ".join(map(str, heard.unexpected_nodes))
         parts.append(Text(f"\nalso on the bus, not in the rig file: node {numbers}", "yellow"))
     return Group(*parts, Text(""), render_verdict(heard.trouble))
 
 
-def _bus_text(can: BusFound) -> Text:
+def _bus_text(can: BusSurvey) -> Text:
     bus = can.bus
     text_line = (
         f"{bus.interface} {bus.channel}, {bus.bit_rate / 1e3:g} kbit/s, "
@@ -173,7 +173,7 @@ def _bus_text(can: BusFound) -> Text:
     return text.append(f"\n  {can.trouble}", BAD_STYLE) if can.trouble else text
 
 
-def _node_table(can: BusFound) -> Table:
+def _node_table(can: BusSurvey) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, 2, 0, 0), expand=True)
     table.add_column("", width=18, style="dim")
     for node in can.nodes:
@@ -197,13 +197,13 @@ def _hex_text(value: int | None) -> Text:
     return _text_or_dash(None if value is None else f"{value:#010x}")
 
 
-def _nmt_text(node: NodeFound) -> Text:
+def _nmt_text(node: NodeSurvey) -> Text:
     if node.nmt is None:
         return Text("not known: no heartbeat", NOTE_STYLE)
     return Text(Nmt(node.nmt).name.lower().replace("_", "-"))
 
 
-def _heartbeat_text(node: NodeFound) -> Text:
+def _heartbeat_text(node: NodeSurvey) -> Text:
     if node.heartbeat_age is not None:
         interval = f" (every {node.heartbeat_every:g} s)" if node.heartbeat_every else ""
         return Text(f"{node.heartbeat_age:.2f} s ago{interval}")
@@ -214,19 +214,19 @@ def _heartbeat_text(node: NodeFound) -> Text:
     )
 
 
-def _status_text(node: NodeFound) -> Text:
+def _status_text(node: NodeSurvey) -> Text:
     if node.statusword is None:
         return Text("-", BAD_STYLE)
     bad = statusword.decode(node.statusword) in (statusword.FAULT, statusword.FAULT_REACTION)
     return Text(statusword.describe(node.statusword), BAD_STYLE if bad else "")
 
 
-def _error_register_text(node: NodeFound) -> Text:
+def _error_register_text(node: NodeSurvey) -> Text:
     value = node.identity.error_register
     if not value:
         return _text_or_dash("clear" if value == 0 else None)
-    text = f"{value:#04x} {register_words(value)}"
-    if node.waits:
+    text = f"{value:#04x} {error_register_text(value)}"
+    if node.waits_for_master:
         return Text(f"{text}: no heartbeat of its master", "yellow")
     return Text(text, BAD_STYLE)
 
@@ -237,20 +237,20 @@ def _error_code_text(code: int | None) -> Text:
     return Text(f"{code:#06x} {emcy.meaning(code)}", BAD_STYLE)
 
 
-def _settings_text(node: NodeFound) -> Text:
+def _settings_text(node: NodeSurvey) -> Text:
     if not node.wrong:
         return Text("all correct", "green")
     return Text("\n".join(f"not {mismatch.name}" for mismatch in node.wrong), BAD_STYLE)
 
 
-def _unset_text(node: NodeFound) -> Text:
+def _unset_text(node: NodeSurvey) -> Text:
     return Text(
         f"{len(node.unset)} of {node.checked} objects" if node.unset else "nothing", NOTE_STYLE
     )
 
 
 # Label and text function of each row of the node table.
-_ROWS: tuple[tuple[str, Callable[[NodeFound], Text]], ...] = (
+_ROWS: tuple[tuple[str, Callable[[NodeSurvey], Text]], ...] = (
     ("answers", lambda node: Text("yes", "green") if node.answers else Text("no", BAD_STYLE)),
     ("device name", lambda node: _text_or_dash(node.identity.name)),
     ("device type", lambda node: _hex_text(node.identity.device_type)),
@@ -267,7 +267,7 @@ _ROWS: tuple[tuple[str, Callable[[NodeFound], Text]], ...] = (
 )
 
 
-def _unset_objects_text(node: NodeFound) -> Text:
+def _unset_objects_text(node: NodeSurvey) -> Text:
     heading = f"{node.name} (node {node.node}): objects that a run will set before it arms\n"
     return Text.assemble((heading, "bold"), *map(_unset_object_text, node.unset))
 
@@ -282,7 +282,7 @@ def _count_text(value: int) -> str:
     return f"{value}" if -1000 < value < 1000 else f"{value} ({value:#x})"
 
 
-def render_line(line: LineFound, at: float) -> list[Table | Text]:
+def render_line(line: LineSurvey, at: float) -> list[Table | Text]:
     """Draw a line with a row per unit; ``at``: time of the survey, monotonic (s)."""
     kind = "Modbus TCP" if line.kind == "tcp" else "Modbus RTU"
     head = Text.assemble((f"line {line.name}  ", "bold cyan"), f"{kind} at {line.address}")
@@ -302,16 +302,16 @@ def render_line(line: LineFound, at: float) -> list[Table | Text]:
     return [head, table, Text("")]
 
 
-def _unit_values(unit: UnitFound) -> Table | Text:
+def _unit_values(unit: UnitSurvey) -> Table | Text:
     """Draw names and values in columns; a number and its unit stay on one line."""
     if not unit.answers:
         return Text(unit.trouble, BAD_STYLE)
-    if unit.told:
+    if unit.written:
         return Text("written by a run, not read", NOTE_STYLE)
     return render_values(unit.values)
 
 
-def render_values(values: tuple[ValueFound, ...]) -> Table:
+def render_values(values: tuple[SurveyedValue, ...]) -> Table:
     """Draw values in one row, each with its name and unit."""
     table = Table.grid(padding=(0, 3, 0, 0))
     cells = []
@@ -319,7 +319,7 @@ def render_values(values: tuple[ValueFound, ...]) -> Table:
         table.add_column(no_wrap=True, overflow="fold")
         digits = ".0f" if value.unit == "count" else ".4g"
         number = f"{value.value:{digits}}" + (f" {value.unit}" if value.unit != "flag" else "")
-        style = "" if value.believed else BAD_STYLE
+        style = "" if value.plausible else BAD_STYLE
         cells.append(Text.assemble((f"{value.name} ", NOTE_STYLE), (number, style)))
     table.add_row(*cells)
     return table

@@ -12,7 +12,7 @@ import typer
 from rig import cli
 
 if TYPE_CHECKING:
-    from rig.execution.replay import Replayed
+    from rig.execution.replay import ReplayReport
 
 EXIT_CODES = """\
 Exit codes: 0 today's cycle reproduces every command and mode to the bit (--with: every row \
@@ -94,12 +94,12 @@ def main(run_name: Path, runs: Path, *, as_json: bool) -> int:
             "requests": [request._asdict() for request in comparison.requests],
             "absent": list(comparison.absent),
             "finished": comparison.finished,
-            "same": comparison.same,
+            "same": comparison.identical,
         }
         print(json.dumps(report))
     else:
         _print_report(comparison)
-    return cli.OK if comparison.same else cli.FAILED
+    return cli.OK if comparison.identical else cli.FAILED
 
 
 def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
@@ -109,7 +109,7 @@ def _without_nan(values: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _print_report(comparison: "Replayed") -> None:
+def _print_report(comparison: "ReplayReport") -> None:
     for request in comparison.requests:
         print(f"tick {request.tick}: the log shows a request, {request.name}; applied again")
     if not comparison.finished:
@@ -118,7 +118,7 @@ def _print_report(comparison: "Replayed") -> None:
     if comparison.absent:
         print(f"the run has no {', '.join(comparison.absent)}: not compared")
     compared = f"{comparison.fields} fields of {comparison.ticks} ticks"
-    if comparison.same:
+    if comparison.identical:
         print(f"no diff: {compared} are the same to the bit")
         return
     first = comparison.differences[0]

@@ -12,9 +12,9 @@ from rig.cli.command_error import fail
 from rig.cli.progress import Progress
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.config.problems import Problem
-from rig.execution.campaign import carry_out, rehearsal, wired
+from rig.execution.campaign import rehearsal_mode, run_campaign, wired_mode
 from rig.execution.hardware.job import WiringError
-from rig.execution.task import Ended, ExecutionMode
+from rig.execution.task import ExecutionMode, RunResult
 from rig.planning.campaign import Campaign, Plan
 from rig.recording.runs import RunError, create
 
@@ -46,11 +46,11 @@ def main(path: Path, runs: Path, options: RunOptions, *, as_json: bool) -> int:
         return fail("run", error, as_json=as_json, code=cli.BAD_INPUT)
     try:
         with Progress(title, mode.name, plan, quiet=as_json) as view:
-            ended = carry_out(campaign, plan, runs, view, mode)
+            ended = run_campaign(campaign, plan, runs, view, mode)
     except (create.BusyError, OSError, RunError) as error:
         return fail("run", error, as_json=as_json, code=cli.FAILED)
     products, summary, trouble = _analyse(ended, quiet=as_json)
-    trouble = "; ".join(filter(None, (ended.trouble, trouble)))
+    trouble = "; ".join(filter(None, (ended.save_error, trouble)))
     outcome = ended.outcome
     if as_json:
         print(
@@ -100,11 +100,11 @@ def _execution_mode(campaign: Campaign, options: RunOptions) -> ExecutionMode:
             raise WiringError(
                 f"{campaign.rig.name} has no wiring, so no devices can be emulated; leave out --sim"
             )
-        return rehearsal(campaign, real_clock=options.realtime)
-    return wired(campaign, emulated=options.emulated)
+        return rehearsal_mode(campaign, real_clock=options.realtime)
+    return wired_mode(campaign, emulated=options.emulated)
 
 
-def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], str]:
+def _analyse(ended: RunResult, *, quiet: bool) -> tuple[list[Path], dict[str, Any], str]:
     """Return the run's products, its summary as in `rig show --json`, and the trouble.
 
     The trouble states why products are missing. A run without a tick has no products and no
@@ -132,7 +132,7 @@ def _analyse(ended: Ended, *, quiet: bool) -> tuple[list[Path], dict[str, Any], 
 
 
 def _print_result(
-    ended: Ended, summary: dict[str, Any], products: list[Path], failure: str
+    ended: RunResult, summary: dict[str, Any], products: list[Path], failure: str
 ) -> None:
     from rig.analysis import phrases
     from rig.analysis.stop_reason import ENDINGS

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rig import cli
-from rig.execution.task import Ended
+from rig.execution.task import RunResult
 from rig.processes.run_types import Outcome
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.realtime.safety import Mode, Reason
@@ -55,7 +55,7 @@ def _flag_type(name: str) -> type[IntFlag] | None:
     return next(endings, None)
 
 
-def print_folder(ended: Ended, products: list[Path], trouble: str) -> None:
+def print_folder(ended: RunResult, products: list[Path], trouble: str) -> None:
     """Print lost rows, the messages of the run, and the paths of folder and products."""
     outcome = ended.outcome
     if outcome.dropped or outcome.unsaved:

@@ -116,14 +116,14 @@ class RunPanel(ABC):
         for label, text in self.detail_lines(snapshot):
             table.add_row(label, text)
         table.add_row("time", self._time_text(snapshot))
-        health = f"{_loss_text(snapshot)}, {snapshot.behind} rows not yet on disk"
+        health = f"{_loss_text(snapshot)}, {snapshot.unsaved_rows} rows not yet on disk"
         table.add_row("health", health)
         heading = Text(f"{self._title}   ", style="bold")
         heading.append(_MODE_LABELS.get(self._mode, self._mode.upper()), style="black on yellow")
         bar = Table.grid()
         bar.add_row(ProgressBar(total=total, completed=min(elapsed, total), width=72))
         parts: list[Text | Table] = [heading, bar, table]
-        for text in (snapshot.trouble, self.notice):
+        for text in (snapshot.problem, self.notice):
             if text:
                 parts.append(Text(text, style="bold red"))
         return Group(*parts)
@@ -159,5 +159,5 @@ class RunPanel(ABC):
         return (
             f"{self._time_text(snapshot)}  {' '.join(self.plan_position(snapshot))}  "
             f"{self.short_text(snapshot)}  {_loss_text(snapshot)}"
-            + (f"  {snapshot.trouble}" if snapshot.trouble else "")
+            + (f"  {snapshot.problem}" if snapshot.problem else "")
         )

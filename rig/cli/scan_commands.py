@@ -15,7 +15,7 @@ from rig import cli
 from rig.cli.command_error import fail
 from rig.cli.console import table_console
 from rig.execution.hardware import scan
-from rig.processes.wire_locks import Wire, can_wire, hold, network_wire, serial_wire
+from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire, serial_wire
 from rig.recording.runs.create import BusyError
 
 _LATE_ANSWER_S = 0.1  # wait for a late answer after a timeout on a serial line
@@ -48,8 +48,8 @@ def scan_can(
     try:
         if only_listen:
             return _listen_can(bus, timeout, as_json=as_json)
-        with hold((can_wire(interface, channel, dict(bus.options)),), "rig scan can"):
-            nodes = scan.nodes(bus, timeout)
+        with acquire((can_wire(interface, channel, dict(bus.options)),), "rig scan can"):
+            nodes = scan.scan_nodes(bus, timeout)
     except BusyError as error:
         refusal = RuntimeError(
             f"{error}; --listen sends nothing and lists the nodes that send by themselves"
@@ -84,15 +84,15 @@ def scan_modbus(
     except ValueError as error:
         return fail("scan modbus", error, as_json=as_json)
     numbers = range(unit_range[0], unit_range[1] + 1)
-    results: list[scan.UnitAsked] = []
+    results: list[scan.UnitResponse] = []
     stopped = False
     try:
         with (
-            hold((_wire_of(settings),), "rig scan modbus"),
+            acquire((_wire_of(settings),), "rig scan modbus"),
             _progress_bar(len(numbers), quiet=as_json) as step,
         ):
             try:
-                for result in scan.units(settings, numbers, register):
+                for result in scan.scan_units(settings, numbers, register):
                     results.append(result)
                     step(result)
             except KeyboardInterrupt:
@@ -109,7 +109,7 @@ def scan_modbus(
                     "queried": [unit.unit for unit in results],
                     "every_number_answers": all_answer,
                     "units": [
-                        {"unit": unit.unit, "answered_in_s": unit.took, "answer": unit.said}
+                        {"unit": unit.unit, "answered_in_s": unit.duration, "answer": unit.answer}
                         for unit in answering
                     ],
                 }
@@ -123,7 +123,7 @@ def scan_modbus(
 
 
 def _listen_can(bus: Bus, timeout: float, *, as_json: bool) -> int:
-    numbers = scan.heard(bus, timeout)
+    numbers = scan.listen_for_nodes(bus, timeout)
     if as_json:
         print(json.dumps({"status": "complete", "listened_only": True, "heard": list(numbers)}))
     elif numbers:
@@ -165,7 +165,7 @@ def _line_settings(address: str | None, line: SerialLine | None, timeout: float)
     return Tcp(host, int(port), timeout)
 
 
-def _node_table(nodes: tuple[scan.NodeHeard, ...]) -> Table:
+def _node_table(nodes: tuple[scan.DetectedNode, ...]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
     table.add_column("node", justify="right", no_wrap=True)
     for name in ("device type", "vendor", "product", "revision", "serial"):
@@ -209,7 +209,7 @@ def _progress_bar(count: int, *, quiet: bool) -> Iterator[Any]:
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=count, unit="")
 
-        def step(unit: scan.UnitAsked) -> None:
+        def step(unit: scan.UnitResponse) -> None:
             if unit.answers:
                 bar.console.print(f"unit {unit.unit} answers")
             bar.update(task, advance=1, unit=unit.unit)
@@ -218,7 +218,7 @@ def _progress_bar(count: int, *, quiet: bool) -> Iterator[Any]:
 
 
 def _print_units(
-    answering: list[scan.UnitAsked], queried: int, total: int, *, all_answer: bool
+    answering: list[scan.UnitResponse], queried: int, total: int, *, all_answer: bool
 ) -> None:
     console = table_console()
     stopped_text = f" (stopped; {total - queried} not queried)" if queried < total else ""
@@ -230,7 +230,7 @@ def _print_units(
     table.add_column("answered in", justify="right", no_wrap=True)
     table.add_column("with")
     for unit in answering:
-        table.add_row(str(unit.unit), f"{1e3 * unit.took:.1f} ms", Text(unit.said))
+        table.add_row(str(unit.unit), f"{1e3 * unit.duration:.1f} ms", Text(unit.answer))
     console.print(table)
     console.print(f"\n{len(answering)} of {queried} units answer{stopped_text}")
     if all_answer:

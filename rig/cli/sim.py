@@ -15,10 +15,10 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.sim_view import emulated_devices, show
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
-from rig.execution.hardware.bench_job import job_of_bench
-from rig.execution.hardware.job import WiringError, job_of
-from rig.execution.rehearsal.addresses import AnyWiring, impossible, taken
-from rig.execution.rehearsal.standalone import alone
+from rig.execution.hardware.bench_job import build_bench_job
+from rig.execution.hardware.job import WiringError, build_job
+from rig.execution.rehearsal.addresses import AnyWiring, occupied_addresses, unreachable_addresses
+from rig.execution.rehearsal.standalone import load_standalone
 from rig.planning.session.files import is_session
 from rig.processes.io_processes import IoProcess, IoProcessError, IoProcesses
 
@@ -33,7 +33,9 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
         wiring = _checked_wiring(rig)
     except INPUT_ERRORS as error:
         return refuse("sim", error, as_json=as_json)
-    if taken_addresses := taken(wiring):  # the devices check again, but only after their start
+    if taken_addresses := occupied_addresses(
+        wiring
+    ):  # the devices check again, but only after their start
         busy = RuntimeError("\n".join(taken_addresses))
         return fail("sim", busy, as_json=as_json, code=cli.FAILED)
     with (
@@ -67,17 +69,17 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
 def _open_devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, str]:
     """Return the rig, the process that emulates its devices, and their setting in words."""
     if campaign is None:
-        rig, devices = alone(path)
+        rig, devices = load_standalone(path)
         bench = isinstance(rig, BenchRigFile)
         return rig, devices, "a bench at rest, its servo drive set up for velocity" if bench else (
             "calm water"
         )  # fmt: skip
     if is_session(campaign):
         from rig.execution.rehearsal.bench_emulation import emulator_process
-        from rig.execution.rehearsal.bench_job import problems_of_session
+        from rig.execution.rehearsal.bench_job import session_problems
         from rig.planning.session import open_session
 
-        session = open_session(campaign, problems_of_session, path)
+        session = open_session(campaign, session_problems, path)
         setting = f"a bench, its servo drive set up for {session.file.loop}"
         return session.rig, emulator_process(session), setting
     from rig.execution.rehearsal import emulation, job
@@ -92,23 +94,23 @@ def _checked_wiring(rig: AnyRigFile) -> AnyWiring:
     """Return the wiring of a rig whose devices can be emulated; WiringError gives the reason."""
     if rig.wiring is None:
         raise WiringError(f"{rig.name} has no wiring, so no devices can be emulated")
-    reasons = impossible(rig.wiring)
+    reasons = unreachable_addresses(rig.wiring)
     if reasons:
         raise WiringError("\n".join(reasons))
     if isinstance(rig, BenchRigFile):
-        job_of_bench(rig)
+        build_bench_job(rig)
     else:
-        job_of(rig)
+        build_job(rig)
     return rig.wiring
 
 
 def _wait_for_end(io_processes: IoProcesses, stop_requested: Callable[[], bool]) -> str:
     """Wait for Ctrl-C; return the trouble that ended the devices before it (empty: none)."""
     while not stop_requested():
-        trouble = io_processes.listen()
-        for line in io_processes.said:
+        trouble = io_processes.check()
+        for line in io_processes.messages:
             print(line, file=sys.stderr, flush=True)
-        io_processes.said.clear()
+        io_processes.messages.clear()
         if trouble:
             return trouble
         time.sleep(_POLL_INTERVAL_S)

@@ -1,1 +1,1 @@
-"""Running a plan: rehearsal, real wires, replay."""
+"""Execution of a plan: rehearsal, emulated or real hardware, replay."""

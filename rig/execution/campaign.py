@@ -1,47 +1,56 @@
-"""One campaign, from its checked file to its products: what `rig run` does."""
+"""Execution of one campaign, from its checked file to its run folder, as by `rig run`."""
 
 from pathlib import Path
 from typing import Any
 
 from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation, job
-from rig.execution.task import Ended, ExecutionMode, Task, View, carry_out_task
+from rig.execution.task import ExecutionMode, RunResult, Task, View, run_task
 from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
 from rig.planning.campaign import Campaign, Plan, resolved_config
 from rig.planning.campaign.windows import repeat_period
-from rig.processes.wire_locks import wires_of
+from rig.processes.wire_locks import wires_in
 
 
-def rehearsal(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
-    """The simulated plant in the loop's own process."""
+def rehearsal_mode(campaign: Campaign, *, real_clock: bool) -> ExecutionMode:
+    """Return the mode with the simulated plant in the loop's own process."""
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.execution.rehearsal", job.devices_of(campaign)
+        "rehearsal", real_clock, "rig.execution.rehearsal", job.plant_settings(campaign)
     )
 
 
-def wired(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
-    """The devices on the rig's wires, or emulated ones on the far end of the same wires.
+def wired_mode(campaign: Campaign, *, emulated: bool) -> ExecutionMode:
+    """Return the mode with the devices on the rig's wires, or with emulated ones on the far end.
 
-    WiringError says, all at once, why these wires must not be powered.
+    WiringError lists all reasons why these wires must not be powered.
     """
-    made = hardware.job_of(campaign.rig)
-    wires = wires_of(campaign.rig)
+    wired_job = hardware.build_job(campaign.rig)
+    wires = wires_in(campaign.rig)
     if not emulated:
         return ExecutionMode(
-            "hardware", True, "rig.execution.hardware", made.devices, made.io_processes, wires
+            "hardware",
+            True,
+            "rig.execution.hardware",
+            wired_job.devices,
+            wired_job.io_processes,
+            wires,
         )
-    companions = (emulation.emulator_process(campaign), *made.io_processes)
-    return ExecutionMode("hil", True, "rig.execution.hardware", made.devices, companions, wires)
+    io_processes = (emulation.emulator_process(campaign), *wired_job.io_processes)
+    return ExecutionMode(
+        "hil", True, "rig.execution.hardware", wired_job.devices, io_processes, wires
+    )
 
 
-def carry_out(campaign: Campaign, plan: Plan, runs: Path, view: View, mode: ExecutionMode) -> Ended:
-    """Run a campaign to its end; see `rig.execution.task.carry_out_task`."""
-    return carry_out_task(task_of(campaign, plan), runs, view, mode)
+def run_campaign(
+    campaign: Campaign, plan: Plan, runs: Path, view: View, mode: ExecutionMode
+) -> RunResult:
+    """Run a campaign to its end and return the result; see `rig.execution.task.run_task`."""
+    return run_task(campaign_task(campaign, plan), runs, view, mode)
 
 
-def task_of(campaign: Campaign, plan: Plan) -> Task:
-    """The campaign as something that can be run."""
+def campaign_task(campaign: Campaign, plan: Plan) -> Task:
+    """Return the task of a campaign."""
     file, rig = campaign.file, campaign.rig
     return Task(
         file.name,
@@ -53,13 +62,13 @@ def task_of(campaign: Campaign, plan: Plan) -> Task:
         rig.realtime == "required",
         rig.supervisor_timeout_s,
         resolved_config(campaign),
-        _planned(campaign, plan),
+        _plan_record(campaign, plan),
     )
 
 
-def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
+def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
     sea = campaign.file.sea
-    planned = {
+    record = {
         "dt": plan.dt,
         "rows": [
             {
@@ -76,26 +85,26 @@ def _planned(campaign: Campaign, plan: Plan) -> dict[str, Any]:
         "device": campaign.file.device,
         "repeat_s": repeat_period(sea),
         "sea": sea.model_dump(mode="json") | {"words": sea.description()},
-        "reference": _reference(campaign),
-        "hoist": _hoist(campaign),
+        "reference": _reference_record(campaign),
+        "hoist": _hoist_record(campaign),
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }
-    if sea.kind != "calm":  # by lines: a wave calibration, excitation and a twin ask for them
-        planned["asked_sea"] = job.asked_sea(campaign)
-    return planned
+    if sea.kind != "calm":  # the sea's lines, for wave calibration, excitation and twin
+        record["asked_sea"] = job.requested_sea(campaign)
+    return record
 
 
-def _hoist(campaign: Campaign) -> dict[str, Any] | None:
-    """What moved the body, as the spring map's analysis needs it; None without a hoist."""
+def _hoist_record(campaign: Campaign) -> dict[str, Any] | None:
+    """Return the hoist's motion as the spring map's analysis needs it; None without a hoist."""
     hoist = campaign.file.hoist
     if hoist is None:
         return None
     return {**hoist.model_dump(mode="json"), "period_s": hoist.period, "words": hoist.description()}
 
 
-def _reference(campaign: Campaign) -> dict[str, Any] | None:
-    """The open-loop reference as identification needs it; None without one."""
+def _reference_record(campaign: Campaign) -> dict[str, Any] | None:
+    """Return the open-loop reference as identification needs it; None without one."""
     reference = campaign.file.reference
     if reference is None:
         return None

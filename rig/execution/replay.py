@@ -1,11 +1,11 @@
-"""Open-loop replay: what a run sensed, through today's cycle, against what was decided then.
+"""Open-loop replay of a run: today's cycle processes the logged senses; its rows are compared.
 
-The cycle is pure, so with the same senses it must give the same commands and modes to the last bit;
-where it does not, code or configuration are not what they were. What a command would have done to
-the body is not asked: the senses stay those of the log.
+The cycle is pure, so the same senses must give the same commands and modes to the last bit. Where
+they do not, code or configuration have changed. The replay does not simulate the body: a changed
+command does not change the senses, which stay those of the log.
 
-Requests of people are not logged. Where the log's safety machine went somewhere that only a request
-leads to, that request is given to the cycle, too, and told.
+Requests of people are not logged. Where the log's safety machine reached a mode that only a request
+leads to, the replay gives the cycle that request and reports it.
 """
 
 import os
@@ -28,17 +28,18 @@ from rig.recording.runs import RunError, reader, run_info
 from rig.recording.runs.folder import RunInfo
 from rig.recording.runs.mcap_file import Records, row_dtype
 
-_LOGGED_AS = {  # words of a WaveBot's `Sense` by their place in a row; others stand by their name
+# Row prefixes of the fields of a WaveBot's `Sense`; the prefix of a field not listed is its name.
+_ROW_PREFIXES = {
     "heave": "heave.sense",
     "surge": "surge.sense",
     "spring": "spring_sense",
     "power": "power_sense",
     "drive": "drive_sense",
 }
-_GIVEN = ("tick", "time", "timing", "tick_end")
-_TIMING = ("timing.lateness", "timing.work", "timing.skipped")
-_SAFETY = ("safety.mode", "safety.reason")
-_REQUESTS = {
+_INPUT_FIELDS = ("tick", "time", "timing", "tick_end")
+_TIMING_FIELDS = ("timing.lateness", "timing.work", "timing.skipped")
+_SAFETY_FIELDS = ("safety.mode", "safety.reason")
+_REQUEST_CODES = {
     "STOP": safety.REQUEST_STOP,
     "ABORT": safety.REQUEST_ABORT,
     "HOLD": safety.REQUEST_HOLD,
@@ -46,175 +47,186 @@ _REQUESTS = {
     "LOGGER_LOST": safety.REQUEST_LOGGER_LOST,
     "SUPERVISOR_LOST": safety.REQUEST_SUPERVISOR_LOST,
 }
-Seen = Callable[[int], None]
+ProgressCallback = Callable[[int], None]
 
 
-class _Subject(NamedTuple):
-    """What is replayed: a kind of rig, told what the run was told."""
+class _ReplayTarget(NamedTuple):
+    """The kind of rig to replay, with the parameters of the run."""
 
     kind: cycle.Kind
-    sense: Any  # type of what is read in a tick
-    places: dict[str, str]  # of its words in a row
+    sense: Any  # NamedTuple type of the sense
+    row_prefixes: dict[str, str]  # by field of the sense
     params: cycle.Params
     dt: float  # s
 
-    def fields(self) -> list[str]:
-        """The row's fields that make up a sense, in its order."""
-        found = []
+    def sense_fields(self) -> list[str]:
+        """Return the row fields that make up a sense, in its order."""
+        names = []
         for leaf in row_layout.leaves(self.sense):
-            word, *rest = leaf.path
-            found.append(".".join([self.places[word], *rest]))
-        return found
+            first, *rest = leaf.path
+            names.append(".".join([self.row_prefixes[first], *rest]))
+        return names
 
-    def given(self, name: str) -> bool:
-        """Whether a field of the row is what the cycle is given, not what it makes of it."""
-        words = tuple(f"{each}." for each in (*_GIVEN, *self.places.values()))
-        return name in _GIVEN or name.startswith(words)
+    def is_input(self, name: str) -> bool:
+        """Return whether a row field is an input of the cycle, not a result."""
+        prefixes = tuple(f"{each}." for each in (*_INPUT_FIELDS, *self.row_prefixes.values()))
+        return name in _INPUT_FIELDS or name.startswith(prefixes)
 
 
 class Difference(NamedTuple):
-    """A field that did not come out as it was logged."""
+    """A field whose replayed values differ from the logged ones."""
 
     field: str
     unit: str
-    ticks: int  # in which it differs
-    first: int  # tick
-    logged: float  # in that tick
-    replayed: float
-    largest: float  # difference; NaN where one of the two is no number
+    ticks: int  # number of differing ticks
+    first: int  # first differing tick
+    logged: float  # value in that tick
+    replayed: float  # value in that tick
+    largest: float  # largest difference; NaN where one of the two values is NaN
 
 
 class Request(NamedTuple):
-    """A request that the log shows."""
+    """A request that the logged modes imply."""
 
     tick: int
     name: str
 
 
-class Replayed(NamedTuple):
-    """A run beside its replay."""
+class ReplayReport(NamedTuple):
+    """The comparison of a run with its replay."""
 
     run: str
     ticks: int
-    fields: int  # compared
+    fields: int  # number of compared fields
     differences: tuple[Difference, ...]  # the earliest first; empty: no difference
     requests: tuple[Request, ...]
     absent: tuple[str, ...]  # fields of today's rows that the run does not have
-    finished: bool  # its logger ended the record; else what it lost at the end is not compared
+    finished: bool  # False: the logger did not end the record; lost last rows are not compared
 
     @property
-    def same(self) -> bool:
-        """Whether nothing differs."""
+    def identical(self) -> bool:
+        """Whether no field differs."""
         return not self.differences
 
 
-def replay(run: str | os.PathLike[str], see: Seen = lambda ticks: None) -> Replayed:
-    """Every tick of a run through today's cycle; ``see`` is told how many ticks are done.
+def replay(
+    run: str | os.PathLike[str], on_progress: ProgressCallback = lambda ticks: None
+) -> ReplayReport:
+    """Replay every tick of a run with today's cycle and return the comparison.
 
-    Raises RunError for a run that cannot be replayed: no configuration of today's, no tick, or no
-    record of its first tick, ticks lost from the log, or a sense that was not logged.
+    ``on_progress`` is called with the number of ticks replayed so far. Raises RunError for a run
+    that cannot be replayed: its configuration is not valid today, it has no tick or not the first
+    one, ticks are missing from the log, or a sense was not logged.
     """
     source = reader.open_files(run)
-    known = run_info(run, source.contents)
-    subject = _subject(known)
+    run_facts = run_info(run, source.contents)
+    target = _load_target(run_facts)
     names = [leaf.name for leaf in source.leaves]
-    absent_senses = [name for name in (*subject.fields(), *_TIMING, *_SAFETY) if name not in names]
+    absent_senses = [
+        name
+        for name in (*target.sense_fields(), *_TIMING_FIELDS, *_SAFETY_FIELDS)
+        if name not in names
+    ]
     if absent_senses:
-        raise RunError(f"{known.run}: it did not log {', '.join(absent_senses)}")
-    today = row_layout.leaves(subject.kind.row_type)
-    compared = [leaf for leaf in today if leaf.name in names and not subject.given(leaf.name)]
-    tally, walk = _Tally(compared), _Walk(subject, known.run)
+        raise RunError(f"{run_facts.run}: it did not log {', '.join(absent_senses)}")
+    today = row_layout.leaves(target.kind.row_type)
+    compared = [leaf for leaf in today if leaf.name in names and not target.is_input(leaf.name)]
+    comparison, cycle_replay = _Comparison(compared), _CycleReplay(target, run_facts.run)
     done = 0
     for block in reader.blocks(source):
-        tally.add(block, walk.through(block))
+        comparison.add(block, cycle_replay.replay_block(block))
         done += len(block)
-        see(done)
+        on_progress(done)
     if not done:
-        raise RunError(f"{known.run}: it logged no tick")
+        raise RunError(f"{run_facts.run}: it logged no tick")
     absent = tuple(leaf.name for leaf in today if leaf.name not in names)
     finished = all(contents.finished for contents in source.contents)
-    found, requests = tally.differences(), tuple(walk.requests)
-    return Replayed(known.run, done, len(compared), found, requests, absent, finished)
+    differences, requests = comparison.differences(), tuple(cycle_replay.requests)
+    return ReplayReport(run_facts.run, done, len(compared), differences, requests, absent, finished)
 
 
-class _Walk:
-    """The cycle, block after block of logged ticks."""
+class _CycleReplay:
+    """The cycle and its state, stepped through blocks of logged ticks."""
 
-    def __init__(self, subject: _Subject, run: str) -> None:
-        self._params, self._dt, self._run = subject.params, subject.dt, run
-        self._step = cycle.make(subject.kind)
-        self._state = cycle.start(subject.kind, subject.params, 0)
-        self._fields = subject.fields()
-        self._sense = subject.sense
-        kinds: list[Any] = list(subject.sense.__annotations__.values())
-        self._words = [(kind, len(kind._fields)) for kind in kinds]
-        self._pack = row_layout.packer(subject.kind.row_type)
-        self._dtype = row_dtype(row_layout.leaves(subject.kind.row_type))
+    def __init__(self, target: _ReplayTarget, run: str) -> None:
+        self._params, self._dt, self._run = target.params, target.dt, run
+        self._step = cycle.make(target.kind)
+        self._state = cycle.start(target.kind, target.params, 0)
+        self._fields = target.sense_fields()
+        self._sense = target.sense
+        kinds: list[Any] = list(target.sense.__annotations__.values())
+        self._parts = [(kind, len(kind._fields)) for kind in kinds]
+        self._pack = row_layout.packer(target.kind.row_type)
+        self._dtype = row_dtype(row_layout.leaves(target.kind.row_type))
         self._next = self._skipped = 0
         self.requests: list[Request] = []
 
-    def through(self, block: Records) -> Records:
-        """The rows that today's cycle makes of these ticks."""
+    def replay_block(self, block: Records) -> Records:
+        """Return the rows that today's cycle gives for these ticks."""
         size = self._dtype.itemsize
         packed = bytearray(size * len(block))
-        for i, (tick, timing, sense, told) in enumerate(self._given(block)):
+        for i, (tick, timing, sense, logged) in enumerate(self._read_inputs(block)):
             skipped = timing.skipped - self._skipped
             if tick != self._next + skipped:
                 raise RunError(
-                    f"{self._run}: tick {self._next} is not in the log, so what came after it "
-                    "cannot be replayed"
+                    f"{self._run}: tick {self._next} is not in the log; the ticks after it cannot "
+                    "be replayed"
                 )
             self._next, self._skipped = tick + 1, timing.skipped
-            self._pack(packed, i * size, self._tick(tick, timing, sense, told, 1 + skipped))
+            self._pack(
+                packed, i * size, self._replay_tick(tick, timing, sense, logged, 1 + skipped)
+            )
         return np.frombuffer(packed, self._dtype)
 
-    def _tick(
-        self, tick: int, timing: cycle.Timing, sense: Any, told: tuple[int, int], periods: int
+    def _replay_tick(
+        self, tick: int, timing: cycle.Timing, sense: Any, logged: tuple[int, int], periods: int
     ) -> Any:
-        """One row; where the log's mode or reason needs a request, with that request."""
+        """Return one row. Where only a request explains the logged mode and reason, apply it."""
 
-        def stepped(request: int) -> tuple[cycle.State, Any]:
+        def step(request: int) -> tuple[cycle.State, Any]:
             state, _, row = self._step(
                 self._params, self._state, sense, request, tick, timing, periods, self._dt
             )
             return state, row
 
-        state, row = stepped(safety.REQUEST_NONE)
-        if (row.safety.mode, row.safety.reason) != told:
-            for name, request in _REQUESTS.items():
-                asked, asked_row = stepped(request)
-                if (asked_row.safety.mode, asked_row.safety.reason) == told:
+        state, row = step(safety.REQUEST_NONE)
+        if (row.safety.mode, row.safety.reason) != logged:
+            for name, request in _REQUEST_CODES.items():
+                requested_state, requested_row = step(request)
+                if (requested_row.safety.mode, requested_row.safety.reason) == logged:
                     self.requests.append(Request(tick, name))
-                    state, row = asked, asked_row
+                    state, row = requested_state, requested_row
                     break
         self._state = state
         return row
 
-    def _given(self, block: Records) -> Iterator[tuple[int, cycle.Timing, Any, tuple[int, int]]]:
-        """Tick, timing, sense, and mode and reason of the log."""
+    def _read_inputs(
+        self, block: Records
+    ) -> Iterator[tuple[int, cycle.Timing, Any, tuple[int, int]]]:
+        """Yield tick, timing, sense, and logged mode and reason of each tick of a block."""
         columns = [block[name].tolist() for name in self._fields]
         ticks = block["tick"].tolist()
-        timings = zip(*(block[name].tolist() for name in _TIMING), strict=True)
-        told = zip(*(block[name].tolist() for name in _SAFETY), strict=True)
-        for tick, timing, safe, values in zip(
-            ticks, timings, told, zip(*columns, strict=True), strict=True
+        timings = zip(*(block[name].tolist() for name in _TIMING_FIELDS), strict=True)
+        logged = zip(*(block[name].tolist() for name in _SAFETY_FIELDS), strict=True)
+        for tick, timing, mode_and_reason, values in zip(
+            ticks, timings, logged, zip(*columns, strict=True), strict=True
         ):
-            words, at = [], 0
-            for kind, length in self._words:
-                words.append(kind(*values[at : at + length]))
+            parts, at = [], 0
+            for kind, length in self._parts:
+                parts.append(kind(*values[at : at + length]))
                 at += length
-            yield tick, cycle.Timing(*timing), self._sense(*words), safe
+            yield tick, cycle.Timing(*timing), self._sense(*parts), mode_and_reason
 
 
-class _Tally:
-    """What differs, field by field, as blocks come."""
+class _Comparison:
+    """The differences by field, collected block by block."""
 
     def __init__(self, compared: list[row_layout.Leaf]) -> None:
         self._leaves = compared
-        self._found: dict[str, Difference] = {}
+        self._differences: dict[str, Difference] = {}
 
     def add(self, logged: Records, replayed: Records) -> None:
-        """Compare some more ticks; numbers that are none are alike."""
+        """Compare a block of ticks; two NaN are equal."""
         for leaf in self._leaves:
             one, other = logged[leaf.name], replayed[leaf.name]
             differs = (one != other) & ~(np.isnan(one) & np.isnan(other))
@@ -232,51 +244,54 @@ class _Tally:
                 float(other[i]),
                 size,
             )
-            before = self._found.get(leaf.name, first)
+            before = self._differences.get(leaf.name, first)
             largest = float(np.maximum(before.largest, size))
-            self._found[leaf.name] = before._replace(ticks=before.ticks + len(at), largest=largest)
+            self._differences[leaf.name] = before._replace(
+                ticks=before.ticks + len(at), largest=largest
+            )
 
     def differences(self) -> tuple[Difference, ...]:
-        """All of them, the earliest first, in the order of the row where they begin together."""
-        return tuple(sorted(self._found.values(), key=lambda found: found.first))
+        """Return all differences, the earliest first; those of one tick in the row's order."""
+        return tuple(sorted(self._differences.values(), key=lambda difference: difference.first))
 
 
-def as_logged(known: RunInfo) -> RecordedCampaign:
-    """What a run was configured to do; RunError where its record has none that holds today."""
+def logged_campaign(run_facts: RunInfo) -> RecordedCampaign:
+    """Return the logged campaign of a run; RunError if its record has none that is valid today."""
     try:
-        return campaign_from_record(known.config)
+        return campaign_from_record(run_facts.config)
     except KeyError as error:
-        raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
+        raise RunError(f"{run_facts.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
-        raise _not_of_today(known, error) from None
+        raise _invalid_configuration(run_facts, error) from None
 
 
-def _subject(known: RunInfo) -> _Subject:
-    """Rig and parameters, made by today's code of the configuration in the run."""
+def _load_target(run_facts: RunInfo) -> _ReplayTarget:
+    """Return kind and parameters that today's code builds from the run's configuration."""
     try:
-        return _bench(known) if "session" in known.config else _wavebot(known)
+        load = _bench_target if "session" in run_facts.config else _wavebot_target
+        return load(run_facts)
     except KeyError as error:
-        raise RunError(f"{known.run}: its record holds no configuration ({error})") from None
+        raise RunError(f"{run_facts.run}: its record holds no configuration ({error})") from None
     except ValueError as error:
-        raise _not_of_today(known, error) from None
+        raise _invalid_configuration(run_facts, error) from None
 
 
-def _wavebot(known: RunInfo) -> _Subject:
-    campaign, rig, limits, points, record = as_logged(known)
+def _wavebot_target(run_facts: RunInfo) -> _ReplayTarget:
+    campaign, rig, limits, points, record = logged_campaign(run_facts)
     planned: Plan = build_plan(campaign, rig, points)
     params = wavebot_params(campaign, rig, limits, planned.segments, planned.setpoints, record)
-    places = {word: _LOGGED_AS.get(word, word) for word in Sense._fields}
-    return _Subject(KIND, Sense, places, params, planned.dt)
+    prefixes = {name: _ROW_PREFIXES.get(name, name) for name in Sense._fields}
+    return _ReplayTarget(KIND, Sense, prefixes, params, planned.dt)
 
 
-def _bench(known: RunInfo) -> _Subject:
-    session = session_as_logged(known.config)
+def _bench_target(run_facts: RunInfo) -> _ReplayTarget:
+    session = session_as_logged(run_facts.config)
     planned = plan_session(session)
-    places = {word: word for word in oswec_bench.Sense._fields}
-    return _Subject(
-        oswec_bench.KIND, oswec_bench.Sense, places, bench_params(session, planned), planned.dt
+    prefixes = {name: name for name in oswec_bench.Sense._fields}
+    return _ReplayTarget(
+        oswec_bench.KIND, oswec_bench.Sense, prefixes, bench_params(session, planned), planned.dt
     )
 
 
-def _not_of_today(known: RunInfo, error: ValueError) -> RunError:
-    return RunError(f"{known.run}: its configuration does not hold today: {error}")
+def _invalid_configuration(run_facts: RunInfo, error: ValueError) -> RunError:
+    return RunError(f"{run_facts.run}: its configuration is not valid today: {error}")

@@ -1,41 +1,41 @@
-"""One session of the bench, from its checked file to its results: what `rig bench` does."""
+"""Execution of one session of the bench, from its checked file to its results (`rig bench`)."""
 
-from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.hardware.bench_job import build_bench_job
 from rig.execution.rehearsal import bench_emulation
-from rig.execution.rehearsal.bench_job import devices_of_session
+from rig.execution.rehearsal.bench_job import session_plant_settings
 from rig.execution.task import ExecutionMode, Task
 from rig.kinds.oswec_bench import KIND
 from rig.planning.session import Session, SessionPlan, plan_as_dict, resolved_session
 from rig.planning.session.assemble import bench_params
-from rig.processes.wire_locks import wires_of
+from rig.processes.wire_locks import wires_in
 
 
-def rehearsal(session: Session, *, real_clock: bool) -> ExecutionMode:
-    """The simulated bench in the loop's own process."""
+def rehearsal_mode(session: Session, *, real_clock: bool) -> ExecutionMode:
+    """Return the mode with the simulated bench in the loop's own process."""
     return ExecutionMode(
-        "rehearsal", real_clock, "rig.execution.rehearsal.bench", devices_of_session(session)
+        "rehearsal", real_clock, "rig.execution.rehearsal.bench", session_plant_settings(session)
     )
 
 
-def wired(session: Session, *, emulated: bool) -> ExecutionMode:
-    """The devices on the bench's wires, or emulated ones on the far end of the same wires.
+def wired_mode(session: Session, *, emulated: bool) -> ExecutionMode:
+    """Return the mode with the devices on the bench's wires, or with emulated ones on the far end.
 
-    WiringError says, all at once, why these wires must not be powered.
+    WiringError lists all reasons why these wires must not be powered.
     """
-    made = job_of_bench(session.rig, session.file.loop)
-    wires = wires_of(session.rig)
+    job = build_bench_job(session.rig, session.file.loop)
+    wires = wires_in(session.rig)
     if not emulated:
         return ExecutionMode(
-            "hardware", True, "rig.execution.hardware.bench", made.devices, made.io_processes, wires
+            "hardware", True, "rig.execution.hardware.bench", job.devices, job.io_processes, wires
         )
-    companions = (bench_emulation.emulator_process(session), *made.io_processes)
+    io_processes = (bench_emulation.emulator_process(session), *job.io_processes)
     return ExecutionMode(
-        "hil", True, "rig.execution.hardware.bench", made.devices, companions, wires
+        "hil", True, "rig.execution.hardware.bench", job.devices, io_processes, wires
     )
 
 
-def task_of(session: Session, plan: SessionPlan) -> Task:
-    """The session as something that can be run."""
+def session_task(session: Session, plan: SessionPlan) -> Task:
+    """Return the task of a session."""
     return Task(
         session.file.name,
         session.rig.kind,

@@ -1,4 +1,4 @@
-"""One run of anything that has a plan: from its parameters to a folder with the record."""
+"""Execution of one task, a campaign or a session, from its parameters to the run's folder."""
 
 import json
 import os
@@ -13,75 +13,75 @@ from typing import Any, NamedTuple, Protocol
 from rig.processes import wire_locks
 from rig.processes.io_processes import IoProcess
 from rig.processes.run_types import Outcome, Setup, Snapshot
-from rig.processes.supervisor import Run
-from rig.processes.wire_locks import REALTIME_PLACE, Wire
+from rig.processes.supervisor import SupervisedRun
+from rig.processes.wire_locks import REALTIME_WIRE, Wire
 from rig.realtime import cycle, safety
 from rig.recording import process_identity, provenance
 from rig.recording.folder_watch import PROGRESS
 from rig.recording.runs import JoinResult, RunError, create, join, reader
 from rig.recording.runs.folder import MCAP, STATUS, mcap_parts
 
-ATTACHED = ("config.json", "plan.json", "code.json", "host.json")
+ATTACHED_FILES = ("config.json", "plan.json", "code.json", "host.json")
 
 
 class Task(NamedTuple):
-    """What is to be run, checked and planned."""
+    """A checked and planned campaign or session."""
 
     name: str  # of the campaign or session, and so of the run's folder
     kind_name: str  # in `rig.kinds`
     kind: cycle.Kind
     params: cycle.Params
     dt: float  # s
-    rows: int  # planned
+    planned_rows: int
     realtime_required: bool  # on the real clock
     supervisor_timeout: float  # s, of the rig file
     config: str  # JSON: the complete resolved configuration
-    plan: dict[str, Any]  # what the run's folder says of the plan
+    plan: dict[str, Any]  # JSON values for `plan.json` in the run's folder
 
 
 class View(Protocol):
-    """Who draws the run."""
+    """A display of the run."""
 
-    notice: str  # what was asked of the run, e.g. after Ctrl-C
+    notice: str  # shown to people, e.g. after Ctrl-C
 
     def __call__(self, snapshot: Snapshot) -> None:
-        """Draw the run as it stands."""
+        """Draw the present state of the run."""
         ...
 
 
-class Ended(NamedTuple):
-    """A run that has ended."""
+class RunResult(NamedTuple):
+    """A finished run."""
 
     folder: Path
     outcome: Outcome
-    trouble: str  # what could not be put on disk at the end; empty if nothing
+    save_error: str  # why files could not be written at the end; empty: all were written
 
 
 class ExecutionMode(NamedTuple):
-    """What a campaign is run on: nothing else differs between a rehearsal and the basin."""
+    """The processes, devices and clock of a run; nothing else differs between the modes."""
 
     name: str  # rehearsal, hil, hardware
     real_clock: bool
     loop_module: str  # python -m ...: the loop process with its devices
     devices: dict[str, Any]  # for that module's connect()
     io_processes: tuple[IoProcess, ...] = ()
-    wires: tuple[Wire, ...] = ()  # that its processes send on
+    wires: tuple[Wire, ...] = ()  # on which its processes send
 
 
-def carry_out_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> Ended:
-    """Run a task to its end; raises BusyError when the real clock or one of its wires is taken.
+def run_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> RunResult:
+    """Run a task to its end and return the result.
 
-    Ctrl-C asks for a controlled stop, a second one for power off at once; either way every row
-    measured so far is kept.
+    Raises BusyError when the real clock or one of its wires is taken. Ctrl-C requests a controlled
+    stop, a second Ctrl-C an immediate power off; either way every row measured so far is kept.
     """
-    with _interrupts(view) as asked, ExitStack() as locks:
+    with _requests_from_signals(view) as get_request, ExitStack() as locks:
         started = datetime.now(UTC)
-        wires = (REALTIME_PLACE, *mode.wires) if mode.real_clock else mode.wires
-        taken = locks.enter_context(wire_locks.hold(wires, f"campaign {task.name}"))
+        wires = (REALTIME_WIRE, *mode.wires) if mode.real_clock else mode.wires
+        taken_locks = locks.enter_context(wire_locks.acquire(wires, f"campaign {task.name}"))
         folder = create.create_folder(runs, task.name, started)
-        held = locks.enter_context(create.lock_run(folder))
-        _write_start(folder, task, started, mode)
-        run = Run(
+        folder_lock = locks.enter_context(create.lock_run(folder))
+        _write_start_files(folder, task, started, mode)
+        run = SupervisedRun(
             Setup(
                 task.kind_name,
                 task.kind,
@@ -92,32 +92,32 @@ def carry_out_task(task: Task, runs: Path, view: View, mode: ExecutionMode) -> E
                 mode.real_clock,
                 task.realtime_required and mode.real_clock,
                 folder,
-                ATTACHED,
+                ATTACHED_FILES,
                 mode.name,
                 task.supervisor_timeout,
-                held.fd,
-                taken.fds,
+                folder_lock.fd,
+                taken_locks.fds,
                 mode.io_processes,
             )
         )
-        outcome = run.supervise(_shown(view), asked)
-        if outcome.moved:  # not all that was saved may have come along
-            lost = outcome.ticks - outcome.dropped - _rows(run.folder)
+        outcome = run.supervise(_draw_until_error(view), get_request)
+        if outcome.moved:  # some of the saved rows may be missing in the new folder
+            lost = outcome.ticks - outcome.dropped - _count_readable_rows(run.folder)
             outcome = outcome._replace(unsaved=max(outcome.unsaved, lost))
-        outcome, trouble = _close_folder(run.folder, task, outcome, started, mode)
+        outcome, save_error = _close_folder(run.folder, task, outcome, started, mode)
         with suppress(OSError, ValueError):
-            # Where only the record was taken away, the folder says where that is.
+            # A folder from which only the record was removed refers to the record's folder.
             if run.folder != folder and (folder / STATUS).exists():
-                said = json.loads((run.folder / STATUS).read_text())
-                create.write_json(folder, STATUS, said | {"record_in": str(run.folder)})
-    return Ended(run.folder, outcome, trouble)
+                status = json.loads((run.folder / STATUS).read_text())
+                create.write_json(folder, STATUS, status | {"record_in": str(run.folder)})
+    return RunResult(run.folder, outcome, save_error)
 
 
-def _shown(view: View) -> Callable[[Snapshot], None]:
-    """The view, until drawing fails (a closed terminal): a run does not end for that."""
+def _draw_until_error(view: View) -> Callable[[Snapshot], None]:
+    """Return the view, silenced once drawing fails (a closed terminal): the run goes on."""
     broken = False
 
-    def watch(snapshot: Snapshot) -> None:
+    def draw(snapshot: Snapshot) -> None:
         nonlocal broken
         if not broken:
             try:
@@ -125,20 +125,20 @@ def _shown(view: View) -> Callable[[Snapshot], None]:
             except OSError:
                 broken = True
 
-    return watch
+    return draw
 
 
 def _close_folder(
     folder: Path, task: Task, outcome: Outcome, started: datetime, mode: ExecutionMode
 ) -> tuple[Outcome, str]:
-    """Write one finished record and the run's status.
+    """Write one finished record and the run's status; return the outcome and an error text.
 
-    Returns the outcome, rows that the join lost counted as unsaved, and what could not be done, in
-    words. A full disk must not hide how the run ended, so nothing here raises for one.
+    The outcome counts rows that the join lost as unsaved. The text names what failed, or is empty.
+    A full disk must not hide how the run ended, so this function does not raise OSError.
     """
-    outcome, record, failed = _finish_record(folder, outcome)
-    trouble = [failed] if failed else []
-    status = _status(folder, task, started, mode) | {
+    outcome, record, record_error = _finish_record(folder, outcome)
+    errors = [record_error] if record_error else []
+    status = _start_status(folder, task, started, mode) | {
         "status": outcome.status,
         "reason": outcome.reason,
         "ticks": outcome.ticks,
@@ -148,7 +148,7 @@ def _close_folder(
         "unsaved_rows": outcome.unsaved,
         "logger_restarts": outcome.logger_restarts,
         "died": outcome.died,
-        "said": list(outcome.messages),
+        "messages": list(outcome.messages),
         "moved": outcome.moved,
         "record": record,
         "ended_utc": datetime.now(UTC).isoformat(),
@@ -157,40 +157,44 @@ def _close_folder(
         create.write_json(folder, STATUS, status)
         (folder / PROGRESS).unlink(missing_ok=True)
     except OSError as error:
-        trouble.append(f"{STATUS} does not tell how the run ended: {_why(error)}")
-    return outcome, "; ".join(trouble)
+        errors.append(f"{STATUS} lacks the end of the run: {_error_text(error)}")
+    return outcome, "; ".join(errors)
 
 
 def _finish_record(folder: Path, outcome: Outcome) -> tuple[Outcome, str, str]:
-    """Make one file of the record; returns the outcome, the record's state and what failed."""
+    """Join the record's parts; return the outcome, the record's state and an error text."""
     damage: tuple[str, ...] = ()
-    failed = ""
+    record_error = ""
     try:
         joined = _join_parts(folder)
         if joined is not None:
             damage = joined.damage
-            lacks = outcome.ticks - outcome.dropped - outcome.unsaved - joined.rows
-            if lacks > 0:
-                outcome = outcome._replace(unsaved=outcome.unsaved + lacks)
-            if lacks > 0 or damage:  # another attempt may read more of them
+            missing = outcome.ticks - outcome.dropped - outcome.unsaved - joined.rows
+            if missing > 0:
+                outcome = outcome._replace(unsaved=outcome.unsaved + missing)
+            if missing > 0 or damage:  # another attempt may read more rows
                 why = "; ".join(damage) or "no part holds them"
-                failed = f"{MCAP} lacks {max(0, lacks)} rows, its parts are kept in {folder}: {why}"
+                record_error = (
+                    f"{MCAP} lacks {max(0, missing)} rows, its parts are kept in {folder}: {why}"
+                )
             else:
                 for part in mcap_parts(folder):
                     part.unlink()
     except (OSError, RunError) as error:
-        failed = f"the record stays as its writers left it, `rig recover`: {_why(error)}"
-        return outcome, "unfinished", failed
+        record_error = (
+            f"the parts of the record were not joined, use `rig recover`: {_error_text(error)}"
+        )
+        return outcome, "unfinished", record_error
     lost = outcome.dropped + outcome.unsaved
     if lost:
-        return outcome, f"incomplete: {lost} of {outcome.ticks} ticks missing", failed
+        return outcome, f"incomplete: {lost} of {outcome.ticks} ticks missing", record_error
     if damage:
-        return outcome, "damaged: every tick that is known of has its row", failed
-    return outcome, "complete", failed
+        return outcome, "damaged: every tick that is known of has its row", record_error
+    return outcome, "complete", record_error
 
 
-def _rows(folder: Path) -> int:
-    """Rows of a record that can be read."""
+def _count_readable_rows(folder: Path) -> int:
+    """Return the number of rows of a record that can be read."""
     try:
         state = reader.check_record(folder)
     except (OSError, RunError):
@@ -198,52 +202,54 @@ def _rows(folder: Path) -> int:
     return state.ticks - state.lost
 
 
-def _why(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return (isinstance(error, OSError) and error.strerror) or str(error)
 
 
-def _status(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> dict[str, Any]:
+def _start_status(
+    folder: Path, task: Task, started: datetime, mode: ExecutionMode
+) -> dict[str, Any]:
     return {
         "run": folder.name,
         "status": "running",
         "mode": mode.name,
         "kind": task.kind_name,
         "campaign": task.name,
-        "rows_planned": task.rows,
+        "rows_planned": task.planned_rows,
         "started_utc": started.isoformat(),
         "pid": os.getpid(),
         "pid_started": process_identity.start_ticks(os.getpid()),
     }
 
 
-def _write_start(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
+def _write_start_files(folder: Path, task: Task, started: datetime, mode: ExecutionMode) -> None:
     (folder / "config.json").write_text(task.config + "\n")
     create.write_json(folder, "plan.json", task.plan)
     create.write_json(folder, "code.json", provenance.describe_code())
     create.write_json(folder, "host.json", provenance.describe_host())
-    create.write_json(folder, STATUS, _status(folder, task, started, mode))
+    create.write_json(folder, STATUS, _start_status(folder, task, started, mode))
 
 
 def _join_parts(folder: Path) -> JoinResult | None:
-    """One file out of what killed loggers left; None if the record is one file already."""
+    """Join the parts that killed loggers left to one file; None if the record is one already."""
     if (folder / MCAP).is_file():
         return None
-    made = folder / f".{MCAP}.new"
+    new = folder / f".{MCAP}.new"
     try:
-        # A logger that was killed as it started leaves an empty file: nothing to join or to lose.
-        joined = join([part for part in mcap_parts(folder) if part.stat().st_size], made)
+        # A logger that was killed at its start leaves an empty file, which holds no row.
+        joined = join([part for part in mcap_parts(folder) if part.stat().st_size], new)
     except OSError:
-        made.unlink(missing_ok=True)
+        new.unlink(missing_ok=True)
         raise
-    made.rename(folder / MCAP)
+    new.rename(folder / MCAP)
     return joined
 
 
 @contextmanager
-def _interrupts(view: View) -> Iterator[Callable[[], int]]:
-    """Ctrl-C, Ctrl-Z, termination and a closed terminal become requests; gives the one in force.
+def _requests_from_signals(view: View) -> Iterator[Callable[[], int]]:
+    """Turn Ctrl-C, Ctrl-Z, termination and a closed terminal into requests; yield their reader.
 
-    A suspended supervisor could neither be asked for a stop nor look after anything.
+    Ctrl-Z does not suspend the supervisor: suspended, it could not stop or watch the run.
     """
     count = 0
 
@@ -252,22 +258,22 @@ def _interrupts(view: View) -> Iterator[Callable[[], int]]:
         count += 1
         notice = "stopping: damping, then power off (Ctrl-C again: off at once)"
         if count > 1:
-            notice = "power off; saving what was measured"
+            notice = "power off; saving the measured rows"
         elif number == signal.SIGTSTP:
             notice = f"Ctrl-Z does not suspend a run: {notice}"
         view.notice = notice
 
-    def asked() -> int:
+    def get_request() -> int:
         return (safety.REQUEST_NONE, safety.REQUEST_STOP, safety.REQUEST_ABORT)[min(count, 2)]
 
-    asking = [signal.SIGINT, signal.SIGTERM, signal.SIGTSTP]
+    handled = [signal.SIGINT, signal.SIGTERM, signal.SIGTSTP]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup leaves it
-        asking.append(signal.SIGHUP)
-    before: dict[int, Any] = {number: signal.signal(number, interrupt) for number in asking}
-    # In the background of a terminal that wants to be left alone, drawing would suspend us.
+        handled.append(signal.SIGHUP)
+    before: dict[int, Any] = {number: signal.signal(number, interrupt) for number in handled}
+    # In the background of a terminal with `tostop` set, drawing would suspend this process.
     before[signal.SIGTTOU] = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
     try:
-        yield asked
+        yield get_request
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -5,7 +5,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rig.execution.hardware.wire_check import owner
+from rig.execution.hardware.wire_check import file_owner
 
 
 class Verdict(StrEnum):
@@ -104,7 +104,7 @@ class Host:
     def owner(self, path: str) -> str:
         """Return user, group and permissions of a file; empty if it does not exist."""
         try:
-            return owner(self._at(path))
+            return file_owner(self._at(path))
         except OSError:
             return ""
 

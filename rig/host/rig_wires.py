@@ -11,11 +11,11 @@ from rig.config.bench_rig_file import BenchRigFile
 from rig.config.bench_wiring import BenchWiring
 from rig.config.wiring import RtuLine, TcpLine, Wiring
 from rig.execution.hardware import wire_check
-from rig.execution.hardware.bench_job import job_of_bench
-from rig.execution.hardware.job import WiringError, job_of
+from rig.execution.hardware.bench_job import build_bench_job
+from rig.execution.hardware.job import WiringError, build_job
 from rig.host.finding import REALTIME, Finding, Host, Verdict, forbidden_uses
 from rig.host.wires import DIALOUT, backend_trouble
-from rig.processes.wire_locks import Wire, can_wire, hold, network_wire
+from rig.processes.wire_locks import Wire, acquire, can_wire, network_wire
 from rig.recording.runs.create import BusyError
 
 _EMULATED = "if you will start `rig sim` or a run with --sim: nothing; else switch the device on"
@@ -46,7 +46,7 @@ def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
     try:
         if isinstance(rig, BenchRigFile):
             return _bench_findings(area_name, host, rig, rig.wiring)
-        load = job_of(rig).load.total
+        load = build_job(rig).load.total
     except WiringError as error:
         advice = "correct the rig file"
         text = "; ".join(str(error).splitlines())
@@ -72,7 +72,7 @@ def _bench_findings(
 
     A load cell on UDP shows its presence only by an answer, so the finding only names its address.
     """
-    job_of_bench(rig)
+    build_bench_job(rig)
     ports = {"encoder bridge": wiring.encoders.port, "servo drive": wiring.servo.port}
     found = [_finding(area_name, _port(check, port)) for check, port in ports.items()]
     found += [_finding(area_name, _line(host, name, line)) for name, line in wiring.lines.items()]
@@ -98,7 +98,7 @@ def _backend(area_name: str, interface: str) -> Finding:
 def _can(host: Host, bus: Bus) -> _WireCheck:
     value = f"{bus.interface} {bus.channel}"
     if bus.interface == "socketcan":
-        trouble = wire_check.network_trouble(bus.channel, host.root)
+        trouble = wire_check.network_problem(bus.channel, host.root)
         advice = (
             f"as root `ip link set {bus.channel} up type can bitrate {bus.bit_rate}`; if there is "
             "no such interface, plug in the adapter and load its driver"
@@ -109,7 +109,7 @@ def _can(host: Host, bus: Bus) -> _WireCheck:
     if bus.interface == "socketcand":
         address = str(dict(bus.options).get("host", "127.0.0.1"))
         wire = can_wire(bus.interface, bus.channel, dict(bus.options))
-        trouble, used = _check_unless_in_use(wire, lambda: wire_check.bus_trouble(bus))
+        trouble, used = _check_unless_in_use(wire, lambda: wire_check.bus_problem(bus))
         limit, advice = "a server listens there", "start socketcand there"
         return _WireCheck("CAN bus", value + used, trouble, limit, advice, _loopback(address))
     limit = "use `rig scan can` to open it"
@@ -121,7 +121,7 @@ def _line(host: Host, name: str, line: TcpLine | RtuLine) -> _WireCheck:
     if isinstance(line, TcpLine):
         wire = network_wire(check, "tcp", line.host, line.port)
         trouble, used = _check_unless_in_use(
-            wire, lambda: wire_check.tcp_trouble(line.host, line.port)
+            wire, lambda: wire_check.tcp_problem(line.host, line.port)
         )
         advice = "check its power, its address, and that this host is in its network"
         value, limit = f"{line.host}:{line.port}{used}", "a server listens there"
@@ -136,14 +136,14 @@ def _check_unless_in_use(wire: Wire, check: Callable[[], str]) -> tuple[str, str
     close that of a run.
     """
     try:
-        with hold((wire,), "rig doctor"):
+        with acquire((wire,), "rig doctor"):
             return check(), ""
     except BusyError:
         return "", " (in use by another program, so not tested)"
 
 
 def _port(check: str, port: str) -> _WireCheck:
-    trouble = wire_check.port_trouble(port)
+    trouble = wire_check.port_problem(port)
     advice = DIALOUT if "opened" in trouble else "plug the adapter in; see /dev/serial/by-id"
     emulated = Path("/dev") not in Path(port).parents and not Path(port).exists()
     limit = "exists, and this user may open it"

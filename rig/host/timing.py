@@ -6,7 +6,7 @@ import sys
 from typing import Any, NamedTuple
 
 from rig.host.finding import ALL_USES, REALTIME, Finding, Verdict, forbidden_uses, grade
-from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
 
 AREA = "timing"
@@ -44,7 +44,7 @@ def measure(dt: float, seconds: float) -> WakeupMeasurements:
     """
     unprivileged, _ = _measure_wakeups(dt, min(seconds, UNPRIVILEGED_S), privileged=False)
     try:
-        with hold((REALTIME_PLACE,), "rig doctor") as held:
+        with acquire((REALTIME_WIRE,), "rig doctor") as held:
             privileged, trouble = _measure_wakeups(dt, seconds, privileged=True, locks=held.fds)
     except (BusyError, OSError) as error:
         return WakeupMeasurements(unprivileged, None, str(error))

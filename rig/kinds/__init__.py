@@ -1,4 +1,4 @@
-"""The kinds of rig there are, by the name a rig file gives."""
+"""The registry of rig kinds, by their name in a rig file."""
 
 from rig.kinds import oswec_bench, wavebot
 from rig.realtime.cycle import Kind

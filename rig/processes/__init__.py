@@ -1,1 +1,1 @@
-"""The processes of a run, and what they hand each other."""
+"""The processes of a run: supervisor, loop, I/O processes, and the data they exchange."""

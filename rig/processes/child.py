@@ -1,4 +1,4 @@
-"""A process that takes a job on standard input and answers in JSON lines."""
+"""Child processes that read a job from standard input and report events as JSON lines."""
 
 import json
 import queue
@@ -12,10 +12,10 @@ from typing import IO, Any
 
 
 class Child:
-    """A child of the supervisor; its errors go to a file of the run's folder."""
+    """A child process of the supervisor. Its standard error goes to a file in the run's folder."""
 
     def __init__(self, module: str, job: str, fds: tuple[int, ...], errors: Path) -> None:
-        """Start ``python -m module`` with inherited file descriptors and hand it the job."""
+        """Start ``python -m module`` with inherited file descriptors and send it the job."""
         self.events: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._errors = errors
         with errors.open("ab") as sink:
@@ -26,14 +26,14 @@ class Child:
                 stderr=sink,
                 pass_fds=fds,
                 text=True,
-                process_group=0,  # a Ctrl-C on the terminal is the supervisor's alone
+                process_group=0,  # Ctrl-C on the terminal reaches the supervisor only
             )
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(job)
             self.process.stdin.close()
         except BrokenPipeError:
-            pass  # it died at once: its exit code and its last words tell why
+            pass  # the process died at once; `last_message` gives the reason
         self._listener = threading.Thread(
             target=self._listen, args=(self.process.stdout,), daemon=True
         )
@@ -45,34 +45,34 @@ class Child:
                 try:
                     event = json.loads(line)
                 except ValueError:
-                    continue  # a library's print, not ours
+                    continue  # printed by a library
                 if isinstance(event, dict) and "event" in event:
                     self.events.put(event)
 
     def alive(self) -> bool:
-        """Whether the process still runs."""
+        """Return whether the process still runs."""
         return self.process.poll() is None
 
-    def heard(self) -> list[dict[str, Any]]:
-        """Events since the last call; after the process has ended, all of them."""
+    def read_events(self) -> list[dict[str, Any]]:
+        """Return the events since the last call; after the process has ended, all that remain."""
         if not self.alive():
             self._listener.join(timeout=5.0)
-        found = []
+        events = []
         while not self.events.empty():
-            found.append(self.events.get())
-        return found
+            events.append(self.events.get())
+        return events
 
-    def end(self, patience: float) -> None:
-        """Wait ``patience`` seconds for the process to end, then kill it; take in what it said."""
+    def end(self, timeout_s: float) -> None:
+        """Wait ``timeout_s`` for the process to end, then kill it; read its last events."""
         try:
-            self.process.wait(timeout=patience)
+            self.process.wait(timeout=timeout_s)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
         self._listener.join(timeout=5.0)
 
     def last_message(self) -> str:
-        """The last line the process wrote to its error file, or its signal or exit code."""
+        """Return the last line of the process's error file, or its signal or exit code."""
         text = self._errors.read_text(errors="replace").strip() if self._errors.exists() else ""
         if text:
             return text.splitlines()[-1]
@@ -85,19 +85,19 @@ class Child:
 def _signal_name(number: int) -> str:
     try:
         return signal.Signals(number).name
-    except ValueError:  # a real-time signal between the two that have names
+    except ValueError:  # a real-time signal other than SIGRTMIN and SIGRTMAX, which have names
         return f"signal {number}"
 
 
-class Progress:
-    """How long a counter has stood still."""
+class StallTimer:
+    """Measures for how long a counter has not changed."""
 
     def __init__(self) -> None:
         self._value = -1
         self._since = time.monotonic()
 
-    def still(self, value: int) -> float:
-        """Seconds since the counter last changed."""
+    def seconds_unchanged(self, value: int) -> float:
+        """Return the seconds since the counter last changed."""
         if value != self._value:
             self._value, self._since = value, time.monotonic()
         return time.monotonic() - self._since

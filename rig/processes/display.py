@@ -1,7 +1,7 @@
-"""A thread that draws, so that who supervises a run never waits for a terminal or a disk.
+"""A drawing thread, so that the supervisor of a run never waits for a terminal or a disk.
 
-A terminal stands still when its user presses Ctrl-S or its network connection hangs, a disk when it
-is busy; the supervisor's signs of life must go on meanwhile, and Ctrl-C must be heard.
+A terminal blocks when its user presses Ctrl-S or its network connection hangs, a disk when it is
+busy. The supervisor must go on sending its heartbeat and reacting to Ctrl-C meanwhile.
 """
 
 import threading
@@ -9,15 +9,15 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Generic, TypeVar
 
-_LAST = 5.0  # s the last drawing may take
+_FINAL_DRAW_TIMEOUT_S = 5.0  # s that the last drawing may take
 
 T = TypeVar("T")
 
 
 class Display(Generic[T]):
-    """Draws the newest of what it is shown, in a thread of its own; values in between are skipped.
+    """Draws the newest value in a thread of its own; older values that were not drawn are skipped.
 
-    Leaving the context has the last value drawn, but waits for no terminal that stands still.
+    Leaving the context waits until the last value is drawn, but not for a terminal that blocks.
     """
 
     def __init__(self, draw: Callable[[T], None]) -> None:
@@ -26,7 +26,7 @@ class Display(Generic[T]):
         self._newest: tuple[T, ...] = ()
         self._ended = False
         self._error: BaseException | None = None
-        # A daemon: a terminal that stands still for ever must not keep the process.
+        # A daemon thread: a terminal that blocks for ever must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="display", daemon=True)
 
     def __enter__(self) -> "Display[T]":
@@ -42,12 +42,12 @@ class Display(Generic[T]):
         with self._changed:
             self._ended = True
             self._changed.notify()
-        self._thread.join(_LAST)
+        self._thread.join(_FINAL_DRAW_TIMEOUT_S)
         if error is None and self._error is not None:
             raise self._error
 
     def show(self, value: T) -> None:
-        """Have a value drawn soon, and return at once; raises what an earlier drawing raised."""
+        """Queue a value for drawing and return at once; raise the error of an earlier drawing."""
         if self._error is not None:
             raise self._error
         with self._changed:

@@ -1,11 +1,11 @@
-"""Processes that serve the loop from beside it: pollers of slow lines, the service end of a bus.
+"""I/O processes, which serve the loop: pollers of slow lines, the service process of a CAN bus.
 
-Each is started before the loop and says in JSON lines that it is ready, or why it will not be.
-Values go through mailboxes (shared slots); a companion that dies leaves its last values behind,
-which age, and the loop stops for their age.
+The supervisor starts each I/O process before the loop. The process reports in JSON lines that it is
+ready, or why it refuses. Values go through mailboxes (shared slots). An I/O process that dies
+leaves its last values in its mailboxes; their age grows, and the loop stops for it.
 
-They live as long as the loop: all read from a pipe, the lifeline, whose writing end the loop
-inherits. When the last process that holds that end is gone, each sees the end of the pipe.
+I/O processes live as long as the loop: all read from a pipe, the lifeline, whose writing end the
+loop inherits. When the last process that holds that end is gone, each sees the end of the pipe.
 """
 
 import json
@@ -18,122 +18,126 @@ from rig.processes import mailbox
 from rig.processes.child import Child
 from rig.recording.runs.create import write_json
 
-FACTS = "companions.json"  # in the run's folder: addresses, and what the devices said of themselves
-READY = 10.0  # s in which a companion says that it is ready, when it asks for no more
-_LOOK = 0.02  # s between looks while they come up
+FACTS_FILE = "io_processes.json"  # in the run's folder: addresses, values read from the devices
+READY_TIMEOUT_S = 10.0  # s until an I/O process must report that it is ready, by default
+_POLL_INTERVAL_S = 0.02  # s between polls during start-up
 
 
 class IoProcess(NamedTuple):
-    """One process beside the loop."""
+    """One I/O process of a run."""
 
-    name: str  # for people, and for its file of errors
+    name: str  # in messages, and of its error file
     module: str  # python -m ...
     config: dict[str, Any]  # JSON values
     mailboxes: tuple[str, ...]  # names of the slots it uses, shared by name with the loop
-    ready_timeout_s: float = READY  # s in which it must be ready
-    first: bool = False  # the others are started when it is ready: they need it
+    ready_timeout_s: float = READY_TIMEOUT_S  # s until it must be ready
+    starts_first: bool = False  # the others need it and are started once it is ready
 
 
 class IoProcessError(RuntimeError):
-    """A companion that is not ready, named, with what it said."""
+    """An I/O process did not become ready; the message has its name and its reason."""
 
 
 class IoProcesses:
-    """All of a run's companions, from start to end."""
+    """All I/O processes of a run, from start to end."""
 
     def __init__(
-        self, wanted: tuple[IoProcess, ...], folder: Path, locks: tuple[int, ...] = ()
+        self, processes: tuple[IoProcess, ...], folder: Path, locks: tuple[int, ...] = ()
     ) -> None:
-        """``locks``: file descriptors of the wires' locks, held by every companion."""
-        self._wanted = wanted
+        """``locks``: file descriptors of the wires' locks; every I/O process holds them."""
+        self._processes = processes
         self._locks = locks
         self._folder = folder
-        self._slots = {name: mailbox.create() for one in wanted for name in one.mailboxes}
-        self._lifeline, self.loop_end = os.pipe()  # `loop_end`: for the loop to inherit
+        self._slots = {name: mailbox.create() for each in processes for name in each.mailboxes}
+        self._lifeline, self.loop_end = os.pipe()  # the loop inherits `loop_end`
         self._children: list[tuple[IoProcess, Child]] = []
-        self.facts: dict[str, Any] = {}  # by companion: what it found out for the loop
-        self.said: list[str] = []  # what they had to tell since
+        self.facts: dict[str, Any] = {}  # by I/O process: values read from devices, for the loop
+        self.messages: list[str] = []  # for people, in the order in which they came
 
     @property
     def slots(self) -> dict[str, int]:
-        """File descriptors of the mailboxes by name."""
+        """The file descriptors of the mailboxes by name."""
         return dict(self._slots)
 
     def start(self) -> None:
-        """Start those that the others need, then all others at once; all are ready after it.
+        """Start the processes that others need, then all others at once; wait until all are ready.
 
-        CompanionError names the first that is not.
+        IoProcessError names the first that does not become ready.
         """
-        for several in (
-            [one for one in self._wanted if one.first],
-            [one for one in self._wanted if not one.first],
+        for group in (
+            [each for each in self._processes if each.starts_first],
+            [each for each in self._processes if not each.starts_first],
         ):
-            began = [(one, self._begin(one)) for one in several]
-            for one, child in began:
-                self._wait(one, child)
-        if self._wanted:
-            write_json(self._folder, FACTS, self.facts)
+            started = [(each, self._start_child(each)) for each in group]
+            for process, child in started:
+                self._wait_until_ready(process, child)
+        if self._processes:
+            write_json(self._folder, FACTS_FILE, self.facts)
 
-    def _begin(self, one: IoProcess) -> Child:
+    def _start_child(self, process: IoProcess) -> Child:
         job = {
-            "config": one.config,
-            "mailboxes": {name: self._slots[name] for name in one.mailboxes},
+            "config": process.config,
+            "mailboxes": {name: self._slots[name] for name in process.mailboxes},
             "lifeline": self._lifeline,
         }
-        slots = (self._slots[name] for name in one.mailboxes)
+        slots = (self._slots[name] for name in process.mailboxes)
         fds = (self._lifeline, *slots, *self._locks)
-        child = Child(one.module, json.dumps(job), fds, self._folder / f"{one.name}.stderr")
-        self._children.append((one, child))
+        errors = self._folder / f"{process.name}.stderr"
+        child = Child(process.module, json.dumps(job), fds, errors)
+        self._children.append((process, child))
         return child
 
-    def _wait(self, one: IoProcess, child: Child) -> None:
+    def _wait_until_ready(self, process: IoProcess, child: Child) -> None:
         began = time.monotonic()
         while True:
             alive = child.alive()
             ready, refused = False, ""
-            for event in child.heard():
+            for event in child.read_events():
                 if event["event"] == "ready":
-                    self.facts[one.name] = event.get("facts", {})
+                    self.facts[process.name] = event.get("facts", {})
                     ready = True
                 if event["event"] == "refused":
                     refused = event["why"]
-                if event["event"] == "say":
-                    self.said.append(f"{one.name}: {event['text']}")
+                if event["event"] == "message":
+                    self.messages.append(f"{process.name}: {event['text']}")
             if refused:
-                raise IoProcessError(f"{one.name}: {refused}")
+                raise IoProcessError(f"{process.name}: {refused}")
             if ready:
                 return
             if not alive:
-                raise IoProcessError(f"{one.name}: {child.last_message()}")
-            if time.monotonic() - began > one.ready_timeout_s:
-                raise IoProcessError(f"{one.name}: not ready after {one.ready_timeout_s:g} s")
-            time.sleep(_LOOK)
+                raise IoProcessError(f"{process.name}: {child.last_message()}")
+            if time.monotonic() - began > process.ready_timeout_s:
+                timeout = process.ready_timeout_s
+                raise IoProcessError(f"{process.name}: not ready after {timeout:g} s")
+            time.sleep(_POLL_INTERVAL_S)
 
-    def listen(self) -> str:
-        """What is wrong with them now, empty if nothing is; a dead one is named."""
-        trouble = []
-        for one, child in self._children:
+    def check(self) -> str:
+        """Collect messages and return which processes have died, empty if all live."""
+        failures = []
+        for process, child in self._children:
             alive = child.alive()
-            self.said += [
-                f"{one.name}: {event['text']}" for event in child.heard() if event["event"] == "say"
+            self.messages += [
+                f"{process.name}: {event['text']}"
+                for event in child.read_events()
+                if event["event"] == "message"
             ]
             if not alive:
-                trouble.append(f"{one.name} ended: {child.last_message()}")
-        return "; ".join(trouble)
+                failures.append(f"{process.name} ended: {child.last_message()}")
+        return "; ".join(failures)
 
-    def leave_to_the_loop(self) -> None:
-        """Let go of the lifeline: the loop has inherited it, and they now end with the loop."""
+    def release_lifeline(self) -> None:
+        """Close our end of the lifeline, so that all processes end with the loop, its heir."""
         if self.loop_end >= 0:
             os.close(self.loop_end)
             self.loop_end = -1
 
-    def end(self, patience: float) -> None:
-        """End all in the opposite order, those that will not be killed; give the mailboxes back."""
+    def end(self, timeout_s: float) -> None:
+        """End all processes in reverse order, kill those that do not end, close the mailboxes."""
         for _, child in reversed(self._children):
             if child.alive():
                 child.process.terminate()
-            child.end(patience)
-        self.leave_to_the_loop()
+            child.end(timeout_s)
+        self.release_lifeline()
         for fd in (self._lifeline, *self._slots.values()):
             os.close(fd)
         self._slots = {}

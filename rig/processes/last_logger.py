@@ -1,8 +1,8 @@
-"""The loop's own end when its supervisor is gone: no row leaves memory before it is on the disk.
+"""The logger of a loop whose supervisor is gone: every row reaches the disk before the loop ends.
 
 The rows are in a ring that lives as long as a process holds it. If supervisor and logger are both
-dead, the loop's process is the last one: once the devices are stopped it starts a logger itself and
-waits for it. Whatever comes of that, what the ring knows is noted in the run's folder.
+dead, the loop's process is the last one. Once the devices are stopped, it starts a logger itself
+and waits for it. In every case it writes the ring's counters to the run's folder.
 """
 
 import json
@@ -19,11 +19,11 @@ from rig.realtime.safety import Reason
 from rig.recording.folder_watch import current_folder, save_to_rescue_folder, write_progress
 from rig.recording.ring import RingWriter, has_consumer
 
-STUCK = 3.0  # s without a row saved after which a logger is started
-HANGS = 60.0  # s after which one that saves nothing is killed, as the supervisor has it
-ATTEMPTS = 3
-LIVING = 5.0  # s that a living supervisor's logger is waited for
-POLL = 0.05  # s
+STALL_TIMEOUT_S = 3.0  # s without a saved row after which a logger is started
+HANG_TIMEOUT_S = 60.0  # s without a saved row after which a logger is killed, as in the supervisor
+MAX_STARTS = 3
+SUPERVISED_TIMEOUT_S = 5.0  # s that the loop waits for the logger of a living supervisor
+POLL_INTERVAL_S = 0.05  # s
 
 
 class LastLogger:
@@ -37,81 +37,84 @@ class LastLogger:
         self._request: dict[str, Any] = json.loads(request) if request else {}
         self._supervisor = supervisor
         self._process: subprocess.Popen[str] | None = None
-        self._started = 0
+        self._starts = 0
 
     @property
-    def alone(self) -> bool:
-        """The supervisor is gone."""
+    def orphaned(self) -> bool:
+        """Whether the supervisor is gone."""
         return os.getppid() != self._supervisor
 
     @property
-    def _works(self) -> bool:
-        """A logger that was started here lives."""
+    def _running(self) -> bool:
+        """Whether a logger that was started here lives."""
         return self._process is not None and self._process.poll() is None
 
-    def helps(self) -> bool:
-        """Whether a logger is at work, of the supervisor or started here; starts one if need be."""
-        if not self._request or not self.alone:
+    def ensure_logger(self) -> bool:
+        """Start a logger if an orphaned loop has none; return whether one works, whoever's it is.
+
+        Returns False while the supervisor lives.
+        """
+        if not self._request or not self.orphaned:
             return False
-        if self._works or has_consumer(self._request["ring"]):
+        if self._running or has_consumer(self._request["ring"]):
             return True
-        if self._started >= ATTEMPTS:
+        if self._starts >= MAX_STARTS:
             return False
-        self._started += 1
+        self._starts += 1
         with suppress(OSError):
             self._process = self._start()
             return True
         return False
 
-    def see_out(self, ring: RingWriter, end: LoopResult | None) -> None:
-        """Wait until every row is saved, if need be by a logger of our own, or none can be.
+    def save_remaining_rows(self, ring: RingWriter, end: LoopResult | None) -> None:
+        """Wait until every row is saved or no more can be; start a logger if necessary.
 
         Returns at once if there is no request.
         ``end``: how the loop ended; None if its own code failed.
         """
         if not self._request:
             return
-        tail, since, noted = ring.tail, time.monotonic(), False
+        tail, since, progress_written = ring.tail, time.monotonic(), False
         while ring.tail < ring.head and not ring.abandoned:
-            still = time.monotonic() - since
+            stalled_s = time.monotonic() - since
             if ring.tail != tail:
                 tail, since = ring.tail, time.monotonic()
-            elif not self.alone:
-                if still > LIVING:
-                    return  # it knows of its logger what is to be known, and has the ring as well
-            elif not noted:
-                noted = self._note(ring, end)
-            elif still > HANGS and self._process is not None and self._works:
+            elif not self.orphaned:
+                if stalled_s > SUPERVISED_TIMEOUT_S:
+                    return  # the supervisor watches its logger and holds the ring as well
+            elif not progress_written:
+                progress_written = self._write_progress(ring, end)
+            elif stalled_s > HANG_TIMEOUT_S and self._process is not None and self._running:
                 self._process.kill()
                 self._process.wait()
                 since = time.monotonic()
-            elif still > STUCK:
-                started = self._started
-                if not self.helps() or (still > HANGS and not self._works):
-                    break  # a logger of the supervisor that hangs keeps the ring, with all rows
-                if self._started > started:
+            elif stalled_s > STALL_TIMEOUT_S:
+                started = self._starts
+                if not self.ensure_logger() or (stalled_s > HANG_TIMEOUT_S and not self._running):
+                    break  # a hanging logger of the supervisor keeps the ring, with all rows
+                if self._starts > started:
                     since = time.monotonic()
-            time.sleep(POLL)
+            time.sleep(POLL_INTERVAL_S)
         if self._process is not None:
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(HANGS)
-        if self.alone:
-            self._note(ring, end)
+                self._process.wait(HANG_TIMEOUT_S)
+        if self.orphaned:
+            self._write_progress(ring, end)
 
-    def _note(self, ring: RingWriter, end: LoopResult | None) -> bool:
-        known: dict[str, int | str | None] = {"final": True, "ticks": ring.head + ring.dropped}
-        known |= {"dropped": ring.dropped, "saved": ring.tail}
+    def _write_progress(self, ring: RingWriter, end: LoopResult | None) -> bool:
+        progress: dict[str, int | str | None] = {"final": True, "ticks": ring.head + ring.dropped}
+        progress |= {"dropped": ring.dropped, "saved": ring.tail}
         if end is not None:
-            known |= {"last_tick": end.ticks + end.skipped - 1, "skipped": end.skipped}
-            known |= {"reason": Reason(end.reason).name}
+            progress |= {"last_tick": end.ticks + end.skipped - 1, "skipped": end.skipped}
+            progress |= {"reason": Reason(end.reason).name}
         with suppress(OSError):
             fd = os.open(self._folder(), os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            write_progress(fd, **known)
+            write_progress(fd, **progress)
             os.close(fd)
         return True
 
     def _folder(self) -> Path:
-        """Where the run's folder is now; another one if it was deleted."""
+        """Return the present path of the run's folder; of a rescue folder if it was deleted."""
         folder, fd = Path(self._request["job"]["folder"]), int(self._request["folder"])
         if fd < 0:
             return folder

@@ -1,10 +1,10 @@
-"""What every loop process does besides its devices: take the job, tick, say how it ended.
+"""The part that all loop processes share: read the job, run the loop, report its end.
 
-The supervisor hands a job over on standard input and inherited file descriptors; the process
-answers with one JSON line when it is about to tick and one at the end. It ignores Ctrl-C (the
-supervisor decides what that means) and takes a termination as an abort. A supervisor that is gone,
-or on the real clock has shown no sign of life for too long (suspended, hung), is a stop: nobody
-could ask for one any more. On the virtual clock nothing moves, and a suspended rehearsal waits.
+The supervisor sends a job on standard input and inherited file descriptors. The process reports one
+JSON line before the first tick and one at the end. It ignores Ctrl-C, to which the supervisor
+reacts, and treats a termination signal as an abort. The loop stops when the supervisor is gone, or
+on the real clock when its heartbeat is too old (suspended, hung): nobody could request a stop any
+more. On the virtual clock nothing moves, and a suspended rehearsal waits.
 """
 
 import json
@@ -16,7 +16,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn
 
 from rig.processes import handover
-from rig.processes.io_process import leave_terminal_alone, report
+from rig.processes.io_process import ignore_terminal_signals, report_event
 from rig.processes.last_logger import LastLogger
 from rig.processes.mailbox import Mailbox, Request
 from rig.realtime import cycle, loop, safety, scheduling
@@ -25,8 +25,8 @@ from rig.realtime.devices import Devices
 from rig.recording.ring import RingWriter
 
 
-class Job(NamedTuple):
-    """What the supervisor asks of the loop process."""
+class LoopJob(NamedTuple):
+    """The job that the supervisor sends to the loop process."""
 
     real_clock: int  # 1: real time, 0: virtual
     realtime_required: int  # 1: refuse to run without every privilege
@@ -35,53 +35,55 @@ class Job(NamedTuple):
     mailbox: int  # file descriptor
     supervisor: int  # process id
     params: cycle.Params
-    devices: str  # JSON for whoever makes the devices
-    supervisor_timeout: float  # s without a sign of life of the supervisor that are a stop
-    last_logger: str = (
-        ""  # JSON for `rig.processes.last_logger`; empty: rows that nobody saves are lost
-    )
+    devices: str  # JSON for the function that connects the devices
+    supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
+    last_logger: str = ""  # JSON for `rig.processes.last_logger`; empty: unsaved rows are lost
 
 
-ALONE = 76  # exit code: the supervisor was gone before the first tick
-UNREADY = 78  # exit code: the devices are not there
-_ALONE = (
-    "`rig run` gave no sign of life before the first tick (suspended, or a busy host): start it "
-    "again; `rig doctor` looks at the host"
+EXIT_ORPHANED = 76  # exit code: the supervisor was gone before the first tick
+EXIT_NOT_READY = 78  # exit code: the devices do not answer
+_ORPHANED_MESSAGE = (
+    "`rig run` sent no heartbeat before the first tick (suspended, or a busy host): start it "
+    "again; `rig doctor` checks the host"
 )
-REFUSED = 77  # exit code: the host did not grant what the rig file requires
+EXIT_NO_PRIVILEGES = 77  # exit code: the host did not grant what the rig file requires
 
 
 def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
-    """Run the job on standard input with the devices that ``connect(config, dt)`` makes."""
-    leave_terminal_alone()
-    job: Job = handover.loads(Job, sys.stdin.read(), rig=kind.params_type)
+    """Run the job on standard input with the devices that ``connect(config, dt)`` returns."""
+    ignore_terminal_signals()
+    job: LoopJob = handover.loads(LoopJob, sys.stdin.read(), rig=kind.params_type)
     mailbox = Mailbox(job.mailbox, Request)
-    last = LastLogger(job.last_logger, job.supervisor)
+    last_logger = LastLogger(job.last_logger, job.supervisor)
     terminated = False
 
     def abort(*_: object) -> None:
         nonlocal terminated
         terminated = True
 
-    def overseer() -> int:
+    def external_request() -> int:
         if terminated:
             return safety.REQUEST_ABORT
-        if os.getppid() != job.supervisor or (job.real_clock == 1 and silent()):
+        if os.getppid() != job.supervisor or (job.real_clock == 1 and supervisor_timed_out()):
             return safety.REQUEST_SUPERVISOR_LOST
         return safety.REQUEST_NONE
 
-    def silent() -> bool:
-        mail = mailbox.read()
-        return mail is not None and time.monotonic() - mail.heartbeat > job.supervisor_timeout
+    def supervisor_timed_out() -> bool:
+        message = mailbox.read()
+        return message is not None and time.monotonic() - message.heartbeat > job.supervisor_timeout
 
-    def hurried() -> bool:
-        mail = mailbox.read()
-        if last.helps():
-            return False  # there will be room
-        return overseer() != 0 or (mail is not None and mail.request != safety.REQUEST_NONE)
+    def must_not_wait() -> bool:
+        message = mailbox.read()
+        if last_logger.ensure_logger():
+            return False  # the logger will make room in the ring
+        return external_request() != 0 or (
+            message is not None and message.request != safety.REQUEST_NONE
+        )
 
     signal.signal(signal.SIGTERM, abort)
-    ring = RingWriter(job.ring, kind.row_type, wait=job.real_clock == 0, stop_requested=hurried)
+    ring = RingWriter(
+        job.ring, kind.row_type, wait=job.real_clock == 0, stop_requested=must_not_wait
+    )
     end: loop.LoopResult | None = None
     try:
         try:
@@ -90,21 +92,22 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             _refuse(error)
         granted = _privileges(job)
         if granted is not None and granted.refused and job.realtime_required == 1:
-            report(event="refused", privileges=granted._asdict())
-            sys.exit(REFUSED)
-        if overseer() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices came up
+            report_event(event="refused", privileges=granted._asdict())
+            sys.exit(EXIT_NO_PRIVILEGES)
+        if external_request() == safety.REQUEST_SUPERVISOR_LOST:  # while the devices started
             devices.stop(safety.Reason.SUPERVISOR_LOST.value)
             devices.close()
-            report(event="refused", why=_ALONE)  # heard if it was suspended only
-            sys.exit(ALONE)
+            # A supervisor that was only suspended reads this later.
+            report_event(event="refused", why=_ORPHANED_MESSAGE)
+            sys.exit(EXIT_ORPHANED)
         try:
-            devices.warm_up(job.dt)  # whatever takes its time has been done
+            devices.warm_up(job.dt)  # the last slow step before the first tick
         except OSError as error:
             devices.close()
             _refuse(error)
         clock: Clock = RealClock(job.dt) if job.real_clock == 1 else VirtualClock(job.dt)
         ring.start(utc_of_zero(clock))
-        report(event="start", privileges=granted and granted._asdict())
+        report_event(event="start", privileges=granted and granted._asdict())
         end = loop.run(
             kind,
             job.params,
@@ -112,23 +115,23 @@ def main(kind: cycle.Kind, connect: Callable[[Any, float], Devices]) -> None:
             clock,
             ring,
             mailbox,
-            overseer,
+            external_request,
             measure_work=job.real_clock == 1,
         )
-        report(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
+        report_event(event="end", ticks=end.ticks, skipped=end.skipped, reason=end.reason)
     finally:
-        ring.finish()  # or the logger would wait for rows that never come
-        last.see_out(ring, end)
+        ring.finish()  # otherwise the logger would wait for rows that never come
+        last_logger.save_remaining_rows(ring, end)
 
 
 def _refuse(error: OSError) -> NoReturn:
-    """End before the first tick, and say why."""
-    report(event="refused", why=str(error))
-    sys.exit(UNREADY)
+    """Report the error and exit before the first tick."""
+    report_event(event="refused", why=str(error))
+    sys.exit(EXIT_NOT_READY)
 
 
-def _privileges(job: Job) -> scheduling.Privileges | None:
-    """Ask for what the clock needs; None on the virtual clock, which must not be given it."""
+def _privileges(job: LoopJob) -> scheduling.Privileges | None:
+    """Acquire real-time privileges; return None on the virtual clock, which must run without."""
     if job.real_clock == 1:
         return scheduling.acquire()
     scheduling.freeze_garbage_collector()

@@ -1,4 +1,4 @@
-"""What is to run, a run as it stands, and how it ended."""
+"""The setup of a run, a snapshot of it, and its outcome."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,7 +8,7 @@ from rig.realtime import cycle
 
 
 class Setup(NamedTuple):
-    """What is to run."""
+    """All that the supervisor needs to start a run."""
 
     kind_name: str
     kind: cycle.Kind
@@ -21,32 +21,32 @@ class Setup(NamedTuple):
     folder: Path
     attachments: tuple[str, ...]  # JSON files of the folder that go into the MCAP file
     mode: str
-    supervisor_timeout: float  # s without a sign of life of the supervisor that stop the loop
-    folder_lock: int = -1  # file descriptor, held as long as anything of the run lives; -1: none
+    supervisor_timeout: float  # s without a heartbeat of the supervisor after which the loop stops
+    folder_lock: int = -1  # file descriptor, held as long as a process of the run lives; -1: none
     wire_locks: tuple[int, ...] = ()  # file descriptors, held by all that use wires or real time
-    io_processes: tuple[IoProcess, ...] = ()  # processes that serve the loop from beside it
+    io_processes: tuple[IoProcess, ...] = ()
 
 
 class Snapshot(NamedTuple):
-    """The run as it stands, for whoever draws it."""
+    """The present state of a run, for display."""
 
     row: dict[str, float | int]  # newest row by dotted field name; empty before the first
     dropped: int
-    behind: int  # rows in the ring that are not safe on disk yet
-    trouble: str  # what is wrong with the log, empty if nothing
+    unsaved_rows: int  # rows in the ring that are not on disk yet
+    problem: str  # with a process or the log; empty: none
 
 
 class Outcome(NamedTuple):
-    """How the run ended."""
+    """The end of a run."""
 
     status: str  # complete, stopped, fault, crashed, refused
-    reason: str  # name of rig.realtime.safety.Reason, or what the process left as last words
+    reason: str  # name of rig.realtime.safety.Reason, or the last message of a process
     ticks: int
     skipped: int
     dropped: int  # rows the loop could not hand over
     unsaved: int  # rows handed over and not saved
     logger_restarts: int
     last_row: dict[str, float | int]
-    died: str = ""  # which process beside the loop died, and its last words; empty: none
-    messages: tuple[str, ...] = ()  # what those processes had to tell
-    moved: str = ""  # why the record is not where it was begun, and where it is; empty: it is
+    died: str = ""  # the I/O process that died, with its last message; empty: none
+    messages: tuple[str, ...] = ()  # of the I/O processes
+    moved: str = ""  # why and where the record was moved during the run; empty: it was not

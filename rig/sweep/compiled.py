@@ -22,7 +22,7 @@ from controllers import (
     signals,
     station_keeping,
 )
-from rig.execution.rehearsal.compiled_plant import LIFTED as PLANT
+from rig.execution.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
 from rig.kinds.wavebot import signals as wavebot_signals
 from rig.kinds.wavebot import tare
 from rig.realtime import average, axis, cycle, limits, power, safety, sequence

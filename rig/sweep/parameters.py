@@ -16,7 +16,7 @@ from ruamel.yaml.error import YAMLError
 from rig.config import ranges
 from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
-from rig.execution.rehearsal.job import TWINS, problems
+from rig.execution.rehearsal.job import MATCHING_KEYS, problems
 from rig.planning.campaign import Campaign, open_campaign
 from rig.sweep.inputs import DATA, inputs
 
@@ -123,7 +123,7 @@ class Files:
             for over, value in chosen:
                 if over.file == (key or "campaign"):
                     _put(mapping, locate, over, over.path, value)
-                if key == "rig" and over.file == "plant" and over.path in TWINS.values():
+                if key == "rig" and over.file == "plant" and over.path in MATCHING_KEYS.values():
                     _tell_the_rig(mapping, locate, over, value, chosen)
             return mapping, locate
 
@@ -138,7 +138,7 @@ def _tell_the_rig(
     mapping: dict[str, Any], locate: SourceMap, over: Over, value: Any, chosen: Chosen
 ) -> None:
     """What the rig must know of its plant it is told, unless it is asked to believe otherwise."""
-    name = next(ours for ours, theirs in TWINS.items() if theirs == over.path)
+    name = next(ours for ours, theirs in MATCHING_KEYS.items() if theirs == over.path)
     twin: KeyPath = ("heave", name)
     if not any(other.file == "rig" and other.path == twin for other, _ in chosen):
         _put(mapping, locate, over, twin, value)
@@ -197,7 +197,7 @@ def _as_typed(problem: Problem, over: Over) -> Problem:
         return problem
     key, message = problem.key, problem.message
     if over.file != "campaign":
-        told = over.path in TWINS.values() and not key.startswith(str(over.path[0]))
+        told = over.path in MATCHING_KEYS.values() and not key.startswith(str(over.path[0]))
         key = f"{'rig' if told else over.file}.{key}"
     if over.file == "plant" and message.endswith("is not a mapping"):
         message += f"; its number is {key}.value"

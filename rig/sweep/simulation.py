@@ -14,7 +14,7 @@ from rig.analysis.windows import REQUIRED_FIELDS, Window
 from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import build_world
 from rig.kinds.wavebot import KIND, Setpoints, WaveBotRow
-from rig.kinds.wavebot.build import placed, realisations_of, wavebot_params
+from rig.kinds.wavebot.build import index_realisations, list_realisations, wavebot_params
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
@@ -85,7 +85,7 @@ class Subject:
 
         Raises ValueError where plant or sea cannot be simulated.
         """
-        devices = job.devices_of(campaign)
+        devices = job.plant_settings(campaign)
         if sea is not None:
             devices["sea"] = sea
         self.plant = Plant.model_validate(devices["plant"])
@@ -95,7 +95,7 @@ class Subject:
             campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
             campaign.record,
         )  # fmt: skip
-        self._realisations = realisations_of(plan.setpoints.realisation)
+        self._realisations = list_realisations(plan.setpoints.realisation)
         elevation, heave, surge, onset, onset_ticks = begin.tables
         waves: Any = [Column(table) for table in (elevation, heave, surge)]
         self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
@@ -121,7 +121,7 @@ class Subject:
         """The loop's parameters for a plan, its tables as columns."""
         rig = self.params.rig
         segments: Any = [Column(column) for column in plan.segments]
-        placed_ones = placed(plan.setpoints, self._realisations)
+        placed_ones = index_realisations(plan.setpoints, self._realisations)
         setpoints: Any = [Column(column) for column in placed_ones]
         return self.params._replace(
             segments=Segments(*segments),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rehearsing import CONFIGS, run, yaml_file
+from rehearsing import CONFIGS, rehearse, write_yaml
 
 STATIONS = [-93.0, -73.0, -53.0, -33.0, -13.0, 7.0, 27.0, 47.0, 67.0]
 
@@ -38,7 +38,7 @@ def plant(folder: Path, hidden: UnknownSpring) -> Path:
     """Write the WaveBot plant with that spring and 20 N of Coulomb friction in the drivetrain."""
     spring = {"value": hidden.rates, "unit": "N/m", "source": "drawn from a seed"}
     friction = {"value": 20.0, "unit": "N", "source": "a test"}
-    return yaml_file(
+    return write_yaml(
         folder / "plant.yaml",
         {
             "extends": str(CONFIGS / "plants" / "wavebot.yaml"),
@@ -55,7 +55,7 @@ def campaign(folder: Path, hidden: UnknownSpring, seed: int, **hoist: Any) -> Pa
         "stations_percent": STATIONS, "low_m": -0.26, "high_m": 0.26, "speed_m_per_s": 0.1,
         "cycles": 1, **hoist,
     }  # fmt: skip
-    return yaml_file(
+    return write_yaml(
         folder / "hoisted.yaml",
         {
             "name": "hoisted",
@@ -75,6 +75,6 @@ def campaign(folder: Path, hidden: UnknownSpring, seed: int, **hoist: Any) -> Pa
 def run_spring_mapping(folder: Path, seed: int, **hoist: Any) -> tuple[UnknownSpring, Path]:
     """Return a random spring and the folder of the run that mapped it."""
     hidden = draw_spring(seed)
-    ended = run(campaign(folder, hidden, seed, **hoist), folder / "runs")
+    ended = rehearse(campaign(folder, hidden, seed, **hoist), folder / "runs")
     assert ended.outcome.status == "complete"
     return hidden, ended.folder

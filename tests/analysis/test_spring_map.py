@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import xarray
 from hoisted_runs import STATIONS, UnknownSpring, draw_spring, run_spring_mapping
-from rehearsing import CONFIGS, yaml_file
+from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
@@ -81,12 +81,12 @@ def test_the_positioner_uses_the_map(
     path = tmp_path / "measured.yaml"
     known = write_calibration(table, path)
     assert known.file.quantity == "spring_map"
-    rig = yaml_file(
+    rig = write_yaml(
         tmp_path / "rig.yaml",
         {"extends": str(CONFIGS / "rigs" / "wavebot.yaml"), "spring_map": "measured.yaml"},
     )
     target_rate = 0.5 * (hidden.rate(-33.0) + hidden.rate(7.0))  # halfway, as the map interpolates
-    campaign = yaml_file(
+    campaign = write_yaml(
         tmp_path / "asked.yaml",
         {
             "name": "asked",
@@ -281,7 +281,7 @@ def test_a_rig_refuses_other_calibrations_as_spring_map(tmp_path: Path) -> None:
     """It also refuses a map without strokes: a limit has no default."""
     wavebot = str(CONFIGS / "rigs" / "wavebot.yaml")
     rate = str(CONFIGS / "calibrations" / "mask4_spring_rate_v1.yaml")
-    rig = yaml_file(tmp_path / "rig.yaml", {"extends": wavebot, "spring_map": rate})
+    rig = write_yaml(tmp_path / "rig.yaml", {"extends": wavebot, "spring_map": rate})
     with pytest.raises(ConfigError, match="corrects spring_rate; allowed a spring_map"):
         load(rig, RigFile)
     write_calibration(bare_map([300.0, -5.0, -400.0]), tmp_path / "m.yaml")
@@ -289,7 +289,7 @@ def test_a_rig_refuses_other_calibrations_as_spring_map(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(
         "\n".join(line for line in text.splitlines() if not line.startswith("stroke_m"))
     )
-    rig = yaml_file(tmp_path / "rig.yaml", {"extends": wavebot, "spring_map": "m.yaml"})
+    rig = write_yaml(tmp_path / "rig.yaml", {"extends": wavebot, "spring_map": "m.yaml"})
     with pytest.raises(ConfigError, match="0 strokes; allowed 3, one a station"):
         load(rig, RigFile)
 
@@ -302,7 +302,7 @@ def test_invalid_hoist_campaigns_are_refused(tmp_path: Path) -> None:
             "hoist": {"stations_percent": [7], "low_m": -0.3, "high_m": 0.3,
                       "speed_m_per_s": 0.05},
         }  # fmt: skip
-        return check_campaign(yaml_file(tmp_path / "x.yaml", {**valid, **keys})).text()
+        return check_campaign(write_yaml(tmp_path / "x.yaml", {**valid, **keys})).text()
 
     assert "period" in problems()
     grid = {"grid": [{"spring_n_per_m": 0, "kp_n_s_per_m": 0, "ki_n_per_m": 0}]}

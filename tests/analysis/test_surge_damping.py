@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import CONFIGS, run, yaml_file
+from rehearsing import CONFIGS, rehearse, write_yaml
 from rig_command import rig_here
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
@@ -79,7 +79,7 @@ def campaign(folder: Path, **keys: Any) -> Path:
 
     The surge stiffness and drag of the device are unknown to the rig.
     """
-    plant = yaml_file(
+    plant = write_yaml(
         folder / "plant.yaml",
         {
             "extends": str(CONFIGS / "plants" / "wavebot_linear.yaml"),
@@ -98,13 +98,13 @@ def campaign(folder: Path, **keys: Any) -> Path:
         "matrix": {"grid": [{"spring_n_per_m": 7690, "kp_n_s_per_m": -2500, "ki_n_per_m": 0,
                              "surge_kp_n_s_per_m": [-700, -1500, -3000, -6000]}]},
     }  # fmt: skip
-    return yaml_file(folder / "campaign.yaml", {**settings, **keys})
+    return write_yaml(folder / "campaign.yaml", {**settings, **keys})
 
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("damping")
-    ended = run(campaign(folder), folder / "runs")
+    ended = rehearse(campaign(folder), folder / "runs")
     assert ended.outcome.status == "complete"
     return ended.folder
 

@@ -73,7 +73,7 @@ def interpreted(path: Path) -> Given:
         campaign.record,
     )  # fmt: skip
     devices = connect(
-        json.loads(json.dumps(job.devices_of(campaign))) | {"compiled": False}, plan.dt
+        json.loads(json.dumps(job.plant_settings(campaign))) | {"compiled": False}, plan.dt
     )
     step, state = cycle.make(KIND), cycle.start(KIND, params, 0)
     fields = attrgetter(*KEPT)

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rehearsing import run
+from rehearsing import rehearse
 
 from rig.recording.runs import run_info
 from rig.recording.runs.folder import RunInfo
@@ -50,7 +50,7 @@ def make(kind: str) -> None:
     """Rehearse the campaign of a kind and store the record of it."""
     with tempfile.TemporaryDirectory() as scratch:
         campaign = GOLDEN.relative_to(Path.cwd()) / f"{kind}.yaml"  # paths that mean something
-        ended = run(campaign, Path(scratch))
+        ended = rehearse(campaign, Path(scratch))
         assert ended.outcome.status == "complete", ended.outcome
         shutil.copy(ended.folder / "run.mcap", record(kind))
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from both_ways import STILL_CLOCK, compiled, interpreted, opened
 from law_lifting import same_bits
-from rehearsing import CONFIGS, campaign_file, yaml_file
+from rehearsing import CONFIGS, write_campaign, write_yaml
 
 import rig
 from rig.execution.rehearsal.devices import PlantDevices
@@ -88,7 +88,7 @@ KINDS: dict[str, dict[str, Any]] = {
 def campaign(folder: Path, kind: str) -> Path:
     push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
     (folder / "push.csv").write_text("\n".join(["time,push", *push]))
-    return campaign_file(folder, **QUICK | KINDS[kind])
+    return write_campaign(folder, **QUICK | KINDS[kind])
 
 
 @pytest.fixture(scope="module")
@@ -278,7 +278,7 @@ def test_an_edited_law_is_seen_and_no_index_leaves_its_table(tmp_path: Path) -> 
     """
     rig_file = str(CONFIGS / "rigs" / "wavebot.yaml")
     whole = QUICK | {"law": ZC, "reference": {"kind": "multisine", "amplitude_a": 8}}
-    path = yaml_file(tmp_path / "zc.yaml", {"name": "zc", "rig": rig_file, **whole})
+    path = write_yaml(tmp_path / "zc.yaml", {"name": "zc", "rig": rig_file, **whole})
     before = interpreted(path).summary()
     here, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
     for name in ("controllers", "rig", "sim_plant"):

@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from both_ways import compiled, interpreted
-from rehearsing import CONFIGS, campaign_file, yaml_file
+from rehearsing import CONFIGS, write_campaign, write_yaml
 
 from rig.config.yaml_source import load_mapping
-from rig.execution.rehearsal.job import TWINS
+from rig.execution.rehearsal.job import MATCHING_KEYS
 from rig.sweep.simulation import KEPT
 
 SEEDS = range(6)
 BOUND = {"supply_resistance", "capacitance"}  # their product has a least value
-AGREED = set(TWINS.values()) | {("stator", "start", "value")}  # with the rig file, or a place
+AGREED = set(MATCHING_KEYS.values()) | {
+    ("stator", "start", "value")
+}  # with the rig file, or a place
 
 
 def drawn_plant(path: Path, rng: np.random.Generator) -> dict[str, Any]:
@@ -66,7 +68,7 @@ def drawn(folder: Path, seed: int) -> Path:
     plant = CONFIGS / "plants" / f"{name}.yaml"
     whole: dict[str, Any] = {
         "rig": str(rig),
-        "plant": str(yaml_file(folder / "drawn.yaml", drawn_plant(plant, rng))),
+        "plant": str(write_yaml(folder / "drawn.yaml", drawn_plant(plant, rng))),
         "seed": seed + 100,
         "sea": sea,
         "tare": {"duration_s": 0.5},
@@ -74,7 +76,7 @@ def drawn(folder: Path, seed: int) -> Path:
         "timing": {"settle_s": 0.5} | ({"interval_s": 5} if sea["kind"] == "regular" else {}),
         "matrix": {"list": [point]},
     }
-    return campaign_file(folder, **whole | {"surge": {"use": surge}})
+    return write_campaign(folder, **whole | {"surge": {"use": surge}})
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 from golden_bench import MOVED, record
 from golden_runs import facts_without
-from rehearsing import CONFIGS, yaml_file
+from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
 from rig.execution import replay as replays
@@ -89,7 +89,7 @@ def test_what_a_record_keeps_of_a_session_gives_its_parameters_again(
         told = {"name": "test", "session": name, **SESSIONS[name]}
         told["rig"] = str(CONFIGS / "rigs" / "oswec_bench.yaml")
         told["timing"] = {"rise_s": 0.5, "settle_periods": 0, "periods": 1}
-        path = yaml_file(tmp_path / "session.yaml", told)
+        path = write_yaml(tmp_path / "session.yaml", told)
     else:
         path = CONFIGS / "sessions" / f"{name}.yaml"
     report = check_session(path)
@@ -105,7 +105,7 @@ LATER = ("motor.current_difference_", "motor.velocity_difference_", "power.")
 def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """As runs did before motor and load cell were compared with what was commanded."""
     monkeypatch.setattr(replays, "facts", facts_without(*LATER))
-    assert replay(record("bench_torque")).same
+    assert replay(record("bench_torque")).identical
 
 
 def test_a_run_that_kept_no_constants_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,9 +45,9 @@ LATER = ("heave.current_difference_", "surge.current_difference_", "power.")
 def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """As runs did before current, force and power were compared with what was commanded."""
     monkeypatch.setattr(replays, "facts", facts_without(*LATER))
-    subject = replays._wavebot(replays.run_info(record("cots")))
+    subject = replays._wavebot_target(replays.run_info(record("cots")))
     assert subject.params.rig.heave.limits.current_difference_stop == 500.0
-    assert replay(record("cots")).same
+    assert replay(record("cots")).identical
 
 
 @pytest.mark.parametrize("kind", IN_WAVES)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rehearsing import CONFIGS, campaign_file, run
+from rehearsing import CONFIGS, rehearse, write_campaign
 from rig_command import rig_here
 
 from rig.execution import replay as replays
@@ -58,7 +58,7 @@ KINDS: dict[str, dict[str, Any]] = {
 def golden(folder: Path, kind: str, see: Any = None) -> Path:
     push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
     (folder / "push.csv").write_text("\n".join(["time,push", *push]))
-    ended = run(campaign_file(folder, **QUICK | KINDS[kind]), folder / "runs", see)
+    ended = rehearse(write_campaign(folder, **QUICK | KINDS[kind]), folder / "runs", see)
     return ended.folder
 
 
@@ -90,7 +90,7 @@ def test_a_run_comes_out_again_from_its_one_file(regular: Path, tmp_path: Path) 
     seen: list[int] = []
     shutil.copy(regular / "run.mcap", tmp_path / "sent.mcap")
     found = replay(tmp_path / "sent.mcap", seen.append)
-    assert found.same
+    assert found.identical
     assert found.fields > 50
     assert found.absent == ()
     assert seen == sorted(seen)
@@ -113,7 +113,7 @@ def doctored(run: Path, folder: Path, **gains: float) -> Path:
 def test_a_doctored_gain_is_found_where_it_begins(regular: Path, tmp_path: Path) -> None:
     copy = doctored(regular, tmp_path, kp_n_s_per_m=-2000.5)
     found = replay(copy)
-    assert not found.same
+    assert not found.identical
     by_name = {each.field: each for each in found.differences}
     kp = by_name["heave.demand.kp"]
     assert found.differences[0].first == kp.first
@@ -152,9 +152,9 @@ def test_an_operators_stop_is_given_again(tmp_path: Path) -> None:
             asked.append(1)
             os.kill(os.getpid(), signal.SIGINT)
 
-    path = campaign_file(tmp_path, **QUICK | {"start": {"set_point_s": 1, "lead_in_s": 300}})
-    found = replay(run(path, tmp_path / "runs", stop).folder)
-    assert found.same
+    path = write_campaign(tmp_path, **QUICK | {"start": {"set_point_s": 1, "lead_in_s": 300}})
+    found = replay(rehearse(path, tmp_path / "runs", stop).folder)
+    assert found.identical
     assert [request.name for request in found.requests] == ["STOP"]
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from rehearsing import CONFIGS, yaml_file
+from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
 from rig.sweep import cluster, sweep
@@ -91,7 +91,7 @@ def first(scheduler: Node) -> Iterator[Node]:
 
 def campaign(folder: Path, rows: int) -> Path:
     """Rows of 6 s of waves; all differ."""
-    return yaml_file(
+    return write_yaml(
         folder / "campaign.yaml",
         {
             "name": "clustered",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rehearsing import CONFIGS, campaign_file
+from rehearsing import CONFIGS, write_campaign
 
 from rig.config.problems import ConfigError
 from rig.sweep import sweep
@@ -35,7 +35,7 @@ def campaign(folder: Path, **keys: Any) -> Path:
         "timing": {"settle_s": 3},
         "matrix": {"list": [LIST]},
     }  # fmt: skip
-    return campaign_file(folder, **whole | keys)
+    return write_campaign(folder, **whole | keys)
 
 
 def elevations(folder: Path) -> str:

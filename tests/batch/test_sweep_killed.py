@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 import xarray
-from rehearsing import campaign_file
+from rehearsing import write_campaign
 from rig_command import rig_here
 
 from rig.sweep.journal import NAME
@@ -41,7 +41,7 @@ print(json.dumps(sorted(set({HEAVY!r}) & {{name.split(".")[0] for name in sys.mo
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    return campaign_file(
+    return write_campaign(
         tmp_path,
         sea={"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         tare={"duration_s": 1},

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import xarray
 from matplotlib.figure import Figure
-from rehearsing import campaign_file, run
+from rehearsing import rehearse, write_campaign
 from test_sweep_rows import POINTS, swept
 
 from rig.analysis.points import gain_matrix
@@ -34,7 +34,7 @@ GRID = {
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     folder = tmp_path_factory.mktemp("grid")
-    path = campaign_file(folder, **GRID)
+    path = write_campaign(folder, **GRID)
     own = Files(path).opened().plant["pto"]["torque_constant"]["value"]
     overs = (f"plant.pto.torque_constant.value={own},7.5", "sea.amplitude_m=0.1,0.127")
     return swept(path, *overs, lead_in=LEAD_IN)[1]
@@ -54,7 +54,7 @@ def test_a_rehearsal_lies_on_what_was_simulated(
         return draw(rows, path, others, beneath)
 
     monkeypatch.setattr(pictures, "write_surfaces", seen)
-    ended = run(campaign_file(tmp_path, **GRID), tmp_path / "runs")
+    ended = rehearse(write_campaign(tmp_path, **GRID), tmp_path / "runs")
     written = pictures.write(table, tmp_path, ended.folder)
     assert [path.name for path in written] == [
         "surfaces.png",
@@ -86,9 +86,9 @@ def test_what_was_measured_lies_within_its_panel(table: xarray.Dataset) -> None:
 
 @pytest.mark.slow
 def test_a_run_of_another_matrix_is_refused(table: xarray.Dataset, tmp_path: Path) -> None:
-    path = campaign_file(tmp_path, **GRID | {"matrix": {"list": [POINTS[2]]}})
+    path = write_campaign(tmp_path, **GRID | {"matrix": {"list": [POINTS[2]]}})
     with pytest.raises(ValueError, match="no complete row of it has the gains"):
-        pictures.write(table, tmp_path, run(path, tmp_path / "runs").folder)
+        pictures.write(table, tmp_path, rehearse(path, tmp_path / "runs").folder)
 
 
 def test_nothing_is_drawn_where_nothing_ran(table: xarray.Dataset, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from rehearsing import CONFIGS, campaign_file
+from rehearsing import CONFIGS, write_campaign
 from rig_command import rig_here
 
 from rig.analysis.rows import UNITS
@@ -37,7 +37,7 @@ def campaign(folder: Path, **keys: Any) -> Path:
         "timing": {"settle_s": 3, "interval_s": 7.5},
         "matrix": {"list": POINTS},
     }
-    return campaign_file(folder, **whole | keys)
+    return write_campaign(folder, **whole | keys)
 
 
 def nothing(outcome: Outcome) -> None:

@@ -10,7 +10,7 @@ import pytest
 from rig.config import ConfigError
 from rig.config.campaign_file import Timing
 from rig.config.sea import CalmSea, JonswapSea, PinkSea, RecordedSea, RegularSea
-from rig.execution.rehearsal.job import asked_sea, devices_of, problems
+from rig.execution.rehearsal.job import plant_settings, problems, requested_sea
 from rig.planning.campaign import WindowError, build_plan, check_campaign, open_campaign
 from rig.planning.campaign.windows import calibration_window
 from rig.realtime import sequence
@@ -47,7 +47,7 @@ def test_the_plan_is_a_lead_in_and_one_window_with_all_power_off(write: Any) -> 
     ]
     assert (planned.duration, planned.wave_seconds, planned.spring_moves) == (90.0, 90.0, 0)
     assert sum(planned.phases) == planned.phases.lead_in + planned.phases.measure == 90.0
-    assert devices_of(campaign._replace(plant={"bem": "x"}))["device"] == "absent"
+    assert plant_settings(campaign._replace(plant={"bem": "x"}))["device"] == "absent"
 
 
 def test_the_plan_runs_to_its_end_without_the_drive(write: Any) -> None:
@@ -190,14 +190,14 @@ def test_the_lines_of_a_record_and_of_a_regular_sea(write: Any, tmp_path: Path) 
         "sea: {kind: recorded, file: r.csv, channel: eta, unit: m, start_s: 0, end_s: 60, "
         "repeat_s: 20}\n"
     )
-    lines = asked_sea(open_campaign(write_file(write, "", sea)))
+    lines = requested_sea(open_campaign(write_file(write, "", sea)))
     assert lines["repeat_s"] == pytest.approx(20.0)
     assert lines["cycles"] == list(range(1, 41))  # 0.05 to 2 Hz
     assert lines["amplitude_m"][7] == pytest.approx(0.05, abs=1e-8)
     assert lines["phase_rad"][7] == pytest.approx(-0.4, abs=1e-6)
     assert max(lines["amplitude_m"][:7]) < 1e-8  # 7 cycles in 60 s are not a line of 20 s
     sea = "sea: {kind: regular, amplitude_m: 0.1, period_s: 3.45}\n"
-    lines = asked_sea(open_campaign(write_file(write, "", sea)))
+    lines = requested_sea(open_campaign(write_file(write, "", sea)))
     assert lines == {
         "repeat_s": pytest.approx(3.45),
         "cycles": [1],

@@ -97,7 +97,7 @@ def test_an_estimator_that_cannot_be_designed_is_reported(
     rig: Path, write: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rig.design.estimator._MOST_STEPS", 2)
-    build._designed.cache_clear()  # removes gains designed by an earlier test
+    build._cached_estimator_design.cache_clear()  # removes gains designed by an earlier test
     ((file, line, key, message),) = reported_problems(write())
     at = line_of(rig, "jerk_density_m2_per_s5:")
     assert (file, line, key) == ("wavebot.yaml", at, "heave.jerk_density_m2_per_s5")

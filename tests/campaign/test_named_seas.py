@@ -16,7 +16,7 @@ from scipy.integrate import quad
 from scipy.signal import welch
 
 from rig.execution.rehearsal.devices import build_sea
-from rig.execution.rehearsal.job import asked_sea, devices_of, problems
+from rig.execution.rehearsal.job import plant_settings, problems, requested_sea
 from rig.planning.campaign import check_campaign
 from sim_plant import waves
 from sim_plant.bem import read_bem
@@ -73,7 +73,7 @@ def campaign(tmp_path: Path, sea: Path, device: str = "present") -> Any:
 
 
 def simulated_sea(report: Any) -> waves.Sea:
-    return build_sea(devices_of(report.campaign)["sea"])
+    return build_sea(plant_settings(report.campaign)["sea"])
 
 
 def test_table_3_1_is_complete_and_its_file_names_match() -> None:
@@ -189,7 +189,7 @@ def test_every_sea_file_repeats_exactly_and_is_the_same_in_every_campaign(
 @pytest.mark.parametrize("path", SEAS, ids=lambda p: p.stem)
 def test_the_requested_lines_are_those_of_the_plant(path: Path, tmp_path: Path) -> None:
     report = campaign(tmp_path, path, device="absent")
-    lines = asked_sea(report.campaign)
+    lines = requested_sea(report.campaign)
     assert lines["repeat_s"] == 300.0
     time = np.arange(0.0, 300.0, 0.31)
     result = np.zeros(time.size)

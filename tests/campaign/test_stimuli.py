@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import TypeAdapter
-from rehearsing import CONFIGS, campaign_file
+from rehearsing import CONFIGS, write_campaign
 
 from rig.config.reference import AnyStimulus, Reference
 from rig.design.predictions import predict
@@ -140,7 +140,7 @@ def test_a_record_is_interpolated_linearly_and_repeats(tmp_path: Path) -> None:
 def campaign(folder: Path, reference: dict[str, Any], column: dict[str, Any], **keys: Any) -> Path:
     matrix = {"grid": [{"spring_n_per_m": 490.9, "kp_n_s_per_m": 0, "ki_n_per_m": 0, **column}]}
     calm = {"sea": {"kind": "calm"}}
-    return campaign_file(folder, reference=reference, matrix=matrix, **{**calm, **keys})
+    return write_campaign(folder, reference=reference, matrix=matrix, **{**calm, **keys})
 
 
 def test_rows_measure_whole_repeat_periods_and_play_their_realisation(tmp_path: Path) -> None:
@@ -206,7 +206,7 @@ def test_invalid_references_are_reported(
 
 def test_a_calibration_refuses_a_reference(tmp_path: Path) -> None:
     sea = {"kind": "pink", "hm0_m": 0.1}
-    path = campaign_file(tmp_path, sea=sea, device="absent", reference=MULTISINE)
+    path = write_campaign(tmp_path, sea=sea, device="absent", reference=MULTISINE)
     assert "no axis to excite" in check_campaign(path).text()
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rehearsing import CONFIGS, yaml_file
+from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
 from rig.planning.campaign import check_campaign
@@ -34,8 +34,8 @@ def campaign(folder: Path, valid: str, outside: str = "refuse", **keys: Any) -> 
     """Write a campaign of three seconds on a rig with a spring map of the given validity."""
     (folder / "map.yaml").write_text(MAP.format(valid=valid, outside=outside))
     wavebot = str(CONFIGS / "rigs" / "wavebot.yaml")
-    yaml_file(folder / "rig.yaml", {"extends": wavebot, "spring_map": "map.yaml"})
-    return yaml_file(
+    write_yaml(folder / "rig.yaml", {"extends": wavebot, "spring_map": "map.yaml"})
+    return write_yaml(
         folder / "campaign.yaml",
         {
             "name": "dated",

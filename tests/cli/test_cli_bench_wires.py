@@ -21,7 +21,7 @@ from rig.cli.bench_devices_view import render
 from rig.cli.devices import main as devices
 from rig.config import load
 from rig.config.bench_rig_file import BenchRigFile
-from rig.execution.hardware.bench_job import job_of_bench
+from rig.execution.hardware.bench_job import build_bench_job
 from rig.execution.hardware.bench_survey import survey_bench
 from rig.host.finding import Host, Verdict
 from rig.host.rig_wires import findings
@@ -109,7 +109,7 @@ def test_all_devices_answer(sim: Sim, capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_survey_leaves_the_servo_unpowered(sim: Sim) -> None:
     """The survey reads only the servo drive's name and two records of values."""
-    job = job_of_bench(load(sim.path, BenchRigFile)[0])
+    job = build_bench_job(load(sim.path, BenchRigFile)[0])
     for _ in range(2):
         streams = {stream.name: stream for stream in survey_bench(job).streams}
         values = {value.name: value.value for value in streams["servo"].values}
@@ -117,7 +117,7 @@ def test_a_survey_leaves_the_servo_unpowered(sim: Sim) -> None:
 
 
 def test_no_text_of_the_view_is_cut(sim: Sim) -> None:
-    found = survey_bench(job_of_bench(load(sim.path, BenchRigFile)[0]))
+    found = survey_bench(build_bench_job(load(sim.path, BenchRigFile)[0]))
     for width in (80, 120):
         console = Console(width=width, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
         console.print(render("Wires of a test", found))

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from command_here import rig
 from made_once import made_once
-from rehearsing import yaml_file
+from rehearsing import write_yaml
 from rig_command import rig as process
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -30,7 +30,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def one_run(place: Path) -> None:
     """Run the rows of the quick campaign with one wave each."""
     folder = place / "runs"
-    done = process("run", yaml_file(place / "quick.yaml", SHORT), "--runs", folder, "--json")
+    done = process("run", write_yaml(place / "quick.yaml", SHORT), "--runs", folder, "--json")
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert report["status"] == "complete"

@@ -16,7 +16,7 @@ import pytest
 from command_here import Done, rig
 from made_once import made_once
 from mcap.reader import make_reader
-from rehearsing import yaml_file
+from rehearsing import write_yaml
 from rig_command import rig as process
 
 from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
@@ -34,7 +34,7 @@ def killed_run(folder: Path) -> None:
     """Kill the supervisor of a run; `rig recover` refuses the run while the loop stops."""
     rows = {"extends": str(campaign_file(folder, 2000.0)),
             "timing": {"settle_s": 1, "interval_s": 4}}  # fmt: skip
-    path = yaml_file(folder / "killed.yaml", rows)
+    path = write_yaml(folder / "killed.yaml", rows)
     with live_run(path, folder / "runs", real_clock=False) as run:
         run.wait_started()
         processes = run.pid(LOOP), run.pid(LOGGER)

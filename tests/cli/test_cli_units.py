@@ -21,7 +21,7 @@ from rig.cli.find_run import find_run
 from rig.cli.progress import Progress
 from rig.cli.runs import main as list_command
 from rig.config.problems import Problem
-from rig.execution.campaign import Ended
+from rig.execution.campaign import RunResult
 from rig.processes.run_types import Outcome, Snapshot
 from rig.realtime.limits import LimitFlag
 from rig.realtime.safety import Mode, Reason
@@ -198,7 +198,7 @@ def play(
 ) -> int:
     """Return the exit code of `rig run` for a valid campaign whose run has this outcome."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
-    monkeypatch.setattr(run_command, "carry_out", lambda *a, **k: Ended(folder, outcome, ""))
+    monkeypatch.setattr(run_command, "carry_out", lambda *a, **k: RunResult(folder, outcome, ""))
     code: int = run_command.main(
         campaign, folder.parent, run_command.RunOptions(None, False, False), as_json=as_json
     )

@@ -25,9 +25,9 @@ from rig.cli.devices import main as devices
 from rig.cli.devices_view import render
 from rig.cli.scan_commands import SerialLine, scan_can, scan_modbus
 from rig.config import RigFile, load
-from rig.execution.hardware.job import job_of
+from rig.execution.hardware.job import build_job
 from rig.execution.hardware.survey import survey
-from rig.processes.wire_locks import hold, wires_of
+from rig.processes.wire_locks import acquire, wires_in
 
 
 class Sim(NamedTuple):
@@ -101,7 +101,7 @@ def test_a_survey_only_reads(sim: Sim) -> None:
     bus = can.Bus(interface="socketcand", channel="can0", host="127.0.0.1", port=sim.ports.can)
     seen: list[can.Message] = []
     try:
-        job = job_of(load(sim.path, RigFile)[0])
+        job = build_job(load(sim.path, RigFile)[0])
         thread = threading.Thread(target=survey, args=(job,))
         thread.start()
         while thread.is_alive() or (seen and time.time() - seen[-1].timestamp < 0.2):
@@ -118,7 +118,7 @@ def test_a_survey_only_reads(sim: Sim) -> None:
 
 
 def test_no_text_of_the_view_is_cut(sim: Sim) -> None:
-    found = survey(job_of(load(sim.path, RigFile)[0]))
+    found = survey(build_job(load(sim.path, RigFile)[0]))
     for width in (100, 80, 140):
         console = Console(width=width, record=True, file=sys.stderr)
         console.print(render("Wires of a test", found, all_objects=True))
@@ -182,7 +182,7 @@ def test_a_run_is_not_disturbed(sim: Sim, capsys: pytest.CaptureFixture[str]) ->
     port = str(sim.folder / "amplifiers")
     lines = ((f"localhost:{sim.ports.io}", None), (None, SerialLine(port, 115200, "N", 1)))
     bus = ("socketcand", "can0", 1_000_000, ["host=127.0.0.1", f"port={sim.ports.can}"])
-    with hold(wires_of(load(sim.path, RigFile)[0]), "campaign of somebody"):
+    with acquire(wires_in(load(sim.path, RigFile)[0]), "campaign of somebody"):
         code, report = survey_of(sim.path, capsys)
         assert code == FAILED
         assert "campaign of somebody" in report["message"]
@@ -201,7 +201,7 @@ def test_listening_sends_nothing(sim: Sim, capsys: pytest.CaptureFixture[str]) -
     try:
         while bus.recv(0.2) is not None:  # boot-up messages of the nodes
             pass
-        with hold(wires_of(load(sim.path, RigFile)[0]), "campaign of somebody"):
+        with acquire(wires_in(load(sim.path, RigFile)[0]), "campaign of somebody"):
             code, report = survey_of(sim.path, capsys, only_listen=True)
             assert code == FAILED
             assert report["listened_only"]

@@ -157,12 +157,12 @@ def test_reasons_why_a_port_cannot_be_opened(
 ) -> None:
     (tmp_path / "pulled").symlink_to(tmp_path / "gone")
     (tmp_path / "file").touch()
-    assert wire_check.port_trouble(str(tmp_path / "none")) == "is not there"
-    assert wire_check.port_trouble(str(tmp_path / "pulled")) == "leads nowhere: unplugged"
-    assert wire_check.port_trouble(str(tmp_path / "file")) == "is no serial port"
-    assert wire_check.port_trouble("/dev/null") == ""
+    assert wire_check.port_problem(str(tmp_path / "none")) == "is not there"
+    assert wire_check.port_problem(str(tmp_path / "pulled")) == "leads nowhere: unplugged"
+    assert wire_check.port_problem(str(tmp_path / "file")) == "is no serial port"
+    assert wire_check.port_problem("/dev/null") == ""
     monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert "belongs to root:root rw-rw-rw-" in wire_check.port_trouble("/dev/null")
+    assert "belongs to root:root rw-rw-rw-" in wire_check.port_problem("/dev/null")
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_addresses_outside_this_host_cannot_be_emulated(
 ) -> None:
     rig, _ = load(rig_file(tmp_path, free_ports(), **changed), RigFile)
     assert rig.wiring is not None
-    (reason,) = addresses.impossible(rig.wiring)
+    (reason,) = addresses.unreachable_addresses(rig.wiring)
     assert expected in reason
 
 
@@ -191,13 +191,15 @@ def test_a_stale_serial_link_counts_as_free(tmp_path: Path) -> None:
     master, slave = os.openpty()
     try:
         link.symlink_to(os.ttyname(slave))
-        assert addresses.taken(rig.wiring) == ()  # of this process, which is no emulation
+        assert (
+            addresses.occupied_addresses(rig.wiring) == ()
+        )  # of this process, which is no emulation
     finally:
         os.close(master)
         os.close(slave)
     link.unlink()
     link.symlink_to(tmp_path / "gone")
-    assert addresses.taken(rig.wiring) == ()
+    assert addresses.occupied_addresses(rig.wiring) == ()
     link.unlink()
     link.touch()
-    assert "no link to a pseudo-terminal" in addresses.taken(rig.wiring)[0]
+    assert "no link to a pseudo-terminal" in addresses.occupied_addresses(rig.wiring)[0]

@@ -16,7 +16,7 @@ from rig.config.bench_limits_file import BenchLimitsFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.constants_file import ConstantsFile
 from rig.config.session_file import SessionFile
-from rig.execution.rehearsal.bench_job import problems_of_session
+from rig.execution.rehearsal.bench_job import session_problems
 from rig.planning.session import check_session, is_session
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -125,7 +125,7 @@ def reported_problems(folder: Path, text: str, **others: str) -> list[tuple[str,
     for name, content in others.items():
         (folder / f"{name}.yaml").write_text(content)
     (folder / "x.yaml").write_text(text)
-    report = check_session(folder / "x.yaml", further_check=problems_of_session)
+    report = check_session(folder / "x.yaml", further_check=session_problems)
     return [(Path(p.file).name, p.key, p.message) for p in report.problems]
 
 
@@ -207,7 +207,7 @@ def test_every_shipped_session_can_be_run() -> None:
     assert len(sessions) >= 10
     for path in sessions:
         assert is_session(path)
-        report = check_session(path, further_check=problems_of_session)
+        report = check_session(path, further_check=session_problems)
         assert report.ok, report.text()
         assert json.loads(report.to_json())["rows"]
     assert not is_session(CONFIGS / "campaigns" / "quick.yaml")

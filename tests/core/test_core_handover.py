@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from rig.kinds import wavebot
 from rig.processes import handover
 from rig.processes.handover import HandoverError
-from rig.processes.loop_process import Job
+from rig.processes.loop_process import LoopJob
 from rig.realtime import cycle
 
 FLOATS = st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324, -2.2e-308, 1e308, 0.1])
@@ -62,8 +62,8 @@ def test_the_shipped_parameters_and_a_job_are_restored() -> None:
     restored = params()
     second = handover.loads(cycle.Params, handover.dumps(restored), rig=wavebot.Params)
     assert bits(second) == bits(restored)
-    job = Job(1, 0, 0.001, 3, 4, 5, restored, json.dumps({"seed": 1}), 1.0)
-    assert bits(handover.loads(Job, handover.dumps(job), rig=wavebot.Params)) == bits(job)
+    job = LoopJob(1, 0, 0.001, 3, 4, 5, restored, json.dumps({"seed": 1}), 1.0)
+    assert bits(handover.loads(LoopJob, handover.dumps(job), rig=wavebot.Params)) == bits(job)
 
 
 def integers_for_floats(value: Any) -> Any:

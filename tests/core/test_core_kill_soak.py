@@ -17,7 +17,7 @@ import pytest
 from benchmarks.support.kills import PAIRS, SUPERVISOR, Fate, plans, soak
 from benchmarks.support.live import LOGGER, LOOP, live_run, running, wait_until
 from benchmarks.support.recorded import campaign_file
-from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
 
 pytestmark = pytest.mark.realtime
@@ -60,8 +60,8 @@ def test_a_stopping_loop_keeps_the_real_time_lock(tmp_path: Path) -> None:
         run.process.kill()
         run.process.wait()
         with pytest.raises(BusyError, match="was killed; its loop is coming to a stop"):
-            hold((REALTIME_PLACE,), "next")
+            acquire((REALTIME_WIRE,), "next")
         assert running(loop)
         wait_until(lambda: not running(loop), "the end of the loop")
-        hold((REALTIME_PLACE,), "next").close()
+        acquire((REALTIME_WIRE,), "next").close()
         wait_until(lambda: not running(logger), "the end of the logger")

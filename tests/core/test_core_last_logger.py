@@ -75,7 +75,7 @@ def test_a_logger_started_by_the_loop_saves_every_row(
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     fd, writer = rows
     (run / "run.mcap.part0").write_bytes(b"")  # of a logger that was killed at its start
-    LastLogger(request(run, fd), GONE).see_out(writer, END)
+    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
     assert writer.tail == writer.head == 900
     assert np.array_equal(ticks(run / "run.mcap.part1"), np.arange(900))
     ring_fd = recover(run, None, NOW)
@@ -102,7 +102,7 @@ def test_without_a_logger_the_exact_loss_is_recorded(
     out.close()
     reader.commit()
     monkeypatch.setattr(sys, "executable", "/bin/false")
-    LastLogger(request(run, fd), GONE).see_out(writer, END)
+    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
     progress = json.loads((run / "progress.json").read_text())
     assert progress["final"] is True
     assert (progress["ticks"], progress["saved"], progress["last_tick"]) == (900, 300, 899)
@@ -120,7 +120,7 @@ def test_the_loop_starts_no_logger_while_the_supervisor_lives(
 ) -> None:
     monkeypatch.setattr(last_logger, "LIVING", 0.2)
     fd, writer = rows
-    LastLogger(request(run, fd), os.getppid()).see_out(writer, END)
+    LastLogger(request(run, fd), os.getppid()).save_remaining_rows(writer, END)
     assert sorted(path.name for path in run.iterdir()) == [
         *("config.json", "privileges.json", "run.json")
     ]
@@ -141,7 +141,7 @@ def test_a_slow_logger_is_not_joined_by_a_second(
 
     timer = threading.Timer(1.0, die)
     timer.start()
-    LastLogger(request(run, fd), GONE).see_out(writer, END)
+    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
     timer.join()
     assert found == [[]]
     assert np.array_equal(ticks(run / "run.mcap.part0"), np.arange(900))
@@ -156,7 +156,7 @@ def test_a_logger_that_hangs_keeps_its_rows(
     monkeypatch.setattr(last_logger, "HANGS", 0.3)
     fd, writer = rows
     lock = ring.lock_consumer(fd)
-    LastLogger(request(run, fd), GONE).see_out(writer, END)
+    LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
     os.close(lock)
     assert list(run.glob("*.mcap*")) == []
     assert json.loads((run / "progress.json").read_text())["saved"] == 0
@@ -191,5 +191,5 @@ def test_without_a_request_the_call_returns_at_once(
 ) -> None:
     monkeypatch.setattr(last_logger, "STUCK", 0.1)
     _, writer = rows
-    LastLogger("", GONE).see_out(writer, END)
+    LastLogger("", GONE).save_remaining_rows(writer, END)
     assert writer.tail == 0

@@ -92,24 +92,24 @@ def test_the_state_holds_the_last_command() -> None:
 
 # --- tare
 
-CHANNELS = len(tare.Raw._fields)
-RAW = st.builds(tare.Raw, *[st.floats(-9, 9)] * 2, *[st.floats(-2e3, 2e3)] * (CHANNELS - 2))
-CALM = tare.Raw(4.6, -0.1, 0.004, 15.0, -6.0, 1.0, 40.0, 42.0)
+CHANNELS = len(tare.RawSensors._fields)
+RAW = st.builds(tare.RawSensors, *[st.floats(-9, 9)] * 2, *[st.floats(-2e3, 2e3)] * (CHANNELS - 2))
+CALM = tare.RawSensors(4.6, -0.1, 0.004, 15.0, -6.0, 1.0, 40.0, 42.0)
 
 
 @given(st.lists(RAW, min_size=1, max_size=40))
-def test_the_zeros_are_the_means_of_the_tare(samples: list[tare.Raw]) -> None:
+def test_the_zeros_are_the_means_of_the_tare(samples: list[tare.RawSensors]) -> None:
     state = tare.start()
     for raw in samples:
         state = tare.step(state, raw, Phase.TARE)
         assert state.zeros == (*samples[0], 0)  # provisional until its end
-    state = tare.step(state, tare.Raw(*[7.0] * CHANNELS), Phase.MOVING)
+    state = tare.step(state, tare.RawSensors(*[7.0] * CHANNELS), Phase.MOVING)
     n = len(samples)
     for column in range(CHANNELS):
         mean = math.fsum(raw[column] for raw in samples) / n
         assert state.zeros[column] == pytest.approx(mean, rel=1e-9, abs=1e-9)
     assert state.zeros.samples == n
-    assert tare.step(state, tare.Raw(*[1.0] * CHANNELS), Phase.MEASURE) is state
+    assert tare.step(state, tare.RawSensors(*[1.0] * CHANNELS), Phase.MEASURE) is state
 
 
 @given(st.lists(st.floats(-9, 9), min_size=1, max_size=30))

@@ -19,16 +19,16 @@ import pytest
 from ruamel.yaml import YAML
 
 from rig.config.any_rig_file import load_rig
-from rig.execution.campaign import carry_out, wired
+from rig.execution.campaign import run_campaign, wired_mode
 from rig.planning.campaign import check_campaign
 from rig.processes.wire_locks import (
-    REALTIME_PLACE,
+    REALTIME_WIRE,
     Wire,
+    acquire,
     can_wire,
-    hold,
     network_wire,
     serial_wire,
-    wires_of,
+    wires_in,
 )
 from rig.recording.runs.create import BusyError
 
@@ -86,25 +86,25 @@ def test_environment_does_not_move_a_lock(port: int, tmp_path: Path) -> None:
     path = str(tmp_path)
     moved = holder(port, TMPDIR=path, HOME=path, XDG_RUNTIME_DIR=path)
     with moved, pytest.raises(BusyError):
-        hold(line(port), "campaign second")
-    hold(line(port), "campaign second").close()
+        acquire(line(port), "campaign second")
+    acquire(line(port), "campaign second").close()
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can be two users")
 def test_two_users_meet_the_same_lock(port: int) -> None:
     with holder(port, uid=65534) as (process, _), pytest.raises(BusyError) as refused:
-        hold(line(port), "campaign second")
+        acquire(line(port), "campaign second")
     assert f"campaign first (process {process.pid}, user nobody)" in str(refused.value)
 
 
 def test_a_refusal_names_wire_holder_and_remedy(port: int) -> None:
     with holder(port) as (process, _), pytest.raises(BusyError) as refused:
-        hold((serial_wire("servo", "/dev/none"), *line(port)), "rig devices")
+        acquire((serial_wire("servo", "/dev/none"), *line(port)), "rig devices")
     assert str(refused.value) == (
         f"line io 127.0.0.1:{port} is taken by campaign first (process {process.pid}, user root); "
         "wait for its end, or stop it with Ctrl-C"
     )
-    hold([serial_wire("servo", "/dev/none")], "x").close()  # all or none: it was released
+    acquire([serial_wire("servo", "/dev/none")], "x").close()  # all or none: it was released
 
 
 def test_a_lock_inherited_from_a_killed_program_persists(port: int) -> None:
@@ -114,13 +114,13 @@ def test_a_lock_inherited_from_a_killed_program_persists(port: int) -> None:
         process.wait()
         try:
             with pytest.raises(BusyError, match=r"campaign first .* was killed; its loop"):
-                hold(line(port), "campaign second")
+                acquire(line(port), "campaign second")
         finally:
             os.kill(int(child), signal.SIGKILL)
         until = time.monotonic() + 10.0
         while True:
             try:
-                hold(line(port), "campaign second").close()
+                acquire(line(port), "campaign second").close()
             except BusyError:
                 assert time.monotonic() < until
                 time.sleep(0.01)
@@ -132,16 +132,16 @@ def test_a_name_taken_without_listening_is_refused_too(port: int) -> None:
     with socket.socket(socket.AF_UNIX) as squatter:
         squatter.bind(f"\0wec-rig/tcp/127.0.0.1:{port}")
         with pytest.raises(BusyError, match="another program"):
-            hold(line(port), "campaign second")
+            acquire(line(port), "campaign second")
 
 
 def test_any_number_of_lock_queries_is_refused(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every refusal connects to the holder once, which never accepts the connections."""
     monkeypatch.setattr("rig.processes.wire_locks._LOOKS", 3)
-    with hold(line(port), "campaign first"):
+    with acquire(line(port), "campaign first"):
         for _ in range(10):
             with pytest.raises(BusyError, match="taken by"):
-                hold(line(port), "campaign second")
+                acquire(line(port), "campaign second")
 
 
 def test_of_many_contenders_one_gets_the_lock(port: int) -> None:
@@ -154,7 +154,7 @@ def test_of_many_contenders_one_gets_the_lock(port: int) -> None:
             stack.callback(one.kill)
         assert sum(one.stdout.readline() == b"held\n" for one in attempts if one.stdout) == 1
         with pytest.raises(BusyError):
-            hold((*line(port), serial_wire("servo", f"/dev/none{port}")), "campaign last")
+            acquire((*line(port), serial_wire("servo", f"/dev/none{port}")), "campaign last")
 
 
 def same(one: Wire, other: Wire) -> bool:
@@ -199,10 +199,10 @@ def test_all_names_of_a_wire_share_one_lock(tmp_path: Path) -> None:
 
 def test_long_names_stay_distinct() -> None:
     far = "/very" * 40
-    with hold([serial_wire("a", f"{far}/1")], "campaign " + "\u00e9\n" * 99):
-        hold([serial_wire("b", f"{far}/2")], "campaign b").close()
+    with acquire([serial_wire("a", f"{far}/1")], "campaign " + "\u00e9\n" * 99):
+        acquire([serial_wire("b", f"{far}/2")], "campaign b").close()
         with pytest.raises(BusyError, match="campaign \u00e9"):
-            hold([serial_wire("c", f"{far}/1")], "campaign c")
+            acquire([serial_wire("c", f"{far}/1")], "campaign c")
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_long_names_stay_distinct() -> None:
     ],
 )
 def test_every_wire_of_a_rig_file_has_a_lock(name: str, wires: list[str]) -> None:
-    found = wires_of(load_rig(CONFIGS / "rigs" / f"{name}.yaml")[0])
+    found = wires_in(load_rig(CONFIGS / "rigs" / f"{name}.yaml")[0])
     assert [one.name for one in found] == wires
     taken = [identity for one in found for identity in one.identities]
     assert len(taken) == len(set(taken)) >= len(wires)
@@ -277,12 +277,12 @@ def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
         report = check_campaign(campaign)
         assert report.campaign is not None
         assert report.plan is not None
-        shared = [one for one in wires_of(load_rig(first)[0]) if one.name == "line amplifiers"]
-        stack.enter_context(hold(shared, "campaign first"))
-        mode = wired(report.campaign, emulated=False)
+        shared = [one for one in wires_in(load_rig(first)[0]) if one.name == "line amplifiers"]
+        stack.enter_context(acquire(shared, "campaign first"))
+        mode = wired_mode(report.campaign, emulated=False)
         mode = mode._replace(real_clock=False)  # so that only the wire refuses it
         with pytest.raises(BusyError, match=r"line amplifiers .* taken by campaign first"):
-            carry_out(report.campaign, report.plan, runs, lambda snapshot: None, mode)
+            run_campaign(report.campaign, report.plan, runs, lambda snapshot: None, mode)
         assert not runs.exists()
         arguments = [sys.executable, "-m", "rig"]
         port = str(far.wiring["lines"]["amplifiers"]["port"])  # type: ignore[index]
@@ -297,12 +297,12 @@ def test_a_refused_run_sends_no_byte(tmp_path: Path) -> None:
 
 
 def test_the_real_time_lock_is_separate() -> None:
-    assert REALTIME_PLACE.identities == {"realtime"}
+    assert REALTIME_WIRE.identities == {"realtime"}
 
 
 def test_names_of_any_length_can_be_locked() -> None:
     """The kernel allows 107 bytes, including our prefix."""
     for length in range(60, 140):
         port = f"/tmp/{'x' * length}"
-        with hold((serial_wire("servo", port),), "first"), pytest.raises(BusyError):
-            hold((serial_wire("servo", port),), "second")
+        with acquire((serial_wire("servo", port),), "first"), pytest.raises(BusyError):
+            acquire((serial_wire("servo", port),), "second")

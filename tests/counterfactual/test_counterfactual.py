@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import CONFIGS, campaign_file, run
+from rehearsing import CONFIGS, rehearse, write_campaign
 from rig_command import rig_here
 
 from benchmarks.counterfactual import case
@@ -41,7 +41,7 @@ WHOLE: dict[str, Any] = {
 
 def written(folder: Path, points: list[dict[str, float]], **keys: Any) -> Path:
     folder.mkdir(exist_ok=True)
-    return campaign_file(folder, **WHOLE | {"matrix": {"list": points}} | keys)
+    return write_campaign(folder, **WHOLE | {"matrix": {"list": points}} | keys)
 
 
 def opened(path: Path) -> Campaign:
@@ -51,7 +51,7 @@ def opened(path: Path) -> Campaign:
 @pytest.fixture(scope="module")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("logged")
-    return run(written(folder, POINTS), folder / "runs").folder
+    return rehearse(written(folder, POINTS), folder / "runs").folder
 
 
 @pytest.fixture(scope="module")
@@ -121,7 +121,7 @@ def test_each_row_has_the_reference_that_it_had(tmp_path: Path) -> None:
     points = [POINTS[0] | {"realisation": 3}, POINTS[0] | {"realisation": 1}]
     reference = {"kind": "multisine", "amplitude_a": 15, "low_hz": 0.4, "high_hz": 0.7}
     path = written(tmp_path, points, reference=reference | {"repeat_s": 6})
-    (one, other) = foretell(run(path, tmp_path / "runs").folder, opened(path)).checked
+    (one, other) = foretell(rehearse(path, tmp_path / "runs").folder, opened(path)).checked
     assert abs(one.logged["mechanical_1"] - other.logged["mechanical_1"]) > 3.0
     for row in (one, other):
         for name in POWERS:
@@ -146,7 +146,7 @@ def test_records_of_the_run_are_not_looked_for_in_its_model(tmp_path: Path) -> N
     }  # fmt: skip
     path = written(tmp_path, POINTS, **keys)
     model = opened(written(tmp_path / "model", POINTS))
-    found = foretell(run(path, tmp_path / "runs").folder, opened(path), model=model)
+    found = foretell(rehearse(path, tmp_path / "runs").folder, opened(path), model=model)
     for one, row in zip(found.checked, found.rows, strict=True):
         assert one.logged["mechanical_1"] < -5.0
         for name in POWERS:

@@ -9,6 +9,6 @@ from benchmarks.support.wavebot_fault_walk import Stage, stage
 
 @pytest.fixture(scope="session")
 def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
-    """Emulated devices that serve all tests that do not kill them."""
-    with stage(tmp_path_factory.mktemp("hil")) as made:
-        yield made
+    """Start emulated devices for all tests that do not kill them."""
+    with stage(tmp_path_factory.mktemp("hil")) as started_stage:
+        yield started_stage

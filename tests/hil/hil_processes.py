@@ -1,4 +1,4 @@
-"""Runs on real wires whose processes are looked into, stopped and killed from outside."""
+"""Runs on real wires whose processes are inspected, suspended and killed from outside."""
 
 from __future__ import annotations
 
@@ -10,42 +10,45 @@ from pathlib import Path
 
 from benchmarks.support.fault_walk import Trigger, Watcher, when_free
 from benchmarks.support.process_faults import beside
-from rig.execution.campaign import Ended, carry_out, wired
+from rig.execution.campaign import RunResult, run_campaign, wired_mode
 from rig.planning.campaign import Campaign, Plan
 from rig.processes.run_types import Snapshot
 
 
-def children() -> set[str]:
-    """Files of errors of all our children that are not dead."""
-    found = set()
+def child_error_files() -> set[str]:
+    """Return the names of the error files of all living children of this process."""
+    names = set()
     for entry in Path("/proc").iterdir():
         try:
             stat = (entry / "stat").read_text().rsplit(")", 1)[1].split()
             if int(stat[1]) == os.getpid() and stat[0] != "Z":
-                found.add(Path(os.readlink(entry / "fd" / "2")).name)
+                names.add(Path(os.readlink(entry / "fd" / "2")).name)
         except (OSError, ValueError, IndexError):
             continue
-    return found
+    return names
 
 
 class Kill(Trigger):
-    """kill -9 of one process when the motors have had power for a second."""
+    """Kills one process with SIGKILL after the motors have had power for one second."""
 
     def __init__(self, stderr: str) -> None:
-        def deed() -> float:
+        def kill() -> float:
             os.kill(beside(stderr), signal.SIGKILL)
             return time.monotonic()
 
-        super().__init__(deed, 1.0)
+        super().__init__(kill, 1.0)
 
 
-def emulated(
-    campaign: Campaign, plan: Plan, runs: Path, see: Callable[[Snapshot], None] | None = None
-) -> Ended:
-    """A run that starts its own emulated devices."""
+def run_emulated(
+    campaign: Campaign,
+    plan: Plan,
+    runs: Path,
+    on_snapshot: Callable[[Snapshot], None] | None = None,
+) -> RunResult:
+    """Run a campaign with emulated devices of its own and return the result."""
 
-    def run() -> Ended:
-        watcher = Watcher(see or (lambda snapshot: None))
-        return carry_out(campaign, plan, runs, watcher, wired(campaign, emulated=True))
+    def run() -> RunResult:
+        watcher = Watcher(on_snapshot or (lambda snapshot: None))
+        return run_campaign(campaign, plan, runs, watcher, wired_mode(campaign, emulated=True))
 
     return when_free(run)

@@ -1,6 +1,6 @@
-"""Processes of runs on real wires killed and suspended at random moments; see `wired_attacks`.
+"""Processes of runs on real wires killed and suspended at random times; see `wired_attacks`.
 
-Each time the motors are without power as soon as is stated, and every row that the loop put is in
+In each case the motors lose power within the stated time, and every row that the loop wrote is in
 the record, or `rig recover` states which are not.
 """
 

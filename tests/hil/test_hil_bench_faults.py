@@ -1,6 +1,6 @@
 """The bench's faults on the real stacks: reason, category, time until the servo has no power.
 
-By default the rows marked `short` are walked; with FAULTS=all in the environment, all of them.
+By default only the rows marked `short` are run; with FAULTS=all in the environment, all rows.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE i
 
 @pytest.fixture(scope="module")
 def on(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BenchStage]:
-    with bench_stage(tmp_path_factory.mktemp("bench_faults")) as made:
-        yield made
+    with bench_stage(tmp_path_factory.mktemp("bench_faults")) as started_stage:
+        yield started_stage
 
 
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
-def test_the_bench_does_what_the_table_says(on: BenchStage, row: Row) -> None:
-    found = walk_fairly(on, row)
-    print(f"{row.name}: {found.verdict}, {found.seconds} s")
-    if wrong(row, found):  # a loaded host stops a run for its own reasons: the second time counts
-        print(f"  at first {wrong(row, found)}")
-        found = walk_fairly(on, row)
-        print(f"  then {found.verdict}, {found.seconds} s")
-    assert wrong(row, found) == []
+def test_the_bench_reacts_to_faults_as_in_the_table(on: BenchStage, row: Row) -> None:
+    finding = walk_fairly(on, row)
+    print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
+    if wrong(row, finding):  # a loaded host may stop a run: the second run counts
+        print(f"  at first {wrong(row, finding)}")
+        finding = walk_fairly(on, row)
+        print(f"  then {finding.verdict}, {finding.seconds} s")
+    assert wrong(row, finding) == []
 
 
 def test_every_fault_of_the_bench_has_its_row(on: BenchStage) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from rig.config import LimitsFile, RigFile, load
-from rig.execution.hardware.messages import SLOTS
+from rig.execution.hardware.messages import MESSAGE_TYPES
 from rig.execution.hardware.modbus_lines import modbus_pollers
 from rig.processes import mailbox
 from rig.processes.child import Child
@@ -37,31 +37,31 @@ COUPLER = CouplerSettings(
     outputs=("wave_trigger",),
 )
 ITEMS: Any = (("element_1", "P"), ("element_2", "P"), ("element_2", "U"))  # ac, dc, bus_voltage
-SECONDS = 4.0  # s of watching
+SECONDS = 4.0  # s of observation
 SEED = 20170815
 
 
-class Moody(TcpUnits):
+class FaultyUnits(TcpUnits):
     """Units of which some answer a share of all requests with an exception."""
 
     def __init__(self, units: dict[int, ModbusUnit]) -> None:
         super().__init__(units)
-        self.dice = random.Random(SEED)
-        self.moods: dict[int, tuple[float, int]] = {}  # by unit: share of requests, exception
+        self.random = random.Random(SEED)
+        self.faults: dict[int, tuple[float, int]] = {}  # by unit: share of requests, exception
         self.refused = self.answered = 0
 
     def serve(self, unit: int, pdu: bytes) -> Answer | None:
-        share, code = self.moods.get(unit, (0.0, 0))
-        if self.dice.random() < share:
+        share, code = self.faults.get(unit, (0.0, 0))
+        if self.random.random() < share:
             self.refused += 1
             return Answer(bytes((pdu[0] | 0x80, code)), 0.0)
-        self.answered += unit in self.moods
+        self.answered += unit in self.faults
         return super().serve(unit, pdu)
 
 
 @contextmanager
-def served(units: Moody) -> Iterator[None]:
-    """The server in a thread of its own."""
+def served(units: FaultyUnits) -> Iterator[None]:
+    """Run the server in a thread of its own."""
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever)
     thread.start()
@@ -75,19 +75,21 @@ def served(units: Moody) -> Iterator[None]:
         loop.close()
 
 
-class Seen(NamedTuple):
-    """What the loop would see of a poller."""
+class Observation(NamedTuple):
+    """A poller's output as the loop would receive it."""
 
-    oldest: dict[str, float]  # s, by block: greatest age after the first value
-    values: dict[str, int]  # how many different ones came
+    oldest: dict[str, float]  # s, by block: largest age after the first value
+    values: dict[str, int]  # by block: number of different values
     events: list[dict[str, Any]]
     refused: int  # requests that were answered by an exception
 
 
-def polled(moods: dict[int, tuple[float, int]], folder: Path, patience: float = 8.0) -> Seen:
+def poll_units(
+    faults: dict[int, tuple[float, int]], folder: Path, timeout_s: float = 8.0
+) -> Observation:
     """Poll the analyser (unit 1) and the I/O coupler (unit 2) of the WaveBot on one line.
 
-    For `SECONDS` after it is ready; ``patience``: how long it may take (s) to be so.
+    The observation lasts `SECONDS` after the poller is ready, or ``timeout_s`` if it never is.
     """
     started = time.monotonic()
 
@@ -95,10 +97,10 @@ def polled(moods: dict[int, tuple[float, int]], folder: Path, patience: float = 
         flow = Wiring(150.0, 2.0, -300.0, 0.0)
         return Terminals(time.monotonic() - started, flow, flow, flow, flow)
 
-    units = Moody(
+    units = FaultyUnits(
         {1: PowerAnalyser(terminals, AnalyserSettings(0.05, items=ITEMS)), 2: IoCoupler(COUPLER)}
     )
-    units.moods = moods
+    units.faults = faults
     with served(units):
         wiring = load(CONFIGS / "rigs" / "wavebot_hil.yaml", RigFile)[0].wiring
         assert wiring is not None
@@ -108,76 +110,77 @@ def polled(moods: dict[int, tuple[float, int]], folder: Path, patience: float = 
             "inputs": wiring.inputs.model_copy(update={"unit": 2}),
             "outputs": wiring.outputs.model_copy(update={"unit": 2}),
         }
-        (one,) = modbus_pollers({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
-        fds = {name: mailbox.create() for name in one.mailboxes}
-        lifeline, ours = os.pipe()  # as the loop holds it
-        job = {"config": one.config, "mailboxes": fds, "lifeline": lifeline}
+        (poller,) = modbus_pollers({"io": line}, blocks, ("outputs",), wiring.output_expiry_s)
+        fds = {name: mailbox.create() for name in poller.mailboxes}
+        lifeline, loop_end = os.pipe()  # as the loop holds it
+        job = {"config": poller.config, "mailboxes": fds, "lifeline": lifeline}
         inherited = (lifeline, *fds.values())
-        child = Child(one.module, json.dumps(job), inherited, folder / "stderr")
+        child = Child(poller.module, json.dumps(job), inherited, folder / "stderr")
         try:
-            slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in fds.items()}
-            oldest, values, events = watched(child, slots, patience)
-            return Seen(oldest, values, events, units.refused)
+            slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in fds.items()}
+            oldest, values, events = observe(child, slots, timeout_s)
+            return Observation(oldest, values, events, units.refused)
         finally:
             child.process.terminate()
             child.end(5.0)
-            for fd in (lifeline, ours, *fds.values()):
+            for fd in (lifeline, loop_end, *fds.values()):
                 os.close(fd)
 
 
-def watched(child: Child, slots: dict[str, Any], patience: float) -> tuple[Any, Any, Any]:
+def observe(child: Child, slots: dict[str, Any], timeout_s: float) -> tuple[Any, Any, Any]:
     oldest = {"analyser": 0.0, "inputs": 0.0}
     stamps = {name: set[float]() for name in oldest}
     events: list[dict[str, Any]] = []
-    until = time.monotonic() + patience
+    until = time.monotonic() + timeout_s
     while time.monotonic() < until and child.alive():
-        new = child.heard()
+        new = child.read_events()
         events += new
         if any(event["event"] == "ready" for event in new):
             until = time.monotonic() + SECONDS
-        for name, seen in stamps.items():
-            word = slots[name].read()
-            if word is not None:
-                seen.add(word.stamp)
-                oldest[name] = max(oldest[name], time.monotonic() - word.stamp)
+        for name, block_stamps in stamps.items():
+            message = slots[name].read()
+            if message is not None:
+                block_stamps.add(message.stamp)
+                oldest[name] = max(oldest[name], time.monotonic() - message.stamp)
         time.sleep(0.002)
-    events += child.heard()
-    return oldest, {name: len(seen) for name, seen in stamps.items()}, events
+    events += child.read_events()
+    counts = {name: len(block_stamps) for name, block_stamps in stamps.items()}
+    return oldest, counts, events
 
 
-def said(seen: Seen) -> str:
-    return "\n".join(event.get("text", event.get("why", "")) for event in seen.events)
+def message_text(observation: Observation) -> str:
+    return "\n".join(event.get("text", event.get("why", "")) for event in observation.events)
 
 
-def limit() -> float:
-    """The age of the analyser's values (s) from which the emulated WaveBot is stopped."""
+def analyser_age_limit() -> float:
+    """Return the age of the analyser's values (s) from which the emulated WaveBot is stopped."""
     return load(CONFIGS / "limits" / "wavebot_hil.yaml", LimitsFile)[0].loop.analyser_age_stop_s
 
 
 @pytest.mark.parametrize("code", [5, 6])
 def test_half_busy_units_keep_giving_values(code: int, tmp_path: Path) -> None:
-    """Counter and values of the analyser, and all that the coupler's watchdog is given first."""
-    seen = polled({1: (0.5, code), 2: (0.5, code)}, tmp_path)
-    print(seen.oldest, seen.values, seen.refused)
-    assert seen.refused > 100
-    assert said(seen) == ""
-    assert seen.events[-1]["event"] == "ready"
-    assert seen.oldest["analyser"] < 0.5 * limit()
-    assert seen.oldest["inputs"] < 0.5
-    assert seen.values["analyser"] > 0.7 * SECONDS / 0.05  # it averages over 50 ms
-    assert seen.values["inputs"] > 0.3 * SECONDS / 0.02
+    """Requests for the analyser's counter and values and the coupler's set-up are repeated."""
+    observation = poll_units({1: (0.5, code), 2: (0.5, code)}, tmp_path)
+    print(observation.oldest, observation.values, observation.refused)
+    assert observation.refused > 100
+    assert message_text(observation) == ""
+    assert observation.events[-1]["event"] == "ready"
+    assert observation.oldest["analyser"] < 0.5 * analyser_age_limit()
+    assert observation.oldest["inputs"] < 0.5
+    assert observation.values["analyser"] > 0.7 * SECONDS / 0.05  # it averages over 50 ms
+    assert observation.values["inputs"] > 0.3 * SECONDS / 0.02
 
 
-def test_an_always_busy_unit_is_reported_and_delays_nobody(tmp_path: Path) -> None:
-    alone = polled({}, tmp_path)
-    seen = polled({1: (1.0, 6)}, tmp_path)
-    assert seen.values["analyser"] == 0
-    assert "analyser: " in said(seen)
-    assert "refused with exception 6, busy" in said(seen)
-    (refused,) = [event for event in seen.events if event["event"] == "refused"]
+def test_an_always_busy_unit_is_reported_and_delays_no_other(tmp_path: Path) -> None:
+    alone = poll_units({}, tmp_path)
+    observation = poll_units({1: (1.0, 6)}, tmp_path)
+    assert observation.values["analyser"] == 0
+    assert "analyser: " in message_text(observation)
+    assert "refused with exception 6, busy" in message_text(observation)
+    (refused,) = [event for event in observation.events if event["event"] == "refused"]
     assert "analyser" in refused["why"]
     assert "inputs" not in refused["why"]
-    assert seen.oldest["inputs"] < alone.oldest["inputs"] + 0.1
+    assert observation.oldest["inputs"] < alone.oldest["inputs"] + 0.1
 
 
 @pytest.mark.parametrize(
@@ -186,6 +189,6 @@ def test_an_always_busy_unit_is_reported_and_delays_nobody(tmp_path: Path) -> No
 def test_a_persistent_exception_is_named_and_not_repeated(
     code: int, name: str, tmp_path: Path
 ) -> None:
-    seen = polled({1: (1.0, code)}, tmp_path, 1.5)
-    assert 3 <= seen.refused <= 10  # after pauses that double
-    assert f"refused with exception {code}, {name}" in said(seen)
+    observation = poll_units({1: (1.0, code)}, tmp_path, 1.5)
+    assert 3 <= observation.refused <= 10  # after pauses that double
+    assert f"refused with exception {code}, {name}" in message_text(observation)

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hil_processes import emulated
-from rehearsing import CONFIGS, Watcher, table_of
+from hil_processes import run_emulated
+from rehearsing import CONFIGS, SilentView, load_rows
 
 from benchmarks.support.host import Busy, others
 from benchmarks.support.wavebot_fault_walk import campaign_file
-from rig.execution.campaign import Ended, carry_out, rehearsal
+from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
 from rig.planning.campaign import check_campaign
+from rig.processes.io_processes import FACTS_FILE
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import open_run
 
@@ -23,8 +24,8 @@ pytestmark = pytest.mark.realtime
 
 SHARE, LEAST = 0.02, 0.3  # of the mechanical power; W
 EXECUTED = 0.99
-LOADED, EXECUTED_LOADED = 0.5, 0.9  # cores of other work; what then has to do
-LATE = 0.5  # s by which what the supervisor sees may be behind the clock on the wall
+LOADED, EXECUTED_LOADED = 0.5, 0.9  # cores of other work; executed share that is then sufficient
+LATE = 0.5  # s by which the supervisor's newest row may be behind the wall clock
 TRIES = 8  # a shared host has bad minutes; each try takes 40 s
 POWERS = ("power_mechanical_1", "power_mechanical_2", "power_ac", "power_dc")
 AGES = (
@@ -37,28 +38,27 @@ GAINS = (
 )
 
 
-class Clock:
-    """What the clock on the wall said to the newest ticks seen."""
+class TickTimes:
+    """A view that stores wall-clock times with the newest ticks."""
 
     def __init__(self) -> None:
         self.notice = ""
-
-        self.seen: list[tuple[float, int]] = []
+        self.times: list[tuple[float, int]] = []
 
     def __call__(self, snapshot: Snapshot) -> None:
         if snapshot.row:
-            self.seen.append((time.monotonic(), int(snapshot.row["tick"])))
+            self.times.append((time.monotonic(), int(snapshot.row["tick"])))
 
 
 class Pair(NamedTuple):
-    rehearsed: Ended
-    wired: Ended
-    clock: Clock
-    others: float  # cores' worth of other work meanwhile
+    rehearsed: RunResult
+    wired: RunResult
+    clock: TickTimes
+    others: float  # cores of other work during the run
 
 
-def executed(ended: Ended) -> float:
-    outcome = ended.outcome
+def executed_share(result: RunResult) -> float:
+    outcome = result.outcome
     return outcome.ticks / max(1, outcome.ticks + outcome.skipped)
 
 
@@ -72,41 +72,41 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Pair:
         timing={"settle_s": 2, "interval_s": 12},  # with tare and lead-in 30 s and more
         matrix={"list": list(GAINS)},
     )
-    dry = check_campaign(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
-    assert dry.campaign is not None, dry.text()
-    assert dry.plan is not None
-    mode = rehearsal(dry.campaign, real_clock=False)
-    rehearsed = carry_out(dry.campaign, dry.plan, folder, Watcher(), mode)
+    report = check_campaign(path, rig=CONFIGS / "rigs" / "wavebot.yaml")
+    assert report.campaign is not None, report.text()
+    assert report.plan is not None
+    mode = rehearsal_mode(report.campaign, real_clock=False)
+    rehearsed = run_campaign(report.campaign, report.plan, folder, SilentView(), mode)
     on_wires = check_campaign(path)
     assert on_wires.campaign is not None, on_wires.text()
     assert on_wires.plan is not None
     for attempt in range(TRIES):
-        clock, before = Clock(), Busy.now()
-        ended = emulated(on_wires.campaign, on_wires.plan, folder, clock)
+        clock, before = TickTimes(), Busy.now()
+        result = run_emulated(on_wires.campaign, on_wires.plan, folder, clock)
         load = others(before, Busy.now())["other_work_cores"]
-        if ended.outcome.status == "complete" and executed(ended) >= EXECUTED:
+        if result.outcome.status == "complete" and executed_share(result) >= EXECUTED:
             break
-        print(f"attempt {attempt}: {ended.outcome.status}, {ended.outcome.reason}, executed "
-              f"{executed(ended):.4f}: the host had other work; tried again")  # fmt: skip
-    return Pair(rehearsed, ended, clock, load)
+        print(f"attempt {attempt}: {result.outcome.status}, {result.outcome.reason}, executed "
+              f"{executed_share(result):.4f}: the host had other work; tried again")  # fmt: skip
+    return Pair(rehearsed, result, clock, load)
 
 
-def test_both_walk_the_plan_to_its_end(pair: Pair) -> None:
-    for ended in (pair.rehearsed, pair.wired):
-        outcome = ended.outcome
+def test_both_run_the_plan_to_its_end(pair: Pair) -> None:
+    for result in (pair.rehearsed, pair.wired):
+        outcome = result.outcome
         assert (outcome.status, outcome.reason) == ("complete", "PLAN_END")
         assert outcome.dropped == outcome.unsaved == outcome.logger_restarts == 0
     assert pair.wired.outcome.died == ""
 
 
 def test_row_powers_agree(pair: Pair) -> None:
-    dry, wet = table_of(pair.rehearsed), table_of(pair.wired)
-    assert wet.sizes["row"] == dry.sizes["row"] == len(GAINS)
+    rehearsed, wired = load_rows(pair.rehearsed), load_rows(pair.wired)
+    assert wired.sizes["row"] == rehearsed.sizes["row"] == len(GAINS)
     for row in range(len(GAINS)):
-        mechanical = abs(float(dry["power_mechanical_1"].values[row]))
+        mechanical = abs(float(rehearsed["power_mechanical_1"].values[row]))
         allowed = max(SHARE * mechanical, LEAST)
         for name in POWERS:
-            before, after = float(dry[name].values[row]), float(wet[name].values[row])
+            before, after = float(rehearsed[name].values[row]), float(wired[name].values[row])
             print(f"row {row} {name}: {before:.2f} W rehearsed, {after:.2f} W on wires")
             assert abs(after - before) <= allowed, (row, name, before, after, allowed)
 
@@ -120,26 +120,26 @@ def test_every_period_is_accounted_for(pair: Pair) -> None:
     gaps = int(np.sum(np.diff(numbers) - 1))
     assert gaps + int(numbers[0]) == outcome.skipped == int(ticks["timing.skipped"].values[-1])
     assert outcome.ticks + outcome.skipped == int(numbers[-1]) + 1
-    print(f"executed {executed(pair.wired):.5f}, {outcome.skipped} periods skipped, "
+    print(f"executed {executed_share(pair.wired):.5f}, {outcome.skipped} periods skipped, "
           f"{pair.others:.2f} cores of other work")  # fmt: skip
-    assert executed(pair.wired) >= (EXECUTED if pair.others < LOADED else EXECUTED_LOADED)
+    assert executed_share(pair.wired) >= (EXECUTED if pair.others < LOADED else EXECUTED_LOADED)
 
 
-def test_the_ticks_keep_to_the_clock_on_the_wall(pair: Pair) -> None:
-    seen = pair.clock.seen
-    moving = [one for one, after in itertools.pairwise(seen) if after[1] > one[1]]
+def test_the_ticks_follow_the_wall_clock(pair: Pair) -> None:
+    times = pair.clock.times
+    moving = [one for one, after in itertools.pairwise(times) if after[1] > one[1]]
     (began, first), (ended, last) = moving[0], moving[-1]
     assert abs((ended - began) - 1e-3 * (last - first)) <= LATE
 
 
-def test_values_are_young(pair: Pair) -> None:
-    found: Any = open_run(pair.wired.folder, fields=list(AGES))
+def test_ages_of_values_are_small(pair: Pair) -> None:
+    data: Any = open_run(pair.wired.folder, fields=list(AGES))
     for name in AGES:
-        ages = np.sort(found[name].values)
+        ages = np.sort(data[name].values)
         p99 = float(ages[int(0.99 * (len(ages) - 1))])
         print(f"{name}: p50 {1e3 * ages[len(ages) // 2]:.1f} ms, p99 {1e3 * p99:.1f} ms")
         assert p99 <= 0.2, name
 
 
-def test_the_folder_tells_what_the_devices_said(pair: Pair) -> None:
-    assert (Path(pair.wired.folder) / "companions.json").exists()
+def test_the_folder_has_the_facts_of_the_io_processes(pair: Pair) -> None:
+    assert (Path(pair.wired.folder) / FACTS_FILE).exists()

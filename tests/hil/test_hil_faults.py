@@ -1,6 +1,6 @@
 """Every row of the table of faults on the real stacks: reason, category, time to the safe state.
 
-By default the rows marked `short` are walked; with FAULTS=all in the environment, all of them.
+By default only the rows marked `short` are run; with FAULTS=all in the environment, all rows.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ CHOSEN = TABLE if os.environ.get("FAULTS") == "all" else [row for row in TABLE i
 
 
 @pytest.mark.parametrize("row", CHOSEN, ids=lambda row: row.name)
-def test_the_rig_does_what_the_table_says(on: Stage, row: Row) -> None:
-    found: Finding = walk_fairly(on, row)
-    print(f"{row.name}: {found.verdict}, {found.seconds} s")
-    assert wrong(row, found) == []
+def test_the_rig_reacts_to_faults_as_in_the_table(on: Stage, row: Row) -> None:
+    finding: Finding = walk_fairly(on, row)
+    print(f"{row.name}: {finding.verdict}, {finding.seconds} s")
+    assert wrong(row, finding) == []
 
 
 def test_every_fault_of_every_device_has_its_row(on: Stage) -> None:
@@ -36,12 +36,12 @@ def test_the_control_port_refuses_by_name(on: Stage) -> None:
     with pytest.raises(ControlError, match="'heave' has no fault 'tired'"):
         on.control.switch("heave", "tired")
     with pytest.raises(ControlError, match="KeyError: 'dance'"):
-        on.control.ask("dance")
+        on.control.request("dance")
 
 
-def test_the_world_can_be_asked(on: Stage) -> None:
-    on.control.ask("restart")
-    told = on.control.ask("world")
-    assert told["currents"].keys() == {"heave", "surge"}
-    assert told["nodes"].keys() == {"heave", "surge", "stator"}
-    assert told["actuation"]["heave_enable"] == 0
+def test_the_control_port_reports_the_world(on: Stage) -> None:
+    on.control.request("restart")
+    world = on.control.request("world")
+    assert world["currents"].keys() == {"heave", "surge"}
+    assert world["nodes"].keys() == {"heave", "surge", "stator"}
+    assert world["actuation"]["heave_enable"] == 0

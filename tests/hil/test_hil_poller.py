@@ -1,4 +1,4 @@
-"""A poller: the loop's newest word goes out; what comes in is believed when it has looked right."""
+"""A poller writes the loop's newest message, and posts values after several plausible answers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,28 @@ import pytest
 from drivers.modbus.line import SilentError
 from drivers.modbus.registers import Block, Value
 from rig.config.wiring import RegisterSetup
-from rig.execution.hardware.messages import Outputs
-from rig.execution.hardware.modbus_poller import AFTER, TRUST, Given, Polled, _Task, next_turn
+from rig.execution.hardware.messages import OutputsMessage
+from rig.execution.hardware.modbus_poller import (
+    TRUSTED_ANSWERS,
+    TURN_OFFSET_S,
+    PolledBlock,
+    RegisterSetup,
+    _BlockTask,
+    next_turn_time,
+)
 
 BLOCK = Block(1, "coil", 0, 1, (Value("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
 
 
 class Slot:
-    """A mailbox into which the loop posts in the moment of the reading."""
+    """A mailbox into which the loop posts during the read."""
 
     def __init__(self, age: float) -> None:
         self._age = age
 
-    def read(self) -> Outputs:
+    def read(self) -> OutputsMessage:
         time.sleep(0.002)
-        return Outputs(1, time.monotonic() - self._age)
+        return OutputsMessage(1, time.monotonic() - self._age)
 
 
 class Line:
@@ -38,33 +45,33 @@ class Line:
         self.written.append(list(registers))
 
 
-def told(age: float) -> list[Any]:
-    polled = Polled("outputs", BLOCK, True, 0.02, (), True)
+def written_values(age: float) -> list[Any]:
+    polled = PolledBlock("outputs", BLOCK, True, 0.02, (), True)
     slot: Any = Slot(age)
     line: Any = Line()
-    _Task(polled, slot, 0.3).turn(line)
+    _BlockTask(polled, slot, 0.3).turn(line)
     written: list[Any] = line.written
     return written
 
 
-def test_a_word_that_came_just_now_goes_out() -> None:
-    assert told(0.0) == [[1]]
+def test_a_new_message_is_written() -> None:
+    assert written_values(0.0) == [[1]]
 
 
-def test_a_word_the_loop_has_not_said_again_is_let_go() -> None:
-    assert told(0.4) == [[0]]
+def test_an_expired_message_is_replaced_by_zeros() -> None:
+    assert written_values(0.4) == [[0]]
 
 
-# --- what comes in
+# --- values read from a unit
 
 VOLTS = Value("bus_voltage", 4, "f32", 1.0, 0.0, 1000.0)
 WATTS = tuple(Value(name, at, "f32", 1.0, -1e5, 1e5) for name, at in (("ac", 0), ("dc", 2)))
-ANALYSER = Polled("analyser", Block(1, "input", 0, 6, (*WATTS, VOLTS)), True, 0.01, (), False)
+ANALYSER = PolledBlock("analyser", Block(1, "input", 0, 6, (*WATTS, VOLTS)), True, 0.01, (), False)
 GOOD = (12.3, -4.5, 151.2)
 
 
 class Meter:
-    """A line whose unit answers with these words in turn; None: not at all."""
+    """A line whose unit answers with these registers in turn; None: not at all."""
 
     opened = 0
 
@@ -80,79 +87,87 @@ class Meter:
 
 
 class Posted(list[Any]):
-    def post(self, word: Any) -> None:
-        self.append(word)
+    def post(self, message: Any) -> None:
+        self.append(message)
 
 
-def words(*values: float, swapped: bool = False) -> list[int]:
-    found: list[int] = []
+def encode(*values: float, swapped: bool = False) -> list[int]:
+    """Return the registers of floats, with swapped words on request."""
+    encoded: list[int] = []
     for value in values:
         high, low = struct.unpack(">HH", struct.pack(">f", value))
-        found += [low, high] if swapped else [high, low]
-    return found
+        encoded += [low, high] if swapped else [high, low]
+    return encoded
 
 
-WELL, ODD = words(*GOOD), words(*GOOD, swapped=True)
-LUCKY = words(0.0, 0.0, 150.0, swapped=True)  # 2.4e-41 V: a number that can be
+VALID, SWAPPED = encode(*GOOD), encode(*GOOD, swapped=True)
+PLAUSIBLE = encode(0.0, 0.0, 150.0, swapped=True)  # swapped, but 2.4e-41 V is plausible
 
 
-def heard(answers: list[Any]) -> tuple[list[int], list[str]]:
-    """How many words had been handed on after each answer, and the trouble that was told."""
+def poll_answers(answers: list[Any]) -> tuple[list[int], list[str]]:
+    """Return the number of posted messages and the reported problem after each answer."""
     posted: Any = Posted()
     line: Any = Meter(answers)
-    task, counts, told = _Task(ANALYSER, posted, 0.3), [], []
+    task, counts, problems = _BlockTask(ANALYSER, posted, 0.3), [], []
     for _ in answers:
         task.turn(line)
         counts.append(len(posted))
-        told.append(task.trouble)
-    return counts, told
+        problems.append(task.trouble)
+    return counts, problems
 
 
-def test_a_unit_is_believed_after_three_answers_that_look_right() -> None:
-    assert TRUST == 3
-    assert heard([WELL] * 5)[0] == [0, 0, 1, 2, 3]
+def test_a_unit_is_trusted_after_three_plausible_answers() -> None:
+    assert TRUSTED_ANSWERS == 3
+    assert poll_answers([VALID] * 5)[0] == [0, 0, 1, 2, 3]
 
 
-def test_swapped_words_that_can_be_are_not_handed_on() -> None:
-    """Among absurd values now and then one or two that are none: the unit is not believed again."""
-    counts, told = heard([WELL] * 4 + [ODD, LUCKY, LUCKY, ODD, LUCKY, LUCKY, ODD])
+def test_plausible_swapped_words_are_not_posted() -> None:
+    """One or two plausible answers among implausible ones do not make the unit trusted."""
+    counts, problems = poll_answers(
+        [VALID] * 4 + [SWAPPED, PLAUSIBLE, PLAUSIBLE, SWAPPED, PLAUSIBLE, PLAUSIBLE, SWAPPED]
+    )
     assert counts == [0, 0, 1] + [2] * 8
-    assert all("swapped words?" in text for text in told[4:])
+    assert all("swapped words?" in text for text in problems[4:])
 
 
-def test_a_unit_that_was_odd_is_believed_again_after_three() -> None:
-    counts, told = heard([WELL] * 3 + [ODD, WELL, WELL, WELL, WELL])
+def test_a_unit_with_implausible_values_is_trusted_again_after_three() -> None:
+    counts, problems = poll_answers([VALID] * 3 + [SWAPPED, VALID, VALID, VALID, VALID])
     assert counts == [0, 0, 1, 1, 1, 1, 2, 3]
-    assert told[-3] != ""
-    assert told[-2:] == ["", ""]
+    assert problems[-3] != ""
+    assert problems[-2:] == ["", ""]
 
 
-def test_a_unit_that_was_silent_is_believed_at_once() -> None:
-    assert heard([WELL] * 3 + [None, None, WELL])[0] == [0, 0, 1, 1, 1, 2]
+def test_a_unit_that_was_silent_is_trusted_at_once() -> None:
+    assert poll_answers([VALID] * 3 + [None, None, VALID])[0] == [0, 0, 1, 1, 1, 2]
 
 
-@pytest.mark.parametrize("odd", range(3))
-def test_right_answers_count_only_in_a_row(odd: int) -> None:
-    assert heard([*[WELL] * odd, ODD, WELL, WELL, WELL])[0] == [0] * (odd + 3) + [1]
+@pytest.mark.parametrize("valid", range(3))
+def test_plausible_answers_must_be_consecutive(valid: int) -> None:
+    answers = [*[VALID] * valid, SWAPPED, VALID, VALID, VALID]
+    assert poll_answers(answers)[0] == [0] * (valid + 3) + [1]
 
 
 @pytest.mark.parametrize("period", [0.002, 0.01, 0.25])
-def test_turns_come_half_a_tick_after_the_grid_whatever_the_last_one_took(period: float) -> None:
+def test_turns_come_half_a_tick_after_the_grid_however_long_the_last_one_took(
+    period: float,
+) -> None:
     now = 12_345.6789
     for took in (0.0, 0.3 * period, 0.99 * period, 3.7 * period):
-        turn = next_turn(now + took, period)
-        assert (turn - AFTER) / period == pytest.approx(round((turn - AFTER) / period), abs=1e-6)
+        turn = next_turn_time(now + took, period)
+        assert (turn - TURN_OFFSET_S) / period == pytest.approx(
+            round((turn - TURN_OFFSET_S) / period), abs=1e-6
+        )
         assert now + took < turn <= now + took + period + 1e-9
 
 
-def test_values_that_the_unit_has_not_counted_grow_old() -> None:
-    """Count, values, count, values, ...: what was shown before is not handed on again."""
+def test_values_with_the_same_count_are_not_posted_again() -> None:
+    """The answers are count, values, count, values, ..."""
     answers: list[Any] = []
     for count in (7, 7, 7, 8, 8, 9, 9, 65535, 0, 0):
-        answers += [[count], WELL]
+        answers += [[count], VALID]
     posted: Any = Posted()
     line: Any = Meter(answers)
-    task, counts = _Task(ANALYSER._replace(counter=1), posted, 0.3), []
+    task, counts = _BlockTask(ANALYSER._replace(counter=1), posted, 0.3), []
     for _ in range(10):
         task.turn(line)
         counts.append(len(posted))
@@ -160,13 +175,16 @@ def test_values_that_the_unit_has_not_counted_grow_old() -> None:
     assert task.trouble == ""  # it answers
 
 
-# --- registers that a unit is given first
+# --- registers of a unit's set-up
 
-STATUS = (Given(0x1000, 5, True, True), Given(0x1006, 1, True, False))  # a watchdog's time, status
+STATUS = (
+    RegisterSetup(0x1000, 5, True, True),
+    RegisterSetup(0x1006, 1, True, False),
+)  # watchdog time, status
 
 
 class Coupler(Line):
-    """A line whose unit counts down, or does not."""
+    """A line whose unit's watchdog runs or does not."""
 
     def __init__(self, running: int) -> None:
         super().__init__()
@@ -181,10 +199,10 @@ class Coupler(Line):
 
 
 @pytest.mark.parametrize("running", [1, 0])
-def test_what_must_read_so_by_itself_is_not_written(running: int) -> None:
-    polled = Polled("outputs", BLOCK, True, 0.02, STATUS, True)
+def test_registers_without_write_are_only_read(running: int) -> None:
+    polled = PolledBlock("outputs", BLOCK, True, 0.02, STATUS, True)
     line, slot = Coupler(running), Slot(0.0)
-    task = _Task(polled, cast(Any, slot), 0.3)
+    task = _BlockTask(polled, cast(Any, slot), 0.3)
     task.turn(cast(Any, line))
     assert line.written[0] == [0x1000, 5]
     assert (0x1006 in [first for first, _ in line.written]) is False

@@ -1,4 +1,4 @@
-"""Processes that are stopped or killed in a run on real wires, and runs that must not begin."""
+"""Processes that are suspended or killed in a run on real wires, and runs that must not begin."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hil_processes import Kill, children, emulated
+from hil_processes import Kill, child_error_files, run_emulated
 
 from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
 from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_until
@@ -22,10 +22,10 @@ from benchmarks.support.process_faults import beside
 from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from drivers.canopen.heartbeat import Nmt
 from rig.config.any_rig_file import load_rig
-from rig.execution.campaign import Ended, carry_out, wired
-from rig.execution.hardware.listen import Heard, listen
+from rig.execution.campaign import RunResult, run_campaign, wired_mode
+from rig.execution.hardware.listen import BusActivity, listen
 from rig.kinds.wavebot import WaveBotRow
-from rig.processes.wire_locks import REALTIME_PLACE, hold, wires_of
+from rig.processes.wire_locks import REALTIME_WIRE, acquire, wires_in
 from rig.realtime.safety import RUN
 from rig.recording.row_layout import leaves
 from rig.recording.runs.create import BusyError
@@ -38,39 +38,41 @@ MARGIN = 0.15  # s of a host with other work
 TRIES = 3
 
 
-def fairly(run: Any, trigger: Any) -> tuple[Ended, Any]:
-    """A run in which the deed was done: on a loaded host one may stop before, and is repeated."""
+def run_until_triggered(run: Any, trigger: Any) -> tuple[RunResult, Any]:
+    """Run until the trigger has acted; on a loaded host a run may end before and is repeated."""
     for _ in range(TRIES):
-        deed = trigger()
-        ended = run(deed)
-        if deed.at is not None:
-            return ended, deed
-        print(f"ended before its time: {ended.outcome.reason}")
+        armed = trigger()
+        result = run(armed)
+        if armed.at is not None:
+            return result, armed
+        print(f"ended before its time: {result.outcome.reason}")
     raise AssertionError("no run got that far")
 
 
-def test_a_loop_that_stands_still_leaves_the_drives_to_their_watchdog(on: Stage) -> None:
-    told: dict[str, Any] = {}
+def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: Stage) -> None:
+    measured: dict[str, Any] = {}
 
-    def stand() -> float:
+    def suspend() -> float:
         loop = beside("loop.stderr")
-        on.control.ask("power")
+        on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)
-        told["gone"] = power_gone(on)
-        told["currents"] = on.control.ask("world")["currents"]
+        measured["gone"] = power_gone(on)
+        measured["currents"] = on.control.request("world")["currents"]
         os.kill(loop, signal.SIGKILL)
         return at
 
-    ended, deed = fairly(lambda see: ran(on, see), lambda: Trigger(stand, 1.0))
-    seconds = told["gone"] - deed.at
-    print(f"safe {seconds:.3f} s after the loop stood still")
+    result, trigger = run_until_triggered(
+        lambda on_snapshot: ran(on, on_snapshot), lambda: Trigger(suspend, 1.0)
+    )
+    seconds = measured["gone"] - trigger.at
+    print(f"safe {seconds:.3f} s after the loop was suspended")
     assert 0.0 < seconds <= WATCHDOG + MARGIN
-    assert ended.outcome.status == "crashed"
-    assert ended.outcome.dropped == ended.outcome.unsaved == 0
+    assert result.outcome.status == "crashed"
+    assert result.outcome.dropped == result.outcome.unsaved == 0
 
 
-# What dies, and what the loop may name: whichever value grows old first.
+# By killed process the possible reasons of the loop: the value that gets too old first.
 DEATHS = {
     "emulated devices": {"STALE_ENCODER", "STALE_DRIVE"},
     "can": {"DRIVE_FAULT", "SURGE_DRIVE_FAULT"},
@@ -79,33 +81,36 @@ DEATHS = {
 }
 
 
-@pytest.mark.parametrize("who", DEATHS)
+@pytest.mark.parametrize("process", DEATHS)
 def test_a_process_that_is_killed_is_named_and_the_loop_stops(
-    on: Stage, tmp_path: Path, who: str
+    on: Stage, tmp_path: Path, process: str
 ) -> None:
-    if who == "emulated devices":
+    if process == "emulated devices":
         campaign, plan = checked(campaign_file(tmp_path))
-        ended, _ = fairly(
-            lambda see: emulated(campaign, plan, tmp_path, see), lambda: Kill(f"{who}.stderr")
+        result, _ = run_until_triggered(
+            lambda on_snapshot: run_emulated(campaign, plan, tmp_path, on_snapshot),
+            lambda: Kill(f"{process}.stderr"),
         )
     else:
-        ended, _ = fairly(lambda see: ran(on, see), lambda: Kill(f"{who}.stderr"))
-    outcome = ended.outcome
+        result, _ = run_until_triggered(
+            lambda on_snapshot: ran(on, on_snapshot), lambda: Kill(f"{process}.stderr")
+        )
+    outcome = result.outcome
     assert outcome.status == "fault"
-    assert outcome.reason in DEATHS[who]
-    assert outcome.died == f"{who} ended: killed by SIGKILL"
+    assert outcome.reason in DEATHS[process]
+    assert outcome.died == f"{process} ended: killed by SIGKILL"
     assert outcome.dropped == outcome.unsaved == 0
-    status = json.loads((ended.folder / "run.json").read_text())
+    status = json.loads((result.folder / "run.json").read_text())
     assert status["died"] == outcome.died
-    assert children() <= {"emulation.stderr"}  # the staged devices; nothing else is left
+    assert child_error_files() <= {"emulation.stderr"}  # only the shared emulated devices are left
 
 
-def test_the_wires_can_be_looked_at_beside_a_run(on: Stage) -> None:
-    """As `rig devices --listen` does: every node is heard, and the run goes on."""
-    heard = list[Heard]()
+def test_listening_is_possible_during_a_run(on: Stage) -> None:
+    """As in `rig devices --listen`: every node is received, and the run goes on."""
+    activity = list[BusActivity]()
 
     def look() -> None:
-        heard.append(listen(on.campaign.rig))
+        activity.append(listen(on.campaign.rig))
 
     looking = threading.Thread(target=look)
 
@@ -113,23 +118,25 @@ def test_the_wires_can_be_looked_at_beside_a_run(on: Stage) -> None:
         looking.start()
         return time.monotonic()
 
-    ended, _ = fairly(lambda see: ran(on, see), lambda: Trigger(begin, 0.0))
+    result, _ = run_until_triggered(
+        lambda on_snapshot: ran(on, on_snapshot), lambda: Trigger(begin, 0.0)
+    )
     looking.join(timeout=120)
-    (found,) = heard
-    assert (found.trouble, found.strangers) == ((), ())
+    (found,) = activity
+    assert (found.trouble, found.unexpected_nodes) == ((), ())
     assert [one.name for one in found.nodes] == ["heave", "surge", "stator"]
-    assert {one.nmt for one in found.nodes} == {Nmt.OPERATIONAL}  # set up by the run: they beat
-    assert ended.outcome.reason == "PLAN_END"
-    assert ended.outcome.dropped == ended.outcome.unsaved == 0
+    assert {one.nmt for one in found.nodes} == {Nmt.OPERATIONAL}  # set up by the run
+    assert result.outcome.reason == "PLAN_END"
+    assert result.outcome.dropped == result.outcome.unsaved == 0
 
 
 def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: Path) -> None:
     before = set(tmp_path.iterdir())
 
-    def first() -> Ended:
+    def first() -> RunResult:
         refused = pytest.raises(BusyError, match="taken by campaign first")
-        with hold((REALTIME_PLACE,), "campaign first"), refused:
-            carry_out(on.campaign, on.plan, tmp_path, lambda snapshot: None, wired_(on))
+        with acquire((REALTIME_WIRE,), "campaign first"), refused:
+            run_campaign(on.campaign, on.plan, tmp_path, lambda snapshot: None, emulated_mode(on))
         return None  # type: ignore[return-value]
 
     when_free(first)
@@ -139,14 +146,14 @@ def test_a_second_run_is_refused_while_the_first_one_lives(on: Stage, tmp_path: 
 def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
     tmp_path: Path,
 ) -> None:
-    """Its emulated devices go with it; until the loop has seen that, nobody else may send."""
+    """Its emulated devices end with it; until the loop has stopped, no other program may send."""
     campaign = campaign_file(tmp_path)
     rig = tmp_path / "rig.yaml"
-    wires = wires_of(load_rig(rig)[0])
+    wires = wires_in(load_rig(rig)[0])
     module = "benchmarks.support.run_process"
-    words = [sys.executable, "-m", module, str(campaign), str(tmp_path / "runs"), "hil", str(rig)]
+    command = [sys.executable, "-m", module, str(campaign), str(tmp_path / "runs"), "hil", str(rig)]
     wait_realtime_free()
-    with LiveRun(words, tmp_path / "runs") as run:
+    with LiveRun(command, tmp_path / "runs") as run:
         run.wait_started()
         loop = run.pid("rig.execution.hardware")
         wait_until(lambda: mode_of(run) == RUN, "the motors to have power")
@@ -154,17 +161,17 @@ def test_a_killed_supervisor_leaves_its_wires_locked_until_its_loop_has_stopped(
         run.process.wait()
         for wire in wires:
             with pytest.raises(BusyError, match=rf"{wire.name} .* was killed; its loop is coming"):
-                hold((wire,), "campaign next")
+                acquire((wire,), "campaign next")
 
         def free() -> bool:
             try:
-                hold((REALTIME_PLACE, *wires), "campaign next").close()
+                acquire((REALTIME_WIRE, *wires), "campaign next").close()
             except BusyError:
                 return False
             assert not running(loop)
             return True
 
-        wait_until(free, "the end of all that sends")
+        wait_until(free, "the end of all processes that send")
 
 
 def mode_of(run: LiveRun) -> int:
@@ -173,51 +180,55 @@ def mode_of(run: LiveRun) -> int:
     return int(np.frombuffer(newest, row_dtype(leaves(WaveBotRow)))["safety.mode"][0])
 
 
-def wired_(on: Stage) -> Any:
-    return wired(on.campaign, emulated=True)
+def emulated_mode(on: Stage) -> Any:
+    return wired_mode(on.campaign, emulated=True)
 
 
 def test_an_address_that_is_taken_is_named(tmp_path: Path) -> None:
-    """So it is when two runs on one host share wires and not the real-time place."""
+    """As with two runs on one host that share wires but not the real-time lock."""
     campaign, plan = checked(campaign_file(tmp_path))
     port = campaign.rig.wiring.can.options["port"]  # type: ignore[union-attr]
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", int(port)))
         taken.listen()
-        ended = emulated(campaign, plan, tmp_path)
-    outcome = ended.outcome
+        result = run_emulated(campaign, plan, tmp_path)
+    outcome = result.outcome
     assert outcome.status == "refused"
     assert outcome.reason.startswith("emulated devices: ")
     assert f"{port}" in outcome.reason
     assert "taken" in outcome.reason
     assert (outcome.ticks, outcome.logger_restarts) == (0, 0)
-    assert children() <= {"emulation.stderr"}
+    assert child_error_files() <= {"emulation.stderr"}
 
 
-def test_a_refused_start_leaves_a_folder_that_says_so(on: Stage, tmp_path: Path) -> None:
-    on.control.ask("restart")
+def test_a_refused_start_leaves_a_folder_with_the_reason(on: Stage, tmp_path: Path) -> None:
+    on.control.request("restart")
     on.control.switch("heave", "wrong_kp")
-    ended = when_free(
-        lambda: carry_out(
-            on.campaign, on.plan, tmp_path, Quiet(), wired_(on)._replace(companions=only_ours(on))
+    result = when_free(
+        lambda: run_campaign(
+            on.campaign,
+            on.plan,
+            tmp_path,
+            SilentView(),
+            emulated_mode(on)._replace(io_processes=own_io_processes(on)),
         )
     )
-    on.control.ask("clear")
-    status = json.loads((ended.folder / "run.json").read_text())
+    on.control.request("clear")
+    status = json.loads((result.folder / "run.json").read_text())
     assert status["status"] == "refused"
     assert "can: heave (node 5)" in status["reason"]
     assert "amc_peak_current: wanted 1000" in status["reason"]
     assert status["ticks"] == 0
-    assert {path.name for path in ended.folder.iterdir()} >= {"config.json", "plan.json"}
-    assert children() <= {"emulation.stderr"}
+    assert {path.name for path in result.folder.iterdir()} >= {"config.json", "plan.json"}
+    assert child_error_files() <= {"emulation.stderr"}
 
 
-class Quiet:
+class SilentView:
     notice = ""
 
     def __call__(self, snapshot: Any) -> None:
         pass
 
 
-def only_ours(on: Stage) -> Any:
-    return wired(on.campaign, emulated=False).companions
+def own_io_processes(on: Stage) -> Any:
+    return wired_mode(on.campaign, emulated=False).io_processes

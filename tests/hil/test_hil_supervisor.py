@@ -1,6 +1,6 @@
 """A supervisor killed or suspended in a run on real wires: the rig is still brought to rest.
 
-The emulated devices are a process apart, as a rig is: they do not end with the run.
+The emulated devices are a separate process, as a rig is: they do not end with the run.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 from benchmarks.support.wired_rigs import WIRED, WiredRig, started, wait_gone, wait_powered
-from rig.processes.supervisor import POLL
+from rig.processes.supervisor import POLL_INTERVAL_S
 from rig.realtime.safety import STOP_0, STOP_1, Reason
 from rig.recording.runs import open_run
 
 pytestmark = pytest.mark.realtime
 
-TIMEOUT = 1.0  # s, supervisor_timeout_s where a rig file does not say otherwise
-LOOK = 0.1  # s until the loop has noticed, and its drives have gone off
+TIMEOUT = 1.0  # s, default of supervisor_timeout_s in a rig file
+REACTION = 0.1  # s until the loop has reacted and its drives are off
 MARGIN = 0.25  # s of a host with other work
 
 
@@ -30,23 +30,25 @@ MARGIN = 0.25  # s of a host with other work
 def on(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[WiredRig]:
-    with WIRED[request.param](tmp_path_factory.mktemp("supervisor")) as made:
-        yield made
+    with WIRED[request.param](tmp_path_factory.mktemp("supervisor")) as started_rig:
+        yield started_rig
 
 
-def judge(on: WiredRig, folder: Path, seconds: float, soonest: float, latest: float) -> None:
-    """Damped for as long as the rig file says, then off; the record shows why and how long."""
+def assert_stopped(
+    on: WiredRig, folder: Path, seconds: float, soonest: float, latest: float
+) -> None:
+    """Assert damping for the rig file's time, then power off, and the same in the record."""
     print(f"no motor had power {seconds:.3f} s later; due {soonest:g} to {latest:g} s")
     assert soonest <= seconds <= latest + MARGIN
-    found = open_run(folder, fields=["safety.mode", "safety.reason", on.enabled, on.moves])
-    mode = found["safety.mode"].values
-    assert found["safety.reason"].values[-1] == Reason.SUPERVISOR_LOST
+    data = open_run(folder, fields=["safety.mode", "safety.reason", on.enabled, on.moves])
+    mode = data["safety.mode"].values
+    assert data["safety.reason"].values[-1] == Reason.SUPERVISOR_LOST
     assert mode[-1] == STOP_0
-    damped = found["time"].values[mode == STOP_1]
+    damped = data["time"].values[mode == STOP_1]
     assert on.damping - 0.01 <= damped[-1] - damped[0] <= on.damping + MARGIN
-    # Power stayed on while the motion was damped, and something was done with it.
-    assert (found[on.enabled].values[mode == STOP_1] == 1).all()
-    assert np.ptp(found[on.moves].values[mode == STOP_1]) > 0.0
+    # Power stayed on while the motion was damped, and the commands were not constant.
+    assert (data[on.enabled].values[mode == STOP_1] == 1).all()
+    assert np.ptp(data[on.moves].values[mode == STOP_1]) > 0.0
 
 
 def test_a_killed_supervisor_leaves_the_whole_stop_to_the_loop(
@@ -57,11 +59,11 @@ def test_a_killed_supervisor_leaves_the_whole_stop_to_the_loop(
         time.sleep(1.0)
         at = time.monotonic()
         run.process.kill()
-        gone = on.power_gone(10.0)
-        assert gone is not None
+        power_lost_at = on.power_gone(10.0)
+        assert power_lost_at is not None
         run.process.wait()
         wait_gone(tmp_path)
-        judge(on, run.folder, gone - at, on.damping - 0.01, on.damping + LOOK)
+        assert_stopped(on, run.folder, power_lost_at - at, on.damping - 0.01, on.damping + REACTION)
 
 
 def test_a_suspended_supervisor_is_a_controlled_stop(on: WiredRig, tmp_path: Path) -> None:
@@ -70,8 +72,8 @@ def test_a_suspended_supervisor_is_a_controlled_stop(on: WiredRig, tmp_path: Pat
         time.sleep(1.0)
         at = time.monotonic()
         run.process.send_signal(signal.SIGSTOP)
-        gone = on.power_gone(10.0)
-        assert gone is not None
+        power_lost_at = on.power_gone(10.0)
+        assert power_lost_at is not None
         wait_gone(tmp_path, but=("supervisor",))
         run.process.send_signal(signal.SIGCONT)
         assert run.process.wait(timeout=60) == 4, run.last_words()
@@ -79,5 +81,7 @@ def test_a_suspended_supervisor_is_a_controlled_stop(on: WiredRig, tmp_path: Pat
         assert (status["status"], status["reason"]) == ("fault", "SUPERVISOR_LOST")
         assert status["died"] == ""
         assert status["dropped_rows"] == status["unsaved_rows"] == 0
-        due = on.damping + TIMEOUT  # since the last sign of life
-        judge(on, run.folder, gone - at, due - POLL - 0.05, due + LOOK)
+        due = on.damping + TIMEOUT  # since the last heartbeat
+        assert_stopped(
+            on, run.folder, power_lost_at - at, due - POLL_INTERVAL_S - 0.05, due + REACTION
+        )

@@ -1,4 +1,4 @@
-"""Warming the wires up: until every node answers in the step of the ticks, and not a tick less."""
+"""The warm-up of the wires, which lasts until every node answers every SYNC."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from drivers.canopen.scaling import CurrentScale
 from rig.config import RigFile, load
 from rig.execution.hardware import devices as hardware
 from rig.execution.hardware.devices import WaveBotDevices
-from rig.execution.hardware.job import job_of
-from rig.execution.hardware.messages import SLOTS
-from rig.execution.hardware.settings import Config
+from rig.execution.hardware.job import build_job
+from rig.execution.hardware.messages import MESSAGE_TYPES
+from rig.execution.hardware.settings import WaveBotDeviceSettings
 from rig.processes import handover
 
 DT = 0.001
@@ -29,21 +29,21 @@ DIVIDER = 10  # of the stator's status
 
 
 class Slot:
-    """A mailbox with one word of now."""
+    """A mailbox with one message of the present time."""
 
-    def __init__(self, word: Any) -> None:
-        self._word = word
+    def __init__(self, message_type: Any) -> None:
+        self._message_type = message_type
 
     def read(self) -> Any:
-        fields = len(self._word._fields)
-        return self._word(*[0] * (fields - 1), time.monotonic())
+        fields = len(self._message_type._fields)
+        return self._message_type(*[0] * (fields - 1), time.monotonic())
 
-    def post(self, word: Any) -> None:
+    def post(self, message: Any) -> None:
         pass
 
 
 class Bus:
-    """The three nodes of a WaveBot; ``through(sync)``: nodes whose held answers come before it."""
+    """The three nodes of a WaveBot; ``through(sync)``: nodes whose queued answers arrive."""
 
     behind = False
 
@@ -52,7 +52,7 @@ class Bus:
         self.syncs = 0
         self.closed = False
         self._through = through
-        self._held: dict[int, list[Frame]] = {HEAVE: [], SURGE: [], STATOR: []}
+        self._queued: dict[int, list[Frame]] = {HEAVE: [], SURGE: [], STATOR: []}
 
     def now(self) -> float:
         return self.syncs * DT
@@ -64,9 +64,9 @@ class Bus:
             for node in (HEAVE, SURGE):
                 status = struct.pack("<Hhi", 0x0250, 0, self.syncs)
                 analog = struct.pack("<hh", 0, 0)
-                self._held[node] += [Frame(0x180 + node, status), Frame(0x380 + node, analog)]
+                self._queued[node] += [Frame(0x180 + node, status), Frame(0x380 + node, analog)]
             if self.syncs % DIVIDER == 0:
-                self._held[STATOR].append(
+                self._queued[STATOR].append(
                     Frame(0x180 + STATOR, struct.pack("<Hbi", 0x0250, 1, self.syncs))
                 )
         return True
@@ -74,8 +74,8 @@ class Bus:
     def drain(self) -> list[Frame]:
         found: list[Frame] = []
         for node in self._through(self.syncs):
-            found += self._held[node]
-            self._held[node] = []
+            found += self._queued[node]
+            self._queued[node] = []
         return found
 
     def close(self) -> None:
@@ -83,17 +83,21 @@ class Bus:
 
 
 @pytest.fixture(scope="module")
-def config() -> Config:
+def config() -> WaveBotDeviceSettings:
     rig, _ = load(RIG, RigFile)
-    made: Config = handover.loads(Config, job_of(rig).devices["devices"])
+    settings: WaveBotDeviceSettings = handover.loads(
+        WaveBotDeviceSettings, build_job(rig).devices["devices"]
+    )
     scale = CurrentScale(100.0, 0.01, 4000)
-    return made._replace(
-        heave=made.heave._replace(scale=scale), surge=made.surge._replace(scale=scale)
+    return settings._replace(
+        heave=settings.heave._replace(scale=scale), surge=settings.surge._replace(scale=scale)
     )
 
 
-def wired(config: Config, bus: Bus) -> WaveBotDevices:
-    slots: dict[str, Any] = {name: Slot(word) for name, word in SLOTS.items()}
+def create_devices(config: WaveBotDeviceSettings, bus: Bus) -> WaveBotDevices:
+    slots: dict[str, Any] = {
+        name: Slot(message_type) for name, message_type in MESSAGE_TYPES.items()
+    }
     return WaveBotDevices(config, bus, slots)
 
 
@@ -102,41 +106,43 @@ def no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda seconds: None)
 
 
-def test_the_rig_file_says_how_often_each_node_answers(config: Config) -> None:
+def test_the_rig_file_sets_how_often_each_node_answers(config: WaveBotDeviceSettings) -> None:
     assert (config.heave.slow_every, config.surge.slow_every, config.stator.every) == (20, 20, 10)
 
 
-def test_it_ends_with_a_sync_and_the_first_tick_finds_the_answers(config: Config) -> None:
+def test_the_warm_up_ends_with_a_sync_and_the_first_tick_finds_the_answers(
+    config: WaveBotDeviceSettings,
+) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
-    devices = wired(config, bus)
+    devices = create_devices(config, bus)
     devices.warm_up(DT)
     last = [one for one in bus.sent if one != 0x700 + config.own_node][-1]
     assert last == SYNC
     assert bus.syncs <= DIVIDER + 2
     sense = devices.read(0.0)
     assert sense.heave.counts == sense.surge.counts == bus.syncs
-    assert sense.heave.encoder_age == pytest.approx(0.0)  # the clock of this bus goes with SYNC
+    assert sense.heave.encoder_age == pytest.approx(0.0)  # this bus's clock advances with SYNC
     assert sense.heave.enabled == sense.surge.enabled == 0
 
 
-def test_nodes_that_wake_up_late_are_waited_for(config: Config) -> None:
+def test_the_warm_up_waits_for_late_nodes(config: WaveBotDeviceSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, STATOR} | ({SURGE} if syncs > 700 else set()))
-    devices = wired(config, bus)
+    devices = create_devices(config, bus)
     devices.warm_up(DT)
     sense = devices.read(0.0)
     assert bus.syncs > 700
     assert sense.surge.encoder_age <= 5 * DT
 
 
-def test_a_bus_that_stands_still_meanwhile_is_waited_for(config: Config) -> None:
-    """All answer at once, then nothing comes for 60 SYNCs: no run begins with old values."""
+def test_the_warm_up_waits_for_a_stalled_bus(config: WaveBotDeviceSettings) -> None:
+    """All answer at first, then no frame comes for 60 SYNCs: no run begins with old values."""
 
     def through(syncs: int) -> set[int]:
         axes = {HEAVE, SURGE} if syncs < 8 or syncs > 68 else set[int]()
         return axes | ({STATOR} if syncs > 20 else set())
 
     bus = Bus(through)
-    devices = wired(config, bus)
+    devices = create_devices(config, bus)
     devices.warm_up(DT)
     assert bus.syncs > 68
     sense = devices.read(0.0)
@@ -145,19 +151,19 @@ def test_a_bus_that_stands_still_meanwhile_is_waited_for(config: Config) -> None
 
 @pytest.mark.parametrize("silent", [{HEAVE}, {SURGE}, {STATOR}, {HEAVE, STATOR}])
 def test_nodes_that_do_not_answer_are_named(
-    config: Config, silent: set[int], monkeypatch: pytest.MonkeyPatch
+    config: WaveBotDeviceSettings, silent: set[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hardware, "WARM_UP", 0.2)
+    monkeypatch.setattr(hardware, "WARM_UP_TIMEOUT_S", 0.2)
     names = {HEAVE: "heave", SURGE: "surge", STATOR: "stator"}
     bus = Bus(lambda syncs: set(names) - silent)
     expected = ", ".join(names[node] for node in sorted(silent))
     with pytest.raises(OSError, match=f"no process data from {expected} in 0.2 s"):
-        wired(config, bus).warm_up(DT)
+        create_devices(config, bus).warm_up(DT)
 
 
-def test_nothing_is_asked_to_act(config: Config) -> None:
+def test_no_drive_is_enabled(config: WaveBotDeviceSettings) -> None:
     bus = Bus(lambda syncs: {HEAVE, SURGE, STATOR})
-    devices = wired(config, bus)
+    devices = create_devices(config, bus)
     devices.warm_up(DT)
     assert devices._heave.explain() == devices._surge.explain() == "NOT_ASKED"
     assert math.isclose(devices.read(0.0).heave.current, 0.0)

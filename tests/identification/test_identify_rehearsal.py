@@ -13,7 +13,7 @@ from identified import wrong_plant
 from known_device import impedances, surge_impedance
 from made_once import made_once
 from predicting import predicted, rows
-from rehearsing import CONFIGS, campaign_file, run, yaml_file
+from rehearsing import CONFIGS, rehearse, write_campaign, write_yaml
 from rig_command import rig_here
 
 from rig.analysis.report import write_products
@@ -32,7 +32,7 @@ PUSH = {"kind": "multisine", "repeat_s": 20, "amplitude_a": 20, "seed": 5}
 def campaign(folder: Path, name: str, **keys: Any) -> Path:
     """On the linear plant."""
     plant = str(CONFIGS / "plants" / "wavebot_linear.yaml")
-    return campaign_file(folder / name, name=name, plant=plant, seed=4, **keys)
+    return write_campaign(folder / name, name=name, plant=plant, seed=4, **keys)
 
 
 def matrix(rate: float, **more: Any) -> dict[str, Any]:
@@ -68,7 +68,7 @@ def rehearsed(folder: Path) -> None:
     for name in ("waves", "sea"):
         told[f"{name}_2"] = {**told[name], "sea": {**SEA, "realisation": 2}}
     for name, keys in told.items():
-        ended = run(campaign(folder / "campaigns", name, **keys), folder)
+        ended = rehearse(campaign(folder / "campaigns", name, **keys), folder)
         assert ended.outcome.status == "complete"
         ended.folder.rename(folder / name)
 
@@ -135,7 +135,7 @@ def test_the_twin_takes_the_excitation_that_was_measured(
     surge = "wavebot_surge_bem.npz"
     (tmp_path / surge).write_bytes((CONFIGS / "plants" / surge).read_bytes())
     mapping, _ = load_mapping(wrong_plant(tmp_path))
-    plant = yaml_file(tmp_path / "plant.yaml", {**mapping, "bem": str(tmp_path / "other.npz")})
+    plant = write_yaml(tmp_path / "plant.yaml", {**mapping, "bem": str(tmp_path / "other.npz")})
     code, out, err = rig_here(
         "twin", *runs.values(), "--plant", plant, "-o", tmp_path / "twin", "--json"
     )
@@ -161,7 +161,7 @@ def test_the_twin_takes_the_excitation_that_was_measured(
     asked = {"sea": SEA, "matrix": rows((490.9, -2000.0, 6000.0))}
     power = []
     for name in ("twin/plant.yaml", CONFIGS / "plants" / "wavebot_linear.yaml"):
-        path = campaign_file(tmp_path / "sea", **asked, plant=str(tmp_path / name))
+        path = write_campaign(tmp_path / "sea", **asked, plant=str(tmp_path / name))
         power.append(predicted(path).rows[0].predicted.power_mechanical_1)
     assert power[0] == pytest.approx(power[1], rel=0.06)
 
@@ -213,7 +213,7 @@ def test_a_run_without_what_is_needed_is_refused(runs: dict[str, Path]) -> None:
 
 def test_a_drive_that_could_not_give_what_was_asked_is_told(tmp_path: Path) -> None:
     """30 A need more than the 75 V of the custom drive's bus, 5 A do not."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         name="saturated",
         rig=str(CONFIGS / "rigs" / "wavebot_custom.yaml"),
@@ -224,7 +224,7 @@ def test_a_drive_that_could_not_give_what_was_asked_is_told(tmp_path: Path) -> N
         tare={"duration_s": 1},
         start={"set_point_s": 0, "lead_in_s": 2},
     )
-    ended = run(path, tmp_path / "runs")
+    ended = rehearse(path, tmp_path / "runs")
     assert ended.outcome.status == "complete"
     (said,) = [each for each in identify([ended.folder]).notes if "saturated" in each]
     assert "row 1: the drive saturated in " in said
@@ -246,7 +246,7 @@ def test_surge_is_pushed_and_identified_by_its_own_current(tmp_path: Path) -> No
         timing={"settle_s": 20, "periods": 1},
         start={"set_point_s": 0, "lead_in_s": 2},
     )
-    ended = run(path, tmp_path / "runs")
+    ended = rehearse(path, tmp_path / "runs")
     (model,) = identify([ended.folder]).models
     assert (model.axis, set(model.responses)) == ("surge", {"Z_id", "Y_id_command", "Y_id_current"})
     true = surge_impedance(model.frequency)

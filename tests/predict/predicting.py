@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rehearsing import CONFIGS, campaign_file, yaml_file
+from rehearsing import CONFIGS, write_campaign, write_yaml
 
 from rig.design.predictions import Prediction, predict
 from rig.execution.rehearsal.job import problems
@@ -14,7 +14,13 @@ from rig.sweep import sweep
 from rig.sweep.executors import threads
 
 __all__ = [
-    "CONFIGS", "campaign_file", "custom_rig", "examined", "predicted", "rows", "simulated",
+    "CONFIGS",
+    "custom_rig",
+    "examined",
+    "predicted",
+    "rows",
+    "simulated",
+    "write_campaign",
     "written",
 ]  # fmt: skip
 
@@ -50,7 +56,7 @@ def simulated(path: Path) -> Any:
 
 def written(folder: Path, name: str, mapping: dict[str, Any]) -> Path:
     """A YAML file."""
-    return yaml_file(folder / name, mapping)
+    return write_yaml(folder / name, mapping)
 
 
 def custom_rig(folder: Path, plant: str = "wavebot_custom.yaml", **drive: Any) -> Path:

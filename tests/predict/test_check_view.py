@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from command_here import rig
-from predicting import CONFIGS, STIFF, campaign_file, custom_rig, examined, predicted, rows
+from predicting import CONFIGS, STIFF, custom_rig, examined, predicted, rows, write_campaign
 from rich.console import Console
 
 from rig.cli.check_view import CheckView
@@ -66,7 +66,7 @@ def test_a_narrow_terminal_gets_fewer_columns_not_cut_ones() -> None:
 
 def test_every_row_is_shown_when_asked(tmp_path: Path) -> None:
     gains = [(STIFF, -1000.0 - 100.0 * i, 0.0) for i in range(12)]
-    path = campaign_file(tmp_path, sea=SEA, matrix=rows(*gains))
+    path = write_campaign(tmp_path, sea=SEA, matrix=rows(*gains))
     few, all_ = shown(path), shown(path, every_row=True)
     assert sum(f" {kp:g} " in all_ for _, kp, _ in gains) == 12
     assert sum(f" {kp:g} " in few for _, kp, _ in gains) < 12
@@ -75,7 +75,7 @@ def test_every_row_is_shown_when_asked(tmp_path: Path) -> None:
 def test_refused_rows_and_limits_are_shown_whole(tmp_path: Path) -> None:
     sea = {"kind": "regular", "amplitude_m": 0.3, "frequency_hz": 0.4}
     gains = [(STIFF, -2000.0, 0.0), (-8508.0, -200.0, 2000.0)]
-    path = campaign_file(tmp_path, sea=sea, matrix=rows(*gains))
+    path = write_campaign(tmp_path, sea=sea, matrix=rows(*gains))
     text = shown(path)
     (problem,) = predicted(path).refused
     assert problem.text() in text  # one line, to be copied
@@ -87,7 +87,7 @@ def test_columns_that_change_are_shown(tmp_path: Path) -> None:
     both = (-8508.0, -2500.0, 3000.0)
     matrix = rows(both, bus_voltage_v=75.0)
     matrix["list"] += rows(both, bus_voltage_v=40.0)["list"]
-    path = campaign_file(tmp_path, rig=str(custom_rig(tmp_path)), sea=SEA, matrix=matrix)
+    path = write_campaign(tmp_path, rig=str(custom_rig(tmp_path)), sea=SEA, matrix=matrix)
     text = shown(path)
     assert " bus " in text
     assert "hyst" not in text
@@ -95,7 +95,7 @@ def test_columns_that_change_are_shown(tmp_path: Path) -> None:
 
 def orders(tmp_path: Path, order: str) -> Any:
     gains = [(-8508.0, -2000.0, 0.0), (8340.0, -2000.0, 0.0)] * 3
-    path = campaign_file(
+    path = write_campaign(
         tmp_path, sea={**SEA, "amplitude_m": 0.05}, matrix=rows(*gains), order=order
     )
     return shown(path), predicted(path).travel
@@ -103,7 +103,7 @@ def orders(tmp_path: Path, order: str) -> Any:
 
 def test_orders_that_save_nothing_share_a_line(tmp_path: Path) -> None:
     gains = [(490.9, -2000.0, 0.0), (490.9, -1500.0, 0.0)]
-    text = shown(campaign_file(tmp_path, sea=SEA, matrix=rows(*gains), order="random"))
+    text = shown(write_campaign(tmp_path, sea=SEA, matrix=rows(*gains), order="random"))
     assert "as given, fewest spring moves: nothing to save" in text
 
 
@@ -134,7 +134,7 @@ def numbers(value: Any) -> Any:
 
 
 def test_json_holds_everything_and_no_nan(tmp_path: Path) -> None:
-    path = campaign_file(tmp_path, sea=SEA, matrix=rows((STIFF, -2000.0, 0.0)), repeat=2)
+    path = write_campaign(tmp_path, sea=SEA, matrix=rows((STIFF, -2000.0, 0.0)), repeat=2)
     done = rig("check", path, "--json")
     assert done.returncode == 0, done.stderr
 
@@ -158,7 +158,7 @@ def test_json_holds_everything_and_no_nan(tmp_path: Path) -> None:
 
 def test_a_refused_campaign_is_told_with_its_predictions(tmp_path: Path) -> None:
     sea = {"kind": "regular", "amplitude_m": 0.3, "frequency_hz": 0.4}
-    path = campaign_file(tmp_path, sea=sea, matrix=rows((-8508.0, -200.0, 2000.0)))
+    path = write_campaign(tmp_path, sea=sea, matrix=rows((-8508.0, -200.0, 2000.0)))
     said = json.loads(examined(path).to_json())
     assert not said["ok"]
     assert said["rows"] == 1
@@ -170,7 +170,7 @@ def test_a_refused_campaign_is_told_with_its_predictions(tmp_path: Path) -> None
 def test_there_may_be_nothing_to_predict(sea: dict[str, Any] | None, tmp_path: Path) -> None:
     path = CONFIGS / "campaigns" / "wave_calibration.yaml"
     if sea is not None:
-        path = campaign_file(tmp_path, sea=sea, matrix=rows((STIFF, -2000.0, 0.0)))
+        path = write_campaign(tmp_path, sea=sea, matrix=rows((STIFF, -2000.0, 0.0)))
     report = examined(path)
     assert report.ok, report.text()
     if sea is None:
@@ -199,7 +199,7 @@ def test_it_is_quick(tmp_path: Path) -> None:
     because a neighbour on the same core takes half of it."""
     assert used_seconds("check", CONFIGS / "campaigns" / "default.yaml") < 6.0
     gains = [(STIFF, kp, 100.0 * i) for kp in (-1000.0, -2000.0, -3000.0) for i in range(33)]
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea={"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5, "repeat_s": 300},
         matrix=rows(*gains),

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from closed_form import Response, heave_response
-from predicting import CONFIGS, STIFF, campaign_file, predicted, rows
+from predicting import CONFIGS, STIFF, predicted, rows, write_campaign
 
 from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
@@ -56,7 +56,7 @@ def as_sampled(plant: Plant, kp: float, ki: float) -> Callable[[Any], Any]:
 
 def foreseen(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, RowPredictions]:
     """Predictions by (Kp, Ki)."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         plant=str(CONFIGS / "plants" / "wavebot_linear.yaml"),
         sea=sea,

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from predicting import SOFT, STIFF, campaign_file, custom_rig, predicted, rows, simulated
-from rehearsing import run
+from predicting import SOFT, STIFF, custom_rig, predicted, rows, simulated, write_campaign
+from rehearsing import rehearse
 
 from rig.realtime.sequence import Phase
 from rig.recording.runs import open_run
@@ -62,7 +62,7 @@ def compare(path: Path, record: Callable[[str, object], None]) -> None:
 
 
 def test_regular_rows(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
         start={"lead_in_s": 30},
@@ -73,7 +73,7 @@ def test_regular_rows(tmp_path: Path, record_property: Callable[[str, object], N
 
 
 def test_irregular_rows(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea={"kind": "jonswap", "hs_m": 0.2, "tp_s": 2.5, "repeat_s": 60, "seed": 5},
         start={"lead_in_s": 30},
@@ -90,7 +90,7 @@ def test_rows_of_the_custom_drive(
     matrix = rows(both, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.0)
     matrix["list"] += rows(both, bus_voltage_v=40.0, velocity_threshold_m_per_s=0.0)["list"]
     matrix["list"] += rows(both, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.05)["list"]
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         rig=str(custom_rig(tmp_path)),
         sea={"kind": "regular", "amplitude_m": 0.0635, "frequency_hz": 0.4},
@@ -113,7 +113,7 @@ def test_rows_with_a_reference(
     matrix["list"] += rows((STIFF, -1500.0, 2000.0), reference_scale=-0.5)["list"]
     sea = {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.5, "repeat_s": 20, "seed": 2}
     timing = {"settle_s": 10, "interval_s": 70}
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea=sea if waves else {"kind": "calm"},
         start={"lead_in_s": 30},
@@ -126,7 +126,7 @@ def test_rows_with_a_reference(
 
 def test_surge(tmp_path: Path) -> None:
     """Surge of a rehearsal: stroke and force within 2 %, read from the log."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea={"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
         tare={"duration_s": 1},
@@ -135,7 +135,7 @@ def test_surge(tmp_path: Path) -> None:
         matrix=rows((STIFF, -2000.0, 0.0)),
     )
     one = predicted(path).rows[0].predicted
-    ended = run(path, tmp_path / "runs")
+    ended = rehearse(path, tmp_path / "runs")
     fields = ["surge.estimate.position", "surge.demand.force", "surge.estimate.velocity"]
     data = open_run(ended.folder, fields=[*fields, "plan.phase"], rows=[0])
     measured = data.isel(time=np.flatnonzero(data["plan.phase"].values == int(Phase.MEASURE)))

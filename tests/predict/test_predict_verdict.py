@@ -13,11 +13,11 @@ from predicting import (
     CONFIGS,
     SOFT,
     STIFF,
-    campaign_file,
     custom_rig,
     examined,
     predicted,
     rows,
+    write_campaign,
     written,
 )
 
@@ -35,7 +35,7 @@ def limit_line(path: Path, key: str, nth: int = 0) -> int:
 
 
 def test_a_row_that_goes_too_far_is_named(tmp_path: Path) -> None:
-    path = campaign_file(
+    path = write_campaign(
         tmp_path, sea=WAVES, matrix=rows((STIFF, -2000.0, 0.0), (-8508.0, -200.0, 2000.0))
     )
     report = examined(path)
@@ -59,7 +59,7 @@ def test_a_row_that_goes_too_far_is_named(tmp_path: Path) -> None:
 
 def test_an_unstable_row_is_named(tmp_path: Path) -> None:
     """Z_c drives with 4500 N*s/m: only enough Kp holds it."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea=SMALL,
         matrix=rows((STIFF, -6000.0, 0.0), (STIFF, -100.0, 0.0)),
@@ -93,7 +93,7 @@ def test_a_bus_that_trips_is_named(
 ) -> None:
     """Without supply and dump the bus takes all that waves bring, or starves."""
     island = "wavebot_custom_islanded.yaml"
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         rig=str(custom_rig(tmp_path, island, discharge_level=0)),
         sea=sea,
@@ -109,7 +109,7 @@ def test_a_bus_that_trips_is_named(
 
 def test_a_bus_that_starves_before_the_first_wave_is_named(tmp_path: Path) -> None:
     """51 J above the trip of a 40 V bus last 8 s at 6.4 W, and the stator is 9 s on its way."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         rig=str(custom_rig(tmp_path, "wavebot_custom_islanded.yaml", bus_voltage_v=40)),
         sea={**WAVES, "amplitude_m": 0.1},
@@ -133,7 +133,9 @@ def test_the_commercial_bus_has_a_limit_too(tmp_path: Path) -> None:
         "rig.yaml",
         {"extends": str(CONFIGS / "rigs" / "wavebot.yaml"), "limits": str(limits)},
     )
-    path = campaign_file(tmp_path, rig=str(rig_file), sea=WAVES, matrix=rows((STIFF, -2000.0, 0.0)))
+    path = write_campaign(
+        tmp_path, rig=str(rig_file), sea=WAVES, matrix=rows((STIFF, -2000.0, 0.0))
+    )
     (problem,) = examined(path).problems
     assert "bus voltage" in problem.message
     assert "limits.yaml:" in problem.message
@@ -142,7 +144,7 @@ def test_the_commercial_bus_has_a_limit_too(tmp_path: Path) -> None:
 
 def test_a_warning_refuses_nothing(tmp_path: Path) -> None:
     """Beyond position_warn, near the stop, more current than the drive has: told, not refused."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea={**WAVES, "amplitude_m": 0.33},
         surge={"use": "hold"},
@@ -158,7 +160,7 @@ def test_a_warning_refuses_nothing(tmp_path: Path) -> None:
 
 def test_current_beyond_the_drives_is_cut_not_refused(tmp_path: Path) -> None:
     sea = {"kind": "regular", "amplitude_m": 0.2, "frequency_hz": 0.5}
-    path = campaign_file(tmp_path, sea=sea, matrix=rows((8340.0, -100.0, 30000.0)))
+    path = write_campaign(tmp_path, sea=sea, matrix=rows((8340.0, -100.0, 30000.0)))
     forecast = predicted(path)
     assert forecast.refused == ()
     (warning,) = forecast.warnings
@@ -170,7 +172,7 @@ def test_current_beyond_the_drives_is_cut_not_refused(tmp_path: Path) -> None:
 
 def test_the_lead_in_is_a_row_of_its_own(tmp_path: Path) -> None:
     """The set point has no Ki, so the body may go farther before the first row than in it."""
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         sea={**WAVES, "amplitude_m": 0.33},
         surge={"use": "hold"},
@@ -183,7 +185,7 @@ def test_the_lead_in_is_a_row_of_its_own(tmp_path: Path) -> None:
 
 
 def test_repetitions_of_a_point_are_one_problem(tmp_path: Path) -> None:
-    path = campaign_file(tmp_path, sea=WAVES, matrix=rows((-8508.0, -200.0, 2000.0)), repeat=3)
+    path = write_campaign(tmp_path, sea=WAVES, matrix=rows((-8508.0, -200.0, 2000.0)), repeat=3)
     forecast = predicted(path)
     assert len(forecast.rows) == 3
     told = [one.message for one in forecast.refused]
@@ -191,7 +193,7 @@ def test_repetitions_of_a_point_are_one_problem(tmp_path: Path) -> None:
 
 
 def test_run_refuses_what_check_refuses(tmp_path: Path) -> None:
-    path = campaign_file(tmp_path, sea=WAVES, matrix=rows((-8508.0, -200.0, 2000.0)))
+    path = write_campaign(tmp_path, sea=WAVES, matrix=rows((-8508.0, -200.0, 2000.0)))
     runs = tmp_path / "runs"
     done = rig("run", path, "--runs", runs)
     assert done.returncode == 2
@@ -203,7 +205,7 @@ def test_run_refuses_what_check_refuses(tmp_path: Path) -> None:
 
 
 def test_most_used_leaves_warnings_aside(tmp_path: Path) -> None:
-    path = campaign_file(
+    path = write_campaign(
         tmp_path, sea=SMALL, matrix=rows((STIFF, -2000.0, 0.0), (SOFT, -2000.0, 4000.0))
     )
     for one in predicted(path).rows:

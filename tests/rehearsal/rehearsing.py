@@ -1,7 +1,7 @@
-"""Running small campaigns end to end, through supervisor, loop and logger, for the tests.
+"""Functions for tests that run small campaigns end to end, through supervisor, loop and logger.
 
-As a program (`python rehearsing.py CAMPAIGN RUNS`) it is a supervisor of its own, without what
-`rig run` does before and after; it says how the run ended.
+As a program (`python rehearsing.py CAMPAIGN RUNS`) the module is a supervisor without the steps of
+`rig run` before and after the run; it prints the run's status.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from rig.analysis.rows import COMPLETE, POWERS, row_table
-from rig.execution.campaign import Ended, carry_out, rehearsal
+from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 from rig.sweep import sweep
@@ -23,35 +23,35 @@ from rig.sweep.executors import threads
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
 
-class Watcher:
-    """A view that keeps nothing; ``see`` may act on each snapshot."""
+class SilentView:
+    """A view that draws nothing; ``on_snapshot`` may act on each snapshot."""
 
-    def __init__(self, see: Any = None) -> None:
+    def __init__(self, on_snapshot: Any = None) -> None:
         self.notice = ""
-        self._see = see
+        self._on_snapshot = on_snapshot
 
     def __call__(self, snapshot: Snapshot) -> None:
-        if self._see is not None:
-            self._see(snapshot)
+        if self._on_snapshot is not None:
+            self._on_snapshot(snapshot)
 
 
-def yaml_file(path: Path, mapping: dict[str, Any]) -> Path:
-    """Write a mapping as YAML; gives the path."""
+def write_yaml(path: Path, mapping: dict[str, Any]) -> Path:
+    """Write a mapping as YAML and return the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w") as file:
         YAML(typ="safe").dump(mapping, file)
     return path
 
 
-def campaign_file(folder: Path, **keys: Any) -> Path:
-    """Write a campaign on the WaveBot of the shipped configuration."""
-    whole = {"name": "test", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
-    return yaml_file(folder / "campaign.yaml", whole)
+def write_campaign(folder: Path, **keys: Any) -> Path:
+    """Write a campaign on the WaveBot of the shipped configuration and return the path."""
+    content = {"name": "test", "rig": str(CONFIGS / "rigs" / "wavebot.yaml"), **keys}
+    return write_yaml(folder / "campaign.yaml", content)
 
 
-def rows(folder: Path, repeat: int) -> Path:
-    """A campaign of as many rows of 6 s, after 10 s of rig time."""
-    return campaign_file(
+def write_repeated_row(folder: Path, repeat: int) -> Path:
+    """Write a campaign of ``repeat`` rows of 6 s, which begin after 10 s of rig time."""
+    return write_campaign(
         folder,
         sea={"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
         tare={"duration_s": 1},
@@ -64,34 +64,36 @@ def rows(folder: Path, repeat: int) -> Path:
     )
 
 
-def run(path: Path, runs: Path, see: Any = None, *, real_clock: bool = False) -> Ended:
-    """Rehearse a campaign file."""
+def rehearse(
+    path: Path, runs: Path, on_snapshot: Any = None, *, real_clock: bool = False
+) -> RunResult:
+    """Rehearse a campaign file and return the result."""
     report = check_campaign(path)
     assert report.ok, report.text()
     assert report.campaign is not None
     assert report.plan is not None
-    mode = rehearsal(report.campaign, real_clock=real_clock)
-    return carry_out(report.campaign, report.plan, runs, Watcher(see), mode)
+    mode = rehearsal_mode(report.campaign, real_clock=real_clock)
+    return run_campaign(report.campaign, report.plan, runs, SilentView(on_snapshot), mode)
 
 
-def sequentially_swept(path: Path) -> Any:
-    """The rows of a campaign walked one after the other by the compiled loop, a line each.
+def sweep_sequentially(path: Path) -> Any:
+    """Return the row table of a campaign whose rows the compiled loop runs one after the other.
 
     It has the bits of a rehearsal (tests/batch/test_batch_bits) and takes a hundredth of its time.
     """
-    asked = sweep.open_sweep(path, [], path.parent / "sweeps", sequential=True, lead_in=0.0)
-    return sweep.run(asked, threads(1), lambda _: None)
+    options = sweep.open_sweep(path, [], path.parent / "sweeps", sequential=True, lead_in=0.0)
+    return sweep.run(options, threads(1), lambda _: None)
 
 
-def table_of(ended: Ended) -> Any:
-    """Row table of a run."""
-    return row_table(ended.folder)
+def load_rows(result: RunResult) -> Any:
+    """Return the row table of a run."""
+    return row_table(result.folder)
 
 
 def assert_same_rows(rehearsed: Any, swept: Any) -> None:
-    """A rehearsal and the compiled loop measured the same rows, all of them whole.
+    """Assert that a rehearsal and the compiled loop measured the same rows, all complete.
 
-    To 1e-12: sums of the same bits, taken in another order.
+    The tolerance is 1e-12: the sums have the same bits but another order.
     """
     assert set(rehearsed.state.values.tolist()) == set(swept.state.values.tolist()) == {COMPLETE}
     for name in ("samples", "start", *(f"power_{kind}" for kind in POWERS)):
@@ -99,4 +101,4 @@ def assert_same_rows(rehearsed: Any, swept: Any) -> None:
 
 
 if __name__ == "__main__":
-    print(run(Path(sys.argv[1]), Path(sys.argv[2])).outcome.status)
+    print(rehearse(Path(sys.argv[1]), Path(sys.argv[2])).outcome.status)

@@ -1,4 +1,4 @@
-"""The compiled steps of bench and flap give the interpreted ones' bits, whatever is done."""
+"""The compiled steps of bench and flap give the interpreted ones' bits for any input."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from sim_plant.flap import stepper as flap_stepper
 TICKS = 6000
 
 
-def wires(k: int) -> Actuation:
-    """Both loops, the brake up and down, a clamp, no numbers, absurd numbers, drive off and on."""
+def actuation_at(k: int) -> Actuation:
+    """Return both control loops, brake up and down, a clamp, NaN, infinity, drive off and on."""
     volts = 2.0 * math.sin(0.004 * k)
     amps = 6.0 * math.sin(0.011 * k)
     if k == 4000:
         volts = math.nan
     if k == 4700:
         amps = math.inf
-    held = 0.6 + 0.6 * math.sin(0.007 * k)
+    brake_current = 0.6 + 0.6 * math.sin(0.007 * k)
     return Actuation(
         0 if 4010 <= k < 4050 or 4710 <= k < 4750 else 1,
         1 if k >= 2000 else 0,
         volts,
         amps,
-        math.nan if k == 3500 else held,
+        math.nan if k == 3500 else brake_current,
         1 if 3000 <= k < 3400 else 0,
     )
 
 
 def step(rig: Wires, k: int) -> Reading:
-    if not 5000 <= k < 5300:  # silence
-        rig.actuate(wires(k))
+    if not 5000 <= k < 5300:  # no commands in between
+        rig.actuate(actuation_at(k))
     rig.press_e_stop(1500 <= k < 1600)
     rig.advance(DT)
     return rig.sense()
@@ -47,22 +47,22 @@ def step(rig: Wires, k: int) -> Reading:
 
 @pytest.mark.parametrize("name", ["oswec_bench", "oswec_bench_unbraked"])
 def test_interpreted_and_compiled_read_the_same(name: str) -> None:
-    one, other = (bench(name, stepper=kind) for kind in (Stepper, CompiledStepper))
+    interpreted, compiled = (bench(name, stepper=kind) for kind in (Stepper, CompiledStepper))
     for k in range(TICKS):
         # by repr: equal to the last bit, types too, and NaN is itself
-        assert repr(step(one, k)) == repr(step(other, k)), k
-        assert repr(one.truth()) == repr(other.truth())
+        assert repr(step(interpreted, k)) == repr(step(compiled, k)), k
+        assert repr(interpreted.truth()) == repr(compiled.truth())
 
 
 @pytest.mark.parametrize("name", ["oswec_flap", "oswec_flap_free"])
 def test_the_flap_reads_the_same(name: str) -> None:
     sea = waves.jonswap(0.15, 1.5, 3.3, 20.0, seed=3)
     kinds = (flap_stepper.Stepper, CompiledFlapStepper)
-    one, other = (flap(sea, name, stepper=kind) for kind in kinds)
+    interpreted, compiled = (flap(sea, name, stepper=kind) for kind in kinds)
     for k in range(TICKS):
-        for rig in (one, other):
+        for rig in (interpreted, compiled):
             rig.make_waves(1 if k > 200 else 0)
             if k == 5500:
                 rig.release(0.3)
-        assert repr(step(one, k)) == repr(step(other, k)), k
-        assert repr(one.truth()) == repr(other.truth())
+        assert repr(step(interpreted, k)) == repr(step(compiled, k)), k
+        assert repr(interpreted.truth()) == repr(compiled.truth())

@@ -1,4 +1,4 @@
-"""The compiled step of either plant gives the interpreted one's bits, whatever is done to it."""
+"""The compiled step of each WaveBot plant gives the interpreted one's bits for any input."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from sim_plant.world import Actuation, DriveSettings, Readings, Stepper, World
 TICKS = 9000
 
 
-def wires(k: int, velocity: float) -> Actuation:
-    """Everything that can be asked for: surge, a moving stator, gating, silence, nonsense."""
+def actuation_at(k: int, velocity: float) -> Actuation:
+    """Return all kinds of commands: surge, a moving stator, gating, NaN."""
     return command(
         math.nan if k == 8500 else -25.0 * velocity,
         heave_enable=0 if 6000 <= k < 6050 else 1,
@@ -29,9 +29,9 @@ def wires(k: int, velocity: float) -> Actuation:
 
 
 def step(rig: World, k: int) -> Readings:
-    read = rig.readings()
-    if not 4000 <= k < 4300:  # silence
-        rig.actuate(wires(k, rig.motion()[1]))
+    readings = rig.readings()
+    if not 4000 <= k < 4300:  # no commands in between
+        rig.actuate(actuation_at(k, rig.motion()[1]))
     if k == 1000:
         rig.configure(DriveSettings(3, 80.0, 1.0e-4, 0.4, 3))
     if k == 5000:
@@ -41,14 +41,14 @@ def step(rig: World, k: int) -> Readings:
     if k == 8000:
         rig.release(0.05)
     rig.advance(DT)
-    return read
+    return readings
 
 
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_linear", "wavebot_custom_islanded"])
 def test_interpreted_and_compiled_read_the_same(name: str) -> None:
     sea = waves.jonswap(0.254, 2.5, 3.3, 30.0, seed=1)
-    one, other = (world(sea, name, stepper=kind) for kind in (Stepper, CompiledStepper))
+    interpreted, compiled = (world(sea, name, stepper=kind) for kind in (Stepper, CompiledStepper))
     for k in range(TICKS):
         # by repr: equal to the last bit, types too, and NaN is itself
-        assert repr(step(one, k)) == repr(step(other, k)), k
-    assert repr(one.truth()) == repr(other.truth())
+        assert repr(step(interpreted, k)) == repr(step(compiled, k)), k
+    assert repr(interpreted.truth()) == repr(compiled.truth())

@@ -1,6 +1,6 @@
 """Sessions on the simulated bench: the plan, the two-pass correction, torque control, the command.
 
-The runs are short; what a whole session gives is in docs/bench.md.
+The runs are short; docs/bench.md has the results of complete sessions.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import CONFIGS, yaml_file
+from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
 from rig.execution.rehearsal.bench_devices import connect
-from rig.execution.rehearsal.bench_job import devices_of_session
+from rig.execution.rehearsal.bench_job import session_plant_settings
 from rig.kinds.oswec_bench import KIND
 from rig.planning.session import Session, check_session, plan_session
 from rig.planning.session.assemble import (
@@ -34,9 +34,9 @@ DEGREE = math.pi / 180.0
 Rows = dict[int, dict[str, np.ndarray[Any, Any]]]
 
 
-def session_of(folder: Path, **keys: Any) -> Session:
-    """A session on the shipped bench; what is not given is that of a short driveline."""
-    whole = {
+def load_session(folder: Path, **keys: Any) -> Session:
+    """Return a session on the shipped bench; the default keys are those of a short driveline."""
+    content = {
         "name": "test",
         "session": "driveline",
         "rig": str(CONFIGS / "rigs" / "oswec_bench.yaml"),
@@ -44,27 +44,27 @@ def session_of(folder: Path, **keys: Any) -> Session:
         "tare": {"duration_s": 0.5},
         **keys,
     }
-    report = check_session(yaml_file(folder / f"{whole['name']}.yaml", whole))
+    report = check_session(write_yaml(folder / f"{content['name']}.yaml", content))
     assert report.ok, report.text()
     assert report.session is not None
     return report.session
 
 
-def measured(session: Session) -> Rows:
-    """Every row's measurement, as arrays; the loop's own cycle, without its processes."""
+def measure_rows(session: Session) -> Rows:
+    """Run the loop's cycle without its processes; return every row's measurement as arrays."""
     plan = plan_session(session)
     params, step = bench_params(session, plan), cycle.make(KIND)
-    devices = connect(devices_of_session(session), DT)
-    state, still = cycle.start(KIND, params, 0), cycle.Timing(0.0, 0.0, 0)
+    devices = connect(session_plant_settings(session), DT)
+    state, no_delay = cycle.start(KIND, params, 0), cycle.Timing(0.0, 0.0, 0)
     motor, shaft = motor_radians_per_count(session.rig), shaft_radians_per_count(session.rig)
-    kept: dict[int, list[tuple[float, ...]]] = {}
+    samples: dict[int, list[tuple[float, ...]]] = {}
     tick = 0
     while state.safety.mode != STOP_0:
         sense = devices.read(tick * DT)
-        state, command, row = step(params, state, sense, 0, tick, still, 1, DT)
+        state, command, row = step(params, state, sense, 0, tick, no_delay, 1, DT)
         devices.write(command)
         if row.plan.phase == Phase.MEASURE:
-            kept.setdefault(row.plan.row, []).append((
+            samples.setdefault(row.plan.row, []).append((
                 row.reference.angle, row.correction.angle,
                 row.encoders.motor_counts * motor, row.encoders.shaft_counts * shaft,
                 row.load.tz - row.tared.torque, row.reference.torque,
@@ -72,31 +72,35 @@ def measured(session: Session) -> Rows:
             ))  # fmt: skip
         tick += 1
     assert state.safety.reason == Reason.PLAN_END, Reason(state.safety.reason)
-    names = ("wanted", "added", "motor", "shaft", "torque", "pull", "velocity", "current")
+    names = (
+        *("reference", "correction", "motor", "shaft"),
+        *("torque", "torque_reference", "velocity", "current"),
+    )
     return {
-        number: dict(zip(names, np.array(values).T, strict=True)) for number, values in kept.items()
+        number: dict(zip(names, np.array(values).T, strict=True))
+        for number, values in samples.items()
     }
 
 
 def detrended(values: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Without its mean and its slope (the drift of whole periods)."""
+    """Return the values without mean and slope (the drift of whole periods)."""
     at = np.arange(values.size)
     return values - np.polyval(np.polyfit(at, values, 1), at)
 
 
-def astray(row: dict[str, np.ndarray[Any, Any]]) -> float:
-    """95th percentile of reference less shaft, deg; the shaft's reading is a tick old."""
-    error = detrended(row["wanted"][:-1] - row["shaft"][1:])
+def tracking_error(row: dict[str, np.ndarray[Any, Any]]) -> float:
+    """Return the 95th percentile of reference less shaft (deg); shaft readings are a tick old."""
+    error = detrended(row["reference"][:-1] - row["shaft"][1:])
     return float(np.percentile(np.abs(error), 95.0)) / DEGREE
 
 
-def point(row: dict[str, np.ndarray[Any, Any]], asked: dict[str, float], number: int) -> Any:
-    """What a row says of the driveline, by fundamentals, as a calibration file has it."""
-    turn = np.exp(-2j * np.pi * np.arange(row["motor"].size) * DT / asked["period_s"])
+def point(row: dict[str, np.ndarray[Any, Any]], settings: dict[str, float], number: int) -> Any:
+    """Return a row's driveline point, from its fundamentals, as in a calibration file."""
+    turn = np.exp(-2j * np.pi * np.arange(row["motor"].size) * DT / settings["period_s"])
     motor, shaft = (2.0 * np.mean(detrended(row[name]) * turn) for name in ("motor", "shaft"))
     return {
         "row": number,
-        **asked,
+        **settings,
         "rms_velocity_rad_per_s": float(row["velocity"].std()),
         "rms_torque_n_m": float(row["torque"].std()),
         "amplitude_difference_deg": float(abs(motor) - abs(shaft)) / DEGREE,
@@ -104,7 +108,7 @@ def point(row: dict[str, np.ndarray[Any, Any]], asked: dict[str, float], number:
     }
 
 
-ASKED = [
+ROW_SETTINGS = [
     {"amplitude_deg": float(a), "damping_n_m_s_per_rad": float(r), "period_s": 1.5}
     for a, r in ((15, 83.3), (10, 62.5), (15, 42), (20, 104))
 ]
@@ -117,16 +121,18 @@ LOOP = {
 
 @pytest.fixture(scope="module")
 def first_pass(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rows]:
-    """Uncorrected rows, and the file of constants made of them."""
+    """Write the constants of uncorrected rows to files; return the folder and the rows."""
     folder = tmp_path_factory.mktemp("passes")
-    known = {"name": "driveline", "rig": "OSWEC bench", "run": "r1", "date": "2026-11-22"}
-    yaml_file(folder / "loop.yaml", known | {"constants": LOOP})
-    rows = measured(session_of(folder, name="plain", rows=ASKED, calibrations=["loop.yaml"]))
-    points = [point(rows[i], asked, i) for i, asked in enumerate(ASKED)]
+    header = {"name": "driveline", "rig": "OSWEC bench", "run": "r1", "date": "2026-11-22"}
+    write_yaml(folder / "loop.yaml", header | {"constants": LOOP})
+    rows = measure_rows(
+        load_session(folder, name="plain", rows=ROW_SETTINGS, calibrations=["loop.yaml"])
+    )
+    points = [point(rows[i], settings, i) for i, settings in enumerate(ROW_SETTINGS)]
     shape = {"torque_n_m": [-95.0, -9.4, -1.0, 1.0, 9.4, 95.0]}
     shape["deflection_deg"] = [-0.253, -0.0808, -0.029, 0.029, 0.0808, 0.253]  # thesis, Fig. 2.9
-    found = {"constants": LOOP, "driveline": points, "deflection_map": shape}
-    yaml_file(folder / "driveline.yaml", known | found)
+    results = {"constants": LOOP, "driveline": points, "deflection_map": shape}
+    write_yaml(folder / "driveline.yaml", header | results)
     return folder, rows
 
 
@@ -141,55 +147,55 @@ def first_pass(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rows]:
 def test_a_corrected_shaft_is_half_as_far_from_its_reference(
     first_pass: tuple[Path, Rows], correction: dict[str, str]
 ) -> None:
-    """Regressions without the judged row; the uncorrected row had the same constants."""
+    """The regressions exclude the tested row; the uncorrected row had the same constants."""
     folder, plain = first_pass
-    asked = {"name": "corrected", "rows": ASKED[:1], "correction": correction}
-    rows = measured(session_of(folder, **asked))
-    before, after = astray(plain[0]), astray(rows[0])
+    settings = {"name": "corrected", "rows": ROW_SETTINGS[:1], "correction": correction}
+    rows = measure_rows(load_session(folder, **settings))
+    before, after = tracking_error(plain[0]), tracking_error(rows[0])
     assert 0.15 < before < 0.3
     assert after <= 0.5 * before
-    assert np.abs(rows[0]["added"]).max() < 1.0 * DEGREE
+    assert np.abs(rows[0]["correction"]).max() < 1.0 * DEGREE
 
 
 def test_an_irregular_motion_is_corrected_component_by_component(
     first_pass: tuple[Path, Rows],
 ) -> None:
     folder, _ = first_pass
-    told: dict[str, Any] = {
+    keys: dict[str, Any] = {
         "irregular": {"low_hz": 0.4, "high_hz": 1.0, "repeat_s": 10, "seed": 3},
         "rows": [{"amplitude_deg": 15, "damping_n_m_s_per_rad": 83.3}],
         "timing": {"rise_s": 2.0, "settle_periods": 0, "periods": 1},
     }
-    plain = session_of(folder, name="irregular", calibrations=["loop.yaml"], **told)
-    before = measured(plain)[0]
+    plain = load_session(folder, name="irregular", calibrations=["loop.yaml"], **keys)
+    before = measure_rows(plain)[0]
     conditions = {
         "row": 0, "amplitude_deg": 15.0, "period_s": 10.0, "damping_n_m_s_per_rad": 83.3,
         "rms_velocity_rad_per_s": float(before["velocity"].std()),
         "rms_torque_n_m": float(before["torque"].std()),
-        "amplitude_difference_deg": 0.0, "phase_shift_percent": 0.0,  # not used of conditions
+        "amplitude_difference_deg": 0.0, "phase_shift_percent": 0.0,  # not used for conditions
     }  # fmt: skip
-    known = {"name": "driveline", "rig": "OSWEC bench", "run": "r2", "date": "2026-11-22"}
-    yaml_file(folder / "conditions.yaml", known | {"driveline": [conditions]})
+    header = {"name": "driveline", "rig": "OSWEC bench", "run": "r2", "date": "2026-11-22"}
+    write_yaml(folder / "conditions.yaml", header | {"driveline": [conditions]})
     correction = {
         "kind": "online",
         "regressions": "driveline.yaml",
         "conditions": "conditions.yaml",
     }
-    session = session_of(folder, name="irregular_online", correction=correction, **told)
+    session = load_session(folder, name="irregular_online", correction=correction, **keys)
     parts = plan_session(session).setpoints.components[1]
     assert len(parts) == 7  # 0.4 .. 1 Hz
     assert len({one.gain for one in parts}) == len({one.advance for one in parts}) == 1
     assert parts[0].gain > 1.0
-    after = measured(session)[0]
-    assert np.abs(after["wanted"]).max() == pytest.approx(15.0 * DEGREE, rel=0.01)
-    assert astray(after) <= 0.5 * astray(before)
+    after = measure_rows(session)[0]
+    assert np.abs(after["reference"]).max() == pytest.approx(15.0 * DEGREE, rel=0.01)
+    assert tracking_error(after) <= 0.5 * tracking_error(before)
 
 
-def test_closing_the_torque_loop_makes_the_spread_of_constants_matter_less(tmp_path: Path) -> None:
-    """rms of wanted less measured torque on the load cell, both loops by nominal constants."""
+def test_closed_torque_loop_reduces_the_effect_of_wrong_constants(tmp_path: Path) -> None:
+    """Compare rms of reference less load-cell torque; both loops use nominal constants."""
     errors = {}
     for control in ("open loop", "closed loop"):
-        session = session_of(
+        session = load_session(
             tmp_path,
             name="torque",
             session="torque_tracking",
@@ -198,8 +204,9 @@ def test_closing_the_torque_loop_makes_the_spread_of_constants_matter_less(tmp_p
             rows=[{"torque_amplitude_n_m": 40, "period_s": 5}],
             timing={"rise_s": 1, "settle_periods": 0, "periods": 1},
         )
-        row = measured(session)[0]
-        errors[control] = float(np.sqrt(np.mean((row["pull"][:-1] - row["torque"][1:]) ** 2)))
+        row = measure_rows(session)[0]
+        error = row["torque_reference"][:-1] - row["torque"][1:]
+        errors[control] = float(np.sqrt(np.mean(error**2)))
         assert np.abs(row["current"]).max() < 5.0
     assert errors["closed loop"] <= errors["open loop"] / 3.0
     assert errors["open loop"] > 0.5
@@ -225,10 +232,10 @@ def test_the_plan_of_table_2_1() -> None:
     assert one == (5.0 * DEGREE, pytest.approx(2.0 * math.pi / 1.5), 0.0, 1.0, 0.0)
 
 
-def test_the_command_runs_a_session_and_leaves_its_record(tmp_path: Path) -> None:
-    """Few rows: what is tested is the way from the file to the folder."""
-    rows = [dict(asked, period_s=0.75) for asked in ASKED[:1]]
-    whole = {
+def test_the_command_runs_a_session_and_writes_its_record(tmp_path: Path) -> None:
+    """The session has few rows: the test is of the way from the file to the folder."""
+    rows = [dict(settings, period_s=0.75) for settings in ROW_SETTINGS[:1]]
+    content = {
         "name": "short",
         "session": "driveline",
         "rig": str(CONFIGS / "rigs" / "oswec_bench.yaml"),
@@ -236,15 +243,15 @@ def test_the_command_runs_a_session_and_leaves_its_record(tmp_path: Path) -> Non
         "timing": {"rise_s": 0.75, "settle_periods": 0, "periods": 2},
         "tare": {"duration_s": 0.5},
     }
-    path = yaml_file(tmp_path / "short.yaml", whole)
+    path = write_yaml(tmp_path / "short.yaml", content)
     code, out, _ = rig_here("check", path)
     assert code == 0
     assert "velocity loop, sine, correction: none" in out
     code, out, _ = rig_here("bench", path, "--runs", tmp_path, "--json")
     assert code == 0, out
-    told = json.loads(out)
-    assert (told["status"], told["reason"]) == ("complete", "PLAN_END")
-    folder = Path(told["folder"])
+    printed = json.loads(out)
+    assert (printed["status"], printed["reason"]) == ("complete", "PLAN_END")
+    folder = Path(printed["folder"])
     assert json.loads((folder / "config.json").read_text())["session"]["session"] == "driveline"
     plan = json.loads((folder / "plan.json").read_text())
     assert plan["rows"][0]["amplitude_deg"] == 15.0

@@ -1,4 +1,4 @@
-"""A wave calibration rehearsed end to end: the sea that was asked for is the sea that is found."""
+"""A wave calibration rehearsed end to end: the measured sea is the requested sea."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray
-from rehearsing import campaign_file, run
+from rehearsing import rehearse, write_campaign
 
 from rig.analysis.report import write_products
-from rig.execution.campaign import Ended
+from rig.execution.campaign import RunResult
 from rig.realtime.safety import Mode
 from rig.realtime.sequence import NO_ROW, Phase
 from rig.recording.runs import open_run
@@ -20,7 +20,7 @@ SEA = {"kind": "pink", "hm0_m": 0.05, "repeat_s": 10, "seed": 5, "realisation": 
 
 
 @pytest.fixture(scope="module")
-def ended(tmp_path_factory: pytest.TempPathFactory) -> Ended:
+def result(tmp_path_factory: pytest.TempPathFactory) -> RunResult:
     folder = tmp_path_factory.mktemp("calibration")
     keys: dict[str, Any] = {
         "sea": SEA,
@@ -28,33 +28,33 @@ def ended(tmp_path_factory: pytest.TempPathFactory) -> Ended:
         "start": {"lead_in_s": 12},  # beyond the onset of the waves
         "timing": {"periods": 3},
     }
-    return run(campaign_file(folder, **keys), folder / "runs")
+    return rehearse(write_campaign(folder, **keys), folder / "runs")
 
 
-def test_it_ends_as_planned_with_all_power_off(ended: Ended) -> None:
-    assert (ended.outcome.status, ended.outcome.reason) == ("complete", "PLAN_END")
-    data = open_run(ended.folder)
+def test_the_run_ends_as_planned_with_all_power_off(result: RunResult) -> None:
+    assert (result.outcome.status, result.outcome.reason) == ("complete", "PLAN_END")
+    data = open_run(result.folder)
     assert set(np.unique(data["plan.row"])) == {NO_ROW}
     assert set(np.unique(data["safety.mode"])) <= {Mode.OFF, Mode.STOP_0}
     for field in ("heave.command.enable", "heave.command.current", "heave.command.force"):
         assert not data[field].values.any(), field
     phases, counts = np.unique(data["plan.phase"], return_counts=True)
-    found = dict(zip(phases.tolist(), counts.tolist(), strict=True))
-    assert (found[Phase.LEAD_IN], found[Phase.MEASURE]) == (12_000, 30_000)
-    assert set(found) == {Phase.LEAD_IN, Phase.MEASURE, Phase.DONE}
+    ticks = dict(zip(phases.tolist(), counts.tolist(), strict=True))
+    assert (ticks[Phase.LEAD_IN], ticks[Phase.MEASURE]) == (12_000, 30_000)
+    assert set(ticks) == {Phase.LEAD_IN, Phase.MEASURE, Phase.DONE}
     assert data["plan.wave_clock"].values[0] == 0.0
 
 
-def test_the_stator_is_left_where_it_is(ended: Ended) -> None:
-    data = open_run(ended.folder, ["spring_command", "spring_sense"])
+def test_the_stator_does_not_move(result: RunResult) -> None:
+    data = open_run(result.folder, ["spring_command", "spring_sense"])
     assert not data["spring_command.enable"].values.any()
     assert np.ptp(data["spring_sense.position"].values) == 0.0
 
 
-def test_the_sea_that_was_asked_for_is_found(ended: Ended) -> None:
-    """To the bit in amplitude; the sense is one tick old, which is a phase of 2 pi f 1 ms."""
-    made = {path.name: path for path in write_products(ended.folder)}
-    with xarray.open_dataset(made["wave_calibration.nc"]) as table:
+def test_the_measured_sea_is_the_requested_one(result: RunResult) -> None:
+    """Amplitudes agree to 1e-9; the sense is one tick old, which is a phase of 2 pi f 1 ms."""
+    products = {path.name: path for path in write_products(result.folder)}
+    with xarray.open_dataset(products["wave_calibration.nc"]) as table:
         truth = table.sel(probe="elevation")
         np.testing.assert_allclose(truth["amplitude"], table["asked_amplitude"], rtol=1e-9)
         late = (table["asked_phase"] - truth["phase"]) / (2.0 * np.pi * table["frequency"])
@@ -63,11 +63,11 @@ def test_the_sea_that_was_asked_for_is_found(ended: Ended) -> None:
         assert table.attrs["hm0_asked_m"] == pytest.approx(0.05, rel=1e-9)
         assert int(truth["periods"]) == 3
         assert table["cycles"].values.tolist() == list(range(2, 11))
-    assert "asked 50.0 mm" in made["summary.txt"].read_text()
+    assert "asked 50.0 mm" in products["summary.txt"].read_text()
 
 
 def test_another_realisation_is_another_wave_of_the_same_spectrum(
-    ended: Ended, tmp_path: Path
+    result: RunResult, tmp_path: Path
 ) -> None:
     keys: dict[str, Any] = {
         "sea": SEA | {"realisation": 3},
@@ -75,10 +75,10 @@ def test_another_realisation_is_another_wave_of_the_same_spectrum(
         "start": {"lead_in_s": 12},
         "timing": {"periods": 1},
     }
-    other = run(campaign_file(tmp_path, **keys), tmp_path / "runs")
+    other = rehearse(write_campaign(tmp_path, **keys), tmp_path / "runs")
     one, two = (
         open_run(folder, ["wave.elevation", "plan.phase"])
-        for folder in (ended.folder, other.folder)
+        for folder in (result.folder, other.folder)
     )
     waves = [
         data["wave.elevation"].values[data["plan.phase"].values == Phase.MEASURE][:10_000]

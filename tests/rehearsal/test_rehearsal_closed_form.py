@@ -1,12 +1,12 @@
 """The whole chain, loop to row table, against the linear plant's closed form.
 
-The compiled loop walks the rows. It has the bits of a rehearsal (tests/batch/test_batch_bits); in
+The compiled loop runs the rows. It has the bits of a rehearsal (tests/batch/test_batch_bits); in
 one sea, three rows across the grid of gains are rehearsed as well and give the same powers.
 
 The oracle (tests/sim_plant/closed_form.py) works in the frequency domain. It shares with the
-rehearsal the numbers of plant and BEM file, the lines of the sea and the estimator's gains, not one
-step in time; the estimator's response is held against its steps by a test of its own. The
-controller it sees is
+rehearsal the numbers of plant and BEM file, the lines of the sea and the estimator's gains, but no
+step in time; another test compares the estimator's response with its steps. The controller of the
+oracle is
 C(jw) = (Kp H_v + Ki H_x / jw) exp(-jw (T_delay + T/2)) / (1 + jw tau), with the estimator's
 response H, one tick of fieldbus delay, the hold and the drive's current loop.
 """
@@ -24,10 +24,10 @@ from closed_form import Response, heave_response
 from rehearsing import (
     CONFIGS,
     assert_same_rows,
-    campaign_file,
-    run,
-    sequentially_swept,
-    table_of,
+    load_rows,
+    rehearse,
+    sweep_sequentially,
+    write_campaign,
 )
 
 from rig.config.pydantic_errors import load
@@ -59,7 +59,7 @@ def plant() -> Plant:
 
 
 def as_sampled(rig: RigFile, plant: Plant, kp: float, ki: float) -> Callable[[Any], Any]:
-    """The controller the plant sees: estimator, fieldbus delay, hold and current loop in it."""
+    """Return the effective controller, with estimator, fieldbus delay, hold and current loop."""
     heave = rig.heave
     filter_ = design(
         metres_per_count(rig.heave), heave.encoder_noise_counts, heave.jerk_density_m2_per_s5, DT
@@ -78,8 +78,8 @@ def as_sampled(rig: RigFile, plant: Plant, kp: float, ki: float) -> Callable[[An
 def campaign(
     tmp_path: Path, sea: dict[str, Any], timing: dict[str, Any], gains: Any = GAINS
 ) -> Path:
-    """Rows of gains, all if not said, in one sea."""
-    return campaign_file(
+    """Write a campaign of rows of gains, by default all, in one sea."""
+    return write_campaign(
         tmp_path,
         plant=str(CONFIGS / "plants" / "wavebot_linear.yaml"),
         sea=sea,
@@ -94,26 +94,26 @@ def campaign(
 
 
 def regular(f: float) -> dict[str, Any]:
-    """A regular sea, f in Hz."""
+    """Return a regular sea, f in Hz."""
     return {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": f}
 
 
 def powers(table: Any) -> dict[Any, Any]:
-    """Power at the four stations by (Kp, Ki)."""
+    """Return the power at the four stations by (Kp, Ki)."""
     assert (table.state == "complete").all()
-    found = {}
+    by_gains = {}
     for i in range(table.sizes["row"]):
         row = table.isel(row=i)
-        found[float(row.kp), float(row.ki)] = [float(row[f"power_{name}"]) for name in STATIONS]
-    return found
+        by_gains[float(row.kp), float(row.ki)] = [float(row[f"power_{name}"]) for name in STATIONS]
+    return by_gains
 
 
 def deviations(power: list[float], oracle: Response, floor: float) -> dict[str, float]:
-    """Relative deviation of each station from the oracle.
+    """Return the relative deviation of each station from the oracle.
 
-    By ratio, but for electrical power below ``floor`` (W): it is shaft power minus losses, and
-    near zero a share of it would ask more of the difference than of its terms. There the scale is
-    the power that flows: shaft power plus the losses.
+    Electrical power below ``floor`` (W) is not compared by ratio: it is shaft power minus losses,
+    and near zero a ratio would be stricter for the difference than for its terms. There the scale
+    is shaft power plus the losses.
     """
     flow_ac = abs(oracle.trs) + oracle.ac - oracle.trs
     flow_dc = flow_ac + oracle.dc - oracle.ac
@@ -133,27 +133,27 @@ def deviations(power: list[float], oracle: Response, floor: float) -> dict[str, 
 
 
 def compare(
-    found: dict[Any, Any],
+    row_powers: dict[Any, Any],
     expected: Expected,
     share: float,
     record: Callable[[str, object], None],
     name: str,
     floor: float = RATIO_FLOOR,
 ) -> None:
-    """Assert every station of every row within ``share``; the worst goes into the test report."""
+    """Assert that all stations of all rows are within ``share``; record the worst deviation."""
     worst, missed = 0.0, []
-    for (kp, ki), power in found.items():
+    for (kp, ki), power in row_powers.items():
         oracle = expected(kp, ki)
-        seen = deviations(power, oracle, floor)
-        worst = max(worst, *seen.values())
+        row_deviations = deviations(power, oracle, floor)
+        worst = max(worst, *row_deviations.values())
         missed += [
             f"Kp {kp:g} Ki {ki:g} {at}: {100 * d:.2f} %; rig {power}, {oracle}"
-            for at, d in seen.items()
+            for at, d in row_deviations.items()
             if d > share
         ]
     record(f"worst_deviation_{name}", worst)
     assert not missed, "\n".join(missed)
-    assert worst > 0.0  # equal to the last bit would mean compared with itself
+    assert worst > 0.0  # equal bits would mean a comparison with itself
 
 
 Expected = Callable[[float, float], Response]
@@ -161,14 +161,16 @@ Expected = Callable[[float, float], Response]
 
 @pytest.fixture
 def expected_in(rig_file: RigFile, plant: Plant) -> Callable[..., Expected]:
-    """What the closed form says of a sea's lines, for each (Kp, Ki)."""
+    """Return the closed form for a sea's lines, as a function of (Kp, Ki)."""
     params, hull = plant.build(), read_bem(CONFIGS / "plants" / plant.bem)
 
     def in_sea(f: Any, amplitude: Any, *, published: bool = False) -> Expected:
         def expected(kp: float, ki: float) -> Response:
-            told: dict[str, Any] = {"bem_radiation": True} if published else {}
-            seen = () if published else (as_sampled(rig_file, plant, kp, ki),)
-            return heave_response(params, hull, f, amplitude, kp, ki, SPRING, *seen, **told)
+            options: dict[str, Any] = {"bem_radiation": True} if published else {}
+            controller = () if published else (as_sampled(rig_file, plant, kp, ki),)
+            return heave_response(
+                params, hull, f, amplitude, kp, ki, SPRING, *controller, **options
+            )
 
         return expected
 
@@ -182,16 +184,16 @@ def test_regular_waves(
     expected_in: Callable[..., Expected],
     record_property: Callable[[str, object], None],
 ) -> None:
-    """Within 0.5 %, over the whole grid of gains; 15 s of settling leave 1e-7 of a transient."""
+    """Within 0.5 % over the whole grid of gains; 15 s of settling reduce a transient to 1e-7."""
     path = campaign(tmp_path, regular(f), SETTLED)
-    found = powers(sequentially_swept(path))
-    assert set(found) == set(GAINS)
-    compare(found, expected_in(f, 0.127), 0.005, record_property, "as_sampled")
-    # Tabulated radiation and a controller without any delay: what a paper calculation would say.
-    # Electrical power is held to a share of the power that flows: where Ki is large it is the
-    # difference of larger terms, and the neglected delay alone moves it by up to 4.2 % (0.4 Hz).
+    row_powers = powers(sweep_sequentially(path))
+    assert set(row_powers) == set(GAINS)
+    compare(row_powers, expected_in(f, 0.127), 0.005, record_property, "as_sampled")
+    # Tabulated radiation and a controller without any delay, as in a calculation on paper.
+    # Electrical power is compared relative to shaft power plus losses: where Ki is large it is the
+    # difference of larger terms, and the neglected delay alone changes it by up to 4.2 % (0.4 Hz).
     published = expected_in(f, 0.127, published=True)
-    compare(found, published, 0.02, record_property, "published", floor=math.inf)
+    compare(row_powers, published, 0.02, record_property, "published", floor=math.inf)
 
 
 def test_rehearsed_rows_are_those_of_the_compiled_loop(
@@ -199,16 +201,16 @@ def test_rehearsed_rows_are_those_of_the_compiled_loop(
     expected_in: Callable[..., Expected],
     record_property: Callable[[str, object], None],
 ) -> None:
-    """Across the grid of gains: the same powers, and within 0.5 % of the closed form themselves."""
+    """Across the grid of gains the powers are the same and within 0.5 % of the closed form."""
     gains = [(-1000.0, 0.0), (-2500.0, 4000.0), (-4000.0, 8000.0)]
     path = campaign(tmp_path, regular(0.5), SETTLED, gains)
-    ended = run(path, tmp_path / "runs")
-    assert ended.outcome.status == "complete"
-    table = table_of(ended)
-    assert_same_rows(table, sequentially_swept(path))
-    found = powers(table)
-    assert list(found) == gains
-    compare(found, expected_in(0.5, 0.127), 0.005, record_property, "rehearsed")
+    result = rehearse(path, tmp_path / "runs")
+    assert result.outcome.status == "complete"
+    table = load_rows(result)
+    assert_same_rows(table, sweep_sequentially(path))
+    row_powers = powers(table)
+    assert list(row_powers) == gains
+    compare(row_powers, expected_in(0.5, 0.127), 0.005, record_property, "rehearsed")
 
 
 def test_irregular_waves(
@@ -216,12 +218,14 @@ def test_irregular_waves(
     expected_in: Callable[..., Expected],
     record_property: Callable[[str, object], None],
 ) -> None:
-    """Within 1 % in a JONSWAP sea that repeats; |i| of the DC loss is taken as Gaussian."""
+    """Within 1 % in a JONSWAP sea that repeats; the DC loss assumes a Gaussian |i|."""
     sea = {"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5, "repeat_s": 100, "seed": 7}
-    found = powers(sequentially_swept(campaign(tmp_path, sea, {"settle_s": 15, "interval_s": 115})))
-    assert set(found) == set(GAINS)
+    row_powers = powers(
+        sweep_sequentially(campaign(tmp_path, sea, {"settle_s": 15, "interval_s": 115}))
+    )
+    assert set(row_powers) == set(GAINS)
     spectrum = waves.jonswap(0.127, 2.5, 3.3, 100.0, 7)
     lines = waves.frequencies(spectrum), np.abs(spectrum.amplitude)
-    compare(found, expected_in(*lines), 0.01, record_property, "as_sampled")
+    compare(row_powers, expected_in(*lines), 0.01, record_property, "as_sampled")
     published = expected_in(*lines, published=True)
-    compare(found, published, 0.02, record_property, "published", floor=math.inf)
+    compare(row_powers, published, 0.02, record_property, "published", floor=math.inf)

@@ -1,11 +1,11 @@
-"""The default campaign shows the MASK4 finding: the spring moves electrical power, not mechanical.
+"""The default campaign shows the MASK4 finding: the spring changes electrical power only.
 
 Equal effective stiffness (Ki - Ks) gives equal mechanical power, but the magnetic spring gives it
 without motor current, so AC and DC power gain (MASK4 report, section 4.3). The optima of AC and DC
 power differ because the drive's own losses grow with current.
 
 All 66 rows come from the compiled loop, which has the bits of a rehearsal (tests/batch/
-test_batch_bits); a short form of the campaign is rehearsed beside it, down to its products. The
+test_batch_bits). A short form of the campaign is rehearsed as well, including its products. The
 whole rehearsal is `make run`.
 """
 
@@ -19,10 +19,10 @@ import pytest
 from rehearsing import (
     CONFIGS,
     assert_same_rows,
-    run,
-    sequentially_swept,
-    table_of,
-    yaml_file,
+    load_rows,
+    rehearse,
+    sweep_sequentially,
+    write_yaml,
 )
 
 from rig.analysis.report import write_products
@@ -42,14 +42,14 @@ SHORT: dict[str, Any] = {
 
 
 def campaign(folder: Path, **keys: Any) -> Path:
-    """The default campaign, with keys changed."""
+    """Write the default campaign with changed keys."""
     default = str(CONFIGS / "campaigns" / "default.yaml")
-    return yaml_file(folder / "campaign.yaml", {"extends": default, **keys})
+    return write_yaml(folder / "campaign.yaml", {"extends": default, **keys})
 
 
 @pytest.fixture(scope="module")
 def table(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    return sequentially_swept(campaign(tmp_path_factory.mktemp("default")))
+    return sweep_sequentially(campaign(tmp_path_factory.mktemp("default")))
 
 
 @pytest.fixture(scope="module")
@@ -57,13 +57,13 @@ def best(table: Any) -> dict[tuple[str, float], Any]:
     return {(o.kind, o.point.spring_rate): o for o in find_optima(table)}
 
 
-def test_it_is_whole(table: Any) -> None:
+def test_all_rows_are_complete(table: Any) -> None:
     assert table.sizes["row"] == 66
     assert set(table.state.values.tolist()) == {"complete"}
     assert (table["samples"] == 14_000).all()  # 7 periods of 2 s at 1 kHz
 
 
-def test_it_stays_within_its_bounds(table: Any) -> None:
+def test_motion_and_current_stay_within_bounds(table: Any) -> None:
     assert float(table.position_peak.max()) <= 0.12
     assert float(table.velocity_peak.max()) <= 0.38
     assert float(table.current_peak.max()) <= 16.0
@@ -81,21 +81,21 @@ def test_ac_and_dc_optima_differ_without_the_spring(best: dict[tuple[str, float]
     assert (ac.kp, ac.ki) != (dc.kp, dc.ki)
 
 
-def test_the_spring_moves_electrical_power_and_not_mechanical(
+def test_the_spring_changes_electrical_power_only(
     best: dict[tuple[str, float], Any],
 ) -> None:
     mechanical = [best["mechanical_1", spring].power for spring in (STIFF, SOFT)]
-    assert mechanical[0] == pytest.approx(-91.0, rel=0.01)  # W, of an earlier model of the plant
+    assert mechanical[0] == pytest.approx(-91.0, rel=0.01)  # W, from an earlier model of the plant
     assert mechanical[1] == pytest.approx(mechanical[0], rel=0.03)
-    assert best["ac", SOFT].power <= 1.08 * best["ac", STIFF].power  # negative: more is absorbed
-    assert best["dc", SOFT].power <= best["dc", STIFF].power - 5.0  # W; near zero no ratio holds
+    assert best["ac", SOFT].power <= 1.08 * best["ac", STIFF].power  # negative is absorbed
+    assert best["dc", SOFT].power <= best["dc", STIFF].power - 5.0  # W; no ratio near zero
 
 
 def test_equal_effective_stiffness_gives_equal_mechanical_power(table: Any) -> None:
-    """Along each Kp, power over Ki - Ks of one spring lies on the curve of the other.
+    """For each Kp the two springs have one curve of power over Ki - Ks.
 
-    5 % and 1 W: the two springs' curves are interpolated over steps of 2000 N/m, and the magnetic
-    spring softens with stroke while Ki does not.
+    The tolerance is 5 % and 1 W: the curves are interpolated over steps of 2000 N/m, and the
+    magnetic spring softens with stroke while Ki does not.
     """
     for kp in np.unique(table.kp):
         curves = []
@@ -110,14 +110,14 @@ def test_equal_effective_stiffness_gives_equal_mechanical_power(table: Any) -> N
         np.testing.assert_allclose(power[inside], np.interp(at[inside], x, y), rtol=0.05, atol=1.0)
 
 
-def test_its_short_form_is_rehearsed_down_to_its_products(tmp_path: Path) -> None:
-    """Two springs, four gains each: nothing is lost, the rows are those of the compiled loop."""
+def test_short_form_is_rehearsed_with_its_products(tmp_path: Path) -> None:
+    """Two springs, four gains each: no row is lost, the rows are those of the compiled loop."""
     path = campaign(tmp_path, **SHORT)
-    ended = run(path, tmp_path / "runs")
-    assert ended.outcome.status == "complete"
-    assert ended.outcome.dropped == ended.outcome.unsaved == 0
-    table = table_of(ended)
+    result = rehearse(path, tmp_path / "runs")
+    assert result.outcome.status == "complete"
+    assert result.outcome.dropped == result.outcome.unsaved == 0
+    table = load_rows(result)
     assert table.sizes["row"] == 8
-    assert_same_rows(table, sequentially_swept(path))
-    made = {path.name for path in write_products(ended.folder)}
-    assert {"rows.csv", "rows.nc", "surfaces.png", "summary.pdf"} <= made
+    assert_same_rows(table, sweep_sequentially(path))
+    products = {path.name for path in write_products(result.folder)}
+    assert {"rows.csv", "rows.nc", "surfaces.png", "summary.pdf"} <= products

@@ -1,4 +1,4 @@
-"""Run folders that are deleted, moved or replaced during a run: every row is kept, and is found."""
+"""Run folders that are deleted, moved or replaced during a run: every row is kept and found."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import rows, run
+from rehearsing import rehearse, write_repeated_row
 
 from rig.cli.run_end import exit_code
-from rig.execution.task import Ended
+from rig.execution.task import RunResult
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
 from rig.recording.runs import list_runs, open_run
@@ -25,12 +25,12 @@ from rig.recording.runs.reader import check_record
 
 @pytest.fixture(autouse=True)
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where a run is saved if not beside its folder."""
-    cache, place = Path.home() / ".cache", tmp_path / "home"
-    place.mkdir()
+    """Create a home folder, in which a run is saved if its runs folder is lost."""
+    cache, home_folder = Path.home() / ".cache", tmp_path / "home"
+    home_folder.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
-    monkeypatch.setenv("HOME", str(place))
-    return place
+    monkeypatch.setenv("HOME", str(home_folder))
+    return home_folder
 
 
 @pytest.fixture
@@ -40,48 +40,48 @@ def runs(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """So long that it is never walked to its end here."""
-    return rows(tmp_path, 400)
+    """Write a campaign that is too long to reach its end in these tests."""
+    return write_repeated_row(tmp_path, 400)
 
 
-def when(seconds: float, deed: Callable[[], Any]) -> Callable[[Snapshot], None]:
-    """Do something once, so many seconds of rig time into the run."""
+def at_time(seconds: float, action: Callable[[], Any]) -> Callable[[Snapshot], None]:
+    """Return a callback that runs the action once, at this rig time (s)."""
     done = []
 
-    def see(snapshot: Snapshot) -> None:
+    def on_snapshot(snapshot: Snapshot) -> None:
         if not done and snapshot.row.get("time", -1.0) >= seconds:
-            done.append(deed())
+            done.append(action())
 
-    return see
+    return on_snapshot
 
 
-def whole(ended: Ended) -> None:
-    """Every tick that was executed is in the record, and the folder is one like any other."""
-    outcome, folder = ended.outcome, ended.folder
-    assert (outcome.unsaved, outcome.dropped, ended.trouble) == (0, 0, "")
+def assert_complete(result: RunResult) -> None:
+    """Assert that every executed tick is in the record, and that the folder is a normal one."""
+    outcome, folder = result.outcome, result.folder
+    assert (outcome.unsaved, outcome.dropped, result.save_error) == (0, 0, "")
     ticks = open_run(folder, ["tick"])["tick"].values
     assert np.array_equal(ticks, np.arange(outcome.ticks))
     assert [path.name for path in folder.glob("*.mcap*")] == [MCAP]
     assert check_record(folder).state == "complete"
-    told = json.loads((folder / "run.json").read_text())
-    assert (told["status"], told["moved"]) == (outcome.status, outcome.moved)
+    status = json.loads((folder / "run.json").read_text())
+    assert (status["status"], status["moved"]) == (outcome.status, outcome.moved)
     assert json.loads((folder / "config.json").read_text())
     listed = {run.path: run for run in list_runs(folder.parent)}
     assert (listed[folder].status, listed[folder].problem) == (outcome.status, "")
 
 
-def stopped(ended: Ended, at: Path, said: str) -> None:
-    """The rig was stopped for it, and people hear why and where the record is."""
-    assert (ended.outcome.status, ended.outcome.reason) == ("fault", "LOGGER_LOST")
-    assert ended.folder == at
-    assert said in ended.outcome.moved
-    assert str(at) in ended.outcome.moved
-    assert exit_code(ended.outcome, ended.trouble) == 4
-    whole(ended)
+def assert_stopped(result: RunResult, at: Path, reason: str) -> None:
+    """Assert that the rig was stopped, and that the outcome states why and where the record is."""
+    assert (result.outcome.status, result.outcome.reason) == ("fault", "LOGGER_LOST")
+    assert result.folder == at
+    assert reason in result.outcome.moved
+    assert str(at) in result.outcome.moved
+    assert exit_code(result.outcome, result.save_error) == 4
+    assert_complete(result)
 
 
-def made(runs: Path) -> Path:
-    """The run's folder."""
+def find_run(runs: Path) -> Path:
+    """Return the run's folder."""
     return next(path for path in runs.iterdir() if "Z_test" in path.name)
 
 
@@ -90,151 +90,153 @@ def test_a_deleted_folder(campaign: Path, runs: Path) -> None:
     moments: list[float] = []
 
     def delete() -> None:
-        found.append(made(runs))
+        found.append(find_run(runs))
         shutil.rmtree(found[0])
         moments.append(time.monotonic())
 
-    deed = when(20.0, delete)
+    delete_once = at_time(20.0, delete)
 
-    def see(snapshot: Snapshot) -> None:
-        deed(snapshot)
+    def on_snapshot(snapshot: Snapshot) -> None:
+        delete_once(snapshot)
         if snapshot.row.get("safety.reason"):
             moments.append(time.monotonic())
 
-    ended = run(campaign, runs, see)
-    assert moments[1] - moments[0] < 2.0  # 0.6 s on a quiet host: a flush, and a look
-    stopped(ended, runs / f"{found[0].name}.rescued", "the run's folder was deleted")
+    result = rehearse(campaign, runs, on_snapshot)
+    assert moments[1] - moments[0] < 2.0  # 0.6 s on a quiet host: one flush and one poll
+    assert_stopped(result, runs / f"{found[0].name}.rescued", "the run's folder was deleted")
     assert not found[0].exists()
 
 
 def test_a_moved_folder(campaign: Path, runs: Path, tmp_path: Path) -> None:
-    ended = run(campaign, runs, when(20.0, lambda: made(runs).rename(tmp_path / "elsewhere")))
-    stopped(ended, tmp_path / "elsewhere", "the run's folder was moved")
+    result = rehearse(
+        campaign, runs, at_time(20.0, lambda: find_run(runs).rename(tmp_path / "elsewhere"))
+    )
+    assert_stopped(result, tmp_path / "elsewhere", "the run's folder was moved")
     assert list(runs.iterdir()) == []
 
 
 def test_a_moved_parent(campaign: Path, runs: Path, tmp_path: Path) -> None:
     new = tmp_path / "other"
-    ended = run(campaign, runs, when(20.0, lambda: runs.parent.rename(new)))
-    stopped(ended, made(new / "runs"), "the run's folder was moved")
+    result = rehearse(campaign, runs, at_time(20.0, lambda: runs.parent.rename(new)))
+    assert_stopped(result, find_run(new / "runs"), "the run's folder was moved")
     assert not runs.exists()
 
 
 def test_all_runs_deleted(campaign: Path, runs: Path, home: Path) -> None:
-    ended = run(campaign, runs, when(20.0, lambda: shutil.rmtree(runs)))
-    stopped(ended, next(home.glob("*.rescued")), "the run's folder was deleted")
+    result = rehearse(campaign, runs, at_time(20.0, lambda: shutil.rmtree(runs)))
+    assert_stopped(result, next(home.glob("*.rescued")), "the run's folder was deleted")
 
 
 def test_a_folder_replaced_by_another_of_its_name(campaign: Path, runs: Path) -> None:
     def replace() -> None:
-        folder = made(runs)
-        folder.rename(folder.with_name("aside"))
+        folder = find_run(runs)
+        folder.rename(folder.with_name("moved"))
         folder.mkdir()
         (folder / "mine.txt").write_text("not the rig's")
 
-    ended = run(campaign, runs, when(20.0, replace))
-    stopped(ended, runs / "aside", "the run's folder was moved")
-    assert [path.name for path in made(runs).iterdir()] == ["mine.txt"]
+    result = rehearse(campaign, runs, at_time(20.0, replace))
+    assert_stopped(result, runs / "moved", "the run's folder was moved")
+    assert [path.name for path in find_run(runs).iterdir()] == ["mine.txt"]
 
 
 def test_a_folder_deleted_and_made_again(campaign: Path, runs: Path) -> None:
-    def again() -> None:
-        folder = made(runs)
+    def recreate() -> None:
+        folder = find_run(runs)
         shutil.rmtree(folder)
         folder.mkdir()
 
-    ended = run(campaign, runs, when(20.0, again))
-    stopped(ended, Path(f"{ended.folder}"), "the run's folder was deleted")
-    assert ended.folder.name.endswith(".rescued")
+    result = rehearse(campaign, runs, at_time(20.0, recreate))
+    assert_stopped(result, Path(f"{result.folder}"), "the run's folder was deleted")
+    assert result.folder.name.endswith(".rescued")
 
 
 def test_only_the_record_deleted(campaign: Path, runs: Path) -> None:
     found: list[Path] = []
 
     def delete() -> None:
-        found.append(made(runs))
+        found.append(find_run(runs))
         (found[0] / f"{MCAP}.part0").unlink()
 
-    ended = run(campaign, runs, when(20.0, delete))
-    stopped(ended, runs / f"{found[0].name}.rescued", f"{MCAP}.part0 was taken away")
-    told = json.loads((found[0] / "run.json").read_text())  # the other one says where it is
-    assert (told["status"], told["record_in"]) == ("fault", str(ended.folder))
+    result = rehearse(campaign, runs, at_time(20.0, delete))
+    assert_stopped(result, runs / f"{found[0].name}.rescued", f"{MCAP}.part0 was taken away")
+    status = json.loads((found[0] / "run.json").read_text())  # refers to the other folder
+    assert (status["status"], status["record_in"]) == ("fault", str(result.folder))
 
 
 def test_a_logger_killed_after_the_deletion(campaign: Path, runs: Path) -> None:
-    """The next one writes to the rescue folder; the part of the dead one is held open."""
+    """The next logger writes to the rescue folder; the dead logger's part is held open."""
     from test_rehearsal_unhappy import kill
 
-    def both() -> None:
+    def kill_and_delete() -> None:
         kill("rig.recording.logger")
-        shutil.rmtree(made(runs))
+        shutil.rmtree(find_run(runs))
 
-    ended = run(campaign, runs, when(20.0, both))
-    assert ended.folder.name.endswith(".rescued")
-    assert ended.outcome.logger_restarts == 1
-    assert "the run's folder was deleted" in ended.outcome.moved
-    whole(ended)
+    result = rehearse(campaign, runs, at_time(20.0, kill_and_delete))
+    assert result.folder.name.endswith(".rescued")
+    assert result.outcome.logger_restarts == 1
+    assert "the run's folder was deleted" in result.outcome.moved
+    assert_complete(result)
 
 
-def test_rows_that_did_not_come_along_are_counted(
+def test_rows_missing_after_a_move_are_counted(
     campaign: Path, runs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first logger's part is deleted, and nobody had it open when its logger was killed."""
+    """The first logger's part is deleted, and no process had it open when the logger was killed."""
     from test_rehearsal_unhappy import kill
 
     monkeypatch.setattr("rig.recording.folder_watch.Whereabouts.hold", lambda self, part: None)
 
-    def both() -> None:
+    def kill_and_delete() -> None:
         kill("rig.recording.logger")
-        shutil.rmtree(made(runs))
+        shutil.rmtree(find_run(runs))
 
-    ended = run(campaign, runs, when(20.0, both))
-    found = open_run(ended.folder, ["tick"])["tick"].values
-    assert ended.outcome.unsaved == ended.outcome.ticks - len(found) > 0
-    assert exit_code(ended.outcome, ended.trouble) == 5
-    told = json.loads((ended.folder / "run.json").read_text())
-    assert told["record"].startswith(f"incomplete: {ended.outcome.unsaved} of ")
-    assert check_record(ended.folder).lost == ended.outcome.unsaved
+    result = rehearse(campaign, runs, at_time(20.0, kill_and_delete))
+    found = open_run(result.folder, ["tick"])["tick"].values
+    assert result.outcome.unsaved == result.outcome.ticks - len(found) > 0
+    assert exit_code(result.outcome, result.save_error) == 5
+    status = json.loads((result.folder / "run.json").read_text())
+    assert status["record"].startswith(f"incomplete: {result.outcome.unsaved} of ")
+    assert check_record(result.folder).lost == result.outcome.unsaved
 
 
 @pytest.fixture
 def short(tmp_path: Path) -> Path:
-    return rows(tmp_path, 1)
+    return write_repeated_row(tmp_path, 1)
 
 
-@pytest.mark.parametrize("deed", ["delete", "move"])
+@pytest.mark.parametrize("action", ["delete", "move"])
 def test_after_the_logger_has_ended(
-    deed: str, short: Path, runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    action: str, short: Path, runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Nobody writes any more, and the supervisor has not closed the folder yet."""
+    """The logger has ended, and the supervisor has not closed the folder yet."""
     end = supervisor.Child.end
 
-    def ended_then_lost(child: supervisor.Child, patience: float) -> None:
-        end(child, patience)
-        if patience == supervisor.STALL:
-            folder = made(runs)
-            shutil.rmtree(folder) if deed == "delete" else folder.rename(tmp_path / "there")
+    def end_and_lose_folder(child: supervisor.Child, timeout_s: float) -> None:
+        end(child, timeout_s)
+        if timeout_s == supervisor.STALL_TIMEOUT_S:
+            folder = find_run(runs)
+            shutil.rmtree(folder) if action == "delete" else folder.rename(tmp_path / "there")
 
-    monkeypatch.setattr(supervisor.Child, "end", ended_then_lost)
-    ended = run(short, runs)
-    assert ended.outcome.status == "complete"
-    assert str(ended.folder) in ended.outcome.moved
-    assert exit_code(ended.outcome, ended.trouble) == 1
-    whole(ended)
+    monkeypatch.setattr(supervisor.Child, "end", end_and_lose_folder)
+    result = rehearse(short, runs)
+    assert result.outcome.status == "complete"
+    assert str(result.folder) in result.outcome.moved
+    assert exit_code(result.outcome, result.save_error) == 1
+    assert_complete(result)
 
 
 def test_a_full_disk_and_a_deleted_folder(
     campaign: Path, small_disk: Path, home: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The rescue folder beside it has no room, either: it is made in the user's home."""
+    """The disk has no room for a rescue folder: it is created in the user's home."""
 
     def fill_and_delete() -> None:
         part = next(small_disk.glob(f"*/{MCAP}.part0"))
         with (small_disk / "filling").open("wb") as file:
-            room = os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize
-            file.write(bytes(room - 100_000))
+            free = os.statvfs(small_disk).f_bavail * os.statvfs(small_disk).f_frsize
+            file.write(bytes(free - 100_000))
         assert part.stat().st_size > 100_000
         shutil.rmtree(part.parent)
 
-    ended = run(campaign, small_disk, when(8.0, fill_and_delete))
-    stopped(ended, next(home.glob("*.rescued")), "the run's folder was deleted")
+    result = rehearse(campaign, small_disk, at_time(8.0, fill_and_delete))
+    assert_stopped(result, next(home.glob("*.rescued")), "the run's folder was deleted")

@@ -1,7 +1,7 @@
 """The stator's axial force in whole runs: the stroke limit stops the body before it reverses.
 
 MASK4 report (Sandia), Fig. 4-3: at small spring rates the force on the stator changes its sign at
-the extremes of motion. The stop is there to keep it from that.
+the extremes of motion. The stroke limit prevents that.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rehearsing import CONFIGS, campaign_file, run, table_of, yaml_file
+from rehearsing import CONFIGS, load_rows, rehearse, write_campaign, write_yaml
 
 from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
@@ -26,9 +26,9 @@ FIELDS = [
 ]  # fmt: skip
 
 
-def swung(folder: Path, spring: float, ki: float, rig: Path | None = None) -> Any:
-    """A soft row in big waves; how the run ended, and its log."""
-    path = campaign_file(
+def rehearse_large_motion(folder: Path, spring: float, ki: float, rig: Path | None = None) -> Any:
+    """Rehearse a soft row in large waves; return the result and the log."""
+    path = write_campaign(
         folder,
         **({"rig": str(rig)} if rig is not None else {}),
         sea={"kind": "regular", "amplitude_m": 0.2, "frequency_hz": 0.4},
@@ -38,59 +38,61 @@ def swung(folder: Path, spring: float, ki: float, rig: Path | None = None) -> An
         timing={"settle_s": 5, "periods": 4},
         matrix={"list": [{"spring_n_per_m": spring, "kp_n_s_per_m": -1000, "ki_n_per_m": ki}]},
     )
-    ended = run(path, folder / "runs")  # without its prediction, which refuses the stiff one
-    return ended, open_run(ended.folder, fields=FIELDS)
+    result = rehearse(
+        path, folder / "runs"
+    )  # without the prediction, which would refuse the stiff row
+    return result, open_run(result.folder, fields=FIELDS)
 
 
-def reach(data: Any) -> float:
-    """Farthest from the zero, m."""
+def largest_displacement(data: Any) -> float:
+    """Return the largest distance from the zero, m."""
     return float(np.abs(data["heave.estimate.position"].values).max())
 
 
-def axial(data: Any) -> Any:
-    """Stator force as recorded, N."""
+def stator_force(data: Any) -> Any:
+    """Return the recorded stator force, N."""
     return data["load.stator_a"].values + data["load.stator_b"].values
 
 
 def test_the_stroke_limit_stops_the_body_before_the_force_reverses(tmp_path: Path) -> None:
-    """Near the smallest spring rate: damped to rest at 0.25 m, force above zero."""
-    ended, data = swung(tmp_path, 490.9, 12000.0)
-    assert (ended.outcome.status, ended.outcome.reason) == ("fault", "SPRING_STROKE")
+    """Near the smallest spring rate the body is damped to rest at 0.25 m, the force stays > 0."""
+    result, data = rehearse_large_motion(tmp_path, 490.9, 12000.0)
+    assert (result.outcome.status, result.outcome.reason) == ("fault", "SPRING_STROKE")
     modes = data["safety.mode"].values
     assert modes[-1] == STOP_0
     assert STOP_1 in modes  # a controlled stop: damping, then power off
-    assert 0.25 < reach(data) < 0.255
-    assert axial(data).min() > 0.0
+    assert 0.25 < largest_displacement(data) < 0.255
+    assert stator_force(data).min() > 0.0
 
 
 def test_a_spring_that_does_not_reverse_may_go_farther(tmp_path: Path) -> None:
-    """The same motion at -5715 N/m is measured whole: its limit is the stop of heave."""
-    ended, data = swung(tmp_path, -5715.0, 5800.0)
-    assert ended.outcome.status == "complete"
-    assert 0.25 < reach(data) < 0.35
-    assert axial(data).min() > 0.0
-    assert table_of(ended).stator_force_min.item() > 0.0
+    """At -5715 N/m the same motion is measured completely: only heave's own stop limits it."""
+    result, data = rehearse_large_motion(tmp_path, -5715.0, 5800.0)
+    assert result.outcome.status == "complete"
+    assert 0.25 < largest_displacement(data) < 0.35
+    assert stator_force(data).min() > 0.0
+    assert load_rows(result).stator_force_min.item() > 0.0
 
 
 def test_without_the_limit_the_force_reverses_where_the_report_shows_it(tmp_path: Path) -> None:
     """At -13 % the sign changes at the extremes of motion, beyond the limit of 0.25 m."""
-    stations = RIG.model_dump()["spring"]["map"]
-    rig = yaml_file(
+    spring_map = RIG.model_dump()["spring"]["map"]
+    rig = write_yaml(
         tmp_path / "rig.yaml",
         {
             "extends": str(CONFIGS / "rigs" / "wavebot.yaml"),
-            "spring": {"map": [{**station, "stroke_m": 0.35} for station in stations]},
+            "spring": {"map": [{**station, "stroke_m": 0.35} for station in spring_map]},
         },
     )
-    ended, data = swung(tmp_path, 490.9, 12000.0, rig)
-    assert ended.outcome.status == "complete"
-    force, position = axial(data), np.abs(data["heave.estimate.position"].values)
-    edges = position[1:][np.diff(np.sign(force)) != 0.0]
-    assert edges.size >= 4
+    result, data = rehearse_large_motion(tmp_path, 490.9, 12000.0, rig)
+    assert result.outcome.status == "complete"
+    force, position = stator_force(data), np.abs(data["heave.estimate.position"].values)
+    sign_changes = position[1:][np.diff(np.sign(force)) != 0.0]
+    assert sign_changes.size >= 4
     mapping, _ = load_mapping(CONFIGS / "plants" / "wavebot.yaml")
     params = Plant.model_validate(mapping).build()
     expected = reversal(params.stator, params.spring, -13.0).stroke
     assert expected > 0.255
-    np.testing.assert_allclose(edges, expected, atol=0.003)
+    np.testing.assert_allclose(sign_changes, expected, atol=0.003)
     assert (force[position < 0.25] > 0.0).all()
-    assert table_of(ended).stator_force_min.item() < 0.0
+    assert load_rows(result).stator_force_min.item() < 0.0

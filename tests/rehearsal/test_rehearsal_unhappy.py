@@ -1,4 +1,4 @@
-"""Runs that go wrong: killed processes, a full disk, Ctrl-C, two runs at once."""
+"""Runs with failures: killed processes, a full disk, Ctrl-C, two runs at once."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rehearsing import rows, run
+from rehearsing import rehearse, write_repeated_row
 
 from rig.cli import LOST
 from rig.cli.run_end import exit_code
 from rig.processes import supervisor
 from rig.processes.run_types import Snapshot
-from rig.processes.wire_locks import REALTIME_PLACE, hold
+from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.realtime.safety import STOP_0, STOP_1, Reason
 from rig.recording.runs import attachments, open_run
 from rig.recording.runs.create import BusyError
@@ -33,42 +33,42 @@ FIELDS = ["tick", "safety.mode", "safety.reason", "heave.command.enable", "heave
 
 @pytest.fixture
 def campaign(tmp_path: Path) -> Path:
-    """About 60 s of rig time: some seconds of the clock on the wall."""
-    return rows(tmp_path, 8)
+    """Write a campaign of about 60 s of rig time, some seconds of real time."""
+    return write_repeated_row(tmp_path, 8)
 
 
 @pytest.fixture
 def brief(tmp_path: Path) -> Path:
-    """Where nothing is done to the run midway."""
-    return rows(tmp_path, 1)
+    """Write a short campaign, for tests that do not interfere with the run."""
+    return write_repeated_row(tmp_path, 1)
 
 
 def processes(module: str, parent: int | None = None) -> Iterator[int]:
-    """Children of a process (this one if not said) that run a module."""
-    wanted = parent if parent is not None else os.getpid()
+    """Yield the children of a process (by default this one) that run a module."""
+    parent_pid = parent if parent is not None else os.getpid()
     for entry in Path("/proc").iterdir():
         if not entry.name.isdigit():
             continue
         try:
-            found = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            words = (entry / "cmdline").read_bytes().split(b"\0")
+            its_parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            arguments = (entry / "cmdline").read_bytes().split(b"\0")
         except (OSError, IndexError):
             continue
-        if found == wanted and module.encode() in words:
+        if its_parent == parent_pid and module.encode() in arguments:
             yield int(entry.name)
 
 
 class Once:
-    """Do something once, when the run has got to a time (s of rig time)."""
+    """Runs an action once, at a rig time (s)."""
 
-    def __init__(self, at: float, deed: Any) -> None:
-        self._at, self._deed = at, deed
+    def __init__(self, at: float, action: Any) -> None:
+        self._at, self._action = at, action
         self.done = False
 
     def __call__(self, snapshot: Snapshot) -> None:
         if not self.done and snapshot.row.get("time", -1.0) >= self._at:
             self.done = True
-            self._deed()
+            self._action()
 
 
 def kill(module: str) -> None:
@@ -82,19 +82,19 @@ def ticks(folder: Path) -> Any:
 
 def test_killed_logger_is_restarted_and_loses_nothing(campaign: Path, tmp_path: Path) -> None:
     once = Once(20.0, lambda: kill("rig.recording.logger"))
-    ended = run(campaign, tmp_path / "runs", once)
+    result = rehearse(campaign, tmp_path / "runs", once)
     assert once.done
-    assert ended.outcome.status == "complete"
-    assert ended.outcome.logger_restarts == 1
-    found = ticks(ended.folder)["tick"].values
-    assert np.array_equal(found, np.arange(ended.outcome.ticks))
-    assert sorted(p.name for p in ended.folder.glob("*.mcap*")) == ["run.mcap"]
+    assert result.outcome.status == "complete"
+    assert result.outcome.logger_restarts == 1
+    found = ticks(result.folder)["tick"].values
+    assert np.array_equal(found, np.arange(result.outcome.ticks))
+    assert sorted(p.name for p in result.folder.glob("*.mcap*")) == ["run.mcap"]
 
 
 def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
     campaign: Path, tmp_path: Path
 ) -> None:
-    """A bad sector below the part of a logger that was killed."""
+    """The part of a killed logger has a bad sector."""
 
     def kill_and_damage() -> None:
         kill("rig.recording.logger")
@@ -104,17 +104,17 @@ def test_rows_that_the_join_cannot_read_are_counted_and_the_parts_stay(
             file.seek(chunk.offset + chunk.length // 2)
             file.write(bytes(100))
 
-    ended = run(campaign, tmp_path / "runs", Once(20.0, kill_and_damage))
-    lost = ended.outcome.ticks - ticks(ended.folder).sizes["time"]
-    assert ended.outcome.unsaved == lost > 0
-    told = json.loads((ended.folder / "run.json").read_text())
-    assert (told["status"], told["unsaved_rows"]) == ("complete", lost)
-    assert told["record"] == f"incomplete: {lost} of {ended.outcome.ticks} ticks missing"
-    assert f"{MCAP} lacks {lost} rows" in ended.trouble
-    assert f"{MCAP}.part0: chunk at byte" in ended.trouble
-    assert exit_code(ended.outcome, ended.trouble) == LOST
+    result = rehearse(campaign, tmp_path / "runs", Once(20.0, kill_and_damage))
+    lost = result.outcome.ticks - ticks(result.folder).sizes["time"]
+    assert result.outcome.unsaved == lost > 0
+    status = json.loads((result.folder / "run.json").read_text())
+    assert (status["status"], status["unsaved_rows"]) == ("complete", lost)
+    assert status["record"] == f"incomplete: {lost} of {result.outcome.ticks} ticks missing"
+    assert f"{MCAP} lacks {lost} rows" in result.save_error
+    assert f"{MCAP}.part0: chunk at byte" in result.save_error
+    assert exit_code(result.outcome, result.save_error) == LOST
     kept = {f"{MCAP}.part{number}" for number in (0, 1)}
-    assert {path.name for path in ended.folder.glob("*.mcap*")} == {MCAP, *kept}
+    assert {path.name for path in result.folder.glob("*.mcap*")} == {MCAP, *kept}
 
 
 def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
@@ -123,38 +123,38 @@ def test_logger_killed_twice(campaign: Path, tmp_path: Path) -> None:
         Once(25.0, lambda: kill("rig.recording.logger")),
     )
 
-    def see(snapshot: Snapshot) -> None:
+    def on_snapshot(snapshot: Snapshot) -> None:
         first(snapshot)
         second(snapshot)
 
-    ended = run(campaign, tmp_path / "runs", see)
-    assert ended.outcome.logger_restarts == 2
-    inside = attachments(ended.folder)
-    assert json.loads(inside["timing.json"])["ticks"] == ended.outcome.ticks
+    result = rehearse(campaign, tmp_path / "runs", on_snapshot)
+    assert result.outcome.logger_restarts == 2
+    inside = attachments(result.folder)
+    assert json.loads(inside["timing.json"])["ticks"] == result.outcome.ticks
     assert json.loads(inside["status.json"])["status"] == "complete"
-    assert np.array_equal(ticks(ended.folder)["tick"].values, np.arange(ended.outcome.ticks))
+    assert np.array_equal(ticks(result.folder)["tick"].values, np.arange(result.outcome.ticks))
 
 
 def test_killed_loop_leaves_all_its_rows(campaign: Path, tmp_path: Path) -> None:
     last = []
 
-    def see(snapshot: Snapshot) -> None:
+    def on_snapshot(snapshot: Snapshot) -> None:
         once(snapshot)
         last.append(snapshot)
 
     once = Once(20.0, lambda: kill("rig.execution.rehearsal"))
-    ended = run(campaign, tmp_path / "runs", see)
-    assert ended.outcome.status == "crashed"
-    assert ended.outcome.reason == "loop: killed by SIGKILL"
-    assert ended.outcome.unsaved == 0
-    found = ticks(ended.folder)["tick"].values
+    result = rehearse(campaign, tmp_path / "runs", on_snapshot)
+    assert result.outcome.status == "crashed"
+    assert result.outcome.reason == "loop: killed by SIGKILL"
+    assert result.outcome.unsaved == 0
+    found = ticks(result.folder)["tick"].values
     assert np.array_equal(found, np.arange(len(found)))
     assert found[-1] >= last[-1].row["tick"]
-    assert found[-1] == ended.outcome.ticks - 1
+    assert found[-1] == result.outcome.ticks - 1
 
 
-def stop(module: str) -> None:
-    """Let a process hang: it lives and does nothing."""
+def suspend(module: str) -> None:
+    """Suspend the processes of a module, as if they hung."""
     for process in processes(module):
         os.kill(process, signal.SIGSTOP)
 
@@ -162,37 +162,39 @@ def stop(module: str) -> None:
 def test_hung_logger_is_replaced(
     campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "STALL", 3.0)
-    once = Once(20.0, lambda: stop("rig.recording.logger"))
-    ended = run(campaign, tmp_path / "runs", once)
+    monkeypatch.setattr(supervisor, "STALL_TIMEOUT_S", 3.0)
+    once = Once(20.0, lambda: suspend("rig.recording.logger"))
+    result = rehearse(campaign, tmp_path / "runs", once)
     assert once.done
-    assert (ended.outcome.status, ended.outcome.logger_restarts) == ("complete", 1)
-    assert np.array_equal(ticks(ended.folder)["tick"].values, np.arange(ended.outcome.ticks))
+    assert (result.outcome.status, result.outcome.logger_restarts) == ("complete", 1)
+    assert np.array_equal(ticks(result.folder)["tick"].values, np.arange(result.outcome.ticks))
 
 
 def test_hung_loop_is_ended_and_its_rows_are_kept(
     campaign: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(supervisor, "HANG", 3.0)
-    ended = run(campaign, tmp_path / "runs", Once(20.0, lambda: stop("rig.execution.rehearsal")))
-    assert (ended.outcome.status, ended.outcome.reason) == ("crashed", "the loop hung")
-    assert ended.outcome.unsaved == 0
-    found = ticks(ended.folder)["tick"].values
-    assert np.array_equal(found, np.arange(ended.outcome.ticks))
+    monkeypatch.setattr(supervisor, "HANG_TIMEOUT_S", 3.0)
+    result = rehearse(
+        campaign, tmp_path / "runs", Once(20.0, lambda: suspend("rig.execution.rehearsal"))
+    )
+    assert (result.outcome.status, result.outcome.reason) == ("crashed", "the loop hung")
+    assert result.outcome.unsaved == 0
+    found = ticks(result.folder)["tick"].values
+    assert np.array_equal(found, np.arange(result.outcome.ticks))
 
 
 def test_a_view_that_breaks_does_not_end_the_run(brief: Path, tmp_path: Path) -> None:
     def broken(snapshot: Snapshot) -> None:
         raise BrokenPipeError
 
-    ended = run(brief, tmp_path / "runs", broken)
-    assert ended.outcome.status == "complete"
+    result = rehearse(brief, tmp_path / "runs", broken)
+    assert result.outcome.status == "complete"
 
 
-def started(*words: object) -> subprocess.Popen[str]:
-    """A process in a group of its own."""
+def start_process(*arguments: object) -> subprocess.Popen[str]:
+    """Start a process in a group of its own."""
     return subprocess.Popen(
-        [sys.executable, *map(str, words)],
+        [sys.executable, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -200,18 +202,18 @@ def started(*words: object) -> subprocess.Popen[str]:
     )
 
 
-def supervised(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[str]:
-    """`rig run` as a person starts it."""
-    return started("-m", "rig", "run", campaign, "--runs", runs, *options)
+def start_rig_run(campaign: Path, runs: Path, *options: str) -> subprocess.Popen[str]:
+    """Start `rig run` as a person does."""
+    return start_process("-m", "rig", "run", campaign, "--runs", runs, *options)
 
 
-def supervisor_alone(campaign: Path, runs: Path) -> subprocess.Popen[str]:
-    """The supervisor in another process, without what `rig run` does before and after it."""
-    return started(Path(__file__).with_name("rehearsing.py"), campaign, runs)
+def start_supervisor(campaign: Path, runs: Path) -> subprocess.Popen[str]:
+    """Start a supervisor process, without the steps of `rig run` before and after the run."""
+    return start_process(Path(__file__).with_name("rehearsing.py"), campaign, runs)
 
 
 def wait_for_rows(runs: Path, size: int = 100_000) -> Path:
-    """The run's folder, once some rows are on disk."""
+    """Wait until some rows are on disk; return the run's folder."""
     for _ in range(600):
         for part in runs.glob("*/run.mcap.part0"):
             if part.stat().st_size > size:
@@ -220,8 +222,8 @@ def wait_for_rows(runs: Path, size: int = 100_000) -> Path:
     raise AssertionError("no rows came")
 
 
-def finished(folder: Path) -> None:
-    """Wait until the logger, left to itself, has ended its file."""
+def wait_for_logger(folder: Path) -> None:
+    """Wait until the logger, without a supervisor, has ended its file."""
     part = folder / "run.mcap.part0"
     for _ in range(400):
         if part.read_bytes()[-8:] == b"\x89MCAP0\r\n":
@@ -232,11 +234,11 @@ def finished(folder: Path) -> None:
 
 def test_killed_supervisor_stops_the_rig_and_saves_the_rows(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    process = supervised(campaign, runs)
+    process = start_rig_run(campaign, runs)
     folder = wait_for_rows(runs)
     process.kill()
     process.communicate()
-    finished(folder)
+    wait_for_logger(folder)
     found = ticks(folder)
     assert found["safety.reason"].values[-1] == Reason.SUPERVISOR_LOST
     assert found["safety.mode"].values[-1] == STOP_0
@@ -248,7 +250,7 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     campaign: Path, tmp_path: Path
 ) -> None:
     runs = tmp_path / "runs"
-    process = supervisor_alone(campaign, runs)
+    process = start_supervisor(campaign, runs)
     folder = wait_for_rows(runs)
     loops = list(processes("rig.execution.rehearsal", parent=process.pid))
     assert loops
@@ -256,15 +258,15 @@ def test_supervisor_and_loop_killed_together_leave_a_finished_record(
     for loop in loops:
         os.kill(loop, signal.SIGKILL)
     process.communicate()
-    finished(folder)
+    wait_for_logger(folder)
     found = ticks(folder)["tick"].values
     assert np.array_equal(found, np.arange(len(found)))
 
 
 @pytest.mark.realtime
-def test_a_host_that_stands_still_is_named_first(campaign: Path, tmp_path: Path) -> None:
-    """SIGSTOP for 0.3 s: more than the 100 ticks of configs/limits/wavebot.yaml in one gap."""
-    process = supervised(campaign, tmp_path / "runs", "--realtime", "--json")
+def test_a_stalled_host_is_reported_as_the_cause(campaign: Path, tmp_path: Path) -> None:
+    """SIGSTOP for 0.3 s loses more than the 100 ticks that configs/limits/wavebot.yaml allows."""
+    process = start_rig_run(campaign, tmp_path / "runs", "--realtime", "--json")
     wait_for_rows(tmp_path / "runs", size=20_000)
     time.sleep(4.0)  # past the tare
     (loop,) = processes("rig.execution.rehearsal", process.pid)
@@ -273,11 +275,11 @@ def test_a_host_that_stands_still_is_named_first(campaign: Path, tmp_path: Path)
     os.kill(loop, signal.SIGCONT)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 4, err
-    told = json.loads(out.splitlines()[-1])
-    assert (told["status"], told["reason"]) == ("fault", "LOST_TICKS")
-    assert told["lost_ticks"]["lost"] > 100
-    assert 0.1 < told["lost_ticks"]["longest_gap_s"] < 2.0
-    text = (Path(told["folder"]) / "summary.txt").read_text()
+    printed = json.loads(out.splitlines()[-1])
+    assert (printed["status"], printed["reason"]) == ("fault", "LOST_TICKS")
+    assert printed["lost_ticks"]["lost"] > 100
+    assert 0.1 < printed["lost_ticks"]["longest_gap_s"] < 2.0
+    text = (Path(printed["folder"]) / "summary.txt").read_text()
     assert "Stopped by a fault: the host lost " in text
     assert "too many ticks were lost in one gap; see `rig doctor`" in text
 
@@ -285,13 +287,13 @@ def test_a_host_that_stands_still_is_named_first(campaign: Path, tmp_path: Path)
 @pytest.mark.realtime
 @pytest.mark.parametrize("presses", [1, 2])
 def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
-    """Once: damping for 2 s, then off. Again: off at once. The data is kept either way."""
+    """Once: damping for 2 s, then off. Twice: off at once. The data is kept either way."""
     runs = tmp_path / "runs"
-    process = supervised(campaign, runs, "--realtime")
+    process = start_rig_run(campaign, runs, "--realtime")
     folder = wait_for_rows(runs, size=20_000)
     time.sleep(4.0)  # past the tare: the drive is on
     for _ in range(presses):
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the whole group gets it
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the whole group
         time.sleep(0.3)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
@@ -310,33 +312,33 @@ def test_ctrl_c(presses: int, campaign: Path, tmp_path: Path) -> None:
 
 def test_a_closed_terminal_is_a_controlled_stop(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    process = supervised(campaign, runs)
+    process = start_rig_run(campaign, runs)
     folder = wait_for_rows(runs)
     process.send_signal(signal.SIGHUP)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
-    told = json.loads((folder / "run.json").read_text())
-    assert (told["status"], told["reason"]) == ("stopped", "OPERATOR_STOP")
+    status = json.loads((folder / "run.json").read_text())
+    assert (status["status"], status["reason"]) == ("stopped", "OPERATOR_STOP")
     assert (folder / "run.mcap").exists()
 
 
 def test_ctrl_z_stops_instead_of_suspending(campaign: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    process = supervised(campaign, runs)
+    process = start_rig_run(campaign, runs)
     folder = wait_for_rows(runs)
     process.send_signal(signal.SIGTSTP)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
     assert "Ctrl-Z does not suspend a run: stopping: damping, then power off" in err
-    told = json.loads((folder / "run.json").read_text())
-    assert (told["status"], told["reason"]) == ("stopped", "OPERATOR_STOP")
+    status = json.loads((folder / "run.json").read_text())
+    assert (status["status"], status["reason"]) == ("stopped", "OPERATOR_STOP")
 
 
 @pytest.mark.realtime
-def test_a_terminal_that_stands_still_neither_stops_the_rig_nor_keeps_it_from_stopping(
+def test_a_blocked_terminal_neither_stops_the_rig_nor_keeps_it_from_stopping(
     brief: Path, tmp_path: Path
 ) -> None:
-    """As after Ctrl-S, or on a connection that hangs: nobody takes what is drawn."""
+    """As after Ctrl-S, or on a connection that hangs, the terminal reads no output."""
     runs = tmp_path / "runs"
     ours, terminal = os.openpty()
     process = subprocess.Popen(
@@ -354,33 +356,36 @@ def test_a_terminal_that_stands_still_neither_stops_the_rig_nor_keeps_it_from_st
         if json.loads((folder / "run.json").read_text())["status"] != "running":
             break
         time.sleep(0.05)
-    told = json.loads((folder / "run.json").read_text())
+    status = json.loads((folder / "run.json").read_text())
     assert process.poll() is None  # it still waits for its terminal
-    with suppress(OSError):  # until there is nobody left to write
+    with suppress(OSError):  # until the writers have ended
         while os.read(ours, 65536):
             pass
     os.close(ours)
     assert process.wait(timeout=60) == 3
-    assert (told["status"], told["reason"]) == ("stopped", "OPERATOR_STOP")
-    assert ticks(folder)["time"].values[-1] > 6.0  # what could not be drawn did not stop it
+    assert (status["status"], status["reason"]) == ("stopped", "OPERATOR_STOP")
+    assert ticks(folder)["time"].values[-1] > 6.0  # the blocked display did not stop it
 
 
 def test_two_rehearsals_at_once_get_their_own_folders(brief: Path, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
-    both = [supervisor_alone(brief, runs) for _ in range(2)]
+    both = [start_supervisor(brief, runs) for _ in range(2)]
     for process in both:
         out, err = process.communicate(timeout=300)
         assert (process.returncode, out) == (0, "complete\n"), err
     assert len(list(runs.glob("*/run.mcap"))) == 2
 
 
-def test_the_real_clock_is_for_one_run(campaign: Path, tmp_path: Path) -> None:
-    with hold((REALTIME_PLACE,), "campaign another"):
+def test_only_one_run_may_use_the_real_clock(campaign: Path, tmp_path: Path) -> None:
+    with acquire((REALTIME_WIRE,), "campaign another"):
         with pytest.raises(BusyError, match=rf"campaign another \(process {os.getpid()}, user "):
-            run(campaign, tmp_path / "runs", real_clock=True)
-        words = [sys.executable, "-m", "rig", "run", str(campaign), "--realtime", "--json"]
+            rehearse(campaign, tmp_path / "runs", real_clock=True)
+        command = [sys.executable, "-m", "rig", "run", str(campaign), "--realtime", "--json"]
         done = subprocess.run(
-            [*words, "--runs", str(tmp_path / "runs")], capture_output=True, text=True, check=False
+            [*command, "--runs", str(tmp_path / "runs")],
+            capture_output=True,
+            text=True,
+            check=False,
         )
     assert done.returncode == 1
     assert "another" in json.loads(done.stdout)["message"]
@@ -393,28 +398,28 @@ def test_full_disk_stops_the_rig_and_saves_the_record_elsewhere(
     home.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
     monkeypatch.setenv("HOME", str(home))
-    monkeypatch.setattr(supervisor, "DISK_PATIENCE", 2.0)
-    ended = run(campaign, small_disk)
-    assert (ended.outcome.status, ended.outcome.reason) == ("fault", "LOGGER_LOST")
-    assert ended.folder.parent == home
-    assert "No space left on device" in ended.outcome.moved
-    found = ticks(ended.folder)["tick"].values
-    assert np.array_equal(found, np.arange(ended.outcome.ticks))
+    monkeypatch.setattr(supervisor, "DISK_TIMEOUT_S", 2.0)
+    result = rehearse(campaign, small_disk)
+    assert (result.outcome.status, result.outcome.reason) == ("fault", "LOGGER_LOST")
+    assert result.folder.parent == home
+    assert "No space left on device" in result.outcome.moved
+    found = ticks(result.folder)["tick"].values
+    assert np.array_equal(found, np.arange(result.outcome.ticks))
 
 
-def test_full_disk_without_another_place_keeps_what_was_written(
+def test_full_disk_without_a_rescue_folder_keeps_the_written_rows(
     campaign: Path, small_disk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cache = Path.home() / ".cache"
     monkeypatch.setenv("XDG_CACHE_HOME", os.environ.get("XDG_CACHE_HOME", str(cache)))
     for name in ("HOME", "TMPDIR"):
         monkeypatch.setenv(name, str(small_disk))
-    monkeypatch.setattr(supervisor, "DISK_PATIENCE", 2.0)
-    ended = run(campaign, small_disk)
-    assert ended.outcome.status == "fault"
-    assert ended.outcome.reason == "LOGGER_LOST"
-    assert ended.outcome.unsaved > 0
-    assert ended.trouble
-    found = ticks(ended.folder)["tick"].values
+    monkeypatch.setattr(supervisor, "DISK_TIMEOUT_S", 2.0)
+    result = rehearse(campaign, small_disk)
+    assert result.outcome.status == "fault"
+    assert result.outcome.reason == "LOGGER_LOST"
+    assert result.outcome.unsaved > 0
+    assert result.save_error
+    found = ticks(result.folder)["tick"].values
     assert len(found) > 1000
     assert np.array_equal(found, np.arange(len(found)))

@@ -6,7 +6,7 @@ import copy
 from pathlib import Path
 from typing import Any
 
-from rehearsing import CONFIGS, campaign_file, run, yaml_file
+from rehearsing import CONFIGS, rehearse, write_campaign, write_yaml
 
 from rig.config.yaml_source import load_mapping
 
@@ -19,7 +19,7 @@ def identified(folder: Path) -> None:
     rows = {
         "spring_n_per_m": SPRING, "kp_n_s_per_m": 0, "ki_n_per_m": 0, "reference_scale": [1, 2],
     }  # fmt: skip
-    path = campaign_file(
+    path = write_campaign(
         folder / "calm",
         name="calm",
         plant=str(LINEAR),
@@ -29,7 +29,7 @@ def identified(folder: Path) -> None:
         timing={"settle_s": 15, "periods": 1},
         start={"set_point_s": 0, "lead_in_s": 2},
     )
-    ended = run(path, folder / "runs")
+    ended = rehearse(path, folder / "runs")
     assert ended.outcome.status == "complete"
 
 
@@ -50,4 +50,4 @@ def wrong_plant(folder: Path) -> Path:
     radiation: Any = made["body"]["radiation"]
     radiation["numerator"]["value"] = [1.3 * b for b in radiation["numerator"]["value"]]
     made["bem"] = str(CONFIGS / "plants" / made["bem"])
-    return yaml_file(folder / "wrong.yaml", made)
+    return write_yaml(folder / "wrong.yaml", made)

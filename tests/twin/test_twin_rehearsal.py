@@ -10,7 +10,7 @@ import pytest
 import xarray
 from identified import LINEAR, SPRING, identified, wrong_plant
 from made_once import made_once
-from predicting import campaign_file, predicted, rows
+from predicting import predicted, rows, write_campaign
 from rig_command import rig_here
 
 from rig.analysis.rows import row_table
@@ -53,8 +53,8 @@ def test_the_twin_gives_the_power_of_the_plant_it_was_identified_from(
 ) -> None:
     """Within 0.5 % of the mechanical power, 0.3 W at least: bands of two periods, no more."""
     asked = {"sea": SEA, "matrix": rows(*GAINS)}
-    ours = predicted(campaign_file(tmp_path / "twin", **asked, plant=str(plant)))
-    true = predicted(campaign_file(tmp_path / "true", **asked, plant=str(LINEAR)))
+    ours = predicted(write_campaign(tmp_path / "twin", **asked, plant=str(plant)))
+    true = predicted(write_campaign(tmp_path / "true", **asked, plant=str(LINEAR)))
     assert len(ours.rows) == len(GAINS)
     for one, other in zip(ours.rows, true.rows, strict=True):
         most = max(0.3, 0.005 * abs(other.predicted.power_mechanical_1))
@@ -100,8 +100,8 @@ def test_rehearsals_and_sweeps_run_on_the_twin_as_on_the_plant(plant: Path, tmp_
         "start": {"set_point_s": 1, "lead_in_s": 20},
         "timing": {"settle_s": 10, "periods": 1},
     }
-    twin = campaign_file(tmp_path / "twin", name="twin", plant=str(plant), **asked)
-    true = campaign_file(tmp_path / "true", name="true", plant=str(LINEAR), **asked)
+    twin = write_campaign(tmp_path / "twin", name="twin", plant=str(plant), **asked)
+    true = write_campaign(tmp_path / "true", name="true", plant=str(LINEAR), **asked)
     ours, plants = (swept(path, tmp_path / "sweeps", 2) for path in (twin, true))
     assert np.abs(plants["power_mechanical_1"].values).min() > 20.0  # W: there is something to miss
     for name in STATIONS:
@@ -114,7 +114,7 @@ def test_rehearsals_and_sweeps_run_on_the_twin_as_on_the_plant(plant: Path, tmp_
         "start": {"set_point_s": 1, "lead_in_s": 5},
         "timing": {"settle_s": 1, "periods": 1},
     }
-    short = campaign_file(tmp_path / "short", name="short", plant=str(plant), **asked)
+    short = write_campaign(tmp_path / "short", name="short", plant=str(plant), **asked)
     ours = swept(short, tmp_path / "sweeps", 1)
     code, out, err = rig_here("run", short, "--runs", tmp_path / "runs", "--json")
     assert code == 0, err
@@ -138,7 +138,7 @@ def test_every_number_says_where_it_is_from(plant: Path) -> None:
 
 def test_what_is_recommended_can_be_checked_and_holds(run: Path, tmp_path: Path) -> None:
     """The best of the recommendation is best on the plant, too: no neighbour is better by 0.3 W."""
-    base = campaign_file(tmp_path / "base", sea=SEA, matrix=rows(GAINS[0]), plant=str(LINEAR))
+    base = write_campaign(tmp_path / "base", sea=SEA, matrix=rows(GAINS[0]), plant=str(LINEAR))
     asked = RecommendOptions(
         campaign=base, rows=9, plant=wrong_plant(tmp_path), spring=(-8000.0, 490.9)
     )
@@ -171,7 +171,7 @@ def test_what_cannot_be_told_is_said(run: Path, tmp_path: Path) -> None:
     code, _, err = rig_here("recommend", run)
     assert code == 2
     assert "say which sea, --campaign" in err
-    calm = campaign_file(tmp_path, sea={"kind": "calm"}, matrix=rows(GAINS[0]))
+    calm = write_campaign(tmp_path, sea={"kind": "calm"}, matrix=rows(GAINS[0]))
     code, _, err = rig_here("recommend", run, "--campaign", calm, "-o", tmp_path / "out" / "x.yaml")
     assert code == 2
     assert "gains are recommended for a sea" in err

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from predicting import CONFIGS, campaign_file, predicted, rows
+from predicting import CONFIGS, predicted, rows, write_campaign
 from wavebot_ports import device, drive, sea
 
 from rig.design.twoport import network as n
@@ -93,7 +93,7 @@ def surface(tmp_path: Path, told: dict[str, Any], gains: list[Setting]) -> dict[
 
     On the linear plant with its sampled loop.
     """
-    path = campaign_file(
+    path = write_campaign(
         tmp_path,
         plant=str(CONFIGS / "plants" / "wavebot_linear.yaml"),
         sea=told,

@@ -18,11 +18,11 @@ from rig.design.predictions.axis import Axis
 from rig.design.predictions.grid import RATE, Complexes, Grid, grid, lines
 from rig.design.predictions.loop import Law, Timing
 from rig.execution.rehearsal.devices import build_sea
-from rig.execution.rehearsal.job import devices_of
+from rig.execution.rehearsal.job import plant_settings
 from rig.kinds.wavebot.build import (
     estimator_params,
+    list_realisations,
     newtons_per_ampere,
-    realisations_of,
     reference_table,
     zc_sections,
 )
@@ -61,11 +61,11 @@ def subject_of(campaign: Campaign, rate: float = RATE) -> Subject:
 
     ``rate`` (Hz) is the least at which a period is sampled; nothing excites above 2 Hz.
     """
-    devices = devices_of(campaign)
+    devices = plant_settings(campaign)
     given = plant.given(devices["plant"])
     sea = build_sea(devices["sea"])
     asked = settings_of(campaign)
-    several = realisations_of(one.realisation for one in asked)
+    several = list_realisations(one.realisation for one in asked)
     tables = [
         reference_table(campaign.file, campaign.rig, (one,), campaign.record) for one in several
     ]

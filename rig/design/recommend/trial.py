@@ -11,7 +11,7 @@ from rig.design.predictions import RowPredictions
 from rig.design.predictions.margins import Margin, broken
 from rig.design.predictions.model import Subject, subject_of
 from rig.design.predictions.rows import tried
-from rig.execution.rehearsal.job import asked_sea, problems
+from rig.execution.rehearsal.job import problems, requested_sea
 from rig.identification.twin import plant_file, seas
 from rig.identification.twin.estimate import Twin
 from rig.planning.campaign import Campaign, open_campaign
@@ -80,7 +80,7 @@ class Bench:
     @property
     def campaign_sea(self) -> dict[str, Any]:
         """What the campaign asks of the wave maker, line by line, as a run's plan has it."""
-        return asked_sea(self.campaign)
+        return requested_sea(self.campaign)
 
     @property
     def first(self) -> Gains:

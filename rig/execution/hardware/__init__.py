@@ -1,1 +1,1 @@
-"""The real wires of a rig: its devices as the loop sees them, and the processes beside the loop."""
+"""The hardware mode: a rig's real devices for the loop, its I/O processes, surveys of its wires."""

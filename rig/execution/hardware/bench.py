@@ -1,4 +1,4 @@
-"""The loop process of a wired bench; the supervisor hands it a job on standard input."""
+"""The loop process of a wired bench; the supervisor sends it a job on standard input."""
 
 from rig.execution.hardware.bench_devices import connect
 from rig.kinds.oswec_bench import KIND

@@ -1,4 +1,4 @@
-"""The supervisor's side of a wired bench: what its loop and the processes beside it are told."""
+"""The supervisor's side of a wired bench: the settings of its loop and its I/O processes."""
 
 from typing import Any, Literal, NamedTuple
 
@@ -7,60 +7,60 @@ from drivers.errors import CodecError
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.bench_wiring import BENCH_SLOT_SIGNALS, BenchWiring
 from rig.execution.hardware import streams
-from rig.execution.hardware.bench_settings import Config
+from rig.execution.hardware.bench_settings import BenchDeviceSettings
 from rig.execution.hardware.job import WiringError
 from rig.execution.hardware.modbus_lines import modbus_pollers
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess
 
 Loop = Literal["velocity", "torque"]
-"""Which loop of the drive is closed in a session."""
+"""The control loop of the servo drive that a session uses."""
 
 
-class Job(NamedTuple):
-    """What starts a wired session."""
+class BenchJob(NamedTuple):
+    """The I/O processes and device settings of a wired session."""
 
     io_processes: tuple[IoProcess, ...]
-    devices: dict[
-        str, Any
-    ]  # for `rig.execution.hardware.bench_devices.connect`, mailboxes still to come
+    devices: dict[str, Any]  # for `rig.execution.hardware.bench_devices.connect`, without mailboxes
 
 
-def job_of_bench(rig: BenchRigFile, loop: Loop = "velocity") -> Job:
-    """The job of a rig file with `wiring`; WiringError says what forbids it, all at once."""
+def build_bench_job(rig: BenchRigFile, loop: Loop = "velocity") -> BenchJob:
+    """Return the job of a rig file with `wiring`; WiringError lists all reasons against it."""
     wiring = rig.wiring
     if wiring is None:
         raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
-    told = _told(rig, wiring, loop)
-    troubles = []
-    for kind, one in told.items():
+    settings = _stream_settings(rig, wiring, loop)
+    problems = []
+    for kind, stream_settings in settings.items():
         try:
-            streams.made(kind, one, {})
+            streams.create_stream(kind, stream_settings, {})
         except CodecError as error:
-            troubles.append(f"{kind}: {error}")
-    if troubles:
-        raise WiringError("\n".join(troubles))
+            problems.append(f"{kind}: {error}")
+    if problems:
+        raise WiringError("\n".join(problems))
     slots = {"servo": ("servo", "set_point"), "load_cell": ("load_cell",)}
-    found = [
+    processes = [
         IoProcess(
             kind.replace("_", " "),
             "rig.execution.hardware.stream_poller",
-            {"kind": kind, "told": told[kind]},
+            {"kind": kind, "settings": settings[kind]},
             names,
         )
         for kind, names in slots.items()
     ]
     blocks = {name: getattr(wiring, name) for name in BENCH_SLOT_SIGNALS}
-    found += modbus_pollers(wiring.lines, blocks, ("analog",), wiring.output_expiry_s)
+    processes += modbus_pollers(wiring.lines, blocks, ("analog",), wiring.output_expiry_s)
     devices = {
-        "devices": handover.dumps(_config(rig, wiring, loop)),
-        "encoders": told["encoders"],
+        "devices": handover.dumps(_device_settings(rig, wiring, loop)),
+        "encoders": settings["encoders"],
     }
-    return Job(tuple(found), devices)
+    return BenchJob(tuple(processes), devices)
 
 
-def _told(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> dict[str, dict[str, Any]]:
-    """What each stream is made of."""
+def _stream_settings(
+    rig: BenchRigFile, wiring: BenchWiring, loop: Loop
+) -> dict[str, dict[str, Any]]:
+    """Return the settings of each stream as JSON values."""
     return {
         "encoders": wiring.encoders.model_dump()
         | {
@@ -72,14 +72,14 @@ def _told(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> dict[str, dict[
     }
 
 
-def _config(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> Config:
+def _device_settings(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> BenchDeviceSettings:
     analog, servo = wiring.servo.analog, rig.servo
     output = analog_command.Params(0.0, 1.0, -servo.command_v, servo.command_v)
     if analog is not None:
         output = analog_command.calibrated(
             analog.offset_v, analog.gain, analog.low_v, analog.high_v
         )
-    return Config(
+    return BenchDeviceSettings(
         1 if analog is not None and loop == "velocity" else 0,
         output,
         servo.velocity_constant_rad_per_s_per_v * servo.gear_ratio,

@@ -1,4 +1,7 @@
-"""Who answers on a bench's wires. It only reads, and takes the load cell's stream for a moment."""
+"""Survey of the devices on a bench's wires.
+
+The survey only reads. It takes over the load cell's stream for a moment.
+"""
 
 import time
 from collections.abc import Callable, Iterator
@@ -11,127 +14,132 @@ from drivers.force_torque import net_ft
 from drivers.serial_link import SerialLink
 from drivers.udp_link import UdpLink
 from rig.execution.hardware import streams
-from rig.execution.hardware.bench_job import Job
+from rig.execution.hardware.bench_job import BenchJob
 from rig.execution.hardware.line_survey import (
-    LineFound,
-    ValueFound,
-    look_at_line,
+    LineSurvey,
+    SurveyedValue,
+    message_units,
+    survey_line,
     unit_troubles,
-    units_of,
 )
-from rig.execution.hardware.servo_survey import ServoLook
-from rig.execution.hardware.wire_check import port_trouble
+from rig.execution.hardware.servo_survey import ServoIdentification
+from rig.execution.hardware.wire_check import port_problem
 
-LOOK = 1.5  # s for each device to say something
-_PAUSE = 0.001
-_YOUNG = 0.2  # s
-_STOP = net_ft.encode_request(net_ft.Request(net_ft.Command.STOP, 0))
+SURVEY_TIMEOUT_S = 1.5  # s for each device to answer
+_PAUSE_S = 0.001
+_MAX_AGE_S = 0.2  # s
+_STOP_REQUEST = net_ft.encode_request(net_ft.Request(net_ft.Command.STOP, 0))
 
 
-class StreamFound(NamedTuple):
-    """One device that has a wire of its own."""
+class StreamSurvey(NamedTuple):
+    """The survey of one device that has a wire of its own."""
 
     name: str
     address: str
     answers: bool
-    identity: str  # as it tells it; empty where it tells none
-    age: float | None  # s, of its values
-    values: tuple[ValueFound, ...]
+    identity: str  # as the device reports it; empty: it reports none
+    age: float | None  # s, of the values
+    values: tuple[SurveyedValue, ...]
     trouble: str
 
 
-class BenchFound(NamedTuple):
-    """All wires of a bench."""
+class BenchSurvey(NamedTuple):
+    """The survey of all wires of a bench."""
 
-    streams: tuple[StreamFound, ...]
-    lines: tuple[LineFound, ...]
-    at: float  # s, monotonic, when all had been looked at
+    streams: tuple[StreamSurvey, ...]
+    lines: tuple[LineSurvey, ...]
+    at: float  # s, monotonic, end of the survey
 
     @property
     def trouble(self) -> tuple[str, ...]:
-        """Everything that does not answer, or is in error; empty if all is well."""
+        """Every device that does not answer or is in error; empty if there is none."""
         return tuple(self._trouble())
 
     def _trouble(self) -> Iterator[str]:
-        for one in self.streams:
-            if one.trouble:
-                yield f"{one.name} at {one.address}: {one.trouble}"
+        for stream in self.streams:
+            if stream.trouble:
+                yield f"{stream.name} at {stream.address}: {stream.trouble}"
         for line in self.lines:
             yield from unit_troubles(line)
 
 
-def survey_bench(job: Job) -> BenchFound:
-    """Look at every wire of a bench's job; what cannot be reached is told, never raised."""
-    found, lines = [_stream("encoders", job.devices["encoders"])], []
-    for companion in job.io_processes:
-        if companion.module == "rig.execution.hardware.stream_poller":
-            found.append(_stream(companion.config["kind"], companion.config["told"]))
+def survey_bench(job: BenchJob) -> BenchSurvey:
+    """Survey every wire of a bench's job; a wire out of reach is reported, no error is raised."""
+    surveys, lines = [_survey_stream("encoders", job.devices["encoders"])], []
+    for process in job.io_processes:
+        if process.module == "rig.execution.hardware.stream_poller":
+            surveys.append(_survey_stream(process.config["kind"], process.config["settings"]))
         else:
-            lines.append(look_at_line(companion.name.removeprefix("line "), companion.config))
-    return BenchFound(tuple(found), tuple(lines), time.monotonic())
+            lines.append(survey_line(process.name.removeprefix("line "), process.config))
+    return BenchSurvey(tuple(surveys), tuple(lines), time.monotonic())
 
 
-def _stream(kind: str, told: dict[str, Any]) -> StreamFound:
-    address = f"{told['host']}:{told['port']}" if "host" in told else told["port"]
-    found = StreamFound(kind, address, False, "", None, (), "")
-    if "host" not in told and (why := port_trouble(address)):
-        return found._replace(trouble=why)
-    stream = streams.made(kind, told, {})
+def _survey_stream(kind: str, settings: dict[str, Any]) -> StreamSurvey:
+    address = f"{settings['host']}:{settings['port']}" if "host" in settings else settings["port"]
+    survey = StreamSurvey(kind, address, False, "", None, (), "")
+    if "host" not in settings and (why := port_problem(address)):
+        return survey._replace(trouble=why)
+    stream = streams.create_stream(kind, settings, {})
     try:
         stream.link.open()
     except LinkError as error:
-        return found._replace(trouble=str(error).removeprefix(f"{stream.link.name}: "))
+        return survey._replace(trouble=str(error).removeprefix(f"{stream.link.name}: "))
     try:
         if kind == "servo":
-            return _servo(found, stream.link, ServoLook(told))
-        return _listened(found, stream)
+            return _survey_servo(survey, stream.link, ServoIdentification(settings))
+        return _survey_sending_device(survey, stream)
     finally:
         if kind == "load_cell":
-            stream.link.send(_STOP)
+            stream.link.send(_STOP_REQUEST)
         stream.link.close()
 
 
-def _listened(found: StreamFound, stream: streams.Stream) -> StreamFound:
-    """The first word of a device that speaks by itself."""
+def _survey_sending_device(survey: StreamSurvey, stream: streams.Stream) -> StreamSurvey:
+    """Survey a device that sends by itself, by its first message."""
 
-    def young(now: float) -> bool:
-        word = stream.tell(now)
-        return word is not None and now - word.stamp < _YOUNG
+    def fresh(now: float) -> bool:
+        message = stream.read_message(now)
+        return message is not None and now - message.stamp < _MAX_AGE_S
 
-    now = _until(stream.link, stream.talk, young)
-    word, trouble = stream.tell(now), stream.talk.explain(now)
-    if word is None:
-        return found._replace(trouble=trouble or stream.link.trouble)
-    *values, stamp = word
-    units = units_of(type(word))
-    told = tuple(
-        ValueFound(name, float(value), units[name], True)
-        for name, value in zip(word._fields, values, strict=False)
+    now = _converse_until(stream.link, stream.conversation, fresh)
+    message, trouble = stream.read_message(now), stream.conversation.explain(now)
+    if message is None:
+        return survey._replace(trouble=trouble or stream.link.trouble)
+    *values, stamp = message
+    units = message_units(type(message))
+    surveyed = tuple(
+        SurveyedValue(name, float(value), units[name], True)
+        for name, value in zip(message._fields, values, strict=False)
     )
-    return found._replace(answers=True, age=now - stamp, values=told, trouble=trouble)
+    return survey._replace(answers=True, age=now - stamp, values=surveyed, trouble=trouble)
 
 
-def _servo(found: StreamFound, link: SerialLink | UdpLink, look: ServoLook) -> StreamFound:
+def _survey_servo(
+    survey: StreamSurvey, link: SerialLink | UdpLink, query: ServoIdentification
+) -> StreamSurvey:
     began = time.monotonic()
-    now = _until(link, look, lambda now: look.told is not None)
-    if look.told is None:
-        return found._replace(
-            identity=look.requests.name, trouble=look.explain(now) or "says nothing of itself"
+    now = _converse_until(link, query, lambda now: query.identity is not None)
+    if query.identity is None:
+        return survey._replace(
+            identity=query.requests.name,
+            trouble=query.explain(now) or "does not report its identity",
         )
-    name, status, current, error = look.told
+    name, status, current, error = query.identity
     values = (
-        ValueFound("powered", 1.0 - status.powerless, "flag", status.powerless == 1),
-        ValueFound("current", current, "A", True),
+        SurveyedValue("powered", 1.0 - status.powerless, "flag", status.powerless == 1),
+        SurveyedValue("current", current, "A", True),
     )
     trouble = "" if status.no_error == 1 else f"is in error: {objects.error_name(error)}"
-    return found._replace(
+    return survey._replace(
         answers=True, identity=name, age=now - began, values=values, trouble=trouble
     )
 
 
-def _until(link: SerialLink | UdpLink, talk: Conversation, true: Callable[[float], bool]) -> float:
-    """Converse until something is true, or for as long as a look takes; gives the time."""
-    exchange, until = Exchange(link, talk), time.monotonic() + LOOK
-    while not true(now := exchange.turn()) and now < until:
-        time.sleep(_PAUSE)
+def _converse_until(
+    link: SerialLink | UdpLink, conversation: Conversation, condition: Callable[[float], bool]
+) -> float:
+    """Converse until a condition holds or the survey times out; return the time."""
+    exchange, until = Exchange(link, conversation), time.monotonic() + SURVEY_TIMEOUT_S
+    while not condition(now := exchange.turn()) and now < until:
+        time.sleep(_PAUSE_S)
     return now

@@ -1,8 +1,9 @@
-"""The service end of a CAN bus beside the loop: set nodes up, then watch them.
+"""The I/O process for the service functions of a CAN bus: set up the nodes, then monitor them.
 
-Before it says "ready", every node has been written to and read back, homed where the rig file wants
-that, and let into OPERATIONAL. A mismatch refuses by name. What it reads for the loop (the scale of
-a drive's current) goes along with "ready".
+Before it reports "ready", it writes every node's objects and reads them back, homes the nodes for
+which the rig file requires it, and starts all nodes (OPERATIONAL). On a mismatch it refuses and
+names the node. The report "ready" contains values that the loop needs, such as the scale of a
+drive's current.
 """
 
 import json
@@ -16,78 +17,81 @@ from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 from rig.execution.hardware.messages import NodeHealth
 from rig.processes import handover
-from rig.processes.io_process import report, run, until_ended
+from rig.processes.io_process import end_condition, report_event, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
 
-_LOOK = 0.02  # s between looks at the nodes' health
-_TELL = 5.0  # s between two lines about a deaf service
+_POLL_INTERVAL_S = 0.02  # s between two posts of the nodes' health
+_REPORT_INTERVAL_S = 5.0  # s between two messages about a lost bus
 
 
 def serve(job: dict[str, Any]) -> None:
-    """Set up and watch until terminated, or until the loop has ended."""
-    config, ended = job["config"], until_ended(job["lifeline"])
+    """Set up and monitor the nodes until terminated or until the loop has ended."""
+    config, ended = job["config"], end_condition(job["lifeline"])
     slots = {name: Mailbox(fd, NodeHealth) for name, fd in job["mailboxes"].items()}
     if refused := scheduling.acquire_for_io():
-        report(event="say", text=f"no priority over other work: {refused}")
+        report_event(event="message", text=f"no priority over other work: {refused}")
     interface, channel, bit_rate, options = config["bus"]
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]
     try:
         service = Service(bus)
     except LinkError as error:
-        report(event="refused", why=str(error))
+        report_event(event="refused", why=str(error))
         return
     try:
         try:
             facts = _set_up(service, nodes, ended)
             service.narrow()
-            for one in nodes:
-                service.start(one["node"])
+            for node in nodes:
+                service.start(node["node"])
         except ServiceError as error:
-            report(event="refused", why=str(error))
+            report_event(event="refused", why=str(error))
             return
-        _watch(service, nodes, slots)
-        report(event="ready", facts=facts)
-        told = -_TELL
+        _post_health(service, nodes, slots)
+        report_event(event="ready", facts=facts)
+        last_report = -_REPORT_INTERVAL_S
         while not ended():
-            time.sleep(_LOOK)
+            time.sleep(_POLL_INTERVAL_S)
             try:
-                _watch(service, nodes, slots)
-            except LinkError as error:  # the slots grow old, and the loop stops for their age
-                if time.monotonic() - told > _TELL:
-                    told = time.monotonic()
-                    report(event="say", text=str(error))
-        for one in nodes:
-            service.stop(one["node"])
+                _post_health(service, nodes, slots)
+            except LinkError as error:  # the health messages age, and the loop stops for it
+                if time.monotonic() - last_report > _REPORT_INTERVAL_S:
+                    last_report = time.monotonic()
+                    report_event(event="message", text=str(error))
+        for node in nodes:
+            service.stop(node["node"])
     finally:
         service.close()
 
 
 def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict[str, Any]:
+    """Set up and home the nodes; return the values read for the loop by node name."""
     facts: dict[str, Any] = {}
-    wrong = []
-    for one in nodes:
-        service.watch(one["node"])
-        steps = tuple(Step(*step) for step in one["steps"])
-        mismatches = service.set_up(one["node"], steps)
+    problems = []
+    for node in nodes:
+        service.watch(node["node"])
+        steps = tuple(Step(*step) for step in node["steps"])
+        mismatches = service.set_up(node["node"], steps)
         if mismatches:
-            wrong.append(f"{one['name']} (node {one['node']}):\n{refusal(mismatches)}")
-        found = {
-            name: service.read(one["node"], index, sub, kind)
-            for name, index, sub, kind in one["facts"]
+            problems.append(f"{node['name']} (node {node['node']}):\n{refusal(mismatches)}")
+        values = {
+            name: service.read(node["node"], index, sub, kind)
+            for name, index, sub, kind in node["facts"]
         }
-        missing = [name for name, value in found.items() if value is None]
+        missing = [name for name, value in values.items() if value is None]
         if missing:
-            wrong.append(f"{one['name']} (node {one['node']}) does not give {', '.join(missing)}")
-        facts[one["name"]] = found
-    if wrong:
-        raise ServiceError("\n".join(wrong))
-    for one in nodes:
-        if one["homing"] is not None:
-            machine, deadlines = one["homing"]
+            problems.append(
+                f"{node['name']} (node {node['node']}) does not give {', '.join(missing)}"
+            )
+        facts[node["name"]] = values
+    if problems:
+        raise ServiceError("\n".join(problems))
+    for node in nodes:
+        if node["homing"] is not None:
+            machine, deadlines = node["homing"]
             service.home(
-                one["node"],
+                node["node"],
                 handover.loads(cia402.Params, json.dumps(machine)),
                 handover.loads(homing.Params, json.dumps(deadlines)),
                 stopped,
@@ -95,15 +99,22 @@ def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict
     return facts
 
 
-def _watch(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailbox]) -> None:
+def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str, Mailbox]) -> None:
     health = service.health()
     now = time.monotonic()
-    for one in nodes:
-        known = health[one["node"]]
-        slots[f"{one['name']}_health"].post(
-            NodeHealth(known.nmt, known.heard, known.boots, known.code, known.emergencies, now)
+    for node in nodes:
+        node_health = health[node["node"]]
+        slots[f"{node['name']}_health"].post(
+            NodeHealth(
+                node_health.nmt,
+                node_health.heard,
+                node_health.boots,
+                node_health.code,
+                node_health.emergencies,
+                now,
+            )
         )
 
 
 if __name__ == "__main__":
-    run(serve)
+    run_io_process(serve)

@@ -1,6 +1,7 @@
-"""A WaveBot's real devices behind the loop's seam: CAN in the tick, slow lines through mailboxes.
+"""A WaveBot's real devices behind the loop's device interface.
 
-Only here are the words of the drivers and those of the loop turned into each other.
+The tick exchanges CAN process data itself; slow lines go through mailboxes. This module alone
+translates between the messages of the drivers and the signals of the loop.
 """
 
 import math
@@ -21,26 +22,28 @@ from drivers.canopen.bus_settings import Bus
 from drivers.canopen.link import Link
 from drivers.canopen.position_actuator import PositionActuator
 from drivers.canopen.torque_axis import Reading, TorqueAxis
-from rig.execution.hardware.messages import SLOTS, NodeHealth, Outputs
-from rig.execution.hardware.settings import Config
+from rig.execution.hardware.messages import MESSAGE_TYPES, NodeHealth, OutputsMessage
+from rig.execution.hardware.settings import WaveBotDeviceSettings
 from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.processes import handover
 from rig.processes.mailbox import Mailbox
 
-# EMCY and 0x603F: the two that a person must be able to tell from all others.
+# Codes of EMCY and 0x603F: a person must be able to distinguish these two from all others.
 _FAULTS = {0x3210: DriveFault.OVERVOLTAGE.value, 0x3220: DriveFault.UNDERVOLTAGE.value}
-_GENERAL = DriveFault.GENERAL.value
-_UNKNOWN = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
+_GENERAL_FAULT = DriveFault.GENERAL.value
+_UNKNOWN_ELEVATION = WaveSense(math.nan)  # only a simulated basin knows the undisturbed elevation
 _NO_DUMP = 0
-WARM_UP = 3.0  # s in which every drive must answer SYNCs in the step of the ticks
-_SETTLED = 5.0  # ticks: no value of a drive is older when it does
-_OLD = 1e9  # s, age of what has never come
+WARM_UP_TIMEOUT_S = 3.0  # s in which every drive must answer every SYNC
+_MAX_WARM_UP_AGE_TICKS = 5.0  # of every value of a drive at the end of the warm-up
+_NEVER_AGE_S = 1e9  # s, age of a value that never came
 
 
 class WaveBotDevices:
     """All devices of a WaveBot on their wires."""
 
-    def __init__(self, config: Config, line: Line, slots: dict[str, Mailbox]) -> None:
+    def __init__(
+        self, config: WaveBotDeviceSettings, line: Line, slots: dict[str, Mailbox]
+    ) -> None:
         self._config = config
         self._slots = slots
         self._heave = TorqueAxis(config.heave)
@@ -48,133 +51,140 @@ class WaveBotDevices:
         self._stator = PositionActuator(config.stator)
         nodes = (self._heave, self._surge, self._stator)
         self._bus = BusCycle(line, nodes, config.own_node, config.heartbeat)
-        self._now = 0.0  # s on the monotonic clock, of the last look
+        self._last_read = 0.0  # s on the monotonic clock
         self._writes = 0
 
     def warm_up(self, dt: float) -> None:
-        """Cycle until every node answers as it will in the ticks; OSError names those that do not.
+        """Run bus cycles until every node answers each SYNC; OSError names those that do not.
 
-        It ends with a SYNC: the first tick finds the answers to it.
+        The last action is a SYNC: the first tick finds the answers to it.
         """
-        until = time.monotonic() + WARM_UP
+        until = time.monotonic() + WARM_UP_TIMEOUT_S
         while True:
-            here = self._now = self._bus.receive()
-            silent = self._silent(here, _SETTLED * dt)
+            time_now = self._last_read = self._bus.receive()
+            silent = self._silent(time_now, _MAX_WARM_UP_AGE_TICKS * dt)
             self._bus.send(
                 [
-                    self._heave.command(0.0, 0, here),
-                    self._surge.command(0.0, 0, here),
-                    *self._stator.command(0.0, 0, here),
+                    self._heave.command(0.0, 0, time_now),
+                    self._surge.command(0.0, 0, time_now),
+                    *self._stator.command(0.0, 0, time_now),
                 ]
             )
             if not silent:
                 return
             if time.monotonic() > until:
-                raise OSError(f"no process data from {', '.join(silent)} in {WARM_UP:g} s")
+                raise OSError(
+                    f"no process data from {', '.join(silent)} in {WARM_UP_TIMEOUT_S:g} s"
+                )
             time.sleep(dt)
 
-    def _silent(self, here: float, age: float) -> list[str]:
-        """The nodes whose values are older than this (s), or than one more status of a stator."""
-        axes = {"heave": self._heave.read(here), "surge": self._surge.read(here)}
-        found = [n for n, one in axes.items() if max(one.age, one.analog_age) > age]
-        rest = self._config.actuator_divider * age
-        return found if self._stator.read(here).age <= rest else [*found, "stator"]
+    def _silent(self, time_now: float, age: float) -> list[str]:
+        """Return the nodes with values older than ``age`` (s); the stator's limit is a multiple."""
+        axes = {"heave": self._heave.read(time_now), "surge": self._surge.read(time_now)}
+        silent = [n for n, axis in axes.items() if max(axis.age, axis.analog_age) > age]
+        stator_age = self._config.actuator_divider * age
+        return silent if self._stator.read(time_now).age <= stator_age else [*silent, "stator"]
 
     def read(self, now: float) -> Sense:
-        # Slots before the time: what is posted after it would have an age below zero.
+        # Mailboxes before the time, or a value posted later would have a negative age.
         analyser = self._slots["analyser"].read()
         cells, probes = self._slots["cells"].read(), self._slots["probes"].read()
         panel = self._slots["inputs"].read()
-        here = self._now = self._bus.receive()
+        time_now = self._last_read = self._bus.receive()
         heave, surge, stator = (
-            self._heave.read(here), self._surge.read(here), self._stator.read(here),
+            self._heave.read(time_now), self._surge.read(time_now), self._stator.read(time_now),
         )  # fmt: skip
         lcb, trs = heave.analog
         string_pot, rotor_angle = surge.analog
-        load_age = max(here - cells.stamp, heave.analog_age, surge.analog_age)
+        load_age = max(time_now - cells.stamp, heave.analog_age, surge.analog_age)
         return Sense(
-            self._axis(heave, "heave"),
-            self._axis(surge, "surge"),
+            self._axis_sense(heave, "heave"),
+            self._axis_sense(surge, "surge"),
             LoadSense(
                 lcb, trs, cells.slew, cells.stator_a, cells.stator_b, string_pot, rotor_angle,
                 load_age,
             ),
-            # A move that failed is not there yet: the plan's own time-out names it.
-            SpringSense(stator.position, stator.arrived, _OLD if stator.fault else stator.age),
+            # A failed move counts as not arrived: the plan's own time-out names it.
+            SpringSense(
+                stator.position, stator.arrived, _NEVER_AGE_S if stator.fault else stator.age
+            ),
             PowerSense(
-                analyser.ac, analyser.dc, analyser.bus_voltage, here - analyser.stamp
+                analyser.ac, analyser.dc, analyser.bus_voltage, time_now - analyser.stamp
             ),
             DriveSense(heave.acting, 1 if self._heave.held else 0, _NO_DUMP),
-            ProbeSense(probes.probe_1, probes.probe_2, probes.probe_3, here - probes.stamp),
-            _UNKNOWN,
-            PanelSense(panel.e_stop, panel.limit_switch, here - panel.stamp),
+            ProbeSense(probes.probe_1, probes.probe_2, probes.probe_3, time_now - probes.stamp),
+            _UNKNOWN_ELEVATION,
+            PanelSense(panel.e_stop, panel.limit_switch, time_now - panel.stamp),
         )  # fmt: skip
 
     def write(self, command: Command) -> None:
         heave, surge, spring, _, trigger = command
-        here = self._now
+        time_now = self._last_read
         frames = [
-            self._heave.command(heave.current, heave.enable, here),
-            self._surge.command(surge.current, surge.enable, here),
+            self._heave.command(heave.current, heave.enable, time_now),
+            self._surge.command(surge.current, surge.enable, time_now),
         ]
         if self._writes % self._config.actuator_divider == 0:
-            frames += self._stator.command(spring.target, spring.enable, here)
+            frames += self._stator.command(spring.target, spring.enable, time_now)
         self._bus.send(frames)
-        if self._writes % self._config.trigger_every == 0:
-            self._slots["outputs"].post(Outputs(trigger, here))
+        if self._writes % self._config.trigger_divider == 0:
+            self._slots["outputs"].post(OutputsMessage(trigger, time_now))
         self._writes += 1
 
     def stop(self, reason: int) -> None:
-        here = self._now
+        time_now = self._last_read
         self._bus.send(
             [
-                self._heave.command(0.0, 0, here),
-                self._surge.command(0.0, 0, here),
-                *self._stator.release(here),
+                self._heave.command(0.0, 0, time_now),
+                self._surge.command(0.0, 0, time_now),
+                *self._stator.release(time_now),
             ]
         )
-        self._slots["outputs"].post(Outputs(0, here))
+        self._slots["outputs"].post(OutputsMessage(0, time_now))
 
     def close(self) -> None:
         self._bus.close()
 
-    def _axis(self, reading: Reading, name: str) -> AxisSense:
-        fault = _FAULTS.get(reading.error, _GENERAL) if reading.error else 0
+    def _axis_sense(self, reading: Reading, name: str) -> AxisSense:
+        fault = _FAULTS.get(reading.error, _GENERAL_FAULT) if reading.error else 0
         health: NodeHealth | None = self._slots[f"{name}_health"].read()
         if fault == 0 and health is not None:
-            silent = self._now - health.heard > self._config.heartbeat_lost
-            deaf = self._now - health.stamp > self._config.health_age
-            # A node that restarted has forgotten what it was told; a service that is gone would
-            # hide that.
-            fault = _GENERAL if silent or deaf or health.boots > 0 else 0
+            silent = self._last_read - health.heartbeat_time > self._config.heartbeat_lost
+            unmonitored = self._last_read - health.stamp > self._config.health_age
+            # A restarted node has lost its set-up, and only a living service process can report it.
+            fault = _GENERAL_FAULT if silent or unmonitored or health.restarts > 0 else 0
         age = reading.age
         return AxisSense(reading.counts, age, reading.current, reading.acting, fault, age)
 
 
 def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
-    """The devices for what `rig.execution.hardware.job` makes.
+    """Return the devices for a configuration of `rig.execution.hardware.job`.
 
     LinkError if the bus cannot be opened.
     """
     interface, channel, bit_rate, options = config["bus"]
-    made: Config = handover.loads(Config, config["devices"])
+    settings: WaveBotDeviceSettings = handover.loads(WaveBotDeviceSettings, config["devices"])
     scales, facts = config["scales"], config["facts"]["can"]
-    made = made._replace(
-        heave=made.heave._replace(scale=_scale(scales["heave"], facts["heave"])),
-        surge=made.surge._replace(scale=_scale(scales["surge"], facts["surge"])),
+    settings = settings._replace(
+        heave=settings.heave._replace(scale=_current_scale(scales["heave"], facts["heave"])),
+        surge=settings.surge._replace(scale=_current_scale(scales["surge"], facts["surge"])),
     )
-    slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in config["mailboxes"].items()}
-    nodes = (TorqueAxis(made.heave), TorqueAxis(made.surge), PositionActuator(made.stator))
-    wanted = frozenset[int]().union(*(node.each_sync for node in nodes))
+    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in config["mailboxes"].items()}
+    nodes = (
+        TorqueAxis(settings.heave),
+        TorqueAxis(settings.surge),
+        PositionActuator(settings.stator),
+    )
+    sync_frames = frozenset[int]().union(*(node.each_sync for node in nodes))
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
-    return WaveBotDevices(made, Link(bus, wanted), slots)
+    return WaveBotDevices(settings, Link(bus, sync_frames), slots)
 
 
-def _scale(said: dict[str, Any], facts: dict[str, int]) -> scaling.CurrentScale:
-    """The current scale from what the drive itself said, never from what was typed."""
-    limit = said["limit"]
-    if said["kind"] == "amc":
+def _current_scale(settings: dict[str, Any], facts: dict[str, int]) -> scaling.CurrentScale:
+    """Return the current scale from values read from the drive, not from the rig file."""
+    limit = settings["limit"]
+    if settings["kind"] == "amc":
         return scaling.amc_current(facts["amc_peak_current"], limit)
-    if said["kind"] == "rated_torque":
-        return scaling.rated_torque_current(facts["rated_torque"], said["kt"], limit)
+    if settings["kind"] == "rated_torque":
+        return scaling.rated_torque_current(facts["rated_torque"], settings["kt"], limit)
     return scaling.rated_current(facts["rated_current"], limit)

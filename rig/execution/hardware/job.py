@@ -1,4 +1,4 @@
-"""The supervisor's side of a wired rig: what its loop and the processes beside it are told."""
+"""The supervisor's side of a wired rig: the settings of its loop and its I/O processes."""
 
 import json
 from typing import Any, NamedTuple
@@ -20,71 +20,69 @@ from drivers.canopen.torque_axis import Settings as AxisSettings
 from rig.config import RigFile
 from rig.config.wiring import SLOT_SIGNALS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
 from rig.execution.hardware.modbus_lines import modbus_pollers
-from rig.execution.hardware.settings import Config
+from rig.execution.hardware.settings import WaveBotDeviceSettings
 from rig.processes import handover
 from rig.processes.io_processes import IoProcess
 
-_NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the drive has said what it is
+_NO_SCALE = scaling.CurrentScale(0.0, 0.0, 0)  # until the scale has been read from the drive
 _RESET_TICKS = 20
-_TRIGGER_S = 0.02  # s between two posts of the outputs
-_BEATS_LOST = 5  # heartbeats that a drive may miss: process data say sooner that it is gone
-_HEALTH_AGE = 0.5  # s
-_HOME_PERIOD = 0.02  # s of a tick while homing
-_SETUP_PATIENCE = 30.0  # s, without homing
-_FACTS = {
+_TRIGGER_PERIOD_S = 0.02  # s between two posts of the outputs
+_MAX_LOST_HEARTBEATS = 5  # of a drive; missing process data show a lost drive sooner
+_MAX_HEALTH_AGE_S = 0.5  # s
+_HOMING_PERIOD_S = 0.02  # s, period of the homing ticks
+_SETUP_TIMEOUT_S = 30.0  # s, without homing
+_SCALE_OBJECTS = {
     "amc": "amc_peak_current",
     "rated_torque": "rated_torque",
     "rated_current": "rated_current",
 }
 
 
-class Job(NamedTuple):
-    """What starts a wired run."""
+class WaveBotJob(NamedTuple):
+    """The I/O processes and device settings of a wired run."""
 
     io_processes: tuple[IoProcess, ...]
-    devices: dict[
-        str, Any
-    ]  # for `rig.execution.hardware.devices.connect`, facts and mailboxes still to come
+    devices: dict[str, Any]  # for `rig.execution.hardware.devices.connect`: no facts, no mailboxes
     load: bus_load.Load
 
 
 class WiringError(ValueError):
-    """A wiring that must not be powered; says why, all reasons at once."""
+    """A wiring that must not be powered; the message lists all reasons."""
 
 
-def job_of(rig: RigFile) -> Job:
-    """The job of a rig file with `wiring`; WiringError says what forbids it."""
+def build_job(rig: RigFile) -> WaveBotJob:
+    """Return the job of a rig file with `wiring`; WiringError lists all reasons against it."""
     wiring = rig.wiring
     if wiring is None:
         raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
     can = wiring.can
     bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
-    troubles = [text for text in (refusal(bus, rig.rate_hz),) if text]
+    problems = [text for text in (refusal(bus, rig.rate_hz),) if text]
     load = bus_load.Load(0.0, 0.0, ())
     nodes: list[dict[str, Any]] = []
     try:
         load = bus_load.admit(schedule(wiring, rig.rate_hz), can.bit_rate, rig.rate_hz)
     except bus_load.OverloadError as error:
-        troubles.append(str(error))
+        problems.append(str(error))
     for name, drive in (
         ("heave", wiring.heave),
         ("surge", wiring.surge),
         ("stator", wiring.stator),
     ):
         try:
-            nodes.append(_node(name, drive, wiring, 1.0 / rig.rate_hz))
+            nodes.append(_node_setup(name, drive, wiring, 1.0 / rig.rate_hz))
         except (SetupError, pdo.PdoError) as error:
-            troubles.append(f"{name}: {error}")
-    if troubles:
-        raise WiringError("\n".join(troubles))
-    return Job(
-        (*_companions(wiring, nodes, bus),),
+            problems.append(f"{name}: {error}")
+    if problems:
+        raise WiringError("\n".join(problems))
+    return WaveBotJob(
+        (*_io_processes(wiring, nodes, bus),),
         {
             "bus": list(bus),
-            "devices": handover.dumps(_config(rig, wiring)),
+            "devices": handover.dumps(_device_settings(rig, wiring)),
             "scales": {
-                "heave": _scaling(wiring.heave, rig.heave.torque_constant_n_m_per_a),
-                "surge": _scaling(wiring.surge, rig.surge.torque_constant_n_m_per_a),
+                "heave": _scaling_settings(wiring.heave, rig.heave.torque_constant_n_m_per_a),
+                "surge": _scaling_settings(wiring.surge, rig.surge.torque_constant_n_m_per_a),
             },
         },
         load,
@@ -92,52 +90,52 @@ def job_of(rig: RigFile) -> Job:
 
 
 def schedule(wiring: Wiring, rate: float) -> tuple[bus_load.Frame, ...]:
-    """Every frame that is sent on the bus again and again."""
-    slow, now_and_then = wiring.can.slow_divider, wiring.can.actuator_divider
+    """Return every periodic frame on the bus; ``rate`` in Hz."""
+    slow, actuator = wiring.can.slow_divider, wiring.can.actuator_divider
     frames = [bus_load.sync(rate), bus_load.heartbeat("our heartbeat", wiring.can.heartbeat_s)]
     for name, drive in (("heave", wiring.heave), ("surge", wiring.surge)):
-        made = layouts(drive.node, len(drive.analog_per_v))
+        pdos = layouts(drive.node, len(drive.analog_per_v))
         frames += [
-            bus_load.synchronous(f"{name} command", made.command.packing.size, rate, 1),
-            bus_load.synchronous(f"{name} status", made.status.packing.size, rate, 1),
-            bus_load.synchronous(f"{name} mode and error", made.slow.packing.size, rate, slow),
+            bus_load.synchronous(f"{name} command", pdos.command.packing.size, rate, 1),
+            bus_load.synchronous(f"{name} status", pdos.status.packing.size, rate, 1),
+            bus_load.synchronous(f"{name} mode and error", pdos.slow.packing.size, rate, slow),
         ]
-        if made.analog is not None:
-            inputs = made.analog.packing.size
+        if pdos.analog is not None:
+            inputs = pdos.analog.packing.size
             frames.append(bus_load.synchronous(f"{name} analog inputs", inputs, rate, 1))
     for name, entries in (
         ("stator target", pdo.ACTUATOR_TARGET),
         ("stator command", pdo.ACTUATOR_COMMAND),
         ("stator status", pdo.ACTUATOR_STATUS),
     ):
-        frames.append(bus_load.synchronous(name, pdo.size(entries), rate, now_and_then))
-    for name, one in (("heave", wiring.heave), ("surge", wiring.surge), ("stator", wiring.stator)):
-        frames.append(bus_load.heartbeat(f"{name} heartbeat", 1e-3 * one.heartbeat_ms))
+        frames.append(bus_load.synchronous(name, pdo.size(entries), rate, actuator))
+    for name, node in (("heave", wiring.heave), ("surge", wiring.surge), ("stator", wiring.stator)):
+        frames.append(bus_load.heartbeat(f"{name} heartbeat", 1e-3 * node.heartbeat_ms))
     return tuple(frames)
 
 
-def _node(name: str, drive: Drive, wiring: Wiring, dt: float) -> dict[str, Any]:
-    """What the service does to a node before the loop starts."""
+def _node_setup(name: str, drive: Drive, wiring: Wiring, dt: float) -> dict[str, Any]:
+    """Return the set-up of a node by the service process, as JSON values."""
     can = wiring.can
-    watched = {
+    objects = {
         "device_type": 402,
         "sync_cob_id": 0x80,
         "heartbeat_consumer": heartbeat_consumer(can.own_node, drive.heartbeat_lost_ms),
         "heartbeat_producer": drive.heartbeat_ms,
     }
     if isinstance(drive, TorqueDrive):
-        watched["mode_of_operation"] = TORQUE_MODE
+        objects["mode_of_operation"] = TORQUE_MODE
     steps: list[Step] = list(
-        parameter_steps({**watched, **drive.objects}, read_only=frozenset(drive.read_only))
+        parameter_steps({**objects, **drive.objects}, read_only=frozenset(drive.read_only))
     )
     if isinstance(drive, TorqueDrive):
-        made = layouts(drive.node, len(drive.analog_per_v))
-        steps += rpdo_steps(1, made.command, 1, drive.command_deadline_ms)
-        steps += tpdo_steps(1, made.status, 1)
-        steps += tpdo_steps(2, made.slow, can.slow_divider)
-        if made.analog is not None:
-            steps += tpdo_steps(3, made.analog, 1)
-        facts = [_FACTS[drive.scaling]]
+        pdos = layouts(drive.node, len(drive.analog_per_v))
+        steps += rpdo_steps(1, pdos.command, 1, drive.command_deadline_ms)
+        steps += tpdo_steps(1, pdos.status, 1)
+        steps += tpdo_steps(2, pdos.slow, can.slow_divider)
+        if pdos.analog is not None:
+            steps += tpdo_steps(3, pdos.analog, 1)
+        facts = [_SCALE_OBJECTS[drive.scaling]]
     else:
         node = drive.node
         target = pdo.layout(pdo.rpdo_cob_id(2, node), pdo.ACTUATOR_TARGET)
@@ -147,25 +145,25 @@ def _node(name: str, drive: Drive, wiring: Wiring, dt: float) -> dict[str, Any]:
         steps += rpdo_steps(2, target, 1, drive.command_deadline_ms)
         steps += tpdo_steps(1, status, can.actuator_divider)
         facts = []
-    objects = [BY_NAME[fact] for fact in facts]
-    homed = None
+    fact_objects = [BY_NAME[fact] for fact in facts]
+    homing_settings = None
     if isinstance(drive, Actuator) and drive.homing:
-        ticks = round(drive.homing_s / _HOME_PERIOD)
-        homed = [
-            _machine(drive, _HOME_PERIOD),
-            homing.Params(round(drive.deadlines.transition_s / _HOME_PERIOD) + 1, ticks),
+        ticks = round(drive.homing_s / _HOMING_PERIOD_S)
+        homing_settings = [
+            _power_machine(drive, _HOMING_PERIOD_S),
+            homing.Params(round(drive.deadlines.transition_s / _HOMING_PERIOD_S) + 1, ticks),
         ]
     return {
         "name": name,
         "node": drive.node,
         "steps": steps,
-        "facts": [[one.name, one.object, one.sub, one.type] for one in objects],
-        "homing": homed,
+        "facts": [[entry.name, entry.object, entry.sub, entry.type] for entry in fact_objects],
+        "homing": homing_settings,
     }
 
 
-def _machine(drive: Drive, tick: float) -> cia402.Params:
-    """The power machine of a drive, for ticks of so many seconds."""
+def _power_machine(drive: Drive, tick: float) -> cia402.Params:
+    """Return the CiA 402 power machine of a drive for a period ``tick`` (s)."""
     times: Deadlines = drive.deadlines
     step = max(2, round(times.transition_s / tick))
     ramp, boot = max(2, round(times.ramp_s / tick)), max(2, round(times.boot_s / tick))
@@ -175,14 +173,16 @@ def _machine(drive: Drive, tick: float) -> cia402.Params:
         disable_voltage=step, quick_stop=step, ramp_end=ramp, fault_reaction=ramp,
         fault_reset=max(step, 4 * reset),
     )  # fmt: skip
-    made = cia402.Params(times.stale_s, int(drive.mode_first), int(drive.follows), 0, reset, limits)
-    wrong = cia402.problems(made)
-    if wrong:
-        raise SetupError("; ".join(wrong))
-    return made
+    params = cia402.Params(
+        times.stale_s, int(drive.mode_first), int(drive.follows), 0, reset, limits
+    )
+    problems = cia402.problems(params)
+    if problems:
+        raise SetupError("; ".join(problems))
+    return params
 
 
-def _config(rig: RigFile, wiring: Wiring) -> Config:
+def _device_settings(rig: RigFile, wiring: Wiring) -> WaveBotDeviceSettings:
     dt = 1.0 / rig.rate_hz
     stator, can = wiring.stator, wiring.can
     slow = dt * can.actuator_divider
@@ -190,20 +190,20 @@ def _config(rig: RigFile, wiring: Wiring) -> Config:
         round(percent * stator.counts_per_percent) + stator.zero_counts
         for percent in (stator.low_percent, stator.high_percent)
     )
-    return Config(
+    return WaveBotDeviceSettings(
         own_node=can.own_node,
         heartbeat=can.heartbeat_s,
-        health_age=_HEALTH_AGE,
-        heartbeat_lost=_BEATS_LOST
+        health_age=_MAX_HEALTH_AGE_S,
+        heartbeat_lost=_MAX_LOST_HEARTBEATS
         * 1e-3
         * max(wiring.heave.heartbeat_ms, wiring.surge.heartbeat_ms),
         actuator_divider=can.actuator_divider,
-        trigger_every=max(1, round(_TRIGGER_S / dt)),
-        heave=_axis(wiring.heave, can.slow_divider, dt),
-        surge=_axis(wiring.surge, can.slow_divider, dt),
+        trigger_divider=max(1, round(_TRIGGER_PERIOD_S / dt)),
+        heave=_axis_settings(wiring.heave, can.slow_divider, dt),
+        surge=_axis_settings(wiring.surge, can.slow_divider, dt),
         stator=ActuatorSettings(
             stator.node,
-            _machine(stator, slow),
+            _power_machine(stator, slow),
             profile_position.Params(
                 stator.window_counts,
                 max(1, round(stator.stand_s / slow)),
@@ -218,22 +218,22 @@ def _config(rig: RigFile, wiring: Wiring) -> Config:
     )
 
 
-def _axis(drive: TorqueDrive, slow: int, dt: float) -> AxisSettings:
+def _axis_settings(drive: TorqueDrive, slow: int, dt: float) -> AxisSettings:
     per_count = tuple(scale * drive.analog_v_per_count for scale in drive.analog_per_v)
-    old = drive.deadlines.stale_s + 2.0 * slow * dt
-    return AxisSettings(drive.node, _machine(drive, dt), _NO_SCALE, old, per_count, slow)
+    max_age = drive.deadlines.stale_s + 2.0 * slow * dt
+    return AxisSettings(drive.node, _power_machine(drive, dt), _NO_SCALE, max_age, per_count, slow)
 
 
-def _scaling(drive: TorqueDrive, kt: float) -> dict[str, Any]:
+def _scaling_settings(drive: TorqueDrive, kt: float) -> dict[str, Any]:
     return {"kind": drive.scaling, "kt": kt, "limit": drive.current_limit_a}
 
 
-def _companions(wiring: Wiring, nodes: list[dict[str, Any]], bus: Bus) -> list[IoProcess]:
+def _io_processes(wiring: Wiring, nodes: list[dict[str, Any]], bus: Bus) -> list[IoProcess]:
     stator = wiring.stator
-    patience = _SETUP_PATIENCE + (stator.homing_s if stator.homing else 0.0)
+    timeout_s = _SETUP_TIMEOUT_S + (stator.homing_s if stator.homing else 0.0)
     health = tuple(f"{node['name']}_health" for node in nodes)
     service = {"bus": list(bus), "nodes": json.loads(json.dumps(nodes))}
-    found = [IoProcess("can", "rig.execution.hardware.can_service", service, health, patience)]
+    processes = [IoProcess("can", "rig.execution.hardware.can_service", service, health, timeout_s)]
     blocks = {name: getattr(wiring, name) for name in SLOT_SIGNALS}
-    found += modbus_pollers(wiring.lines, blocks, ("outputs",), wiring.output_expiry_s)
-    return found
+    processes += modbus_pollers(wiring.lines, blocks, ("outputs",), wiring.output_expiry_s)
+    return processes

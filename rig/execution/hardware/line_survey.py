@@ -1,4 +1,4 @@
-"""Who answers on a Modbus line, and what each unit gives now. It only reads."""
+"""Survey of a Modbus line: the units that answer, and their present values. It only reads."""
 
 import time
 from collections.abc import Iterator
@@ -8,46 +8,52 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, RefusedError
 from drivers.modbus.registers import Block
-from rig.execution.hardware.messages import SLOTS
-from rig.execution.hardware.modbus_poller import BUSY_PAUSE, Polled, blocks_of, line_of, repeated
-from rig.execution.hardware.wire_check import port_trouble, tcp_trouble
+from rig.execution.hardware.messages import MESSAGE_TYPES
+from rig.execution.hardware.modbus_poller import (
+    BUSY_PAUSE_S,
+    PolledBlock,
+    create_line,
+    parse_blocks,
+    retry_while_busy,
+)
+from rig.execution.hardware.wire_check import port_problem, tcp_problem
 
 
-class ValueFound(NamedTuple):
-    """One value as a unit gives it now."""
+class SurveyedValue(NamedTuple):
+    """One present value of a unit."""
 
     name: str
     value: float
     unit: str
-    believed: bool  # it can be
+    plausible: bool  # whether the value is plausible
 
 
-class UnitFound(NamedTuple):
-    """One block of registers of a Modbus unit."""
+class UnitSurvey(NamedTuple):
+    """The survey of one block of registers of a Modbus unit."""
 
     name: str
     unit: int
     registers: str
     answers: bool
-    took: float  # s from question to answer
-    asked: float  # s, monotonic
-    told: bool  # a run writes it: what is read is no measurement
-    values: tuple[ValueFound, ...]
+    took: float  # s from request to answer
+    asked: float  # s, monotonic, time of the request
+    written: bool  # a run writes the block, so its content is no measurement
+    values: tuple[SurveyedValue, ...]
     trouble: str
 
 
-class LineFound(NamedTuple):
-    """One line."""
+class LineSurvey(NamedTuple):
+    """The survey of one line."""
 
     name: str
     kind: str  # tcp, rtu
     address: str
-    trouble: str  # why nobody could be asked
-    units: tuple[UnitFound, ...]
+    trouble: str  # why the line is out of reach; empty: it is not
+    units: tuple[UnitSurvey, ...]
 
 
-def unit_troubles(line: LineFound) -> Iterator[str]:
-    """What is wrong with a line, or with units on it."""
+def unit_troubles(line: LineSurvey) -> Iterator[str]:
+    """Yield the problems of a line and of its units."""
     if line.trouble:
         yield f"line {line.name} at {line.address}: {line.trouble}"
         return
@@ -56,73 +62,75 @@ def unit_troubles(line: LineFound) -> Iterator[str]:
             yield f"{unit.name} (unit {unit.unit} on {line.name}): {unit.trouble}"
 
 
-def look_at_line(name: str, config: dict[str, Any]) -> LineFound:
-    """Every unit of a Modbus line, as `rig.execution.hardware.modbus_poller` would ask it."""
+def survey_line(name: str, config: dict[str, Any]) -> LineSurvey:
+    """Survey every unit of a Modbus line; ``config`` is that of the line's poller."""
     settings = config["settings"]
     rtu = config["kind"] == "rtu"
     address = settings["port"] if rtu else f"{settings['host']}:{settings['port']}"
-    why = port_trouble(address) if rtu else tcp_trouble(settings["host"], settings["port"])
-    found = LineFound(name, config["kind"], address, why, ())
+    why = port_problem(address) if rtu else tcp_problem(settings["host"], settings["port"])
+    survey = LineSurvey(name, config["kind"], address, why, ())
     if why:
-        return found
+        return survey
     units = []
-    line = line_of(config, [])
+    line = create_line(config, [])
     try:
-        for polled in blocks_of(config):
-            if not rtu:  # a unit that is silent costs the connection
+        for polled_block in parse_blocks(config):
+            if not rtu:  # a silent unit costs the connection
                 line.close()
-                line = line_of(config, [])
-            units.append(_unit(line, polled))
+                line = create_line(config, [])
+            units.append(_survey_unit(line, polled_block))
             if line.opened == 0:
-                return found._replace(trouble=units[-1].trouble)
+                return survey._replace(trouble=units[-1].trouble)
     finally:
         line.close()
-    return found._replace(units=tuple(units))
+    return survey._replace(units=tuple(units))
 
 
-def _unit(line: Line, polled: Polled) -> UnitFound:
-    block, asked = polled.block, time.monotonic()
+def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
+    block, requested_at = polled_block.block, time.monotonic()
     last = block.first + block.size - 1
     where = f"{block.table} {block.first}" + (f"-{last}" if block.size > 1 else "")
-    found = UnitFound(polled.name, block.unit, where, False, 0.0, asked, polled.written, (), "")
+    survey = UnitSurvey(
+        polled_block.name, block.unit, where, False, 0.0, requested_at, polled_block.written, (), ""
+    )
     try:
-        raw = _read(line, block)
+        raw = _read_block(line, block)
     except LineError as error:
-        if polled.written and isinstance(error, RefusedError):  # its outputs are not to be read
-            return found._replace(answers=True, took=time.monotonic() - asked)
-        return found._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
-    found = found._replace(answers=True, took=time.monotonic() - asked)
-    if polled.written:
-        return found
+        if polled_block.written and isinstance(error, RefusedError):  # its outputs cannot be read
+            return survey._replace(answers=True, took=time.monotonic() - requested_at)
+        return survey._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
+    survey = survey._replace(answers=True, took=time.monotonic() - requested_at)
+    if polled_block.written:
+        return survey
     try:
-        numbers = registers.decode(block, raw, polled.high_first)
+        numbers = registers.decode(block, raw, polled_block.high_word_first)
     except CodecError as error:
-        return found._replace(trouble=str(error))
-    wrong = registers.implausible(block, numbers)
-    units = units_of(SLOTS[polled.name])
+        return survey._replace(trouble=str(error))
+    implausible = registers.implausible(block, numbers)
+    units = message_units(MESSAGE_TYPES[polled_block.name])
     values = tuple(
-        ValueFound(value.name, number, units.get(value.name, ""), value.name not in wrong)
+        SurveyedValue(value.name, number, units.get(value.name, ""), value.name not in implausible)
         for value, number in zip(block.values, numbers, strict=True)
     )
-    text = ", ".join(f"{one.name} = {one.value:g}" for one in values if not one.believed)
-    return found._replace(
-        values=values, trouble=f"{text} cannot be; swapped words?" if text else ""
+    text = ", ".join(f"{each.name} = {each.value:g}" for each in values if not each.plausible)
+    return survey._replace(
+        values=values, trouble=f"{text} is implausible; swapped words?" if text else ""
     )
 
 
-def _read(line: Line, block: Block) -> list[int]:
-    """A block's registers, also of a unit that is busy now and then."""
-    asking = repeated(lambda: line.read(block))
+def _read_block(line: Line, block: Block) -> list[int]:
+    """Return a block's registers; repeat the request while the unit is busy."""
+    attempts = retry_while_busy(lambda: line.read(block))
     while True:
         try:
-            next(asking)
+            next(attempts)
         except StopIteration as end:
-            found: list[int] = end.value
-            return found
-        time.sleep(BUSY_PAUSE)
+            raw: list[int] = end.value
+            return raw
+        time.sleep(BUSY_PAUSE_S)
 
 
-def units_of(word: type) -> dict[str, str]:
-    """The unit of each value of a word."""
-    hints = get_type_hints(word, include_extras=True)
+def message_units(message: type) -> dict[str, str]:
+    """Return the unit of each field of a message type."""
+    hints = get_type_hints(message, include_extras=True)
     return {field: hint.__metadata__[0] for field, hint in hints.items()}

@@ -1,7 +1,7 @@
-"""What can be learnt of a rig's wires without sending anything on them.
+"""Listening to a rig's wires without sending anything on them.
 
-On a CAN bus every node is heard by everybody: its heartbeats, emergencies and process data. Serial
-ports belong to one program, and network devices say nothing to who does not ask.
+On a CAN bus every program receives the heartbeats, emergencies and process data of all nodes. A
+serial port belongs to one program, and network devices send only to a program that asks.
 """
 
 import time
@@ -12,13 +12,13 @@ from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.wiring import Wiring
-from rig.execution.hardware.wire_check import bus_trouble, unheard
+from rig.execution.hardware.wire_check import bus_problem, listening_problem
 
-LISTEN = 2.5  # s: heartbeats of drives come every 0.1 to 1 s
+LISTEN_S = 2.5  # s: heartbeats of drives come every 0.1 to 1 s
 
 
-class NodeHeard(NamedTuple):
-    """One node of the rig, as it was heard."""
+class NodeActivity(NamedTuple):
+    """The received messages of one node of the rig."""
 
     name: str
     node: int
@@ -28,44 +28,48 @@ class NodeHeard(NamedTuple):
     emergency: int  # code of the last emergency; 0: none came
 
 
-class Heard(NamedTuple):
-    """What was heard, and what could not be listened to."""
+class BusActivity(NamedTuple):
+    """The received messages of a bus, and why others could not be received."""
 
-    nodes: tuple[NodeHeard, ...]
-    strangers: tuple[int, ...]  # nodes that send and are not in the rig file
+    nodes: tuple[NodeActivity, ...]
+    unexpected_nodes: tuple[int, ...]  # nodes that send but are not in the rig file
     trouble: tuple[str, ...]
 
 
-def listen(rig: AnyRigFile) -> Heard:
-    """Listen to the rig's CAN bus for `LISTEN` seconds; nothing is sent on any wire."""
+def listen(rig: AnyRigFile) -> BusActivity:
+    """Listen to the rig's CAN bus for `LISTEN_S` seconds; nothing is sent on any wire."""
     wiring = rig.wiring
     if not isinstance(wiring, Wiring):
-        return Heard((), (), ("none of the bench's wires can be listened to without sending",))
+        return BusActivity(
+            (), (), ("none of the bench's wires can be listened to without sending",)
+        )
     can = wiring.can
     bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
-    if why := unheard(bus) or bus_trouble(bus):
-        return Heard((), (), (f"CAN: {why}",))
+    if why := listening_problem(bus) or bus_problem(bus):
+        return BusActivity((), (), (f"CAN: {why}",))
     nodes = {name: getattr(wiring, name).node for name in ("heave", "surge", "stator")}
     try:
         service = Service(bus)
     except LinkError as error:
-        return Heard((), (), (f"CAN: {error}",))
+        return BusActivity((), (), (f"CAN: {error}",))
     try:
         for node in nodes.values():
             service.watch(node)
-        sending = service.scan(LISTEN, ask=False)
+        sending = service.scan(LISTEN_S, ask=False)
         health, now = service.health(), time.monotonic()
     except LinkError as error:
-        return Heard((), (), (f"CAN: {error}",))
+        return BusActivity((), (), (f"CAN: {error}",))
     finally:
         service.close()
-    heard = []
+    activity = []
     for name, node in nodes.items():
-        seen = health[node]
-        beats = seen.nmt >= 0
-        nmt, age = (seen.nmt, now - seen.heard) if beats else (None, None)
-        heard.append(NodeHeard(name, node, node in sending, nmt, age, seen.code))
-    silent = tuple(f"{one.name} (node {one.node}) sends nothing" for one in heard if not one.sends)
-    return Heard(
-        tuple(heard), tuple(sorted(set(sending) - {*nodes.values(), can.own_node})), silent
+        node_health = health[node]
+        beats = node_health.nmt >= 0
+        nmt, age = (node_health.nmt, now - node_health.heard) if beats else (None, None)
+        activity.append(NodeActivity(name, node, node in sending, nmt, age, node_health.code))
+    silent = tuple(
+        f"{one.name} (node {one.node}) sends nothing" for one in activity if not one.sends
+    )
+    return BusActivity(
+        tuple(activity), tuple(sorted(set(sending) - {*nodes.values(), can.own_node})), silent
     )

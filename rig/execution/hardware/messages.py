@@ -1,7 +1,7 @@
-"""What slow lines and the loop tell each other through mailboxes; every word has its moment.
+"""The messages between I/O processes and the loop in mailboxes; each has a time stamp.
 
-`stamp` is on the monotonic clock (s), which all processes of a host share: of a value the moment at
-which it was asked for, so that its age is never told too small.
+`stamp` is on the monotonic clock (s), which all processes of a host share. The stamp of a value is
+the time of the request for it, so that its age is never too small.
 """
 
 from typing import NamedTuple
@@ -21,8 +21,8 @@ from controllers.signals import (
 )
 
 
-class Analyser(NamedTuple):
-    """Power analyser."""
+class AnalyserMessage(NamedTuple):
+    """Values of the power analyser."""
 
     ac: Watt
     dc: Watt
@@ -30,8 +30,8 @@ class Analyser(NamedTuple):
     stamp: Second
 
 
-class Cells(NamedTuple):
-    """Load cells behind strain-gauge amplifiers."""
+class LoadCellsMessage(NamedTuple):
+    """Values of the load cells behind strain-gauge amplifiers."""
 
     slew: Newton
     stator_a: Newton
@@ -39,8 +39,8 @@ class Cells(NamedTuple):
     stamp: Second
 
 
-class Probes(NamedTuple):
-    """Wave probes."""
+class ProbesMessage(NamedTuple):
+    """Values of the wave probes."""
 
     probe_1: Metre
     probe_2: Metre
@@ -48,7 +48,7 @@ class Probes(NamedTuple):
     stamp: Second
 
 
-class Inputs(NamedTuple):
+class InputsMessage(NamedTuple):
     """Digital inputs, for monitoring."""
 
     e_stop: Flag  # 1: pressed
@@ -56,43 +56,43 @@ class Inputs(NamedTuple):
     stamp: Second
 
 
-class Outputs(NamedTuple):
-    """Digital outputs, as the loop wants them."""
+class OutputsMessage(NamedTuple):
+    """Digital outputs commanded by the loop."""
 
     wave_trigger: Flag
     stamp: Second
 
 
 class NodeHealth(NamedTuple):
-    """One CANopen node, as the service beside the loop knows it."""
+    """The state of one CANopen node, as the CAN service process knows it."""
 
-    nmt: Index  # NMT state as it said last
-    heard: Second  # when its last heartbeat came
-    boots: Index  # how often it restarted since it was set up
-    code: Index  # its last emergency, 0: none
-    emergencies: Index  # how many it sent
-    stamp: Second  # when this was written
+    nmt: Index  # NMT state in its last heartbeat
+    heartbeat_time: Second  # when its last heartbeat came
+    restarts: Index  # since it was set up
+    emergency_code: Index  # of its last emergency, 0: none
+    emergency_count: Index  # number of its emergencies
+    stamp: Second  # time of this message
 
 
-class Encoders(NamedTuple):
-    """Both encoders of a bench, latched by one edge."""
+class EncodersMessage(NamedTuple):
+    """Counts of both encoders of a bench, latched by one edge."""
 
     motor: Count  # turns included, positive as the gearbox output's angle
     shaft: Count
     stamp: Second
 
 
-class Servo(NamedTuple):
-    """Servo drive, as it said last."""
+class ServoMessage(NamedTuple):
+    """The last reported state of the servo drive."""
 
     current: Ampere
-    acting: Flag  # 1: powered by our request, and set-points go out
+    acting: Flag  # 1: powered by our request, and it follows set-points
     error: Index  # its error number while it is in error, -1: not read yet, else 0
     stamp: Second
 
 
-class SetPoint(NamedTuple):
-    """What the loop wants of the servo drive, at the motor; that of the loop not in use is 0."""
+class SetPointMessage(NamedTuple):
+    """Set-point of the servo drive, at the motor; that of the control loop not in use is 0."""
 
     velocity: RadianPerSecond
     torque: NewtonMetre
@@ -100,8 +100,8 @@ class SetPoint(NamedTuple):
     stamp: Second
 
 
-class Load(NamedTuple):
-    """Six-axis load cell, z along the shaft, signs as the bench has them."""
+class WrenchMessage(NamedTuple):
+    """Values of the six-axis load cell, z along the shaft, with the bench's signs."""
 
     fx: Newton
     fy: Newton
@@ -112,42 +112,44 @@ class Load(NamedTuple):
     stamp: Second
 
 
-class BrakeCurrent(NamedTuple):
-    """What the brake's amplifier gives."""
+class BrakeCurrentMessage(NamedTuple):
+    """Measured current of the brake."""
 
     current: Ampere
     stamp: Second
 
 
-class Analog(NamedTuple):
-    """Analog outputs of a bench, as the loop wants them."""
+class AnalogOutputsMessage(NamedTuple):
+    """Analog outputs of a bench, commanded by the loop."""
 
     servo: Volt
     brake: Ampere
     stamp: Second
 
 
-class Done(NamedTuple):
-    """What the loop wanted has been written, and the device has said so."""
+class WriteAcknowledgement(NamedTuple):
+    """Acknowledgement that the device has received the outputs of the loop."""
 
-    stamp: Second  # when the newest that was acknowledged had been sent
+    stamp: Second  # send time of the newest acknowledged write
 
 
-DONE = "_done"  # ends the name of the mailbox in which the writing of another is acknowledged
-SLOTS: dict[str, type] = {
-    "analyser": Analyser,
-    "cells": Cells,
-    "probes": Probes,
-    "inputs": Inputs,
-    "outputs": Outputs,
+ACKNOWLEDGEMENT_SUFFIX = (
+    "_done"  # ends the name of the mailbox in which the writing of another is acknowledged
+)
+MESSAGE_TYPES: dict[str, type] = {
+    "analyser": AnalyserMessage,
+    "cells": LoadCellsMessage,
+    "probes": ProbesMessage,
+    "inputs": InputsMessage,
+    "outputs": OutputsMessage,
     "heave_health": NodeHealth,
     "surge_health": NodeHealth,
     "stator_health": NodeHealth,
-    "servo": Servo,
-    "set_point": SetPoint,
-    "load_cell": Load,
-    "brake": BrakeCurrent,
-    "analog": Analog,
-    "analog_done": Done,
+    "servo": ServoMessage,
+    "set_point": SetPointMessage,
+    "load_cell": WrenchMessage,
+    "brake": BrakeCurrentMessage,
+    "analog": AnalogOutputsMessage,
+    "analog_done": WriteAcknowledgement,
 }
-"""The word of each mailbox."""
+"""The message type of each mailbox."""

@@ -1,10 +1,10 @@
-"""The processes that poll a rig's Modbus lines, as companions of its loop."""
+"""The I/O processes that poll a rig's Modbus lines."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rig.config.wiring import AnyLine, Registers
-from rig.execution.hardware.messages import DONE, SLOTS
+from rig.execution.hardware.messages import ACKNOWLEDGEMENT_SUFFIX, MESSAGE_TYPES
 from rig.processes.io_processes import IoProcess
 
 
@@ -14,32 +14,36 @@ def modbus_pollers(
     written: Iterable[str],
     expiry: float,
 ) -> list[IoProcess]:
-    """A poller a line, for the blocks on it; those in ``written`` go out, the others come in.
+    """Return a poller for each line with blocks; it writes those in ``written``, reads the others.
 
-    ``expiry``: age (s) from which what the loop wanted is let go.
+    ``expiry``: age (s) of a command of the loop beyond which the poller writes zeros.
     """
     by_line: dict[str, list[dict[str, Any]]] = {}
     for name, registers in blocks.items():
-        block = _block(name, registers, name in written)
+        block = _block_settings(name, registers, name in written)
         by_line.setdefault(registers.line, []).append(block)
-    found = []
-    for line, several in by_line.items():
+    processes = []
+    for line, line_blocks in by_line.items():
         settings = lines[line].model_dump()
         kind = settings.pop("kind")
         config = {
             "kind": kind,
             "settings": {key.removesuffix("_s"): value for key, value in settings.items()},
-            "blocks": several,
+            "blocks": line_blocks,
             "expiry": expiry,
         }
-        blocks_here = tuple(block["name"] for block in several)
-        done = tuple(f"{name}{DONE}" for name in blocks_here if f"{name}{DONE}" in SLOTS)
-        names = (*blocks_here, *done)
-        found.append(IoProcess(f"line {line}", f"{__package__}.modbus_poller", config, names))
-    return found
+        block_names = tuple(block["name"] for block in line_blocks)
+        acknowledgements = tuple(
+            f"{name}{ACKNOWLEDGEMENT_SUFFIX}"
+            for name in block_names
+            if f"{name}{ACKNOWLEDGEMENT_SUFFIX}" in MESSAGE_TYPES
+        )
+        names = (*block_names, *acknowledgements)
+        processes.append(IoProcess(f"line {line}", f"{__package__}.modbus_poller", config, names))
+    return processes
 
 
-def _block(name: str, registers: Registers, written: bool) -> dict[str, Any]:
+def _block_settings(name: str, registers: Registers, written: bool) -> dict[str, Any]:
     return {
         "name": name,
         "unit": registers.unit,
@@ -50,6 +54,6 @@ def _block(name: str, registers: Registers, written: bool) -> dict[str, Any]:
         "period": registers.period_s,
         "counter": registers.counter,
         "written": written,
-        "prepare": [list(one.model_dump().values()) for one in registers.prepare],
+        "prepare": [list(each.model_dump().values()) for each in registers.prepare],
         "values": [[v.name, v.at, v.kind, v.scale, v.low, v.high] for v in registers.values],
     }

@@ -1,14 +1,14 @@
-"""One Modbus line asked and told in turn, beside the loop; a slow or dead unit never reaches it.
+"""The I/O process that polls one Modbus line, so that a slow or dead unit never delays the loop.
 
-Each block has its own period; a unit that does not answer is asked less and less often, so it
-hardly delays the others. One that answers "busy" is there: its request is repeated soon, after the
-others have had their turns, and only a unit that stays busy counts as one that does not answer.
-What the loop wants written is written on every period, changed or not, and is let go (all zero)
-when the loop has not said it again for too long.
+Each block of registers has its own period. A unit that does not answer is polled less and less
+often, so that it hardly delays the others. A unit that answers "busy" is alive: its request is
+repeated soon, after the turns of the others, and only a unit that stays busy counts as one that
+does not answer. The poller writes the commands of the loop in every period, changed or not, and
+writes zeros when the loop has not renewed them in time.
 
 The loop's ticks are on multiples of their period of CLOCK_MONOTONIC (`rig.realtime.clock`), and
-every block has its turn at the same time after such a multiple: the delay from a tick to a written
-value is the same in every run, not whatever the two processes happened to start with.
+every block has its turn at a fixed time after such a multiple. The delay from a tick to a written
+value is therefore the same in every run; it does not depend on when the processes started.
 """
 
 import math
@@ -22,137 +22,142 @@ from drivers.errors import CodecError
 from drivers.modbus import registers
 from drivers.modbus.line import Line, LineError, RefusedError, Rtu, Tcp
 from drivers.modbus.registers import Block, Value
-from rig.execution.hardware.messages import DONE, SLOTS, Done
-from rig.processes.io_process import report, run, until_ended
+from rig.execution.hardware.messages import (
+    ACKNOWLEDGEMENT_SUFFIX,
+    MESSAGE_TYPES,
+    WriteAcknowledgement,
+)
+from rig.processes.io_process import end_condition, report_event, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
 
 _Answer = TypeVar("_Answer")
-BACK_OFF = 1.0  # s, most between two questions to a unit that does not answer
-AFTER = 0.0005  # s, from the grid to a block's turn: the tick that begins there has said its word
-_TELL = 5.0  # s between two lines about the same trouble
-TRUST = 3  # answers in a row that look right, before a unit is believed: at first and after others
-BUSY_PAUSE = 0.004  # s until a request is repeated that was answered with "busy" (exception 5, 6)
-BUSY_MOST = 0.2  # s of such answers to one request, after which the turn has failed
-READY = 5.0  # s in which every unit is asked for the first time; then its silence is told
+MAX_BACK_OFF_S = 1.0  # s, longest pause between two requests to a unit that does not answer
+TURN_OFFSET_S = 0.0005  # s from the time grid to a block's turn: the tick has then posted
+_REPORT_INTERVAL_S = 5.0  # s between two messages about the same problem
+TRUSTED_ANSWERS = 3  # consecutive plausible answers until a unit's values are used
+BUSY_PAUSE_S = 0.004  # s until a request that was answered "busy" (exception 5, 6) is repeated
+BUSY_TIMEOUT_S = 0.2  # s of "busy" answers to one request, after which the turn has failed
+READY_TIMEOUT_S = 5.0  # s in which every unit must answer once
 
 
-class Given(NamedTuple):
-    """A holding register that a unit is given before it is asked or told anything."""
+class RegisterSetup(NamedTuple):
+    """A holding register that is set up before a unit's block is read or written."""
 
     first: int
     value: int
-    read_back: bool  # it must read so
-    write: bool  # False: it must read so by itself
+    read_back: bool  # it must then have this value
+    write: bool  # False: it is not written, it must have this value by itself
 
 
-class Polled(NamedTuple):
+class PolledBlock(NamedTuple):
     """One block of the line."""
 
     name: str  # of its mailbox
     block: Block
-    high_first: bool
+    high_word_first: bool
     period: float  # s
-    prepare: tuple[Given, ...]
-    written: bool  # the loop's word goes out; otherwise the block comes in
+    register_setup: tuple[RegisterSetup, ...]
+    written: bool  # True: the loop's message is written; False: the block is read
     counter: int | None = None  # register of the same table that counts new values
 
 
-class _Task:
-    """A block, its mailbox, and how it has gone so far."""
+class _BlockTask:
+    """The polling of one block: its mailbox, its next turn and its state."""
 
     def __init__(
-        self, polled: Polled, slot: Mailbox, expiry: float, done: Mailbox | None = None
+        self, polled: PolledBlock, slot: Mailbox, expiry: float, acknowledge: Mailbox | None = None
     ) -> None:
-        """``done``: where the loop looks for the moment of the last write, if it does."""
+        """``acknowledge``: mailbox for the time of the last write, if the loop reads it."""
         self.polled = polled
-        self._done = done
+        self._acknowledge = acknowledge
         self.due = time.monotonic()
         self.answered = False
         self._slot = slot
         self._expiry = expiry
-        self._word = SLOTS[polled.name]
+        self._message_type = MESSAGE_TYPES[polled.name]
         self._pause = polled.period
-        self._told = -_TELL
-        self._doubt = TRUST  # answers that must still look right before they are handed on
-        self._count: int | None = None  # of the values handed on last, where the unit counts them
-        self._prepared = 0  # how often the line had been opened when the unit was prepared
-        self.trouble = "not asked yet"
-        self._turn: Generator[None, None, bool] | None = None  # begun, the unit was busy
+        self._last_report = -_REPORT_INTERVAL_S
+        self._untrusted = TRUSTED_ANSWERS  # plausible answers still needed before values are used
+        self._count: int | None = None  # of the last posted values, where the unit counts them
+        self._prepared = 0  # the line's number of openings at the unit's set-up
+        self.trouble = "not polled yet"
+        self._turn: Generator[None, None, bool] | None = None  # unfinished: the unit was busy
 
     def turn(self, line: Line) -> str:
-        """Ask or tell once, or go on where the unit was busy; gives a line for people or ""."""
+        """Read or write once, or resume a busy turn; return a message for people or ""."""
         began = time.monotonic()
         self._turn = self._turn or self._requests(line, began)
         try:
             next(self._turn)
-            self.due = time.monotonic() + BUSY_PAUSE
+            self.due = time.monotonic() + BUSY_PAUSE_S
             return ""
         except StopIteration as end:
-            believed, self._turn = end.value, None
+            trusted, self._turn = end.value, None
         except (LineError, CodecError) as error:
             self._turn = None
             self.trouble = str(error)
-            self._pause = min(2.0 * self._pause, max(BACK_OFF, self.polled.period))
+            self._pause = min(2.0 * self._pause, max(MAX_BACK_OFF_S, self.polled.period))
             self.due = time.monotonic() + self._pause
-            if began - self._told < _TELL:
+            if began - self._last_report < _REPORT_INTERVAL_S:
                 return ""
-            self._told = began
+            self._last_report = began
             return f"{self.polled.name}: {self.trouble}"
         self._pause = self.polled.period
-        if not believed:
+        if not trusted:
             self.due = began + self._pause
             return ""
-        back, self.trouble = bool(self.trouble) and self.answered, ""
+        recovered, self.trouble = bool(self.trouble) and self.answered, ""
         self.answered = True
-        self.due = next_turn(time.monotonic(), self._pause)
-        return f"{self.polled.name} answers again" if back else ""
+        self.due = next_turn_time(time.monotonic(), self._pause)
+        return f"{self.polled.name} answers again" if recovered else ""
 
     def _requests(self, line: Line, began: float) -> Generator[None, None, bool]:
-        """All requests of one turn; yields while the unit is busy. False: not believed yet."""
+        """Send all requests of one turn; yield while busy. Return False while not trusted yet."""
         if self._prepared != line.opened or line.opened == 0:
             yield from self._prepare(line)
         if self.polled.written:
-            yield from repeated(lambda: self._write(line))
+            yield from retry_while_busy(lambda: self._write(line))
             return True
         return (yield from self._read(line, began))
 
     def _prepare(self, line: Line) -> Generator[None, None, None]:
-        """Give the unit its registers, and read what must then stand there."""
+        """Write the registers of the unit's set-up and read back those that must be verified."""
         opened = 0
-        for block, (_, value, read_back, write) in prepared(self.polled):
+        for block, (_, value, read_back, write) in setup_blocks(self.polled):
             if write:
-                yield from repeated(partial(line.write, block, [value]))
-            got = [value]
+                yield from retry_while_busy(partial(line.write, block, [value]))
+            found = [value]
             if read_back:
-                got = yield from repeated(partial(line.read, block))
-            if got != [value]:
-                raise CodecError(self.polled.name, f"register {block.first}", f"{value}", got[0])
-            opened = opened or line.opened  # opened anew meanwhile: to be prepared anew
+                found = yield from retry_while_busy(partial(line.read, block))
+            if found != [value]:
+                raise CodecError(self.polled.name, f"register {block.first}", f"{value}", found[0])
+            opened = opened or line.opened  # a line reopened meanwhile needs the set-up again
         self._prepared = opened or line.opened
 
     def _read(self, line: Line, began: float) -> Generator[None, None, bool]:
-        """Ask once and hand the answer on, if the unit is believed; else False.
+        """Read the block and post the values if the unit is trusted; else return False.
 
-        Swapped words of a float are a number that can be now and then: one is not enough. Where
-        the unit counts its values, those it has shown before are not handed on, and grow old. The
-        count is asked for first: values that come in between are told too old, never too young.
+        A float with swapped registers is a plausible number now and then, so one plausible answer
+        is not enough. Where the unit counts its values, the same values are not posted twice, and
+        their age grows. The count is read first: values that come in between get too large an age,
+        never too small a one.
         """
         block = self.polled.block
-        count = yield from self._counted(line)
-        raw = yield from repeated(lambda: line.read(block))
-        values = registers.decode(block, raw, self.polled.high_first)
-        wrong = registers.implausible(block, values)
-        if wrong:
-            self._doubt = TRUST
-            said = ", ".join(
+        count = yield from self._read_count(line)
+        raw = yield from retry_while_busy(lambda: line.read(block))
+        values = registers.decode(block, raw, self.polled.high_word_first)
+        implausible = registers.implausible(block, values)
+        if implausible:
+            self._untrusted = TRUSTED_ANSWERS
+            text = ", ".join(
                 f"{value.name} = {number:g}"
                 for value, number in zip(block.values, values, strict=True)
-                if value.name in wrong
+                if value.name in implausible
             )
-            raise CodecError(self.polled.name, said, "values that can be", "swapped words?")
-        self._doubt = max(0, self._doubt - 1)
-        if self._doubt > 0:
+            raise CodecError(self.polled.name, text, "plausible values", "swapped words?")
+        self._untrusted = max(0, self._untrusted - 1)
+        if self._untrusted > 0:
             return False
         if count is not None and count == self._count:
             return True
@@ -160,34 +165,34 @@ class _Task:
         numbers = (
             int(v) if d.kind == "bit" else v for d, v in zip(block.values, values, strict=True)
         )
-        self._slot.post(self._word(*numbers, began))
+        self._slot.post(self._message_type(*numbers, began))
         return True
 
-    def _counted(self, line: Line) -> Generator[None, None, int | None]:
-        """How many values the unit has had so far (it may wrap), or None if it does not count."""
+    def _read_count(self, line: Line) -> Generator[None, None, int | None]:
+        """Return the unit's count of values (it may wrap), or None if the unit does not count."""
         if self.polled.counter is None:
             return None
-        here = self.polled.block
-        counter = Block(here.unit, here.table, self.polled.counter, 1, ())
-        return (yield from repeated(lambda: line.read(counter)))[0]
+        block = self.polled.block
+        counter = Block(block.unit, block.table, self.polled.counter, 1, ())
+        return (yield from retry_while_busy(lambda: line.read(counter)))[0]
 
     def _write(self, line: Line) -> None:
-        wanted = self._slot.read()
-        now = time.monotonic()  # after the reading: the word may have come in this very moment
+        command = self._slot.read()
+        now = time.monotonic()  # after the read, or a new message would have a negative age
         values = [0.0] * len(self.polled.block.values)
-        if wanted is not None and now - wanted.stamp <= self._expiry:
-            values = [float(value) for value in wanted[:-1]]
+        if command is not None and now - command.stamp <= self._expiry:
+            values = [float(value) for value in command[:-1]]
         line.write(
             self.polled.block,
-            registers.encode(self.polled.block, values, self.polled.high_first),
+            registers.encode(self.polled.block, values, self.polled.high_word_first),
         )
-        if self._done is not None:
-            self._done.post(Done(now))
+        if self._acknowledge is not None:
+            self._acknowledge.post(WriteAcknowledgement(now))
 
 
-def repeated(request: Callable[[], _Answer]) -> Generator[None, None, _Answer]:
-    """What a request gives; yields whenever the unit is busy, for `BUSY_MOST` at most."""
-    until = time.monotonic() + BUSY_MOST
+def retry_while_busy(request: Callable[[], _Answer]) -> Generator[None, None, _Answer]:
+    """Return a request's result; yield while the unit is busy, for `BUSY_TIMEOUT_S` at most."""
+    until = time.monotonic() + BUSY_TIMEOUT_S
     while True:
         try:
             return request()
@@ -197,85 +202,91 @@ def repeated(request: Callable[[], _Answer]) -> Generator[None, None, _Answer]:
         yield
 
 
-def next_turn(now: float, period: float) -> float:
-    """The next multiple of a block's period (s), and `AFTER` it, that is still to come."""
-    return (math.floor((now - AFTER) / period) + 1) * period + AFTER
+def next_turn_time(now: float, period: float) -> float:
+    """Return the next time (s) that is `TURN_OFFSET_S` after a multiple of a block's period (s)."""
+    return (math.floor((now - TURN_OFFSET_S) / period) + 1) * period + TURN_OFFSET_S
 
 
-def prepared(polled: Polled) -> list[tuple[Block, Given]]:
-    """The registers a unit is given, one by one, in their order."""
+def setup_blocks(polled: PolledBlock) -> list[tuple[Block, RegisterSetup]]:
+    """Return a block of one register for each register of a unit's set-up, in their order."""
     unit = polled.block.unit
-    return [(Block(unit, "holding", given.first, 1, ()), given) for given in polled.prepare]
+    return [(Block(unit, "holding", setup.first, 1, ()), setup) for setup in polled.register_setup]
 
 
-def blocks_of(config: dict[str, Any]) -> Iterator[Polled]:
-    """The blocks of a line, as `rig.execution.hardware.job` describes them."""
-    for one in config["blocks"]:
-        values = tuple(Value(*value) for value in one["values"])
+def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
+    """Yield the blocks of a line from its configuration (`rig.execution.hardware.modbus_lines`)."""
+    for settings in config["blocks"]:
+        values = tuple(Value(*value) for value in settings["values"])
         block = registers.checked(
-            Block(one["unit"], one["table"], one["first"], one["size"], values)
+            Block(settings["unit"], settings["table"], settings["first"], settings["size"], values)
         )
-        name = one["name"]
-        given = tuple(Given(*each) for each in one["prepare"])
-        yield Polled(
-            name, block, one["high_first"], one["period"], given, one["written"], one["counter"]
+        name = settings["name"]
+        setup = tuple(RegisterSetup(*each) for each in settings["prepare"])
+        yield PolledBlock(
+            name,
+            block,
+            settings["high_first"],
+            settings["period"],
+            setup,
+            settings["written"],
+            settings["counter"],
         )
 
 
-def line_of(config: dict[str, Any], writable: list[Block]) -> Line:
-    """The line itself, not open yet; ``writable``: all that may ever be written."""
+def create_line(config: dict[str, Any], writable: list[Block]) -> Line:
+    """Return the line, not open yet; ``writable``: the only blocks that may be written."""
     kind, settings = config["kind"], config["settings"]
     return Line(Tcp(**settings) if kind == "tcp" else Rtu(**settings), writable)
 
 
 def poll(job: dict[str, Any]) -> None:
-    """Serve one line until terminated, or until the loop has ended."""
+    """Poll one line until terminated or until the loop has ended."""
     config, slots = job["config"], job["mailboxes"]
 
-    def end(name: str) -> Mailbox | None:
-        return Mailbox(slots[name], SLOTS[name]) if name in slots else None
+    def find_mailbox(name: str) -> Mailbox | None:
+        return Mailbox(slots[name], MESSAGE_TYPES[name]) if name in slots else None
 
     tasks = [
-        _Task(
-            one,
-            Mailbox(slots[one.name], SLOTS[one.name]),
+        _BlockTask(
+            block,
+            Mailbox(slots[block.name], MESSAGE_TYPES[block.name]),
             config["expiry"],
-            end(f"{one.name}{DONE}"),
+            find_mailbox(f"{block.name}{ACKNOWLEDGEMENT_SUFFIX}"),
         )
-        for one in blocks_of(config)
+        for block in parse_blocks(config)
     ]
     writable = [t.polled.block for t in tasks if t.polled.written]
-    writable += [block for t in tasks for block, given in prepared(t.polled) if given.write]
-    line = line_of(config, writable)
+    writable += [block for t in tasks for block, setup in setup_blocks(t.polled) if setup.write]
+    line = create_line(config, writable)
     if refused := scheduling.acquire_for_io():
-        report(event="say", text=f"no priority over other work: {refused}")
-    ended = until_ended(job["lifeline"])
+        report_event(event="message", text=f"no priority over other work: {refused}")
+    ended = end_condition(job["lifeline"])
     began, ready = time.monotonic(), False
     try:
         while not ended():
-            task = min(tasks, key=lambda one: one.due)
+            task = min(tasks, key=lambda each: each.due)
             pause = task.due - time.monotonic()
             if pause > 0.0:
                 time.sleep(min(pause, 0.1))
                 continue
             if text := task.turn(line):
-                report(event="say", text=text)
-            if not ready and all(one.answered for one in tasks):
+                report_event(event="message", text=text)
+            if not ready and all(each.answered for each in tasks):
                 ready = True
-                report(event="ready")
-            if not ready and time.monotonic() - began > READY:
+                report_event(event="ready")
+            if not ready and time.monotonic() - began > READY_TIMEOUT_S:
                 silent = [f"{t.polled.name} ({t.trouble})" for t in tasks if not t.answered]
-                report(event="refused", why="; ".join(silent))
+                report_event(event="refused", why="; ".join(silent))
                 return
     finally:
-        for task in tasks:  # what it drives is let go; the module's own watchdog is the second line
+        for task in tasks:  # write zeros; the module's own watchdog is the second safeguard
             if task.polled.written:
                 with suppress(LineError, CodecError):
                     block = task.polled.block
-                    for _ in repeated(partial(line.write, block, [0] * block.size)):
-                        time.sleep(BUSY_PAUSE)
+                    for _ in retry_while_busy(partial(line.write, block, [0] * block.size)):
+                        time.sleep(BUSY_PAUSE_S)
         line.close()
 
 
 if __name__ == "__main__":
-    run(poll)
+    run_io_process(poll)

@@ -1,6 +1,6 @@
-"""Who is on a wire of which nothing is known: CAN nodes 1 to 127, Modbus units 1 to 247.
+"""Scan of an unknown wire: CAN nodes 1 to 127, Modbus units 1 to 247.
 
-Only reads are sent: of 0x1000 and the identity on CAN, of one register on Modbus.
+The scan sends only reads: of 0x1000 and the identity on CAN, of one register on Modbus.
 """
 
 import time
@@ -21,63 +21,70 @@ from drivers.modbus.line import (
     Tcp,
 )
 from drivers.modbus.registers import Block
-from rig.execution.hardware.wire_check import bus_trouble, port_trouble, tcp_trouble, unheard
+from rig.execution.hardware.wire_check import (
+    bus_problem,
+    listening_problem,
+    port_problem,
+    tcp_problem,
+)
 
-_BEHIND_NOTHING = (10, 11)  # exceptions of a gateway: no way to the unit, no answer from it
+_GATEWAY_EXCEPTIONS = (10, 11)  # of a gateway: no path to the unit, no answer from it
 
 
-class NodeHeard(NamedTuple):
+class DetectedNode(NamedTuple):
     """One CAN node that answers or sends."""
 
     node: int
     identity: Identity
 
 
-class UnitAsked(NamedTuple):
-    """What came of asking one Modbus unit."""
+class UnitResponse(NamedTuple):
+    """The result of a request to one Modbus unit."""
 
     unit: int
     answers: bool
-    took: float  # s
-    said: str  # what the answer was; empty without one
+    duration: float  # s
+    answer: str  # empty: none came
 
 
-def nodes(bus: Bus, patience: float) -> tuple[NodeHeard, ...]:
-    """The nodes of a bus that answer within ``patience`` (s); LinkError if it is out of reach."""
-    if why := bus_trouble(bus):
+def scan_nodes(bus: Bus, timeout_s: float) -> tuple[DetectedNode, ...]:
+    """Return the nodes that answer within ``timeout_s``; LinkError if the bus is out of reach."""
+    if why := bus_problem(bus):
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
     service = Service(bus)
     try:
-        return tuple(NodeHeard(node, service.identity(node)) for node in service.scan(patience))
+        return tuple(DetectedNode(node, service.identity(node)) for node in service.scan(timeout_s))
     finally:
         service.close()
 
 
-def heard(bus: Bus, patience: float) -> tuple[int, ...]:
-    """The nodes of a bus that send by themselves within ``patience`` (s); nothing is sent to them.
+def listen_for_nodes(bus: Bus, timeout_s: float) -> tuple[int, ...]:
+    """Return the nodes of a bus that send by themselves within ``timeout_s``; send nothing.
 
     LinkError if the bus is out of reach, or can only be opened by sending to its adapter.
     """
-    if why := unheard(bus) or bus_trouble(bus):
+    if why := listening_problem(bus) or bus_problem(bus):
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
     service = Service(bus)
     try:
-        return service.scan(patience, ask=False)
+        return service.scan(timeout_s, ask=False)
     finally:
         service.close()
 
 
-def units(settings: Tcp | Rtu, numbers: Sequence[int], register: int) -> Iterator[UnitAsked]:
-    """Ask unit after unit for one holding register; GoneError if the line cannot be opened."""
+def scan_units(
+    settings: Tcp | Rtu, numbers: Sequence[int], register: int
+) -> Iterator[UnitResponse]:
+    """Read one holding register of each unit in turn; GoneError if the line cannot be opened."""
     if isinstance(settings, Rtu):
-        if why := port_trouble(settings.port):
+        if why := port_problem(settings.port):
             raise GoneError(f"{settings.port} {why}")
-    elif why := tcp_trouble(settings.host, settings.port):
+    elif why := tcp_problem(settings.host, settings.port):
         raise GoneError(f"{settings.host}:{settings.port}: {why}")
     line = Line(settings)
     try:
         for unit in numbers:
-            yield _asked(line, Block(unit, "holding", register, 1, ()))
+            yield _request_register(line, Block(unit, "holding", register, 1, ()))
             if isinstance(settings, Tcp):  # a silent unit costs the connection, and a pause
                 line.close()
                 line = Line(settings)
@@ -85,17 +92,17 @@ def units(settings: Tcp | Rtu, numbers: Sequence[int], register: int) -> Iterato
         line.close()
 
 
-def _asked(line: Line, block: Block) -> UnitAsked:
+def _request_register(line: Line, block: Block) -> UnitResponse:
     began = time.monotonic()
-    answers, said = True, ""
+    answers, answer = True, ""
     try:
         (value,) = line.read(block)
-        said = f"register {block.first} reads {value} ({value:#06x})"
+        answer = f"register {block.first} reads {value} ({value:#06x})"
     except RefusedError as error:
-        answers = error.code not in _BEHIND_NOTHING
-        said = f"exception {error.code}, {EXCEPTIONS.get(error.code, MAKERS_OWN)}"
+        answers = error.code not in _GATEWAY_EXCEPTIONS
+        answer = f"exception {error.code}, {EXCEPTIONS.get(error.code, MAKERS_OWN)}"
     except GoneError:
         raise
     except LineError:
         answers = False
-    return UnitAsked(block.unit, answers, time.monotonic() - began, said if answers else "")
+    return UnitResponse(block.unit, answers, time.monotonic() - began, answer if answers else "")

@@ -1,4 +1,4 @@
-"""A look at the servo drive that writes nothing: its name, its status, its current."""
+"""Survey of the servo drive: read its name, status and current without writing anything."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from rig.execution.hardware.streams import servo_settings
 
 
 class ServoIdentity(NamedTuple):
-    """What the drive said."""
+    """Identity and state as the drive reports them."""
 
     name: str
     status: objects.Status
@@ -18,33 +18,33 @@ class ServoIdentity(NamedTuple):
     error: int  # its number; `objects.NO_ERROR` for none
 
 
-class ServoLook:
-    """The conversation of one look; over when `told` is there."""
+class ServoIdentification:
+    """The conversation of one survey; finished when `identity` is set."""
 
-    def __init__(self, told: dict[str, Any]) -> None:
-        """``told``: as `rig.execution.hardware.streams.servo` takes it.
+    def __init__(self, config: dict[str, Any]) -> None:
+        """``config``: as for `rig.execution.hardware.streams.servo_stream`.
 
-        CodecError for what cannot be.
+        CodecError for impossible values.
         """
-        settings = servo_settings(told)
+        settings = servo_settings(config)
         channels = (settings.status, *settings.actual)
-        self.told: ServoIdentity | None = None
+        self.identity: ServoIdentity | None = None
         self.requests = Requests(
             settings.name, settings.address, settings.identity, settings.timing
         )
         self._name = settings.name
-        self._parts = (channels, (settings.error,))
-        self._questions = tuple(objects.ask(one, settings.address) for one in self._parts)
+        self._channels = (channels, (settings.error,))
+        self._requests = tuple(objects.ask(one, settings.address) for one in self._channels)
         self._values: list[float] = []
         self._refused = ""
 
     def opened(self, now: float) -> None:
-        """Begin with its name."""
+        """Begin with the request for the drive's name."""
         self.requests.opened(now)
         self._values = []
 
     def take(self, data: bytes, now: float) -> None:
-        """An answer, or a part of one."""
+        """Process an answer or a part of one."""
         answer = self.requests.take(data, now)
         if answer is None:
             return
@@ -52,23 +52,23 @@ class ServoLook:
             self._refused = f"actual values refused: {objects.error_name(code)}"
             return
         try:
-            self._values += objects.actual_values(self._parts[1 if self._values else 0], answer)
+            self._values += objects.actual_values(self._channels[1 if self._values else 0], answer)
             if len(self._values) == 3:
-                word, current, error = self._values
-                status = objects.status(word)
-                self.told = ServoIdentity(self.requests.name, status, current, int(error))
+                status_word, current, error = self._values
+                status = objects.status(status_word)
+                self.identity = ServoIdentity(self.requests.name, status, current, int(error))
         except CodecError as error:
             self._values = []
             self.requests.doubt(now, str(error))
 
     def speak(self, now: float) -> bytes:
-        """The next question."""
-        said = self.requests.upkeep(now, b"")
-        if said or not self.requests.free or self.told is not None or self._refused:
-            return said
-        return self.requests.ask(self._questions[1 if self._values else 0], now)
+        """Return the next request."""
+        data = self.requests.upkeep(now, b"")
+        if data or not self.requests.free or self.identity is not None or self._refused:
+            return data
+        return self.requests.ask(self._requests[1 if self._values else 0], now)
 
     def explain(self, now: float) -> str:
-        """Why there is nothing, or what it says of itself."""
+        """Return why there is no identity; empty if nothing is wrong."""
         trouble = self.requests.trouble or self._refused
         return f"{self._name}: {trouble}" if trouble else ""

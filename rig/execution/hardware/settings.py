@@ -1,4 +1,4 @@
-"""What the supervisor hands to the loop process for the devices of a wired WaveBot."""
+"""The settings of a wired WaveBot's devices, which the supervisor sends to the loop process."""
 
 from typing import NamedTuple
 
@@ -6,15 +6,15 @@ from drivers.canopen.position_actuator import Settings as ActuatorSettings
 from drivers.canopen.torque_axis import Settings as AxisSettings
 
 
-class Config(NamedTuple):
-    """Constants of the devices; the drives' scales are still to come from the drives."""
+class WaveBotDeviceSettings(NamedTuple):
+    """Constants of the devices; the current scales are read from the drives later."""
 
     own_node: int
-    heartbeat: float  # s between ours
-    health_age: float  # s, age from which the service beside the loop counts as lost
-    heartbeat_lost: float  # s without a node's heartbeat
+    heartbeat: float  # s between the loop's own heartbeats
+    health_age: float  # s, age of the health messages from which the service process counts as lost
+    heartbeat_lost: float  # s without a node's heartbeat until it counts as lost
     actuator_divider: int
-    trigger_every: int  # ticks between two posts of the outputs
+    trigger_divider: int  # ticks between two posts of the outputs
     heave: AxisSettings
     surge: AxisSettings
     stator: ActuatorSettings

@@ -1,6 +1,6 @@
-"""One device of the bench kept in conversation beside the loop; its last word lies in a mailbox.
+"""The I/O process that converses with one device of the bench and posts its last message.
 
-Its values age when it falls silent, and the loop stops for that; what is wrong is said here.
+When the device falls silent, its values age and the loop stops for that; this process reports why.
 """
 
 import time
@@ -9,83 +9,85 @@ from typing import Any
 
 from drivers.conversation import Exchange
 from drivers.errors import CodecError, LinkError
-from rig.execution.hardware.messages import SLOTS
-from rig.execution.hardware.streams import Stream, made
-from rig.processes.io_process import report, run, until_ended
+from rig.execution.hardware.messages import MESSAGE_TYPES
+from rig.execution.hardware.streams import Stream, create_stream
+from rig.processes.io_process import end_condition, report_event, run_io_process
 from rig.processes.mailbox import Mailbox
 from rig.realtime import scheduling
 
-PAUSE = 0.0004  # s between two looks at the line
-YOUNG = 0.5  # s: a device that has said something so lately is there
-READY = 5.0  # s in which it must be
-LEAVE = 0.3  # s in which the last word goes out
-_TELL = 5.0  # s between two lines about a trouble that comes and goes
+PAUSE_S = 0.0004  # s between two turns on the line
+MAX_READY_AGE_S = 0.5  # s, age of a first message that makes the device ready
+READY_TIMEOUT_S = 5.0  # s until the device must be ready
+RELEASE_S = 0.3  # s in which the last command goes out
+_REPORT_INTERVAL_S = 5.0  # s between two messages about an intermittent problem
 
-Ended = Callable[[], bool]
+EndCondition = Callable[[], bool]
 
 
 def converse(job: dict[str, Any]) -> None:
-    """Serve one device until terminated, or until the loop has ended."""
+    """Serve one device until terminated or until the loop has ended."""
     config = job["config"]
-    slots = {name: Mailbox(fd, SLOTS[name]) for name, fd in job["mailboxes"].items()}
+    slots = {name: Mailbox(fd, MESSAGE_TYPES[name]) for name, fd in job["mailboxes"].items()}
     try:
-        stream = made(config["kind"], config["told"], slots)
+        stream = create_stream(config["kind"], config["settings"], slots)
         stream.link.open()
     except (CodecError, LinkError) as error:
-        report(event="refused", why=str(error))
+        report_event(event="refused", why=str(error))
         return
     if refused := scheduling.acquire_for_io():
-        report(event="say", text=f"no priority over other work: {refused}")
-    ended = until_ended(job["lifeline"])
-    exchange, slot = Exchange(stream.link, stream.talk), slots[config["kind"]]
+        report_event(event="message", text=f"no priority over other work: {refused}")
+    ended = end_condition(job["lifeline"])
+    exchange, slot = Exchange(stream.link, stream.conversation), slots[config["kind"]]
     try:
-        if _until_there(stream, exchange, slot, ended):
+        if _wait_until_ready(stream, exchange, slot, ended):
             _serve(stream, exchange, slot, ended)
-        _leave(stream, exchange)
+        _release(stream, exchange)
     finally:
         stream.link.close()
 
 
-def _until_there(stream: Stream, exchange: Exchange, slot: Mailbox, ended: Ended) -> bool:
-    """Converse until the device has said something; False if it does not, or if it is time."""
-    until = time.monotonic() + READY
+def _wait_until_ready(
+    stream: Stream, exchange: Exchange, slot: Mailbox, ended: EndCondition
+) -> bool:
+    """Converse until the device has sent a message; False after the time-out or at the end."""
+    until = time.monotonic() + READY_TIMEOUT_S
     while not ended():
         now = exchange.turn()
-        word = stream.tell(now)
-        if word is not None and now - word.stamp < YOUNG:
-            slot.post(word)
-            report(event="ready")
+        message = stream.read_message(now)
+        if message is not None and now - message.stamp < MAX_READY_AGE_S:
+            slot.post(message)
+            report_event(event="ready")
             return True
         if now > until:
-            said = stream.talk.explain(now) or stream.link.trouble
-            report(event="refused", why=f"{stream.link.name}: {said}")
+            problem = stream.conversation.explain(now) or stream.link.trouble
+            report_event(event="refused", why=f"{stream.link.name}: {problem}")
             return False
-        time.sleep(PAUSE)
+        time.sleep(PAUSE_S)
     return False
 
 
-def _serve(stream: Stream, exchange: Exchange, slot: Mailbox, ended: Ended) -> None:
-    told, trouble = -_TELL, ""
+def _serve(stream: Stream, exchange: Exchange, slot: Mailbox, ended: EndCondition) -> None:
+    last_report, last_problem = -_REPORT_INTERVAL_S, ""
     while not ended():
-        stream.hear(time.monotonic())
+        stream.forward_command(time.monotonic())
         now = exchange.turn()
-        word = stream.tell(now)
-        if word is not None:
-            slot.post(word)
-        said = stream.link.trouble or stream.talk.explain(now)
-        if said != trouble and (not said or now - told >= _TELL):
-            report(event="say", text=said or "all is well again")
-            told, trouble = now, said
-        time.sleep(PAUSE)
+        message = stream.read_message(now)
+        if message is not None:
+            slot.post(message)
+        problem = stream.link.trouble or stream.conversation.explain(now)
+        if problem != last_problem and (not problem or now - last_report >= _REPORT_INTERVAL_S):
+            report_event(event="message", text=problem or "the device works again")
+            last_report, last_problem = now, problem
+        time.sleep(PAUSE_S)
 
 
-def _leave(stream: Stream, exchange: Exchange) -> None:
-    """The device is let go, as far as a word can do it."""
-    until = time.monotonic() + LEAVE
+def _release(stream: Stream, exchange: Exchange) -> None:
+    """Send the device the commands that release it before the line is closed."""
+    until = time.monotonic() + RELEASE_S
     while (now := exchange.turn()) < until and stream.link.is_open:
-        stream.leave(now)
-        time.sleep(PAUSE)
+        stream.release(now)
+        time.sleep(PAUSE_S)
 
 
 if __name__ == "__main__":
-    run(converse)
+    run_io_process(converse)

@@ -1,7 +1,7 @@
-"""The bench's devices that speak by themselves or are spoken to byte by byte.
+"""The bench's devices that send by themselves or are addressed byte by byte.
 
-Each is made of what the rig file says of it, as JSON values, and of the few scales that stand
-elsewhere in that file.
+Each stream is created from the device's part of the rig file, as JSON values, and from the few
+scales that are elsewhere in that file.
 """
 
 import math
@@ -24,163 +24,182 @@ from drivers.serial_link import SerialLink
 from drivers.serial_link import Settings as SerialSettings
 from drivers.udp_link import Settings as UdpSettings
 from drivers.udp_link import UdpLink
-from rig.execution.hardware.messages import Encoders, Load, SetPoint
-from rig.execution.hardware.messages import Servo as ServoWord
+from rig.execution.hardware.messages import (
+    EncodersMessage,
+    ServoMessage,
+    SetPointMessage,
+    WrenchMessage,
+)
 from rig.processes.mailbox import Mailbox
 
-NEVER = 1e8  # s: older is what has never come
+NEVER_AGE_S = 1e8  # s: a value that never came is older
 _BITS = {"net_ft": net_ft.NET_FT_BITS, "axia": net_ft.AXIA_BITS}
 
 
 class Stream(NamedTuple):
-    """One device, its wire, and what it and the loop tell each other."""
+    """One device: its wire, its protocol, and its messages from and to the loop."""
 
     link: SerialLink | UdpLink
-    talk: Conversation
-    tell: Callable[[float], Any]  # its word at a time (s); None before there is one
-    hear: Callable[[float], None]  # take the loop's word
-    leave: Callable[[float], None]  # what must be wanted before the line is given back
+    conversation: Conversation
+    read_message: Callable[[float], Any]  # the device's message at a time (s); None: none yet
+    forward_command: Callable[[float], None]  # send the loop's last command on at a time (s)
+    release: Callable[[float], None]  # command that must go out before the line is closed
 
 
-def _nothing(now: float) -> None:
-    """A device that is told nothing."""
+def _do_nothing(now: float) -> None:
+    """Send nothing: the device takes no commands."""
 
 
-def made(kind: str, told: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
-    """The stream of a companion; CodecError for what cannot be."""
-    return {"encoders": encoders, "servo": servo, "load_cell": load_cell}[kind](told, slots)
+def create_stream(kind: str, settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
+    """Return the stream of an I/O process or the loop; CodecError for impossible settings."""
+    return {"encoders": encoder_stream, "servo": servo_stream, "load_cell": load_cell_stream}[kind](
+        settings, slots
+    )
 
 
-def encoders(told: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
-    """The bridge; ``told`` has beside its wiring `motor_counts` and `shaft_counts` of one turn."""
-    motor, shaft = told["motor_counts"], told["shaft_counts"]
+def encoder_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
+    """Return the stream of the encoder bridge.
+
+    ``settings``: its wiring, and `motor_counts` and `shaft_counts` of one turn.
+    """
+    motor, shaft = settings["motor_counts"], settings["shaft_counts"]
     reader = BridgeReader(
         bridge_reader.Settings(
             "encoder bridge",
-            _encoder(told["motor"], motor),
-            _encoder(told["shaft"], shaft),
-            told["least_delay_s"],
-            told["window_s"],
-            told["silent_s"],
+            _encoder_channel(settings["motor"], motor),
+            _encoder_channel(settings["shaft"], shaft),
+            settings["least_delay_s"],
+            settings["window_s"],
+            settings["silent_s"],
         )
     )
     per_motor, per_shaft = motor / math.tau, shaft / math.tau
 
-    def tell(now: float) -> Encoders | None:
+    def read_message(now: float) -> EncodersMessage | None:
         one, other = reader.read(now)
         age = max(one.age, other.age)
-        if age > NEVER:
+        if age > NEVER_AGE_S:
             return None
-        return Encoders(round(one.angle * per_motor), round(other.angle * per_shaft), now - age)
+        return EncodersMessage(
+            round(one.angle * per_motor), round(other.angle * per_shaft), now - age
+        )
 
-    return Stream(_serial("encoder bridge", told), reader, tell, _nothing, _nothing)
-
-
-def _encoder(told: dict[str, Any], counts: int) -> bridge_reader.Channel:
-    turns = unwrap.Params(counts, told["most_rad_per_s"], told["slack_counts"])
-    return bridge_reader.Channel(Protocol[told["protocol"]], turns, float(told["direction"]))
-
-
-def servo(told: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
-    """The servo drive; ``told`` has beside its wiring the `loop`: velocity or torque.
-
-    Only a word of the loop that was not taken yet renews the set-point: a loop that is gone takes
-    the drive down.
-    """
-    drive = Servo(servo_settings(told))
-    torque, wanted = told["loop"] == "torque", slots.get("set_point")
-    last = -math.inf
-
-    def tell(now: float) -> ServoWord | None:
-        said = drive.read(now)
-        if said.age > NEVER:
-            return None
-        return ServoWord(said.values[0], said.acting, said.error, now - said.age)
-
-    def hear(now: float) -> None:
-        nonlocal last
-        word: SetPoint | None = wanted.read() if wanted is not None else None
-        if word is not None and word.stamp > last:
-            last = word.stamp
-            drive.command(word.torque if torque else word.velocity, word.enable, now)
-
-    def leave(now: float) -> None:
-        drive.command(0.0, 0, now)
-
-    return Stream(_serial("servo drive", told), drive, tell, hear, leave)
-
-
-def servo_settings(told: dict[str, Any]) -> servo_signals.Settings:
-    """What the conversation with the drive is told."""
-    torque = told["loop"] == "torque"
-    return servo_signals.Settings(
-        "servo drive",
-        address_of(told),
-        told["identity"],
-        channel(told["control"]),
-        told["enabled_word"],
-        channel(told["status"]),
-        channel(told["error"]),
-        channel(told["torque" if torque else "velocity"]),
-        (channel(told["current"]),),
-        told["most_n_m" if torque else "most_rad_per_s"],
-        told["expiry_s"],
-        told["stale_s"],
-        told["rising_s"],
-        Timing(told["answer_s"], told["quiet_s"]),
+    return Stream(
+        _serial_link("encoder bridge", settings), reader, read_message, _do_nothing, _do_nothing
     )
 
 
-def address_of(told: dict[str, Any]) -> int:
-    """The drive's address on its line."""
-    return NO_ADDRESS if told["address"] is None else int(told["address"])
+def _encoder_channel(settings: dict[str, Any], counts: int) -> bridge_reader.Channel:
+    turns = unwrap.Params(counts, settings["most_rad_per_s"], settings["slack_counts"])
+    return bridge_reader.Channel(
+        Protocol[settings["protocol"]], turns, float(settings["direction"])
+    )
 
 
-def channel(told: dict[str, Any]) -> Channel:
-    """How a quantity stands in the drive."""
-    return Channel(Object(told["index"], told["sub"]), Form[told["form"]], told["per_unit"])
+def servo_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
+    """Return the stream of the servo drive.
+
+    ``settings``: its wiring, and the `loop` (velocity or torque). Only a new message of the loop
+    renews the set-point: without the loop the drive is switched off.
+    """
+    drive = Servo(servo_settings(settings))
+    torque, slot = settings["loop"] == "torque", slots.get("set_point")
+    last = -math.inf
+
+    def read_message(now: float) -> ServoMessage | None:
+        reading = drive.read(now)
+        if reading.age > NEVER_AGE_S:
+            return None
+        return ServoMessage(reading.values[0], reading.acting, reading.error, now - reading.age)
+
+    def forward_command(now: float) -> None:
+        nonlocal last
+        message: SetPointMessage | None = slot.read() if slot is not None else None
+        if message is not None and message.stamp > last:
+            last = message.stamp
+            drive.command(message.torque if torque else message.velocity, message.enable, now)
+
+    def release(now: float) -> None:
+        drive.command(0.0, 0, now)
+
+    return Stream(
+        _serial_link("servo drive", settings), drive, read_message, forward_command, release
+    )
 
 
-def load_cell(told: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
-    """The load cell; its stream begins with a stop, whoever had it before."""
+def servo_settings(settings: dict[str, Any]) -> servo_signals.Settings:
+    """Return the settings of the conversation with the drive."""
+    torque = settings["loop"] == "torque"
+    return servo_signals.Settings(
+        "servo drive",
+        drive_address(settings),
+        settings["identity"],
+        drive_channel(settings["control"]),
+        settings["enabled_word"],
+        drive_channel(settings["status"]),
+        drive_channel(settings["error"]),
+        drive_channel(settings["torque" if torque else "velocity"]),
+        (drive_channel(settings["current"]),),
+        settings["most_n_m" if torque else "most_rad_per_s"],
+        settings["expiry_s"],
+        settings["stale_s"],
+        settings["rising_s"],
+        Timing(settings["answer_s"], settings["quiet_s"]),
+    )
+
+
+def drive_address(settings: dict[str, Any]) -> int:
+    """Return the drive's address on its line."""
+    return NO_ADDRESS if settings["address"] is None else int(settings["address"])
+
+
+def drive_channel(settings: dict[str, Any]) -> Channel:
+    """Return the object, format and scale of a quantity in the drive."""
+    return Channel(
+        Object(settings["index"], settings["sub"]), Form[settings["form"]], settings["per_unit"]
+    )
+
+
+def load_cell_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
+    """Return the stream of the load cell; it begins with a stop of any earlier stream."""
     reader = NetReader(
         net_reader.Settings(
             "load cell",
             wrench.scale(
-                told["counts_per_force"],
-                told["counts_per_torque"],
-                told["force_unit"],
-                told["torque_unit"],
+                settings["counts_per_force"],
+                settings["counts_per_torque"],
+                settings["force_unit"],
+                settings["torque_unit"],
             ),
-            _BITS[told["model"]],
+            _BITS[settings["model"]],
             0,
-            told["rate_hz"],
-            told["quiet_s"],
-            told["silence_s"],
+            settings["rate_hz"],
+            settings["quiet_s"],
+            settings["silence_s"],
         )
     )
-    turned = -1.0 if told["turned_over"] else 1.0
+    sign = -1.0 if settings["turned_over"] else 1.0
 
-    def tell(now: float) -> Load | None:
+    def read_message(now: float) -> WrenchMessage | None:
         (fx, fy, fz, tx, ty, tz), age, _, _, _ = reader.read(now)
-        if age > NEVER:
+        if age > NEVER_AGE_S:
             return None
-        return Load(fx, turned * fy, turned * fz, tx, turned * ty, turned * tz, now - age)
+        return WrenchMessage(fx, sign * fy, sign * fz, tx, sign * ty, sign * tz, now - age)
 
-    link = UdpLink(UdpSettings("load cell", told["host"], told["port"]))
-    return Stream(link, reader, tell, _nothing, _nothing)
+    link = UdpLink(UdpSettings("load cell", settings["host"], settings["port"]))
+    return Stream(link, reader, read_message, _do_nothing, _do_nothing)
 
 
-def _serial(device: str, told: dict[str, Any]) -> SerialLink:
+def _serial_link(device: str, settings: dict[str, Any]) -> SerialLink:
     return SerialLink(
         SerialSettings(
             device,
-            told["port"],
-            told["baud"],
-            told["parity"],
-            told["stop_bits"],
-            int(told["rts_cts"]),
-            int(told["echo"]),
-            int(told["low_latency"]),
+            settings["port"],
+            settings["baud"],
+            settings["parity"],
+            settings["stop_bits"],
+            int(settings["rts_cts"]),
+            int(settings["echo"]),
+            int(settings["low_latency"]),
         )
     )

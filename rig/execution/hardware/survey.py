@@ -1,4 +1,7 @@
-"""Who answers on a rig's wires, and whether what must stand there does. It only reads."""
+"""Survey of a rig's wires: the devices that answer, and whether their objects are as required.
+
+The survey only reads.
+"""
 
 import time
 from collections.abc import Iterator
@@ -10,62 +13,63 @@ from drivers.canopen.bus_settings import Bus
 from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Health, Identity, Service
-from rig.execution.hardware.job import Job
-from rig.execution.hardware.line_survey import LineFound, look_at_line, unit_troubles
-from rig.execution.hardware.wire_check import bus_trouble
+from rig.execution.hardware.job import WaveBotJob
+from rig.execution.hardware.line_survey import LineSurvey, survey_line, unit_troubles
+from rig.execution.hardware.wire_check import bus_problem
 
-SCAN = 0.4  # s in which every node of the bus has answered a first question
-_BEATS = 2.5  # periods of a heartbeat in which one must have come
-_LONGEST = 3.0  # s that are waited for heartbeats
-_LOOK, _PATIENCE = 0.02, 2.0  # s; for one answer: beside a run it waits behind process data
-_MASTER_LOST = 0x11  # generic and communication, in the error register
+SCAN_TIMEOUT_S = 0.4  # s in which every node of the bus must answer the first request
+_HEARTBEAT_PERIODS = 2.5  # periods in which a heartbeat must come
+_MAX_HEARTBEAT_WAIT_S = 3.0  # s of waiting for heartbeats
+_POLL_INTERVAL_S = 0.02  # s
+_ANSWER_TIMEOUT_S = 2.0  # s for one answer, which waits for process data during a run
+_MASTER_LOST_BITS = 0x11  # generic and communication, in the error register
 
 
-class NodeFound(NamedTuple):
-    """One node of the rig; None for what it did not give."""
+class NodeSurvey(NamedTuple):
+    """The survey of one node of the rig; None for values that it did not give."""
 
     name: str
     node: int
     answers: bool
     identity: Identity
-    nmt: int | None  # `heartbeat.Nmt`, as its heartbeat says; None: none came
+    nmt: int | None  # `heartbeat.Nmt` in its heartbeat; None: none came
     heartbeat_age: float | None  # s
     heartbeat_every: float | None  # s, 0x1017; 0: it sends none
     error_code: int | None  # 0x603F
     statusword: int | None  # 0x6041
-    emergency: int  # code of the last one that came while it was looked at
-    checked: int  # objects that were read and compared
-    wrong: tuple[Mismatch, ...]  # of those no run writes: it would be refused
-    unset: tuple[Mismatch, ...]  # of those every run writes before it arms
+    emergency: int  # code of the last emergency during the survey
+    checked: int  # number of compared objects
+    wrong: tuple[Mismatch, ...]  # objects that no run writes: a run would be refused
+    unset: tuple[Mismatch, ...]  # objects that every run writes before it arms
     trouble: tuple[str, ...]
 
     @property
-    def waits(self) -> bool:
-        """Whether all it misses is its master: so every run leaves it behind."""
-        only = (self.identity.error_register or 0) & ~_MASTER_LOST == 0
+    def waits_for_master(self) -> bool:
+        """Whether its only error is the lost master, as after every run."""
+        only = (self.identity.error_register or 0) & ~_MASTER_LOST_BITS == 0
         return only and not self.error_code and self.statusword is not None
 
 
-class BusFound(NamedTuple):
-    """The CAN bus."""
+class BusSurvey(NamedTuple):
+    """The survey of the CAN bus."""
 
     bus: Bus
     load: float  # of a run, in the worst case, 0 to 1
-    trouble: str  # why nobody could be asked
-    nodes: tuple[NodeFound, ...]
-    strangers: tuple[int, ...]  # nodes that are not in the rig file
+    trouble: str  # why the bus is out of reach; empty: it is not
+    nodes: tuple[NodeSurvey, ...]
+    unexpected_nodes: tuple[int, ...]  # not in the rig file
 
 
-class Found(NamedTuple):
-    """All wires of a rig."""
+class RigSurvey(NamedTuple):
+    """The survey of all wires of a rig."""
 
-    can: BusFound
-    lines: tuple[LineFound, ...]
-    at: float  # s, monotonic, when all had been looked at
+    can: BusSurvey
+    lines: tuple[LineSurvey, ...]
+    at: float  # s, monotonic, end of the survey
 
     @property
     def trouble(self) -> tuple[str, ...]:
-        """Everything that does not answer or does not agree; empty if all is well."""
+        """Every device that does not answer or differs from the rig file; empty: none."""
         return tuple(self._trouble())
 
     def _trouble(self) -> Iterator[str]:
@@ -78,122 +82,132 @@ class Found(NamedTuple):
             yield from unit_troubles(line)
 
 
-def survey(job: Job) -> Found:
-    """Look at every wire of a rig's job; what cannot be reached is told, never raised."""
+def survey(job: WaveBotJob) -> RigSurvey:
+    """Survey every wire of a rig's job; a wire out of reach is reported, no error is raised."""
     can = None
     lines = []
-    for companion in job.io_processes:
-        if companion.module == "rig.execution.hardware.can_service":
-            can = _bus(companion.config, job.load.total)
+    for process in job.io_processes:
+        if process.module == "rig.execution.hardware.can_service":
+            can = _survey_bus(process.config, job.load.total)
         else:
-            lines.append(look_at_line(companion.name.removeprefix("line "), companion.config))
+            lines.append(survey_line(process.name.removeprefix("line "), process.config))
     assert can is not None
-    return Found(can, tuple(lines), time.monotonic())
+    return RigSurvey(can, tuple(lines), time.monotonic())
 
 
-def _bus(config: dict[str, Any], load: float) -> BusFound:
+def _survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
     interface, channel, bit_rate, options = config["bus"]
     bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]
-    absent = tuple(_silent(one) for one in nodes)
-    if why := bus_trouble(bus):
-        return BusFound(bus, load, why, absent, ())
+    absent = tuple(_silent_node(node_settings) for node_settings in nodes)
+    if why := bus_problem(bus):
+        return BusSurvey(bus, load, why, absent, ())
     try:
-        service = Service(bus, _PATIENCE)
+        service = Service(bus, _ANSWER_TIMEOUT_S)
     except LinkError as error:
-        return BusFound(bus, load, str(error), absent, ())
+        return BusSurvey(bus, load, str(error), absent, ())
     try:
-        for one in nodes:
-            service.watch(one["node"])
-        strangers = set(service.scan(SCAN)) - {one["node"] for one in nodes}
+        for node_settings in nodes:
+            service.watch(node_settings["node"])
+        strangers = set(service.scan(SCAN_TIMEOUT_S)) - {
+            node_settings["node"] for node_settings in nodes
+        }
         service.narrow()
-        found = [_node(service, one) for one in nodes]
-        _hear(service, found)
+        found = [_survey_node(service, node_settings) for node_settings in nodes]
+        _wait_for_heartbeats(service, found)
         health, now = service.health(), time.monotonic()
-        found = [_with_health(one, health[one.node], now) for one in found]
+        found = [_with_health(node, health[node.node], now) for node in found]
     except LinkError as error:
-        return BusFound(bus, load, str(error), absent, ())
+        return BusSurvey(bus, load, str(error), absent, ())
     finally:
         service.close()
-    return BusFound(bus, load, "", tuple(found), tuple(sorted(strangers)))
+    return BusSurvey(bus, load, "", tuple(found), tuple(sorted(strangers)))
 
 
-def _silent(one: dict[str, Any]) -> NodeFound:
-    nobody = Identity(None, None, None, None, None, None, None)
-    return NodeFound(
-        one["name"], one["node"], False, nobody, None, None, None, None, None, 0, 0, (), (),
-        ("does not answer",),
+def _silent_node(settings: dict[str, Any]) -> NodeSurvey:
+    unknown = Identity(None, None, None, None, None, None, None)
+    return NodeSurvey(
+        settings["name"], settings["node"], False, unknown, None, None, None, None, None, 0, 0,
+        (), (), ("does not answer",),
     )  # fmt: skip
 
 
-def _node(service: Service, one: dict[str, Any]) -> NodeFound:
-    """Ask one node for everything; heartbeats are still to come."""
-    node, found = one["node"], _silent(one)
+def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
+    """Read all objects of one node; its heartbeat is added later."""
+    node, found = settings["node"], _silent_node(settings)
     if service.read(node, 0x1000, 0, "u32") is None:
         return found
-    steps = tuple(Step(*step) for step in one["steps"])
-    wanted = arming.read_back(steps)
-    answers = {(s.object, s.sub): service.read(node, s.object, s.sub, s.type) for s in wanted}
-    verified = {(s.object, s.sub) for s in wanted if s.access == Access.VERIFY}
-    differing = arming.compare(steps, answers)
-    wrong = tuple(m for m in differing if (m.object, m.sub) in verified)
-    every = service.read(node, 0x1017, 0, "u16")
+    steps = tuple(Step(*step) for step in settings["steps"])
+    verified_objects = arming.read_back(steps)
+    answers = {
+        (s.object, s.sub): service.read(node, s.object, s.sub, s.type) for s in verified_objects
+    }
+    verified = {(s.object, s.sub) for s in verified_objects if s.access == Access.VERIFY}
+    mismatches = arming.compare(steps, answers)
+    wrong = tuple(m for m in mismatches if (m.object, m.sub) in verified)
+    heartbeat_ms = service.read(node, 0x1017, 0, "u16")
     found = found._replace(
         answers=True,
         identity=service.identity(node),
-        heartbeat_every=None if every is None else 1e-3 * every,
+        heartbeat_every=None if heartbeat_ms is None else 1e-3 * heartbeat_ms,
         error_code=service.read(node, 0x603F, 0, "u16"),
         statusword=service.read(node, 0x6041, 0, "u16"),
-        checked=len(wanted),
+        checked=len(verified_objects),
         wrong=wrong,
-        unset=tuple(m for m in differing if (m.object, m.sub) not in verified),
+        unset=tuple(m for m in mismatches if (m.object, m.sub) not in verified),
     )
-    lacking = [
+    missing_facts = [
         f"does not give {name}, without which its command has no scale"
-        for name, index, sub, kind in one["facts"]
+        for name, index, sub, kind in settings["facts"]
         if service.read(node, index, sub, kind) is None
     ]
     return found._replace(
-        trouble=(*_at_fault(found), *arming.refusal(wrong).splitlines(), *lacking)
+        trouble=(*_fault_texts(found), *arming.refusal(wrong).splitlines(), *missing_facts)
     )
 
 
-def _at_fault(found: NodeFound) -> Iterator[str]:
+def _fault_texts(found: NodeSurvey) -> Iterator[str]:
     code, register = found.error_code or 0, found.identity.error_register or 0
     if code:
         yield f"reports error {code:#06x}, {emcy.meaning(code)}"
-    elif register and not found.waits:
-        yield f"has error register {register:#04x}, {register_words(register)}"
-    word = found.statusword
-    if word is None:
+    elif register and not found.waits_for_master:
+        yield f"has error register {register:#04x}, {error_register_text(register)}"
+    status_word = found.statusword
+    if status_word is None:
         yield "gives no statusword 0x6041"
-    elif not code and statusword.decode(word) in (statusword.FAULT, statusword.FAULT_REACTION):
-        yield f"is in fault: {statusword.describe(word)}"
+    elif not code and statusword.decode(status_word) in (
+        statusword.FAULT,
+        statusword.FAULT_REACTION,
+    ):
+        yield f"is in fault: {statusword.describe(status_word)}"
 
 
-def register_words(register: int) -> str:
-    """The bits of an error register 0x1001 that are set."""
+def error_register_text(register: int) -> str:
+    """Return the names of the set bits of an error register 0x1001."""
     return ", ".join(name for bit, name in enumerate(emcy.REGISTER) if register >> bit & 1)
 
 
-def _hear(service: Service, nodes: list[NodeFound]) -> None:
-    """Wait until every node that sends heartbeats has sent one, but not for ever."""
+def _wait_for_heartbeats(service: Service, nodes: list[NodeSurvey]) -> None:
+    """Wait until every node that sends heartbeats has sent one, or until a time-out."""
     until = {
-        one.node: time.monotonic() + min(_LONGEST, _BEATS * one.heartbeat_every)
-        for one in nodes
-        if one.heartbeat_every
+        node.node: time.monotonic()
+        + min(_MAX_HEARTBEAT_WAIT_S, _HEARTBEAT_PERIODS * node.heartbeat_every)
+        for node in nodes
+        if node.heartbeat_every
     }
     while until and time.monotonic() < max(until.values()):
         health = service.health()
         until = {node: end for node, end in until.items() if health[node].nmt < 0}
-        time.sleep(_LOOK)
+        time.sleep(_POLL_INTERVAL_S)
 
 
-def _with_health(found: NodeFound, health: Health, now: float) -> NodeFound:
+def _with_health(found: NodeSurvey, health: Health, now: float) -> NodeSurvey:
     heard = health.nmt >= 0
     trouble = list(found.trouble)
     if found.heartbeat_every and not heard:
-        trouble.append(f"sends no heartbeat, though told to, every {found.heartbeat_every:g} s")
+        trouble.append(
+            f"sends no heartbeat, though it is set up for one every {found.heartbeat_every:g} s"
+        )
     return found._replace(
         nmt=health.nmt if heard else None,
         heartbeat_age=now - health.heard if heard else None,

@@ -1,4 +1,4 @@
-"""The loop process of a rehearsal; the supervisor hands it a job on standard input."""
+"""The loop process of a rehearsal; the supervisor sends it a job on standard input."""
 
 from rig.execution.rehearsal.devices import connect
 from rig.kinds.wavebot import KIND

@@ -1,4 +1,4 @@
-"""Whether emulated devices can be where a rig's wires lead: on this host, and not taken."""
+"""Checks whether emulated devices can use a rig's addresses: on this host, and free."""
 
 import errno
 import os
@@ -14,79 +14,79 @@ from drivers.canopen.bus_settings import SOCKETCAND_PORT
 from rig.config.bench_wiring import BenchWiring
 from rig.config.wiring import CanBus, TcpLine, Wiring
 
-_PTS = 136  # first major number of pseudo-terminals
-_PROCESSES = ("rig.execution.rehearsal.emulation", "rig.execution.rehearsal.bench_emulation")
+_FIRST_PTS_MAJOR = 136  # first major number of pseudo-terminals
+_EMULATOR_MODULES = ("rig.execution.rehearsal.emulation", "rig.execution.rehearsal.bench_emulation")
 
 AnyWiring = Wiring | BenchWiring
 
 
-class _Ends(NamedTuple):
-    """Where all wires of a rig lead, each by its name."""
+class _WireAddresses(NamedTuple):
+    """The addresses of all wires of a rig, by name."""
 
     tcp: dict[str, tuple[str, int]]
     udp: dict[str, tuple[str, int]]
     serial: dict[str, str]
 
 
-def impossible(wiring: AnyWiring) -> tuple[str, ...]:
-    """Why these wires lead to no emulated device, each wire by its name; empty if all can."""
-    return tuple(_impossible(wiring))
+def unreachable_addresses(wiring: AnyWiring) -> tuple[str, ...]:
+    """Return why wires cannot lead to emulated devices, each wire by its name; empty if all can."""
+    return tuple(_find_unreachable(wiring))
 
 
-def taken(wiring: AnyWiring) -> tuple[str, ...]:
-    """Which addresses somebody has already, each by its name; empty if all are free."""
-    ends = _ends(wiring)
-    return tuple(_taken(ends))
+def occupied_addresses(wiring: AnyWiring) -> tuple[str, ...]:
+    """Return which addresses are occupied, each wire by its name; empty if all are free."""
+    addresses = _wire_addresses(wiring)
+    return tuple(_find_occupied(addresses))
 
 
 def can_address(bus: CanBus) -> tuple[str, int]:
-    """Host and port of a bus that is reached over TCP."""
+    """Return host and port of a bus that is reached over TCP."""
     host, port = bus.options.get("host", "127.0.0.1"), bus.options.get("port", SOCKETCAND_PORT)
     return str(host), int(port)
 
 
-def _ends(wiring: AnyWiring) -> _Ends:
-    ends = _Ends({}, {}, {})
+def _wire_addresses(wiring: AnyWiring) -> _WireAddresses:
+    addresses = _WireAddresses({}, {}, {})
     if isinstance(wiring, BenchWiring):
-        ends.serial.update(encoders=wiring.encoders.port, servo=wiring.servo.port)
-        ends.udp["load cell"] = wiring.load_cell.host, wiring.load_cell.port
+        addresses.serial.update(encoders=wiring.encoders.port, servo=wiring.servo.port)
+        addresses.udp["load cell"] = wiring.load_cell.host, wiring.load_cell.port
     else:
-        ends.tcp["CAN"] = can_address(wiring.can)
+        addresses.tcp["CAN"] = can_address(wiring.can)
     for name, line in wiring.lines.items():
         if isinstance(line, TcpLine):
-            ends.tcp[f"line {name}"] = line.host, line.port
+            addresses.tcp[f"line {name}"] = line.host, line.port
         else:
-            ends.serial[f"line {name}"] = line.port
-    return ends
+            addresses.serial[f"line {name}"] = line.port
+    return addresses
 
 
-def _impossible(wiring: AnyWiring) -> Iterator[str]:
-    ends = _ends(wiring)
+def _find_unreachable(wiring: AnyWiring) -> Iterator[str]:
+    addresses = _wire_addresses(wiring)
     if isinstance(wiring, Wiring) and wiring.can.interface != "socketcand":
-        del ends.tcp["CAN"]
+        del addresses.tcp["CAN"]
         yield (
             f"CAN: emulated nodes are reached over socketcand only, not {wiring.can.interface} "
             f"{wiring.can.channel}"
         )
-    for name, (host, _) in {**ends.tcp, **ends.udp}.items():
-        if not _here(host):
+    for name, (host, _) in {**addresses.tcp, **addresses.udp}.items():
+        if not _is_loopback(host):
             yield f"{name}: {host} is not this host's loopback"
-    for name, port in ends.serial.items():
+    for name, port in addresses.serial.items():
         if Path("/dev") in Path(os.path.abspath(port)).parents:
-            yield f"{name}: {port} is a place for devices that are there, not emulated"
+            yield f"{name}: {port} is in /dev, where no emulated port can be created"
 
 
-def _taken(ends: _Ends) -> Iterator[str]:
-    for ports, kind in ((ends.tcp, socket.SOCK_STREAM), (ends.udp, socket.SOCK_DGRAM)):
+def _find_occupied(addresses: _WireAddresses) -> Iterator[str]:
+    for ports, kind in ((addresses.tcp, socket.SOCK_STREAM), (addresses.udp, socket.SOCK_DGRAM)):
         for name, (host, port) in ports.items():
-            if why := _listening(host, port, kind):
+            if why := _socket_problem(host, port, kind):
                 yield f"{name}: {host}:{port} {why}"
-    for name, path in ends.serial.items():
-        if why := _held(Path(path)):
+    for name, path in addresses.serial.items():
+        if why := _terminal_problem(Path(path)):
             yield f"{name}: {path} {why}"
 
 
-def _here(host: str) -> bool:
+def _is_loopback(host: str) -> bool:
     if host == "localhost":
         return True
     with suppress(ValueError):
@@ -94,7 +94,7 @@ def _here(host: str) -> bool:
     return False
 
 
-def _listening(host: str, port: int, kind: socket.SocketKind) -> str:
+def _socket_problem(host: str, port: int, kind: socket.SocketKind) -> str:
     with socket.socket(type=kind) as probe:
         if kind is socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -103,38 +103,40 @@ def _listening(host: str, port: int, kind: socket.SocketKind) -> str:
         except OSError as error:
             if error.errno == errno.EADDRINUSE:
                 return "is taken by another program (`ss -ltnp` names it)"
-            return f"cannot be had: {error.strerror or error}"
+            return f"cannot be used: {error.strerror or error}"
     return ""
 
 
-def _held(path: Path) -> str:
-    """Why a path for a pseudo-terminal is not free; a link that was left behind is."""
+def _terminal_problem(path: Path) -> str:
+    """Return why a path for a pseudo-terminal is not free; empty for a stale link."""
     if not path.is_symlink():
-        return "is there, and no link to a pseudo-terminal" if path.exists() else ""
+        return "exists and is no link to a pseudo-terminal" if path.exists() else ""
     try:
-        seen = path.stat()
+        status = path.stat()
     except OSError:
         return ""
-    if not (stat.S_ISCHR(seen.st_mode) and os.major(seen.st_rdev) >= _PTS):
+    if not (stat.S_ISCHR(status.st_mode) and os.major(status.st_rdev) >= _FIRST_PTS_MAJOR):
         return f"leads to {path.resolve()}, which is no pseudo-terminal"
-    holder = _master(os.minor(seen.st_rdev))
-    if holder is not None and not any(one in _words(holder) for one in _PROCESSES):
-        return ""  # left behind by who was killed; since then the terminal is another's
-    who = f"process {holder}" if holder else "another user's process"
-    return f"is taken by emulated devices of {who}"
+    holder = _master_process(os.minor(status.st_rdev))
+    if holder is not None and not any(
+        module in _command_line(holder) for module in _EMULATOR_MODULES
+    ):
+        return ""  # a stale link of a killed process; another program has the terminal now
+    owner = f"process {holder}" if holder else "another user's process"
+    return f"is taken by emulated devices of {owner}"
 
 
-def _master(index: int) -> int | None:
-    """The process that has the master of a pseudo-terminal open; None if that cannot be seen."""
-    wanted = f"tty-index:\t{index}\n"
+def _master_process(index: int) -> int | None:
+    """Return the process that has a pseudo-terminal's master open; None if it is not visible."""
+    index_line = f"tty-index:\t{index}\n"
     for info in Path("/proc").glob("[0-9]*/fdinfo/*"):
         with suppress(OSError):
-            if wanted in info.read_text():
+            if index_line in info.read_text():
                 return int(info.parts[2])
     return None
 
 
-def _words(process: int) -> str:
+def _command_line(process: int) -> str:
     try:
         return Path(f"/proc/{process}/cmdline").read_text()
     except OSError:

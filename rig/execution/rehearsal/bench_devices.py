@@ -1,4 +1,4 @@
-"""The simulated bench behind the loop's device seam."""
+"""The simulated bench behind the loop's device interface."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from sim_plant.bench.world import OFF, Actuation, BenchWorld
 class BenchDevices:
     """The devices of a simulated bench.
 
-    The world moves when it is read, up to the planned time of the tick, as that of the WaveBot.
+    `read` advances the world to the planned time of the tick, as for the WaveBot.
     """
 
     def __init__(self, world: Wires, dt: float) -> None:
@@ -23,7 +23,7 @@ class BenchDevices:
         self._ticks = 0
 
     def warm_up(self, dt: float) -> None:
-        """A plant in the same process needs none."""
+        """Do nothing: a plant in the same process needs no warm-up."""
 
     def read(self, now: float) -> Sense:
         tick = round(now / self._dt)
@@ -62,8 +62,8 @@ class BenchDevices:
         """Nothing to release."""
 
 
-def stepper(compiled: bool) -> type[Stepper]:
-    """The compiled step, or the interpreted one, which needs no compiler and gives the same."""
+def stepper_type(compiled: bool) -> type[Stepper]:
+    """Return the stepper type: compiled, or interpreted with the same results and no compiler."""
     if not compiled:
         return Stepper
     from rig.execution.rehearsal.compiled_bench import (  # noqa: PLC0415  (numba takes a second)
@@ -74,17 +74,17 @@ def stepper(compiled: bool) -> type[Stepper]:
 
 
 def build_bench(config: dict[str, Any], dt: float) -> BenchWorld:
-    """The bench for {"plant": mapping, "seed": int}; "compiled": false interprets it."""
+    """Return the bench for {"plant": mapping, "seed": int}; "compiled": false interprets it."""
     return BenchWorld(
         BenchPlant.model_validate(config["plant"]),
         dt=dt,
         seed=config["seed"],
-        stepper=stepper(config.get("compiled", True)),
+        stepper=stepper_type(config.get("compiled", True)),
     )
 
 
 def connect(config: dict[str, Any], dt: float) -> BenchDevices:
-    """The simulated devices for what `build_bench` takes; a plant with a flap makes a flume."""
+    """Return the simulated devices for a configuration of `build_bench` or `connect_flap`."""
     if "flap" in config["plant"]:
         from rig.execution.rehearsal.flap_devices import connect_flap  # noqa: PLC0415  (the bench needs none)
 

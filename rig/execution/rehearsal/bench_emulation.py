@@ -1,7 +1,7 @@
 """Emulated devices of a wired bench: one process, one world, on the far end of the bench's wires.
 
-`rig sim RIG` starts it by itself, `rig bench ... --sim` as the first of a session's companions. It
-knows of the rig only what its wires are: ports, addresses, units, counts of a turn.
+`rig sim RIG` starts the process alone, `rig bench ... --sim` as the first I/O process of a session.
+It uses only the wires' settings of the rig file: ports, addresses, units, counts per turn.
 """
 
 import asyncio
@@ -11,21 +11,21 @@ from contextlib import suppress
 from typing import Any
 
 from rig.config.bench_rig_file import BenchRigFile
-from rig.execution.rehearsal.addresses import impossible, taken
+from rig.execution.rehearsal.addresses import occupied_addresses, unreachable_addresses
 from rig.execution.rehearsal.bench_devices import build_bench
 from rig.execution.rehearsal.bench_emulators import (
-    Terminal,
-    brake_amplifier,
-    bridge,
-    cell,
-    couplers,
-    servo,
+    AnalogTerminal,
+    create_brake_amplifier,
+    create_bridge,
+    create_couplers,
+    create_load_cell,
+    create_servo,
 )
-from rig.execution.rehearsal.emulator_control import Control, Stage
-from rig.execution.rehearsal.emulator_process import host, modbus_line, without_delay
+from rig.execution.rehearsal.emulator_control import ControlServer, FaultTargets
+from rig.execution.rehearsal.emulator_process import modbus_line, serve_devices, without_delay
 from rig.kinds.oswec_bench.signals import TORQUE, VELOCITY
 from rig.planning.session.files import Session
-from rig.processes.io_process import report, run
+from rig.processes.io_process import report_event, run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.bench.world import BenchWorld
 from sim_plant.emulators.device_faults import DeviceFaults
@@ -33,27 +33,29 @@ from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.running import Emulator, running
 from sim_plant.emulators.shared_world import SharedBench
 
-NAME = "emulated devices"
-READY_TIMEOUT_S = 30.0  # s until all devices are there: the bench is compiled first
-_SLIP = math.radians(3.0)
+PROCESS_NAME = "emulated devices"
+READY_TIMEOUT_S = 30.0  # s until all devices are ready: the bench is compiled first
+_SLIP_ANGLE = math.radians(3.0)
 _BENCH_FAULTS = {
     "coupling_slips": "the shaft slips by 3 deg in its coupling, and stays there",
-    "brake_lost": "the brake has no current, whatever it is told",
+    "brake_lost": "the brake has no current, whatever its command",
 }
 
 
 def emulator_process(session: Session) -> IoProcess:
-    """The emulated devices of a session's bench, as a companion of the run."""
+    """Return the emulated devices of a session's bench, as an I/O process of the run."""
     locked = 1 if session.file.shaft == "clamped" else 0
-    return emulated_bench(session.rig, session.plant, session.file.seed, session.file.loop, locked)
+    return emulated_bench_process(
+        session.rig, session.plant, session.file.seed, session.file.loop, locked
+    )
 
 
-def emulated_bench(
+def emulated_bench_process(
     rig: BenchRigFile, plant: dict[str, Any], seed: int, loop: str, locked: int
 ) -> IoProcess:
-    """The emulated devices of a bench; ``loop``: which one its drive is set up for.
+    """Return the emulated devices of a bench as an I/O process.
 
-    ``locked`` 1: somebody has clamped the shaft.
+    ``loop``: the control loop that its drive is set up for. ``locked`` 1: the shaft is clamped.
     """
     config = {
         "rig": rig.model_dump(mode="json"),
@@ -62,23 +64,28 @@ def emulated_bench(
         "locked": locked,
     }
     return IoProcess(
-        NAME, "rig.execution.rehearsal.bench_emulation", config, (), READY_TIMEOUT_S, first=True
+        PROCESS_NAME,
+        "rig.execution.rehearsal.bench_emulation",
+        config,
+        (),
+        READY_TIMEOUT_S,
+        starts_first=True,
     )
 
 
-class _Driveline:
-    """What can happen to the bench itself."""
+class _DrivelineFaults:
+    """Faults of the bench's driveline."""
 
     def __init__(self) -> None:
         self.faults = DeviceFaults(_BENCH_FAULTS)
         self._slipped = False
 
-    def happen(self, world: BenchWorld) -> None:
-        """Let the world suffer it."""
+    def apply(self, world: BenchWorld) -> None:
+        """Apply the faults that are on to the world."""
         world.lose_brake(self.faults.on("brake_lost"))
         slips = self.faults.on("coupling_slips")
         if slips and not self._slipped:
-            world.slip_coupling(_SLIP)
+            world.slip_coupling(_SLIP_ANGLE)
         self._slipped = slips
 
 
@@ -89,24 +96,24 @@ class EmulatedBench:
         self,
         rig: BenchRigFile,
         world: SharedBench,
-        anew: Callable[[], BenchWorld],
+        create_world: Callable[[], BenchWorld],
         loop: str,
         locked: int,
     ) -> None:
-        """``anew`` makes a world at rest, for a restart."""
+        """``create_world`` returns a world at rest, for a restart."""
         wiring = rig.wiring
         if wiring is None:
             raise ValueError(f"{rig.name} has no wiring to hang emulated devices on")
         self._world, self._locked = world, locked
         self._mode = TORQUE if loop == "torque" else VELOCITY
-        self._driveline = _Driveline()
-        self._input = Terminal()
-        self.bridge = bridge(rig, wiring.encoders, world)
-        self.servo = servo(wiring.servo, world, self._input, self._mode)
-        self.cell = cell(wiring.load_cell, world)
+        self._driveline = _DrivelineFaults()
+        self._input = AnalogTerminal()
+        self.bridge = create_bridge(rig, wiring.encoders, world)
+        self.servo = create_servo(wiring.servo, world, self._input, self._mode)
+        self.cell = create_load_cell(wiring.load_cell, world)
         self.units: dict[str, ModbusUnit] = {
-            **couplers(wiring, world, self._input),
-            "brake": brake_amplifier(world),
+            **create_couplers(wiring, world, self._input),
+            "brake": create_brake_amplifier(world),
         }
         placed = {"outputs": wiring.analog, "inputs": wiring.inputs, "brake": wiring.brake}
         lines = {
@@ -123,8 +130,8 @@ class EmulatedBench:
         self.lines: dict[str, Emulator] = {
             "encoders": self.bridge, "servo": self.servo, "load_cell": self.cell, **lines,
         }  # fmt: skip
-        self.control = Control(
-            Stage(
+        self.control = ControlServer(
+            FaultTargets(
                 {},
                 {
                     "bridge": self.bridge,
@@ -137,21 +144,21 @@ class EmulatedBench:
                 },
                 {name: one.link for name, one in self.lines.items()},
                 world,
-                lambda: self._renew(anew),
+                lambda: self._renew(create_world),
                 {"servo_drive": lambda: bool(world.actuation.enable)},
                 lambda: {"reading": world.sense()._asdict()},
             )
         )
 
     async def serve(self, ended: asyncio.Event) -> None:
-        """Be there until ``ended``; says in JSON lines when, and where."""
+        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
         self._world.actuate(mode=self._mode, locked=self._locked)
         ticking = None
         try:
             async with running(self.lines) as addresses:
                 await self.control.start()
                 ticking = asyncio.create_task(self._tick())
-                report(event="ready", facts={"control": self.control.address, **addresses})
+                report_event(event="ready", facts={"control": self.control.address, **addresses})
                 while not (ended.is_set() or ticking.done()):
                     with suppress(TimeoutError):
                         await asyncio.wait_for(ended.wait(), 0.1)
@@ -163,10 +170,10 @@ class EmulatedBench:
             await self.control.close()
 
     async def _tick(self) -> None:
-        """Move the world on with its time, and latch both encoders after every move.
+        """Advance the world with the clock, and latch both encoders after every step.
 
-        Its moves are on the grid of the loop's ticks (`rig.realtime.clock`): a frame is half a
-        period on its way when a tick begins, in every run.
+        The steps are on the grid of the loop's ticks (`rig.realtime.clock`). In every run a frame
+        is therefore half a period on its way when a tick begins.
         """
         loop, world, dt = asyncio.get_running_loop(), self._world, self._world.dt
         due = (math.floor(loop.time() / dt) + 1) * dt
@@ -174,41 +181,43 @@ class EmulatedBench:
         await asyncio.sleep(due - loop.time())
         while True:
             self.servo.drive.advance(loop.time())
-            self._driveline.happen(world.world)
-            done = world.catch_up()
-            if done > 1:
-                self.bridge.skip(done - 1)
-            if done > 0:
+            self._driveline.apply(world.world)
+            steps = world.catch_up()
+            if steps > 1:
+                self.bridge.skip(steps - 1)
+            if steps > 0:
                 self.bridge.pulse()
-            self.control.look()
+            self.control.update_power()
             due = max(due + dt, loop.time())
             await asyncio.sleep(due - loop.time())
 
-    def _renew(self, anew: Callable[[], BenchWorld]) -> None:
+    def _renew(self, create_world: Callable[[], BenchWorld]) -> None:
         drive = self.servo.drive
         drive.error, drive.powered = drive.settings.errors.none, False
         self._input.volts = 0.0
-        self._world.renew(anew())
+        self._world.renew(create_world())
         self._world.actuate(mode=self._mode, locked=self._locked)
 
 
-def _guests(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> EmulatedBench:
+def _create_devices(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> EmulatedBench:
     rig = BenchRigFile.model_validate(config["rig"])
-    if rig.wiring is not None and (why := (*impossible(rig.wiring), *taken(rig.wiring))):
-        raise OSError("\n".join(why))
+    if rig.wiring is not None and (
+        problems := (*unreachable_addresses(rig.wiring), *occupied_addresses(rig.wiring))
+    ):
+        raise OSError("\n".join(problems))
     dt, plant = 1.0 / rig.rate_hz, without_delay(config["plant"])
 
-    def anew() -> BenchWorld:
+    def create_world() -> BenchWorld:
         return build_bench(plant, dt)
 
-    world = SharedBench(anew(), dt, loop.time)
-    return EmulatedBench(rig, world, anew, config["loop"], config["locked"])
+    world = SharedBench(create_world(), dt, loop.time)
+    return EmulatedBench(rig, world, create_world, config["loop"], config["locked"])
 
 
 def serve(job: dict[str, Any]) -> None:
-    """Serve until told to end, or until the loop and the I/O processes have ended."""
-    host(job, _guests)
+    """Serve until terminated, or until the loop and the I/O processes have ended."""
+    serve_devices(job, _create_devices)
 
 
 if __name__ == "__main__":
-    run(serve)
+    run_io_process(serve)

@@ -1,4 +1,4 @@
-"""Each emulated device of a bench, set up as the rig file says, its ends in the shared world."""
+"""Emulated devices of a bench, set up by the rig file and connected to the shared world."""
 
 import math
 
@@ -20,48 +20,50 @@ from sim_plant.emulators.serial_line import SerialLine
 from sim_plant.emulators.shared_world import SharedBench
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
-# The emulated drive's own program watches for its host; a real one may not.
+# The emulated drive's own program monitors its host; a real one may not.
 HOST_TIMEOUT = 0.25  # s
-TORQUE_PER_AMPERE = 1.123  # N m at the motor, specified (OSWEC thesis, 3.1.2): so it thinks
-RATINGS = (2800.0, 2800.0, 6800.0, 120.0, 120.0, 120.0)  # N, N m: Mini58, SI-2800-120
+TORQUE_PER_AMPERE = 1.123  # N m at the motor, as specified (OSWEC thesis, 3.1.2) and set
+CELL_RATINGS = (2800.0, 2800.0, 6800.0, 120.0, 120.0, 120.0)  # N, N m: Mini58, SI-2800-120
 _SHUNT, _SHUNT_RATE = 5.0, 320.0  # A, rating of the amplifier at the brake; Hz
 
 
-class Terminal:
-    """The servo drive's analog input, where the coupler's output is wired to."""
+class AnalogTerminal:
+    """The servo drive's analog input, to which the coupler's output is wired."""
 
     def __init__(self) -> None:
         self.volts = 0.0
 
 
-def bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -> EncoderBridge:
-    """The bridge; it latches when it is told to, for the world moves in steps."""
+def create_bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -> EncoderBridge:
+    """Return the encoder bridge; it latches on request, because the world advances in steps."""
     motor, shaft = rig.servo.encoder, rig.shaft_encoder
-    # The middle of a count, so that it is the very count again.
+    # The middle of a count, so that rounding gives the same count.
     per_motor = math.tau / motor.counts_per_revolution
     per_shaft = math.tau / shaft.counts_per_revolution
 
     def angles() -> Angles:
-        now = world.sense()
+        sense = world.sense()
         return Angles(
             world.time,
-            wiring.motor.direction * per_motor * (now.motor_counts + 0.5),
-            wiring.shaft.direction * per_shaft * (now.shaft_counts + 0.5),
+            wiring.motor.direction * per_motor * (sense.motor_counts + 0.5),
+            wiring.shaft.direction * per_shaft * (sense.shaft_counts + 0.5),
         )
 
-    ends = _encoder(wiring.motor, motor), _encoder(wiring.shaft, shaft)
-    return EncoderBridge(_line(wiring), angles, *ends, BridgeSettings(rate=0.0))
+    encoders = _encoder(wiring.motor, motor), _encoder(wiring.shaft, shaft)
+    return EncoderBridge(_line(wiring), angles, *encoders, BridgeSettings(rate=0.0))
 
 
-def _encoder(word: EncoderChannel, scale: EncoderScale) -> Encoder:
+def _encoder(wiring: EncoderChannel, scale: EncoderScale) -> Encoder:
     bits = (scale.counts_per_revolution - 1).bit_length()
-    return Encoder(EncoderSettings(int(word.protocol.removeprefix("SSI")), bits))
+    return Encoder(EncoderSettings(int(wiring.protocol.removeprefix("SSI")), bits))
 
 
-def servo(wiring: ServoDrive, world: SharedBench, wired: Terminal, mode: int) -> Compax3:
-    """The servo drive, set up for one of its loops as for the session.
+def create_servo(
+    wiring: ServoDrive, world: SharedBench, terminal: AnalogTerminal, mode: int
+) -> Compax3:
+    """Return the servo drive, set up for the session's control loop.
 
-    The bench takes its velocity command in volts, from whichever source the drive has it.
+    The bench takes its velocity command in volts, whatever the drive's command source.
     """
     analog = wiring.analog is not None and mode == VELOCITY
     settings = Compax3Settings(
@@ -73,12 +75,12 @@ def servo(wiring: ServoDrive, world: SharedBench, wired: Terminal, mode: int) ->
     )
 
     def read() -> DriveInput:
-        return DriveInput(current=world.sense().current_a, analog=wired.volts)
+        return DriveInput(current=world.sense().current_a, analog=terminal.volts)
 
-    def write(what: str, value: float) -> None:
-        if what == "velocity":
+    def write(quantity: str, value: float) -> None:
+        if quantity == "velocity":
             world.actuate(command_v=10.0 * value / (TURN * settings.full_speed))
-        elif what == "torque":
+        elif quantity == "torque":
             world.actuate(current_a=value / TORQUE_PER_AMPERE)
         else:
             world.actuate(enable=int(value))
@@ -86,39 +88,41 @@ def servo(wiring: ServoDrive, world: SharedBench, wired: Terminal, mode: int) ->
     return Compax3(_line(wiring), read, write, settings)
 
 
-def cell(wiring: LoadCell, world: SharedBench) -> NetFt:
-    """The load cell behind its box; other ports than that of the stream are free ones."""
-    turned = -1.0 if wiring.turned_over else 1.0
+def create_load_cell(wiring: LoadCell, world: SharedBench) -> NetFt:
+    """Return the load cell behind its box; all its ports except the stream's are free ones."""
+    sign = -1.0 if wiring.turned_over else 1.0
 
     def read() -> Wrench:
-        now = world.sense()
+        sense = world.sense()
         return Wrench(
-            now.fx, turned * now.fy, turned * now.fz, now.tx, turned * now.ty, turned * now.tz
+            sense.fx, sign * sense.fy, sign * sense.fz, sense.tx, sign * sense.ty, sign * sense.tz
         )
 
     calibration = Calibration(
         counts_per_force=round(wiring.counts_per_force),
         counts_per_torque=round(wiring.counts_per_torque),
-        ratings=RATINGS,
+        ratings=CELL_RATINGS,
     )
     settings = NetFtSettings(wiring.host, wiring.port, 0, 0, calibration=calibration)
     return NetFt(read, settings)
 
 
-def couplers(wiring: BenchWiring, world: SharedBench, wired: Terminal) -> dict[str, IoCoupler]:
-    """The I/O couplers: one with the outputs to servo and brake, one with the inputs.
+def create_couplers(
+    wiring: BenchWiring, world: SharedBench, terminal: AnalogTerminal
+) -> dict[str, IoCoupler]:
+    """Return the I/O couplers: one with the outputs to servo and brake, one with the inputs.
 
-    They are one where the rig file has both blocks on one unit of one line.
+    They are one coupler where the rig file has both blocks on one unit of one line.
     """
     volts, amperes = wiring.analog.values
 
     def levels() -> dict[str, int]:
-        now = world.sense()
-        return {"e_stop": now.e_stop, "limit_switch": now.limit_switch}
+        sense = world.sense()
+        return {"e_stop": sense.e_stop, "limit_switch": sense.limit_switch}
 
     def write(channel: str, value: float) -> None:
         if channel == "servo":
-            wired.volts = value
+            terminal.volts = value
         else:
             world.actuate(brake_current_a=value)
 
@@ -134,8 +138,8 @@ def couplers(wiring: BenchWiring, world: SharedBench, wired: Terminal) -> dict[s
     }
 
 
-def brake_amplifier(world: SharedBench) -> StrainAmplifier:
-    """The measuring amplifier at the brake's shunt."""
+def create_brake_amplifier(world: SharedBench) -> StrainAmplifier:
+    """Return the measuring amplifier at the brake's shunt."""
     settings = AmplifierSettings(_SHUNT, _SHUNT_RATE)
     return StrainAmplifier(lambda: (world.sense().brake_current_a,), settings)
 

@@ -1,4 +1,4 @@
-"""The supervisor's side of a rehearsed session: is the simulated bench in order."""
+"""The supervisor's side of a rehearsed session: settings and checks of the simulated bench."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -14,18 +14,20 @@ from rig.planning.session.flume import sea_as_dict, session_seas
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.flap.parameters import FlapPlant
 
-_SAME = 1e-6  # relative
+_RELATIVE_TOLERANCE = 1e-6  # relative
 
 
-def devices_of_session(session: Session) -> dict[str, Any]:
-    """What `connect` needs to stand in for the bench, as JSON values."""
-    told: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
-    found = session_seas(session.file, session.points)
-    return told | {"seas": [sea_as_dict(sea) for sea in found]} if found else told
+def session_plant_settings(session: Session) -> dict[str, Any]:
+    """Return the simulated bench's configuration for `connect`, as JSON values."""
+    settings: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
+    session_seas = session_seas(session.file, session.points)
+    if not session_seas:
+        return settings
+    return settings | {"seas": [sea_as_dict(sea) for sea in session_seas]}
 
 
-def problems_of_session(pieces: SessionParts) -> tuple[Problem, ...]:
-    """What is wrong with the simulated bench, by itself and beside the rig."""
+def session_problems(pieces: SessionParts) -> tuple[Problem, ...]:
+    """Return the problems of the simulated bench, by itself and compared with the rig."""
     if pieces.plant is None:
         return ()
     model = FlapPlant if "flap" in pieces.plant.mapping else BenchPlant
@@ -33,39 +35,40 @@ def problems_of_session(pieces: SessionParts) -> tuple[Problem, ...]:
         plant = model.model_validate(pieces.plant.mapping)
     except ValidationError as error:
         return problems_from(error, pieces.plant.locate, model)
-    return (*_mismatches(pieces, plant), *_wrong_flap(pieces, plant))
+    return (*_mismatches(pieces, plant), *_flap_problems(pieces, plant))
 
 
-def _wrong_flap(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
-    """A session of the flap without a flap, or with its rigid coupling where it must not be."""
+def _flap_problems(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
+    """Yield a problem if a flap session's plant has no flap or the wrong state of its coupling."""
     if pieces.file is None or pieces.plant is None:
         return
     kind = pieces.file.session
-    wanted = SESSION_KINDS[kind].flap_coupling
-    if not wanted:
+    required = SESSION_KINDS[kind].flap_coupling
+    if not required:
         return
-    found = ""
+    coupling_state = ""
     if isinstance(plant, FlapPlant):
-        found = "coupled" if plant.flap.coupled.value == 1 else "free"
-    if found != wanted:
-        words = {
+        coupling_state = "coupled" if plant.flap.coupled.value == 1 else "free"
+    if coupling_state != required:
+        descriptions = {
             "": "has no flap",
             "free": "has its coupling out",
             "coupled": "has its coupling in",
         }
-        coupling = "out" if wanted == "free" else "in"
+        coupling = "out" if required == "free" else "in"
         yield pieces.session.locate.problem(
             ("session",),
             kind,
-            f"the simulated plant {words[found]} ({display_path(pieces.plant.locate.path)}); a session "
-            f"{kind} needs a flap with its rigid coupling {coupling}",
+            f"the simulated plant {descriptions[coupling_state]} "
+            f"({display_path(pieces.plant.locate.path)}); a session {kind} needs a flap with its rigid "
+            f"coupling {coupling}",
         )
 
 
 def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
-    """Scales that the rig and the bench must share, or counts mean other things.
+    """Yield the scales in which rig and bench differ, so that counts would have other meanings.
 
-    The constants are not among them: to find them is what sessions are for.
+    Constants that sessions identify are not compared.
     """
     if pieces.rig is None or pieces.rig_file is None or pieces.plant is None:
         return
@@ -78,12 +81,12 @@ def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
         (("shaft_encoder", "counts_per_revolution"), rig.shaft_encoder.counts_per_revolution,
          ("sensors", "shaft_counts", "value"), sensors.shaft_counts.value),
     )  # fmt: skip
-    for name, ours, key, theirs in pairs:
-        if abs(ours - theirs) > _SAME * abs(theirs):
+    for name, rig_value, key, plant_value in pairs:
+        if abs(rig_value - plant_value) > _RELATIVE_TOLERANCE * abs(plant_value):
             place = pieces.plant.locate(key)
             yield pieces.rig.locate.problem(
                 name,
-                ours,
-                f"{format_number(ours)} is not the simulated bench's {format_number(theirs)} "
+                rig_value,
+                f"{format_number(rig_value)} is not the simulated bench's {format_number(plant_value)} "
                 f"({display_path(place.path)}:{place.line}); the two must agree",
             )

@@ -1,4 +1,4 @@
-"""The steps of bench and flap, compiled: the same functions, the same bits (see compiled.py)."""
+"""The compiled steps of bench and flap: the same functions and bits as the interpreted ones."""
 
 from types import ModuleType
 from typing import Any
@@ -24,12 +24,12 @@ from sim_plant.flap import body, oswec
 from sim_plant.flap import stepper as flap_stepper
 from sim_plant.flap.oswec import FlapState
 
-_CHAIN = (
+_BENCH_MODULES = (
     brake, drive, dynamometer, gearbox, load_cell, losses, motor, sensors, servo, transmission,
 )  # fmt: skip
 
 # One array holds all numbers: the state, the length of the step, the constants, the noise table.
-_SOURCE = '''"""Generated: one tick of {room} on an array of its numbers."""
+_SOURCE_TEMPLATE = '''"""Generated: one tick of {module} on an array of its numbers."""
 
 from numba import float64, int64, njit
 
@@ -40,12 +40,12 @@ MOMENT = (int64, int64, {types}int64)
 
 
 @njit((float64[::1], *ACTUATION, *MOMENT), cache=True, error_model="numpy")
-def advance(x, a0, a1, a2, a3, a4, a5, fresh, stopped, {more}tick):
+def advance(x, a0, a1, a2, a3, a4, a5, fresh, stopped, {extra}tick):
     params = {params}
     state = {state}
     normals = x[{normals}:]
-    wires = Actuation(a0, a1, a2, a3, a4, a5)
-    state = step(params, state, wires, fresh, stopped, {more}normals, x[{dt}])
+    actuation = Actuation(a0, a1, a2, a3, a4, a5)
+    state = step(params, state, actuation, fresh, stopped, {extra}normals, x[{dt}])
     {store}
     read = sample(params, state, stopped, tick, normals)
     return {read}
@@ -56,21 +56,21 @@ def unpack(x):
 '''
 
 
-class _OneArray:
-    """A compiled step and the array that it works on."""
+class _CompiledStep:
+    """A compiled step and the array on which it works."""
 
-    def __init__(self, start: Any, room: ModuleType, lifted: tuple[ModuleType, ...], more: str):
-        """`more` names the float that the step takes beside the wires, or is empty."""
-        self._code = _code(start, room, lifted, more)
+    def __init__(self, start: Any, module: ModuleType, lifted: tuple[ModuleType, ...], extra: str):
+        """``extra``: name of the float that the step takes besides the actuation, or empty."""
+        self._code = _compile_step(start, module, lifted, extra)
         state = lifting.numbers(start.state)
         self._x = np.array([*state, start.dt, *lifting.numbers(start.params), *start.normals])
         self._state = self._x[: len(state)]
-        # The first call of compiled code takes milliseconds; not in a tick, please.
-        self.advance(*OFF, 0, 0, *([0.0] if more else []), 0)
+        # The first call of compiled code takes milliseconds, so it must not be in a tick.
+        self.advance(*OFF, 0, 0, *([0.0] if extra else []), 0)
         self.put(start.state)
 
-    def advance(self, *wires: float) -> Reading:
-        return tuple.__new__(Reading, self._code.advance(self._x, *wires))
+    def advance(self, *actuation: float) -> Reading:
+        return tuple.__new__(Reading, self._code.advance(self._x, *actuation))
 
     def put(self, state: Any) -> None:
         self._state[:] = lifting.numbers(state)
@@ -83,7 +83,7 @@ class CompiledStepper(stepper.Stepper):
     """A `Stepper` of the bench that runs compiled, on one array."""
 
     def __init__(self, start: stepper.Start) -> None:
-        self._array = _OneArray(start, dynamometer, _CHAIN, "")
+        self._array = _CompiledStep(start, dynamometer, _BENCH_MODULES, "")
         super().__init__(start)
 
     @property
@@ -97,7 +97,7 @@ class CompiledStepper(stepper.Stepper):
         self._array.put(state)
 
     def advance(self, actuation: Actuation, fresh: int, stopped: int, tick: int) -> Reading:
-        """Step to ``tick``; give what sensors read there."""
+        """Step to ``tick`` and return the sensors' readings there."""
         return self._array.advance(*actuation, fresh, stopped, tick)
 
 
@@ -105,7 +105,7 @@ class CompiledFlapStepper(flap_stepper.Stepper):
     """A `Stepper` of the flap that runs compiled, on one array."""
 
     def __init__(self, start: flap_stepper.Start) -> None:
-        self._array = _OneArray(start, oswec, (*_CHAIN, body, oswec), "excitation")
+        self._array = _CompiledStep(start, oswec, (*_BENCH_MODULES, body, oswec), "excitation")
         super().__init__(start)
 
     @property
@@ -121,25 +121,27 @@ class CompiledFlapStepper(flap_stepper.Stepper):
     def advance(
         self, actuation: Actuation, fresh: int, stopped: int, excitation: float, tick: int
     ) -> Reading:
-        """Step to ``tick``, where the waves excite; give what sensors read there."""
+        """Step to ``tick`` with the waves' excitation and return the sensors' readings there."""
         return self._array.advance(*actuation, fresh, stopped, excitation, tick)
 
 
-def _code(start: Any, room: ModuleType, lifted: tuple[ModuleType, ...], more: str) -> Any:
+def _compile_step(
+    start: Any, module: ModuleType, lifted: tuple[ModuleType, ...], extra: str
+) -> Any:
     params, state = start.params, start.state
     names = lifting.words(params) | lifting.words(state) | {Actuation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
-    moment = len(lifting.numbers(state))
-    source = _SOURCE.format(
-        room=room.__name__,
-        imports="\n".join([*sorted(imports), f"from {room.__name__} import sample, step"]),
-        types="float64, " if more else "",
-        more=f"{more}, " if more else "",
-        params=lifting.unpacking(params, "x", moment + 1),
+    dt_index = len(lifting.numbers(state))
+    source = _SOURCE_TEMPLATE.format(
+        module=module.__name__,
+        imports="\n".join([*sorted(imports), f"from {module.__name__} import sample, step"]),
+        types="float64, " if extra else "",
+        extra=f"{extra}, " if extra else "",
+        params=lifting.unpacking(params, "x", dt_index + 1),
         state=lifting.unpacking(state, "x"),
-        normals=moment + 1 + len(lifting.numbers(params)),
-        dt=moment,
+        normals=dt_index + 1 + len(lifting.numbers(params)),
+        dt=dt_index,
         store="\n    ".join(lifting.packing(state, "state", "x")),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Reading._fields))) + ")",
     )
-    return lifting.load(f"{room.__name__.rsplit('.', 1)[-1]}_step", source, lifted)
+    return lifting.load(f"{module.__name__.rsplit('.', 1)[-1]}_step", source, lifted)

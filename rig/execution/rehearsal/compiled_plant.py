@@ -1,6 +1,6 @@
-"""The plant's step, compiled: the same functions, the same bits, less time.
+"""The compiled step of the WaveBot's plant: the same functions and bits in less time.
 
-The interpreted plant costs more than the loop it is there to exercise.
+The interpreted plant takes more time than the loop that it tests.
 """
 
 from typing import Any
@@ -27,15 +27,15 @@ from sim_plant.signals import OFF, Actuation, Readings
 from sim_plant.stepper import Start, Stepper
 from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 
-LIFTED = (
+LIFTED_MODULES = (
     analyser, body, bus, cots_drive, custom_drive, drive, electrics, magnetic_spring, pto, sensors,
     stator_force, surge, wavebot,
 )  # fmt: skip
 
-# One array holds all numbers (handing over each array costs 0.2 us a tick): the state, the
-# excitation at the present tick, the length of the step, the constants, the noise table. A plain
-# tuple comes back: making the NamedTuple out here costs a third of numba's own way.
-_SOURCE = '''"""Generated: one tick of the plant on an array of its numbers."""
+# One array holds all numbers (each array argument costs 0.2 us a tick): the state, the excitation
+# at the present tick, the length of the step, the constants, the noise table. The function returns
+# a plain tuple: making the NamedTuple outside costs a third of its conversion by numba.
+_SOURCE_TEMPLATE = '''"""Generated: one tick of the plant on an array of its numbers."""
 
 from numba import float64, int64, njit
 
@@ -51,8 +51,8 @@ def advance(x, a0, a1, a2, a3, a5, a6, a7, fresh, heave, surge, tick, elevation)
     state = {state}
     now = {now}
     after = Excitation(heave, surge)
-    wires = Actuation(a0, a1, a2, a3, 0, a5, a6, a7)
-    state = step(params, state, wires, fresh, now, after, x[{dt}])
+    actuation = Actuation(a0, a1, a2, a3, 0, a5, a6, a7)
+    state = step(params, state, actuation, fresh, now, after, x[{dt}])
     {store}
     read = sample(params, state, tick, elevation, x[{normals}:])
     return {read}
@@ -70,24 +70,24 @@ class CompiledStepper(Stepper):
         state = lifting.numbers(start.state)
         constants = lifting.numbers(start.params)
         moment = [*lifting.numbers(STILL), start.dt]
-        self._code = _code(start)
+        self._code = _compile_step(start)
         self._x = np.array([*state, *moment, *constants, *start.normals])
         self._state = self._x[: len(state)]
         self._moment = self._x[len(state) : len(state) + len(STILL)]
         first = len(state) + len(moment)
         self._constants = self._x[first : first + len(constants)]
         probes, hoist = len(Probes._fields), len(Hoist._fields)
-        self._probes = self._state[-probes:]  # the last words of the state, the hoist before them
+        self._probes = self._state[-probes:]  # the last numbers of the state, the hoist before them
         self._hoist = self._state[-probes - hoist : -probes]
         self._step = self._code.advance
         super().__init__(start)
-        # The first call of compiled code takes milliseconds; not in a tick, please.
+        # The first call of compiled code takes milliseconds, so it must not be in a tick.
         self.advance(OFF, 0, 0.0, 0.0, 0, 0.0)
         self.state, self.excitation = start.state, STILL
 
     @property
     def params(self) -> WaveBotParams:
-        """The constants as they were last set."""
+        """The constants that were set last."""
         return self._params
 
     @params.setter
@@ -123,30 +123,30 @@ class CompiledStepper(Stepper):
         tick: int,
         elevation: float,
     ) -> Readings:
-        """Step to ``tick``, where the waves excite with heave and surge; give what sensors read."""
-        current, enable, target, move, _, aside, hold, conducting = actuation
+        """Step to ``tick`` with the excitation in heave and surge; return the sensors' readings."""
+        current, enable, target, move, _, surge_current, surge_enable, conducting = actuation
         return tuple.__new__(
             Readings,
             self._step(
-                self._x, current, enable, target, move, aside, hold, conducting,
+                self._x, current, enable, target, move, surge_current, surge_enable, conducting,
                 fresh, heave, surge, tick, elevation,
             ),
         )  # fmt: skip
 
     def motion(self) -> tuple[float, float]:
-        """Give heave position and velocity now."""
+        """Return the present heave position and velocity."""
         return float(self._state[0]), float(self._state[1])
 
     def hold(self, hoist: Hoist) -> None:
-        """Impose heave in the steps to come, or leave it free."""
+        """Impose heave in the following steps, or leave it free."""
         self._hoist[:] = hoist
 
     def see(self, probes: Probes) -> None:
-        """Put a new sample of the basin probes on the wire."""
+        """Set a new sample of the basin probes."""
         self._probes[:] = probes
 
 
-def _code(start: Start) -> Any:
+def _compile_step(start: Start) -> Any:
     params, state = start.params, start.state
     names = lifting.words(params) | lifting.words(state) | {Actuation, Excitation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
@@ -156,7 +156,7 @@ def _code(start: Start) -> Any:
         *lifting.packing(state, "state", "x"),
         *(f"x[{after_state + i}] = {name}" for i, name in enumerate(("heave", "surge"))),
     ]
-    source = _SOURCE.format(
+    source = _SOURCE_TEMPLATE.format(
         imports="\n".join([*sorted(imports), "from sim_plant.wavebot import sample, step"]),
         params=lifting.unpacking(params, "x", after_moment),
         normals=after_moment + len(lifting.numbers(params)),
@@ -166,4 +166,4 @@ def _code(start: Start) -> Any:
         store="\n    ".join(store),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Readings._fields))) + ")",
     )
-    return lifting.load("plant_step", source, LIFTED)
+    return lifting.load("plant_step", source, LIFTED_MODULES)

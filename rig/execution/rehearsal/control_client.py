@@ -1,24 +1,24 @@
-"""The asking end of the emulated devices' control port."""
+"""The client of the emulated devices' control port."""
 
 import json
 import socket
 from types import TracebackType
 from typing import Any
 
-_PATIENCE = 5.0  # s for an answer
+_ANSWER_TIMEOUT_S = 5.0  # s for an answer
 
 
 class ControlError(RuntimeError):
-    """A request that the emulated devices cannot heed; says why."""
+    """A request that the emulated devices refuse; the message has the reason."""
 
 
 class ControlClient:
-    """One conversation with the emulated devices."""
+    """One connection to the emulated devices."""
 
     def __init__(self, address: str) -> None:
-        """``address``: HOST:PORT, as the devices told it. OSError if nobody is there."""
+        """``address``: HOST:PORT, as the devices report it. OSError if no device answers."""
         host, _, port = address.rpartition(":")
-        self._socket = socket.create_connection((host, int(port)), timeout=_PATIENCE)
+        self._socket = socket.create_connection((host, int(port)), timeout=_ANSWER_TIMEOUT_S)
         self._lines = self._socket.makefile("rb")
 
     def __enter__(self) -> "ControlClient":
@@ -32,12 +32,12 @@ class ControlClient:
     ) -> None:
         self.close()
 
-    def ask(self, what: str, **words: Any) -> dict[str, Any]:
-        """One request and its answer; ControlError if it is refused, OSError if nobody is there."""
-        self._socket.sendall(json.dumps({"ask": what, **words}).encode() + b"\n")
+    def request(self, kind: str, **arguments: Any) -> dict[str, Any]:
+        """Send a request and return its answer; ControlError if it is refused, OSError if lost."""
+        self._socket.sendall(json.dumps({"ask": kind, **arguments}).encode() + b"\n")
         line = self._lines.readline()
         if not line:
-            raise OSError("the emulated devices hung up")
+            raise OSError("the emulated devices closed the connection")
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
             raise ControlError(str(answer["error"]))
@@ -51,11 +51,11 @@ class ControlClient:
         value: float | None = None,
         toward: str | None = None,
     ) -> float:
-        """Switch a fault; gives when (s on the monotonic clock)."""
-        words = {"device": device, "fault": fault, "on": on, "value": value, "toward": toward}
-        return float(self.ask("switch", **words)["at"])
+        """Switch a fault and return the time (s on the monotonic clock)."""
+        arguments = {"device": device, "fault": fault, "on": on, "value": value, "toward": toward}
+        return float(self.request("switch", **arguments)["at"])
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the connection."""
         self._lines.close()
         self._socket.close()

@@ -1,4 +1,4 @@
-"""The simulated WaveBot behind the loop's device seam."""
+"""The simulated WaveBot behind the loop's device interface."""
 
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from sim_plant.world import OFF, Actuation, Stepper, World
 
 
 def build_sea(description: dict[str, Any]) -> Sea:
-    """The sea that a campaign describes; ValueError if it has no repeat period."""
+    """Return the sea of a campaign's description; ValueError if it has no repeat period."""
     kind = description["kind"]
     if kind == "calm":
         return waves.calm()
@@ -42,16 +42,16 @@ def build_sea(description: dict[str, Any]) -> Sea:
     return waves.recorded(np.array(description["elevation_m"]), description["rate_hz"])
 
 
-# What a NamedTuple's own constructor ends in: nine of them a tick are a tenth of a rehearsal.
-_word = tuple.__new__
-_UNTOUCHED = PanelSense(0, 0, 0.0)  # nobody presses a button in a rehearsal
+# The core of a NamedTuple's constructor: nine full constructors a tick take 10 % of a rehearsal.
+_tuple = tuple.__new__
+_UNTOUCHED_PANEL = PanelSense(0, 0, 0.0)  # in a rehearsal nobody presses a button
 
 
 class PlantDevices:
     """The devices of a simulated WaveBot.
 
-    The world moves when it is read, up to the planned time of the tick: one step on the virtual
-    clock, more when ticks of the real clock were lost (a plant does not wait for a late loop).
+    `read` advances the world to the planned time of the tick: by one step on the virtual clock, by
+    more when ticks of the real clock were lost (a plant does not wait for a late loop).
     """
 
     def __init__(self, world: World, dt: float) -> None:
@@ -59,10 +59,10 @@ class PlantDevices:
         self._delay = world.delay
         self._dt = dt
         self._ticks = 0
-        self._told: Settings | None = None  # of the drive, the last word
+        self._last_settings: Settings | None = None  # the last ones of the drive
 
     def warm_up(self, dt: float) -> None:
-        """Nothing to warm up."""
+        """Do nothing: a plant in the same process needs no warm-up."""
 
     def read(self, now: float) -> Sense:
         tick = round(now / self._dt)
@@ -76,33 +76,36 @@ class PlantDevices:
             stator, arrived, ac, dc, bus_voltage, analyser_age,
             saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
         ) = self._world.readings()  # fmt: skip
-        late = self._delay
-        load = (lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, late)
+        age = self._delay
+        load = (lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, age)
         return Sense(
-            _word(AxisSense, (counts, late, current, enabled, fault, late)),
-            _word(AxisSense, (surge_counts, late, surge_current, surge_enabled, surge_fault, late)),
-            _word(LoadSense, load),
-            _word(SpringSense, (stator, arrived, late)),
-            _word(PowerSense, (ac, dc, bus_voltage, analyser_age)),
-            _word(DriveSense, (conducting, saturated, dump)),
-            _word(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
-            _word(WaveSense, (elevation,)),
-            _UNTOUCHED,
+            _tuple(AxisSense, (counts, age, current, enabled, fault, age)),
+            _tuple(AxisSense, (surge_counts, age, surge_current, surge_enabled, surge_fault, age)),
+            _tuple(LoadSense, load),
+            _tuple(SpringSense, (stator, arrived, age)),
+            _tuple(PowerSense, (ac, dc, bus_voltage, analyser_age)),
+            _tuple(DriveSense, (conducting, saturated, dump)),
+            _tuple(ProbeSense, (probe_1, probe_2, probe_3, probe_age)),
+            _tuple(WaveSense, (elevation,)),
+            _UNTOUCHED_PANEL,
         )
 
     def write(self, command: Command) -> None:
         heave, surge, spring, (conducting, settings), waves = command
-        if settings is not self._told:
+        if settings is not self._last_settings:
             self._configure(settings)
         _, current, enable, _ = heave
         _, target, move = spring
-        _, aside, hold, _ = surge
+        _, surge_current, surge_enable, _ = surge
         self._world.actuate(
-            _word(Actuation, (current, enable, target, move, waves, aside, hold, conducting))
+            _tuple(
+                Actuation,
+                (current, enable, target, move, waves, surge_current, surge_enable, conducting),
+            )
         )
 
     def _configure(self, settings: Settings) -> None:
-        changed, self._told = settings != self._told, settings
+        changed, self._last_settings = settings != self._last_settings, settings
         if changed and settings.bus_voltage > 0.0:  # all zero where the drive has none
             scheme, voltage, period, tolerance, _, level = settings
             self._world.configure(DriveSettings(scheme, voltage, period, tolerance, level))
@@ -114,8 +117,8 @@ class PlantDevices:
         """Nothing to release."""
 
 
-def stepper(compiled: bool) -> type[Stepper]:
-    """The compiled step, or the interpreted one, which needs no compiler and gives the same."""
+def stepper_type(compiled: bool) -> type[Stepper]:
+    """Return the stepper type: compiled, or interpreted with the same results and no compiler."""
     if not compiled:
         return Stepper
     from rig.execution.rehearsal.compiled_plant import CompiledStepper  # noqa: PLC0415  (numba takes a second)
@@ -124,10 +127,10 @@ def stepper(compiled: bool) -> type[Stepper]:
 
 
 def build_world(config: dict[str, Any], dt: float) -> World:
-    """The rig in its sea, for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
+    """Return the rig in its sea for {"plant": mapping, "bem": path, "sea": mapping, "seed": int}.
 
-    "device": "absent" is the empty basin of a wave calibration, "compiled": false interprets it,
-    "hoist" raises and lowers the body from the wave trigger on.
+    "device": "absent" gives the empty basin of a wave calibration, "compiled": false interprets the
+    plant, "hoist" raises and lowers the body from the wave trigger on.
     """
     plant = Plant.model_validate(config["plant"])
     path = Path(config["bem"])
@@ -139,17 +142,19 @@ def build_world(config: dict[str, Any], dt: float) -> World:
         dt=dt,
         seed=config["seed"],
         device=config.get("device", "present") == "present",
-        stepper=stepper(config.get("compiled", True)),
-        hoist=_hoist(config.get("hoist")),
+        stepper=stepper_type(config.get("compiled", True)),
+        hoist=_hoist_profile(config.get("hoist")),
     )
 
 
-def _hoist(told: dict[str, Any] | None) -> Profile | None:
-    if told is None:
+def _hoist_profile(settings: dict[str, Any] | None) -> Profile | None:
+    if settings is None:
         return None
-    return raised_and_lowered(told["low_m"], told["high_m"], told["speed_m_per_s"], told["turn_s"])
+    return raised_and_lowered(
+        settings["low_m"], settings["high_m"], settings["speed_m_per_s"], settings["turn_s"]
+    )
 
 
 def connect(config: dict[str, Any], dt: float) -> PlantDevices:
-    """The simulated devices for what `build_world` takes."""
+    """Return the simulated devices for a configuration of `build_world`."""
     return PlantDevices(build_world(config, dt), dt)

@@ -1,8 +1,8 @@
 """Emulated devices of a wired WaveBot: one process, one world, on the far end of the rig's wires.
 
-`rig sim RIG` starts it by itself, `rig run ... --sim` as the first of a run's companions. It knows
-of the rig only what its wires are: addresses, node numbers, units.
-`rig.execution.rehearsal.emulator_control` is the port at which its devices are given faults.
+`rig sim RIG` starts the process alone, `rig run ... --sim` as the first I/O process of a run. It
+uses only the wires' settings of the rig file: addresses, node numbers, units. The control port
+(`rig.execution.rehearsal.emulator_control`) switches faults of the devices.
 """
 
 import asyncio
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 from rig.config import RigFile
 from rig.config.wiring import Actuator, Registers, TorqueDrive
-from rig.execution.rehearsal.addresses import impossible, taken
+from rig.execution.rehearsal.addresses import occupied_addresses, unreachable_addresses
 from rig.execution.rehearsal.devices import build_world
-from rig.execution.rehearsal.emulator_control import Control, Stage
-from rig.execution.rehearsal.emulator_process import host, modbus_line, without_delay
-from rig.processes.io_process import report, run
+from rig.execution.rehearsal.emulator_control import ControlServer, FaultTargets
+from rig.execution.rehearsal.emulator_process import modbus_line, serve_devices, without_delay
+from rig.processes.io_process import report_event, run_io_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.emulators.actuator_units import ActuatorParams
 from sim_plant.emulators.can_hub import CanHub
@@ -46,37 +46,42 @@ from sim_plant.world import World
 if TYPE_CHECKING:
     from rig.planning.campaign.files import Campaign
 
-DEVICES = Path(__file__).resolve().parents[3] / "configs" / "devices"
-AMC, RATED, ACTUATOR = (
-    DEVICES / f"{name}.eds"
+EDS_FOLDER = Path(__file__).resolve().parents[3] / "configs" / "devices"
+AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
+    EDS_FOLDER / f"{name}.eds"
     for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")
 )
-NAME = "emulated devices"
+PROCESS_NAME = "emulated devices"
 AXES = ("heave", "surge")
-READY_TIMEOUT_S = 30.0  # s until all devices are there: the plant is compiled first
-_CELLS, _PROBES = 20_000.0, 5.0  # N and m, ratings of the amplifiers
-_ITEMS: tuple[tuple[Block, Quantity], ...] = (
+READY_TIMEOUT_S = 30.0  # s until all devices are ready: the plant is compiled first
+_CELL_RATING, _PROBE_RATING = 20_000.0, 5.0  # N and m, of the amplifiers
+_ANALYSER_ITEMS: tuple[tuple[Block, Quantity], ...] = (
     ("sum", "P"), ("element_1", "P"), ("element_1", "U"),
 )  # fmt: skip
-_ANALOG = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
+_ANALOG_READINGS = {"heave": ("force_lcb", "force_trs"), "surge": ("string_pot", "rotor_angle")}
 
 
 def emulator_process(campaign: "Campaign") -> IoProcess:
-    """The emulated devices of a campaign's rig, in its sea, as a companion of the run."""
+    """Return the emulated devices of a campaign's rig, in its sea, as an I/O process of the run."""
     from rig.execution.rehearsal import job  # noqa: PLC0415  (scipy: seconds, and the devices need none)
 
-    return emulated(campaign.rig, job.devices_of(campaign))
+    return emulated_rig_process(campaign.rig, job.plant_settings(campaign))
 
 
-def emulated(rig: RigFile, plant: dict[str, Any]) -> IoProcess:
-    """The emulated devices of a rig; ``plant`` as `job.devices_of` gives it."""
+def emulated_rig_process(rig: RigFile, plant: dict[str, Any]) -> IoProcess:
+    """Return a rig's emulated devices as an I/O process; ``plant`` as of `job.plant_settings`."""
     config = {"rig": rig.model_dump(mode="json"), "plant": plant}
     return IoProcess(
-        NAME, "rig.execution.rehearsal.emulation", config, (), READY_TIMEOUT_S, first=True
+        PROCESS_NAME,
+        "rig.execution.rehearsal.emulation",
+        config,
+        (),
+        READY_TIMEOUT_S,
+        starts_first=True,
     )
 
 
-class Emulated:
+class EmulatedWaveBot:
     """All devices of one rig."""
 
     def __init__(
@@ -84,43 +89,48 @@ class Emulated:
         rig: RigFile,
         world: SharedWorld,
         loop: asyncio.AbstractEventLoop,
-        anew: Callable[[], World],
+        create_world: Callable[[], World],
     ) -> None:
-        """``anew`` makes a world at rest, for a restart."""
+        """``create_world`` returns a world at rest, for a restart."""
         wiring = rig.wiring
         if wiring is None:
             raise ValueError(f"{rig.name} has no wiring to hang emulated devices on")
         self._wiring = wiring
         self._world = world
         self.hub = CanHub(loop)
-        rest = self.hub, loop, world
-        heave, surge = _torque("heave", wiring.heave), _torque("surge", wiring.surge)
-        in_heave = Drive(heave[0], heave[1], *rest)
+        shared = self.hub, loop, world
+        heave, surge = (
+            _torque_drive_params("heave", wiring.heave),
+            _torque_drive_params("surge", wiring.surge),
+        )
+        in_heave = Drive(heave[0], heave[1], *shared)
         self.foreign = ForeignNode(in_heave, self.hub, loop)
         self.nodes: dict[str, CanopenNode] = {
             "heave": in_heave,
-            "surge": Drive(surge[0], surge[1], *rest),
+            "surge": Drive(surge[0], surge[1], *shared),
             "stator": StatorActuator(
-                NodeParams(wiring.stator.node, ACTUATOR), _actuator(wiring.stator), *rest
+                NodeParams(wiring.stator.node, ACTUATOR_EDS),
+                _actuator_params(wiring.stator),
+                *shared,
             ),
         }
         self.units: dict[str, ModbusUnit] = {}
-        self.lines: dict[str, Emulator] = dict(self._lines())
+        self.lines: dict[str, Emulator] = dict(self._create_lines())
         links = {"can": self.hub.link, **{f"line {n}": one.link for n, one in self.lines.items()}}
-        self.control = Control(
-            Stage(
+        self.control = ControlServer(
+            FaultTargets(
                 self.nodes,
                 {**self.units, "foreign node": self.foreign},
                 links,
                 world,
-                lambda: world.renew(anew()),
+                lambda: world.renew(create_world()),
                 {axis: partial(self._powered, axis) for axis in AXES},
-                self._told,
+                self._report,
             )
         )
 
     async def serve(self, ended: asyncio.Event) -> None:
-        """Be there until ``ended``; says in JSON lines when, and where."""
+        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
         can = self._wiring.can
         host, port = can.options.get("host", "127.0.0.1"), int(can.options.get("port", 0))
         host, port = await self.hub.serve(host, port)
@@ -129,13 +139,13 @@ class Emulated:
         try:
             async with running(self.lines) as addresses:
                 await self.control.start()
-                here = {"can": f"socketcand {host}:{port}", "control": self.control.address}
-                report(event="ready", facts={**here, **addresses})
+                fixed = {"can": f"socketcand {host}:{port}", "control": self.control.address}
+                report_event(event="ready", facts={**fixed, **addresses})
                 while not ended.is_set():
                     self._world.catch_up()
                     self.hub.tend()
                     self.foreign.tend()
-                    self.control.look()
+                    self.control.update_power()
                     with suppress(TimeoutError):
                         await asyncio.wait_for(ended.wait(), 5 * self._world.dt)
         finally:
@@ -147,28 +157,28 @@ class Emulated:
     def _powered(self, axis: str) -> bool:
         return bool(getattr(self._world.actuation, f"{axis}_enable"))
 
-    def _told(self) -> dict[str, Any]:
+    def _report(self) -> dict[str, Any]:
         now = self._world.readings()
         return {
             "frames": self.hub.frames,
             "currents": {axis: getattr(now, f"{axis}_current") for axis in AXES},
         }
 
-    def _lines(self) -> dict[str, Emulator]:
-        """The Modbus lines, each with the units that hang on it."""
+    def _create_lines(self) -> dict[str, Emulator]:
+        """Return the Modbus lines, each with its units."""
         wiring = self._wiring
-        made: dict[str, tuple[Registers, ModbusUnit]] = {
+        units_by_name: dict[str, tuple[Registers, ModbusUnit]] = {
             "analyser": (wiring.analyser, self._analyser()),
-            "cells": (wiring.cells, self._amplifier(_cells, _CELLS)),
-            "probes": (wiring.probes, self._amplifier(_probes, _PROBES)),
+            "cells": (wiring.cells, self._amplifier(_cell_forces, _CELL_RATING)),
+            "probes": (wiring.probes, self._amplifier(_probe_elevations, _PROBE_RATING)),
             "io": (wiring.inputs, self._coupler()),
         }
-        self.units = {name: unit for name, (_, unit) in made.items()}
-        found: dict[str, Emulator] = {}
+        self.units = {name: unit for name, (_, unit) in units_by_name.items()}
+        lines: dict[str, Emulator] = {}
         for name, line in wiring.lines.items():
-            units = {at.unit: unit for at, unit in made.values() if at.line == name}
-            found[name] = modbus_line(line, units)
-        return found
+            units = {at.unit: unit for at, unit in units_by_name.values() if at.line == name}
+            lines[name] = modbus_line(line, units)
+        return lines
 
     def _analyser(self) -> PowerAnalyser:
         world = self._world
@@ -179,7 +189,7 @@ class Emulated:
             at = world.time - now.analyser_age
             return Terminals(at, element_1=dc, sum=Terminal(power=now.power_ac))
 
-        return PowerAnalyser(terminals, AnalyserSettings(update=0.0, items=_ITEMS))
+        return PowerAnalyser(terminals, AnalyserSettings(update=0.0, items=_ANALYSER_ITEMS))
 
     def _amplifier(self, channels: Any, rating: float) -> StrainAmplifier:
         world = self._world
@@ -197,46 +207,48 @@ class Emulated:
         return IoCoupler(settings, write=write)
 
 
-def _torque(name: str, drive: TorqueDrive) -> tuple[NodeParams, TorqueDriveParams]:
+def _torque_drive_params(name: str, drive: TorqueDrive) -> tuple[NodeParams, TorqueDriveParams]:
     amc = drive.scaling == "amc"
     inputs = tuple(
         AnalogInput(reading, scale)
-        for reading, scale in zip(_ANALOG[name], drive.analog_per_v, strict=True)
+        for reading, scale in zip(_ANALOG_READINGS[name], drive.analog_per_v, strict=True)
     )
     return (
-        NodeParams(drive.node, AMC if amc else RATED),
+        NodeParams(drive.node, AMC_EDS if amc else RATED_EDS),
         TorqueDriveParams(Axis(name), Scaling.AMC if amc else Scaling.RATED, analog=inputs),
     )
 
 
-def _actuator(actuator: Actuator) -> ActuatorParams:
+def _actuator_params(actuator: Actuator) -> ActuatorParams:
     return ActuatorParams()
 
 
-def _cells(read: Readings) -> tuple[float, ...]:
+def _cell_forces(read: Readings) -> tuple[float, ...]:
     return read.force_slew, read.force_stator_a, read.force_stator_b
 
 
-def _probes(read: Readings) -> tuple[float, ...]:
+def _probe_elevations(read: Readings) -> tuple[float, ...]:
     return read.probe_1, read.probe_2, read.probe_3
 
 
-def _guests(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> Emulated:
+def _create_devices(config: dict[str, Any], loop: asyncio.AbstractEventLoop) -> EmulatedWaveBot:
     rig = RigFile.model_validate(config["rig"])
-    if rig.wiring is not None and (why := (*impossible(rig.wiring), *taken(rig.wiring))):
-        raise OSError("\n".join(why))
+    if rig.wiring is not None and (
+        problems := (*unreachable_addresses(rig.wiring), *occupied_addresses(rig.wiring))
+    ):
+        raise OSError("\n".join(problems))
     dt, plant = 1.0 / rig.rate_hz, without_delay(config["plant"])
 
-    def anew() -> World:
+    def create_world() -> World:
         return build_world(plant, dt)
 
-    return Emulated(rig, SharedWorld(anew(), dt, loop.time), loop, anew)
+    return EmulatedWaveBot(rig, SharedWorld(create_world(), dt, loop.time), loop, create_world)
 
 
 def serve(job: dict[str, Any]) -> None:
-    """Serve until told to end, or until the loop and the I/O processes have ended."""
-    host(job, _guests)
+    """Serve until terminated, or until the loop and the I/O processes have ended."""
+    serve_devices(job, _create_devices)
 
 
 if __name__ == "__main__":
-    run(serve)
+    run_io_process(serve)

@@ -1,15 +1,15 @@
-"""The control port of the emulated devices: faults on and off, and what the world does.
+"""The control port of the emulated devices: it switches faults and reports the world's state.
 
-JSON lines on a loopback TCP port, one answer to each request, an `error` in place of one that
-cannot be heeded. It is for tests and for people who rehearse with a fault; neither loop nor driver
-knows of it.
+The protocol is JSON lines on a loopback TCP port, with one answer to each request; a refused
+request has the answer `error`. The port is for tests and for rehearsals of faults; neither loop nor
+driver uses it.
 
     {"ask": "faults"}                     every fault of every device and link
     {"ask": "switch", "device": "heave", "fault": "drive_fault", "on": true, "value": null}
     {"ask": "clear"}                      all faults off
     {"ask": "restart"}                    all faults off, a world at rest, every node switched on
     {"ask": "world"}                      power, currents and counters now
-    {"ask": "power"}                      by motor when it was found without power, null with it
+    {"ask": "power"}                      by motor the time at which it lost power, null with power
 """
 
 import asyncio
@@ -25,163 +25,168 @@ from sim_plant.emulators.link_faults import LinkFaults, Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.shared_world import Shared
 
-# A CAN controller's check sum lets no spoilt frame through, and who babbles on a bus is a node.
-CAN_LINK = ("drop", "delay", "duplicate", "freeze", "disconnect")
-_SETS = {"babble": "babble_period"}  # field of the severity that a fault's number sets
-_NUMBERLESS = ("freeze", "disconnect")
+# A CAN controller's check sum rejects every corrupted frame, and a babbling device on a bus is a
+# node.
+CAN_LINK_FAULTS = ("drop", "delay", "duplicate", "freeze", "disconnect")
+_SEVERITY_FIELDS = {"babble": "babble_period"}  # field of the severity that a fault's number sets
+_WITHOUT_VALUE = ("freeze", "disconnect")
 
 
-class Faulty(Protocol):
-    """A device that keeps its own list of faults."""
+class HasFaults(Protocol):
+    """A device with its own list of faults."""
 
     @property
     def faults(self) -> DeviceFaults:
-        """The list."""
+        """The faults of the device."""
         ...
 
 
-class Stage(NamedTuple):
-    """What can be given a fault, by name."""
+class FaultTargets(NamedTuple):
+    """The devices and links that can have faults, by name, and their world."""
 
     nodes: Mapping[str, CanopenNode]
-    units: Mapping[str, Faulty]
+    units: Mapping[str, HasFaults]
     links: Mapping[str, LinkFaults]
     world: Shared[Any, Any]
-    renew: Callable[[], None]  # a world at rest in place of the present one
-    powered: Mapping[str, Callable[[], bool]]  # whether each motor has power
-    told: Callable[[], dict[str, Any]]  # what else is to be known of the world
+    restart_world: Callable[[], None]  # replace the present world by one at rest
+    powered: Mapping[str, Callable[[], bool]]  # by motor: whether it has power
+    report: Callable[[], dict[str, Any]]  # further values for the answer to "world"
 
 
-class Control:
-    """The port; `look` is to be called often."""
+class ControlServer:
+    """The control port; the caller must call `update_power` often."""
 
-    def __init__(self, stage: Stage) -> None:
+    def __init__(self, targets: FaultTargets) -> None:
         self.address = ""
-        self._stage = stage
+        self._targets = targets
         self._server: asyncio.Server | None = None
-        self._gone: dict[str, float | None] = dict.fromkeys(stage.powered, 0.0)
-        self._asks: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
-            "faults": lambda asked: {"faults": self.listed()},
+        self._power_lost_at: dict[str, float | None] = dict.fromkeys(targets.powered, 0.0)
+        self._handlers: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
+            "faults": lambda request: {"faults": self.list_faults()},
             "switch": self._switch,
             "clear": self._clear,
             "restart": self._restart,
-            "world": lambda asked: self._world(),
+            "world": lambda request: self._world(),
             "power": self._power,
         }
 
     async def start(self) -> None:
-        """Listen on a free port of loopback; `address` then says which."""
+        """Listen on a free loopback port and set `address` to it."""
         self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
         host, port = self._server.sockets[0].getsockname()[:2]
         self.address = f"{host}:{port}"
 
     async def close(self) -> None:
-        """Listen no longer."""
+        """Stop listening."""
         if self._server is not None:
             self._server.close()
 
-    def look(self) -> None:
-        """Note which motors have power now: what is told of them is never too early."""
+    def update_power(self) -> None:
+        """Update when each motor lost power; the reported times are never too early."""
         now = asyncio.get_running_loop().time()
-        for motor, powered in self._stage.powered.items():
+        for motor, powered in self._targets.powered.items():
             if powered():
-                self._gone[motor] = None
-            elif self._gone[motor] is None:
-                self._gone[motor] = now
+                self._power_lost_at[motor] = None
+            elif self._power_lost_at[motor] is None:
+                self._power_lost_at[motor] = now
 
-    def listed(self) -> dict[str, dict[str, Any]]:
-        """Every fault by device (or link) and name: what it does, and what its number means."""
-        found: dict[str, dict[str, Any]] = {}
-        for name, node in self._stage.nodes.items():
-            found[name] = {
+    def list_faults(self) -> dict[str, dict[str, Any]]:
+        """Return every fault by device (or link) and name: its effect and its value's meaning."""
+        listed: dict[str, dict[str, Any]] = {}
+        for name, node in self._targets.nodes.items():
+            listed[name] = {
                 fault.name: {"effect": fault.effect, "value": fault.value, "default": fault.default}
                 for fault in node.faults()
             }
-        for name, unit in self._stage.units.items():
-            found[name] = {
+        for name, unit in self._targets.units.items():
+            listed[name] = {
                 fault: {"effect": effect, "value": ""}
                 for fault, effect in unit.faults.listed().items()
             }
-        for name in self._stage.links:
-            found[name] = {
+        for name in self._targets.links:
+            listed[name] = {
                 fault: {
                     "effect": effect,
-                    "value": "" if fault in _NUMBERLESS else "share or s",
+                    "value": "" if fault in _WITHOUT_VALUE else "share or s",
                 }
                 for fault, effect in LINK.items()
-                if name != "can" or fault in CAN_LINK
+                if name != "can" or fault in CAN_LINK_FAULTS
             }
-        return found
+        return listed
 
     def switch(self, device: str, fault: str, on: bool, value: float | None, toward: Any) -> None:
-        """Switch a fault of a device or link; ValueError for what is not there."""
-        if fault not in self.listed().get(device, {}):
+        """Switch a fault of a device or link; ValueError for an unknown one."""
+        if fault not in self.list_faults().get(device, {}):
             raise ValueError(f"{device!r} has no fault {fault!r}")
-        stage = self._stage
-        if device in stage.nodes:
-            node = stage.nodes[device]
+        targets = self._targets
+        if device in targets.nodes:
+            node = targets.nodes[device]
             if on:
                 node.inject(fault, value)
             else:
                 node.clear(fault)
-        elif device in stage.units:
-            stage.units[device].faults.switch(fault, on)
+        elif device in targets.units:
+            targets.units[device].faults.switch(fault, on)
         else:
-            way: Toward | None = toward if toward in ("host", "device") else None
-            link = stage.links[device]
-            if value is not None and fault not in _NUMBERLESS:
-                changed: dict[str, Any] = {_SETS.get(fault, fault): value}
+            direction: Toward | None = toward if toward in ("host", "device") else None
+            link = targets.links[device]
+            if value is not None and fault not in _WITHOUT_VALUE:
+                changed: dict[str, Any] = {_SEVERITY_FIELDS.get(fault, fault): value}
                 link.set_severity(link.to_host.severity._replace(**changed))
-            link.switch(fault, on, toward=way)
+            link.switch(fault, on, toward=direction)
 
     def clear(self) -> None:
         """Switch every fault off."""
-        for node in self._stage.nodes.values():
+        for node in self._targets.nodes.values():
             for name in tuple(node.active):
                 node.clear(name)
-        for unit in self._stage.units.values():
+        for unit in self._targets.units.values():
             unit.faults.clear()
-        for link in self._stage.links.values():
+        for link in self._targets.links.values():
             link.clear()
 
-    def _switch(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def _switch(self, request: dict[str, Any]) -> dict[str, Any]:
         at = asyncio.get_running_loop().time()
-        device, fault, on = str(asked["device"]), str(asked["fault"]), bool(asked.get("on", True))
-        self.switch(device, fault, on, asked.get("value"), asked.get("toward"))
-        self.look()
+        device, fault, on = (
+            str(request["device"]),
+            str(request["fault"]),
+            bool(request.get("on", True)),
+        )
+        self.switch(device, fault, on, request.get("value"), request.get("toward"))
+        self.update_power()
         return {"at": at}
 
-    def _clear(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def _clear(self, request: dict[str, Any]) -> dict[str, Any]:
         self.clear()
         return {}
 
-    def _restart(self, asked: dict[str, Any]) -> dict[str, Any]:
+    def _restart(self, request: dict[str, Any]) -> dict[str, Any]:
         self.clear()
-        self._stage.renew()
-        for node in self._stage.nodes.values():
+        self._targets.restart_world()
+        for node in self._targets.nodes.values():
             node.inject("powered_off")
             node.clear("powered_off")
         return {}
 
-    def _power(self, asked: dict[str, Any]) -> dict[str, Any]:
-        self.look()
-        return {"now": asyncio.get_running_loop().time(), "gone": dict(self._gone)}
+    def _power(self, request: dict[str, Any]) -> dict[str, Any]:
+        self.update_power()
+        return {"now": asyncio.get_running_loop().time(), "gone": dict(self._power_lost_at)}
 
     def _world(self) -> dict[str, Any]:
-        world = self._stage.world
-        units = self._stage.units.items()
+        world = self._targets.world
+        units = self._targets.units.items()
         return {
-            **self._stage.told(),
+            **self._targets.report(),
             "time": world.time,
             "late": world.late,
             "dropped": world.dropped,
             "actuation": world.actuation._asdict(),
             "nodes": {
                 name: {"state": node.port.nmt, "errors": sorted(map(int, node.errors.active))}
-                for name, node in self._stage.nodes.items()
+                for name, node in self._targets.nodes.items()
             },
             "requests": {name: one.requests for name, one in units if isinstance(one, ModbusUnit)},
-            "struck": {name: link.counts() for name, link in self._stage.links.items()},
+            "struck": {name: link.counts() for name, link in self._targets.links.items()},
         }
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -193,7 +198,7 @@ class Control:
 
     def _answer(self, line: bytes) -> dict[str, Any]:
         try:
-            asked = json.loads(line)
-            return self._asks[asked["ask"]](asked)
+            request = json.loads(line)
+            return self._handlers[request["ask"]](request)
         except (ValueError, KeyError, TypeError) as error:
             return {"error": f"{type(error).__name__}: {error}"}

@@ -1,4 +1,4 @@
-"""The process of a rig's emulated devices, whatever rig it is: one event loop, until it is time."""
+"""The process of the emulated devices of any kind of rig: one event loop for one run."""
 
 import asyncio
 import signal
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rig.config.wiring import RtuLine, TcpLine
-from rig.processes.io_process import report
+from rig.processes.io_process import report_event
 from rig.realtime import scheduling
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.modbus_rtu import RtuLine as RtuUnits
@@ -22,53 +22,51 @@ class EmulatedDevices(Protocol):
     """All emulated devices of a rig."""
 
     async def serve(self, ended: asyncio.Event) -> None:
-        """Be there until ``ended``; says in JSON lines when, and where."""
+        """Serve the devices until ``ended``; report a JSON line with their addresses when ready."""
         ...
 
 
-Make = Callable[[dict[str, Any], asyncio.AbstractEventLoop], EmulatedDevices]
+DeviceFactory = Callable[[dict[str, Any], asyncio.AbstractEventLoop], EmulatedDevices]
 
-SHUTDOWN_GRACE_S = (
-    2.0  # s after the loop's end in which I/O processes may still speak to the devices
-)
+SHUTDOWN_GRACE_S = 2.0  # s after the loop's end in which I/O processes may still use the devices
 
 
-def host(job: dict[str, Any], make: Make) -> None:
+def serve_devices(job: dict[str, Any], make: DeviceFactory) -> None:
     """Serve until terminated, or until some time after the loop's end.
 
     An OSError of the devices is reported as a refusal.
     """
     with asyncio.Runner(loop_factory=precise_loop) as runner:
-        runner.run(_host(job["config"], job["lifeline"], make))
+        runner.run(_serve_devices(job["config"], job["lifeline"], make))
 
 
-async def _host(config: dict[str, Any], lifeline: int, make: Make) -> None:
+async def _serve_devices(config: dict[str, Any], lifeline: int, make: DeviceFactory) -> None:
     loop, ended = asyncio.get_running_loop(), asyncio.Event()
     loop.add_signal_handler(signal.SIGTERM, ended.set)
 
-    def hung_up() -> None:  # real devices would still be there for the last words
+    def hung_up() -> None:  # real devices would still answer the last messages
         loop.remove_reader(lifeline)
         loop.call_later(SHUTDOWN_GRACE_S, ended.set)
 
     loop.add_reader(lifeline, hung_up)
     try:
-        guests = make(config, loop)
+        devices = make(config, loop)
         if refused := scheduling.acquire_for_emulator():
-            report(event="say", text=f"no priority over other work: {refused}")
-        await guests.serve(ended)
-    except OSError as error:  # an address is taken: another run, or another rig's devices
-        report(event="refused", why=str(error))
+            report_event(event="message", text=f"no priority over other work: {refused}")
+        await devices.serve(ended)
+    except OSError as error:  # an address is taken by another run or another rig's devices
+        report_event(event="refused", why=str(error))
 
 
 def modbus_line(line: TcpLine | RtuLine, units: dict[int, ModbusUnit]) -> Emulator:
-    """A Modbus line with the units that hang on it."""
+    """Return a Modbus line with its units."""
     if isinstance(line, TcpLine):
         return TcpUnits(units, port=line.port)
     return RtuUnits(serial_line(line.port, line.baud, line.parity, line.stop_bits), units)
 
 
 def serial_line(port: str, baud: int, parity: str, stop_bits: int) -> SerialLine:
-    """A serial line under a path, which is made as far as it is not there."""
+    """Return a serial line under a path, whose missing folders are created."""
     bits = 11 if parity != "N" or stop_bits == 2 else 10
     path = Path(port)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -76,8 +74,8 @@ def serial_line(port: str, baud: int, parity: str, stop_bits: int) -> SerialLine
 
 
 def without_delay(config: dict[str, Any]) -> dict[str, Any]:
-    """The plant with its fieldbus taken out: here the wires are real and delay by themselves."""
+    """Return the plant settings without fieldbus delay: emulated wires have their own."""
     sensors = config["plant"]["sensors"]
-    at_once = {**sensors["delay_ticks"], "value": 0}
-    plant = {**config["plant"], "sensors": {**sensors, "delay_ticks": at_once}}
+    no_delay = {**sensors["delay_ticks"], "value": 0}
+    plant = {**config["plant"], "sensors": {**sensors, "delay_ticks": no_delay}}
     return {**config, "plant": plant}

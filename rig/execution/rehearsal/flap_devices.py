@@ -1,4 +1,4 @@
-"""The simulated flap in its flume behind the loop's device seam, with its wave maker and a hand."""
+"""The simulated flap in its flume behind the loop's device interface, with wave maker and hand."""
 
 from typing import Any
 
@@ -10,19 +10,19 @@ from sim_plant.flap.stepper import Stepper
 from sim_plant.flap.world import FlapWorld
 from sim_plant.waves import WaveTables
 
-HAND = 0.3  # rad/s, with which somebody turns the flap to where it is let go
+HAND_SPEED = 0.3  # rad/s, with which a person turns the flap to its release angle
 
 
 class FlapDevices(BenchDevices):
-    """The devices of a simulated flap; the wave maker knows the seas of the session."""
+    """The devices of a simulated flap; the wave maker has the session's seas by number."""
 
     def __init__(self, world: FlapWorld, tables: list[WaveTables], dt: float) -> None:
         super().__init__(world, dt)
         self._flap = world
         self._tables = tables
-        self._step = HAND * dt
+        self._step = HAND_SPEED * dt
         self._running = -1
-        self._hand: float | None = None  # where it holds the flap
+        self._hand: float | None = None  # angle at which the hand holds the flap, rad; None: free
 
     def write(self, command: Command) -> None:
         if command.sea != self._running:
@@ -45,19 +45,19 @@ class FlapDevices(BenchDevices):
             self._flap.make_waves(1)
 
     def _turn_to(self, angle: float) -> None:
-        """Turn the flap one tick's way on; one that is coupled stays where it was clamped."""
+        """Turn the flap by one tick's angle at most; a coupled flap stays where it was clamped."""
         if self._flap.params.coupled == 1:
             self._hand = angle
             return
-        here = self._hand
-        if here is None:
-            here = self._flap.truth().driveline.shaft_angle
-        self._hand = here + max(-self._step, min(angle - here, self._step))
+        position = self._hand
+        if position is None:
+            position = self._flap.truth().driveline.shaft_angle
+        self._hand = position + max(-self._step, min(angle - position, self._step))
         self._flap.place(self._hand)
 
 
-def stepper(compiled: bool) -> type[Stepper]:
-    """The compiled step, or the interpreted one, which gives the same."""
+def stepper_type(compiled: bool) -> type[Stepper]:
+    """Return the stepper type: compiled, or interpreted with the same results."""
     if not compiled:
         return Stepper
     from rig.execution.rehearsal.compiled_bench import (  # noqa: PLC0415  (numba takes a second)
@@ -68,9 +68,10 @@ def stepper(compiled: bool) -> type[Stepper]:
 
 
 def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
-    """The devices for {"plant": mapping, "seed": int, "seas": [...]}; "compiled" as on the bench.
+    """Return the devices for {"plant": mapping, "seed": int, "seas": [...]}.
 
-    A sea is {"repeat_s", "cycles", "amplitude_m", "phase_rad"} (`sim_plant.waves.components`).
+    "compiled" is as on the bench. A sea is {"repeat_s", "cycles", "amplitude_m", "phase_rad"}
+    (`sim_plant.waves.components`).
     """
     plant = FlapPlant.model_validate(config["plant"])
     coefficients = plant.coefficients()
@@ -87,6 +88,6 @@ def connect_flap(config: dict[str, Any], dt: float) -> FlapDevices:
         waves.calm(),
         dt=dt,
         seed=config["seed"],
-        stepper=stepper(config.get("compiled", True)),
+        stepper=stepper_type(config.get("compiled", True)),
     )
     return FlapDevices(world, tables, dt)

@@ -1,4 +1,4 @@
-"""The supervisor's side of a rehearsal: is the plant in order, what does the loop need of it."""
+"""The supervisor's side of a rehearsal: settings and checks of the simulated plant."""
 
 import math
 import zipfile
@@ -33,61 +33,65 @@ from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
 from sim_plant.world import World
 
-# What numpy, zipfile and zlib raise for files that are none of theirs, empty or cut off.
+# Errors of numpy, zipfile and zlib for files of another format, empty or truncated ones.
 _UNREADABLE = (
     OSError, ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 _REFERENCE: TypeAdapter[AnyReference] = TypeAdapter(Reference | None)
-_SAME = 1e-6  # relative
+_RELATIVE_TOLERANCE = 1e-6  # relative
 
-TWINS: dict[str, tuple[str, ...]] = {
+MATCHING_KEYS: dict[str, tuple[str, ...]] = {
     "counts_per_revolution": ("sensors", "encoder_counts", "value"),
     "gear_ratio_rad_per_m": ("pto", "gear_ratio", "value"),
     "torque_constant_n_m_per_a": ("pto", "torque_constant", "value"),
 }
-"""Keys of the rig's heave and the plant's keys that must say the same."""
+"""Keys of the rig's heave axis and the plant's keys that must have the same value."""
 
-_ANY_RATE = 1000  # Hz, where the rig's own is wrong
-_ANY_SEED = 0  # no check depends on phases or noise
+_DEFAULT_RATE_HZ = 1000  # where the rig's own rate is invalid
+_DEFAULT_SEED = 0  # no check depends on phases or noise
 
 
-def devices_of(campaign: Campaign) -> dict[str, Any]:
-    """What `connect` needs to stand in for the hardware of a campaign, as JSON values."""
+def plant_settings(campaign: Campaign) -> dict[str, Any]:
+    """Return the simulated plant's configuration for `connect`, as JSON values."""
     return {
-        "plant": plant_of(campaign),
+        "plant": campaign_plant(campaign),
         "bem": str(campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])),
-        "sea": _sea_of(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
+        "sea": _sea_settings(campaign.file.sea, campaign.file.sea_seed, campaign.elevation),
         "seed": campaign.file.seed,
         "device": campaign.file.device,
-        **_hoist_of(campaign.file),
+        **_hoist_settings(campaign.file),
     }
 
 
-def _hoist_of(file: CampaignFile) -> dict[str, Any]:
-    """What moves the simulated body in place of a person at a chain hoist."""
+def _hoist_settings(file: CampaignFile) -> dict[str, Any]:
+    """Return the motion of the simulated body by a chain hoist; empty without one."""
     if file.hoist is None:
         return {}
     return {"hoist": file.hoist.model_dump(mode="json") | {"turn_s": TURNAROUND_S}}
 
 
-def plant_of(campaign: Campaign) -> dict[str, Any]:
-    """The plant as the campaign wants it: its supply as somebody has left it."""
+def campaign_plant(campaign: Campaign) -> dict[str, Any]:
+    """Return the campaign's plant, with the drive's supply as the campaign has it."""
     drive = campaign.plant.get("drive")
     if campaign.file.drive.supply == "connected" or not isinstance(drive, dict):
         return campaign.plant
-    said = {"value": "disconnected", "unit": "1", "source": "the campaign's drive.supply"}
-    return {**campaign.plant, "drive": {**drive, "supply": said}}
+    supply = {"value": "disconnected", "unit": "1", "source": "the campaign's drive.supply"}
+    return {**campaign.plant, "drive": {**drive, "supply": supply}}
 
 
-def asked_sea(campaign: Campaign) -> dict[str, Any]:
-    """What the wave maker is asked for, line by line, as JSON values.
+def requested_sea(campaign: Campaign) -> dict[str, Any]:
+    """Return the spectral lines that the wave maker is to make, as JSON values.
 
-    Elevation is sum amplitude_m cos(2 pi cycles t / repeat_s + phase_rad), t on the wave clock;
-    of a recorded sea only the lines of its repeat period that can excite.
+    Elevation is sum amplitude_m cos(2 pi cycles t / repeat_s + phase_rad), t on the wave clock. A
+    recorded sea is reduced to the lines of its repeat period that can excite.
     """
-    told = campaign.file.sea
-    sea = build_sea(_sea_of(told, campaign.file.sea_seed, campaign.elevation))
-    repeat = told.period if isinstance(told, RegularSea) else getattr(told, "repeat", sea.repeat)
+    sea_file = campaign.file.sea
+    sea = build_sea(_sea_settings(sea_file, campaign.file.sea_seed, campaign.elevation))
+    repeat = (
+        sea_file.period
+        if isinstance(sea_file, RegularSea)
+        else getattr(sea_file, "repeat", sea.repeat)
+    )
     periods = round(sea.repeat / repeat)  # a recorded window may hold several
     frequency = waves.frequencies(sea)
     kept = (sea.cycles % periods == 0) & (frequency >= waves.LOWEST) & (frequency <= waves.HIGHEST)
@@ -100,37 +104,37 @@ def asked_sea(campaign: Campaign) -> dict[str, Any]:
 
 
 def problems(pieces: CampaignParts) -> tuple[Problem, ...]:
-    """What would keep the loop or the simulated plant from starting: everything is built once."""
-    found = [*_estimator(pieces), *_laws(pieces)]
+    """Return all problems that would keep loop or plant from starting; build everything once."""
+    found = [*_estimator_problems(pieces), *_law_problems(pieces)]
     bem = None
     if pieces.plant is not None:
-        plant, bad = _plant(pieces.plant)
-        bem, unreadable = _bem(pieces.plant, ("bem",))
-        surge, unreadable_too = _bem(pieces.plant, ("surge", "bem"))
+        plant, bad = _load_plant(pieces.plant)
+        bem, unreadable = _load_bem(pieces.plant, ("bem",))
+        surge, unreadable_too = _load_bem(pieces.plant, ("surge", "bem"))
         found += [*bad, *unreadable, *unreadable_too]
         if plant is not None:
             found += _mismatches(pieces, plant, pieces.plant)
         if plant is not None and bem is not None and surge is not None:
-            impossible = _world(pieces, plant, (bem, surge), pieces.plant)
-            bem = None if impossible else bem  # the sea is not to blame for it
+            impossible = _world_problems(pieces, plant, (bem, surge), pieces.plant)
+            bem = None if impossible else bem  # so that the sea is not blamed
             found += impossible
-    return (*found, *_sea(pieces, bem))
+    return (*found, *_sea_problems(pieces, bem))
 
 
-def _estimator(pieces: CampaignParts) -> Iterator[Problem]:
+def _estimator_problems(pieces: CampaignParts) -> Iterator[Problem]:
     if pieces.rig is None or pieces.heave is None:
         return
     try:
-        estimator_params(pieces.heave, 1.0 / (pieces.rate_hz or _ANY_RATE))
+        estimator_params(pieces.heave, 1.0 / (pieces.rate_hz or _DEFAULT_RATE_HZ))
     except ValueError as error:
         value = pieces.heave.jerk_density_m2_per_s5
         message = f"{format_number(value)}: {error}"
         yield pieces.rig.locate.problem(("heave", "jerk_density_m2_per_s5"), value, message)
 
 
-def _laws(pieces: CampaignParts) -> Iterator[Problem]:
-    """What the law and the reference of the campaign lack; their keys' own rules are told there."""
-    campaign, rate = pieces.campaign, pieces.rate_hz or _ANY_RATE
+def _law_problems(pieces: CampaignParts) -> Iterator[Problem]:
+    """Yield problems of the campaign's law and reference beyond those of single keys."""
+    campaign, rate = pieces.campaign, pieces.rate_hz or _DEFAULT_RATE_HZ
     with suppress(ValidationError):
         law = HeaveLawSettings.model_validate(campaign.mapping.get("law", {}), strict=True)
         try:
@@ -146,92 +150,92 @@ def _laws(pieces: CampaignParts) -> Iterator[Problem]:
             yield campaign.locate.problem(("reference",), None, str(error))
 
 
-def _plant(source: ConfigSource) -> tuple[Plant | None, tuple[Problem, ...]]:
+def _load_plant(source: ConfigSource) -> tuple[Plant | None, tuple[Problem, ...]]:
     try:
         return Plant.model_validate(source.mapping), ()
     except ValidationError as error:
         return None, problems_from(error, source.locate, Plant)
 
 
-def _bem(source: ConfigSource, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
-    """One of the plant's BEM files; that of surge lies beside that of heave."""
-    name, heave = _named(source, key), _named(source, ("bem",))
+def _load_bem(source: ConfigSource, key: KeyPath) -> tuple[Bem | None, tuple[Problem, ...]]:
+    """Read one of the plant's BEM files; that of surge is in the folder of that of heave."""
+    name, heave = _file_name(source, key), _file_name(source, ("bem",))
     if name is None or heave is None:
-        return None, ()  # the plant's own problem
+        return None, ()  # already reported for the plant
     path = source.locate.resolve_path(("bem",), heave).with_name(name)
     try:
         with open_regular(path, MAX_TABLE_BYTES) as file:
             if path.suffix == ".npz":
-                zipfile.ZipFile(file).close()  # numpy leaves a file open that is no archive
+                zipfile.ZipFile(file).close()  # numpy would leave a file open that is no archive
         return read_bem(path), ()
     except _UNREADABLE as error:
         message = f"cannot be read: {error or type(error).__name__}"
         return None, (source.locate.problem(key, name, message),)
 
 
-def _named(source: ConfigSource, key: KeyPath) -> str | None:
-    """The file name at a key of the plant's file."""
+def _file_name(source: ConfigSource, key: KeyPath) -> str | None:
+    """Return the file name at a key of the plant's file."""
     value: Any = source.mapping
     for part in key:
         value = value.get(part) if isinstance(value, dict) else None
     return value if isinstance(value, str) and value.strip() else None
 
 
-def _world(
+def _world_problems(
     pieces: CampaignParts, plant: Plant, bem: tuple[Bem, Bem], source: ConfigSource
 ) -> tuple[Problem, ...]:
-    dt = 1.0 / (pieces.rate_hz or _ANY_RATE)
+    dt = 1.0 / (pieces.rate_hz or _DEFAULT_RATE_HZ)
     try:
-        World(plant, waves.calm(), *bem, dt=dt, seed=_ANY_SEED)
+        World(plant, waves.calm(), *bem, dt=dt, seed=_DEFAULT_SEED)
     except (ValueError, ArithmeticError) as error:
         return (source.locate.problem((), None, f"cannot be simulated: {error}"),)
     return ()
 
 
 def _mismatches(pieces: CampaignParts, plant: Plant, source: ConfigSource) -> Iterator[Problem]:
-    """Scales that the rig and the plant must share, or commands and counts mean other things."""
+    """Yield the scales in which rig and plant differ: commands would mean other things."""
     if pieces.rig is None or pieces.heave is None:
         return
-    for name, key in TWINS.items():
-        ours = float(getattr(pieces.heave, name))
-        theirs = float(reduce(getattr, key, plant))  # type: ignore[arg-type]
-        if abs(ours - theirs) > _SAME * abs(theirs):
+    for name, key in MATCHING_KEYS.items():
+        rig_value = float(getattr(pieces.heave, name))
+        plant_value = float(reduce(getattr, key, plant))  # type: ignore[arg-type]
+        if abs(rig_value - plant_value) > _RELATIVE_TOLERANCE * abs(plant_value):
             place = source.locate(key)
             yield pieces.rig.locate.problem(
                 ("heave", name),
-                ours,
-                f"{format_number(ours)} is not the simulated plant's {format_number(theirs)} "
+                rig_value,
+                f"{format_number(rig_value)} is not the simulated plant's {format_number(plant_value)} "
                 f"({display_path(place.path)}:{place.line}); the two must agree",
             )
 
 
-def _sea(pieces: CampaignParts, bem: Bem | None) -> Iterator[Problem]:
+def _sea_problems(pieces: CampaignParts, bem: Bem | None) -> Iterator[Problem]:
     sea, locate = pieces.sea, pieces.campaign.locate
     if sea is None or (sea.kind == "recorded" and pieces.elevation is None):
         return
-    if isinstance(sea, RegularSea) and (beside := _repeating_beside(sea.frequency)):
+    if isinstance(sea, RegularSea) and (nearest_frequencies := _nearest_repeating(sea.frequency)):
         key, unit, value = "frequency_hz", "Hz", sea.frequency
-        nearest = [(float(f), f.denominator) for f in beside]
+        nearest = [(float(f), f.denominator) for f in nearest_frequencies]
         if sea.period_s is not None:
             key, unit, value = "period_s", "s", sea.period_s
-            nearest = [(float(1 / f), f.denominator) for f in reversed(beside)]
-        words = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
+            nearest = [(float(1 / f), f.denominator) for f in reversed(nearest_frequencies)]
+        suggestions = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
         message = (
             f"{value!r} {unit} repeats on no whole second up to {waves.LONGEST_REPEAT} s; "
-            f"the nearest allowed are {' and '.join(words)}"
+            f"the nearest allowed are {' and '.join(suggestions)}"
         )
         yield locate.problem(("sea", key), value, message)
         return
     try:
-        built = build_sea(_sea_of(sea, _ANY_SEED, pieces.elevation))
+        built = build_sea(_sea_settings(sea, _DEFAULT_SEED, pieces.elevation))
         if bem is not None and pieces.rate_hz is not None:
             waves.tables(built, bem, 1.0 / pieces.rate_hz)
     except ValueError as error:
         yield locate.problem(("sea",), sea.description(), str(error))
 
 
-def _repeating_beside(frequency: float) -> list[Fraction]:
-    """The nearest frequencies below and above that repeat in time, Hz; none if it does itself."""
+def _nearest_repeating(frequency: float) -> list[Fraction]:
+    """Return the nearest frequencies (Hz) below and above that repeat in time; none if it does."""
     try:
         waves.regular(0.0, frequency)
     except ValueError:
@@ -244,7 +248,7 @@ def _repeating_beside(frequency: float) -> list[Fraction]:
     return []
 
 
-def _sea_of(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
+def _sea_settings(sea: AnySea, seed: int, elevation: Elevation | None) -> dict[str, Any]:
     if isinstance(sea, CalmSea):
         return {"kind": "calm"}
     if isinstance(sea, RegularSea):

@@ -7,38 +7,38 @@ from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.pydantic_errors import validate
 from rig.config.yaml_source import load_mapping
-from rig.execution.rehearsal.bench_emulation import emulated_bench
-from rig.execution.rehearsal.emulation import emulated
+from rig.execution.rehearsal.bench_emulation import emulated_bench_process
+from rig.execution.rehearsal.emulation import emulated_rig_process
 from rig.processes.io_processes import IoProcess
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.parameters import Plant
 
 
-class Alone(NamedTuple):
-    """A rig and what plays its devices."""
+class StandaloneRig(NamedTuple):
+    """A rig and the I/O process of its emulated devices."""
 
     rig: AnyRigFile
     io_process: IoProcess
 
 
-def alone(path: Path) -> Alone:
-    """The emulated devices of a rig file; ConfigError with every problem of it and its plant.
+def load_standalone(path: Path) -> StandaloneRig:
+    """Return the emulated devices of a rig file; ConfigError has all problems of it and its plant.
 
-    The WaveBot's are in calm water; the bench's servo is set up for velocity, its shaft is free.
+    The WaveBot is in calm water; the bench's servo is set up for velocity, its shaft is free.
     """
     rig, locate = load_rig(path)
-    plant, there = load_mapping(
+    plant, locate_plant = load_mapping(
         locate.resolve_path(("plant",), rig.plant), locate(("plant",)), "plant"
     )
     if isinstance(rig, BenchRigFile):
-        validate(plant, there, BenchPlant)
-        return Alone(rig, emulated_bench(rig, plant, 0, "velocity", 0))
-    validate(plant, there, Plant)
+        validate(plant, locate_plant, BenchPlant)
+        return StandaloneRig(rig, emulated_bench_process(rig, plant, 0, "velocity", 0))
+    validate(plant, locate_plant, Plant)
     devices: dict[str, Any] = {
         "plant": plant,
-        "bem": str(there.resolve_path(("bem",), plant["bem"])),
+        "bem": str(locate_plant.resolve_path(("bem",), plant["bem"])),
         "sea": {"kind": "calm"},
         "seed": 0,
         "device": "present",
     }
-    return Alone(rig, emulated(rig, devices))
+    return StandaloneRig(rig, emulated_rig_process(rig, devices))

@@ -1,4 +1,4 @@
-"""The WaveBot: its words, what trips it, and its part of the cycle."""
+"""The WaveBot as a kind of rig: its signals, its checks, and its part of the cycle."""
 
 from rig.kinds.wavebot.check import check
 from rig.kinds.wavebot.kind import KIND, control, observe

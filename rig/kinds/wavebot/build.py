@@ -1,4 +1,4 @@
-"""From validated files to the loop's parameters: the one place where names and units are turned."""
+"""Conversion of validated files to the loop's parameters, with all changes of names and units."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -37,7 +37,7 @@ _MODULATIONS = {
 }
 
 
-_designed = lru_cache(maxsize=64)(design)  # sweeps ask for the same again and again
+_cached_estimator_design = lru_cache(maxsize=64)(design)  # sweeps repeat the same designs
 
 _SURGE_USES = {
     "off": SurgeUse.OFF,
@@ -49,24 +49,26 @@ _AXES = {"heave": ReferenceAxis.HEAVE, "surge": ReferenceAxis.SURGE}
 
 
 def newtons_per_ampere(motor: Axis) -> float:
-    """Force on the body per ampere of drive current, Kt N (N/A)."""
+    """Return the force on the body per ampere of drive current, Kt N (N/A)."""
     return motor.torque_constant_n_m_per_a * motor.gear_ratio_rad_per_m
 
 
 def metres_per_count(motor: Axis) -> float:
-    """Motion of the axis per encoder count (m)."""
+    """Return the motion of the axis per encoder count (m)."""
     turn = 2.0 * math.pi / motor.gear_ratio_rad_per_m
     return turn / motor.counts_per_revolution
 
 
 def estimator_params(motor: Axis, dt: float) -> estimator.Params:
-    """The estimator designed for a period ``dt`` (s); ValueError if its gain does not settle."""
+    """Return the estimator for a period ``dt`` (s); ValueError if its gain does not converge."""
     scale = metres_per_count(motor)
-    return _designed(scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt)
+    return _cached_estimator_design(
+        scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt
+    )
 
 
 def zc_sections(law: HeaveLawSettings, dt: float) -> tuple[Biquad, ...]:
-    """Z_c(s) of the heave law as sections for a period ``dt`` (s); ValueError if impossible."""
+    """Return Z_c(s) of the heave law as biquads for a period ``dt`` (s); ValueError if invalid."""
     zc = law.zc
     return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
@@ -77,9 +79,9 @@ def reference_table(
     realisations: Sequence[int] = (1,),
     record: ReferenceRecord | None = None,
 ) -> tuple[float, ...]:
-    """A repeat period of the open-loop force of each realisation (N, a tick each).
+    """Return one repeat period of the open-loop force of each realisation (N, one value a tick).
 
-    ``record`` is that of a recorded reference. ValueError if it repeats on no tick.
+    ``record`` is that of a recorded reference. ValueError if it repeats on no whole tick.
     """
     reference = campaign.reference
     motor = rig.surge if reference is not None and reference.axis == "surge" else rig.heave
@@ -87,16 +89,18 @@ def reference_table(
     return force_table(reference, scale, rig.rate_hz, campaign.seed, realisations, record)
 
 
-def realisations_of(numbers: Iterable[float]) -> tuple[int, ...]:
-    """The realisations that a campaign's set points ask for, in the order of the table."""
-    return tuple(sorted({int(one) for one in numbers if one >= 1.0})) or (1,)
+def list_realisations(numbers: Iterable[float]) -> tuple[int, ...]:
+    """Return the realisations in a campaign's set points, in the order of the reference table."""
+    return tuple(sorted({int(number) for number in numbers if number >= 1.0})) or (1,)
 
 
-def placed(setpoints: wavebot.Setpoints, several: Sequence[int]) -> wavebot.Setpoints:
-    """Set points with each realisation by its place in the table of ``several``."""
-    place = {number: at for at, number in enumerate(several)}
+def index_realisations(
+    setpoints: wavebot.Setpoints, realisations: Sequence[int]
+) -> wavebot.Setpoints:
+    """Return the set points with each realisation as its index in ``realisations``."""
+    index = {number: at for at, number in enumerate(realisations)}
     return setpoints._replace(
-        realisation=tuple(place.get(int(one), 0) for one in setpoints.realisation)
+        realisation=tuple(index.get(int(number), 0) for number in setpoints.realisation)
     )
 
 
@@ -108,11 +112,11 @@ def wavebot_params(
     setpoints: wavebot.Setpoints,
     record: ReferenceRecord | None = None,
 ) -> cycle.Params:
-    """Everything the cycle of a WaveBot needs, designed estimators included."""
+    """Return all parameters of a WaveBot's cycle, with designed estimators and references."""
     dt = 1.0 / rig.rate_hz
-    several = realisations_of(setpoints.realisation)
-    forces = reference_table(campaign, rig, several, record)
-    many = len(several) if isinstance(campaign.reference, MultisineReference) else 1
+    realisations = list_realisations(setpoints.realisation)
+    forces = reference_table(campaign, rig, realisations, record)
+    table_count = len(realisations) if isinstance(campaign.reference, MultisineReference) else 1
     rates, positions = rig.spring.by_rate()
     drive = drive_settings(campaign, rig)
     return cycle.Params(
@@ -125,7 +129,7 @@ def wavebot_params(
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
             heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
-            reference=open_loop.Params(forces, rig.heave.gain_ramp_s, many),
+            reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
             reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),
             modulation=int(_MODULATIONS[drive.modulation]) if drive else 0,
@@ -162,7 +166,7 @@ def wavebot_params(
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
             stations=_stations(campaign, rig, bounds.power, dt),
-            setpoints=placed(setpoints, several),
+            setpoints=index_realisations(setpoints, realisations),
         ),
     )
 
@@ -196,11 +200,11 @@ def _stations(
 ) -> stations.Params:
     return stations.Params(
         absorbs=1 if campaign.uses_gains_only else 0,
-        newest=average.weight_of_tick(bounds.time_s, dt),
+        fast_weight=average.weight_of_tick(bounds.time_s, dt),
         fed_stop=bounds.fed_stop_w,
         motor_stop=bounds.motor_difference_stop_w,
         motor_ratio=bounds.motor_difference_ratio,
-        newest_slow=average.weight_of_tick(bounds.balance_time_s, dt),
+        slow_weight=average.weight_of_tick(bounds.balance_time_s, dt),
         balance_stop=bounds.balance_stop_w,
         friction=bounds.friction_n_s_per_m,
         loss=bounds.loss_w_per_a2,

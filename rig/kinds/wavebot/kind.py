@@ -16,17 +16,17 @@ from rig.kinds.wavebot.check import check
 from rig.kinds.wavebot.signals import Command, Motion, Sense, TickSignals, WaveBotRow
 from rig.kinds.wavebot.state import (
     REFERENCE_SURGE,
-    SURGE_HELD,
-    SURGE_KEPT,
+    SURGE_HOLD,
     SURGE_OFF,
+    SURGE_STATION_KEEPING,
     ActiveSetpoint,
     Laws,
     Params,
     State,
-    hold,
     laws_at_rest,
+    load_setpoint,
     start,
-    zeros,
+    zeros_in_use,
 )
 from rig.realtime import axis, cycle, power, safety
 from rig.realtime.safety import OFF, RUN
@@ -34,9 +34,9 @@ from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
-    """Motion of both axes relative to the zeros in use."""
+    """Return the estimated motion of both axes relative to the zeros in use."""
     heave, surge, _, _, _, _, _, _, _ = sense
-    heave_zero, surge_zero = zeros(params, state, heave, surge)
+    heave_zero, surge_zero = zeros_in_use(params, state, heave, surge)
     return (
         axis.observe(params.heave, state.heave, heave, heave_zero, periods, dt),
         axis.observe(params.surge, state.surge, surge, surge_zero, periods, dt),
@@ -44,7 +44,7 @@ def observe(params: Params, state: State, sense: Sense, periods: int, dt: float)
 
 
 def ready(params: Params, state: State, sense: Sense) -> int:
-    """Which conditions of the plan hold."""
+    """Return the flags of the plan's conditions that hold."""
     flags = 0
     if magnetic_spring.arrived(params.spring, state.spring, sense.spring):
         flags = flags | WAIT_STATOR
@@ -63,101 +63,132 @@ def control(
     setpoint: int,
     dt: float,
 ) -> tuple[State, Command, TickSignals]:
-    """Set point -> forces within limits, stator target, drive settings, wave trigger; and power."""
-    heave, laws, surge, spring, tared, spent, powers, held = state
-    heave_sense, surge_sense, load, _, meter, drive_sense, _, _, _ = sense
-    in_heave, in_surge = motion
+    """Compute a tick's state, commands within limits, and row signals from the set point."""
+    heave, laws, surge, spring, tare_state, station_power, stations_state, active_setpoint = state
+    heave_sense, surge_sense, load, _, analyser, drive_sense, _, _, _ = sense
+    heave_motion, surge_motion = motion
     _, phase, _, wave_clock = plan
     mode = guard.mode
-    if setpoint != held.setpoint:
-        held = hold(params, setpoint)
+    if setpoint != active_setpoint.setpoint:
+        active_setpoint = load_setpoint(params, setpoint)
     if mode == RUN:
-        laws, wanted, reference, conducting, aside = _laws(
-            params, laws, motion, held, heave.saturation_deficit, wave_clock, dt
+        laws, heave_demand, reference, conducting, surge_demand = _step_laws(
+            params, laws, motion, active_setpoint, heave.saturation_deficit, wave_clock, dt
         )
-    else:  # at rest they start afresh, so a later start ramps its gains up from zero
+    else:  # reset the laws, so that a later start ramps its gains up from zero
         laws = laws_at_rest(params)
-        wanted, reference, conducting, aside = axis.NO_DEMAND, _NO_REFERENCE, 1, axis.NO_DEMAND
-    drive = held.drive if conducting == 1 else DriveCommand(0, held.drive.settings)
+        heave_demand, surge_demand = axis.NO_DEMAND, axis.NO_DEMAND
+        reference, conducting = _NO_REFERENCE, 1
+    drive = active_setpoint.drive
+    drive = drive if conducting == 1 else DriveCommand(0, drive.settings)
     saturated = drive_sense.saturated
     heave, record = axis.control(
-        params.heave, heave, heave_sense, in_heave, wanted, conducting, saturated, mode, dt
+        params.heave,
+        heave,
+        heave_sense,
+        heave_motion,
+        heave_demand,
+        conducting,
+        saturated,
+        mode,
+        dt,
     )
     surge_mode = OFF if params.surge_use == SURGE_OFF else mode
     surge, surge_record = axis.control(
-        params.surge, surge, surge_sense, in_surge, aside, 1, 0, surge_mode, dt
+        params.surge, surge, surge_sense, surge_motion, surge_demand, 1, 0, surge_mode, dt
     )
     # The stator stays put in a stop, and is not moved before the tare is over or while all is off.
     move = 1 if phase != TARE and OFF < mode <= RUN else 0
-    spring = magnetic_spring.step(params.spring, spring, held.spring_rate, move)
-    if phase == TARE or tared.samples > 0 or tared.seeded == 0:
-        before, tared = tared, tare.step(tared, _raw(params, sense), phase)
-        if before.seeded == 1:
-            heave = axis.rezero(heave, tared.zeros.position - before.zeros.position)
-            surge = axis.rezero(surge, tared.zeros.surge - before.zeros.surge)
-    zero = tared.zeros
-    ac, dc, _, _ = meter
+    spring = magnetic_spring.step(params.spring, spring, active_setpoint.spring_rate, move)
+    if phase == TARE or tare_state.samples > 0 or tare_state.seeded == 0:
+        previous_tare = tare_state
+        tare_state = tare.step(tare_state, _raw_sensors(params, sense), phase)
+        if previous_tare.seeded == 1:
+            heave = axis.rezero(heave, tare_state.zeros.position - previous_tare.zeros.position)
+            surge = axis.rezero(surge, tare_state.zeros.surge - previous_tare.zeros.surge)
+    zero = tare_state.zeros
+    ac, dc, _, _ = analyser
     lcb, trs = load.lcb - zero.lcb, load.trs - zero.trs
-    spent = power.step(spent, lcb, trs, in_heave.velocity, ac, dc, phase)
-    powers = stations.step(
-        params.stations, powers, record, heave.fade_share, saturated, lcb, trs, ac, mode
+    station_power = power.step(station_power, lcb, trs, heave_motion.velocity, ac, dc, phase)
+    stations_state = stations.step(
+        params.stations, stations_state, record, heave.fade_share, saturated, lcb, trs, ac, mode
     )
     waves = 1 if wave_clock >= 0.0 else 0
     return (
-        State(heave, laws, surge, spring, tared, spent, powers, held),
+        State(
+            heave, laws, surge, spring, tare_state, station_power, stations_state, active_setpoint
+        ),
         Command(record.command, surge_record.command, spring.command, drive, waves),
-        (record, surge_record, reference, spent, zero),
+        (record, surge_record, reference, station_power, zero),
     )
 
 
 _NO_REFERENCE = Reference(0.0, 0.0)
 
 
-def _laws(
+def _step_laws(
     params: Params,
     laws: Laws,
     motion: Motion,
-    held: ActiveSetpoint,
-    short: float,
+    active_setpoint: ActiveSetpoint,
+    saturation_deficit: float,
     wave_clock: float,
     dt: float,
 ) -> tuple[Laws, Demand, Reference, int, Demand]:
-    """Demand of heave, the reference, whether heave's power stage is in use, demand of surge."""
+    """Step the laws; return their state, heave's demand, reference, power stage and surge's demand.
+
+    The power stage's flag is 1 where the drive conducts.
+    """
     law, table, gate, keeping, holding = laws
-    in_heave, in_surge = motion
+    heave_motion, surge_motion = motion
     reference = _NO_REFERENCE
     if len(params.reference.table) > 0:
         at = floor(wave_clock / dt + 0.5) if wave_clock >= 0.0 else -1
         table, force = open_loop.step(
-            params.reference, table, held.reference_scale, held.realisation, at, dt
+            params.reference,
+            table,
+            active_setpoint.reference_scale,
+            active_setpoint.realisation,
+            at,
+            dt,
         )
         reference = Reference(table.scale.value, force)
-    along = reference.force if params.reference_axis != REFERENCE_SURGE else 0.0
-    across = reference.force - along
-    law, wanted = impedance.step(params.heave_law, law, held.gains, in_heave, along, short, dt)
-    conducting, threshold = 1, held.drive.settings.velocity_threshold
+    heave_reference = reference.force if params.reference_axis != REFERENCE_SURGE else 0.0
+    surge_reference = reference.force - heave_reference
+    law, heave_demand = impedance.step(
+        params.heave_law,
+        law,
+        active_setpoint.gains,
+        heave_motion,
+        heave_reference,
+        saturation_deficit,
+        dt,
+    )
+    conducting, threshold = 1, active_setpoint.drive.settings.velocity_threshold
     if threshold > 0.0:
-        current = wanted.force / params.heave.limits.newtons_per_ampere
+        current = heave_demand.force / params.heave.limits.newtons_per_ampere
         gate, conducting = drive_gating.step(
-            params.gate, gate, in_heave.velocity, current, threshold
+            params.gate, gate, heave_motion.velocity, current, threshold
         )
-    aside, use = axis.NO_DEMAND, params.surge_use
-    if use == SURGE_KEPT:
-        keeping, aside = station_keeping.step(
-            params.station_keeping, keeping, held.surge, in_surge, dt
+    surge_demand, use = axis.NO_DEMAND, params.surge_use
+    if use == SURGE_STATION_KEEPING:
+        keeping, surge_demand = station_keeping.step(
+            params.station_keeping, keeping, active_setpoint.surge, surge_motion, dt
         )
-    elif use == SURGE_HELD:
-        holding, aside = position_hold.step(params.surge_hold, holding, 0.0, in_surge, dt)
-    if across != 0.0 and use != SURGE_OFF:
-        kp, ki, km, force = aside
-        aside = Demand(kp, ki, km, force + across)
-    return (law, table, gate, keeping, holding), wanted, reference, conducting, aside
+    elif use == SURGE_HOLD:
+        holding, surge_demand = position_hold.step(
+            params.surge_hold, holding, 0.0, surge_motion, dt
+        )
+    if surge_reference != 0.0 and use != SURGE_OFF:
+        kp, ki, km, force = surge_demand
+        surge_demand = Demand(kp, ki, km, force + surge_reference)
+    return (law, table, gate, keeping, holding), heave_demand, reference, conducting, surge_demand
 
 
-def _raw(params: Params, sense: Sense) -> tare.Raw:
-    """What is tared, as it is sensed in this tick."""
+def _raw_sensors(params: Params, sense: Sense) -> tare.RawSensors:
+    """Return the present values of the sensors that are tared."""
     load = sense.load
-    return tare.Raw(
+    return tare.RawSensors(
         sense.heave.counts * params.heave.metres_per_count,
         sense.surge.counts * params.surge.metres_per_count,
         load.string_pot,
@@ -179,9 +210,9 @@ def row(
     command: Command,
     signals: TickSignals,
 ) -> WaveBotRow:
-    """The tick's log row."""
-    heave, surge, reference, spent, zero = signals
-    _, _, load, spring_sense, meter, drive_sense, probes, wave, panel = sense
+    """Return the tick's log row."""
+    heave, surge, reference, station_power, zero = signals
+    _, _, load, spring_sense, analyser, drive_sense, probes, wave, panel = sense
     _, _, spring, drive, _ = command
     return WaveBotRow(
         tick,
@@ -197,8 +228,8 @@ def row(
         spring,
         drive_sense,
         drive,
-        meter,
-        spent,
+        analyser,
+        station_power,
         zero,
         probes,
         wave,

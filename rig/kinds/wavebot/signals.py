@@ -1,4 +1,4 @@
-"""The words of a WaveBot: what is sensed and commanded in a tick, its row, its set points."""
+"""The signals of a WaveBot: senses and commands of a tick, its log row, its set points."""
 
 from typing import NamedTuple
 
@@ -40,7 +40,7 @@ class LoadSense(NamedTuple):
 
 
 class PowerSense(NamedTuple):
-    """The power analyser."""
+    """Values of the power analyser."""
 
     ac: Watt
     dc: Watt
@@ -55,7 +55,7 @@ class WaveSense(NamedTuple):
 
 
 class Sense(NamedTuple):
-    """All that is read in a tick."""
+    """All signals that are read in a tick."""
 
     heave: AxisSense
     surge: AxisSense
@@ -72,7 +72,7 @@ Motion = tuple[Estimate, Estimate]  # heave and surge, from their zeros
 
 
 class Command(NamedTuple):
-    """All that is written in a tick."""
+    """All signals that are written in a tick."""
 
     heave: AxisCommand
     surge: AxisCommand
@@ -82,7 +82,7 @@ class Command(NamedTuple):
 
 
 class WaveBotRow(NamedTuple):
-    """One tick of a WaveBot run; tick stands first and last so that a torn row shows."""
+    """One tick of a WaveBot run; the tick is first and last, so that a torn row is detected."""
 
     tick: Tick
     time: Second  # planned, since run start
@@ -91,7 +91,7 @@ class WaveBotRow(NamedTuple):
     safety: safety.State
     heave: axis.Record
     surge: axis.Record
-    reference: Reference  # of the axis that the campaign pushes
+    reference: Reference  # of the axis that the campaign excites
     load: LoadSense
     spring_sense: SpringSense
     spring_command: SpringCommand
@@ -107,13 +107,13 @@ class WaveBotRow(NamedTuple):
 
 
 class Setpoints(NamedTuple):
-    """Table of set points by columns, all of one length; a plan segment names its index."""
+    """Table of set points by columns, all of one length; a plan segment holds its row's index."""
 
     kp: tuple[float, ...]  # N*s/m
     ki: tuple[float, ...]  # N/m
     km: tuple[float, ...]  # kg
     reference_scale: tuple[float, ...]
-    realisation: tuple[int, ...]  # place of the reference in its table
+    realisation: tuple[int, ...]  # index of the reference in its table
     spring_rate: tuple[float, ...]  # N/m
     stroke: tuple[float, ...]  # m, either way from the zero: where the stator's force reverses
     surge_kp: tuple[float, ...]  # N*s/m
@@ -125,5 +125,5 @@ class Setpoints(NamedTuple):
     discharge_level: tuple[int, ...]  # set of dump resistors
 
 
-# The WaveBot's own part of a row, made in the tick: heave, surge, their reference, power, zeros.
+# The WaveBot's own part of a row, computed in the tick: heave, surge, reference, power, zeros.
 TickSignals = tuple[axis.Record, axis.Record, Reference, power.Power, tare.Zeros]

@@ -1,4 +1,4 @@
-"""What a WaveBot's cycle is given for a run, and what it remembers from tick to tick."""
+"""The parameters of a WaveBot's cycle for a run, and its state from tick to tick."""
 
 import math
 from enum import IntEnum
@@ -19,7 +19,7 @@ from rig.realtime import axis, power
 
 
 class SurgeUse(IntEnum):
-    """What is done with the surge axis."""
+    """The use of the surge axis in a campaign."""
 
     OFF = 0  # its drive stays off, the mooring holds it
     STATION_KEEPING = 1
@@ -27,11 +27,11 @@ class SurgeUse(IntEnum):
 
 
 # Plain ints for the tick, as in `rig.realtime.safety`.
-SURGE_OFF, SURGE_KEPT, SURGE_HELD = (int(use) for use in SurgeUse)
+SURGE_OFF, SURGE_STATION_KEEPING, SURGE_HOLD = (int(use) for use in SurgeUse)
 
 
 class ReferenceAxis(IntEnum):
-    """Which axis the open-loop reference pushes."""
+    """The axis that the open-loop reference excites."""
 
     HEAVE = 0
     SURGE = 1
@@ -41,7 +41,7 @@ REFERENCE_SURGE = int(ReferenceAxis.SURGE)
 
 
 class Limits(NamedTuple):
-    """Limits of what is not an axis."""
+    """Limits of all but the axes."""
 
     string_pot_difference_stop: float  # m
     rotor_travel_stop: float  # m
@@ -60,7 +60,7 @@ class Params(NamedTuple):
     heave: axis.Params
     heave_law: impedance.Params
     reference: open_loop.Params
-    reference_axis: int  # `ReferenceAxis`: what the reference pushes
+    reference_axis: int  # `ReferenceAxis`: the axis that the reference excites
     gate: drive_gating.Params  # of the heave drive
     modulation: int  # `Modulation` of the heave drive
     surge: axis.Params
@@ -74,7 +74,7 @@ class Params(NamedTuple):
 
 
 class ActiveSetpoint(NamedTuple):
-    """The set point in use, as the words that the tick needs."""
+    """The set point in use, as the signals that the tick needs."""
 
     setpoint: int  # its index, -1: none yet
     gains: Gains
@@ -86,7 +86,7 @@ class ActiveSetpoint(NamedTuple):
     drive: DriveCommand
 
 
-# Memory of the laws; it starts afresh whenever they do not act.
+# State of the laws; it is reset whenever they do not act.
 Laws = tuple[
     impedance.State,
     open_loop.State,
@@ -97,7 +97,7 @@ Laws = tuple[
 
 
 class State(NamedTuple):
-    """Memory of a WaveBot run."""
+    """State of a WaveBot run."""
 
     heave: axis.State
     laws: Laws
@@ -110,7 +110,7 @@ class State(NamedTuple):
 
 
 def laws_at_rest(params: Params) -> Laws:
-    """The laws' memory before they act."""
+    """Return the laws' state before they act."""
     return (
         impedance.start(params.heave_law.sections),
         open_loop.start(),
@@ -121,7 +121,7 @@ def laws_at_rest(params: Params) -> Laws:
 
 
 def start(params: Params) -> State:
-    """State before the first tick."""
+    """Return the state before the first tick."""
     none = Gains(0.0, 0.0, 0.0)
     resting = DriveCommand(1, DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0))
     return State(
@@ -136,11 +136,16 @@ def start(params: Params) -> State:
     )
 
 
-def zeros(params: Params, state: State, heave: AxisSense, surge: AxisSense) -> tuple[float, float]:
-    """The zeros of heave and surge in use (m in the encoder's frame), at first where they stand."""
-    tared = state.tare
-    if tared.seeded == 1:
-        zeros = tared.zeros
+def zeros_in_use(
+    params: Params, state: State, heave: AxisSense, surge: AxisSense
+) -> tuple[float, float]:
+    """Return the zeros of heave and surge in use, in m in the encoders' frames.
+
+    Before the first tick they are the present positions.
+    """
+    tare_state = state.tare
+    if tare_state.seeded == 1:
+        zeros = tare_state.zeros
         return zeros.position, zeros.surge
     return (
         heave.counts * params.heave.metres_per_count,
@@ -148,8 +153,8 @@ def zeros(params: Params, state: State, heave: AxisSense, surge: AxisSense) -> t
     )
 
 
-def hold(params: Params, setpoint: int) -> ActiveSetpoint:
-    """The set point of an index, made once and used until the next one."""
+def load_setpoint(params: Params, setpoint: int) -> ActiveSetpoint:
+    """Return the set point of an index; it is built once and used until the index changes."""
     table = params.setpoints
     settings = DriveSettings(
         params.modulation,

@@ -1,7 +1,7 @@
 """The tare: sensor zeros taken in calm water with the drive off.
 
-An encoder offset b would give Ki b newtons, so every campaign begins with this. Until it is done
-the first tick's values are provisional zeros.
+An encoder offset b would give a force of Ki b newtons, so every campaign begins with a tare. Until
+its end the first tick's values are provisional zeros.
 """
 
 from typing import NamedTuple
@@ -19,13 +19,13 @@ class Zeros(NamedTuple):
     lcb: Newton
     trs: Newton
     slew: Newton
-    stator_a: Newton  # where the stator stood: the stator's force there is in it
+    stator_a: Newton  # includes the stator's force at its position during the tare
     stator_b: Newton
     samples: Count  # ticks averaged; 0: provisional, from the first tick alone
 
 
-class Raw(NamedTuple):
-    """What is tared, as sensed."""
+class RawSensors(NamedTuple):
+    """The present values of the sensors that are tared."""
 
     position: float  # m, heave, in the encoder's own frame
     surge: float  # m, likewise
@@ -43,37 +43,37 @@ class State(NamedTuple):
     zeros: Zeros
     seeded: int  # 1 once there are zeros at all
     samples: int
-    sum: Raw
+    sums: RawSensors
     lowest: float  # m, heave
     highest: float  # m
 
 
-_NOTHING = Raw(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_ZERO_SUMS = RawSensors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def start() -> State:
-    """State before the first tick."""
-    return State(_provisional(_NOTHING), 0, 0, _NOTHING, 0.0, 0.0)
+    """Return the state before the first tick."""
+    return State(_provisional(_ZERO_SUMS), 0, 0, _ZERO_SUMS, 0.0, 0.0)
 
 
-def _provisional(raw: Raw) -> Zeros:
-    """What stands for the zeros until a tare is over."""
+def _provisional(raw: RawSensors) -> Zeros:
+    """Return the provisional zeros until the end of a tare."""
     position, surge, string_pot, lcb, trs, slew, stator_a, stator_b = raw
     return Zeros(position, surge, string_pot, lcb, trs, slew, stator_a, stator_b, 0)
 
 
-def step(state: State, raw: Raw, phase: int) -> State:
-    """Sum during the tare; when it is over its means become the zeros."""
+def step(state: State, raw: RawSensors, phase: int) -> State:
+    """Add to the sums during the tare; after it, set the zeros to the means."""
     if state.seeded == 0:
         x = raw.position
-        state = State(_provisional(raw), 1, 0, _NOTHING, x, x)
+        state = State(_provisional(raw), 1, 0, _ZERO_SUMS, x, x)
     if phase == TARE:
-        total, x, first_sample = state.sum, raw.position, state.samples == 0
+        total, x, first_sample = state.sums, raw.position, state.samples == 0
         return State(
             state.zeros,
             1,
             state.samples + 1,
-            Raw(
+            RawSensors(
                 total.position + x,
                 total.surge + raw.surge,
                 total.string_pot + raw.string_pot,
@@ -86,10 +86,10 @@ def step(state: State, raw: Raw, phase: int) -> State:
             x if first_sample or x < state.lowest else state.lowest,
             x if first_sample or x > state.highest else state.highest,
         )
-    n, total = state.samples, state.sum
+    n, total = state.samples, state.sums
     if n == 0:
         return state
-    taken = Zeros(
+    zeros = Zeros(
         total.position / n,
         total.surge / n,
         total.string_pot / n,
@@ -100,4 +100,4 @@ def step(state: State, raw: Raw, phase: int) -> State:
         total.stator_b / n,
         n,
     )
-    return State(taken, 1, 0, _NOTHING, 0.0, 0.0)
+    return State(zeros, 1, 0, _ZERO_SUMS, 0.0, 0.0)

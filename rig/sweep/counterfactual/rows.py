@@ -19,7 +19,7 @@ from rig.analysis.rows import COMPLETE, POWERS, SETTINGS, row_table
 from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import model_of
 from rig.execution.rehearsal import job
-from rig.execution.replay import as_logged
+from rig.execution.replay import logged_campaign
 from rig.identification.twin.plant_file import identified_up_to
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
@@ -151,7 +151,7 @@ def counterfactual_rows(
     if not measured.rows:
         raise RunError(f"{measured.run}: none of its rows is complete")
     try:
-        asked = asked_of(job.asked_sea(was))
+        asked = asked_of(job.requested_sea(was))
         dt = 1.0 / was.rig.rate_hz
         waves = recovered(measured.windows, asked, model_of(was), dt, by)
     except ValueError as error:
@@ -269,7 +269,7 @@ def _run(
 
 def _on_model(known: RunInfo, model: Campaign) -> Campaign:
     """The campaign of a run as its record has it, on the model's plant."""
-    was = as_logged(known)
+    was = logged_campaign(known)
     if was.rig.drive.kind != model.rig.drive.kind:
         raise ValueError(
             f"{known.run} was run with a {was.rig.drive.kind} drive, the model has a "

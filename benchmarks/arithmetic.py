@@ -139,8 +139,8 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
     walk = ctypes.CDLL(str(library)).walk
     params, spring = made.params, made.params.spring
     given = np.array([
-        *lifting.numbers(params.body), *lifting.numbers(params.pto),
-        *lifting.numbers(params.electrics.loop), *lifting.numbers(params.electrics.cots),
+        *lifting.flatten(params.body), *lifting.flatten(params.pto),
+        *lifting.flatten(params.electrics.loop), *lifting.flatten(params.electrics.cots),
         spring.angle_per_metre, spring.reach, spring.sine, spring.effect, spring.speed,
         KP, KI, RAMP, made.per_ampere,
     ], dtype=np.float64)  # fmt: skip

@@ -13,8 +13,8 @@ from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
 from rig.planning.campaign import check_campaign
-from rig.sweep.executors import cores
-from rig.sweep.simulation import Subject
+from rig.sweep.executors import available_processors
+from rig.sweep.simulation import CampaignSimulator
 
 TIMES_REAL = 2000.0
 LONG_SECONDS, MANY_SECONDS, SECOND_START = 20.0, 120.0, 2.0
@@ -80,9 +80,9 @@ def walk(path: Path) -> Walked:
     report = check_campaign(path)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
-    subject = Subject(report.campaign, report.plan)
+    subject = CampaignSimulator(report.campaign, report.plan)
     subject.prepare(report.plan)
-    walked = subject.walk(report.plan)
+    walked = subject.simulate(report.plan)
     windows, references, spent, more = iter(walked), list[float](), 0.0, True
     while more:
         references.append(reference_cost(100))
@@ -142,7 +142,7 @@ def measure(short: bool) -> Result:
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
         f"{repeats} walks of {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s and "
-        f"{many.rows} rows of a regular sea by `rig sweep` on {cores()} cores, once each; "
+        f"{many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, once each; "
         f"{repeats} starts when all is finished",
         (
             figure("one walk, by processor time", "x real time", [one.speed for one in walks]),

@@ -17,7 +17,7 @@ from rig.analysis.rows import POWERS, row_table
 from rig.analysis.windows import read_windows
 from rig.planning.campaign import check_campaign
 from rig.recording.runs import reader
-from rig.sweep.simulation import KEPT, Subject
+from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 WHOLE, SHORT = "default.yaml", "quick.yaml"
 MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)
@@ -46,15 +46,15 @@ def beside(campaign: Path, run: Path) -> Beside:
     report = check_campaign(campaign)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
-    walk = iter(Subject(report.campaign, report.plan).walk(report.plan))
+    walk = iter(CampaignSimulator(report.campaign, report.plan).simulate(report.plan))
     rows = numbers = differing = unlike = 0
-    for theirs in read_windows(reader.open_files(run), list(KEPT)):
+    for theirs in read_windows(reader.open_files(run), list(KEPT_FIELDS)):
         ours = next(walk, None)
         rows += 1
         if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):
             unlike += 1
             continue
-        for name in KEPT:
+        for name in KEPT_FIELDS:
             a, b = (np.ascontiguousarray(window.data[name]) for window in (ours, theirs))
             numbers += len(a)
             differing += int((a.view(np.int64) != b.view(np.int64)).sum())
@@ -84,7 +84,7 @@ def measure(short: bool) -> Result:
     return Result(
         "bits",
         "a campaign from power-on to its end, rehearsed and in the compiled loop",
-        f"{campaign.stem}, {found.rows} rows, once; {len(KEPT)} fields of every measured tick",
+        f"{campaign.stem}, {found.rows} rows, once; {len(KEPT_FIELDS)} fields of every measured tick",
         (
             figure("numbers compared", "1", found.numbers),
             figure("that differ in any bit", "1", found.differing, at_most=0),

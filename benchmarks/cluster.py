@@ -60,8 +60,8 @@ def walk(path: Path, folder: Path, scheduler: str) -> Walked:
     opened = sweep.open_sweep(path, [], folder, sequential=False, lead_in=LEAD_IN)
     busy: list[float] = []
     told: list[Outcome] = []
-    executor = cluster.cluster(
-        scheduler, opened.cases.asked, opened.digest, lambda done: busy.append(done.seconds)
+    executor = cluster.cluster_executor(
+        scheduler, opened.cases.request, opened.digest, lambda done: busy.append(done.seconds)
     )
     began = time.perf_counter()
     for outcome in executor(opened.cases, opened.cases.run):

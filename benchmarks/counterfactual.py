@@ -19,10 +19,10 @@ from rig.analysis.windows import Window
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, build_plan, open_campaign
 from rig.planning.campaign.windows import repeat_period
-from rig.sweep.cases import alone
-from rig.sweep.counterfactual import FORCES, Measured
+from rig.sweep.cases import single_row_campaign
+from rig.sweep.counterfactual import FORCES, MeasuredRun
 from rig.sweep.counterfactual import rows as counterfactual
-from rig.sweep.simulation import Subject
+from rig.sweep.simulation import CampaignSimulator
 
 LEAD_IN = 15.0  # s
 WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: what a prediction may be off by
@@ -96,14 +96,14 @@ def hidden(campaign: Campaign, rng: np.random.Generator) -> Campaign:
 
 def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
     """Each point of a campaign, alone: its row of the table, and the window that it is of."""
-    file = alone(campaign.file, LEAD_IN)
+    file = single_row_campaign(campaign.file, LEAD_IN)
     period = repeat_period(file.sea)
     subject = None
     for number, point in enumerate(campaign.points):
         planned = build_plan(file, campaign.rig, (point,))
-        subject = subject or Subject(campaign, planned)
+        subject = subject or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
-        for window in subject.walk(planned, stator=row.stator_position):
+        for window in subject.simulate(planned, stator=row.stator_position):
             told = reduce_window(window, period / planned.dt if period else None)
             said = {**row.setting._asdict(), "stator": row.stator_position}
             whole = np.array([window.data[name] for name in window.data.dtype.names])
@@ -138,7 +138,7 @@ def case(folder: Path, seed: int) -> Case:
     asked = campaign_of(folder, "asked", sea, drawn(rng, ASKED))
     truth = hidden(logged, rng)
     both = list(rows(truth))
-    measured = Measured("hidden", tuple(row for row, _ in both), [window for _, window in both])
+    measured = MeasuredRun("hidden", tuple(row for row, _ in both), [window for _, window in both])
     found = counterfactual(measured, logged, asked, FORCES, LEAD_IN)
     true = [row for row, _ in rows(truth._replace(points=asked.points))]
     return Case(

@@ -25,8 +25,8 @@ from rig.planning.campaign import build_plan, check_campaign, open_campaign
 from rig.planning.campaign.point import Point
 from rig.planning.campaign.stability import largest_ki
 from rig.planning.campaign.windows import repeat_period, row_windows
-from rig.sweep.cases import alone
-from rig.sweep.simulation import Subject
+from rig.sweep.cases import single_row_campaign
+from rig.sweep.simulation import CampaignSimulator
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs"
 RIG, PLANT = CONFIGS / "rigs" / "wavebot_custom.yaml", CONFIGS / "plants" / "wavebot_custom.yaml"
@@ -56,7 +56,7 @@ class Truth:
     def __init__(self, path: Path) -> None:
         self.campaign = open_campaign(path)
         whole = build_plan(self.campaign.file, self.campaign.rig, self.campaign.points)
-        self._subject = Subject(self.campaign, whole)
+        self._subject = CampaignSimulator(self.campaign, whole)
         period = repeat_period(self.campaign.file.sea)
         self._ticks = period / whole.dt if period else None
         self._at = self.campaign.points[0].locations
@@ -73,8 +73,10 @@ class Truth:
         if gains.ki > largest_ki(self.campaign.rig.stability, gains.spring_rate):
             return nothing
         point = Point({k: float(v) for k, v in gains._asdict().items()}, self._at)
-        planned = build_plan(alone(self.campaign.file, LEAD_IN), self.campaign.rig, (point,))
-        for window in self._subject.walk(planned, stator=planned.rows[0].stator_position):
+        planned = build_plan(
+            single_row_campaign(self.campaign.file, LEAD_IN), self.campaign.rig, (point,)
+        )
+        for window in self._subject.simulate(planned, stator=planned.rows[0].stator_position):
             row = reduce_window(window, self._ticks)
             if row["state"] == COMPLETE:
                 return {"ac": row["power_ac"], "dc": row["power_dc"]}

@@ -104,7 +104,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     state = dynamometer.initial(params)
     # The array of a compiled step (rig/execution/rehearsal/compiled_bench.py), made anew; the code
     # is one.
-    x = np.array([*lifting.numbers(state), DT, *lifting.numbers(params), *normals])
+    x = np.array([*lifting.flatten(state), DT, *lifting.flatten(params), *normals])
     mode = TORQUE if kind == "torque_constant" else VELOCITY
     locked = 1 if kind == "torque_constant" else 0
     advance = _advance()

@@ -80,10 +80,10 @@ def main(
             from rig.interop.exchange import tables
 
             selected = fields or (list(tables.CSV_FIELDS) if form is ExportFormat.CSV else [])
-            table = tables.table(record, selected, rows, rate)
+            table = tables.export_table(record, selected, rows, rate)
             write = tables.write_csv if form is ExportFormat.CSV else tables.write_netcdf
             write(table, output_path)
-            remarks = tuple(filter(None, [table.attrs.get(tables.LACKING, "")]))
+            remarks = tuple(filter(None, [table.attrs.get(tables.INCOMPLETE_ATTRIBUTE, "")]))
     except INPUT_ERRORS as error:
         return refuse("export", error, as_json=as_json)
     if as_json:
@@ -98,14 +98,14 @@ def main(
 def _write_mat(
     run: Path, path: Path, fields: list[str], rows: list[int], rate: float | None
 ) -> tuple[str, ...]:
-    from rig.interop.exchange.mask4_export import structure, write_mat
-    from rig.interop.exchange.mask4_fields import RATE
+    from rig.interop.exchange.mask4_export import export_structure, write_mat
+    from rig.interop.exchange.mask4_fields import SAMPLE_RATE
 
     if fields or rows:
         raise ValueError(
             "--field and --row work with netcdf and csv only; the MASK4 structure holds all "
             "fields and rows"
         )
-    exported = structure(run, rate or RATE)
+    exported = export_structure(run, rate or SAMPLE_RATE)
     write_mat(exported, path)
     return exported.remarks

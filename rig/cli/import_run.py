@@ -13,7 +13,7 @@ from rig import cli
 from rig.cli.options import RUNS, Json, Runs
 
 if TYPE_CHECKING:
-    from rig.interop.exchange.mask4_windows import Timing
+    from rig.interop.exchange.mask4_windows import RowTiming
 
 
 class Drive(StrEnum):
@@ -120,8 +120,8 @@ def command(
 def main(file: Path, options: ImportOptions, runs: Path, *, as_json: bool) -> int:
     """Import a file, and print the run's folder, its number of rows and any remarks."""
     from rig.cli.file_problems import INPUT_ERRORS, refuse
-    from rig.interop.basin.merge import Source, SyncChannels, merge
-    from rig.interop.basin.products import write
+    from rig.interop.basin.merge import MergeSource, SyncChannels, merge
+    from rig.interop.basin.products import write_products
     from rig.interop.exchange.mask4_import import FileDescription, write_run
     from rig.interop.exchange.mask4_signals import read_signals
     from rig.interop.exchange.mask4_waves import write_sync, write_waves
@@ -138,8 +138,8 @@ def main(file: Path, options: ImportOptions, runs: Path, *, as_json: bool) -> in
         written = [imported.folder]
         written += [path for path in (write_sync(signals, imported.folder),) if path]
         if waves := write_waves(signals, imported.folder):
-            merged = merge(imported.folder, [Source("waves", waves, "m", 0.0)], SyncChannels())
-            written += [waves, *write(merged, imported.folder)]
+            merged = merge(imported.folder, [MergeSource("waves", waves, "m", 0.0)], SyncChannels())
+            written += [waves, *write_products(merged, imported.folder)]
     except INPUT_ERRORS as error:
         return refuse("import", error, as_json=as_json)
     if as_json:
@@ -157,12 +157,12 @@ def main(file: Path, options: ImportOptions, runs: Path, *, as_json: bool) -> in
 
 
 def _start_time(file: Path, options: ImportOptions) -> datetime:
-    from rig.interop.exchange.mask4_import import started_by_name
+    from rig.interop.exchange.mask4_import import start_from_name
 
     if options.started is not None:
         when = datetime.fromisoformat(options.started)
         return when if when.tzinfo else when.replace(tzinfo=UTC)
-    started = started_by_name(file)
+    started = start_from_name(file)
     if started is None:
         raise ValueError(
             f"{file.name}: no date in the file's name; give --started 2023-09-26T12:08:43"
@@ -170,12 +170,12 @@ def _start_time(file: Path, options: ImportOptions) -> datetime:
     return started
 
 
-def _timing(options: ImportOptions) -> "tuple[Timing | None, float | None]":
+def _timing(options: ImportOptions) -> "tuple[RowTiming | None, float | None]":
     """Return the row timing for the kind of sea, and the repeat period of the sea (s).
 
     Default timings are those of the MASK4 report (Sandia), 3.2.3.
     """
-    from rig.interop.exchange.mask4_windows import Timing
+    from rig.interop.exchange.mask4_windows import RowTiming
 
     if options.frequency is not None and options.irregular:
         raise ValueError(
@@ -187,17 +187,17 @@ def _timing(options: ImportOptions) -> "tuple[Timing | None, float | None]":
             2.0 if options.settle is None else options.settle,
         )
         length = options.measure or interval - settle
-        return _checked_timing(Timing(interval, settle, length)), 300.0
+        return _checked_timing(RowTiming(interval, settle, length)), 300.0
     if options.frequency is None:
         return None, None
     interval, settle = options.interval or 20.0, 5.0 if options.settle is None else options.settle
     periods = options.periods or int((interval - settle) * options.frequency + 1e-9)
     return _checked_timing(
-        Timing(interval, settle, periods / options.frequency)
+        RowTiming(interval, settle, periods / options.frequency)
     ), 1.0 / options.frequency
 
 
-def _checked_timing(timing: "Timing") -> "Timing":
+def _checked_timing(timing: "RowTiming") -> "RowTiming":
     available = timing.interval - timing.settle
     if not 0.0 < timing.measure <= available + 1e-9:
         raise ValueError(

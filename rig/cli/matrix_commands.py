@@ -13,7 +13,7 @@ from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.config.problems import ConfigError, format_line_numbers, format_number
 from rig.interop.legacy import mask4, mask4_file, matrix, sign_conventions, stepped
 from rig.interop.legacy.columns import SPRING
-from rig.interop.legacy.matrix import Matrix
+from rig.interop.legacy.matrix import GainMatrix
 from rig.recording.calibration import apply_calibration
 
 _OPTIONS = {
@@ -46,7 +46,7 @@ class MatrixReading(NamedTuple):
 
     lines: list[str]
     facts: dict[str, Any]
-    matrix: Matrix | None
+    matrix: GainMatrix | None
     notes: list[str]  # comments of the written file
     campaign_lines: list[str]  # further lines of a written campaign
 
@@ -77,7 +77,7 @@ def _read_mask4(options: MatrixOptions) -> MatrixReading:
         sheet=options.sheet,
         variable=options.variable,
     )
-    structure, line_numbers = source.found, source.lines
+    structure, line_numbers = source.roles, source.lines
     converted, notes = _with_calibration(source.matrix, options)
 
     def at_lines(rows: Sequence[int]) -> str:
@@ -86,8 +86,8 @@ def _read_mask4(options: MatrixOptions) -> MatrixReading:
     lead_labels = ["load row, about 5 s", "hold row, until 120 s of the wave clock"]
     lines = [
         f"file       {source.path}, MASK4 gain matrix",
-        f"columns    {', '.join(source.columns)} (by {source.said_by})",
-        f"rows       {matrix.words(converted)}: {at_lines(structure.rows)}",
+        f"columns    {', '.join(source.columns)} (by {source.columns_from})",
+        f"rows       {matrix.summary(converted)}: {at_lines(structure.measured)}",
     ]
     for i in structure.lead:
         label = lead_labels[i] if len(structure.lead) == 2 else f"lead row {i + 1}"
@@ -105,26 +105,26 @@ def _read_mask4(options: MatrixOptions) -> MatrixReading:
         "file": str(source.path),
         "style": "mask4",
         "columns": source.columns,
-        "columns_source": source.said_by,
+        "columns_source": source.columns_from,
         "lines": {
-            "measured": [line_numbers[i] for i in structure.rows],
+            "measured": [line_numbers[i] for i in structure.measured],
             "lead": [line_numbers[i] for i in structure.lead],
             "doubled": [line_numbers[i] for i in structure.doubled],
-            "undoubled": [line_numbers[i] for i in structure.undoubled],
+            "undoubled": [line_numbers[i] for i in structure.not_doubled],
             "repeated": [line_numbers[i] for i in structure.repeated],
             "end": line_numbers[structure.end] if structure.end is not None else None,
-            "after_end": [line_numbers[i] for i in structure.after],
+            "after_end": [line_numbers[i] for i in structure.after_end],
         },
         "remarks": source.remarks,
         "notes": notes,
         "matrix": converted._asdict(),
     }
     if options.to is not None:
-        _check_matrix(converted, source.place)
+        _check_matrix(converted, source.location)
     return MatrixReading(lines, facts, converted, [f"from {source.path.name} (MASK4)", *notes], [])
 
 
-def _with_calibration(original: Matrix, options: MatrixOptions) -> tuple[Matrix, list[str]]:
+def _with_calibration(original: GainMatrix, options: MatrixOptions) -> tuple[GainMatrix, list[str]]:
     """Return the matrix with corrected spring rates, and a note that names the calibration."""
     name, run, folder = options.calibration
     if name is None:
@@ -149,8 +149,8 @@ def _with_calibration(original: Matrix, options: MatrixOptions) -> tuple[Matrix,
     return original._replace(rows=rows), [note]
 
 
-def _check_matrix(converted: Matrix, place: matrix.Place | None) -> None:
-    problems = matrix.problems(converted, place)
+def _check_matrix(converted: GainMatrix, place: matrix.MatrixLocation | None) -> None:
+    problems = matrix.matrix_problems(converted, place)
     if problems:
         raise ConfigError(problems)
 
@@ -162,10 +162,10 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
     active = source.active
     lines = [
         f"file       {source.path}, gain matrix of style {source.style}",
-        f"columns    {', '.join(source.columns)} (by {source.said_by})",
+        f"columns    {', '.join(source.columns)} (by {source.columns_from})",
         f"rows       {len(active)}: {format_line_numbers([source.lines[i] for i in active])}",
     ]
-    zeros = [*range(source.before), *range(active.stop, len(source.rows))]
+    zeros = [*range(source.zero_rows_before), *range(active.stop, len(source.rows))]
     if zeros:
         where = format_line_numbers([source.lines[i] for i in zeros])
         lines.append(f"left out   {where}: all gains zero, before and after the test")
@@ -175,18 +175,18 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
         "file": str(source.path),
         "style": source.style,
         "columns": source.columns,
-        "columns_source": source.said_by,
+        "columns_source": source.columns_from,
         "lines": {
             "active": [source.lines[i] for i in active],
-            "zero_before": [source.lines[i] for i in range(source.before)],
-            "zero_after": [source.lines[i] for i in zeros[source.before :]],
+            "zero_before": [source.lines[i] for i in range(source.zero_rows_before)],
+            "zero_after": [source.lines[i] for i in zeros[source.zero_rows_before :]],
         },
         "rows": [source.rows[i] for i in active],
         "step_s": options.step,
         "remarks": source.remarks,
         "matrix": None,
     }
-    missing = sign_conventions.missing(source.style, statement_values)
+    missing = sign_conventions.missing_parameters(source.style, statement_values)
     if missing:
         option_names = ", ".join(_OPTIONS[name] for name in missing)
         message = (
@@ -197,20 +197,20 @@ def _read_stepped(options: MatrixOptions, statement_values: dict[str, Any]) -> M
             raise ValueError(f"{source.path}: {message}")
         lines.append(f"signs      {message}")
         return MatrixReading(lines, facts, None, [], [])
-    statement = sign_conventions.Statement(**statement_values)
-    converted = sign_conventions.converted(source, statement)
-    factor = sign_conventions.factor(source.style, statement)
+    statement = sign_conventions.SourceRig(**statement_values)
+    converted = sign_conventions.convert(source, statement)
+    factor = sign_conventions.force_per_gain(source.style, statement)
     lines.append(f"signs      {statement.description()}, gains times {format_number(factor)}")
-    lines.append(f"matrix     {matrix.words(converted)}")
+    lines.append(f"matrix     {matrix.summary(converted)}")
     facts |= {"statement": statement._asdict(), "factor": factor, "matrix": converted._asdict()}
     notes = [f"from {source.path.name} ({source.style})", statement.description()]
     campaign_lines = (
-        [f"timing: {{interval_s: {matrix.plain(options.step)}}}"] if options.step else []
+        [f"timing: {{interval_s: {matrix.exact_text(options.step)}}}"] if options.step else []
     )
     return MatrixReading(lines, facts, converted, notes, campaign_lines)
 
 
-def _playback_lines(source: stepped.Stepped, step: float | None) -> list[str]:
+def _playback_lines(source: stepped.SteppedMatrix, step: float | None) -> list[str]:
     if step is None:
         return []
     if not step > 0.0:
@@ -229,7 +229,7 @@ def _write_target(options: MatrixOptions, reading: MatrixReading) -> Path | None
         return None
     assert reading.matrix is not None
     if target.suffix == ".csv":
-        text = matrix.csv_text(reading.matrix, reading.notes)
+        text = matrix.format_csv(reading.matrix, reading.notes)
     elif target.suffix in (".yaml", ".yml"):
         if options.base is None:
             raise ValueError(
@@ -237,7 +237,7 @@ def _write_target(options: MatrixOptions, reading: MatrixReading) -> Path | None
             )
         base = os.path.relpath(options.base, target.parent)
         text = "".join(f"# {note}\n" for note in reading.notes)
-        text += matrix.campaign_text(reading.matrix, base, target.stem, reading.campaign_lines)
+        text += matrix.format_campaign(reading.matrix, base, target.stem, reading.campaign_lines)
     else:
         raise ValueError(f"{target}: cannot write {target.suffix!r}; allowed .csv, .yaml")
     with target.open("w" if options.force else "x", encoding="utf-8") as file:
@@ -268,6 +268,6 @@ def write(file: Path, style: str, source: Path, *, header: bool, force: bool, as
         if rows_after_end:
             left_out = f"{len(rows_after_end)} ({format_line_numbers(rows_after_end)})"
             print(f"warning: left out rows after the end mark: {left_out}", file=sys.stderr)
-        print(f"rows       {matrix.words(converted)}")
+        print(f"rows       {matrix.summary(converted)}")
         print(f"written    {file}: {rows} rows with load, hold, doubled and end rows")
     return cli.OK

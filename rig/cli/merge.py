@@ -11,7 +11,7 @@ import typer
 from rig.cli import options
 
 if TYPE_CHECKING:
-    from rig.interop.basin.merge import Source, SyncChannels
+    from rig.interop.basin.merge import MergeSource, SyncChannels
 
 EXIT_CODES = """\
 Exit codes: 0 merged; 1 merged, but clocks disagree, slip or drift too fast (see the alarms); \
@@ -86,15 +86,15 @@ def main(
     """Merge files into a run, print each clock against the run's, and return the exit code."""
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
-    from rig.interop.basin.align import in_words
-    from rig.interop.basin.merge import as_json as in_json
+    from rig.interop.basin.align import format_alignment
     from rig.interop.basin.merge import merge
-    from rig.interop.basin.products import write
+    from rig.interop.basin.merge import to_json as in_json
+    from rig.interop.basin.products import write_products
 
     try:
         run = find_run(run_name, runs)
         merged = merge(run, _parse_sources(file_options), sync_channels)
-        written = write(merged, run if run.is_dir() else run.parent)
+        written = write_products(merged, run if run.is_dir() else run.parent)
     except INPUT_ERRORS as error:
         return refuse("merge", error, as_json=as_json)
     if as_json:
@@ -102,7 +102,7 @@ def main(
         print(json.dumps({**report, "written": [str(path) for path in written]}))
     else:
         for source, alignment in zip(merged.sources, merged.alignments, strict=True):
-            print(f"{source.name}: {in_words(alignment)}")
+            print(f"{source.name}: {format_alignment(alignment)}")
             for remark in alignment.remarks:
                 print(f"  {remark}")
         print("\n".join(str(path) for path in written))
@@ -111,27 +111,29 @@ def main(
     return options.FAILED if merged.alarms else options.OK
 
 
-def _parse_sources(file_options: MergeOptions) -> "list[Source]":
+def _parse_sources(file_options: MergeOptions) -> "list[MergeSource]":
     """Return the files with the options of each; ValueError for a malformed argument."""
-    from rig.interop.basin.merge import Source
-    from rig.interop.basin.recording import METRES
+    from rig.interop.basin.merge import MergeSource
+    from rig.interop.basin.recording import METRES_PER_UNIT
 
-    sources: dict[str, Source] = {}
+    sources: dict[str, MergeSource] = {}
     for argument in file_options.files:
         name, _, path = (
             argument.partition("=") if "=" in argument else (Path(argument).stem, "", argument)
         )
         if name in sources:
             raise ValueError(f"{argument}: a second record named {name!r}; write NAME=FILE")
-        sources[name] = Source(name, Path(path))
+        sources[name] = MergeSource(name, Path(path))
     for argument in (*file_options.units, *file_options.offsets, *file_options.matches):
         if not _source_name(argument, sources):
             raise ValueError(f"{argument}: write NAME=..., NAME one of {', '.join(sources)}")
     for name, unit in (
         (_source_name(text, sources), _argument_value(text)) for text in file_options.units
     ):
-        if unit not in METRES:
-            raise ValueError(f"{name}={unit}: {unit!r} is not a unit; allowed {', '.join(METRES)}")
+        if unit not in METRES_PER_UNIT:
+            raise ValueError(
+                f"{name}={unit}: {unit!r} is not a unit; allowed {', '.join(METRES_PER_UNIT)}"
+            )
         sources[name] = sources[name]._replace(unit=unit)
     for name, text in (
         (_source_name(text, sources), _argument_value(text)) for text in file_options.offsets
@@ -152,7 +154,7 @@ def _parse_sources(file_options: MergeOptions) -> "list[Source]":
     return list(sources.values())
 
 
-def _source_name(argument: str, sources: "dict[str, Source]") -> str:
+def _source_name(argument: str, sources: "dict[str, MergeSource]") -> str:
     """Return the file's name in NAME=... or NAME.CHANNEL=...; empty if no file has this name."""
     key = argument.partition("=")[0]
     return next((name for name in sources if key == name or key.startswith(f"{name}.")), "")

@@ -16,7 +16,7 @@ from rig.cli.find_run import find_run
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError
-from rig.sweep.counterfactual import CounterfactualRow, Span, foretell
+from rig.sweep.counterfactual import AmplitudeRange, CounterfactualResult, counterfactual_for_run
 
 _STATIONS = {"mechanical_1": "mech. (LCB)", "ac": "AC", "dc": "DC"}
 _HEADINGS = {"spring_rate": "spring", "kp": "Kp", "ki": "Ki", "km": "Km"}
@@ -48,7 +48,9 @@ def main(run_name: Path, options: ReplayOptions, *, as_json: bool) -> int:
             def show_progress(done: int, of: int) -> None:
                 status.update(f"simulated {done} of {of} rows ...")
 
-            result = foretell(run, campaign, model=model, by=options.by, see=show_progress)
+            result = counterfactual_for_run(
+                run, campaign, model=model, method=options.by, on_progress=show_progress
+            )
     except (*INPUT_ERRORS, RunError) as error:
         return refuse("replay", error, as_json=as_json)
     if as_json:
@@ -58,24 +60,24 @@ def main(run_name: Path, options: ReplayOptions, *, as_json: bool) -> int:
     return cli.OK if all(row.state == COMPLETE for row in result.rows) else cli.FAILED
 
 
-def _as_dict(result: CounterfactualRow) -> dict[str, Any]:
+def _as_dict(result: CounterfactualResult) -> dict[str, Any]:
     """Return the result as JSON values; null for unknown values."""
     waves = result.waves
     data = {
         "run": result.run,
         "campaign": result.campaign,
         "waves": {
-            "by": waves.by,
+            "by": waves.method,
             "rows": waves.rows,
             "periods": waves.periods,
             "scatter_m": waves.scatter.tolist(),
-            "left_out": list(waves.left_out),
+            "left_out": list(waves.skipped_rows),
             **waves.description(),
         },
-        "checked": [row._asdict() for row in result.checked],
+        "checked": [row._asdict() for row in result.comparisons],
         "shares": {name: share._asdict() for name, share in result.shares.items()},
-        "spans": {name: span._asdict() for name, span in result.spans.items()},
-        "identified": {name: span._asdict() for name, span in result.identified.items()},
+        "spans": {name: span._asdict() for name, span in result.logged_ranges.items()},
+        "identified": {name: span._asdict() for name, span in result.identified_ranges.items()},
         "rows": [row._asdict() for row in result.rows],
     }
     plain: dict[str, Any] = _finite(data)
@@ -90,12 +92,12 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _print_result(result: CounterfactualRow, console: Console) -> None:
+def _print_result(result: CounterfactualResult, console: Console) -> None:
     waves = result.waves
-    lines = _count_text(len(waves.asked.cycles), "line")
+    lines = _count_text(len(waves.wave_maker.cycles), "line")
     periods, rows = _count_text(waves.periods, "period"), _count_text(waves.rows, "row")
-    console.print(f"waves of {result.run}: {lines} by {waves.by}, from {periods} of {rows}")
-    for why in waves.left_out:
+    console.print(f"waves of {result.run}: {lines} by {waves.method}, from {periods} of {rows}")
+    for why in waves.skipped_rows:
         console.print(f"  left out: {why}")
     console.print("\nLogged rows, and the model with the same gains in these waves; W")
     console.print(_logged_rows_table(result))
@@ -104,22 +106,22 @@ def _print_result(result: CounterfactualRow, console: Console) -> None:
     console.print(_predicted_rows_table(result))
     for row in result.rows:
         if row.state != COMPLETE:
-            console.print(f"row {row.row} does not complete: {row.why}")
-    if any(row.outside for row in result.rows):
+            console.print(f"row {row.row} does not complete: {row.incomplete_reason}")
+    if any(row.beyond_logged for row in result.rows):
         console.print(
-            f"beyond: greater than in the logged rows ({_span_text(result.spans)}); the model was "
+            f"beyond: greater than in the logged rows ({_span_text(result.logged_ranges)}); the model was "
             "not checked there"
         )
-    if any(row.unidentified for row in result.rows):
+    if any(row.beyond_identified for row in result.rows):
         console.print(
             f"beyond the twin: greater than in the data of its identification "
-            f"({_span_text(result.identified)}); the twin extrapolates there"
+            f"({_span_text(result.identified_ranges)}); the twin extrapolates there"
         )
-    if len(result.checked) < 2:
+    if len(result.comparisons) < 2:
         console.print("one logged row gives no scatter, so there are no intervals")
 
 
-def _print_model_error(result: CounterfactualRow, console: Console) -> None:
+def _print_model_error(result: CounterfactualResult, console: Console) -> None:
     """Print the model's mean error and its scatter between rows."""
     texts = []
     for name, label in _STATIONS.items():
@@ -133,7 +135,7 @@ def _print_model_error(result: CounterfactualRow, console: Console) -> None:
         console.print("this error is large: check the model before you use the rows below")
 
 
-def _span_text(spans: dict[str, Span]) -> str:
+def _span_text(spans: dict[str, AmplitudeRange]) -> str:
     stroke, velocity = spans["stroke"], spans["velocity_rms"]
     least, greatest = stroke.least * _MM_PER_M, stroke.greatest * _MM_PER_M
     return (
@@ -163,13 +165,13 @@ def _shown_settings(rows: list[dict[str, float]]) -> list[str]:
     return [n for n in names if n in always_shown or (n in varying and n != "stator")]
 
 
-def _logged_rows_table(result: CounterfactualRow) -> Table:
-    settings = _shown_settings([row.setting for row in result.checked])
+def _logged_rows_table(result: CounterfactualResult) -> Table:
+    settings = _shown_settings([row.setting for row in result.comparisons])
     table = _table(settings)
     for heading in _STATIONS.values():
         table.add_column(heading, justify="right")
         table.add_column("model", justify="right")
-    for row in result.checked:
+    for row in result.comparisons:
         cells = [f"{row.setting[name]:g}" for name in settings]
         for name in _STATIONS:
             cells += [f"{row.logged[name]:.2f}", f"{row.modelled[name]:.2f}"]
@@ -177,13 +179,13 @@ def _logged_rows_table(result: CounterfactualRow) -> Table:
     return table
 
 
-def _predicted_rows_table(result: CounterfactualRow) -> Table:
+def _predicted_rows_table(result: CounterfactualResult) -> Table:
     settings = _shown_settings([row.setting for row in result.rows])
     table = _table(settings)
     for heading in _STATIONS.values():
         table.add_column(heading, justify="right")
     table.add_column("stroke mm", justify="right")
-    any_beyond = any(row.outside or row.unidentified for row in result.rows)
+    any_beyond = any(row.beyond_logged or row.beyond_identified for row in result.rows)
     if any_beyond:
         table.add_column("beyond")
     for row in result.rows:
@@ -192,8 +194,8 @@ def _predicted_rows_table(result: CounterfactualRow) -> Table:
         stroke = row.amplitude["stroke"]
         cells.append("" if math.isnan(stroke) else f"{stroke * _MM_PER_M:.0f}")
         if any_beyond:
-            beyond = [name.partition("_")[0] for name in row.outside]
-            beyond += ["the twin"] if row.unidentified else []
+            beyond = [name.partition("_")[0] for name in row.beyond_logged]
+            beyond += ["the twin"] if row.beyond_identified else []
             cells.append(", ".join(beyond))
         table.add_row(str(row.row), *cells)
     return table

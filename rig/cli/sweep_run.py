@@ -20,7 +20,7 @@ from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
-from rig.sweep.journal import NAME as CASES
+from rig.sweep.journal import JOURNAL_FILE as CASES
 from rig.sweep.result import FAILED
 
 if TYPE_CHECKING:
@@ -67,10 +67,10 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
     warnings = calibration_dates.warn_of_expired(opened.campaign, quiet=as_json, swept=opened.swept)
     executor = _executor(opened, options)
     view = SweepProgress(opened.folder.name, len(opened.cases), quiet=as_json)
-    out, table = options.out or opened.folder / sweep.RESULT, None
+    out, table = options.out or opened.folder / sweep.RESULT_FILE, None
     try:
-        with sweep.hold(opened):
-            remaining, damaged = sweep.left(opened)
+        with sweep.lock_folder(opened):
+            remaining, damaged = sweep.count_remaining(opened)
             if damaged and not as_json:
                 print(
                     f"left out {damaged} bytes of {opened.folder}/{CASES}: not a complete case",
@@ -84,7 +84,7 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
                     _compile(opened)
                 with view:
                     table = sweep.run(opened, executor, view.update, view.begin)
-                sweep.write(table, out)
+                sweep.write_dataset(table, out)
     except BusyError as error:
         return fail("sweep", error, as_json=as_json, code=cli.FAILED)
     except KeyboardInterrupt:
@@ -118,10 +118,10 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
 
 def _executor(opened: sweep.Sweep, options: SweepOptions) -> executors.Executor:
     if options.scheduler is None:
-        return executors.threads(options.jobs or executors.cores())
-    from rig.sweep.cluster import cluster
+        return executors.thread_executor(options.jobs or executors.available_processors())
+    from rig.sweep.cluster import cluster_executor
 
-    return cluster(options.scheduler, opened.cases.asked, opened.digest)
+    return cluster_executor(options.scheduler, opened.cases.request, opened.digest)
 
 
 def _compile(opened: sweep.Sweep) -> None:
@@ -131,13 +131,13 @@ def _compile(opened: sweep.Sweep) -> None:
         print(_COMPILE_NOTICE, file=sys.stderr, flush=True)
 
     from rig.sweep import compiled  # numba
-    from rig.sweep.simulation import KEPT
+    from rig.sweep.simulation import KEPT_FIELDS
 
     timer = Timer(
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if compiled.is_compiled(KEPT):
+    if compiled.is_compiled(KEPT_FIELDS):
         timer.start()
     else:
         print_notice()
@@ -150,11 +150,11 @@ def _compile(opened: sweep.Sweep) -> None:
 def _draw(
     table: "xarray.Dataset", folder: Path, measured: Path | None, *, quiet: bool
 ) -> list[Path]:
-    from rig.sweep.pictures import write
+    from rig.sweep.pictures import write_pictures
 
     if not quiet:
         print("drawing ...", file=sys.stderr, flush=True)
-    return write(table, folder, measured)
+    return write_pictures(table, folder, measured)
 
 
 def _report_interrupt(folder: Path, *, as_json: bool) -> int:

@@ -10,7 +10,7 @@ import typer
 from rig import cli
 
 if TYPE_CHECKING:
-    from rig.interop.legacy.testlog import Entry, Log
+    from rig.interop.legacy.testlog import Entry, RunLog
     from rig.recording.calibration import CalibratedValue, CalibrationVersion
 
 CALIBRATIONS = Path("configs/calibrations")
@@ -89,9 +89,13 @@ def corrected_spring(
 
 
 def _as_dict(
-    log: "Log", entries: "tuple[Entry, ...]", known: "CalibrationVersion | None", *, whole_log: bool
+    log: "RunLog",
+    entries: "tuple[Entry, ...]",
+    known: "CalibrationVersion | None",
+    *,
+    whole_log: bool,
 ) -> dict[str, Any]:
-    from rig.interop.legacy.testlog import links
+    from rig.interop.legacy.testlog import find_links
 
     out: dict[str, Any] = {"file": str(log.path), "sha256": log.sha256}
     out["spring_calibration"] = None
@@ -100,7 +104,7 @@ def _as_dict(
     out["runs"] = [_plain(entry) | _spring_as_dict(entry, known) for entry in entries]
     if whole_log:
         out["separators"] = _plain(log.separators)
-        out["links"] = _plain(links(log))
+        out["links"] = _plain(find_links(log))
     return out
 
 
@@ -125,7 +129,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _print_table(log: "Log", known: "CalibrationVersion | None") -> None:
+def _print_table(log: "RunLog", known: "CalibrationVersion | None") -> None:
     from rich.table import Table
     from rich.text import Text
 
@@ -204,14 +208,14 @@ def _print_entry(entry: "Entry", known: "CalibrationVersion | None") -> None:
         ("spring", "" if entry.spring is None else _spring_text(entry, known)),
         ("", applied.description() if applied else ""),
         ("stator", ", ".join(f"{format_number(p)} %" for p in entry.stator_percent)),
-        ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_said})"),
+        ("drive", f"{entry.drive} {entry.scheme}".strip() + f" ({entry.drive_source})"),
         ("surge", entry.surge),
         ("bus", f"{format_number(entry.bus_voltage_v)} V" if entry.bus_voltage_v else ""),
         (
             "current",
             ", ".join(f"{format_number(a.amperes)} A {a.waveform}".strip() for a in orders),
         ),
-        ("zero", "; ".join(f"{b.done} {b.when} ({b.cell})" for b in entry.biases)),
+        ("zero", "; ".join(f"{b.action} {b.when} ({b.cell})" for b in entry.biases)),
         ("as written", f"{entry.waves_text.strip()} | {entry.wavebot_text.strip()}"),
         ("notes", entry.notes.strip()),
     )

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers import estimator
-from rig.sweep.cache_folder import cache_root, write
+from rig.sweep.cache_folder import cache_root, write_atomically
 
 _SETTLED = 1e-12  # relative change of the gain in one step
 _MOST_STEPS = 200_000
@@ -91,7 +91,7 @@ def _kept(path: Path, asked: list[float]) -> estimator.Params | None:
 def _keep(path: Path, asked: list[float], found: estimator.Params) -> None:
     """Best effort: where nothing can be written, the next process designs again."""
     with suppress(OSError):
-        write(path, json.dumps({"asked": asked, "gains": list(found)}))
+        write_atomically(path, json.dumps({"asked": asked, "gains": list(found)}))
 
 
 def response(

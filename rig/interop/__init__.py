@@ -1,1 +1,1 @@
-"""Files of other laboratories and of other programs."""
+"""Import and export of files of other laboratories and programs."""

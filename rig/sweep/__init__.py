@@ -1,5 +1,5 @@
-"""Campaigns without a clock: loop and plant as one compiled function."""
+"""Sweeps: campaigns simulated without a clock, with loop and plant as one compiled function."""
 
 
 class InterruptedSweepError(Exception):
-    """Somebody asked to stop."""
+    """A sweep was interrupted by the user."""

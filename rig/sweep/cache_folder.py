@@ -1,4 +1,4 @@
-"""Where results that can be made anew are kept from start to start, and for whom they hold."""
+"""Cache folder of results that can be computed again, and the processor they are valid for."""
 
 import os
 import platform
@@ -6,24 +6,24 @@ from pathlib import Path
 
 
 def cache_root() -> Path:
-    """Folder of everything that is kept; it may be removed at any time."""
+    """Return the folder of all caches; it may be removed at any time."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(home) / "wec-rig"
 
 
-def write(path: Path, text: str) -> None:
-    """Put a file there whole or not at all, its folder too; raises OSError.
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file atomically, and create its folder; raise OSError if that fails.
 
-    Two processes that write the same one at once do not meet.
+    Two processes may write the same file at the same time.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}.{os.getpid()}")
-    part.write_text(text)
-    part.replace(path)
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}")
+    temporary.write_text(text)
+    temporary.replace(path)
 
 
-def processor() -> str:
-    """The processor in words: arithmetic kept for one may differ in the last bit on another."""
+def processor_description() -> str:
+    """Return the processor's model and flags: results may differ in the last bit between models."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

@@ -1,8 +1,9 @@
-"""The cases of a sweep: which there are, and what running one of them gives.
+"""The cases of a sweep and their outcomes.
 
 A case is a row of the campaign with one value of every parameter: power on, tare, a lead-in of its
-own, then the row. It stands alone, so cases may run in any order and anywhere. Run in sequence, a
-case is the whole campaign with one value of every parameter, row after row as in the basin.
+own, then the row. Cases are independent, so they may run in any order and anywhere. In a sequential
+sweep, a case is the whole campaign with one value of every parameter, row after row as in the
+basin.
 """
 
 import itertools
@@ -17,16 +18,16 @@ from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep import InterruptedSweepError
-from rig.sweep.parameters import Chosen, Files, Over
+from rig.sweep.parameters import CampaignFiles, ParameterValues, SweepParameter
 
 if TYPE_CHECKING:
-    from rig.sweep.simulation import RowSimulation, Subject
+    from rig.sweep.simulation import CampaignSimulator, RowSimulation
 
-_KEPT_OPEN = 4  # variants whose tables are held at a time: memory does not grow with their number
+_OPEN_VARIANTS = 4  # variants with tables in memory at a time
 LEAD_IN = 15.0
-"""Seconds from the first wave to a row that runs alone, unless told otherwise. The simulated wave
-maker takes 5 s to bring the sea on; what is left of its onset after 15 s changes no mean power by
-more than a row's own noise (tests/batch/test_sweep_rows.py), while a basin needs minutes."""
+"""Default time from the first wave to a row that runs alone, s. The simulated wave maker ramps the
+sea up in 5 s; the rest of the transient after 15 s changes no mean power by more than a row's own
+noise (tests/batch/test_sweep_rows.py), while a basin needs minutes."""
 
 
 class Case(NamedTuple):
@@ -34,23 +35,23 @@ class Case(NamedTuple):
 
     number: int  # from 0, rows changing fastest
     variant: int  # number of the combination of values
-    row: int  # of the campaign's plan; -1: all of them in sequence
+    row: int  # of the campaign's plan; -1: all rows in sequence
 
 
 class Outcome(NamedTuple):
-    """What a case gave."""
+    """The result of a case."""
 
     case: int
-    rows: tuple[dict[str, Any], ...]  # as `rig.analysis.rows.reduced` gives them
+    rows: tuple[dict[str, Any], ...]  # from `rig.analysis.rows.reduced`
     seconds: float  # simulated
-    failed: str  # why there is nothing; empty if there is
+    failed: str  # reason of a failure; empty on success
 
 
 class SweepRequest(NamedTuple):
-    """What a sweep is asked to run; plain values, so that it can be sent elsewhere."""
+    """A sweep as plain values, which can be sent to other processes."""
 
     campaign: str  # path
-    parameters: tuple[Over, ...]
+    parameters: tuple[SweepParameter, ...]
     sequential: bool
     lead_in: float  # s
 
@@ -58,97 +59,103 @@ class SweepRequest(NamedTuple):
 class _Variant(NamedTuple):
     campaign: Campaign
     plan: Plan  # of the whole campaign
-    subject: "Subject"
+    simulator: "CampaignSimulator"
     period_ticks: float | None
 
 
 class Cases:
-    """The cases of a sweep, to be run from several threads."""
+    """The cases of a sweep; several threads may run them."""
 
-    def __init__(self, asked: SweepRequest, rows: tuple[CampaignRow, ...], files: Files) -> None:
-        """``rows`` are those of the campaign as its file has it, by which cases are known."""
-        self.asked = asked
-        self.shape = tuple(len(over.values) for over in asked.parameters)
-        # A repetition would give the same numbers: the noise of a simulation is its seed's.
+    def __init__(
+        self, request: SweepRequest, rows: tuple[CampaignRow, ...], files: CampaignFiles
+    ) -> None:
+        """Number the cases by ``rows``, those of the campaign without parameter values."""
+        self.request = request
+        self.shape = tuple(len(parameter.values) for parameter in request.parameters)
+        # A repetition would give the same numbers: the seed determines the noise.
         once = tuple(row for row in rows if row.repetition == 0)
-        self.rows = rows if asked.sequential else once
+        self.rows = rows if request.sequential else once
         self._files = files
-        self._known = {(row.point, row.repetition): row.row for row in rows}
+        self._row_numbers = {(row.point, row.repetition): row.row for row in rows}
         self._points = {row.row: row.point for row in rows}
         self._opening = Lock()
-        self._variant = lru_cache(_KEPT_OPEN)(self._open)
+        self._variant = lru_cache(_OPEN_VARIANTS)(self._open)
 
     def __len__(self) -> int:
-        return math.prod(self.shape) * (1 if self.asked.sequential else len(self.rows))
+        return math.prod(self.shape) * (1 if self.request.sequential else len(self.rows))
 
     def __iter__(self) -> Iterator[Case]:
-        rows = [-1] if self.asked.sequential else [row.row for row in self.rows]
+        rows = [-1] if self.request.sequential else [row.row for row in self.rows]
         pairs = itertools.product(range(math.prod(self.shape)), rows)
         return (Case(number, variant, row) for number, (variant, row) in enumerate(pairs))
 
-    def chosen(self, variant: int) -> Chosen:
-        """The values of a combination; the last parameter's change fastest."""
-        values = itertools.product(*(over.values for over in self.asked.parameters))
+    def parameter_values(self, variant: int) -> ParameterValues:
+        """Return the values of a combination; those of the last parameter change fastest."""
+        values = itertools.product(*(parameter.values for parameter in self.request.parameters))
         return tuple(
-            zip(self.asked.parameters, next(itertools.islice(values, variant, None)), strict=True)
+            zip(self.request.parameters, next(itertools.islice(values, variant, None)), strict=True)
         )
 
     def prepare(self) -> None:
-        """Have the loop compiled, which takes a minute the first time on a host."""
+        """Compile the loop, which takes a minute the first time on a host."""
         with self._opening:
             variant = self._variant(0)
-        variant.subject.prepare(variant.plan)
+        variant.simulator.prepare(variant.plan)
 
-    def run(self, case: Case, go_on: Callable[[], bool] = lambda: True) -> Outcome:
-        """Run a case; one that cannot be run says why. Raises `InterruptedWalkError`."""
+    def run(self, case: Case, should_continue: Callable[[], bool] = lambda: True) -> Outcome:
+        """Run a case; a failed outcome has the reason. Raises `InterruptedSweepError`."""
         try:
-            return self._ran(case, go_on)
+            return self._run_case(case, should_continue)
         except InterruptedSweepError:
             raise
-        except Exception as error:  # noqa: BLE001  the other cases are run all the same
+        except Exception as error:  # noqa: BLE001  the other cases still run
             return Outcome(case.number, (), 0.0, str(error) or type(error).__name__)
 
-    def _ran(self, case: Case, go_on: Callable[[], bool]) -> Outcome:
-        with self._opening:  # that two threads do not open the same
+    def _run_case(self, case: Case, should_continue: Callable[[], bool]) -> Outcome:
+        with self._opening:  # two threads must not open the same variant
             variant = self._variant(case.variant)
         campaign = variant.campaign
-        if self.asked.sequential:
+        if self.request.sequential:
             planned, stator = variant.plan, None
         else:
             point = campaign.points[self._points[case.row]]
-            planned = build_plan(alone(campaign.file, self.asked.lead_in), campaign.rig, (point,))
+            planned = build_plan(
+                single_row_campaign(campaign.file, self.request.lead_in), campaign.rig, (point,)
+            )
             stator = planned.rows[0].stator_position
-        walk = variant.subject.walk(planned, go_on, stator)
+        simulation = variant.simulator.simulate(planned, should_continue, stator)
         rows = []
-        for row, given in zip(
-            planned.rows, table(walk, planned, variant.period_ticks), strict=True
+        for row, result in zip(
+            planned.rows, row_results(simulation, planned, variant.period_ticks), strict=True
         ):
-            known = case.row if case.row >= 0 else self._known[row.point, row.repetition]
-            rows.append({**given, "row": known})
-        return Outcome(case.number, tuple(rows), walk.seconds, "")
+            number = case.row if case.row >= 0 else self._row_numbers[row.point, row.repetition]
+            rows.append({**result, "row": number})
+        return Outcome(case.number, tuple(rows), simulation.seconds, "")
 
     def _open(self, variant: int) -> _Variant:
-        from rig.sweep.simulation import Subject  # noqa: PLC0415 - numba; who runs nothing waits not
+        from rig.sweep.simulation import CampaignSimulator  # noqa: PLC0415 - numba
 
-        campaign = self._files.opened(self.chosen(variant))
+        campaign = self._files.open(self.parameter_values(variant))
         planned = build_plan(campaign.file, campaign.rig, campaign.points)
         period = repeat_period(campaign.file.sea)
         ticks = period / planned.dt if period else None
-        return _Variant(campaign, planned, Subject(campaign, planned), ticks)
+        return _Variant(campaign, planned, CampaignSimulator(campaign, planned), ticks)
 
 
-def table(walk: "RowSimulation", planned: Plan, period_ticks: float | None) -> list[dict[str, Any]]:
-    """Each row of a plan as it came out of its walk, in the words of the row table.
+def row_results(
+    simulation: "RowSimulation", planned: Plan, period_ticks: float | None
+) -> list[dict[str, Any]]:
+    """Return the results of each row of a simulated plan, with the names of the row table.
 
-    ``period_ticks``: the sea's repeat period, None if it has none.
+    ``period_ticks`` is the sea's repeat period in ticks, None if it has none.
     """
-    found = {}
-    for window in walk:
-        found[window.row] = reduce_window(window, period_ticks)  # the last attempt counts
-    nothing = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {walk.reason.name}"}
+    results = {}
+    for window in simulation:
+        results[window.row] = reduce_window(window, period_ticks)  # the last attempt counts
+    not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
     return [
         {
-            **found.get(row.row, nothing),
+            **results.get(row.row, not_run),
             "stator": row.stator_position,
             **row.setting._asdict(),
         }
@@ -156,8 +163,8 @@ def table(walk: "RowSimulation", planned: Plan, period_ticks: float | None) -> l
     ]
 
 
-def alone(file: CampaignFile, lead_in: float) -> CampaignFile:
-    """A campaign whose one row is run once, after a lead-in of so many seconds."""
+def single_row_campaign(file: CampaignFile, lead_in: float) -> CampaignFile:
+    """Return a campaign file that runs its row once, after a lead-in of ``lead_in`` s."""
     first = min(file.start.set_point_s, lead_in)
     start = file.start.model_copy(update={"lead_in_s": lead_in, "set_point_s": first})
     return file.model_copy(update={"start": start, "repeat": 1})

@@ -1,9 +1,10 @@
-"""Cases on a Dask cluster: the same seam as threads, on as many machines as the scheduler has.
+"""Executor that runs cases on a Dask cluster, on as many machines as the scheduler has.
 
-Cases go out in chunks of about a second of work, so that what a task costs (some milliseconds) is
-lost beside it. A worker that dies loses nothing: the scheduler gives its chunk to another one, and
-a chunk's outcomes are taken once. A worker opens the campaign from the same path as the client and
-refuses to run it with other files or other code: its numbers would be of something else.
+Cases are sent in chunks of about one second of work, so that the overhead of a task (some
+milliseconds) is negligible. A worker that dies loses nothing: the scheduler gives its chunk to
+another worker, and a chunk's outcomes are taken once. A worker opens the campaign from the same
+path as the client and refuses to run it if its files or code differ, because its numbers would
+belong to another sweep.
 """
 
 import time
@@ -17,142 +18,150 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig.sweep.cases import Case, Cases, Outcome, SweepRequest
-from rig.sweep.executors import Executor, Work
-from rig.sweep.sweep import same_cases
+from rig.sweep.executors import Executor, RunCase
+from rig.sweep.sweep import reopen_cases
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-CHUNK = 1.0  # s of work in a chunk
-_MOST = 500  # cases of a chunk
-_GROWTH = 4  # at most, from one chunk to the next: the first cases may be the quick ones
-_AHEAD = 2  # chunks handed out for each thread of the cluster: none waits for the client
-_PATIENCE = 30.0  # s for the scheduler to answer, and for a worker to be there
-_LOOK = 5.0  # s between two looks at whether the scheduler is still there
-_opening = Lock()
+CHUNK = 1.0  # s, work in a chunk
+_MAX_CASES = 500  # in a chunk
+_MAX_GROWTH = 4  # of the chunk size from one chunk to the next: the first cases may be fast ones
+_CHUNKS_PER_THREAD = 2  # submitted per thread of the cluster, so that none waits for the client
+_TIMEOUT = 30.0  # s, for an answer of the scheduler and for a first worker
+_CHECK_INTERVAL = 5.0  # s, between two checks of the connection to the scheduler
+_open_lock = Lock()
 
 
 class ClusterError(OSError):
-    """The cluster cannot run the cases; what is finished by then is kept."""
+    """The cluster cannot run the cases; finished cases are kept."""
 
 
-class Done(NamedTuple):
-    """What a chunk gave."""
+class ChunkResult(NamedTuple):
+    """The outcomes of a chunk."""
 
     outcomes: tuple[Outcome, ...]
-    seconds: float  # that its cases took on the worker
+    seconds: float  # run time of its cases on the worker
 
 
-def cluster(
-    address: str, asked: SweepRequest, digest: str, see: Callable[[Done], None] = lambda done: None
+def cluster_executor(
+    address: str,
+    request: SweepRequest,
+    digest: str,
+    on_chunk: Callable[[ChunkResult], None] = lambda done: None,
 ) -> Executor:
-    """The executor of a scheduler (``tcp://HOST:PORT``) for the cases of one sweep.
+    """Return the executor of a scheduler (``tcp://HOST:PORT``) for the cases of one sweep.
 
-    ``digest`` is what the workers' files and code must have (`rig.sweep.sweep.Sweep.digest`);
-    ``see`` is shown each chunk. Raises ClusterError, when the cases are asked for, where dask is
-    not installed, nobody answers, or a worker refuses.
+    ``digest`` is the digest that the workers' files and code must have
+    (`rig.sweep.sweep.Sweep.digest`). The executor calls ``on_chunk`` with each result. When
+    iterated, it raises ClusterError if Dask is not installed, the scheduler does not answer, or a
+    worker refuses.
     """
-    there = asked._replace(campaign=str(Path(asked.campaign).resolve()))
+    resolved = request._replace(campaign=str(Path(request.campaign).resolve()))
 
-    def run(cases: Iterable[Case], work: Work) -> Iterator[Outcome]:
-        with _client(address) as client:
+    def run(cases: Iterable[Case], run_case: RunCase) -> Iterator[Outcome]:
+        with _connect(address) as client:
             chunks = _Chunks(iter(cases))
             pending: dict[Future, tuple[Case, ...]] = {}
             try:
                 while True:
-                    room = _AHEAD * max(1, sum(client.nthreads().values())) - len(pending)
-                    for chunk in islice(chunks, max(room, 0)):
-                        future = client.submit(run_chunk, there, digest, chunk, pure=False)
+                    free = _CHUNKS_PER_THREAD * max(1, sum(client.nthreads().values())) - len(
+                        pending
+                    )
+                    for chunk in islice(chunks, max(free, 0)):
+                        future = client.submit(run_chunk, resolved, digest, chunk, pure=False)
                         pending[future] = chunk
                     if not pending:
                         return
-                    for future in _first(client, pending, address):
-                        done = _taken(future, pending.pop(future), chunks, address)
-                        see(done)
-                        chunks.took(len(done.outcomes), done.seconds)
-                        yield from done.outcomes
+                    for future in _wait_first(client, pending, address):
+                        result = _chunk_result(future, pending.pop(future), chunks, address)
+                        on_chunk(result)
+                        chunks.record_time(len(result.outcomes), result.seconds)
+                        yield from result.outcomes
             except KeyboardInterrupt:
                 for future in [one for one in pending if one.status == "finished"]:
-                    yield from _taken(future, pending.pop(future), chunks, address).outcomes
+                    yield from _chunk_result(future, pending.pop(future), chunks, address).outcomes
                 raise
             finally:
-                with suppress(Exception):  # of a scheduler that is gone
+                with suppress(Exception):  # the scheduler may be gone
                     client.cancel(list(pending), force=True)
 
     return run
 
 
 class _Chunks:
-    """The cases that wait, cut into chunks as long as the last ones suggest."""
+    """Iterator over the waiting cases in chunks, sized by the run time of earlier chunks."""
 
     def __init__(self, waiting: Iterator[Case]) -> None:
         self._waiting = waiting
         self._size = 1
-        self.again: list[tuple[Case, ...]] = []  # to be run before the others
+        self.retries: list[tuple[Case, ...]] = []  # run before the waiting cases
 
     def __iter__(self) -> Iterator[tuple[Case, ...]]:
         return self
 
     def __next__(self) -> tuple[Case, ...]:
-        chunk = self.again.pop() if self.again else tuple(islice(self._waiting, self._size))
+        chunk = self.retries.pop() if self.retries else tuple(islice(self._waiting, self._size))
         if not chunk:
             raise StopIteration
         return chunk
 
-    def took(self, cases: int, seconds: float) -> None:
-        """So many cases took so long together."""
+    def record_time(self, cases: int, seconds: float) -> None:
+        """Adapt the chunk size to the run time of so many cases."""
         if cases:
             fitting = CHUNK * cases / max(seconds, 1e-6)
-            self._size = max(1, min(int(fitting), _GROWTH * self._size, _MOST))
+            self._size = max(1, min(int(fitting), _MAX_GROWTH * self._size, _MAX_CASES))
 
 
-def run_chunk(asked: SweepRequest, digest: str, chunk: tuple[Case, ...]) -> Done:
-    """Run a chunk on a worker; opening the campaign and compiling the loop is not its work."""
-    cases = _opened(asked, digest)
-    began = time.perf_counter()
+def run_chunk(request: SweepRequest, digest: str, chunk: tuple[Case, ...]) -> ChunkResult:
+    """Run a chunk on a worker; its time excludes opening the campaign and compiling the loop."""
+    cases = _open_cases(request, digest)
+    start = time.perf_counter()
     outcomes = tuple(cases.run(case) for case in chunk)
-    return Done(outcomes, time.perf_counter() - began)
+    return ChunkResult(outcomes, time.perf_counter() - start)
 
 
-def _opened(asked: SweepRequest, digest: str) -> Cases:
-    """The cases of a sweep, opened and compiled once in a worker, whatever its threads."""
-    with _opening:
-        return _open(asked, digest)
+def _open_cases(request: SweepRequest, digest: str) -> Cases:
+    """Return the cases of a sweep, opened and compiled once per worker for all its threads."""
+    with _open_lock:
+        return _open_cached(request, digest)
 
 
 @lru_cache(2)
-def _open(asked: SweepRequest, digest: str) -> Cases:
-    cases = same_cases(asked, digest)
+def _open_cached(request: SweepRequest, digest: str) -> Cases:
+    cases = reopen_cases(request, digest)
     cases.prepare()
     return cases
 
 
-def _client(address: str) -> "Client":
+def _connect(address: str) -> "Client":
     try:
         from distributed import Client  # noqa: PLC0415  (an optional extra, and a second to import)
     except ImportError:
         raise ClusterError("--scheduler needs Dask: pip install 'wec-rig[dask]'") from None
     try:
-        client = Client(address, timeout=_PATIENCE, set_as_default=False)
+        client = Client(address, timeout=_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ClusterError(f"{address}: no scheduler answers there ({error})") from None
     try:
-        client.wait_for_workers(1, timeout=_PATIENCE)
+        client.wait_for_workers(1, timeout=_TIMEOUT)
     except TimeoutError:
         client.close()
-        message = f"{address}: the scheduler had no worker for {_PATIENCE:.0f} s"
+        message = f"{address}: the scheduler had no worker for {_TIMEOUT:.0f} s"
         raise ClusterError(message) from None
     return client
 
 
-def _first(client: "Client", pending: Iterable["Future"], address: str) -> Any:
-    """The futures that are done, at least one; looks now and then whether the scheduler lives."""
+def _wait_first(client: "Client", pending: Iterable["Future"], address: str) -> Any:
+    """Wait for the first futures to finish and return them; check the scheduler meanwhile."""
     from distributed import wait  # noqa: PLC0415
 
     while client.status != "closed":
         try:
             with client.as_current():
-                return wait(list(pending), timeout=_LOOK, return_when="FIRST_COMPLETED").done
+                return wait(
+                    list(pending), timeout=_CHECK_INTERVAL, return_when="FIRST_COMPLETED"
+                ).done
         except TimeoutError:
             continue
         except CancelledError:
@@ -160,20 +169,24 @@ def _first(client: "Client", pending: Iterable["Future"], address: str) -> Any:
     raise ClusterError(f"{address}: the scheduler is gone")
 
 
-def _taken(future: "Future", chunk: tuple[Case, ...], chunks: _Chunks, address: str) -> Done:
-    """What a chunk gave; of one that kills its workers each case is tried alone."""
+def _chunk_result(
+    future: "Future", chunk: tuple[Case, ...], chunks: _Chunks, address: str
+) -> ChunkResult:
+    """Return the result of a chunk; a chunk that kills its workers is retried case by case."""
     from distributed import KilledWorker  # noqa: PLC0415
 
     try:
-        done: Done = future.result()
+        result: ChunkResult = future.result()
     except KilledWorker as error:
         if len(chunk) == 1:
-            return Done((Outcome(chunk[0].number, (), 0.0, f"killed its workers: {error}"),), 0.0)
-        chunks.again += [(case,) for case in chunk]
-        return Done((), 0.0)
+            return ChunkResult(
+                (Outcome(chunk[0].number, (), 0.0, f"killed its workers: {error}"),), 0.0
+            )
+        chunks.retries += [(case,) for case in chunk]
+        return ChunkResult((), 0.0)
     except (CancelledError, TimeoutError) as error:
         raise ClusterError(f"{address}: the scheduler is gone ({error})") from None
-    except Exception as error:  # a worker's own: other code, no such file, no package
+    except Exception as error:  # raised on the worker: other code, missing file or package
         raise ClusterError(f"a worker cannot run the cases: {error}") from error
     future.release()
-    return done
+    return result

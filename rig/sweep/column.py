@@ -1,8 +1,8 @@
-"""A column of numbers that compiled code reads as the loop reads a tuple, whatever its length.
+"""A column of numbers that compiled code indexes like a tuple, independent of its length.
 
-A tuple's length is part of its compiled type, so every plan would be compiled anew; an array in a
-NamedTuple has its references counted at every turn, which trebles the time of a tick. A column is
-a pointer and a length. It must outlive the call, which holds it as an argument.
+A tuple's length is part of its compiled type, so every plan would be compiled again. Numba counts
+references of an array in a NamedTuple at every use, which triples the time of a tick. A column is a
+pointer and a length. It must outlive the call, which holds it as an argument.
 """
 
 import operator
@@ -24,20 +24,22 @@ from numba.extending import (
     unbox,
 )
 
-_LLVM: Any = vars(cgutils)["ir"]  # what numba writes its code with
-CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
+_LLVM: Any = vars(cgutils)["ir"]  # llvmlite.ir, with which numba builds its code
+BOUNDS_CHECKED = os.environ.get("NUMBA_BOUNDSCHECK", "0") not in ("", "0")
 
 
 class Column:
-    """Numbers of one kind, all int or all float."""
+    """Numbers of one type, all int or all float."""
 
     def __init__(self, numbers: Sequence[float] | npt.NDArray[np.float64]) -> None:
-        """An array is not copied, so that compiled code can write into it."""
+        """Wrap numbers; an array is not copied, so that compiled code can write to it."""
         if isinstance(numbers, np.ndarray):
             self.array: npt.NDArray[Any] = np.ascontiguousarray(numbers, np.float64)
         else:
-            whole = len(numbers) > 0 and all(isinstance(one, int | np.integer) for one in numbers)
-            self.array = np.array(numbers, np.int64 if whole else np.float64)
+            integers = len(numbers) > 0 and all(
+                isinstance(one, int | np.integer) for one in numbers
+            )
+            self.array = np.array(numbers, np.int64 if integers else np.float64)
         self.address = int(self.array.ctypes.data)
         self.length = len(self.array)
 
@@ -72,51 +74,51 @@ class _ColumnModel(models.StructModel):
 
 @unbox(_ColumnType)
 def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
-    made = cgutils.create_struct_proxy(kind)(c.context, c.builder)
+    proxy = cgutils.create_struct_proxy(kind)(c.context, c.builder)
     numbers = []
     for name in ("address", "length"):
         attribute = c.pyapi.object_getattr_string(value, name)
         numbers.append(c.pyapi.long_as_longlong(attribute))
         c.pyapi.decref(attribute)
-    made.data = c.builder.inttoptr(numbers[0], made.data.type)
-    made.length = numbers[1]
+    proxy.data = c.builder.inttoptr(numbers[0], proxy.data.type)
+    proxy.length = numbers[1]
     return NativeValue(
-        made._getvalue(), is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred())
+        proxy._getvalue(), is_error=cgutils.is_not_null(c.builder, c.pyapi.err_occurred())
     )
 
 
 @intrinsic
 def _length(context: Any, column: Any) -> Any:
     def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
-        return made.length
+        proxy = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        return proxy.length
 
     return types.int64(column), code
 
 
 @intrinsic
-def _at(context: Any, column: Any, index: Any) -> Any:
+def _load(context: Any, column: Any, index: Any) -> Any:
     def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
-        return builder.load(builder.gep(made.data, [arguments[1]]))
+        proxy = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        return builder.load(builder.gep(proxy.data, [arguments[1]]))
 
     return column.dtype(column, types.int64), code
 
 
 @intrinsic
-def _put(context: Any, column: Any, index: Any, number: Any) -> Any:
+def _store(context: Any, column: Any, index: Any, number: Any) -> Any:
     def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
-        builder.store(arguments[2], builder.gep(made.data, [arguments[1]]))
+        proxy = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        builder.store(arguments[2], builder.gep(proxy.data, [arguments[1]]))
 
     return types.void(column, types.int64, column.dtype), code
 
 
 @intrinsic
-def _bring(context: Any, column: Any, index: Any) -> Any:
+def _issue_prefetch(context: Any, column: Any, index: Any) -> Any:
     def code(target: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        made = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
-        place = builder.bitcast(builder.gep(made.data, [arguments[1]]), cgutils.voidptr_t)
+        proxy = cgutils.create_struct_proxy(signature.args[0])(target, builder, value=arguments[0])
+        place = builder.bitcast(builder.gep(proxy.data, [arguments[1]]), cgutils.voidptr_t)
         flag = _LLVM.IntType(32)
         kind = _LLVM.FunctionType(_LLVM.VoidType(), [cgutils.voidptr_t, flag, flag, flag])
         fetch = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0i8")
@@ -136,40 +138,40 @@ def _len(column: Any) -> Any:
 @overload(operator.getitem)
 def _getitem(column: Any, index: Any) -> Any:
     def at(column: Any, index: Any) -> Any:
-        return _at(column, index)
+        return _load(column, index)
 
     def checked(column: Any, index: Any) -> Any:
         if not 0 <= index < _length(column):
             raise IndexError("index out of a column's range")
-        return _at(column, index)
+        return _load(column, index)
 
     if not isinstance(column, _ColumnType):
         return None
-    return checked if CHECKED else at
+    return checked if BOUNDS_CHECKED else at
 
 
 @overload(operator.setitem)
 def _setitem(column: Any, index: Any, number: Any) -> Any:
     def put(column: Any, index: Any, number: Any) -> None:
-        _put(column, index, number)
+        _store(column, index, number)
 
     def checked(column: Any, index: Any, number: Any) -> None:
         if not 0 <= index < _length(column):
             raise IndexError("index out of a column's range")
-        _put(column, index, number)
+        _store(column, index, number)
 
     if not isinstance(column, _ColumnType):
         return None
-    return checked if CHECKED else put
+    return checked if BOUNDS_CHECKED else put
 
 
-def read_soon(column: Any, index: int) -> None:
-    """Have an entry brought near; nothing happens where there is none."""
+def prefetch(column: Any, index: int) -> None:
+    """Prefetch an entry into the cache; an index out of range has no effect."""
 
 
-@overload(read_soon)
-def _read_soon(column: Any, index: Any) -> Any:
+@overload(prefetch)
+def _prefetch(column: Any, index: Any) -> Any:
     def bring(column: Any, index: Any) -> None:
-        _bring(column, index)
+        _issue_prefetch(column, index)
 
     return bring

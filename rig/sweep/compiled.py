@@ -1,8 +1,8 @@
-"""The loop and the plant as one compiled function: the rehearsal's own functions, no clock, no log.
+"""Loop and plant as one compiled function: the functions of a rehearsal, without clock and log.
 
-The cycle is `rig.realtime.cycle.make` of the WaveBot, the plant `sim_plant.wavebot.step`: the
-functions that a rehearsal runs, lifted (rig/sweep/lifting.py). What stands here beside them is the
-order of a tick and which fields of its row are kept.
+The cycle is `rig.realtime.cycle.make` of the WaveBot and the plant is `sim_plant.wavebot.step`: the
+functions that a rehearsal runs, lifted (rig/sweep/lifting.py). This module adds the order of
+operations in a tick and the selection of the logged fields.
 """
 
 import sys
@@ -29,7 +29,7 @@ from rig.realtime import average, axis, cycle, limits, power, safety, sequence
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.sequence import MEASURE
 from rig.sweep import column, lifting, noise, pages, plant_coupling
-from rig.sweep.pages import TICKS
+from rig.sweep.pages import PAGE_TICKS
 from sim_plant import signals as plant_signals
 from sim_plant import wave_maker
 
@@ -39,8 +39,8 @@ _CONTROL: tuple[ModuleType, ...] = (
     *(sys.modules[f"rig.kinds.wavebot.{name}"] for name in ("check", "kind", "state", "stations")),
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
-BESIDE = (signals, wavebot_signals, plant_signals, column, noise)
-"""Not lifted, but compiled code is made of their types."""
+TYPE_MODULES = (signals, wavebot_signals, plant_signals, column, noise)
+"""Modules that are not lifted, but whose types compiled code contains."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
 
@@ -50,80 +50,84 @@ from numba.extending import register_jitable
 from rig.kinds.wavebot import KIND
 from rig.realtime import cycle
 from rig.sweep import column
-from rig.sweep.pages import file_away, look_ahead
-from rig.sweep.plant_coupling import Machine, actuation, sense, unhoisted
+from rig.sweep.pages import flush_page, prefetch_ahead
+from rig.sweep.plant_coupling import CoupledState, actuation, sense, without_hoist
 from sim_plant import wave_maker
 from sim_plant.wavebot import Excitation, sample, step as plant_step
 
-tick_of = register_jitable(forceinline=True)(cycle.make(KIND))
+loop_step = register_jitable(forceinline=True)(cycle.make(KIND))
 NO_TIMING = cycle.Timing(0.0, 0.0, 0)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def advance(params, plant, tables, normals, dt, late, machine, until, page, kept, filled):
+def advance(params, plant, tables, normals, dt, age, coupled, until, page, columns, filled):
     first = filled
-    tick, loop, state, sea, line, wire, fresh, settings, linger = machine
+    tick, loop, state, sea, in_transit, plant_input, new_input, settings, linger = coupled
     while tick < until and linger < {linger}:
         if tick > 0:
-            look_ahead(tables, normals, sea.place, tick)
+            prefetch_ahead(tables, normals, sea.place, tick)
             after = wave_maker.step(tables, sea, dt)
             now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
-            state = plant_step(plant, unhoisted(state), wire, fresh, now, then, dt)
-            sea, fresh = after, 0
-            line = line[1:] + (sample(plant, state, tick, sea.elevation, normals),)
-        read = sense(line[0], late)
-        loop, command, row = tick_of(params, loop, read, 0, tick, NO_TIMING, 1, dt)
-        told = actuation(command)
-        if told.wave_trigger != wire.wave_trigger:
-            sea = wave_maker.switch(tables, told.wave_trigger, dt)
-        wire, fresh = told, 1
+            state = plant_step(plant, without_hoist(state), plant_input, new_input, now, then, dt)
+            sea, new_input = after, 0
+            in_transit = in_transit[1:] + (sample(plant, state, tick, sea.elevation, normals),)
+        sensed = sense(in_transit[0], age)
+        loop, command, row = loop_step(params, loop, sensed, 0, tick, NO_TIMING, 1, dt)
+        next_input = actuation(command)
+        if next_input.wave_trigger != plant_input.wave_trigger:
+            sea = wave_maker.switch(tables, next_input.wave_trigger, dt)
+        plant_input, new_input = next_input, 1
         measuring = row.plan.phase == {measure}
         if measuring:
-            at = filled - first
+            slot = filled - first
             {keep}
             filled += 1
             if filled - first == {ticks}:
-                file_away(page, kept, {fields}, first, filled)
+                flush_page(page, columns, {fields}, first, filled)
                 first = filled
         if row.safety.mode == {stop_0}:
             linger += 1
         tick += 1
-        asked = command.drive.settings
-        if asked != settings and asked.bus_voltage > 0.0:
-            settings = asked
+        commanded = command.drive.settings
+        if commanded != settings and commanded.bus_voltage > 0.0:
+            settings = commanded
             break
         if filled > 0 and not measuring:
             break
-    file_away(page, kept, {fields}, first, filled)
-    return Machine(tick, loop, state, sea, line, wire, fresh, settings, linger), filled
+    flush_page(page, columns, {fields}, first, filled)
+    coupled = CoupledState(
+        tick, loop, state, sea, in_transit, plant_input, new_input, settings, linger
+    )
+    return coupled, filled
 '''
 
 
 @cache
 def load(fields: tuple[str, ...]) -> Any:
-    """The compiled ``advance``, which keeps these fields of each measured tick, in this order.
+    """Return the compiled ``advance``, which stores ``fields`` of each measured tick in order.
 
-    ``advance(params, plant, tables, normals, dt, late, machine, until, page, kept, filled)`` ticks
-    up to tick ``until``, to a few ticks after power was removed, to the end of a window, or to a
-    change of the drive's settings, which are the caller's to make. It fills ``kept`` (one line a
-    field) from ``filled`` on, by way of a ``page`` (rig/sweep/pages.py), and gives the machine and
-    how many ticks are kept by then.
+    ``advance(params, plant, tables, normals, dt, age, coupled, until, page, columns, filled)``
+    simulates up to tick ``until``, or until a few ticks after power was removed, the end of a
+    window, or a change of the drive's settings, which the caller must apply. ``age`` (s) is the age
+    of the readings. The function fills ``columns`` (one line per field) from tick ``filled`` on,
+    through a ``page`` (rig/sweep/pages.py). It returns the new `CoupledState` and the number of
+    stored ticks.
     """
-    return lifting.load("batch", _source(fields), LIFTED, BESIDE).advance
+    return lifting.load("batch", _source(fields), LIFTED, TYPE_MODULES).advance
 
 
 def is_compiled(fields: tuple[str, ...]) -> bool:
-    """Whether this host has compiled ``advance`` before."""
-    return lifting.is_compiled(lifting.cache_folder(_source(fields), (*LIFTED, *BESIDE)))
+    """Return whether this host has already compiled ``advance`` for these fields."""
+    return lifting.is_compiled(lifting.cache_folder(_source(fields), (*LIFTED, *TYPE_MODULES)))
 
 
 def _source(fields: tuple[str, ...]) -> str:
-    lines = (f"page[{i * TICKS} + at] = row.{name}" for i, name in enumerate(fields))
+    lines = (f"page[{i * PAGE_TICKS} + slot] = row.{name}" for i, name in enumerate(fields))
     keep = "\n            ".join(lines)
     return _SOURCE.format(
         keep=keep,
         fields=len(fields),
-        ticks=TICKS,
+        ticks=PAGE_TICKS,
         linger=LINGER_TICKS,
         stop_0=safety.STOP_0,
         measure=MEASURE,

@@ -1,7 +1,7 @@
-"""Who runs the cases of a sweep: threads of this process; a cluster takes the same seam.
+"""Executors of the cases of a sweep: threads of this process; a cluster has the same interface.
 
-An executor takes cases and what runs one, and gives outcomes as they come, in any order. When it is
-interrupted it first gives what is done.
+An executor takes cases and a function that runs one, and yields outcomes in the order in which they
+finish. When interrupted, it first yields the finished outcomes.
 """
 
 import os
@@ -13,63 +13,66 @@ from typing import Protocol
 from rig.sweep import InterruptedSweepError
 from rig.sweep.cases import Case, Outcome
 
-_AHEAD = 2  # cases handed out for each one that runs: nobody waits, and memory stays flat
+_CASES_PER_THREAD = 2  # submitted per thread: no thread waits, and memory use stays constant
 
 
-class Work(Protocol):
-    """Runs one case; raises `InterruptedWalkError` when told not to go on."""
+class RunCase(Protocol):
+    """Function that runs one case.
 
-    def __call__(self, case: Case, go_on: Callable[[], bool]) -> Outcome:
-        """What the case gave."""
+    It raises `InterruptedSweepError` when ``should_continue`` returns false.
+    """
+
+    def __call__(self, case: Case, should_continue: Callable[[], bool]) -> Outcome:
+        """Return the outcome of the case."""
         ...
 
 
-Executor = Callable[[Iterable[Case], Work], Iterator[Outcome]]
+Executor = Callable[[Iterable[Case], RunCase], Iterator[Outcome]]
 
 
-def cores() -> int:
-    """Processors that this process may use."""
+def available_processors() -> int:
+    """Return the number of processors that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
-def threads(jobs: int) -> Executor:
-    """So many threads at a time; compiled code runs beside Python."""
+def thread_executor(jobs: int) -> Executor:
+    """Return an executor with ``jobs`` threads; compiled code releases the GIL."""
 
-    def run(cases: Iterable[Case], work: Work) -> Iterator[Outcome]:
+    def run(cases: Iterable[Case], run_case: RunCase) -> Iterator[Outcome]:
         stop, waiting = Event(), iter(cases)
         pending: set[Future[Outcome]] = set()
 
-        def go_on() -> bool:
+        def should_continue() -> bool:
             return not stop.is_set()
 
         with ThreadPoolExecutor(jobs) as pool:
             try:
                 while True:
-                    while len(pending) < _AHEAD * jobs and (case := next(waiting, None)):
-                        pending.add(pool.submit(work, case, go_on))
+                    while len(pending) < _CASES_PER_THREAD * jobs and (case := next(waiting, None)):
+                        pending.add(pool.submit(run_case, case, should_continue))
                     if not pending:
                         return
                     done, pending = wait(pending, return_when=FIRST_COMPLETED)
                     for future in done:
                         yield future.result()
             except KeyboardInterrupt:
-                _end(stop, pending)
+                _cancel(stop, pending)
                 wait(pending)
-                yield from _finished(pending)
+                yield from _completed_outcomes(pending)
                 raise
             finally:
-                _end(stop, pending)
+                _cancel(stop, pending)
 
     return run
 
 
-def _end(stop: Event, pending: Iterable[Future[Outcome]]) -> None:
+def _cancel(stop: Event, pending: Iterable[Future[Outcome]]) -> None:
     stop.set()
     for future in pending:
         future.cancel()
 
 
-def _finished(futures: Iterable[Future[Outcome]]) -> Iterator[Outcome]:
+def _completed_outcomes(futures: Iterable[Future[Outcome]]) -> Iterator[Outcome]:
     for future in futures:
         if not future.cancelled() and not isinstance(future.exception(), InterruptedSweepError):
             yield future.result()

@@ -1,4 +1,4 @@
-"""What a sweep has finished, case by case, so that a killed one goes on where it was."""
+"""Journal of a sweep's finished cases, with which a killed sweep resumes."""
 
 import errno
 import json
@@ -10,24 +10,24 @@ from typing import Any
 
 from rig.sweep.cases import Outcome
 
-NAME = "cases.jsonl"
+JOURNAL_FILE = "cases.jsonl"
 
 
 class Journal:
-    """A file of outcomes, one a line, of which one process at a time may be the writer."""
+    """A file of outcomes, one per line; only one process at a time may write it."""
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / NAME
-        self.finished: set[int] = set()  # numbers of the cases that gave something
-        whole = 0
+        self._path = folder / JOURNAL_FILE
+        self.finished: set[int] = set()  # numbers of the cases that succeeded
+        valid_end = 0
         for outcome, end in self._lines():
-            whole = end
-            if not outcome.failed:  # what failed may be tried again
+            valid_end = end
+            if not outcome.failed:  # failed cases are run again
                 self.finished.add(outcome.case)
         self._file = self._path.open("ab", buffering=0)
-        self.damaged = self._file.tell() - whole
-        """Bytes that were no whole lines, cut off by a kill, say: their cases are run again."""
-        self._file.truncate(whole)
+        self.damaged_bytes = self._file.tell() - valid_end
+        """Bytes after the last complete line, as after a kill: cut off, their cases run again."""
+        self._file.truncate(valid_end)
 
     def __enter__(self) -> "Journal":
         return self
@@ -41,9 +41,9 @@ class Journal:
         self._file.close()
 
     def add(self, outcome: Outcome) -> None:
-        """Keep an outcome; a kill of this process does not lose it any more.
+        """Write an outcome to the file; a kill of this process no longer loses it.
 
-        Raises OSError, with the file's name, where there is no room for it.
+        Raises OSError with the file's name if the disk is full.
         """
         line = json.dumps(outcome._asdict()).encode() + b"\n"
         try:
@@ -55,11 +55,11 @@ class Journal:
             self.finished.add(outcome.case)
 
     def outcomes(self) -> Iterator[Outcome]:
-        """All that was kept, read again from the file; the last of a case counts."""
+        """Yield all outcomes from the file in order; the last outcome of a case is valid."""
         return (outcome for outcome, _ in self._lines())
 
     def _lines(self) -> Iterator[tuple[Outcome, int]]:
-        """Every whole line and where it ends."""
+        """Yield the outcome of every complete line and the position of its end."""
         if not self._path.exists():
             return
         end = 0
@@ -67,8 +67,8 @@ class Journal:
             for line in file:
                 end += len(line)
                 try:
-                    told: dict[str, Any] = json.loads(line)
-                    outcome = Outcome(**{**told, "rows": tuple(told["rows"])})
+                    fields: dict[str, Any] = json.loads(line)
+                    outcome = Outcome(**{**fields, "rows": tuple(fields["rows"])})
                 except (ValueError, TypeError, KeyError):
                     return
                 if not line.endswith(b"\n"):

@@ -1,13 +1,13 @@
-"""Lifting pure step functions into compiled code: the only file that imports numba.
+"""Lifting of pure step functions into compiled code: the only file that imports numba.
 
 The functions stay plain Python; `register_jitable` makes the very same ones callable from compiled
-code. numba's own cache looks only at the file of the compiled function and would serve a stale law
-after an edit elsewhere, so the cache folder is named by a hash of every lifted source, numba's
+code. numba's own cache checks only the file of the compiled function and would return a stale law
+after an edit elsewhere, so the name of the cache folder is a hash of every lifted source, numba's
 version and the processor.
 
-Compiled code is called with one float64 array a tree of NamedTuples, because handing over a
-NamedTuple costs more than the step itself; the code that unpacks and packs the arrays is generated
-from an example of the tree.
+Compiled code takes one float64 array per tree of NamedTuples, because passing a NamedTuple costs
+more than the step itself; the code that unpacks and packs the arrays is generated from an example
+of the tree.
 """
 
 import hashlib
@@ -26,32 +26,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # its functions differ in the last bit
+os.environ.setdefault("NUMBA_DISABLE_INTEL_SVML", "1")  # SVML functions differ in the last bit
 
 import numba
 from numba.extending import register_jitable
 
-from rig.sweep.cache_folder import cache_root, processor, write
+from rig.sweep.cache_folder import cache_root, processor_description, write_atomically
 
 Floats = npt.NDArray[np.float64]
 
 
-def _spare_blas() -> None:
-    """Load numba's array functions without scipy.linalg, which they take BLAS from.
+def _import_numba_without_blas() -> None:
+    """Import numba's array functions without scipy.linalg, their source of BLAS.
 
-    Nothing that is lifted multiplies matrices, and scipy.linalg is a third of a second.
+    Lifted functions multiply no matrices, and importing scipy.linalg takes a third of a second.
     """
-    wanted = "scipy.linalg"
-    if wanted in sys.modules:
+    module = "scipy.linalg"
+    if module in sys.modules:
         return
-    sys.modules[wanted] = None  # type: ignore[assignment]  # "cannot be imported", as Python says it
+    sys.modules[module] = None  # type: ignore[assignment]  # makes the import raise ImportError
     try:
         importlib.import_module("numba.np.arraymath")
     finally:
-        del sys.modules[wanted]
+        del sys.modules[module]
 
 
-_spare_blas()
+_import_numba_without_blas()
 
 
 def lift(modules: Iterable[ModuleType]) -> None:
@@ -63,41 +63,41 @@ def lift(modules: Iterable[ModuleType]) -> None:
 
 
 def load(
-    name: str, source: str, modules: Iterable[ModuleType], beside: Iterable[ModuleType] = ()
+    name: str, source: str, modules: Iterable[ModuleType], type_modules: Iterable[ModuleType] = ()
 ) -> ModuleType:
     """Import generated source whose compiled functions are cached on disk.
 
-    The source stands in a folder named by what it was made from, so an edit of any lifted module,
-    or of those ``beside`` (types and constants that compiled code knows), is a new folder. Where
-    it cannot be written, a temporary one serves: compiled anew each time.
+    The folder of the source is named by a hash of all its inputs, so an edit of any lifted module
+    or of ``type_modules`` (types and constants in compiled code) leads to a new folder. If it
+    cannot be written, a temporary folder is used and the code is compiled each time.
     """
     modules = tuple(modules)
     lift(modules)
-    path = cache_folder(source, (*modules, *beside)) / f"{name}.py"
+    path = cache_folder(source, (*modules, *type_modules)) / f"{name}.py"
     if not path.exists():
         try:
-            write(path, source)
+            write_atomically(path, source)
         except OSError:
             path = Path(tempfile.mkdtemp(prefix="wec-rig-")) / path.name
-            write(path, source)
+            write_atomically(path, source)
     spec = importlib.util.spec_from_file_location(f"lifted_{name}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # numba looks its cached code up by module name
+    sys.modules[spec.name] = module  # numba finds cached code by module name
     spec.loader.exec_module(module)
     return module
 
 
-def numbers(tree: Any) -> list[float]:
-    """All numbers of a tree of tuples in order; ints are exact below 2^53."""
+def flatten(tree: Any) -> list[float]:
+    """Return all numbers of a tree of tuples in order; ints are exact below 2^53."""
     if isinstance(tree, tuple):
-        return [number for item in tree for number in numbers(item)]
+        return [number for item in tree for number in flatten(item)]
     return [float(tree)]
 
 
-def unpacking(tree: Any, array: str, start: int = 0) -> str:
-    """Source of an expression that rebuilds ``tree`` from an array of its numbers."""
+def unpack_source(tree: Any, array: str, start: int = 0) -> str:
+    """Return the source of an expression that rebuilds ``tree`` from an array of its numbers."""
     text, _ = _unpack(tree, array, start)
     return text
 
@@ -117,61 +117,69 @@ def _unpack(tree: Any, array: str, at: int) -> tuple[str, int]:
     return (f"({inside},)" if parts else "()"), at
 
 
-def packing(tree: Any, value: str, array: str) -> list[str]:
-    """Source lines that write the numbers of ``value``, shaped like ``tree``, into an array."""
+def pack_source(tree: Any, value: str, array: str) -> list[str]:
+    """Return source lines that write the numbers of ``value`` (of shape ``tree``) to an array."""
     leaves: list[str] = []
 
-    def walk(member: Any, expression: str) -> None:
+    def collect(member: Any, expression: str) -> None:
         if isinstance(member, tuple):
             for i, item in enumerate(member):
-                walk(item, f"{expression}[{i}]")
+                collect(item, f"{expression}[{i}]")
         else:
             leaves.append(expression)
 
-    walk(tree, value)
+    collect(tree, value)
     return [f"{array}[{i}] = {leaf}" for i, leaf in enumerate(leaves)]
 
 
-def words(tree: Any) -> set[type]:
-    """Every NamedTuple type in a tree: what generated source has to import."""
+def tuple_types(tree: Any) -> set[type]:
+    """Return every NamedTuple type in a tree, which generated source has to import."""
     if not isinstance(tree, tuple):
         return set()
-    found = {type(tree)} - {tuple}
+    types = {type(tree)} - {tuple}
     for member in tree:
-        found |= words(member)
-    return found
+        types |= tuple_types(member)
+    return types
 
 
 def cache_folder(source: str, modules: Iterable[ModuleType]) -> Path:
-    """Folder of what is compiled from a source and these modules, by this numba for this host."""
-    checked = os.environ.get("NUMBA_BOUNDSCHECK", "")  # another code, which numba does not tell
-    told = [source, numba.__version__, np.__version__, sys.version, platform.machine(), processor()]
+    """Return the cache folder of a source and these modules, for this numba and this host."""
+    # It changes the compiled code, but not numba's own cache key.
+    bounds_check = os.environ.get("NUMBA_BOUNDSCHECK", "")
+    parts = [
+        source,
+        numba.__version__,
+        np.__version__,
+        sys.version,
+        platform.machine(),
+        processor_description(),
+    ]
     for module in (sys.modules[__name__], *modules):
-        told += [inspect.getsource(module), *_as_run(module)]
-    told.append(checked)
-    return cache_root() / hashlib.sha256("\0".join(told).encode()).hexdigest()[:24]
+        parts += [inspect.getsource(module), *_loaded_definitions(module)]
+    parts.append(bounds_check)
+    return cache_root() / hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
 
-def _as_run(module: ModuleType) -> Iterator[str]:
-    """The functions and numbers of a module as this process has them.
+def _loaded_definitions(module: ModuleType) -> Iterator[str]:
+    """Yield the functions and constants of a module as loaded in this process.
 
-    A process that read the module before its source was edited has other ones than the source says:
-    what it compiles must not be found by those that read it afterwards.
+    A process that imported the module before an edit of its source still has the old definitions.
+    Processes that import it afterwards must not find the code that the first one compiles.
     """
     for name, value in sorted(vars(module).items()):
         if inspect.isfunction(value) and value.__module__ == module.__name__:
-            yield f"{name} {_operations(value.__code__)}"
+            yield f"{name} {_code_text(value.__code__)}"
         elif isinstance(value, type) and issubclass(value, tuple):
             yield f"{name} {getattr(value, '_fields', ())}"
         elif not name.startswith("__") and _is_plain(value):
             yield f"{name} {value!r}"
 
 
-def _operations(code: CodeType) -> str:
-    """What a function does, without where it stands."""
-    inside = [_operations(each) for each in code.co_consts if isinstance(each, CodeType)]
+def _code_text(code: CodeType) -> str:
+    """Return the operations of a function as text, without its position in the file."""
+    nested = [_code_text(each) for each in code.co_consts if isinstance(each, CodeType)]
     constants = [repr(each) for each in code.co_consts if _is_plain(each)]
-    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {inside}"
+    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants} {nested}"
 
 
 def _is_plain(value: Any) -> bool:
@@ -181,5 +189,5 @@ def _is_plain(value: Any) -> bool:
 
 
 def is_compiled(folder: Path) -> bool:
-    """Whether anything compiled is kept there already."""
+    """Return whether the folder holds compiled code."""
     return any(folder.glob("**/*.nbi"))

@@ -1,8 +1,7 @@
-"""The noise table in the order in which a simulation reads it.
+"""The noise table interleaved in the order in which a simulation reads it.
 
-Every channel of a plant's sensors walks through one megabyte of normals with a stride of its own:
-nine places of memory a tick. Here the numbers that the channels read in one tick stand beside each
-other, tick after tick; they are the same numbers.
+Every channel of a plant's sensors reads one megabyte of normals with its own stride: nine memory
+locations per tick. The interleaved table stores the same numbers contiguously, tick after tick.
 """
 
 from collections.abc import Sequence
@@ -13,22 +12,22 @@ import numpy as np
 from rig.sweep.column import Column
 from sim_plant.sensors import Channel, SensorParams
 
-WIDE = 16  # numbers kept for a tick: a power of two, as the table's length has to be one
+CHANNELS_PER_TICK = 16  # numbers per tick; a power of two, because the table's length must be one
 
 
 def interleaved(sensors: SensorParams, normals: Sequence[float]) -> tuple[SensorParams, Column]:
-    """The sensors with channels that read the table given beside them, and that table.
+    """Return the sensors with channels that read the interleaved table, and that table.
 
-    `sim_plant.sensors.measure` gives the same bits with either: the walk of a channel repeats after
-    as many ticks as the table is long, whatever its stride.
+    `sim_plant.sensors.measure` returns the same bits with either: a channel's sequence repeats
+    after as many ticks as the table has entries, for any stride.
     """
     names = [name for name, each in sensors._asdict().items() if isinstance(each, Channel)]
     numbers, ticks = np.array(normals), np.arange(len(normals))
-    table = np.zeros((len(normals), WIDE))
-    told: dict[str, Any] = {}
+    table = np.zeros((len(normals), CHANNELS_PER_TICK))
+    channels: dict[str, Any] = {}
     for place, name in enumerate(names):
         channel: Channel = getattr(sensors, name)
-        walk = (ticks * channel.stride + channel.offset) & (len(normals) - 1)
-        table[:, place] = numbers[walk]
-        told[name] = channel._replace(stride=WIDE, offset=place)
-    return sensors._replace(**told), Column(table.ravel())
+        indices = (ticks * channel.stride + channel.offset) & (len(normals) - 1)
+        table[:, place] = numbers[indices]
+        channels[name] = channel._replace(stride=CHANNELS_PER_TICK, offset=place)
+    return sensors._replace(**channels), Column(table.ravel())

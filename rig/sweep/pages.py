@@ -1,37 +1,37 @@
-"""What a tick leaves behind, gathered on a small page before it is filed away field by field.
+"""Buffering of logged fields: a small page collects ticks before they are written column by column.
 
-The analysis wants all ticks of a field beside each other; a tick that wrote each of its fields
-where it belongs would touch as many places of memory, more than the processor's caches look up at
-a time. A page of a few ticks stays in the nearest of them.
+The analysis needs all ticks of a field contiguous in memory. A tick that wrote each field directly
+to its column would touch as many cache lines as fields, more than the processor's caches handle at
+a time. A page of a few ticks stays in the first-level cache.
 """
 
 from typing import Any
 
-from rig.sweep.column import read_soon
-from rig.sweep.noise import WIDE
+from rig.sweep.column import prefetch
+from rig.sweep.noise import CHANNELS_PER_TICK
 
-TICKS = 64  # on a page; fifty fields of them are 26 kB
-_AHEAD = 32  # ticks: some microseconds, while memory answers in a tenth of one
+PAGE_TICKS = 64  # ticks on a page; with fifty fields a page has 26 kB
+_PREFETCH_TICKS = 32  # ticks: some microseconds; memory responds in a tenth of one
 
 
-def file_away(page: Any, kept: Any, fields: int, first: int, end: int) -> None:
-    """Copy the ticks of a page to their places, ``first`` to ``end``, in ``kept``.
+def flush_page(page: Any, columns: Any, fields: int, first: int, end: int) -> None:
+    """Copy the ticks of a page to ticks ``first`` to ``end`` of ``columns``.
 
-    On the page all ticks of a field stand beside each other, those of the next one `TICKS` on;
-    in ``kept`` they do, too, with room for as many ticks as it has by its length.
+    The page holds the ticks of a field contiguously, at a stride of `PAGE_TICKS` from field to
+    field. ``columns`` has the same layout; its stride is its length divided by ``fields``.
     """
-    room = len(kept) // fields
+    capacity = len(columns) // fields
     for field in range(fields):
         for tick in range(first, end):
-            kept[field * room + tick] = page[field * TICKS + tick - first]
+            columns[field * capacity + tick] = page[field * PAGE_TICKS + tick - first]
 
 
-def look_ahead(tables: Any, normals: Any, place: int, tick: int) -> None:
-    """Have what sea and noise are some ticks on brought near; nothing else finds it in time."""
-    soon = place + _AHEAD
-    read_soon(tables.elevation, soon)
-    read_soon(tables.heave, soon)
-    read_soon(tables.surge, soon)
-    noise = ((tick + _AHEAD) * WIDE) & (len(normals) - 1)
-    read_soon(normals, noise)
-    read_soon(normals, noise + WIDE // 2)
+def prefetch_ahead(tables: Any, normals: Any, place: int, tick: int) -> None:
+    """Prefetch sea and noise of later ticks into the cache; the hardware does not predict them."""
+    index = place + _PREFETCH_TICKS
+    prefetch(tables.elevation, index)
+    prefetch(tables.heave, index)
+    prefetch(tables.surge, index)
+    noise = ((tick + _PREFETCH_TICKS) * CHANNELS_PER_TICK) & (len(normals) - 1)
+    prefetch(normals, noise)
+    prefetch(normals, noise + CHANNELS_PER_TICK // 2)

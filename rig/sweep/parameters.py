@@ -1,8 +1,8 @@
-"""Parameters that a sweep runs over: `--over KEY=V1,V2,...`, read, set, checked, all at once.
+"""Sweep parameters, `--over KEY=V1,V2,...`: parse, set and check them.
 
-A key is one of the campaign file (`sea.frequency_hz`) or, below `rig.`, `limits.`, `plant.`, one of
-those files. Values stand in the place of the file's own before anything is checked, so that what a
-file may not say a sweep may not either.
+A key is a key of the campaign file (`sea.frequency_hz`) or, below `rig.`, `limits.`, `plant.`, a
+key of one of those files. Values replace those of the file before validation, so a sweep accepts
+exactly the values that the file accepts.
 """
 
 import copy
@@ -18,86 +18,86 @@ from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.config.yaml_source import KeyPath, SourceLocation, SourceMap, load_mapping
 from rig.execution.rehearsal.job import MATCHING_KEYS, problems
 from rig.planning.campaign import Campaign, open_campaign
-from rig.sweep.inputs import DATA, inputs
+from rig.sweep.inputs import DATA_ROLES, campaign_inputs
 
 OPTION = "--over"
 _FILES = ("rig", "limits", "plant")
-OWN = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
-"""Keys of the campaign file itself that may be swept."""
-_ALLOWED = ", ".join([*OWN, *(f"{name}.*" for name in _FILES)])
+CAMPAIGN_KEYS = ("sea", "law", "reference", "surge", "drive", "seed", "start", "timing", "tare")
+"""Keys of the campaign file that may be swept."""
+_ALLOWED_KEYS = ", ".join([*CAMPAIGN_KEYS, *(f"{name}.*" for name in _FILES)])
 
 
-class Over(NamedTuple):
-    """One parameter and the values it takes."""
+class SweepParameter(NamedTuple):
+    """One parameter of a sweep and its values."""
 
     number: int  # of the option on the command line, from 1
-    key: str  # as given
+    key: str  # as on the command line
     file: str  # campaign, rig, limits, plant
     path: KeyPath  # in that file
-    values: tuple[Any, ...]  # numbers or words
+    values: tuple[Any, ...]  # numbers or text
 
 
-Chosen = tuple[tuple[Over, Any], ...]
-"""A value for each parameter of a sweep, or for some."""
+ParameterValues = tuple[tuple[SweepParameter, Any], ...]
+"""A value for each of some or all parameters of a sweep."""
 
 
-class Read(NamedTuple):
-    """What the command line asks for: parameters that can be looked at, and what is wrong."""
+class ParsedParameters(NamedTuple):
+    """The parameters of the command line, and the problems of the others."""
 
-    parameters: tuple[Over, ...]
+    parameters: tuple[SweepParameter, ...]
     problems: tuple[Problem, ...]
 
 
-def sweep_parameters(words: Sequence[str]) -> Read:
-    """The parameters asked for, as they stand."""
-    found: list[Over] = []
-    bad: list[Problem] = []
-    for number, text in enumerate(words, 1):
+def parse_parameters(options: Sequence[str]) -> ParsedParameters:
+    """Parse the options into parameters; keys and values are not yet checked against the files."""
+    parameters: list[SweepParameter] = []
+    problems_found: list[Problem] = []
+    for number, text in enumerate(options, 1):
         key, _, rest = text.partition("=")
         key = key.strip()
         try:
             values = _values(rest)
         except YAMLError:
             values = ()
-        message = _refusal(key, values, {one.key for one in found})
+        message = _key_problem(key, values, {one.key for one in parameters})
         if message:
-            bad.append(Problem(OPTION, number, key, rest or None, message))
+            problems_found.append(Problem(OPTION, number, key, rest or None, message))
             continue
         head, _, below = key.partition(".")
         file = head if head in _FILES else "campaign"
         path = tuple((below if file == head else key).split("."))
-        found.append(Over(number, key, file, path, values))
-    return Read(tuple(found), tuple(bad))
+        parameters.append(SweepParameter(number, key, file, path, values))
+    return ParsedParameters(tuple(parameters), tuple(problems_found))
 
 
 def _values(text: str) -> tuple[Any, ...]:
-    """Numbers and words; nothing where one of them is a mapping or a list."""
+    """Return numbers and text; nothing if one of the values is a mapping or a list."""
     values = tuple(YAML(typ="safe", pure=True).load(part) for part in text.split(","))
     return () if any(isinstance(value, dict | list) for value in values) else values
 
 
-def _refusal(key: str, values: tuple[Any, ...], known: set[str]) -> str:
+def _key_problem(key: str, values: tuple[Any, ...], known: set[str]) -> str:
     head, _, below = key.partition(".")
-    if head not in (*_FILES, *OWN) or (head in _FILES and not below):
+    if head not in (*_FILES, *CAMPAIGN_KEYS) or (head in _FILES and not below):
         if head == "matrix":
             return "the rows of a sweep are the campaign's own; change its matrix"
-        return f"no parameter of a campaign; allowed {_ALLOWED}"
+        return f"not a parameter of a campaign; allowed {_ALLOWED_KEYS}"
     if key in known:
-        return "asked for twice"
+        return "given twice"
     write = f"write {key}=V1,V2,..."
     if not values:
-        return f"a value is a number or a word, no mapping and no list; {write}"
+        return f"a value is a number or text, not a mapping or a list; {write}"
     if None in values:
         place = f"value {values.index(None) + 1} of {len(values)}" if len(values) > 1 else "value"
         return f"{place} is missing; {write}"
     same = [v for i, v in enumerate(values) if v in values[:i]]
-    return f"{format_value(same[0])} stands twice" if same else ""
+    return f"{format_value(same[0])} occurs twice" if same else ""
 
 
-class Files:
-    """The files of a campaign, the same ones however often it is opened with other values.
+class CampaignFiles:
+    """The files of a campaign, which can be opened repeatedly with different values.
 
-    Texts are read once; data, which are read each time, must not change meanwhile.
+    Text files are read once. Data files are read each time and must not change in between.
     """
 
     def __init__(self, path: Path) -> None:
@@ -105,112 +105,129 @@ class Files:
         self._read: dict[tuple[Path, str], tuple[dict[str, Any], SourceMap]] = {}
         self._data: dict[Path, str] = {}  # sha256
 
-    def opened(self, chosen: Chosen = ()) -> Campaign:
-        """The campaign with these values; raises `ConfigError` with every problem.
+    def open(self, values: ParameterValues = ()) -> Campaign:
+        """Return the campaign with these values; raise `ConfigError` with every problem.
 
-        Raises ValueError where data are no longer those that it was opened with before.
+        Raises ValueError if a data file has changed since it was first read.
         """
 
         def load(
             path: Path,
-            asked: SourceLocation | None = None,
+            place: SourceLocation | None = None,
             key: str = "",
             inline: tuple[str, ...] = (),
         ) -> tuple[dict[str, Any], SourceMap]:
             if (path, key) not in self._read:
-                self._read[path, key] = load_mapping(path, asked, key, inline)
+                self._read[path, key] = load_mapping(path, place, key, inline)
             mapping, locate = copy.deepcopy(self._read[path, key])
-            for over, value in chosen:
-                if over.file == (key or "campaign"):
-                    _put(mapping, locate, over, over.path, value)
-                if key == "rig" and over.file == "plant" and over.path in MATCHING_KEYS.values():
-                    _tell_the_rig(mapping, locate, over, value, chosen)
+            for parameter, value in values:
+                if parameter.file == (key or "campaign"):
+                    _set_value(mapping, locate, parameter, parameter.path, value)
+                if (
+                    key == "rig"
+                    and parameter.file == "plant"
+                    and parameter.path in MATCHING_KEYS.values()
+                ):
+                    _set_rig_twin(mapping, locate, parameter, value, values)
             return mapping, locate
 
         campaign = open_campaign(self.path, problems, load=load)
-        for role, path, sha256 in inputs(campaign):
-            if role in DATA and self._data.setdefault(path.resolve(), sha256) != sha256:
+        for role, path, sha256 in campaign_inputs(campaign):
+            if role in DATA_ROLES and self._data.setdefault(path.resolve(), sha256) != sha256:
                 raise ValueError(f"{display_path(path)} was changed since the sweep began")
         return campaign
 
 
-def _tell_the_rig(
-    mapping: dict[str, Any], locate: SourceMap, over: Over, value: Any, chosen: Chosen
+def _set_rig_twin(
+    mapping: dict[str, Any],
+    locate: SourceMap,
+    parameter: SweepParameter,
+    value: Any,
+    values: ParameterValues,
 ) -> None:
-    """What the rig must know of its plant it is told, unless it is asked to believe otherwise."""
-    name = next(ours for ours, theirs in MATCHING_KEYS.items() if theirs == over.path)
+    """Set the rig's own value of a plant parameter too, unless the sweep sets it separately."""
+    name = next(ours for ours, theirs in MATCHING_KEYS.items() if theirs == parameter.path)
     twin: KeyPath = ("heave", name)
-    if not any(other.file == "rig" and other.path == twin for other, _ in chosen):
-        _put(mapping, locate, over, twin, value)
+    if not any(other.file == "rig" and other.path == twin for other, _ in values):
+        _set_value(mapping, locate, parameter, twin, value)
 
 
-def _put(mapping: dict[str, Any], locate: SourceMap, over: Over, path: KeyPath, value: Any) -> None:
-    """Set a value; its place, and that of mappings made for it, is the command line's."""
-    at = SourceLocation(Path(OPTION), over.number)
+def _set_value(
+    mapping: dict[str, Any], locate: SourceMap, parameter: SweepParameter, path: KeyPath, value: Any
+) -> None:
+    """Set a value; its location, and that of mappings created for it, is the command line."""
+    place = SourceLocation(Path(OPTION), parameter.number)
     inside: Any = mapping
     for depth, part in enumerate(path, 1):
-        where = int(part) if isinstance(inside, list) and str(part).isdigit() else part
+        index = int(part) if isinstance(inside, list) and str(part).isdigit() else part
         last = depth == len(path)
-        known = isinstance(inside, dict) or (
-            isinstance(inside, list) and isinstance(where, int) and where < len(inside)
+        exists = isinstance(inside, dict) or (
+            isinstance(inside, list) and isinstance(index, int) and index < len(inside)
         )
-        if not known:
-            message = f"{format_value(inside)} stands where a mapping would have to"
-            raise ConfigError([Problem(OPTION, over.number, over.key, value, message)])
+        if not exists:
+            message = f"{format_value(inside)} is not a mapping, so it has no key {part}"
+            raise ConfigError([Problem(OPTION, parameter.number, parameter.key, value, message)])
         if last:
-            inside[where] = value
-        elif isinstance(inside, dict) and inside.get(str(where)) is None:
-            inside[where] = {}
-        if last or (*path[: depth - 1], where) not in locate.locations:
-            locate.locations[(*path[: depth - 1], where)] = at
-        inside = inside[where]
+            inside[index] = value
+        elif isinstance(inside, dict) and inside.get(str(index)) is None:
+            inside[index] = {}
+        if last or (*path[: depth - 1], index) not in locate.locations:
+            locate.locations[(*path[: depth - 1], index)] = place
+        inside = inside[index]
 
 
-def checked(files: Files, read: Read) -> tuple[Campaign, tuple[tuple[Campaign, ...], ...]]:
-    """The campaign as it is, and for each parameter with each of its values alone.
+def check_values(
+    files: CampaignFiles, parsed: ParsedParameters
+) -> tuple[Campaign, tuple[tuple[Campaign, ...], ...]]:
+    """Return the campaign of the files, and one campaign for each single value of each parameter.
 
-    What two values make of each other is seen when their case is run. Raises `ConfigError` with
-    every problem of every value.
+    Conflicts between values of different parameters appear when their case runs. Raises
+    `ConfigError` with every problem of every value.
     """
     try:
-        base = files.opened()
+        base = files.open()
     except ConfigError as error:
-        raise ConfigError([*read.problems, *error.problems]) from None
+        raise ConfigError([*parsed.problems, *error.problems]) from None
     swept: list[tuple[Campaign, ...]] = []
-    bad = list(read.problems)
-    for over in read.parameters:
-        each: list[Campaign] = []
-        for value in over.values:
+    problems_found = list(parsed.problems)
+    for parameter in parsed.parameters:
+        variants: list[Campaign] = []
+        for value in parameter.values:
             try:
-                each.append(files.opened(((over, value),)))
+                variants.append(files.open(((parameter, value),)))
             except ConfigError as error:
-                bad += [_as_typed(problem, over) for problem in error.problems]
-        swept.append(tuple(each))
-    if bad:
-        raise ConfigError(bad)
+                problems_found += [
+                    _with_option_key(problem, parameter) for problem in error.problems
+                ]
+        swept.append(tuple(variants))
+    if problems_found:
+        raise ConfigError(problems_found)
     return base, tuple(swept)
 
 
-def _as_typed(problem: Problem, over: Over) -> Problem:
-    """A problem of a value with its key as it stands on the command line."""
+def _with_option_key(problem: Problem, parameter: SweepParameter) -> Problem:
+    """Return a problem of a value with its key as on the command line."""
     if problem.file != OPTION:
         return problem
     key, message = problem.key, problem.message
-    if over.file != "campaign":
-        told = over.path in MATCHING_KEYS.values() and not key.startswith(str(over.path[0]))
-        key = f"{'rig' if told else over.file}.{key}"
-    if over.file == "plant" and message.endswith("is not a mapping"):
+    if parameter.file != "campaign":
+        is_rig_twin = parameter.path in MATCHING_KEYS.values() and not key.startswith(
+            str(parameter.path[0])
+        )
+        key = f"{'rig' if is_rig_twin else parameter.file}.{key}"
+    if parameter.file == "plant" and message.endswith("is not a mapping"):
         message += f"; its number is {key}.value"
     if message.endswith("is not a list"):
         message += f"; its first entry is {key}.0"
     return problem._replace(key=key, message=message)
 
 
-def unit(over: Over, campaign: Campaign) -> str:
-    """What a parameter is measured in; empty for words and bare numbers."""
-    if over.file == "plant" and "value" in over.path:  # the number itself, or one of its list
+def parameter_unit(parameter: SweepParameter, campaign: Campaign) -> str:
+    """Return the unit of a parameter; empty for text and dimensionless numbers."""
+    # The path of a plant value ends with `value`, or with `value` and the index in a list.
+    if parameter.file == "plant" and "value" in parameter.path:
         entry: Any = campaign.plant
-        for part in over.path[: over.path.index("value")]:
+        for part in parameter.path[: parameter.path.index("value")]:
             entry = entry[part]
         return str(entry.get("unit", ""))
-    return ranges.unit_of_key(ranges.last_named_part(over.path))
+    return ranges.unit_of_key(ranges.last_named_part(parameter.path))

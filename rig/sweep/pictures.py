@@ -1,7 +1,7 @@
-"""Pictures of a sweep: surfaces over gains where it absorbs most, power over its parameters.
+"""Figures of a sweep: power surfaces over the gains at the best parameters, power over parameters.
 
-Measured points of a run of the same matrix are drawn on top: on surfaces as squares in the colours
-of the same scale, on lines at the value that the campaign's own files have.
+Measured points of a run of the same matrix can be drawn on top: squares with the same colour scale
+on surfaces, markers at the parameter value of the campaign's own files on lines.
 """
 
 import itertools
@@ -23,65 +23,66 @@ from rig.analysis.surfaces import KINDS, NO_POINTS, write_surfaces
 from rig.config import ranges
 from rig.config.problems import format_number
 
-_MANY = 40  # lines of one panel that can be told apart at all
+_MAX_LINES = 40  # of one panel; more cannot be distinguished
 
 
-class Measured(NamedTuple):
-    """The rows of a run."""
+class MeasuredRun(NamedTuple):
+    """The measured rows of a run."""
 
     points: Matrix
-    words: str  # what the picture says of them
+    caption: str  # text below the figure
 
 
-NOTHING_MEASURED = Measured(NO_POINTS, "")
+NO_MEASUREMENT = MeasuredRun(NO_POINTS, "")
 
 
-def write(table: xarray.Dataset, folder: Path, run: Path | None = None) -> list[Path]:
-    """All pictures that a sweep is good for; ``run`` is drawn on top.
+def write_pictures(table: xarray.Dataset, folder: Path, run: Path | None = None) -> list[Path]:
+    """Write all figures that a sweep's parameters allow; return their paths.
 
-    Raises as `rig.analysis.rows.row_table` does, and ValueError for a run that shares no point.
+    The rows of ``run`` are drawn on top. Raises the errors of `rig.analysis.rows.row_table`, and
+    ValueError for a run that shares no point with the sweep.
     """
-    best = at_best(table)
+    best = best_indices(table)
     if best is None:
         return []
-    if run is not None:  # what was measured had the values of the campaign's files
-        best |= _at_base(table)
-    rows = _rows(table, best)
-    measured = _measured(run, rows) if run is not None else NOTHING_MEASURED
-    said = "; ".join(filter(None, (_where(table, best), measured.words)))
-    written = [write_surfaces(rows, folder / "surfaces.png", measured.points, said)]
-    swept = [name for name in _overs(table) if _is_number(table, name)]
+    if run is not None:  # the run had the values of the campaign's files
+        best |= _base_indices(table)
+    rows = _rows_at(table, best)
+    measured = _compare_run(run, rows) if run is not None else NO_MEASUREMENT
+    caption = "; ".join(filter(None, (_format_values(table, best), measured.caption)))
+    written = [write_surfaces(rows, folder / "surfaces.png", measured.points, caption)]
+    swept = [name for name in _parameter_names(table) if _is_number(table, name)]
     if swept:
         written.append(_write_lines(table, best, swept, folder / "parameters.png", measured))
-    measures = [name for name in swept if not _is_seed(name)]
-    for x, y in itertools.combinations(measures, 2):
+    quantities = [name for name in swept if not _is_seed(name)]
+    for x, y in itertools.combinations(quantities, 2):
         written.append(_write_map(table, best, x, y, folder / f"map_{x}_{y}.png"))
     return written
 
 
-def at_best(table: xarray.Dataset) -> dict[str, int] | None:
-    """Indices of the parameters' values with the most power at the last station; None if none ran.
+def best_indices(table: xarray.Dataset) -> dict[str, int] | None:
+    """Return the indices of the parameters' values with the most absorbed power; None without rows.
 
-    That is the electrical DC power, what a device is built for.
+    The power is that of the last station, electrical DC.
     """
-    found = _complete(table, "dc")
-    if found is None:
+    power = _complete(table, "dc")
+    if power is None:
         return None
-    place: Any = found.argmin(...)
-    return {name: int(place[name]) for name in _overs(table)}
+    place: Any = power.argmin(...)
+    return {name: int(place[name]) for name in _parameter_names(table)}
 
 
-def _at_base(table: xarray.Dataset) -> dict[str, int]:
-    """Indices of the values nearest to those of the campaign's own files, where they are known."""
-    found = {}
-    for name in _overs(table):
-        base = _base(table, name)
+def _base_indices(table: xarray.Dataset) -> dict[str, int]:
+    """Return the indices of the values nearest to those of the campaign's files, where known."""
+    indices = {}
+    for name in _parameter_names(table):
+        base = _base_value(table, name)
         if base is not None and _is_number(table, name):
-            found[name] = int(np.abs(table[name].values - base).argmin())
-    return found
+            indices[name] = int(np.abs(table[name].values - base).argmin())
+    return indices
 
 
-def _overs(table: xarray.Dataset) -> list[str]:
+def _parameter_names(table: xarray.Dataset) -> list[str]:
     return [str(name) for name in table["state"].dims if name != "row"]
 
 
@@ -90,35 +91,33 @@ def _is_number(table: xarray.Dataset, name: str) -> bool:
 
 
 def _is_seed(name: str) -> bool:
-    """A seed is no quantity: nothing lies between two of them."""
+    """Return whether a parameter is a seed, which must not be interpolated."""
     return name.rpartition(".")[2] == "seed"
 
 
 def _complete(table: xarray.Dataset, kind: str) -> xarray.DataArray | None:
-    """Power of the complete rows, W; None where there is none."""
+    """Return the power of the complete rows, W; None without a complete row."""
     if f"power_{kind}" not in table:
         return None
     power = table[f"power_{kind}"].where(table["state"] == COMPLETE)
     return power if bool(np.isfinite(power).any()) else None
 
 
-def _rows(table: xarray.Dataset, at: dict[str, int]) -> xarray.Dataset:
-    """The rows at one value of every parameter, as the row table of a run."""
-    found = table.isel(at)
+def _rows_at(table: xarray.Dataset, indices: dict[str, int]) -> xarray.Dataset:
+    """Return the rows at one value of every parameter, in the format of a run's row table."""
+    rows = table.isel(indices)
     for kind in POWERS:
-        if f"power_{kind}" in found:
-            found[f"power_{kind}_se"] = found.get(
-                f"power_{kind}_se", found[f"power_{kind}"] * np.nan
-            )
-    return found
+        if f"power_{kind}" in rows:
+            rows[f"power_{kind}_se"] = rows.get(f"power_{kind}_se", rows[f"power_{kind}"] * np.nan)
+    return rows
 
 
-def _where(table: xarray.Dataset, at: dict[str, int]) -> str:
-    """Which values the parameters have, in words; empty for a sweep of none."""
-    return ", ".join(_setting(table, name, i) for name, i in at.items())
+def _format_values(table: xarray.Dataset, indices: dict[str, int]) -> str:
+    """Return the values of the parameters as text; empty for a sweep without parameters."""
+    return ", ".join(_format_value(table, name, i) for name, i in indices.items())
 
 
-def _setting(table: xarray.Dataset, name: str, index: int) -> str:
+def _format_value(table: xarray.Dataset, name: str, index: int) -> str:
     value = (
         table[name].values[index].item() if _is_number(table, name) else table[name].values[index]
     )
@@ -126,32 +125,40 @@ def _setting(table: xarray.Dataset, name: str, index: int) -> str:
     return f"{name} {shown} {table[name].attrs.get('units', '')}".rstrip()
 
 
-def _measured(run: Path, rows: xarray.Dataset) -> Measured:
-    found = row_table(run)
-    points, ours = gain_matrix(found), {_key(p.setting): p for p in gain_matrix(rows).points}
-    pairs = [(p, ours[_key(p.setting)]) for p in points.points if _key(p.setting) in ours]
+def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
+    run_rows = row_table(run)
+    points, simulated = (
+        gain_matrix(run_rows),
+        {_gains_key(p.setting): p for p in gain_matrix(rows).points},
+    )
+    pairs = [
+        (p, simulated[_gains_key(p.setting)])
+        for p in points.points
+        if _gains_key(p.setting) in simulated
+    ]
     if not pairs:
-        raise ValueError(f"{run}: no complete row of it has the gains of a row of this sweep")
-    off = []
+        raise ValueError(f"{run}: no complete row has the gains of a row of this sweep")
+    differences = []
     for kind in KINDS:
-        less = [one.power[kind] - other.power[kind] for one, other in pairs]
-        if np.isfinite(less).all():
-            text = f"{phrases.format_signed(float(np.mean(less)), 1)} ± {float(np.std(less)):.1f} W"
-            off.append(
+        errors = [one.power[kind] - other.power[kind] for one, other in pairs]
+        if np.isfinite(errors).all():
+            text = f"{phrases.format_signed(float(np.mean(errors)), 1)} ± {float(np.std(errors)):.1f} W"
+            differences.append(
                 f"{phrases.STATION_ABBREVIATIONS[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}")
             )
-    mode = found.attrs.get("mode", "")
-    said = f"squares: {mode} {found.attrs.get('run', run.name)}, less simulated: {', '.join(off)}"
-    return Measured(points, said)
+    mode = run_rows.attrs.get("mode", "")
+    name = run_rows.attrs.get("run", run.name)
+    caption = f"squares: {mode} {name} minus simulated: {', '.join(differences)}"
+    return MeasuredRun(points, caption)
 
 
-def _key(setting: dict[str, float]) -> tuple[float, ...]:
-    """The gains of a row: what every matrix has."""
+def _gains_key(setting: dict[str, float]) -> tuple[float, ...]:
+    """Return the gains of a row, which every matrix has."""
     return tuple(setting.get(name, 0.0) for name in ("spring_rate", "kp", "ki", "km"))
 
 
-def _base(table: xarray.Dataset, name: str) -> float | None:
-    """The value of a parameter in the campaign's own files; None where they give none."""
+def _base_value(table: xarray.Dataset, name: str) -> float | None:
+    """Return the value of a parameter in the campaign's own files; None if they have none."""
     config: Any = json.loads(table.attrs["config"])
     head, *rest = name.split(".")
     inside = config[head] if head in ("rig", "plant", "limits") else config["campaign"].get(head)
@@ -161,11 +168,18 @@ def _base(table: xarray.Dataset, name: str) -> float | None:
 
 
 def _write_lines(
-    table: xarray.Dataset, at: dict[str, int], swept: list[str], path: Path, measured: Measured
+    table: xarray.Dataset,
+    indices: dict[str, int],
+    swept: list[str],
+    path: Path,
+    measured: MeasuredRun,
 ) -> Path:
-    """One column of panels a parameter, one line a row, the others at their best."""
-    width, title = max(6.6, 3.6 * len(swept) + 0.6), f"Power over parameters: {_name(table)}"
-    beneath = "; ".join(filter(None, ("one line a row, numbered from 0", measured.words)))
+    """Plot power over each parameter, one line per row, the other parameters at their best."""
+    width, title = (
+        max(6.6, 3.6 * len(swept) + 0.6),
+        f"Power over parameters: {_campaign_name(table)}",
+    )
+    beneath = "; ".join(filter(None, ("one line per row, rows numbered from 0", measured.caption)))
     figure, body = picture.framed_figure(width, 8.2, title, table.attrs, subtitle=beneath)
     panels: Any = body.subplots(len(KINDS), len(swept), squeeze=False, sharey="row", sharex="col")
     for i, kind in enumerate(KINDS):
@@ -174,29 +188,33 @@ def _write_lines(
             axes: Axes = panels[i][j]
             picture.style_axes(axes)
             axes.grid(alpha=0.3)
-            others = {key: index for key, index in at.items() if key != name}
+            others = {key: index for key, index in indices.items() if key != name}
             if power is not None:
-                _lines(axes, table, power.isel(others).transpose(name, "row"), name)
-                _squares(axes, _base(table, name), kind, measured)
+                _plot_rows(axes, table, power.isel(others).transpose(name, "row"), name)
+                _plot_measured(axes, _base_value(table, name), kind, measured)
             if j == 0:
                 axes.set_ylabel(f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fontsize=8)
             if i == 0:
-                held = ", ".join(_setting(table, key, index) for key, index in others.items())
-                axes.set_title(f"at {held}" if held else "", fontsize=7.5, color=ACCENT, pad=4)
+                fixed_values = ", ".join(
+                    _format_value(table, key, index) for key, index in others.items()
+                )
+                axes.set_title(
+                    f"at {fixed_values}" if fixed_values else "", fontsize=7.5, color=ACCENT, pad=4
+                )
             if i == len(KINDS) - 1:
-                axes.set_xlabel(_axis(table, name), fontsize=8)
+                axes.set_xlabel(_axis_label(table, name), fontsize=8)
             if _is_seed(name):
                 axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     return picture.save(figure, path)
 
 
-def _lines(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str) -> None:
-    """Every row thin, the one that absorbs most of all thick and named."""
+def _plot_rows(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str) -> None:
+    """Plot every row as a thin line, and the row that absorbs most as a thick, labelled one."""
     x, values = table[name].values, power.values
     order, join = np.argsort(x), "" if _is_seed(name) else "-"
     lowest = np.nanmin(np.where(np.isfinite(values), values, np.inf), axis=0)
     best = int(np.argmin(lowest))
-    thinned = np.argsort(lowest)[:_MANY]
+    thinned = np.argsort(lowest)[:_MAX_LINES]
     for row in thinned:
         axes.plot(x[order], values[order, row], join or ".", color=MUTED, lw=0.6, ms=3, alpha=0.7)
     axes.plot(x[order], values[order, best], f"o{join}", color=DARK, lw=1.4, ms=3.5)
@@ -216,27 +234,27 @@ def _lines(axes: Axes, table: xarray.Dataset, power: xarray.DataArray, name: str
     axes.margins(0.08, 0.16)
 
 
-def _squares(axes: Axes, base: float | None, kind: str, measured: Measured) -> None:
-    """What was measured, at the value that the campaign's files have."""
+def _plot_measured(axes: Axes, base: float | None, kind: str, measured: MeasuredRun) -> None:
+    """Plot the measured power at the value of the campaign's files."""
     if base is None:
         return
     power = [p.power[kind] for p in measured.points.points if np.isfinite(p.power[kind])]
     axes.plot([base] * len(power), power, "s", ms=4.5, mfc="none", mec=ACCENT, zorder=4)
 
 
-def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: Path) -> Path:
-    """Power of each pair of values with the gains that absorb most there, one panel a station."""
-    others = {key: index for key, index in at.items() if key not in (x, y)}
-    held = ", ".join(_setting(table, key, index) for key, index in others.items())
-    beneath = "; ".join(filter(None, ("at the best row of each point", held)))
-    title = f"Best power over {x} and {y}: {_name(table)}"
+def _write_map(table: xarray.Dataset, indices: dict[str, int], x: str, y: str, path: Path) -> Path:
+    """Plot the best power at each pair of values, one panel per station."""
+    others = {key: index for key, index in indices.items() if key not in (x, y)}
+    fixed_values = ", ".join(_format_value(table, key, index) for key, index in others.items())
+    beneath = "; ".join(filter(None, ("at the best row of each point", fixed_values)))
+    title = f"Best power over {x} and {y}: {_campaign_name(table)}"
     figure, body = picture.framed_figure(12.8, 3.9, title, table.attrs, subtitle=beneath)
     panels: Any = body.subplots(1, len(KINDS), squeeze=False)
     for axes, kind in zip(panels[0], KINDS, strict=True):
         power = _complete(table, kind)
         picture.style_axes(axes)
-        axes.set_xlabel(_axis(table, x), fontsize=8)
-        axes.set_ylabel(_axis(table, y), fontsize=8)
+        axes.set_xlabel(_axis_label(table, x), fontsize=8)
+        axes.set_ylabel(_axis_label(table, y), fontsize=8)
         if power is None:
             continue
         best = power.isel(others).min("row").transpose(x, y)
@@ -248,24 +266,24 @@ def _write_map(table: xarray.Dataset, at: dict[str, int], x: str, y: str, path: 
         ]
         places: list[XY] = [place for place, _ in pairs]
         values = [value for _, value in pairs]
-        on = panel.power_scale(values)
-        panel.draw_surface(axes, places, values, on)
+        scale = panel.power_scale(values)
+        panel.draw_surface(axes, places, values, scale)
         lowest = int(np.argmin(values))
         panel.mark_best(axes, *places[lowest])
         axes.set_title(phrases.format_power(values[lowest]), fontsize=7.5, color=ACCENT, pad=4)
         panel.add_colour_bar(
-            body, [axes], on, f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fraction=0.05
+            body, [axes], scale, f"{phrases.STATION_ABBREVIATIONS[kind]}, W", fraction=0.05
         )
         panel.set_ticks(axes)
     return picture.save(figure, path)
 
 
-def _axis(table: xarray.Dataset, name: str) -> str:
-    """A parameter's key, and its unit where the key does not say it."""
+def _axis_label(table: xarray.Dataset, name: str) -> str:
+    """Return a parameter's key, and its unit unless the key contains it."""
     unit = table[name].attrs.get("units", "")
-    told = ranges.unit_of_key(name.rpartition(".")[2])
-    return f"{name}, {unit}" if unit and not told else name
+    unit_in_key = ranges.unit_of_key(name.rpartition(".")[2])
+    return f"{name}, {unit}" if unit and not unit_in_key else name
 
 
-def _name(table: xarray.Dataset) -> str:
+def _campaign_name(table: xarray.Dataset) -> str:
     return picture.campaign_name(table.attrs)

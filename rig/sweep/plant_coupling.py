@@ -1,6 +1,6 @@
-"""Between loop and plant in one compiled tick, as functions.
+"""Conversion between the signals of loop and plant in one compiled tick.
 
-They do what `rig.execution.rehearsal.devices` does.
+The functions are equivalent to `rig.execution.rehearsal.devices`.
 """
 
 from typing import NamedTuple
@@ -20,28 +20,28 @@ from sim_plant.wave_maker import Sea
 from sim_plant.wavebot import FREE, WaveBotState
 
 
-class Machine(NamedTuple):
-    """All that changes from tick to tick, on both sides of the wire."""
+class CoupledState(NamedTuple):
+    """State of loop, plant and the delayed signals between them."""
 
     tick: int
     loop: cycle.State
     plant: WaveBotState
     sea: Sea
-    line: tuple[Readings, ...]  # on their way to the loop, oldest first
-    wire: Actuation  # as last told
-    fresh: int  # 1: told since the plant's last step
-    settings: DriveSettings  # of the custom drive, as last set
+    in_transit: tuple[Readings, ...]  # delayed readings for the loop, oldest first
+    plant_input: Actuation  # last command
+    new_input: int  # 1: ``plant_input`` arrived after the plant's last step
+    settings: DriveSettings  # last settings of the custom drive
     linger: int  # ticks since power was removed
 
 
-def unhoisted(state: WaveBotState) -> WaveBotState:
-    """The plant as it is, for there is no hoist here: compiled code then looks for none."""
+def without_hoist(state: WaveBotState) -> WaveBotState:
+    """Return the same state with a constant hoist; the compiler then removes the hoist's code."""
     body, electric, stator, surge, passive, _, probes = state
     return WaveBotState(body, electric, stator, surge, passive, FREE, probes)
 
 
-def sense(readings: Readings, late: float) -> Sense:
-    """What the loop reads; ``late`` (s) is how old it is."""
+def sense(readings: Readings, age: float) -> Sense:
+    """Return the loop's input for readings of the plant; ``age`` is their age, s."""
     (
         counts, current, enabled, fault,
         surge_counts, surge_current, surge_enabled, surge_fault,
@@ -50,10 +50,10 @@ def sense(readings: Readings, late: float) -> Sense:
         saturated, dump, conducting, elevation, probe_1, probe_2, probe_3, probe_age,
     ) = readings  # fmt: skip
     return Sense(
-        AxisSense(counts, late, current, enabled, fault, late),
-        AxisSense(surge_counts, late, surge_current, surge_enabled, surge_fault, late),
-        LoadSense(lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, late),
-        SpringSense(stator, arrived, late),
+        AxisSense(counts, age, current, enabled, fault, age),
+        AxisSense(surge_counts, age, surge_current, surge_enabled, surge_fault, age),
+        LoadSense(lcb, trs, slew, stator_a, stator_b, string_pot, rotor_angle, age),
+        SpringSense(stator, arrived, age),
         PowerSense(ac, dc, bus_voltage, analyser_age),
         DriveSense(conducting, saturated, dump),
         ProbeSense(probe_1, probe_2, probe_3, probe_age),
@@ -63,7 +63,7 @@ def sense(readings: Readings, late: float) -> Sense:
 
 
 def actuation(command: Command) -> Actuation:
-    """What the plant is told."""
+    """Return the plant's input for a command of the loop."""
     heave, surge, spring, drive, waves = command
     return Actuation(
         heave.current,

@@ -1,4 +1,4 @@
-"""What a sweep found as one dataset: a dimension for each parameter, then the campaign's rows."""
+"""The result of a sweep as a dataset: one dimension per parameter, then the campaign's rows."""
 
 import json
 from collections.abc import Iterable, Iterator
@@ -7,52 +7,51 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.rows import COMPLETE, INTERRUPTED, NOT_RUN, SETTINGS, UNITS
+from rig.analysis.rows import NOT_RUN, SETTINGS, UNITS
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
-from rig.sweep.cases import Cases, Outcome, alone
-from rig.sweep.parameters import OWN, unit
+from rig.sweep.cases import Cases, Outcome, single_row_campaign
+from rig.sweep.parameters import CAMPAIGN_KEYS, parameter_unit
 
 if TYPE_CHECKING:
     import xarray
 
 FAILED = "failed"
-_STATES = {COMPLETE, INTERRUPTED, NOT_RUN, FAILED}
-_WORDS = ("state", "incomplete_reason", "limits", "warned")
-_NO_RESULT = (
-    "row",
-    "attempt",
-    "lost_ticks",
-    "ticks_expected",
-    "ticks_missing",
-)  # of a case they say nothing
+_TEXT_COLUMNS = ("state", "incomplete_reason", "limits", "warned")
+# Columns that are meaningless for a case.
+_BOOKKEEPING = ("row", "attempt", "lost_ticks", "ticks_expected", "ticks_missing")
 
 Array = npt.NDArray[Any]
 
 
-def dataset(
+def build_dataset(
     cases: Cases, campaign: Campaign, outcomes: Iterable[Outcome], name: str
 ) -> "xarray.Dataset":
-    """Every input as a coordinate with its unit, every result over parameters and rows.
+    """Return a dataset with every input as a coordinate and every result over parameters and rows.
 
-    What was not run is NaN; ``state`` and ``incomplete_reason`` say what became of each row and why.
+    Both have units. Results of cases that did not run are NaN; ``state`` and ``incomplete_reason``
+    give the state of each row and its reason.
     """
-    import xarray  # noqa: PLC0415 - a second, which who finds everything done need not wait
+    import xarray  # noqa: PLC0415 - takes a second; a finished sweep does not need it
 
     rows = [row.row for row in cases.rows]
-    columns = _filled(cases, {row: i for i, row in enumerate(rows)}, outcomes)
+    columns = _fill_columns(cases, {row: i for i, row in enumerate(rows)}, outcomes)
     shape = (*cases.shape, len(rows))
-    dims = (*(over.key for over in cases.asked.parameters), "row")
+    dims = (*(parameter.key for parameter in cases.request.parameters), "row")
     coords: dict[str, xarray.Variable] = {"row": xarray.Variable("row", rows)}
-    for over in cases.asked.parameters:
-        said = unit(over, campaign)
-        coords[over.key] = xarray.Variable(over.key, _values(over.values), _units(said))
-    asked = cases.asked
-    file = campaign.file if asked.sequential else alone(campaign.file, asked.lead_in)
-    for key, value in _as_walked(file):
+    for parameter in cases.request.parameters:
+        units = parameter_unit(parameter, campaign)
+        coords[parameter.key] = xarray.Variable(
+            parameter.key, _values(parameter.values), _units(units)
+        )
+    request = cases.request
+    file = (
+        campaign.file if request.sequential else single_row_campaign(campaign.file, request.lead_in)
+    )
+    for key, value in _campaign_entries(file):
         if key not in coords:
             coords[key] = xarray.Variable(
                 (), value, _units(ranges.unit_of_key(key.rpartition(".")[2]))
@@ -62,44 +61,49 @@ def dataset(
     data = {}
     for key, flat in columns.items():
         values = flat.reshape(shape)
-        if key in SETTINGS and (same := _of_rows(values, key, cases.rows)) is not None:
-            coords[key] = xarray.Variable("row", same, _units(SETTINGS[key]))
+        if key in SETTINGS and (planned := _planned_setting(values, key, cases.rows)) is not None:
+            coords[key] = xarray.Variable("row", planned, _units(SETTINGS[key]))
         else:
             data[key] = xarray.Variable(dims, values, _units(UNITS.get(key, "")))
     return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
 
 
-def _filled(cases: Cases, place: dict[int, int], outcomes: Iterable[Outcome]) -> dict[str, Array]:
-    """Each result by its name, one entry for each variant and row."""
-    count = int(np.prod(cases.shape, dtype=int)) * len(place)
+def _fill_columns(
+    cases: Cases, row_index: dict[int, int], outcomes: Iterable[Outcome]
+) -> dict[str, Array]:
+    """Return each result by name, one entry for each variant and row."""
+    count = int(np.prod(cases.shape, dtype=int)) * len(row_index)
     columns: dict[str, Array] = {
         "state": np.full(count, NOT_RUN, object),
         "incomplete_reason": np.full(count, "", object),
     }
-    by_number = list(cases) if cases.asked.sequential else []
+    by_number = list(cases) if cases.request.sequential else []
     for outcome in outcomes:
-        variant, nth = divmod(outcome.case, len(place))
-        at = [outcome.case]
+        variant, row_position = divmod(outcome.case, len(row_index))
+        entries = [outcome.case]
         if by_number:
             variant = by_number[outcome.case].variant
-            at = [variant * len(place) + i for i in range(len(place))]
+            entries = [variant * len(row_index) + i for i in range(len(row_index))]
         if outcome.failed:
-            columns["state"][at], columns["incomplete_reason"][at] = FAILED, outcome.failed
+            columns["state"][entries], columns["incomplete_reason"][entries] = (
+                FAILED,
+                outcome.failed,
+            )
         for row in outcome.rows:
-            i = variant * len(place) + (place[row["row"]] if by_number else nth)
+            i = variant * len(row_index) + (row_index[row["row"]] if by_number else row_position)
             for key, value in row.items():
-                if key in _NO_RESULT:
+                if key in _BOOKKEEPING:
                     continue
                 if key not in columns:
-                    words = key in _WORDS
-                    columns[key] = np.full(count, "", object) if words else np.full(count, np.nan)
+                    is_text = key in _TEXT_COLUMNS
+                    columns[key] = np.full(count, "", object) if is_text else np.full(count, np.nan)
                 columns[key][i] = value
     return columns
 
 
-def _as_walked(file: CampaignFile) -> Iterator[tuple[str, Any]]:
-    """Keys and values of what a campaign says beside its rows; lists by their entries."""
-    told = file.model_dump(mode="json", by_alias=True)
+def _campaign_entries(file: CampaignFile) -> Iterator[tuple[str, Any]]:
+    """Yield keys and values of a campaign other than its rows; lists entry by entry."""
+    contents = file.model_dump(mode="json", by_alias=True)
 
     def leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
         inside = value.items() if isinstance(value, dict) else enumerate(value)
@@ -109,22 +113,22 @@ def _as_walked(file: CampaignFile) -> Iterator[tuple[str, Any]]:
             elif each is not None:
                 yield f"{key}.{name}", each
 
-    for key in OWN:
-        if isinstance(told.get(key), dict):
-            yield from leaves(key, told[key])
-        elif told.get(key) is not None:
-            yield key, told[key]
+    for key in CAMPAIGN_KEYS:
+        if isinstance(contents.get(key), dict):
+            yield from leaves(key, contents[key])
+        elif contents.get(key) is not None:
+            yield key, contents[key]
 
 
-def _of_rows(values: Array, key: str, rows: tuple[CampaignRow, ...]) -> Array | None:
-    """A setting of the rows, where no parameter of the sweep changes it."""
+def _planned_setting(values: Array, key: str, rows: tuple[CampaignRow, ...]) -> Array | None:
+    """Return a setting of the planned rows; None if a parameter of the sweep changes it."""
     name = "stator_position" if key == "stator" else key
-    told = [
+    planned = [
         getattr(row, name) if hasattr(row, name) else getattr(row.setting, name) for row in rows
     ]
     flat = values.reshape(-1, len(rows)).astype(float)
-    same = np.isnan(flat) | (flat == np.array(told))
-    return np.array(told) if bool(same.all()) else None
+    unchanged = np.isnan(flat) | (flat == np.array(planned))
+    return np.array(planned) if bool(unchanged.all()) else None
 
 
 def _values(values: tuple[Any, ...]) -> Array:
@@ -140,17 +144,19 @@ def _units(text: str) -> dict[str, str]:
 def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
     code = provenance.describe_code()
     period = repeat_period(campaign.file.sea)
-    told: dict[str, Any] = {
+    attributes: dict[str, Any] = {
         "run": name,
         "mode": "batch",
         "campaign": campaign.file.name,
         "sea": campaign.file.sea.description(),
-        "sequential": int(cases.asked.sequential),
+        "sequential": int(cases.request.sequential),
         "config": resolved_config(campaign),
         "code_version": code["version"],
         "code_git": code["git"],
-        "overs": json.dumps({over.key: over.values for over in cases.asked.parameters}),
+        "sweep_parameters": json.dumps(
+            {parameter.key: parameter.values for parameter in cases.request.parameters}
+        ),
     }
-    if not cases.asked.sequential:
-        told["lead_in_s"] = cases.asked.lead_in
-    return told | ({"wave_period_s": period} if period else {})
+    if not cases.request.sequential:
+        attributes["lead_in_s"] = cases.request.lead_in
+    return attributes | ({"wave_period_s": period} if period else {})

@@ -1,4 +1,4 @@
-"""What was made of a sweep's finished cases, so that it is not made again where nothing changed."""
+"""Cache of a sweep's report and files, reused while its finished cases are unchanged."""
 
 import hashlib
 import json
@@ -7,51 +7,55 @@ from pathlib import Path
 from typing import Any
 
 from rig.recording.runs.create import write_json
-from rig.sweep.journal import NAME as CASES
+from rig.sweep.journal import JOURNAL_FILE as CASES
 
-NAME = "made.json"
+CACHE_FILE = "result_cache.json"
 
 
 def store(
-    folder: Path, out: Path, measured: Path | None, files: Iterable[Path], told: dict[str, Any]
+    folder: Path, out: Path, measured: Path | None, files: Iterable[Path], report: dict[str, Any]
 ) -> None:
-    """Keep what a sweep said of its result ``out``, and which ``files`` it wrote for it.
+    """Store the report of a sweep with result ``out``, and the ``files`` it wrote.
 
-    ``measured``: the run that was drawn on top. Raises OSError where a file is gone.
+    ``measured`` is the run drawn on top of the figures. Raises OSError if a file is missing.
     """
-    of = _of(folder, out, measured)
-    write_json(folder, NAME, {"of": of, "files": _stand(files), "told": told})
+    fingerprint = _fingerprint(folder, out, measured)
+    write_json(
+        folder,
+        CACHE_FILE,
+        {"fingerprint": fingerprint, "files": _file_stamps(files), "report": report},
+    )
 
 
 def load(folder: Path, out: Path) -> dict[str, Any] | None:
-    """What was said, if cases and files are still those of then; None: it has to be made.
+    """Return the stored report if cases and files are unchanged; None if it must be made again.
 
-    Code, campaign and values need no look: the folder is named by them. What had a run drawn on top
-    is made anew, and so is everything once a file is missing or was written to.
+    Code, campaign and values need no check, because the folder is named by them. A report with a
+    measured run on top is never reused, nor is one whose files are missing or were changed.
     """
     try:
-        noted = json.loads((folder / NAME).read_text())
-        stands = noted["of"] == _of(folder, out, None)
-        told: dict[str, Any] = noted["told"]
-        files = noted["files"]
-        return told if stands and files == _stand(map(Path, files)) else None
+        entry = json.loads((folder / CACHE_FILE).read_text())
+        is_current = entry["fingerprint"] == _fingerprint(folder, out, None)
+        report: dict[str, Any] = entry["report"]
+        files = entry["files"]
+        return report if is_current and files == _file_stamps(map(Path, files)) else None
     except (OSError, ValueError, TypeError, KeyError):
         return None
 
 
-def _of(folder: Path, out: Path, measured: Path | None) -> dict[str, Any]:
+def _fingerprint(folder: Path, out: Path, measured: Path | None) -> dict[str, Any]:
     return {
-        "folder": str(folder),  # as it was asked for: what is said names its files so
-        "out": str(out.resolve()),  # a relative one is another from elsewhere
+        "folder": str(folder),  # as given on the command line: the report names its files by it
+        "out": str(out.resolve()),  # a relative path depends on the working directory
         "measured": str(measured) if measured else None,
         "cases": hashlib.sha256((folder / CASES).read_bytes()).hexdigest(),
     }
 
 
-def _stand(files: Iterable[Path]) -> dict[str, list[int]]:
-    """Size and time of the last change (ns) of each file, by its whole path."""
-    found = {}
+def _file_stamps(files: Iterable[Path]) -> dict[str, list[int]]:
+    """Return size and time of the last change (ns) of each file, by its absolute path."""
+    stamps = {}
     for path in files:
-        told = path.stat()
-        found[str(path.resolve())] = [told.st_size, told.st_mtime_ns]
-    return found
+        status = path.stat()
+        stamps[str(path.resolve())] = [status.st_size, status.st_mtime_ns]
+    return stamps

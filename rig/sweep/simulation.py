@@ -1,4 +1,4 @@
-"""What is simulated: a campaign's rig, plant and sea as the numbers that compiled code takes."""
+"""Simulation of a campaign: rig, plant and sea as the numbers that compiled code takes."""
 
 from collections.abc import Callable, Iterator
 from itertools import groupby, pairwise
@@ -25,44 +25,44 @@ from rig.recording.runs.mcap_file import Records
 from rig.sweep import InterruptedSweepError, compiled
 from rig.sweep.column import Column
 from rig.sweep.noise import interleaved
-from rig.sweep.pages import TICKS
-from rig.sweep.plant_coupling import Machine
+from rig.sweep.pages import PAGE_TICKS
+from rig.sweep.plant_coupling import CoupledState
 from sim_plant import custom_drive, wave_maker, wavebot
 from sim_plant.parameters import Plant
 from sim_plant.signals import OFF
 
-_THERE = tuple(leaf.name for leaf in leaves(WaveBotRow))
+_LOG_FIELDS = tuple(leaf.name for leaf in leaves(WaveBotRow))
 _WAVES = ("plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age", "load.age",
           "wave.elevation")  # fmt: skip
-KEPT = tuple(
+KEPT_FIELDS = tuple(
     dict.fromkeys(
         [
             *REQUIRED_FIELDS,
             "time",
             *FIELDS,
             *LOGGED_SETTINGS.values(),
-            *quality.required_fields(_THERE),
+            *quality.required_fields(_LOG_FIELDS),
             *_WAVES,
         ]
     )
 )
-"""The fields of a tick that a row table is made of, and those that waves are recovered from."""
+"""Fields of a tick that the row table and the recovery of waves need."""
 
-_AS_LOGGED = np.dtype(
+_LOG_DTYPE = np.dtype(
     [(leaf.name, "<f8" if leaf.code == "d" else "<i8") for leaf in leaves(WaveBotRow)
-     if leaf.name in KEPT]
+     if leaf.name in KEPT_FIELDS]
 )  # fmt: skip
-_AT_A_TIME = 200_000  # ticks between two looks at whether to go on: a tenth of a second
-_TICK, _ROW = KEPT.index("tick"), KEPT.index("plan.row")
+_TICKS_PER_CALL = 200_000  # ticks between two checks for an interrupt: a tenth of a second
+_TICK, _ROW = KEPT_FIELDS.index("tick"), KEPT_FIELDS.index("plan.row")
 _NO_SETTINGS = DriveSettings(0, 0.0, 0.0, 0.0, 0.0, 0)
 _Floats = npt.NDArray[np.float64]
-_SPARE: list[_Floats] = []  # memory of walks that are over: new one costs a tenth of a walk
+_SPARE_BUFFERS: list[_Floats] = []  # of finished simulations: allocation costs a tenth of one
 
 
-class Kept:
-    """Measured ticks of one row by field, as the analysis takes them of a log."""
+class WindowColumns:
+    """Measured ticks of one row by field, with the interface of a log's records."""
 
-    dtype = _AS_LOGGED
+    dtype = _LOG_DTYPE
 
     def __init__(self, columns: _Floats) -> None:
         self._columns = columns
@@ -71,19 +71,19 @@ class Kept:
         return len(self._columns[0])
 
     def __getitem__(self, name: str) -> Any:
-        column = self._columns[KEPT.index(name)]
+        column = self._columns[KEPT_FIELDS.index(name)]
         return column if self.dtype[name].kind == "f" else column.astype(np.int64)
 
 
-class Subject:
-    """One campaign's rig in its sea; every walk starts it anew, from threads at a time, too."""
+class CampaignSimulator:
+    """A campaign's rig in its sea; each simulation starts anew. Threads may share a simulator."""
 
     def __init__(self, campaign: Campaign, plan: Plan, sea: dict[str, Any] | None = None) -> None:
-        """``plan`` is of all points that are to be walked, whose references are in its tables.
+        """Set up for ``plan``, which has all points to be simulated and their reference tables.
 
-        ``sea`` stands in for the campaign's own, in the words of `build_sea`.
+        ``sea`` replaces the campaign's own; its keys are those of `build_sea`.
 
-        Raises ValueError where plant or sea cannot be simulated.
+        Raises ValueError if plant or sea cannot be simulated.
         """
         devices = job.plant_settings(campaign)
         if sea is not None:
@@ -101,28 +101,32 @@ class Subject:
         self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
         self._sensors, self.normals = interleaved(begin.params.sensors, begin.normals)
         self.constants = begin.params._replace(sensors=self._sensors)  # of the plant
-        self.advance = compiled.load(KEPT)
+        self.advance = compiled.load(KEPT_FIELDS)
 
-    def walk(
-        self, plan: Plan, go_on: Callable[[], bool] = lambda: True, stator: float | None = None
+    def simulate(
+        self,
+        plan: Plan,
+        should_continue: Callable[[], bool] = lambda: True,
+        stator: float | None = None,
     ) -> "RowSimulation":
-        """A plan walked from power-on to its end or a trip.
+        """Return the simulation of a plan from power-on to its end or a trip.
 
-        ``stator`` is where it stands when power comes on (%), the plant's own start if not given.
-        ``go_on`` is asked now and then; when it says no, the walk raises `InterruptedWalkError`.
+        ``stator`` is the stator's position at power-on (%); default is the plant's own start. The
+        simulation calls ``should_continue`` about ten times per second and raises
+        `InterruptedSweepError` when it returns false.
         """
-        return RowSimulation(self, plan, go_on, stator)
+        return RowSimulation(self, plan, should_continue, stator)
 
     def prepare(self, plan: Plan) -> None:
-        """Have the loop compiled, or read from the cache, for what this subject is made of."""
+        """Compile the loop for the types of this simulator, or read it from the cache."""
         RowSimulation(self, plan, lambda: True, None).tick(0)
 
-    def columns(self, plan: Plan) -> cycle.Params:
-        """The loop's parameters for a plan, its tables as columns."""
+    def column_params(self, plan: Plan) -> cycle.Params:
+        """Return the loop's parameters for a plan, with its tables as `Column`."""
         rig = self.params.rig
         segments: Any = [Column(column) for column in plan.segments]
-        placed_ones = index_realisations(plan.setpoints, self._realisations)
-        setpoints: Any = [Column(column) for column in placed_ones]
+        placed_setpoints = index_realisations(plan.setpoints, self._realisations)
+        setpoints: Any = [Column(column) for column in placed_setpoints]
         return self.params._replace(
             segments=Segments(*segments),
             rig=rig._replace(
@@ -131,99 +135,105 @@ class Subject:
             ),
         )
 
-    def start(self, stator: float | None = None) -> Machine:
-        """Loop and plant before the first tick."""
+    def start(self, stator: float | None = None) -> CoupledState:
+        """Return the state of loop and plant before the first tick."""
         begin, state, line = self.begin, self.begin.state, self.begin.line
         if stator is not None:
-            there = wavebot.initial(begin.params, float(stator), 0.0)
-            state = there._replace(probes=state.probes)
-            still = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
-            line = (still,) * len(line)
+            initial = wavebot.initial(begin.params, float(stator), 0.0)
+            state = initial._replace(probes=state.probes)
+            reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
+            line = (reading,) * len(line)
         loop = cycle.start(KIND, self.params, 0)
-        return Machine(0, loop, state, wave_maker.STILL, line, OFF, 0, _NO_SETTINGS, 0)
+        return CoupledState(0, loop, state, wave_maker.STILL, line, OFF, 0, _NO_SETTINGS, 0)
 
     def set_drive(self, settings: DriveSettings) -> wavebot.WaveBotParams:
-        """The plant's constants with the custom drive set so; ValueError where it refuses."""
+        """Return the plant's constants for settings of the custom drive; ValueError if invalid."""
         if self.constants.electrics.custom == 0:
             return self.constants
         scheme, voltage, period, tolerance, _, level = settings
-        told = custom_drive.DriveSettings(scheme, voltage, period, tolerance, level)
-        custom_drive.check(told)
-        return self.plant.build(told)._replace(sensors=self._sensors)
+        drive_settings = custom_drive.DriveSettings(scheme, voltage, period, tolerance, level)
+        custom_drive.check(drive_settings)
+        return self.plant.build(drive_settings)._replace(sensors=self._sensors)
 
 
 class RowSimulation:
-    """The windows of a plan's rows as they are measured; ``reason`` says how it ended.
+    """Iterator over the windows of a plan's rows; afterwards ``reason`` is the reason of the end.
 
-    A window's data are valid until the next one is asked for.
+    The data of a window are valid until the iterator advances.
     """
 
     def __init__(
-        self, subject: Subject, plan: Plan, go_on: Callable[[], bool], stator: float | None
+        self,
+        simulator: CampaignSimulator,
+        plan: Plan,
+        should_continue: Callable[[], bool],
+        stator: float | None,
     ) -> None:
-        self._subject, self._go_on = subject, go_on
-        self._machine = subject.start(stator)
-        self._params, self._plant = subject.columns(plan), subject.constants
-        self._page = Column(np.empty(len(KEPT) * TICKS))
-        self._kept = _room(_longest(plan) + 1)
-        self._filed = Column(self._kept.ravel())
+        self._simulator, self._should_continue = simulator, should_continue
+        self._coupled = simulator.start(stator)
+        self._params, self._plant = simulator.column_params(plan), simulator.constants
+        self._page = Column(np.empty(len(KEPT_FIELDS) * PAGE_TICKS))
+        self._columns = _take_buffer(_longest_stretch(plan) + 1)
+        self._flat_columns = Column(self._columns.ravel())
         self.reason = Reason.NONE
 
     @property
     def seconds(self) -> float:
-        """Simulated so far."""
-        return self._machine.tick * self._subject.dt
+        """Simulated time so far, s."""
+        return self._coupled.tick * self._simulator.dt
 
     def __iter__(self) -> Iterator[Window]:
         filled = 0
-        while self._machine.linger < LINGER_TICKS:
-            if not self._go_on():
+        while self._coupled.linger < LINGER_TICKS:
+            if not self._should_continue():
                 raise InterruptedSweepError
-            filled = self.tick(self._machine.tick + _AT_A_TIME, filled)
-            machine, last = self._machine, self._kept[_TICK, filled - 1]
-            if filled and (machine.linger == LINGER_TICKS or last != machine.tick - 1):
-                yield from _windows(self._kept[:, :filled], machine)
+            filled = self.tick(self._coupled.tick + _TICKS_PER_CALL, filled)
+            coupled, last = self._coupled, self._columns[_TICK, filled - 1]
+            if filled and (coupled.linger == LINGER_TICKS or last != coupled.tick - 1):
+                yield from _windows(self._columns[:, :filled], coupled)
                 filled = 0
-        self.reason = Reason(self._machine.loop.safety.reason)
-        _SPARE.append(cast(_Floats, self._kept.base))
+        self.reason = Reason(self._coupled.loop.safety.reason)
+        _SPARE_BUFFERS.append(cast(_Floats, self._columns.base))
 
     def tick(self, until: int, filled: int = 0) -> int:
-        """Tick up to ``until`` or less far; gives how many ticks of windows are kept by then."""
-        subject, settings = self._subject, self._machine.settings
-        self._machine, filled = subject.advance(
-            self._params, self._plant, subject.tables, subject.normals, subject.dt,
-            subject.begin.delay, self._machine, until, self._page, self._filed, filled,
+        """Simulate at most up to tick ``until``; return the number of stored ticks of windows."""
+        simulator, settings = self._simulator, self._coupled.settings
+        self._coupled, filled = simulator.advance(
+            self._params, self._plant, simulator.tables, simulator.normals, simulator.dt,
+            simulator.begin.delay, self._coupled, until, self._page, self._flat_columns, filled,
         )  # fmt: skip
-        if self._machine.settings != settings:
-            self._plant = subject.set_drive(self._machine.settings)
+        if self._coupled.settings != settings:
+            self._plant = simulator.set_drive(self._coupled.settings)
         return int(filled)
 
 
-def _room(ticks: int) -> _Floats:
-    """Room for so many ticks, of memory that a walk has left if there is as much."""
-    size = len(KEPT) * ticks
+def _take_buffer(ticks: int) -> _Floats:
+    """Return a buffer for so many ticks, reusing that of a finished simulation if large enough."""
+    size = len(KEPT_FIELDS) * ticks
     try:
-        spare = _SPARE.pop()
+        buffer = _SPARE_BUFFERS.pop()
     except IndexError:
-        spare = np.empty(0)
-    if len(spare) < size:
-        spare = np.empty(size)
-    return spare[:size].reshape(len(KEPT), ticks)
+        buffer = np.empty(0)
+    if len(buffer) < size:
+        buffer = np.empty(size)
+    return buffer[:size].reshape(len(KEPT_FIELDS), ticks)
 
 
-def _longest(plan: Plan) -> int:
-    """Ticks of the longest stretch of windows that follow each other without a gap."""
+def _longest_stretch(plan: Plan) -> int:
+    """Return the ticks of the longest sequence of windows without a gap."""
     by_phase = groupby(zip(plan.segments.phase, plan.segments.ticks, strict=True), lambda s: s[0])
     return max((sum(n for _, n in run) for phase, run in by_phase if phase == MEASURE), default=0)
 
 
-def _windows(columns: _Floats, machine: Machine) -> Iterator[Window]:
-    guard = machine.loop.safety
-    stopped = guard.reason not in (Reason.NONE, Reason.PLAN_END)
+def _windows(columns: _Floats, coupled: CoupledState) -> Iterator[Window]:
+    safety = coupled.loop.safety
+    stopped = safety.reason not in (Reason.NONE, Reason.PLAN_END)
     rows = columns[_ROW]
     edges = [0, *(np.flatnonzero(rows[1:] != rows[:-1]) + 1).tolist(), len(rows)]
     for begin, end in pairwise(edges):
-        data = Kept(columns[:, begin:end])
-        why = f"run stopped: {Reason(guard.reason).name}" if stopped and end == len(rows) else ""
+        data = WindowColumns(columns[:, begin:end])
+        incomplete_reason = (
+            f"run stopped: {Reason(safety.reason).name}" if stopped and end == len(rows) else ""
+        )
         row, attempt = (int(data[f"plan.{name}"][0]) for name in ("row", "attempt"))
-        yield Window(row, attempt, cast(Records, data), why)
+        yield Window(row, attempt, cast(Records, data), incomplete_reason)

@@ -1,4 +1,4 @@
-"""A sweep from what is asked to its dataset: checked, resumed, run, written."""
+"""A sweep from its options to its dataset: check, resume, run, write."""
 
 import errno
 import hashlib
@@ -18,173 +18,175 @@ from rig.planning.campaign import Campaign, build_plan
 from rig.recording.runs.create import BusyError, RunLock, lock_run, write_json
 from rig.sweep.cases import Cases, Outcome, SweepRequest
 from rig.sweep.executors import Executor
-from rig.sweep.inputs import inputs
+from rig.sweep.inputs import campaign_inputs
 from rig.sweep.journal import Journal
-from rig.sweep.parameters import OPTION, Files, checked, sweep_parameters
-from rig.sweep.result import dataset
+from rig.sweep.parameters import OPTION, CampaignFiles, check_values, parse_parameters
+from rig.sweep.result import build_dataset
 
 if TYPE_CHECKING:
     import xarray
 
 _ROOT = Path(__file__).resolve().parents[2]
 _PACKAGES = ("controllers", "sim_plant", "rig")
-_SAYS_NOTHING = "rig/cli/"  # what a person sees while it runs changes no number
-_RECKON = ("numpy", "scipy", "numba", "llvmlite", "filterpy")
-"""Packages of others whose versions may change a number."""
-RESULT = "sweep.nc"
+_UNHASHED = "rig/cli/"  # display code changes no number
+_NUMERIC_PACKAGES = ("numpy", "scipy", "numba", "llvmlite", "filterpy")
+"""Third-party packages whose versions may change a number."""
+RESULT_FILE = "sweep.nc"
 
 
 class Sweep(NamedTuple):
-    """A sweep that was checked and has its folder."""
+    """A checked sweep and its folder."""
 
     folder: Path
-    campaign: Campaign  # as its file has it
+    campaign: Campaign  # without parameter values
     cases: Cases
-    digest: str  # of files and code, for who runs its cases elsewhere
-    swept: tuple[tuple[Campaign, ...], ...]  # for each parameter, with each of its values
+    digest: str  # of files and code, checked by workers of a cluster
+    swept: tuple[tuple[Campaign, ...], ...]  # for each parameter, one campaign per value
 
 
 def open_sweep(
-    path: Path, words: list[str], sweeps: Path, *, sequential: bool, lead_in: float
+    path: Path, options: list[str], sweeps: Path, *, sequential: bool, lead_in: float
 ) -> Sweep:
-    """Check a sweep and give it the folder that is named by all that goes into it.
+    """Check a sweep and create its folder, which is named by a digest of all its inputs.
 
-    Raises `ConfigError` with every problem of the campaign and of every value asked for.
+    Raises `ConfigError` with every problem of the campaign and of every parameter value.
     """
-    read, files = sweep_parameters(words), Files(path)
-    base, swept = checked(files, read)
+    parsed, files = parse_parameters(options), CampaignFiles(path)
+    base, swept = check_values(files, parsed)
     if base.file.device == "absent":
         problem = base.locate.problem(("device",), "absent", "a wave calibration has no rows")
         raise ConfigError([problem])
     if base.file.hoist is not None:
-        problem = base.locate.problem(("hoist",), None, "a hoist moves no body in a sweep")
+        problem = base.locate.problem(("hoist",), None, "a sweep cannot simulate a hoist")
         raise ConfigError([problem])
-    for over in read.parameters:
-        if over.key == "start.lead_in_s" and not sequential:
-            message = "rows alone have one of their own, --lead-in; allowed with --sequential"
-            raise ConfigError([Problem(OPTION, over.number, over.key, None, message)])
-        most = max((v for v in over.values if isinstance(v, int | float)), default=0.0)
-        if over.key == "start.set_point_s" and not sequential and most > lead_in:
-            message = f"{format_value(most)} is longer than the lead-in; allowed up to --lead-in"
-            raise ConfigError([Problem(OPTION, over.number, over.key, most, message)])
+    for parameter in parsed.parameters:
+        if parameter.key == "start.lead_in_s" and not sequential:
+            message = "rows that run alone have --lead-in instead; allowed with --sequential"
+            raise ConfigError([Problem(OPTION, parameter.number, parameter.key, None, message)])
+        longest = max((v for v in parameter.values if isinstance(v, int | float)), default=0.0)
+        if parameter.key == "start.set_point_s" and not sequential and longest > lead_in:
+            message = f"{format_value(longest)} is longer than the lead-in; allowed up to --lead-in"
+            raise ConfigError([Problem(OPTION, parameter.number, parameter.key, longest, message)])
     planned = build_plan(base.file, base.rig, base.points)
-    asked = SweepRequest(str(path), read.parameters, sequential, lead_in)
-    digest = _digest(asked, (base, *itertools.chain(*swept)))
+    request = SweepRequest(str(path), parsed.parameters, sequential, lead_in)
+    digest = _digest(request, (base, *itertools.chain(*swept)))
     folder = sweeps / f"{base.file.name}_{digest}"
     folder.mkdir(parents=True, exist_ok=True)
-    cases = Cases(asked, planned.rows, files)
-    named = (
+    cases = Cases(request, planned.rows, files)
+    named_campaigns = (
         campaign
-        for over, each in zip(read.parameters, swept, strict=True)
-        for value, campaign in zip(over.values, each, strict=True)
+        for parameter, each in zip(parsed.parameters, swept, strict=True)
+        for value, campaign in zip(parameter.values, each, strict=True)
         if isinstance(value, str)
     )
-    return Sweep(folder, base, cases, _digest(asked, (base, *named)), swept)
+    return Sweep(folder, base, cases, _digest(request, (base, *named_campaigns)), swept)
 
 
-def same_cases(asked: SweepRequest, digest: str) -> Cases:
-    """The cases of a sweep in another process, to which its campaign and code must be the same.
+def reopen_cases(request: SweepRequest, digest: str) -> Cases:
+    """Return the cases of a sweep in another process with the same campaign files and code.
 
-    Raises ValueError where files or code differ from those of ``digest``, `ConfigError` where the
+    Raises ValueError if files or code differ from those of ``digest``, `ConfigError` if the
     campaign cannot be opened.
     """
-    files = Files(Path(asked.campaign))
-    base = files.opened()
-    named = (  # a word may be the name of a file
-        files.opened(((over, value),))
-        for over in asked.parameters
-        for value in over.values
+    files = CampaignFiles(Path(request.campaign))
+    base = files.open()
+    named_campaigns = (  # a text value may be the name of a file
+        files.open(((parameter, value),))
+        for parameter in request.parameters
+        for value in parameter.values
         if isinstance(value, str)
     )
-    if _digest(asked, (base, *named)) != digest:
+    if _digest(request, (base, *named_campaigns)) != digest:
         raise ValueError(
-            f"{platform.node()} has other files for {asked.campaign}, or other code, than who asks"
+            f"{platform.node()} has other files for {request.campaign}, or other code, "
+            "than the client"
         )
-    return Cases(asked, build_plan(base.file, base.rig, base.points).rows, files)
+    return Cases(request, build_plan(base.file, base.rig, base.points).rows, files)
 
 
-def hold(sweep: Sweep) -> RunLock:
-    """Lock the folder; raises BusyError where the same sweep goes on already."""
+def lock_folder(sweep: Sweep) -> RunLock:
+    """Lock the sweep's folder; raise BusyError if another process runs the same sweep."""
     try:
         return lock_run(sweep.folder)
     except BusyError:
         raise BusyError(
-            f"{sweep.folder}: the same sweep is being run by another process; wait for it, or end "
-            "it: what it has finished is kept"
+            f"{sweep.folder}: another process runs the same sweep; wait for it or end it: finished "
+            "cases are kept"
         ) from None
 
 
-class Left(NamedTuple):
-    """What a sweep's journal says before it is run."""
+class Remaining(NamedTuple):
+    """State of a sweep's journal before it runs."""
 
-    cases: int  # not finished
-    damaged: int  # bytes of it that could not be read
+    cases: int  # unfinished
+    damaged_bytes: int  # unreadable part of the journal
 
 
-def left(sweep: Sweep) -> Left:
-    """How many cases are not finished; what is damaged in the journal is cut off."""
+def count_remaining(sweep: Sweep) -> Remaining:
+    """Return the number of unfinished cases; cut off the damaged end of the journal."""
     with Journal(sweep.folder) as journal:
-        return Left(len(sweep.cases) - len(journal.finished), journal.damaged)
+        return Remaining(len(sweep.cases) - len(journal.finished), journal.damaged_bytes)
 
 
 def run(
     sweep: Sweep,
     executor: Executor,
-    see: Callable[[Outcome], None],
-    begin: Callable[[int], None] = lambda before: None,
+    on_outcome: Callable[[Outcome], None],
+    on_start: Callable[[int], None] = lambda before: None,
 ) -> "xarray.Dataset":
-    """Run what is not finished yet and give all of it.
+    """Run the unfinished cases and return the dataset of all cases.
 
-    ``begin`` is told how many cases were finished before, ``see`` is shown each outcome.
-
-    Raises KeyboardInterrupt when interrupted; what was finished by then is kept.
+    The function calls ``on_start`` with the number of cases finished before, and ``on_outcome``
+    with each outcome. Raises KeyboardInterrupt when interrupted; finished cases are kept.
     """
-    write_json(sweep.folder, "sweep.json", sweep.cases.asked._asdict())
+    write_json(sweep.folder, "sweep.json", sweep.cases.request._asdict())
     with Journal(sweep.folder) as journal:
         finished = frozenset(journal.finished)
-        begin(len(finished))
+        on_start(len(finished))
         waiting = (case for case in sweep.cases if case.number not in finished)
         for outcome in executor(waiting, sweep.cases.run):
             journal.add(outcome)
-            see(outcome)
-        return dataset(sweep.cases, sweep.campaign, journal.outcomes(), sweep.folder.name)
+            on_outcome(outcome)
+        return build_dataset(sweep.cases, sweep.campaign, journal.outcomes(), sweep.folder.name)
 
 
-def write(table: "xarray.Dataset", path: Path) -> Path:
-    """The dataset as NetCDF: the old file or the new one, never half of it.
+def write_dataset(table: "xarray.Dataset", path: Path) -> Path:
+    """Write the dataset as NetCDF, atomically; return the path.
 
-    Raises OSError, with the file's name, where it cannot be written.
+    Raises OSError with the file's name if it cannot be written.
     """
-    part = path.with_name(f".{path.name}.new")
+    temporary = path.with_name(f".{path.name}.new")
     try:
-        table.to_netcdf(part, engine="h5netcdf")
-        part.replace(path)
-    except OSError as error:  # HDF5 tells the system's error within a text of its own
-        part.unlink(missing_ok=True)
-        told = re.search(r"errno = (\d+)", str(error))
-        number = int(told[1]) if told else error.errno or errno.EIO
+        table.to_netcdf(temporary, engine="h5netcdf")
+        temporary.replace(path)
+    except OSError as error:  # HDF5 reports the system's error inside its own message
+        temporary.unlink(missing_ok=True)
+        match = re.search(r"errno = (\d+)", str(error))
+        number = int(match[1]) if match else error.errno or errno.EIO
         raise OSError(number, os.strerror(number), str(path)) from error
     return path
 
 
-def _digest(asked: SweepRequest, campaigns: Iterable[Campaign]) -> str:
-    """A word for the campaign's files, the parameters and the code."""
-    whole = hashlib.sha256(json.dumps([asked.parameters, asked.sequential, asked.lead_in]).encode())
-    for campaign in campaigns:  # each with its own: two files may have changed places
-        read = [(file.role, file.sha256) for file in inputs(campaign)]
-        whole.update(json.dumps(read).encode())
-    whole.update(_code())
-    return whole.hexdigest()[:12]
+def _digest(request: SweepRequest, campaigns: Iterable[Campaign]) -> str:
+    """Return a digest of the campaign's files, the parameters and the code."""
+    digest = hashlib.sha256(
+        json.dumps([request.parameters, request.sequential, request.lead_in]).encode()
+    )
+    for campaign in campaigns:  # separately: two files may have been swapped
+        files = [(file.role, file.sha256) for file in campaign_inputs(campaign)]
+        digest.update(json.dumps(files).encode())
+    digest.update(_code_digest())
+    return digest.hexdigest()[:12]
 
 
 @cache
-def _code() -> bytes:
-    """A word for all sources and what makes numbers of them; those of a process do not change."""
-    versions = [platform.python_version(), *(metadata.version(name) for name in _RECKON)]
-    whole = hashlib.sha256(json.dumps(versions).encode())
+def _code_digest() -> bytes:
+    """Return a digest of all sources and numeric packages; computed once per process."""
+    versions = [platform.python_version(), *(metadata.version(name) for name in _NUMERIC_PACKAGES)]
+    digest = hashlib.sha256(json.dumps(versions).encode())
     for package in _PACKAGES:
         for source in sorted((_ROOT / package).rglob("*.py")):
             name = source.relative_to(_ROOT).as_posix()
-            if not name.startswith(_SAYS_NOTHING):
-                whole.update(name.encode() + b"\0" + source.read_bytes())
-    return whole.digest()
+            if not name.startswith(_UNHASHED):
+                digest.update(name.encode() + b"\0" + source.read_bytes())
+    return digest.digest()

@@ -1,4 +1,4 @@
-"""A run, and the record of a foreign recorder as files: written apart from what reads them."""
+"""Write a synthetic run and records of other recorders, independent of the code that reads them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ OFFSET, DRIFT = 7.25, 20e-6  # run time = tau (1 + DRIFT) + OFFSET
 EDGE = 10.0  # s of run time
 
 
-def run(folder: Path) -> Path:
-    """Three rows at 100 Hz; the wave maker starts at 10 s, its wave is in probe 1."""
+def write_merge_run(folder: Path) -> Path:
+    """Write a run of three rows at 100 Hz; the wave maker starts at 10 s, probe 1 has its wave."""
     power = {"mechanical_1": -60.0, "mechanical_2": -50.0, "ac": -40.0, "dc": -20.0}
     rows = [Row(i, 0, 490.9, -2000.0, 2000.0 * i, power) for i in range(3)]
     shape = Shape(lead_in=2000, periods=10)
@@ -26,12 +26,12 @@ def run(folder: Path) -> Path:
 
 
 def wave(t: Any) -> Any:
-    """m at run time t."""
+    """Return the wave elevation (m) at run time t."""
     return 0.1 * np.sin(2.0 * np.pi * 0.5 * t) + 0.02 * np.cos(2.0 * np.pi * 0.9 * t)
 
 
-def twe(path: Path, rate: float = 50.0, length: float = 80.0, slip: float = 0.0) -> Path:
-    """What the basin wrote: inches, TTL at 5 V, the 1 Hz sine, at 20 dB."""
+def write_twe(path: Path, rate: float = 50.0, length: float = 80.0, slip: float = 0.0) -> Path:
+    """Write a basin record: waves in inches, TTL at 5 V, the 1 Hz sine at 20 dB."""
     random = np.random.default_rng(5)
     tau = np.arange(round(length * rate)) / rate
     t = tau * (1.0 + DRIFT) + OFFSET + np.where(tau > 0.5 * length, slip, 0.0)
@@ -50,8 +50,8 @@ def twe(path: Path, rate: float = 50.0, length: float = 80.0, slip: float = 0.0)
     return path
 
 
-def analyser(path: Path, offset: float = 3.0, rate: float = 20.0) -> Path:
-    """What a power analyser wrote, on a clock of its own, without a sine."""
+def write_analyser(path: Path, offset: float = 3.0, rate: float = 20.0) -> Path:
+    """Write the record of a power analyser on its own clock, without a sine."""
     tau = np.arange(round(60.0 * rate)) / rate
     t = tau + offset
     rows = [f"{a:.3f},{-40.0 - t_:.6f},{float(t_ >= EDGE):g}" for a, t_ in zip(tau, t, strict=True)]

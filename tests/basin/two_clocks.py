@@ -1,4 +1,4 @@
-"""A run's clock and a recorder's, made apart from what aligns them."""
+"""Synthetic records of a run's and a recorder's clock, independent of the alignment code."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.interop.basin.align import Reference
+from rig.interop.basin.align import SyncReference
 from rig.interop.basin.recording import Recording
-from rig.interop.basin.sync import Edge, computed
+from rig.interop.basin.sync import Edge, ideal_sine
 
 
 class Truth(NamedTuple):
-    """What the alignment does not see: run time t = tau + offset + drift tau."""
+    """True parameters of a recorder's clock: run time t = tau + offset + drift tau."""
 
     rate: float = 50.0  # Hz of the recorder
     length: float = 900.0  # s
@@ -21,8 +21,8 @@ class Truth(NamedTuple):
     drift: float = 20e-6
     snr_db: float = 20.0
     edge: float = 12.3456  # s of run time
-    edge_error: float = 0.0  # s by which the recorder sees the trigger late
-    slip: float = 0.0  # s of run time that the recorder leaves out
+    edge_error: float = 0.0  # s, delay of the trigger in the record
+    slip: float = 0.0  # s of run time, skipped by the recorder
     slip_at: float = 450.0  # s of the recorder
 
     def run_time(self, tau: np.ndarray) -> np.ndarray:
@@ -30,8 +30,8 @@ class Truth(NamedTuple):
         return tau * (1.0 + self.drift) + self.offset + slipped
 
 
-def drawn(seed: int, **fixed: float) -> Truth:
-    """A truth by a seed: offset, drift within 20 ppm and edge are anything."""
+def draw_truth(seed: int, **fixed: float) -> Truth:
+    """Draw a truth from a seed: offset, drift of +-20 ppm and edge are random."""
     random = np.random.default_rng(seed)
     return (
         Truth()
@@ -44,8 +44,8 @@ def drawn(seed: int, **fixed: float) -> Truth:
     )
 
 
-def recording(truth: Truth, seed: int) -> Recording:
-    """What the recorder makes of the trigger, the 1 Hz sine, and a wave."""
+def make_recording(truth: Truth, seed: int) -> Recording:
+    """Return the record of the trigger, the 1 Hz sine, and a wave."""
     random = np.random.default_rng([seed, 7])
     tau = np.arange(round(truth.length * truth.rate)) / truth.rate
     t = truth.run_time(tau)
@@ -59,7 +59,7 @@ def recording(truth: Truth, seed: int) -> Recording:
     return Recording(Path("x.twe"), tau, channels, np.arange(tau.size))
 
 
-def reference(truth: Truth) -> Reference:
-    """The run's own: a trigger known to a tick of 1 ms, a sine made from its clock."""
+def make_reference(truth: Truth) -> SyncReference:
+    """Return the run's signals: a trigger resolved to 1 ms, a sine generated from its clock."""
     tick = np.ceil(truth.edge * 1e3) * 1e-3
-    return Reference(Edge(float(tick), 1e-3 / 12.0**0.5, 1), computed(1.0))
+    return SyncReference(Edge(float(tick), 1e-3 / 12.0**0.5, 1), ideal_sine(1.0))

@@ -1,7 +1,7 @@
-"""One campaign both ways: the compiled loop, and the interpreted one with the interpreted plant.
+"""Run one campaign in the compiled loop, and in the interpreted loop with the interpreted plant.
 
-As a program (`python both_ways.py CAMPAIGN`) it tells in JSON what either gave, for tests that
-want another tree or other settings of the compiler than their own process has.
+As a program (`python both_ways.py CAMPAIGN`) it prints both results as JSON, for tests that need
+another source tree or other compiler settings than their own process.
 """
 
 from __future__ import annotations
@@ -25,49 +25,49 @@ from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
 from rig.realtime.safety import STOP_0, Reason
 from rig.realtime.sequence import MEASURE
-from rig.sweep.simulation import KEPT, Subject
+from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 STILL_CLOCK = cycle.Timing(0.0, 0.0, 0)
 
 
-class Given(NamedTuple):
-    """What one way gave."""
+class LoopResult(NamedTuple):
+    """Result of one of the two loops."""
 
-    kept: Any  # one line a measured tick, one column a field of KEPT
+    kept: Any  # one line per measured tick, one column per field of KEPT_FIELDS
     reason: str
     incomplete_reason: tuple[str, ...]
 
     def summary(self) -> dict[str, Any]:
-        """The same in a few words."""
+        """Return a digest and some figures of the result."""
         digest = hashlib.sha256(np.ascontiguousarray(self.kept).tobytes()).hexdigest()
-        power = float(self.kept[:, KEPT.index("power.mechanical_1")].sum())
+        power = float(self.kept[:, KEPT_FIELDS.index("power.mechanical_1")].sum())
         return {"bits": digest, "ticks": len(self.kept), "power": power, "reason": self.reason}
 
 
-def opened(path: Path) -> tuple[Campaign, Plan]:
-    """A campaign and its plan."""
+def open_campaign_plan(path: Path) -> tuple[Campaign, Plan]:
+    """Return a campaign and its plan."""
     report = check_campaign(path)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     return report.campaign, report.plan
 
 
-def compiled(path: Path) -> Given:
-    """Walked by the compiled loop."""
-    campaign, plan = opened(path)
-    walk = Subject(campaign, plan).walk(plan)
-    found, why = [np.empty((0, len(KEPT)))], []
-    for window in walk:
+def compiled(path: Path) -> LoopResult:
+    """Run a campaign in the compiled loop."""
+    campaign, plan = open_campaign_plan(path)
+    simulation = CampaignSimulator(campaign, plan).simulate(plan)
+    lines, reasons = [np.empty((0, len(KEPT_FIELDS)))], []
+    for window in simulation:
         columns: Any = window.data
-        found.append(np.array([columns[name].astype(float) for name in KEPT]).T)
-        why.append(window.incomplete_reason)
-    return Given(np.concatenate(found), walk.reason.name, tuple(why))
+        lines.append(np.array([columns[name].astype(float) for name in KEPT_FIELDS]).T)
+        reasons.append(window.incomplete_reason)
+    return LoopResult(np.concatenate(lines), simulation.reason.name, tuple(reasons))
 
 
 @cache
-def interpreted(path: Path) -> Given:
-    """Rehearsed in this process, nothing compiled."""
-    campaign, plan = opened(path)
+def interpreted(path: Path) -> LoopResult:
+    """Run a campaign in this process, without compiled code."""
+    campaign, plan = open_campaign_plan(path)
     params = wavebot_params(
         campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
         campaign.record,
@@ -76,18 +76,18 @@ def interpreted(path: Path) -> Given:
         json.loads(json.dumps(job.plant_settings(campaign))) | {"compiled": False}, plan.dt
     )
     step, state = cycle.make(KIND), cycle.start(KIND, params, 0)
-    fields = attrgetter(*KEPT)
-    found, tick, linger = [], 0, 0
+    fields = attrgetter(*KEPT_FIELDS)
+    lines, tick, linger = [], 0, 0
     while linger < LINGER_TICKS:
         sense = devices.read(tick * plan.dt)
         state, command, row = step(params, state, sense, 0, tick, STILL_CLOCK, 1, plan.dt)
         devices.write(command)
         if row.plan.phase == MEASURE:
-            found.append(fields(row))
+            lines.append(fields(row))
         linger += row.safety.mode == STOP_0
         tick += 1
-    kept = np.array(found, float).reshape(-1, len(KEPT))
-    return Given(kept, Reason(state.safety.reason).name, ())
+    kept = np.array(lines, float).reshape(-1, len(KEPT_FIELDS))
+    return LoopResult(kept, Reason(state.safety.reason).name, ())
 
 
 if __name__ == "__main__":

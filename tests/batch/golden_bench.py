@@ -1,7 +1,7 @@
-"""The golden runs of the bench: each loop of its drive, each correction of position, a brake
-current, and the flap, as the loop decided them when stored.
+"""Golden runs of the bench: each loop of its drive, each correction of position, a brake current,
+and the flap, with the decisions of the loop when they were stored.
 
-Made anew, where a change is meant, by this program from the root of the tree:
+After an intended change, this program stores them again, from the root of the tree:
 
     PYTHONPATH=.:tests:tests/rehearsal python tests/batch/golden_bench.py [KIND ...]
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 from rig_command import rig_here
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
-MOVED = {  # what of each must have been used, and how far at least (V, A, rad)
+MIN_MOTION = {  # fields and their least maximum (V, A, rad)
     "bench_velocity": {"command.volts": 0.1, "shaft.angle": 0.1},
     "bench_torque": {"command.current": 0.1},
     "bench_online": {"command.volts": 0.1, "correction.angle": 0.002},
@@ -32,17 +32,19 @@ def record(kind: str) -> Path:
     return GOLDEN / f"{kind}.mcap"
 
 
-def rehearsed(session: Path, runs: Path) -> Path:
-    """The record of a session that was just run; its rows may be too few for results."""
-    _, said, err = rig_here("bench", session, "--runs", runs, "--json")
-    told = json.loads(said)
-    assert told["status"] == "complete", err or said
-    return Path(told["folder"]) / "run.mcap"
+def rehearse_session(session: Path, runs: Path) -> Path:
+    """Rehearse a session and return its log; its rows may be too few for results."""
+    _, out, err = rig_here("bench", session, "--runs", runs, "--json")
+    report = json.loads(out)
+    assert report["status"] == "complete", err or out
+    return Path(report["folder"]) / "run.mcap"
 
 
 if __name__ == "__main__":
-    for each in sys.argv[1:] or MOVED:
+    for kind in sys.argv[1:] or MIN_MOTION:
         with tempfile.TemporaryDirectory() as scratch:
-            session = GOLDEN.relative_to(Path.cwd()) / f"{each}.yaml"  # paths that mean something
-            shutil.copy(rehearsed(session, Path(scratch)), record(each))
-        print(record(each), record(each).stat().st_size, "bytes")
+            session = (
+                GOLDEN.relative_to(Path.cwd()) / f"{kind}.yaml"
+            )  # relative paths, valid on any host
+            shutil.copy(rehearse_session(session, Path(scratch)), record(kind))
+        print(record(kind), record(kind).stat().st_size, "bytes")

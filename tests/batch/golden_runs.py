@@ -1,7 +1,7 @@
-"""The golden runs of the WaveBot: a few seconds of each kind, as the loop decided them when stored.
+"""Golden runs of the WaveBot: a few seconds of each kind, with the loop's decisions when stored.
 
-A change of the cycle's bits that is not meant is found by replaying them. Where it is meant, they
-are made anew by this program, from the root of the tree:
+Replaying them detects an unintended change of the cycle's bits. After an intended change, this
+program stores them again, from the root of the tree:
 
     PYTHONPATH=.:tests:tests/rehearsal python tests/batch/golden_runs.py [KIND ...]
 """
@@ -21,41 +21,43 @@ from rig.recording.runs import run_info
 from rig.recording.runs.folder import RunInfo
 
 GOLDEN = Path(__file__).resolve().parent / "golden"
-IN_WAVES = ("cots", "custom")  # by the gain matrix, with either drive
+IN_WAVES = ("cots", "custom")  # by the gain matrix, with both drives
 KINDS = (*IN_WAVES, "open_loop", "hoist", "calibration")
-MOST_BYTES = 810_000  # of one record: sensed numbers in motion hardly compress
+MOST_BYTES = 810_000  # of one record; sensor readings in motion hardly compress
 
 
 def record(kind: str) -> Path:
     return GOLDEN / f"{kind}.mcap"
 
 
-def facts_without(*later: str) -> Callable[..., RunInfo]:
-    """`rig.recording.runs.facts` of records that lack the limits whose dotted names begin so."""
+def facts_without_limits(*removed: str) -> Callable[..., RunInfo]:
+    """Return `rig.recording.runs.facts` for records without limits of these name prefixes."""
 
-    def found(*given: Any) -> RunInfo:
-        known = run_info(*given)
+    def facts_found(*given: Any) -> RunInfo:
+        run_facts = run_info(*given)
         limits = {
-            section: {k: v for k, v in values.items() if not f"{section}.{k}".startswith(later)}
-            for section, values in known.config["limits"].items()
+            section: {k: v for k, v in values.items() if not f"{section}.{k}".startswith(removed)}
+            for section, values in run_facts.config["limits"].items()
         }
-        assert limits != known.config["limits"]
-        kept = {section: values for section, values in limits.items() if values}
-        return known._replace(config=known.config | {"limits": kept})
+        assert limits != run_facts.config["limits"]
+        remaining = {section: values for section, values in limits.items() if values}
+        return run_facts._replace(config=run_facts.config | {"limits": remaining})
 
-    return found
+    return facts_found
 
 
-def make(kind: str) -> None:
-    """Rehearse the campaign of a kind and store the record of it."""
+def store_run(kind: str) -> None:
+    """Rehearse the campaign of a kind and store its log."""
     with tempfile.TemporaryDirectory() as scratch:
-        campaign = GOLDEN.relative_to(Path.cwd()) / f"{kind}.yaml"  # paths that mean something
+        campaign = (
+            GOLDEN.relative_to(Path.cwd()) / f"{kind}.yaml"
+        )  # relative paths, valid on any host
         ended = rehearse(campaign, Path(scratch))
         assert ended.outcome.status == "complete", ended.outcome
         shutil.copy(ended.folder / "run.mcap", record(kind))
 
 
 if __name__ == "__main__":
-    for each in sys.argv[1:] or KINDS:
-        make(each)
-        print(record(each), record(each).stat().st_size, "bytes")
+    for kind in sys.argv[1:] or KINDS:
+        store_run(kind)
+        print(record(kind), record(kind).stat().st_size, "bytes")

@@ -1,4 +1,4 @@
-"""The compiled loop gives what a rehearsal gives, to the bit, and stops where it stops."""
+"""The compiled loop gives the same bits as a rehearsal, and stops at the same tick."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from both_ways import STILL_CLOCK, compiled, interpreted, opened
+from both_ways import STILL_CLOCK, compiled, interpreted, open_campaign_plan
 from law_lifting import same_bits
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
@@ -25,9 +25,9 @@ from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode, Reason
 from rig.sweep import lifting, plant_coupling
 from rig.sweep.column import Column
-from rig.sweep.compiled import BESIDE, LIFTED
-from rig.sweep.pages import TICKS
-from rig.sweep.simulation import KEPT, Subject
+from rig.sweep.compiled import LIFTED, TYPE_MODULES
+from rig.sweep.pages import PAGE_TICKS
+from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -85,43 +85,47 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-def campaign(folder: Path, kind: str) -> Path:
+def make_campaign(folder: Path, case: str) -> Path:
     push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
     (folder / "push.csv").write_text("\n".join(["time,push", *push]))
-    return write_campaign(folder, **QUICK | KINDS[kind])
+    return write_campaign(folder, **QUICK | KINDS[case])
 
 
 @pytest.fixture(scope="module")
-def subject(tmp_path_factory: pytest.TempPathFactory) -> Subject:
-    found, plan = opened(campaign(tmp_path_factory.mktemp("campaign"), "regular"))
-    return Subject(found, plan)
+def simulator(tmp_path_factory: pytest.TempPathFactory) -> CampaignSimulator:
+    found, plan = open_campaign_plan(make_campaign(tmp_path_factory.mktemp("campaign"), "regular"))
+    return CampaignSimulator(found, plan)
 
 
-@pytest.mark.slow  # where the loop has not been compiled yet
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_kept_field_has_the_bits_of_a_rehearsal(kind: str, tmp_path: Path) -> None:
-    path = campaign(tmp_path, kind)
-    ours, theirs = compiled(path), interpreted(path)
-    assert ours.reason == theirs.reason
-    assert ours.kept.shape == theirs.kept.shape
+@pytest.mark.slow  # if the loop is not compiled yet
+@pytest.mark.parametrize("case", KINDS)
+def test_every_stored_field_has_the_bits_of_a_rehearsal(case: str, tmp_path: Path) -> None:
+    path = make_campaign(tmp_path, case)
+    compiled_result, interpreted_result = compiled(path), interpreted(path)
+    assert compiled_result.reason == interpreted_result.reason
+    assert compiled_result.kept.shape == interpreted_result.kept.shape
     differing = [
-        n for i, n in enumerate(KEPT) if ours.kept[:, i].tobytes() != theirs.kept[:, i].tobytes()
+        n
+        for i, n in enumerate(KEPT_FIELDS)
+        if compiled_result.kept[:, i].tobytes() != interpreted_result.kept[:, i].tobytes()
     ]
     assert not differing
-    if kind == "tripped":
-        assert ours.reason not in ("NONE", "PLAN_END")
-        assert all(ours.reason in why for why in ours.incomplete_reason[-1:])
+    if case == "tripped":
+        assert compiled_result.reason not in ("NONE", "PLAN_END")
+        assert all(
+            compiled_result.reason in reason for reason in compiled_result.incomplete_reason[-1:]
+        )
     else:
-        assert ours.reason == "PLAN_END"
-        assert ours.incomplete_reason == ("", "")
-        assert len(ours.kept) >= 8000
+        assert compiled_result.reason == "PLAN_END"
+        assert compiled_result.incomplete_reason == ("", "")
+        assert len(compiled_result.kept) >= 8000
 
 
-# --- senses that are none
+# --- invalid readings
 
 
-def spoiled(readings: Any, rng: np.random.Generator) -> Any:
-    """Readings with one of them gone: no number, without end, or far outside all sense."""
+def spoil(readings: Any, rng: np.random.Generator) -> Any:
+    """Return readings with one of them invalid: NaN, infinite, or far out of range."""
     values = list(readings)
     at = int(rng.integers(len(values)))
     if isinstance(values[at], float):
@@ -131,169 +135,193 @@ def spoiled(readings: Any, rng: np.random.Generator) -> Any:
     return type(readings)(*values)
 
 
-def by_hand(subject: Subject, params: Any, machine: Any, readings: Any) -> tuple[Any, Any]:
-    """The interpreted cycle on these readings: state and what the plant is told."""
-    sense = plant_coupling.sense(readings, subject.begin.delay)
+def step_interpreted(
+    simulator: CampaignSimulator, params: Any, coupled: Any, readings: Any
+) -> tuple[Any, Any]:
+    """Run the interpreted cycle on these readings; return its state and the plant input."""
+    sense = plant_coupling.sense(readings, simulator.begin.delay)
     state, command, _ = cycle.make(KIND)(
-        params, machine.loop, sense, 0, machine.tick, STILL_CLOCK, 1, subject.dt
+        params, coupled.loop, sense, 0, coupled.tick, STILL_CLOCK, 1, simulator.dt
     )
     return state, plant_coupling.actuation(command)
 
 
 @pytest.mark.slow
-def test_senses_that_are_none_give_the_same_mode_reason_and_command(
-    subject: Subject, tmp_path: Path
+def test_invalid_readings_give_the_same_mode_reason_and_command(
+    simulator: CampaignSimulator, tmp_path: Path
 ) -> None:
-    """From a running state, one spoiled sense, then ten sound ones, over and over."""
-    _, plan = opened(campaign(tmp_path, "regular"))
-    columns = subject.columns(plan)
-    page, kept = Column(np.empty(len(KEPT) * TICKS)), Column(np.empty(len(KEPT) * 20_000))
+    """From a running state, one invalid reading and nine valid ones, repeatedly."""
+    _, plan = open_campaign_plan(make_campaign(tmp_path, "regular"))
+    columns = simulator.column_params(plan)
+    page, columns_buffer = (
+        Column(np.empty(len(KEPT_FIELDS) * PAGE_TICKS)),
+        Column(np.empty(len(KEPT_FIELDS) * 20_000)),
+    )
 
-    def advance(machine: Any, until: int) -> Any:
-        return subject.advance(
-            columns, subject.constants, subject.tables, subject.normals, subject.dt,
-            subject.begin.delay, machine, until, page, kept, 0,
+    def advance(coupled: Any, until: int) -> Any:
+        return simulator.advance(
+            columns, simulator.constants, simulator.tables, simulator.normals, simulator.dt,
+            simulator.begin.delay, coupled, until, page, columns_buffer, 0,
         )[0]  # fmt: skip
 
-    running = advance(subject.start(), 5000)
+    running = advance(simulator.start(), 5000)
     assert running.loop.safety.mode == RUN
-    rng, seen = np.random.default_rng(7), set()
+    rng, outcomes = np.random.default_rng(7), set()
     for _ in range(300):
-        machine = running._replace(line=(running.line[0], spoiled(running.line[1], rng)))
+        coupled = running._replace(
+            in_transit=(running.in_transit[0], spoil(running.in_transit[1], rng))
+        )
         for _ in range(10):
-            state, told = by_hand(subject, subject.params, machine, machine.line[1])
-            machine = advance(machine, machine.tick + 1)
-            assert same_bits(lifting.numbers(machine.loop), lifting.numbers(state))
-            assert same_bits(lifting.numbers(machine.wire), lifting.numbers(told))
-            assert all(map(math.isfinite, lifting.numbers(machine.wire)))
-            guard = machine.loop.safety
-            if guard.mode == STOP_0:
-                assert machine.wire.heave_current == machine.wire.surge_current == 0.0
-                assert machine.wire.heave_enable == machine.wire.surge_enable == 0
-        seen.add((Mode(guard.mode).name, Reason(guard.reason).name))
-    assert {reason for _, reason in seen} >= {"NONE", "NOT_FINITE", "ENCODER_JUMP", "DRIVE_FAULT"}
+            state, plant_input = step_interpreted(
+                simulator, simulator.params, coupled, coupled.in_transit[1]
+            )
+            coupled = advance(coupled, coupled.tick + 1)
+            assert same_bits(lifting.flatten(coupled.loop), lifting.flatten(state))
+            assert same_bits(lifting.flatten(coupled.plant_input), lifting.flatten(plant_input))
+            assert all(map(math.isfinite, lifting.flatten(coupled.plant_input)))
+            safety = coupled.loop.safety
+            if safety.mode == STOP_0:
+                assert coupled.plant_input.heave_current == coupled.plant_input.surge_current == 0.0
+                assert coupled.plant_input.heave_enable == coupled.plant_input.surge_enable == 0
+        outcomes.add((Mode(safety.mode).name, Reason(safety.reason).name))
+    assert {reason for _, reason in outcomes} >= {
+        "NONE",
+        "NOT_FINITE",
+        "ENCODER_JUMP",
+        "DRIVE_FAULT",
+    }
 
 
-# --- the words between loop and plant
+# --- conversions between loop and plant
 
 
-class Told:
-    """A world that keeps what it is told."""
+class RecordingWorld:
+    """A simulated world that records its actuation."""
 
     delay = 0.002
 
     def __init__(self, readings: Any) -> None:
-        self._readings, self.told = readings, ()
+        self._readings, self.actuation = readings, ()
 
     def readings(self) -> Any:
         return self._readings
 
     def actuate(self, actuation: Any) -> None:
-        self.told = actuation
+        self.actuation = actuation
 
 
-def test_words_are_those_of_the_rehearsals_devices() -> None:
+def test_conversions_equal_those_of_the_rehearsal_devices() -> None:
     from rig.kinds.wavebot import Command
     from sim_plant.signals import Readings
 
     readings = Readings(*range(100, 100 + len(Readings._fields)))
-    world: Any = Told(readings)
+    world: Any = RecordingWorld(readings)
     devices = PlantDevices(world, 0.001)
     assert devices.read(0.0) == plant_coupling.sense(readings, world.delay)
     numbers = iter(range(200, 300))
 
-    def filled(kind: Any) -> Any:
-        hints = inspect.get_annotations(kind, eval_str=True).values()
-        words = [getattr(hint, "__origin__", hint) for hint in hints]
-        return kind(*(filled(w) if hasattr(w, "_fields") else next(numbers) for w in words))
+    def fill(signal_type: Any) -> Any:
+        hints = inspect.get_annotations(signal_type, eval_str=True).values()
+        types = [getattr(hint, "__origin__", hint) for hint in hints]
+        return signal_type(*(fill(t) if hasattr(t, "_fields") else next(numbers) for t in types))
 
-    command = filled(Command)
+    command = fill(Command)
     command = command._replace(
         drive=command.drive._replace(settings=command.drive.settings._replace(bus_voltage=0.0))
     )
     devices.write(command)
-    assert world.told == plant_coupling.actuation(command)
+    assert world.actuation == plant_coupling.actuation(command)
 
 
-# --- compiled code that is not today's
+# --- outdated compiled code
 
 
-def imported(modules: Any) -> set[str]:
-    """Our modules that some modules import from."""
+def imported_modules(modules: Any) -> set[str]:
+    """Return the modules of this project that some modules import from."""
     from test_house import imports, tree_of
 
     named = {name for m in modules for name in imports(tree_of(Path(m.__file__ or "")))}
     return {name for name in named if name.split(".")[0] in ("controllers", "rig", "sim_plant")}
 
 
-def test_all_that_compiled_code_is_made_of_names_its_folder(monkeypatch: Any) -> None:
-    """An edit anywhere below the cycle or the plant, or in their words, is another folder."""
-    parts = {module.__name__ for module in (*LIFTED, *BESIDE)}
-    passing = {"controllers", "rig.kinds.wavebot", "rig.realtime", "sim_plant"}  # only names
-    assert imported(LIFTED) - parts <= passing | {"sim_plant.units"}  # which has types alone
-    now = lifting.cache_folder("x", (*LIFTED, *BESIDE))
-    sound = inspect.getsource
-    for edited in (*LIFTED, *BESIDE, lifting):
+def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None:
+    """An edit of any module of cycle, plant or their types leads to another folder."""
+    parts = {module.__name__ for module in (*LIFTED, *TYPE_MODULES)}
+    passing = {
+        "controllers",
+        "rig.kinds.wavebot",
+        "rig.realtime",
+        "sim_plant",
+    }  # packages that only re-export
+    # `sim_plant.units` has nothing but types.
+    assert imported_modules(LIFTED) - parts <= passing | {"sim_plant.units"}
+    now = lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES))
+    getsource = inspect.getsource
+    for edited in (*LIFTED, *TYPE_MODULES, lifting):
 
         def read(module: Any, edited: Any = edited) -> str:
-            return sound(module) + ("# edited" if module is edited else "")
+            return getsource(module) + ("# edited" if module is edited else "")
 
         monkeypatch.setattr(inspect, "getsource", read)
-        assert lifting.cache_folder("x", (*LIFTED, *BESIDE)) != now, edited.__name__
-    monkeypatch.setattr(inspect, "getsource", sound)
-    assert lifting.cache_folder("x", (*LIFTED, *BESIDE)) == now
+        assert lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)) != now, edited.__name__
+    monkeypatch.setattr(inspect, "getsource", getsource)
+    assert lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)) == now
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "1")
-    assert lifting.cache_folder("x", (*LIFTED, *BESIDE)) != now
+    assert lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)) != now
 
 
-WHERE = """
+PRINT_CACHE_FOLDER = """
 from rig.sweep import lifting
-from rig.sweep.column import Column
-from rig.sweep.compiled import BESIDE, LIFTED
-from rig.sweep.pages import TICKS
-print(lifting.cache_folder("x", (*LIFTED, *BESIDE)))
+from rig.sweep.compiled import LIFTED, TYPE_MODULES
+print(lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)))
 """
 
 
-def said_in(tree: Path, *words: str, **environment: str) -> str:
-    """What a process of its own says, with the packages of a tree.
+def run_in_tree(tree: Path, *arguments: str, **environment: str) -> str:
+    """Return the output of a separate process that uses the packages of a source tree.
 
-    Not optimised, which takes a third less time and gives the same bits.
+    Its code is not optimised, which takes a third less time and gives the same bits.
     """
-    done = subprocess.run(
-        [sys.executable, *words],
+    process = subprocess.run(
+        [sys.executable, *arguments],
         env={**os.environ, "PYTHONPATH": str(tree), "NUMBA_OPT": "0", **environment},
-        cwd=tree,  # which Python looks into before anything else, or not at all
+        cwd=tree,  # Python searches it first
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    return done.stdout.strip()
+    return process.stdout.strip()
 
 
 @pytest.mark.slow
-def test_an_edited_law_is_seen_and_no_index_leaves_its_table(tmp_path: Path) -> None:
-    """Compiled once for both: the edited law, with numba's bounds checking on.
+def test_edited_law_is_recompiled_and_no_index_leaves_its_table(tmp_path: Path) -> None:
+    """One compilation tests both: the edited law, with numba's bounds checking on.
 
-    With Z_c(s) and a reference in the law. Code is cached in the folder that its sources name,
-    which without bounds checking is another than this process's own, too.
+    The law has Z_c(s) and a reference. The name of the cache folder depends on the sources and on
+    bounds checking, so it differs from this process's own folder.
     """
     rig_file = str(CONFIGS / "rigs" / "wavebot.yaml")
-    whole = QUICK | {"law": ZC, "reference": {"kind": "multisine", "amplitude_a": 8}}
-    path = write_yaml(tmp_path / "zc.yaml", {"name": "zc", "rig": rig_file, **whole})
-    before = interpreted(path).summary()
-    here, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
+    config = QUICK | {"law": ZC, "reference": {"kind": "multisine", "amplitude_a": 8}}
+    path = write_yaml(tmp_path / "zc.yaml", {"name": "zc", "rig": rig_file, **config})
+    unedited = interpreted(path).summary()
+    root, tree = Path(rig.__file__).parents[1], tmp_path / "tree"
     for name in ("controllers", "rig", "sim_plant"):
-        shutil.copytree(here / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-    assert said_in(tree, "-c", WHERE) == str(lifting.cache_folder("x", (*LIFTED, *BESIDE)))
+        shutil.copytree(root / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
+    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) == str(
+        lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES))
+    )
     law = tree / "controllers" / "impedance.py"
     text = law.read_text()
     edited = text.replace("force = kp * velocity", "force = 1.01 * kp * velocity", 1)
     assert edited != text
     law.write_text(edited)
-    assert said_in(tree, "-c", WHERE) != str(lifting.cache_folder("x", (*LIFTED, *BESIDE)))
+    assert run_in_tree(tree, "-c", PRINT_CACHE_FOLDER) != str(
+        lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES))
+    )
     program = str(Path(__file__).with_name("both_ways.py"))
-    ours, theirs = json.loads(said_in(tree, program, str(path), NUMBA_BOUNDSCHECK="1"))
-    assert ours == theirs
-    assert ours["ticks"] == before["ticks"] == 8000
-    assert ours["reason"] == "PLAN_END"
-    assert ours["power"] != before["power"]
-    assert ours["power"] == pytest.approx(before["power"], rel=0.1)
+    compiled_result, interpreted_result = json.loads(
+        run_in_tree(tree, program, str(path), NUMBA_BOUNDSCHECK="1")
+    )
+    assert compiled_result == interpreted_result
+    assert compiled_result["ticks"] == unedited["ticks"] == 8000
+    assert compiled_result["reason"] == "PLAN_END"
+    assert compiled_result["power"] != unedited["power"]
+    assert compiled_result["power"] == pytest.approx(unedited["power"], rel=0.1)

@@ -1,20 +1,20 @@
-"""Where the compiled loop has its numbers: the same numbers, only elsewhere."""
+"""Memory layout of the compiled loop: interleaved noise, pages and columns keep all numbers."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from rig.sweep.column import Column, read_soon
-from rig.sweep.noise import WIDE, interleaved
-from rig.sweep.pages import TICKS, file_away
+from rig.sweep.column import Column, prefetch
+from rig.sweep.noise import CHANNELS_PER_TICK, interleaved
+from rig.sweep.pages import PAGE_TICKS, flush_page
 from sim_plant.sensors import NORMALS, Channel, SensorParams, measure
 
 RNG = np.random.default_rng(3)
 
 
 def sensors() -> SensorParams:
-    """Channels that differ in everything, as those of a plant do."""
+    """Return sensors whose channels differ in all parameters, as in a plant."""
     names = [name for name in SensorParams._fields if not name.endswith(("metre", "offset"))]
     channels = {
         name: Channel(0.1 * i, 0.5 + i, 0.0 if i % 2 else 0.01, 2 * i + 1, 10007 * i)
@@ -25,36 +25,36 @@ def sensors() -> SensorParams:
 
 def test_every_channel_reads_the_same_noise_in_every_tick() -> None:
     normals = RNG.standard_normal(NORMALS).tolist()
-    before = sensors()
-    after, table = interleaved(before, normals)
+    channels_before = sensors()
+    channels_after, table = interleaved(channels_before, normals)
     ticks = [0, 1, 2, NORMALS - 1, NORMALS, 3 * NORMALS + 17, *RNG.integers(0, 10**8, 200).tolist()]
-    assert len(table) == NORMALS * WIDE
-    for name, channel in before._asdict().items():
-        there = getattr(after, name)
+    assert len(table) == NORMALS * CHANNELS_PER_TICK
+    for name, channel in channels_before._asdict().items():
+        channel_after = getattr(channels_after, name)
         if not isinstance(channel, Channel):
-            assert there == channel
+            assert channel_after == channel
             continue
-        assert there[:3] == channel[:3]
+        assert channel_after[:3] == channel[:3]
         for tick in ticks:
-            ours = measure(there, 1.25, tick, table)  # type: ignore[arg-type]
-            assert ours == measure(channel, 1.25, tick, normals)
+            value = measure(channel_after, 1.25, tick, table)  # type: ignore[arg-type]
+            assert value == measure(channel, 1.25, tick, normals)
 
 
-@pytest.mark.parametrize(("first", "end"), [(0, TICKS), (5, 5 + TICKS), (90, 91), (7, 7)])
-def test_a_page_is_filed_away_where_its_ticks_belong(first: int, end: int) -> None:
-    fields, room = 3, 200
-    page = RNG.standard_normal(fields * TICKS)
-    kept = np.full((fields, room), np.nan)
-    file_away(Column(page), Column(kept.ravel()), fields, first, end)
-    expected = np.full((fields, room), np.nan)
-    expected[:, first:end] = page.reshape(fields, TICKS)[:, : end - first]
-    assert np.array_equal(kept, expected, equal_nan=True)
+@pytest.mark.parametrize(("first", "end"), [(0, PAGE_TICKS), (5, 5 + PAGE_TICKS), (90, 91), (7, 7)])
+def test_page_is_flushed_to_its_ticks(first: int, end: int) -> None:
+    fields, capacity = 3, 200
+    page = RNG.standard_normal(fields * PAGE_TICKS)
+    columns = np.full((fields, capacity), np.nan)
+    flush_page(Column(page), Column(columns.ravel()), fields, first, end)
+    expected = np.full((fields, capacity), np.nan)
+    expected[:, first:end] = page.reshape(fields, PAGE_TICKS)[:, : end - first]
+    assert np.array_equal(columns, expected, equal_nan=True)
 
 
-def test_a_column_of_an_array_is_that_array() -> None:
+def test_column_of_an_array_shares_its_memory() -> None:
     array = np.zeros(4)
     column = Column(array)
     column[2] = 1.5
-    read_soon(column, 10**9)
+    prefetch(column, 10**9)
     assert array.tolist() == [0.0, 0.0, 1.5, 0.0]
     assert column.address == array.ctypes.data

@@ -1,4 +1,4 @@
-"""Every law and plant both ways over numbers drawn from a seed: the same bits."""
+"""Compiled and interpreted loop give the same bits for random plants, laws and seas."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from rehearsing import CONFIGS, write_campaign, write_yaml
 
 from rig.config.yaml_source import load_mapping
 from rig.execution.rehearsal.job import MATCHING_KEYS
-from rig.sweep.simulation import KEPT
+from rig.sweep.simulation import KEPT_FIELDS
 
 SEEDS = range(6)
-BOUND = {"supply_resistance", "capacitance"}  # their product has a least value
-AGREED = set(MATCHING_KEYS.values()) | {
+COUPLED = {"supply_resistance", "capacitance"}  # their product has a lower bound
+EXCLUDED = set(MATCHING_KEYS.values()) | {
     ("stator", "start", "value")
-}  # with the rig file, or a place
+}  # tied to the rig file, or a position
 
 
-def drawn_plant(path: Path, rng: np.random.Generator) -> dict[str, Any]:
-    """A plant file with every physical number up to a tenth off."""
+def draw_plant(path: Path, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a plant file with every physical number changed by up to 10 %."""
     plant, _ = load_mapping(path)
 
-    def walk(inside: Any, at: tuple[str, ...]) -> None:
-        for key, entry in inside.items():
-            here = (*at, key)
+    def scale_values(mapping: Any, path_in_file: tuple[str, ...]) -> None:
+        for key, entry in mapping.items():
+            key_path = (*path_in_file, key)
             if (
                 key == "value"
                 and isinstance(entry, float)
-                and here not in AGREED
-                and BOUND.isdisjoint(at)
+                and key_path not in EXCLUDED
+                and COUPLED.isdisjoint(path_in_file)
             ):
-                unit = inside.get("unit")
+                unit = mapping.get("unit")
                 if unit not in ("1", "tick", "count"):
-                    inside[key] = float(entry * rng.uniform(0.9, 1.1))
+                    mapping[key] = float(entry * rng.uniform(0.9, 1.1))
             elif isinstance(entry, dict):
-                walk(entry, here)
+                scale_values(entry, key_path)
 
-    walk(plant, ())
+    scale_values(plant, ())
     plant["bem"] = str(path.with_name(plant["bem"]))
     return plant
 
 
-def drawn(folder: Path, seed: int) -> Path:
-    """A campaign of two rows: sea, gains, law of surge and drive by chance."""
+def draw_campaign(folder: Path, seed: int) -> Path:
+    """Write a campaign with random sea, gains, surge law and drive."""
     rng = np.random.default_rng(seed)
     custom = bool(rng.integers(2))
     name = "wavebot_custom" if custom else "wavebot"
@@ -66,9 +66,9 @@ def drawn(folder: Path, seed: int) -> Path:
         sea = {"kind": "jonswap", "hs_m": float(rng.uniform(0.05, 0.15)), "tp_s": 2.5,
                "repeat_s": 10, "seed": seed + 1}  # fmt: skip
     plant = CONFIGS / "plants" / f"{name}.yaml"
-    whole: dict[str, Any] = {
+    config: dict[str, Any] = {
         "rig": str(rig),
-        "plant": str(write_yaml(folder / "drawn.yaml", drawn_plant(plant, rng))),
+        "plant": str(write_yaml(folder / "drawn.yaml", draw_plant(plant, rng))),
         "seed": seed + 100,
         "sea": sea,
         "tare": {"duration_s": 0.5},
@@ -76,17 +76,19 @@ def drawn(folder: Path, seed: int) -> Path:
         "timing": {"settle_s": 0.5} | ({"interval_s": 5} if sea["kind"] == "regular" else {}),
         "matrix": {"list": [point]},
     }
-    return write_campaign(folder, **whole | {"surge": {"use": surge}})
+    return write_campaign(folder, **config | {"surge": {"use": surge}})
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_numbers_by_chance_give_the_same_bits(seed: int, tmp_path: Path) -> None:
-    path = drawn(tmp_path, seed)
-    ours, theirs = compiled(path), interpreted(path)
-    assert ours.reason == theirs.reason
-    assert ours.kept.shape == theirs.kept.shape
-    assert len(ours.kept) > 1000
+def test_random_numbers_give_the_same_bits(seed: int, tmp_path: Path) -> None:
+    path = draw_campaign(tmp_path, seed)
+    compiled_result, interpreted_result = compiled(path), interpreted(path)
+    assert compiled_result.reason == interpreted_result.reason
+    assert compiled_result.kept.shape == interpreted_result.kept.shape
+    assert len(compiled_result.kept) > 1000
     differing = [
-        n for i, n in enumerate(KEPT) if ours.kept[:, i].tobytes() != theirs.kept[:, i].tobytes()
+        n
+        for i, n in enumerate(KEPT_FIELDS)
+        if compiled_result.kept[:, i].tobytes() != interpreted_result.kept[:, i].tobytes()
     ]
     assert not differing

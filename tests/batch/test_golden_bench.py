@@ -1,9 +1,9 @@
-"""Golden runs of the bench, and fresh ones, come out of today's cycle as they were logged.
+"""Replay of golden runs of the bench, and of new ones, reproduces the log.
 
-A fresh run does so to the bit. The golden ones are of the processor that made them: the reference
-of the bench takes sines of the C library, which may differ in the last bit on another one, and a
-loop closed on its own estimate carries that on. 1e-9 (rad, rad/s, N m, A) is far above what such
-bits become in a few seconds and far below what any change of a law does.
+A new run is reproduced to the bit. Golden runs depend on the processor that made them: the
+reference of the bench uses sines of the C library, which may differ in the last bit on another
+processor, and a closed loop carries the difference on. 1e-9 (rad, rad/s, N m, A) is far above the
+effect of such bits within a few seconds and far below the effect of any change of a law.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from golden_bench import MOVED, record
-from golden_runs import facts_without
+from golden_bench import MIN_MOTION, record
+from golden_runs import facts_without_limits
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
 
@@ -32,38 +32,40 @@ from rig.recording.runs import RunError, open_run, run_info
 LAST_BITS = 1e-9
 
 
-@pytest.mark.parametrize("kind", MOVED)
-def test_a_golden_run_of_the_bench_comes_out_again(kind: str) -> None:
-    found = replay(record(kind))
-    far = [each for each in found.differences if not each.largest <= LAST_BITS]
-    assert far == [], (
-        f"the cycle decides otherwise than when the golden run was stored: {far}; "
-        "where that is meant, make them anew (tests/batch/golden_bench.py)"
+@pytest.mark.parametrize("kind", MIN_MOTION)
+def test_golden_run_of_the_bench_is_reproduced(kind: str) -> None:
+    report = replay(record(kind))
+    differing = [
+        difference for difference in report.differences if not difference.largest <= LAST_BITS
+    ]
+    assert differing == [], (
+        f"the cycle decides differently than when the golden run was stored: {differing}; "
+        "if intended, store the golden runs again (tests/batch/golden_bench.py)"
     )
-    assert (found.requests, found.absent) == ((), ())
-    assert found.fields >= 36
-    assert found.ticks > 3000
-    moved = open_run(record(kind), fields=list(MOVED[kind]))
-    for field, least in MOVED[kind].items():
-        assert float(abs(moved[field]).max()) > least, field
+    assert (report.requests, report.absent) == ((), ())
+    assert report.fields >= 36
+    assert report.ticks > 3000
+    motion = open_run(record(kind), fields=list(MIN_MOTION[kind]))
+    for field, minimum in MIN_MOTION[kind].items():
+        assert float(abs(motion[field]).max()) > minimum, field
     assert record(kind).stat().st_size <= 600_000  # bytes
 
 
-def test_a_law_of_the_bench_that_decides_otherwise_is_found(
+def test_changed_law_of_the_bench_is_detected(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As if today's code estimated one motor velocity, in tick 900, a nanoradian a second off."""
-    sound, tick = oswec_bench.KIND.observe, iter(range(10_000))
+    """Today's code estimates one motor velocity, in tick 900, with an error of 1e-6 rad/s."""
+    original, tick = oswec_bench.KIND.observe, iter(range(10_000))
 
-    def observe(*given: Any) -> Any:
-        motor, shaft = sound(*given)
-        off = 1e-6 if next(tick) == 900 else 0.0
-        return motor._replace(velocity=motor.velocity + off), shaft
+    def observe(*arguments: Any) -> Any:
+        motor, shaft = original(*arguments)
+        error = 1e-6 if next(tick) == 900 else 0.0
+        return motor._replace(velocity=motor.velocity + error), shaft
 
     monkeypatch.setattr(replays.oswec_bench, "KIND", oswec_bench.KIND._replace(observe=observe))
-    code, said, _ = rig_here("replay", record("bench_velocity"), "--json")
+    code, out, _ = rig_here("replay", record("bench_velocity"), "--json")
     assert code == 1
-    first = json.loads(said)["differences"][0]
+    first = json.loads(out)["differences"][0]
     assert (first["field"], first["first"]) == ("motor.velocity", 900)
     assert math.isclose(first["largest"], 1e-6, rel_tol=1e-3)
 
@@ -81,42 +83,40 @@ SHIPPED = ("driveline_online", "irregular_instantaneous", "flap_rao_irregular")
 
 
 @pytest.mark.parametrize("name", [*SESSIONS, *SHIPPED])
-def test_what_a_record_keeps_of_a_session_gives_its_parameters_again(
-    name: str, tmp_path: Path
-) -> None:
-    """Every number that the cycle is given: calibrations, corrections and set points are in it."""
+def test_record_of_a_session_reproduces_its_parameters(name: str, tmp_path: Path) -> None:
+    """All parameters of the cycle, including calibrations, corrections and set points."""
     if name in SESSIONS:
-        told = {"name": "test", "session": name, **SESSIONS[name]}
-        told["rig"] = str(CONFIGS / "rigs" / "oswec_bench.yaml")
-        told["timing"] = {"rise_s": 0.5, "settle_periods": 0, "periods": 1}
-        path = write_yaml(tmp_path / "session.yaml", told)
+        config = {"name": "test", "session": name, **SESSIONS[name]}
+        config["rig"] = str(CONFIGS / "rigs" / "oswec_bench.yaml")
+        config["timing"] = {"rise_s": 0.5, "settle_periods": 0, "periods": 1}
+        path = write_yaml(tmp_path / "session.yaml", config)
     else:
         path = CONFIGS / "sessions" / f"{name}.yaml"
     report = check_session(path)
     assert report.session is not None, report.text()
-    again = session_as_logged(json.loads(resolved_session(report.session)))
-    ours, theirs = plan_session(report.session), plan_session(again)
-    assert bench_params(again, theirs) == bench_params(report.session, ours)
+    from_record = session_as_logged(json.loads(resolved_session(report.session)))
+    plan, plan_from_record = plan_session(report.session), plan_session(from_record)
+    assert bench_params(from_record, plan_from_record) == bench_params(report.session, plan)
 
 
-LATER = ("motor.current_difference_", "motor.velocity_difference_", "power.")
+NEWER_LIMITS = ("motor.current_difference_", "motor.velocity_difference_", "power.")
 
 
-def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As runs did before motor and load cell were compared with what was commanded."""
-    monkeypatch.setattr(replays, "facts", facts_without(*LATER))
+def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such runs lack the comparison of motor and load cell with the command."""
+    monkeypatch.setattr(replays, "facts", facts_without_limits(*NEWER_LIMITS))
     assert replay(record("bench_torque")).identical
 
 
-def test_a_run_that_kept_no_constants_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As runs of the bench did before."""
-    sound = run_info
+def test_run_without_constants_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Older runs of the bench lack the constants."""
+    original = run_info
 
-    def without(*given: Any) -> Any:
-        known = sound(*given)
-        kept = {key: value for key, value in known.config.items() if key != "constants"}
-        return known._replace(config=kept)
+    def facts_without_constants(*arguments: Any) -> Any:
+        run_facts = original(*arguments)
+        remaining = {key: value for key, value in run_facts.config.items() if key != "constants"}
+        return run_facts._replace(config=remaining)
 
-    monkeypatch.setattr(replays, "facts", without)
+    monkeypatch.setattr(replays, "facts", facts_without_constants)
     with pytest.raises(RunError, match="constants"):
         replay(record("bench_torque"))

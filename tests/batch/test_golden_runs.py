@@ -1,10 +1,11 @@
-"""Golden runs: what the loop decided when they were stored is what today's cycle decides.
+"""Golden runs: today's cycle makes the same decisions as when the runs were stored.
 
-All that the cycle makes is compared (60 fields: estimates, demands, commands, limits, modes, power,
-zeros), bit by bit. That holds on every processor: the cycle has no function of the C library but
-the square root, which IEEE 754 fixes, and designed gains are rounded above the BLAS's last bits.
-The one exception is an open-loop reference, made by numpy's Fourier transform, whose last bits are
-the processor's: 1e-9 (A, N) is far above them and far below what any change of a law does.
+The tests compare all outputs of the cycle (60 fields: estimates, demands, commands, limits, modes,
+power, zeros) bit by bit. They agree on every processor: the square root is the only function of the
+C library in the cycle, and IEEE 754 defines it; designed gains are rounded above the last bits of
+the BLAS. The exception is an open-loop reference from numpy's Fourier transform, whose last bits
+depend on the processor: 1e-9 (A, N) is far above them and far below the effect of any change of a
+law.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import math
 from typing import Any
 
 import pytest
-from golden_runs import IN_WAVES, KINDS, MOST_BYTES, facts_without, record
+from golden_runs import IN_WAVES, KINDS, MOST_BYTES, facts_without_limits, record
 from rig_command import rig_here
 
 from rig.analysis.rows import row_table
@@ -24,46 +25,48 @@ from rig.recording.runs import open_run
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_golden_run_comes_out_again(kind: str) -> None:
-    found = replay(record(kind))
+def test_golden_run_is_reproduced(kind: str) -> None:
+    report = replay(record(kind))
     allowed = 1e-9 if kind == "open_loop" else 0.0
-    far = [each for each in found.differences if not each.largest <= allowed]
-    assert far == [], (
-        f"the cycle decides otherwise than when the golden run was stored: {far}; "
-        "where that is meant, make them anew (tests/batch/golden_runs.py)"
+    differing = [
+        difference for difference in report.differences if not difference.largest <= allowed
+    ]
+    assert differing == [], (
+        f"the cycle decides differently than when the golden run was stored: {differing}; "
+        "if intended, store the golden runs again (tests/batch/golden_runs.py)"
     )
-    assert found.requests == ()
-    assert found.absent == ()
-    assert found.ticks >= 900
-    assert found.fields >= 60
+    assert report.requests == ()
+    assert report.absent == ()
+    assert report.ticks >= 900
+    assert report.fields >= 60
     assert record(kind).stat().st_size <= MOST_BYTES
 
 
-LATER = ("heave.current_difference_", "surge.current_difference_", "power.")
+NEWER_LIMITS = ("heave.current_difference_", "surge.current_difference_", "power.")
 
 
-def test_a_run_recorded_before_a_check_has_it_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As runs did before current, force and power were compared with what was commanded."""
-    monkeypatch.setattr(replays, "facts", facts_without(*LATER))
+def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such runs lack the comparison of current, force and power with the command."""
+    monkeypatch.setattr(replays, "facts", facts_without_limits(*NEWER_LIMITS))
     subject = replays._wavebot_target(replays.run_info(record("cots")))
     assert subject.params.rig.heave.limits.current_difference_stop == 500.0
     assert replay(record("cots")).identical
 
 
 @pytest.mark.parametrize("kind", IN_WAVES)
-def test_a_golden_run_in_waves_absorbs_power(kind: str) -> None:
+def test_golden_run_in_waves_absorbs_power(kind: str) -> None:
     rows = row_table(record(kind))
     assert rows["state"].values.tolist() == ["complete", "complete"]
-    assert (rows["power_mechanical_1"].values < -1.0).all()  # W: it absorbs
+    assert (rows["power_mechanical_1"].values < -1.0).all()  # W, absorbed
     assert rows["kp"].values.tolist() == [-2000.0, -2500.0]
 
 
-def test_no_golden_run_is_one_at_rest() -> None:
-    pushed = open_run(
+def test_every_golden_run_moves() -> None:
+    excited = open_run(
         record("open_loop"), fields=["heave.command.current", "heave.estimate.position"]
     )
-    assert float(abs(pushed["heave.command.current"]).max()) > 10.0  # A
-    assert float(abs(pushed["heave.estimate.position"]).max()) > 0.05  # m
+    assert float(abs(excited["heave.command.current"]).max()) > 10.0  # A
+    assert float(abs(excited["heave.estimate.position"]).max()) > 0.05  # m
     hoisted = open_run(record("hoist"), fields=["heave.estimate.position", "load.stator_a"])
     travel = float(
         hoisted["heave.estimate.position"].max() - hoisted["heave.estimate.position"].min()
@@ -76,24 +79,26 @@ def test_no_golden_run_is_one_at_rest() -> None:
 
 
 @pytest.mark.parametrize("kind", IN_WAVES)
-def test_one_bit_of_one_tick_is_found(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As if today's code estimated one velocity, in tick 700, by the next float."""
-    sound, tick = replays.KIND.observe, iter(range(10_000))
+def test_one_changed_bit_of_one_tick_is_detected(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Today's code estimates one velocity, in tick 700, as the next float."""
+    original, tick = replays.KIND.observe, iter(range(10_000))
 
-    def observe(*given: Any) -> Any:
-        heave, surge = sound(*given)
+    def observe(*arguments: Any) -> Any:
+        heave, surge = original(*arguments)
         if next(tick) == 700:
             heave = heave._replace(velocity=math.nextafter(heave.velocity, math.inf))
         return heave, surge
 
     monkeypatch.setattr(replays, "KIND", replays.KIND._replace(observe=observe))
-    code, said, _ = rig_here("replay", record(kind), "--json")
+    code, out, _ = rig_here("replay", record(kind), "--json")
     assert code == 1
-    told = json.loads(said)
-    assert told["same"] is False
-    first = told["differences"][0]
+    result = json.loads(out)
+    assert result["same"] is False
+    first = result["differences"][0]
     assert (first["field"], first["first"]) == ("heave.estimate.velocity", 700)
     assert 0.0 < first["largest"] < 1e-15  # m/s
     tick = iter(range(10_000))
-    code, said, _ = rig_here("replay", record(kind))
-    assert said.startswith("first difference in tick 700: heave.estimate.velocity was ")
+    code, out, _ = rig_here("replay", record(kind))
+    assert out.startswith("first difference in tick 700: heave.estimate.velocity was ")

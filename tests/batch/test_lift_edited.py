@@ -1,4 +1,4 @@
-"""A law edited while a process that has read it goes on is not served to those that start later."""
+"""Compiled code of a process with an outdated law is not used by processes that start later."""
 
 from __future__ import annotations
 
@@ -23,25 +23,28 @@ print(lifting.load("edited", SOURCE, (edited_law,)).run(1.0))
 """
 
 
-def said(folder: Path, *edit: str) -> float:
-    """What a process of its own computes, which edits the law after it has read it."""
+def run_edited(folder: Path, *edits: str) -> float:
+    """Run a process that imports the law, then edits its file; return the law's result."""
     environment = {
         **os.environ, "XDG_CACHE_HOME": str(folder / "cache"), "PYTHONDONTWRITEBYTECODE": "1",
     }  # fmt: skip
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(folder), *edit],
+    process = subprocess.run(
+        [sys.executable, "-c", PROGRAM, str(folder), *edits],
         env=environment, capture_output=True, text=True, check=True,
     )  # fmt: skip
-    return float(done.stdout)
+    return float(process.stdout)
 
 
-def test_a_law_that_is_edited_after_it_was_read_is_seen_afterwards(tmp_path: Path) -> None:
+def test_law_edited_after_import_is_recompiled_by_later_processes(tmp_path: Path) -> None:
     law = tmp_path / "edited_law.py"
     law.write_text(LAW.format(gain=1.0, factor=1.0))
-    assert said(tmp_path, LAW.format(gain=1.0, factor=2.0)) == 1.0  # the process has the old one
-    assert said(tmp_path) == 2.0
-    assert said(tmp_path, LAW.format(gain=3.0, factor=2.0)) == 2.0
-    assert said(tmp_path) == 6.0
+    # The process computes with the law that it imported before the edit.
+    assert run_edited(tmp_path, LAW.format(gain=1.0, factor=2.0)) == 1.0
+    assert run_edited(tmp_path) == 2.0
+    assert run_edited(tmp_path, LAW.format(gain=3.0, factor=2.0)) == 2.0
+    assert run_edited(tmp_path) == 6.0
     folders = len(list((tmp_path / "cache").glob("*/*")))
-    assert said(tmp_path) == 6.0
-    assert len(list((tmp_path / "cache").glob("*/*"))) == folders  # found, not compiled anew
+    assert run_edited(tmp_path) == 6.0
+    assert (
+        len(list((tmp_path / "cache").glob("*/*"))) == folders
+    )  # read from the cache, not compiled again

@@ -1,4 +1,4 @@
-"""Replay finds nothing where nothing changed, and whatever did."""
+"""Replay finds no difference for unchanged code and detects every change."""
 
 from __future__ import annotations
 
@@ -55,28 +55,28 @@ KINDS: dict[str, dict[str, Any]] = {
 }
 
 
-def golden(folder: Path, kind: str, see: Any = None) -> Path:
+def rehearse_kind(folder: Path, kind: str, on_snapshot: Any = None) -> Path:
     push = (f"{0.01 * i:.2f},{300.0 * math.sin(0.05 * i):.6f}" for i in range(500))
     (folder / "push.csv").write_text("\n".join(["time,push", *push]))
-    ended = rehearse(write_campaign(folder, **QUICK | KINDS[kind]), folder / "runs", see)
-    return ended.folder
+    result = rehearse(write_campaign(folder, **QUICK | KINDS[kind]), folder / "runs", on_snapshot)
+    return result.folder
 
 
 @pytest.fixture(scope="module")
 def regular(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return golden(tmp_path_factory.mktemp("golden"), "regular")
+    return rehearse_kind(tmp_path_factory.mktemp("golden"), "regular")
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "regular"])
-def test_a_run_of_each_kind_comes_out_again(kind: str, tmp_path: Path) -> None:
-    found = replay(golden(tmp_path, kind))
-    assert found.differences == ()
-    assert found.ticks > 10_000
-    assert found.requests == ()
+def test_run_of_each_kind_is_reproduced(kind: str, tmp_path: Path) -> None:
+    report = replay(rehearse_kind(tmp_path, kind))
+    assert report.differences == ()
+    assert report.ticks > 10_000
+    assert report.requests == ()
 
 
-def test_a_reference_that_is_not_what_it_was_is_told(tmp_path: Path) -> None:
-    run_folder = golden(tmp_path, "recorded reference")
+def test_changed_reference_file_is_reported(tmp_path: Path) -> None:
+    run_folder = rehearse_kind(tmp_path, "recorded reference")
     record = tmp_path / "push.csv"
     record.write_text(record.read_text().replace("300.0", "301.0") + "\n")
     with pytest.raises(RunError, match=r"push\.csv is no longer what it was"):
@@ -86,22 +86,22 @@ def test_a_reference_that_is_not_what_it_was_is_told(tmp_path: Path) -> None:
         replay(run_folder)
 
 
-def test_a_run_comes_out_again_from_its_one_file(regular: Path, tmp_path: Path) -> None:
-    seen: list[int] = []
+def test_run_is_reproduced_from_its_log_alone(regular: Path, tmp_path: Path) -> None:
+    progress: list[int] = []
     shutil.copy(regular / "run.mcap", tmp_path / "sent.mcap")
-    found = replay(tmp_path / "sent.mcap", seen.append)
-    assert found.identical
-    assert found.fields > 50
-    assert found.absent == ()
-    assert seen == sorted(seen)
-    assert seen[-1] == found.ticks
-    code, said, _ = rig_here("replay", regular, "--json")
+    report = replay(tmp_path / "sent.mcap", progress.append)
+    assert report.identical
+    assert report.fields > 50
+    assert report.absent == ()
+    assert progress == sorted(progress)
+    assert progress[-1] == report.ticks
+    code, out, _ = rig_here("replay", regular, "--json")
     assert code == 0
-    assert json.loads(said)["same"] is True
+    assert json.loads(out)["same"] is True
 
 
-def doctored(run: Path, folder: Path, **gains: float) -> Path:
-    """The run, its configuration saying another gain of the second row."""
+def copy_with_gains(run: Path, folder: Path, **gains: float) -> Path:
+    """Copy a run, with other gains of the second row in its configuration."""
     copy = folder / run.name
     shutil.copytree(run, copy)
     config = json.loads((copy / "config.json").read_text())
@@ -110,59 +110,59 @@ def doctored(run: Path, folder: Path, **gains: float) -> Path:
     return copy
 
 
-def test_a_doctored_gain_is_found_where_it_begins(regular: Path, tmp_path: Path) -> None:
-    copy = doctored(regular, tmp_path, kp_n_s_per_m=-2000.5)
-    found = replay(copy)
-    assert not found.identical
-    by_name = {each.field: each for each in found.differences}
+def test_changed_gain_is_detected_at_its_first_tick(regular: Path, tmp_path: Path) -> None:
+    copy = copy_with_gains(regular, tmp_path, kp_n_s_per_m=-2000.5)
+    report = replay(copy)
+    assert not report.identical
+    by_name = {difference.field: difference for difference in report.differences}
     kp = by_name["heave.demand.kp"]
-    assert found.differences[0].first == kp.first
+    assert report.differences[0].first == kp.first
     assert kp.logged == -2000.0
-    assert -2000.5 <= kp.replayed < -2000.0  # on its ramp
+    assert -2000.5 <= kp.replayed < -2000.0  # ramp to the new gain
     assert kp.largest == pytest.approx(0.5)
     force = by_name["heave.command.force"]
-    assert 0.0 < force.largest < 0.5 * 2.0  # N: half a unit of gain and at most 2 m/s
+    assert 0.0 < force.largest < 0.5 * 2.0  # N: half a unit of gain times at most 2 m/s
     assert "safety.mode" not in by_name
-    assert "heave.estimate.velocity" not in by_name  # the senses are those of the log
-    code, said, _ = rig_here("replay", copy)
+    assert "heave.estimate.velocity" not in by_name  # the readings are those of the log
+    code, out, _ = rig_here("replay", copy)
     assert code == 1
-    assert said.startswith(f"first difference in tick {kp.first}: heave.demand.kp was -2000")
-    assert all(name in said for name in by_name)
+    assert out.startswith(f"first difference in tick {kp.first}: heave.demand.kp was -2000")
+    assert all(name in out for name in by_name)
 
 
-def test_another_cycle_is_found(regular: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As if today's code slewed the estimate's velocity by a thousandth."""
-    sound = replays.KIND.observe
+def test_changed_cycle_is_detected(regular: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Today's code estimates all velocities a thousandth too high."""
+    original = replays.KIND.observe
 
-    def observe(*given: Any) -> Any:
-        heave, surge = sound(*given)
+    def observe(*arguments: Any) -> Any:
+        heave, surge = original(*arguments)
         return heave._replace(velocity=heave.velocity * 1.001), surge
 
     monkeypatch.setattr(replays, "KIND", replays.KIND._replace(observe=observe))
-    found = replay(regular)
-    assert "heave.estimate.velocity" in {each.field for each in found.differences}
-    assert "heave.command.force" in {each.field for each in found.differences}
+    report = replay(regular)
+    assert "heave.estimate.velocity" in {difference.field for difference in report.differences}
+    assert "heave.command.force" in {difference.field for difference in report.differences}
 
 
-def test_an_operators_stop_is_given_again(tmp_path: Path) -> None:
-    asked: list[int] = []
+def test_operator_stop_is_replayed(tmp_path: Path) -> None:
+    stops: list[int] = []
 
     def stop(snapshot: Snapshot) -> None:
-        if snapshot.row and snapshot.row["time"] > 3.0 and not asked:
-            asked.append(1)
+        if snapshot.row and snapshot.row["time"] > 3.0 and not stops:
+            stops.append(1)
             os.kill(os.getpid(), signal.SIGINT)
 
     path = write_campaign(tmp_path, **QUICK | {"start": {"set_point_s": 1, "lead_in_s": 300}})
-    found = replay(rehearse(path, tmp_path / "runs", stop).folder)
-    assert found.identical
-    assert [request.name for request in found.requests] == ["STOP"]
+    report = replay(rehearse(path, tmp_path / "runs", stop).folder)
+    assert report.identical
+    assert [request.name for request in report.requests] == ["STOP"]
 
 
-def test_a_run_without_its_beginning_is_refused(regular: Path, tmp_path: Path) -> None:
+def test_run_without_configuration_is_refused(regular: Path, tmp_path: Path) -> None:
     (tmp_path / "config.json").write_text("{}")
     with pytest.raises(RunError, match=r"no run\.mcap"):
         replay(tmp_path)
-    copy = doctored(regular, tmp_path, kp_n_s_per_m=-2000.0)
+    copy = copy_with_gains(regular, tmp_path, kp_n_s_per_m=-2000.0)
     config = json.loads((copy / "config.json").read_text())
     del config["limits"]
     (copy / "config.json").write_text(json.dumps(config))
@@ -170,9 +170,7 @@ def test_a_run_without_its_beginning_is_refused(regular: Path, tmp_path: Path) -
         replay(copy)
 
 
-def test_a_run_without_a_tick_is_no_run_without_difference(
-    regular: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_without_ticks_is_refused(regular: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(replays.reader, "blocks", lambda source: iter(()))
     with pytest.raises(RunError, match="it logged no tick"):
         replay(regular)

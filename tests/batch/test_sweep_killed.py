@@ -1,7 +1,7 @@
-"""A sweep whose processes are all killed goes on where it was; one that is finished waits for none.
+"""A killed sweep resumes; a finished one is reported from its cache.
 
-What is killed is the command line in a process group of its own, by SIGKILL to the group; what is
-left alone runs in this process.
+The killed sweep is the command line in its own process group, ended by SIGKILL to the group; the
+undisturbed sweep runs in this process.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import xarray
 from rehearsing import write_campaign
 from rig_command import rig_here
 
-from rig.sweep.journal import NAME
+from rig.sweep.journal import JOURNAL_FILE
 
 ROWS = [
     {"spring_n_per_m": 490.9, "kp_n_s_per_m": -2000 - 100 * i, "ki_n_per_m": 0} for i in range(6)
@@ -28,7 +28,7 @@ ROWS = [
 OVER = "sea.amplitude_m=0.08,0.09,0.1,0.11"
 CASES = 24
 HEAVY = ("matplotlib", "xarray", "pandas", "numba", "filterpy", "scipy", "dask")
-SEEN = f"""
+PRINT_IMPORTS = f"""
 import json, sys
 from rig.cli import app
 try:
@@ -51,76 +51,79 @@ def campaign(tmp_path: Path) -> Path:
     )
 
 
-def words(campaign: Path, sweeps: Path) -> list[str]:
+def arguments(campaign: Path, sweeps: Path) -> list[str]:
     options = ("--over", OVER, "--jobs", "1", "--sweeps", str(sweeps), "--json")
     return ["sweep", str(campaign), *options]
 
 
-def finished(sweeps: Path) -> list[bytes]:
-    """The whole lines of the journal."""
-    found = list(sweeps.glob(f"*/{NAME}"))
+def journal_lines(sweeps: Path) -> list[bytes]:
+    """Return the complete lines of the journal."""
+    found = list(sweeps.glob(f"*/{JOURNAL_FILE}"))
     lines = found[0].read_bytes().splitlines(keepends=True) if found else []
     return [line for line in lines if line.endswith(b"\n")]
 
 
-def ended(campaign: Path, sweeps: Path) -> dict[str, Any]:
-    code, said, error = rig_here(*words(campaign, sweeps))
+def run_sweep(campaign: Path, sweeps: Path) -> dict[str, Any]:
+    code, out, error = rig_here(*arguments(campaign, sweeps))
     assert code == 0, error
-    told: dict[str, Any] = json.loads(said)
-    return told
+    report: dict[str, Any] = json.loads(out)
+    return report
 
 
-def killed(campaign: Path, sweeps: Path, least: int) -> list[bytes]:
-    """What a sweep had finished when it was killed, at ``least`` cases or soon after."""
-    command = [sys.executable, "-m", "rig", *words(campaign, sweeps)]
+def kill_sweep(campaign: Path, sweeps: Path, least: int) -> list[bytes]:
+    """Kill a sweep after at least ``least`` cases; return the lines of its journal."""
+    command = [sys.executable, "-m", "rig", *arguments(campaign, sweeps)]
     with subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL) as child:
-        while len(finished(sweeps)) < least and child.poll() is None:
+        while len(journal_lines(sweeps)) < least and child.poll() is None:
             time.sleep(0.002)
         os.killpg(child.pid, signal.SIGKILL)
-    assert child.returncode == -signal.SIGKILL, "it ended before it was killed"
-    return finished(sweeps)
+    assert child.returncode == -signal.SIGKILL, "the sweep ended before it was killed"
+    return journal_lines(sweeps)
 
 
 @pytest.mark.slow
-def test_kill_minus_nine_costs_no_case_and_changes_no_bit(campaign: Path, tmp_path: Path) -> None:
+def test_sigkill_loses_no_case_and_changes_no_bit(campaign: Path, tmp_path: Path) -> None:
     sweeps = tmp_path / "killed"
-    once = killed(campaign, sweeps, 3)
-    assert 3 <= len(once) < CASES
-    twice = killed(campaign, sweeps, len(once) + 3)
-    assert twice[: len(once)] == once
-    assert len(once) + 3 <= len(twice) < CASES
+    after_first_kill = kill_sweep(campaign, sweeps, 3)
+    assert 3 <= len(after_first_kill) < CASES
+    after_second_kill = kill_sweep(campaign, sweeps, len(after_first_kill) + 3)
+    assert after_second_kill[: len(after_first_kill)] == after_first_kill
+    assert len(after_first_kill) + 3 <= len(after_second_kill) < CASES
     assert not list(sweeps.glob("*/sweep.nc"))
-    told = ended(campaign, sweeps)
-    assert told["status"] == "complete"
-    assert told["run_now"] == CASES - len(twice)
-    lines = finished(sweeps)
-    assert lines[: len(twice)] == twice
+    report = run_sweep(campaign, sweeps)
+    assert report["status"] == "complete"
+    assert report["run_now"] == CASES - len(after_second_kill)
+    lines = journal_lines(sweeps)
+    assert lines[: len(after_second_kill)] == after_second_kill
     assert sorted(json.loads(line)["case"] for line in lines) == list(range(CASES))
-    whole = ended(campaign, tmp_path / "undisturbed")
-    assert whole["run_now"] == CASES
-    with xarray.open_dataset(told["result"]) as one, xarray.open_dataset(whole["result"]) as other:
-        xarray.testing.assert_identical(one.load(), other.load())
-    assert {told["best"][kind]["power_w"] for kind in told["best"]} == {
-        whole["best"][kind]["power_w"] for kind in whole["best"]
+    undisturbed = run_sweep(campaign, tmp_path / "undisturbed")
+    assert undisturbed["run_now"] == CASES
+    with (
+        xarray.open_dataset(report["result"]) as first,
+        xarray.open_dataset(undisturbed["result"]) as second,
+    ):
+        xarray.testing.assert_identical(first.load(), second.load())
+    assert {report["best"][kind]["power_w"] for kind in report["best"]} == {
+        undisturbed["best"][kind]["power_w"] for kind in undisturbed["best"]
     }
-    _a_finished_sweep_is_only_told_again(campaign, tmp_path / "undisturbed", whole)
+    _check_finished_sweep_is_reported_from_cache(campaign, tmp_path / "undisturbed", undisturbed)
 
 
-def _a_finished_sweep_is_only_told_again(
-    campaign: Path, sweeps: Path, whole: dict[str, Any]
+def _check_finished_sweep_is_reported_from_cache(
+    campaign: Path, sweeps: Path, undisturbed: dict[str, Any]
 ) -> None:
-    """Nothing heavy is imported, nothing is written; what was removed is made again."""
-    files = [Path(name) for name in (whole["result"], *whole["pictures"])]
+    """Nothing heavy is imported and nothing written; a removed file is made again."""
+    files = [Path(name) for name in (undisturbed["result"], *undisturbed["pictures"])]
     assert len(files) == 3
-    stood = [path.stat().st_mtime_ns for path in files]
-    command = [sys.executable, "-c", SEEN, *words(campaign, sweeps)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    said, imported = (json.loads(line) for line in done.stdout.splitlines())
+    modified = [path.stat().st_mtime_ns for path in files]
+    command = [sys.executable, "-c", PRINT_IMPORTS, *arguments(campaign, sweeps)]
+    process = subprocess.run(command, capture_output=True, text=True, check=True)
+    out, imported = (json.loads(line) for line in process.stdout.splitlines())
     assert imported == []
-    assert said["run_now"] == 0
+    assert out["run_now"] == 0
     for key in ("status", "result", "pictures", "rows", "best", "failed", "folder"):
-        assert said[key] == whole[key]
-    assert [path.stat().st_mtime_ns for path in files] == stood
+        assert out[key] == undisturbed[key]
+    assert [path.stat().st_mtime_ns for path in files] == modified
     files[-1].unlink()
-    assert ended(campaign, sweeps)["run_now"] == 0
+    assert run_sweep(campaign, sweeps)["run_now"] == 0
     assert files[-1].exists()

@@ -1,4 +1,4 @@
-"""Pictures of sweeps, and a rehearsal of the same matrix on top of them."""
+"""Figures of sweeps, with a rehearsal of the same matrix on top."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import pytest
 import xarray
 from matplotlib.figure import Figure
 from rehearsing import rehearse, write_campaign
-from test_sweep_rows import POINTS, swept
+from test_sweep_rows import POINTS, run_test_sweep
 
 from rig.analysis.points import gain_matrix
 from rig.analysis.surfaces import KINDS, draw_surfaces
 from rig.sweep import pictures
 from rig.sweep.cases import LEAD_IN
-from rig.sweep.parameters import Files
+from rig.sweep.parameters import CampaignFiles
 
 GRID = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
@@ -35,62 +35,66 @@ GRID = {
 def table(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     folder = tmp_path_factory.mktemp("grid")
     path = write_campaign(folder, **GRID)
-    own = Files(path).opened().plant["pto"]["torque_constant"]["value"]
-    overs = (f"plant.pto.torque_constant.value={own},7.5", "sea.amplitude_m=0.1,0.127")
-    return swept(path, *overs, lead_in=LEAD_IN)[1]
+    own = CampaignFiles(path).open().plant["pto"]["torque_constant"]["value"]
+    options = (f"plant.pto.torque_constant.value={own},7.5", "sea.amplitude_m=0.1,0.127")
+    return run_test_sweep(path, *options, lead_in=LEAD_IN)[1]
 
 
 @pytest.mark.slow
-def test_a_rehearsal_lies_on_what_was_simulated(
+def test_rehearsal_agrees_with_the_sweep(
     table: xarray.Dataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At the campaign's own values both are the same plant: they differ by noise and onset."""
-    said: list[str] = []
+    """At the campaign's own values both have the same plant; noise and lead-in differ."""
+    captions: list[str] = []
     draw = pictures.write_surfaces
 
-    def seen(rows: Any, path: Path, others: Any, beneath: str) -> Path:
-        said.append(beneath)
+    def record_caption(rows: Any, path: Path, others: Any, beneath: str) -> Path:
+        captions.append(beneath)
         assert len(others.points) == 4
         return draw(rows, path, others, beneath)
 
-    monkeypatch.setattr(pictures, "write_surfaces", seen)
-    ended = rehearse(write_campaign(tmp_path, **GRID), tmp_path / "runs")
-    written = pictures.write(table, tmp_path, ended.folder)
+    monkeypatch.setattr(pictures, "write_surfaces", record_caption)
+    result = rehearse(write_campaign(tmp_path, **GRID), tmp_path / "runs")
+    written = pictures.write_pictures(table, tmp_path, result.folder)
     assert [path.name for path in written] == [
         "surfaces.png",
         "parameters.png",
         "map_plant.pto.torque_constant.value_sea.amplitude_m.png",
     ]
     assert all(path.stat().st_size > 20_000 for path in written)
-    assert "sea.amplitude_m 0.127 m; squares: rehearsal " in said[0]
-    plain = said[0].replace("\N{NO-BREAK SPACE}", " ")  # no line is broken within a figure
-    off = re.findall(r"(mechanical|electrical AC|electrical DC) .?(\d\.\d) ± (\d\.\d) W", plain)
-    assert len(off) == 3
-    assert all(float(mean) <= 0.1 and float(spread) <= 0.1 for _, mean, spread in off)
+    assert "sea.amplitude_m 0.127 m; squares: rehearsal " in captions[0]
+    plain = captions[0].replace(
+        "\N{NO-BREAK SPACE}", " "
+    )  # no-break spaces keep a number with its unit
+    differences = re.findall(
+        r"(mechanical|electrical AC|electrical DC) .?(\d\.\d) ± (\d\.\d) W", plain
+    )
+    assert len(differences) == 3
+    assert all(float(mean) <= 0.1 and float(spread) <= 0.1 for _, mean, spread in differences)
 
 
-def test_what_was_measured_lies_within_its_panel(table: xarray.Dataset) -> None:
-    """Two rows make lines; the points on top absorb 30 W less than any of them."""
+def test_measured_points_lie_within_their_panel(table: xarray.Dataset) -> None:
+    """Two rows give lines; the measured points absorb 30 W less than any of them."""
     rows = table.isel({"plant.pto.torque_constant.value": 0, "sea.amplitude_m": 1, "row": [0, 1]})
     points = gain_matrix(rows)
-    less = [p._replace(power={k: w + 30.0 for k, w in p.power.items()}) for p in points.points]
+    shifted = [p._replace(power={k: w + 30.0 for k, w in p.power.items()}) for p in points.points]
     figure = Figure((8.0, 8.0))
-    draw_surfaces(figure.subfigures(), rows, 8.0, overlay=points._replace(points=tuple(less)))
+    draw_surfaces(figure.subfigures(), rows, 8.0, overlay=points._replace(points=tuple(shifted)))
     panels = [axes for axes in figure.axes if axes.lines]
     assert len(panels) == 3
     for axes, kind in zip(panels, KINDS, strict=True):
         low, high = axes.get_ylim()
         assert low < min(p.power[kind] for p in points.points)
-        assert high > max(p.power[kind] for p in less)
+        assert high > max(p.power[kind] for p in shifted)
 
 
 @pytest.mark.slow
-def test_a_run_of_another_matrix_is_refused(table: xarray.Dataset, tmp_path: Path) -> None:
+def test_run_of_another_matrix_is_refused(table: xarray.Dataset, tmp_path: Path) -> None:
     path = write_campaign(tmp_path, **GRID | {"matrix": {"list": [POINTS[2]]}})
-    with pytest.raises(ValueError, match="no complete row of it has the gains"):
-        pictures.write(table, tmp_path, rehearse(path, tmp_path / "runs").folder)
+    with pytest.raises(ValueError, match="no complete row has the gains"):
+        pictures.write_pictures(table, tmp_path, rehearse(path, tmp_path / "runs").folder)
 
 
-def test_nothing_is_drawn_where_nothing_ran(table: xarray.Dataset, tmp_path: Path) -> None:
-    nothing = table.assign(state=table["state"].where(False, "failed"))
-    assert pictures.write(nothing, tmp_path) == []
+def test_failed_sweep_has_no_figures(table: xarray.Dataset, tmp_path: Path) -> None:
+    failed = table.assign(state=table["state"].where(False, "failed"))
+    assert pictures.write_pictures(failed, tmp_path) == []

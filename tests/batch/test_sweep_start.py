@@ -1,4 +1,4 @@
-"""What a sweep does not load before its first case: a second start must not wait for it."""
+"""Modules that a sweep does not import before its first case, so that it starts quickly."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 
 from rehearsing import CONFIGS
 
-LATER = ("matplotlib", "xarray", "pandas", "scipy.linalg", "scipy.signal", "dask", "filterpy")
+DEFERRED = ("matplotlib", "xarray", "pandas", "scipy.linalg", "scipy.signal", "dask", "filterpy")
 
-# A sweep up to where its cases begin, all imports of the compiled loop with it, nothing compiled.
+# A sweep up to its first case, with all imports of the compiled loop but without compiling.
 _PROGRAM = """
 import json, os, sys
 from pathlib import Path
@@ -39,12 +39,12 @@ print(json.dumps(loaded))
 """
 
 
-def test_pictures_datasets_and_blas_come_after_the_first_case(tmp_path: Path) -> None:
-    """And scipy.linalg, which is hidden from numba for a moment, is there for who wants it."""
-    words = [str(CONFIGS / "campaigns" / "quick.yaml"), str(tmp_path), *LATER]
-    done = subprocess.run(
-        [sys.executable, "-c", _PROGRAM, *words], capture_output=True, text=True, check=False
+def test_plotting_datasets_and_blas_are_imported_after_the_first_case(tmp_path: Path) -> None:
+    """scipy.linalg, which is hidden while numba is imported, can be imported afterwards."""
+    arguments = [str(CONFIGS / "campaigns" / "quick.yaml"), str(tmp_path), *DEFERRED]
+    process = subprocess.run(
+        [sys.executable, "-c", _PROGRAM, *arguments], capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told == {"before": [], "threads": "1", "solved": 2.0}
+    assert process.returncode == 0, process.stderr
+    loaded = json.loads(process.stdout)
+    assert loaded == {"before": [], "threads": "1", "solved": 2.0}

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from calibration_files import CALIBRATIONS, write
-from log_books import book
+from log_books import write_log
 from rig_command import rig_here
 
 from rig.recording.calibration import open_history
@@ -26,7 +26,7 @@ def in_json(*arguments: str | Path, folder: Path = CALIBRATIONS) -> Any:
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    return book(
+    return write_log(
         tmp_path / "log.xlsx",
         ("MASK4_024", None, None, "None", "heave multisine, mag spring @ -12kN/m", ""),
         ("MASK4_036", 16, None, "0.4 Hz Regular wave, 5 inch AMPLITUDE", "GainMatrix002", ""),

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from calibration_files import CALIBRATIONS, calibration
-from log_books import MASK4_LOG, book
+from log_books import MASK4_LOG, write_log
 from measured_data import needs, reference
 
 from rig.interop.legacy.testlog import read_log
@@ -22,7 +22,7 @@ FILE = "waveBotCtrlMdl_2023_09_21_04_46_26"
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    return book(
+    return write_log(
         tmp_path / "log.xlsx",
         ("MASK4_024", None, FILE, "None", "heave multisine, mag spring @ -12kN/m", ""),
         ("MASK4_036", 16, None, "0.4 Hz Regular wave, 5 inch AMPLITUDE", "GainMatrix002", ""),

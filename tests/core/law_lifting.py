@@ -72,23 +72,27 @@ def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
     returned = interpreted(law, law.start, example)
     parts, fixed = [], []
     for name, part in zip(law.params._fields, law.params, strict=True):
-        parts.append("table" if name == law.table else lifting.unpacking(part, "x", len(fixed)))
-        fixed += [] if name == law.table else lifting.numbers(part)
-    at = len(fixed) + len(lifting.numbers(law.start))
+        parts.append("table" if name == law.table else lifting.unpack_source(part, "x", len(fixed)))
+        fixed += [] if name == law.table else lifting.flatten(part)
+    at = len(fixed) + len(lifting.flatten(law.start))
     call = ["params", "state"]
     for one in example:
-        call.append(lifting.unpacking(one, "x", at))
-        at += len(lifting.numbers(one))
+        call.append(lifting.unpack_source(one, "x", at))
+        at += len(lifting.flatten(one))
     if law.takes_dt:
         call.append(repr(DT))
-    names = lifting.words(law.params) | lifting.words(law.start) | lifting.words(example)
+    names = (
+        lifting.tuple_types(law.params)
+        | lifting.tuple_types(law.start)
+        | lifting.tuple_types(example)
+    )
     imports = sorted(f"from {kind.__module__} import {kind.__name__}" for kind in names)
-    store = lifting.packing(returned, f"({law.returns})", "out")
+    store = lifting.pack_source(returned, f"({law.returns})", "out")
     source = _SOURCE.format(
         imports="\n".join([*imports, f"from {law.module.__name__} import step"]),
         arguments="x, table" if law.table else "x",
         params=f"{type(law.params).__name__}({', '.join(parts)})",
-        state=lifting.unpacking(law.start, "x", len(fixed)),
+        state=lifting.unpack_source(law.start, "x", len(fixed)),
         result=law.returns,
         call=", ".join(call),
         size=len(store),
@@ -99,7 +103,7 @@ def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
     table = (np.array(getattr(law.params, law.table)),) if law.table else ()
 
     def tick(state: Any, inputs: Inputs) -> list[float]:
-        x = np.array([*fixed, *lifting.numbers(state), *lifting.numbers(inputs)])
+        x = np.array([*fixed, *lifting.flatten(state), *lifting.flatten(inputs)])
         return [float(number) for number in code.tick(x, *table)]
 
     return tick

@@ -230,7 +230,7 @@ def test_compiled_and_interpreted_give_the_same_bits(pair: Any) -> None:
         for n in range(TICKS):
             inputs = law.inputs(rng, n)
             returned = interpreted(law, state, inputs)
-            numbers = lifting.numbers(returned)
+            numbers = lifting.flatten(returned)
             assert same_bits(numbers, tick(state, inputs)), (n, inputs)
             assert all(map(math.isfinite, numbers))
             state = state_of(law, returned)
@@ -274,14 +274,14 @@ def test_compiled_and_interpreted_agree_for_values_that_are_not_finite(pair: Any
         if n % 20 == 0:
             inputs = spoiled(inputs, rng)
         returned = interpreted(law, state, inputs)
-        numbers = lifting.numbers(returned)
+        numbers = lifting.flatten(returned)
         assert same_bits(numbers, tick(state, inputs)), (n, inputs)
         force = numbers[-1]
         if law.returns == "state, given":
             assert not math.isfinite(force) or abs(force) <= FORCE
             bad_forces += not math.isfinite(force)
         state = state_of(law, returned)
-        caught = 0 if all(map(math.isfinite, lifting.numbers(state))) else caught + 1
+        caught = 0 if all(map(math.isfinite, lifting.flatten(state))) else caught + 1
         if caught == 10:
             state, caught = law.start, 0
     if law.returns == "state, given" and law.min_outcomes > 2:  # a force that is not always zero

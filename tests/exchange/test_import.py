@@ -1,4 +1,4 @@
-"""Downloaded MASK4 files become runs that all the analysis accepts."""
+"""Import of MASK4 files as runs that the whole analysis accepts."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from command_here import rig
 from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.rows import row_table
-from rig.interop.basin.merge import Source, SyncChannels, merge
-from rig.interop.exchange.mask4_export import structure, write_mat
+from rig.interop.basin.merge import MergeSource, SyncChannels, merge
+from rig.interop.exchange.mask4_export import export_structure, write_mat
 from rig.recording.runs import list_runs, open_run
 
 NAME = "waveBotCtrlMdl_2023_09_26_12_08_43full.mat"
 REGULAR = ("--frequency-hz", "0.5", "--amplitude-m", "0.127")
 
 
-def imported(path: Path, runs: Path, *words: str) -> Path:
-    done = rig("import", path, *words, "--runs", runs, "--json")
-    assert done.returncode == 0, done.stdout + done.stderr
-    return Path(json.loads(done.stdout)["run"])
+def import_file(path: Path, runs: Path, *options: str) -> Path:
+    process = rig("import", path, *options, "--runs", runs, "--json")
+    assert process.returncode == 0, process.stdout + process.stderr
+    return Path(json.loads(process.stdout)["run"])
 
 
 @pytest.fixture(scope="module")
@@ -34,22 +34,22 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def run(runs: Path) -> Path:
     path = mask4_file.write(runs / NAME, mask4_file.buses())
-    return imported(path, runs / "runs", *REGULAR)
+    return import_file(path, runs / "runs", *REGULAR)
 
 
 def test_rows_signs_and_powers(run: Path) -> None:
-    """Five rows of six intervals: one was held while the spring moved. AC comes negative."""
+    """Six intervals give five rows: one is held while the spring moves. AC power is negative."""
     table = row_table(run)
-    kept = [row for i, row in enumerate(mask4_file.ROWS) if i != 3]
+    measured = [row for i, row in enumerate(mask4_file.ROWS) if i != 3]
     assert table["state"].values.tolist() == ["complete"] * 5
-    assert table["kp"].values.tolist() == [row.kp for row in kept]
-    assert table["ki"].values.tolist() == [row.ki for row in kept]
-    assert table["spring_rate"].values.tolist() == [row.spring for row in kept]
+    assert table["kp"].values.tolist() == [row.kp for row in measured]
+    assert table["ki"].values.tolist() == [row.ki for row in measured]
+    assert table["spring_rate"].values.tolist() == [row.spring for row in measured]
     assert table["stator"].values.tolist() == [-13.0] * 3 + [27.0] * 2
-    mechanical = np.array([row.mechanical for row in kept])
+    mechanical = np.array([row.mechanical for row in measured])
     assert np.allclose(table["power_mechanical_1"], mechanical, rtol=1e-6)
     assert np.allclose(table["power_mechanical_2"], 0.8 * mechanical, rtol=1e-6)
-    # The analyser's clock has its steps elsewhere; straight lines between them change nothing here.
+    # The analyser has other sample times; linear interpolation changes nothing here.
     assert np.allclose(table["power_ac"], 0.6 * mechanical, rtol=1e-9)
     assert np.allclose(table["power_dc"], 0.2 * mechanical, rtol=1e-9)
     assert np.allclose(table["current_peak"], 3.0, rtol=1e-4)
@@ -60,98 +60,103 @@ def test_rows_signs_and_powers(run: Path) -> None:
     assert table.attrs["started_utc"].startswith("2023-09-26T12:08:43")
 
 
-def test_mean_forces_can_be_left_in(runs: Path, run: Path) -> None:
-    """Five waves and a half: v has a mean then, and a bias of 40 N takes part in F v."""
+def test_mean_forces_can_be_kept(runs: Path, run: Path) -> None:
+    """Over five and a half waves v has a mean, so a bias of 40 N contributes to F v."""
     path = runs / NAME
-    whole = imported(path, runs / "none", *REGULAR, "--zeros", "none", "--settle-s", "4.9")
-    window = imported(path, runs / "one", *REGULAR, "--zeros", "window", "--settle-s", "4.9")
-    data = open_run(whole, ["load.lcb", "tare.lcb", "power.mechanical_1", "heave.estimate"])
+    without_zeros = import_file(
+        path, runs / "none", *REGULAR, "--zeros", "none", "--settle-s", "4.9"
+    )
+    with_zeros = import_file(path, runs / "one", *REGULAR, "--zeros", "window", "--settle-s", "4.9")
+    data = open_run(without_zeros, ["load.lcb", "tare.lcb", "power.mechanical_1", "heave.estimate"])
     assert np.all(data["tare.lcb"] == 0.0)
     assert np.allclose(
         data["power.mechanical_1"], data["load.lcb"] * data["heave.estimate.velocity"]
     )
-    zero = open_run(window, ["tare.lcb"], 0)["tare.lcb"].values
+    zero = open_run(with_zeros, ["tare.lcb"], 0)["tare.lcb"].values
     assert np.median(zero) == pytest.approx(mask4_file.BIAS, abs=0.5)
 
 
-def test_the_newer_file_format_gives_the_same_record(runs: Path, run: Path) -> None:
+def test_matlab_7_3_gives_the_same_record(runs: Path, run: Path) -> None:
     path = mask4_file.write_newer(runs / f"newer_{NAME}", mask4_file.buses())
-    same = imported(path, runs / "newer", *REGULAR, "--name", "waveBotCtrlMdl")
+    same = import_file(path, runs / "newer", *REGULAR, "--name", "waveBotCtrlMdl")
     assert same.name == run.name
     assert open_run(same).equals(open_run(run))
 
 
-def test_show_plot_and_compare_accept_it(runs: Path, run: Path) -> None:
+def test_show_plot_and_compare_accept_an_imported_run(runs: Path, run: Path) -> None:
     shown = rig("show", run)
     assert shown.returncode == 0, shown.stderr
     assert "IMPORTED: recorded by another system" in shown.stdout
     assert "regular, 0.127 m, 0.5 Hz" in shown.stdout
     assert rig("plot", run).returncode == 0
     assert {"rows.csv", "surfaces.png", "summary.pdf"} <= {path.name for path in run.iterdir()}
-    other = imported(
+    after_rows = import_file(
         mask4_file.write(runs / f"custom_{NAME}", mask4_file.buses(custom=True), alone=False),
         runs / "runs", *REGULAR, "--name", "custom",
     )  # fmt: skip
-    compared = rig("compare", run, other, "--json")
+    compared = rig("compare", run, after_rows, "--json")
     assert compared.returncode == 0, compared.stderr
-    told = json.loads(compared.stdout)
-    assert not told["warnings"]
-    assert [one.mode for one in list_runs(runs / "runs")] == ["imported", "imported"]
+    report = json.loads(compared.stdout)
+    assert not report["warnings"]
+    assert [before_rows.mode for before_rows in list_runs(runs / "runs")] == [
+        "imported",
+        "imported",
+    ]
 
 
-def test_the_custom_drives_channel_and_settings(runs: Path) -> None:
+def test_custom_drive_has_its_own_power_channel_and_settings(runs: Path) -> None:
     path = mask4_file.write(runs / f"drive_{NAME}", mask4_file.buses(custom=True))
-    table = row_table(imported(path, runs / "drive", *REGULAR))
-    kept = np.array([row.mechanical for i, row in enumerate(mask4_file.ROWS) if i != 3])
-    assert np.allclose(table["power_dc"], 0.2 * kept, rtol=1e-9)
+    table = row_table(import_file(path, runs / "drive", *REGULAR))
+    measured = np.array([row.mechanical for i, row in enumerate(mask4_file.ROWS) if i != 3])
+    assert np.allclose(table["power_dc"], 0.2 * measured, rtol=1e-9)
     assert np.allclose(table["switching_period"], 1e-4)
     assert np.allclose(table["velocity_threshold"], 0.05)
     both = mask4_file.buses(custom=True)
     both["hbmSignals"]["heaveDriveInP"] = 0.0 * both["hbmSignals"]["time"]
     path = mask4_file.write(runs / f"both_{NAME}", both)
-    done = rig("import", path, *REGULAR, "--runs", runs / "drive")
-    assert done.returncode == 2
-    assert "DC power of both drives is in the file; say whose" in done.stderr
+    process = rig("import", path, *REGULAR, "--runs", runs / "drive")
+    assert process.returncode == 2
+    assert "the file has DC power of both drives; name the drive" in process.stderr
 
 
-def test_sine_and_trigger_come_along_for_merging(run: Path, tmp_path: Path) -> None:
-    """A basin's file of the same moments: the common sine has any phase, the trigger is at 10 s."""
+def test_sine_and_trigger_are_imported_for_merging(run: Path, tmp_path: Path) -> None:
+    """A basin file of the same time: the common sine has any phase, the trigger is at 10 s."""
     tau = np.arange(0.0, 200.0, 0.02)
-    t = tau * (1.0 + 20e-6) + 4.0 + 100.0  # on the time of their file, which begins at 100 s
+    t = tau * (1.0 + 20e-6) + 4.0 + 100.0  # on the time of the MASK4 file, which begins at 100 s
     ttl = np.where(t >= 100.0 + mask4_file.START, 5.0, 0.0)
     columns = (tau, 2.0 * np.sin(2 * np.pi * t + 0.4), ttl, np.sin(np.pi * t))
     lines = [",".join(f"{cell:.6f}" for cell in row) for row in zip(*columns, strict=True)]
     path = tmp_path / "tank.csv"
     path.write_text("\n".join(["time_s,SINESIGNAL,TTLTrigger,BUOY04", *lines]) + "\n")
-    merged = merge(run, [Source("tank", path)], SyncChannels())
-    (one,) = merged.alignments
-    assert (one.method, one.alarms) == ("edge and sine", ())
-    assert one.clock.to_run(100.0) == pytest.approx(104.002, abs=1e-4)
+    merged = merge(run, [MergeSource("tank", path)], SyncChannels())
+    (before_rows,) = merged.alignments
+    assert (before_rows.method, before_rows.alarms) == ("edge and sine", ())
+    assert before_rows.clock.to_run(100.0) == pytest.approx(104.002, abs=1e-4)
 
 
 def test_basin_data_of_a_full_file_are_merged(runs: Path) -> None:
-    """By `syncTimeTTL` where `syncTimeSine` is absent: their script leaves it out at lag 0."""
-    made = mask4_file.buses()
+    """Uses `syncTimeTTL` without `syncTimeSine`, which the MASK4 script omits at lag 0."""
+    structure = mask4_file.buses()
     t = np.arange(101.0, 250.0, 0.02)
-    made["waveData"] = {
+    structure["waveData"] = {
         "ElapsedTime": t - 90.0, "syncTimeTTL": t, "BUOY04": 0.1 * np.sin(np.pi * t),
     }  # fmt: skip
-    full = imported(mask4_file.write(runs / f"full_{NAME}", made), runs / "full", *REGULAR)
+    full = import_file(mask4_file.write(runs / f"full_{NAME}", structure), runs / "full", *REGULAR)
     assert (full / "merged_rows.csv").is_file()
     import xarray
 
     with xarray.open_dataset(full / "merged.nc") as table:
         time = table["time"].values
         inside = (time > 1.1) & (time < 149.0)
-        wanted = 0.1 * np.sin(np.pi * (time + 100.0))
-        assert np.abs(table["waves.BUOY04"].values - wanted)[inside].max() < 1e-6
+        expected = 0.1 * np.sin(np.pi * (time + 100.0))
+        assert np.abs(table["waves.BUOY04"].values - expected)[inside].max() < 1e-6
 
 
 def test_irregular_rows_are_298_s_as_in_the_scripts(runs: Path) -> None:
-    """With intervals of 60 s for 300, in which gains change every 20 s: not to be believed."""
+    """Intervals of 60 s instead of 300 s, in which gains change every 20 s, are cut short."""
     path = mask4_file.write(runs / f"irregular_{NAME}", mask4_file.buses())
-    words = ("--irregular", "--hs-m", "0.254", "--interval-s", "60")
-    table = row_table(imported(path, runs / "irregular", *words))
+    options = ("--irregular", "--hs-m", "0.254", "--interval-s", "60")
+    table = row_table(import_file(path, runs / "irregular", *options))
     assert set(table["state"].values.tolist()) == {"cut short"}
     assert table["samples"].values.tolist() == [18 * 200, 38 * 200]  # rows 4 and 5 are equal
     slow = mask4_file.buses()
@@ -159,33 +164,33 @@ def test_irregular_rows_are_298_s_as_in_the_scripts(runs: Path) -> None:
     slow["expParamSignals"]["heaveKiUsed"][:] = 0.0
     slow["magSpringSetpointSignals"]["targetSpring_N_m"][:] = 490.9
     path = mask4_file.write(runs / f"slow_{NAME}", slow)
-    table = row_table(imported(path, runs / "slow", *words))
+    table = row_table(import_file(path, runs / "slow", *options))
     assert table["state"].values.tolist() == ["complete"] * 2
     assert table["samples"].values.tolist() == [58 * 200] * 2
     assert table["start"].values.tolist() == [132.0, 192.0]
 
 
-def test_out_and_back(tmp_path: Path) -> None:
-    """What we export comes back with its own rows, whatever their timing."""
+def test_export_and_import_round_trip(tmp_path: Path) -> None:
+    """An exported run is imported with its own rows, for any timing."""
     power = {"mechanical_1": -60.0, "mechanical_2": -50.0, "ac": -40.0, "dc": -20.0}
     rows = [Row(i, 0, 490.9, -1000.0 * (i + 1), 0.0, power) for i in range(3)]
     shape = Shape(noise=2.0)
-    before = write_run(tmp_path / "run", run_rows(rows, shape), plan_json(rows, shape))
-    mat = write_mat(structure(before, 100.0), tmp_path / "x.mat")
-    after = imported(mat, tmp_path / "runs", *REGULAR, "--started", "2026-05-04T09:30:00")
-    one, other = row_table(before), row_table(after)
+    exported_run = write_run(tmp_path / "run", run_rows(rows, shape), plan_json(rows, shape))
+    mat = write_mat(export_structure(exported_run, 100.0), tmp_path / "x.mat")
+    imported_run = import_file(mat, tmp_path / "runs", *REGULAR, "--started", "2026-05-04T09:30:00")
+    before_rows, after_rows = row_table(exported_run), row_table(imported_run)
     for name in ("kp", "ki", "spring_rate", "samples", "state"):
-        assert one[name].values.tolist() == other[name].values.tolist(), name
+        assert before_rows[name].values.tolist() == after_rows[name].values.tolist(), name
     for name in ("power_ac", "power_dc", "power_ac_se", "power_mechanical_1_demeaned"):
-        assert np.allclose(one[name], other[name], rtol=1e-12), name
+        assert np.allclose(before_rows[name], after_rows[name], rtol=1e-12), name
 
 
 @pytest.mark.parametrize(
-    ("spoil", "words", "said"),
+    ("damage", "options", "message"),
     [
         (lambda b: b.pop("heaveSignals"), REGULAR, "no heaveSignals.time: not the MASK4 structure"),
         (lambda b: b.pop("expCtrl"), REGULAR, "no expCtrl.runCounter in the file"),
-        (lambda b: None, (), "say how long its rows are"),
+        (lambda b: None, (), "the file does not hold the length of its rows"),
         (lambda b: None, ("--frequency-hz", "0.5", "--irregular"), "says they are not"),
         (lambda b: None, (*REGULAR, "--periods", "9"), "18 s does not fit into the 15 s"),
         (lambda b: None, (*REGULAR, "--drive", "custom"), "no DC power of the custom drive"),
@@ -201,24 +206,24 @@ def test_out_and_back(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_cannot_be_imported_is_said(
-    tmp_path: Path, spoil: object, words: tuple[str, ...], said: str
+def test_invalid_file_is_refused_with_reason(
+    tmp_path: Path, damage: object, options: tuple[str, ...], message: str
 ) -> None:
-    made = mask4_file.buses()
-    spoil(made)  # type: ignore[operator]
-    path = mask4_file.write(tmp_path / NAME, made)
-    done = rig("import", path, *words, "--runs", tmp_path / "runs")
-    assert done.returncode == 2
-    assert said in done.stderr, done.stderr
+    structure = mask4_file.buses()
+    damage(structure)  # type: ignore[operator]
+    path = mask4_file.write(tmp_path / NAME, structure)
+    process = rig("import", path, *options, "--runs", tmp_path / "runs")
+    assert process.returncode == 2
+    assert message in process.stderr, process.stderr
     assert not (tmp_path / "runs").exists()
 
 
-def test_files_that_are_none(tmp_path: Path) -> None:
-    done = rig("import", tmp_path / NAME, *REGULAR, "--runs", tmp_path / "runs")
-    assert (done.returncode, "cannot be read: No such file" in done.stderr) == (2, True)
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
+    process = rig("import", tmp_path / NAME, *REGULAR, "--runs", tmp_path / "runs")
+    assert (process.returncode, "cannot be read: No such file" in process.stderr) == (2, True)
     (tmp_path / "x.mat").write_text("hello")
-    done = rig("import", tmp_path / "x.mat", *REGULAR, "--runs", tmp_path / "runs")
-    assert "no date in the name; say it: --started" in done.stderr
-    words = ("--started", "2023-09-26", "--runs", str(tmp_path / "runs"))
-    done = rig("import", tmp_path / "x.mat", *REGULAR, *words)
-    assert (done.returncode, "not readable as a MATLAB file" in done.stderr) == (2, True)
+    process = rig("import", tmp_path / "x.mat", *REGULAR, "--runs", tmp_path / "runs")
+    assert "no date in the name; say it: --started" in process.stderr
+    options = ("--started", "2023-09-26", "--runs", str(tmp_path / "runs"))
+    process = rig("import", tmp_path / "x.mat", *REGULAR, *options)
+    assert (process.returncode, "not readable as a MATLAB file" in process.stderr) == (2, True)

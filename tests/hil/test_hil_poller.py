@@ -16,7 +16,7 @@ from rig.execution.hardware.modbus_poller import (
     TRUSTED_ANSWERS,
     TURN_OFFSET_S,
     PolledBlock,
-    RegisterSetup,
+    RegisterPreset,
     _BlockTask,
     next_turn_time,
 )
@@ -178,8 +178,8 @@ def test_values_with_the_same_count_are_not_posted_again() -> None:
 # --- registers of a unit's set-up
 
 STATUS = (
-    RegisterSetup(0x1000, 5, True, True),
-    RegisterSetup(0x1006, 1, True, False),
+    RegisterPreset(0x1000, 5, True, True),
+    RegisterPreset(0x1006, 1, True, False),
 )  # watchdog time, status
 
 

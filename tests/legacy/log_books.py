@@ -1,4 +1,4 @@
-"""Workbooks in the form of the MASK4 test log, to write logs of any content."""
+"""Write test logs of any content in the format of the MASK4 test log."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def fill(colour: Color) -> PatternFill:
     return PatternFill(fill_type="solid", fgColor=colour)
 
 
-def book(
+def write_log(
     path: Path, *rows: Cells, columns: Cells = COLUMNS, colours: dict[int, Color] | None = None
 ) -> Path:
-    """A log with these rows below its header; ``colours`` by row of the sheet."""
-    made = openpyxl.Workbook()
-    sheet = made.active
+    """Write a log with these rows below its header; ``colours`` by row of the sheet."""
+    workbook = openpyxl.Workbook()
+    sheet = workbook.active
     sheet.title = "Log"
     sheet.append(columns)
     for row in rows:
         sheet.append(row)
     for number, colour in (colours or {}).items():
         sheet.cell(number, 1).fill = fill(colour)
-    legend = made.create_sheet("Description")
-    for words, colour in LEGEND.items():
-        legend.append([f"A {words} in some words."])
+    legend = workbook.create_sheet("Description")
+    for text, colour in LEGEND.items():
+        legend.append([f"A {text} in some words."])
         legend.cell(legend.max_row, 1).fill = fill(colour)
-    made.save(path)
+    workbook.save(path)
     return path

@@ -1,4 +1,4 @@
-"""`rig testlog` as a person or a script calls it."""
+"""The command `rig testlog`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from log_books import MASK4_LOG, book
+from log_books import MASK4_LOG, write_log
 from measured_data import needs, reference
 from rig_command import rig_here
 
@@ -20,14 +20,14 @@ def wide(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
 
 
-def rig(*words: str | Path) -> tuple[int, str, str]:
-    folder = ("--calibrations", CALIBRATIONS) if "--calibrations" not in words else ()
-    return rig_here("testlog", *words, *folder)
+def rig(*arguments: str | Path) -> tuple[int, str, str]:
+    folder = ("--calibrations", CALIBRATIONS) if "--calibrations" not in arguments else ()
+    return rig_here("testlog", *arguments, *folder)
 
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    return book(
+    return write_log(
         tmp_path / "log.xlsx",
         ("MASK4_024", None, FILE, "None", "multisine [10]amps, mag spring @ -12kN/m", "[10A;10B]"),
         (None, None, "*** MAP CORRECTED"),
@@ -36,10 +36,10 @@ def log(tmp_path: Path) -> Path:
     )  # fmt: skip
 
 
-def test_a_table_for_people(log: Path) -> None:
+def test_prints_a_table(log: Path) -> None:
     code, out, _ = rig(log)
     assert code == 0
-    for said in (
+    for report in (
         "-12000 -> -9228",
         "*** MAP CORRECTED",
         "38: jonswap 0.4 Hz Hs 0.254 m 6A",
@@ -48,11 +48,11 @@ def test_a_table_for_people(log: Path) -> None:
         "by mask4_spring_rate v2 (sha256 ",
         "MASK4 runs before 51",
     ):
-        assert said in out
+        assert report in out
     assert "-6152 ->" not in out
 
 
-def test_one_run_in_full(log: Path) -> None:
+def test_prints_one_run_in_full(log: Path) -> None:
     code, out, _ = rig(log, "--run", "24")
     assert code == 0
     assert "-12000 by mask4_spring_rate v2 is -9228" in out
@@ -64,9 +64,9 @@ def test_one_run_in_full(log: Path) -> None:
     assert (code, "no run 3 in the log; it has 24 .. 62" in errors) == (2, True)
 
 
-def test_json_for_programs(log: Path) -> None:
-    said: dict[str, Any] = json.loads(rig(log, "--json")[1])
-    first, second = said["runs"]
+def test_prints_json(log: Path) -> None:
+    report: dict[str, Any] = json.loads(rig(log, "--json")[1])
+    first, second = report["runs"]
     assert first["spring"] == {
         "written_n_per_m": -12000.0, "cell": "E2", "corrected_n_per_m": -9228.0,
         "by": "mask4_spring_rate v2", "valid": True,
@@ -76,8 +76,8 @@ def test_json_for_programs(log: Path) -> None:
     assert second["remarks"][1] == {
         "kind": "time synchronisation", "cell": "F4", "text": "Lost PTP.",
     }  # fmt: skip
-    assert said["links"]["wave_series"] == {"38": [62]}
-    assert said["separators"][0]["before_run"] == 62
+    assert report["links"]["wave_series"] == {"38": [62]}
+    assert report["separators"][0]["before_run"] == 62
     one: dict[str, Any] = json.loads(rig(log, "--run", "24", "--json")[1])
     assert "links" not in one
     assert [run["run"] for run in one["runs"]] == [24]
@@ -88,9 +88,9 @@ def test_without_calibrations_rates_stay_as_written(log: Path, tmp_path: Path) -
     assert code == 0
     assert "-12000" in out
     assert "->" not in out
-    said = json.loads(rig(log, "--calibrations", tmp_path / "none", "--json")[1])
-    assert said["spring_calibration"] is None
-    assert said["runs"][0]["spring"] == {"written_n_per_m": -12000.0, "cell": "E2"}
+    report = json.loads(rig(log, "--calibrations", tmp_path / "none", "--json")[1])
+    assert report["spring_calibration"] is None
+    assert report["runs"][0]["spring"] == {"written_n_per_m": -12000.0, "cell": "E2"}
 
 
 def test_two_calibrations_for_one_series_are_refused(log: Path, tmp_path: Path) -> None:
@@ -103,11 +103,11 @@ def test_two_calibrations_for_one_series_are_refused(log: Path, tmp_path: Path) 
     assert "several calibrations of spring rates for MASK4: first, second" in errors
 
 
-def test_a_file_that_is_no_log_is_said(tmp_path: Path) -> None:
+def test_invalid_log_is_reported(tmp_path: Path) -> None:
     code, _, errors = rig(tmp_path / "none.xlsx")
     assert (code, "none.xlsx:1: cannot be read" in errors) == (2, True)
-    said = json.loads(rig(tmp_path / "none.xlsx", "--json")[1])
-    assert said["problems"][0]["file"].endswith("none.xlsx")
+    report = json.loads(rig(tmp_path / "none.xlsx", "--json")[1])
+    assert report["problems"][0]["file"].endswith("none.xlsx")
 
 
 @needs(MASK4_LOG)
@@ -116,10 +116,10 @@ def test_the_measured_log(monkeypatch: pytest.MonkeyPatch) -> None:
     code, out, _ = rig(log)
     assert code == 0
     assert "142 runs" in out
-    said: dict[str, Any] = json.loads(rig(log, "--json")[1])
-    assert [run["run"] for run in said["runs"]] == list(range(1, 143))
+    report: dict[str, Any] = json.loads(rig(log, "--json")[1])
+    assert [run["run"] for run in report["runs"]] == list(range(1, 143))
     corrected = {
-        run["run"]: run["spring"]["corrected_n_per_m"] for run in said["runs"] if run["spring"]
+        run["run"]: run["spring"]["corrected_n_per_m"] for run in report["runs"] if run["spring"]
     }
     assert corrected[24] == -9228.0
     assert corrected[62] == -6152.0

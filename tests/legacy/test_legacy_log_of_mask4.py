@@ -1,4 +1,4 @@
-"""The measured log of the MASK4 test: its counts, its traps one by one, and runs read by hand."""
+"""The real log of the MASK4 test: counts, irregularities, and runs that were read by hand."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rig.interop.legacy.testlog import (
     Condition,
     Entry,
     Gain,
-    Log,
     RemarkKind,
+    RunLog,
     Spring,
     Wave,
     WaveKind,
-    links,
+    find_links,
     read_log,
 )
 from rig.interop.legacy.testlog.waves import SEAS
@@ -31,19 +31,19 @@ K = RemarkKind
 
 
 @pytest.fixture(scope="module")
-def log() -> Log:
+def log() -> RunLog:
     return read_log(reference(MASK4_LOG))
 
 
-def runs_with(log: Log, kind: RemarkKind) -> list[int]:
+def runs_with(log: RunLog, kind: RemarkKind) -> list[int]:
     return [e.run for e in log.entries if any(remark.kind is kind for remark in e.remarks)]
 
 
-def runs(log: Log, wanted: Callable[[Entry], Any]) -> list[int]:
-    return [entry.run for entry in log.entries if wanted(entry)]
+def runs(log: RunLog, condition: Callable[[Entry], Any]) -> list[int]:
+    return [entry.run for entry in log.entries if condition(entry)]
 
 
-def test_there_are_142_runs_and_four_rows_between_them(log: Log) -> None:
+def test_there_are_142_runs_and_four_rows_between_them(log: RunLog) -> None:
     assert [entry.run for entry in log.entries] == list(range(1, 143))
     assert {entry.series_name for entry in log.entries} == {"MASK4"}
     assert [(s.row, s.before_run) for s in log.separators] == [
@@ -53,7 +53,7 @@ def test_there_are_142_runs_and_four_rows_between_them(log: Log) -> None:
     assert "CUSTOM DRIVE" in log.separators[3].text
 
 
-def test_rates_before_run_51_are_those_of_the_old_map(log: Log) -> None:
+def test_rates_before_run_51_are_those_of_the_old_map(log: RunLog) -> None:
     written = {e.run: e.spring.written_n_per_m for e in log.entries if e.spring}
     assert {run: rate for run, rate in written.items() if run < 51} == {
         21: 10000, 22: -12000, 23: -12000, 24: -12000, 25: -10000, 26: -6000, 29: 5000, 30: 5000,
@@ -77,16 +77,16 @@ def test_rates_before_run_51_are_those_of_the_old_map(log: Log) -> None:
         (K.FILE_ORDER, [58]),
         (K.SERIES_MISSING, [28, 72]),
         (K.SERIES_SEVERAL, [35]),
-        (K.SERIES_UNREAD, []),
+        (K.SERIES_UNREADABLE, []),
         (K.NO_WATER, [1, 2, 3, 4, 5, 6, 7]),
         (K.HEIGHT_DISAGREES, []),
-        (K.WAVES_UNREAD, [27]),
+        (K.WAVES_UNREADABLE, [27]),
         (K.WAVES_MIXED, [141]),
         (K.SEA_NOT_IN_TABLE, [136]),
         (K.WAVE_UNCALIBRATED, [83]),
         (K.RANGE_EMPTY, [35]),
         (K.AMPLITUDE_UNKNOWN, [22]),
-        (K.SPRING_UNSAID, [54, 55, 130, 131, 142]),
+        (K.SPRING_UNSPECIFIED, [54, 55, 130, 131, 142]),
         (K.SPRING_SEVERAL, []),
         (K.SPRING_IN_NOTES, [124, 126]),
         (K.SPRING_CLOSE, [70, 124, 126, 128]),
@@ -94,7 +94,7 @@ def test_rates_before_run_51_are_those_of_the_old_map(log: Log) -> None:
         (K.SCHEME_IN_NOTES, [139]),
         (K.SCHEME_MISSPELT, [135, 136]),
         (K.SCHEME_SEVERAL, [120, 129]),
-        (K.SCHEME_UNSAID, [134]),
+        (K.SCHEME_UNSPECIFIED, [134]),
         (K.SURGE_MISSPELT, [111, 116]),
         (K.BIAS, [16, 55, 56, 57, 81, 91, 93, 132]),
         (K.TIME_SYNC, [69, 70, 71, 72, 73, 109, 110, 125, 142]),
@@ -106,20 +106,20 @@ def test_rates_before_run_51_are_those_of_the_old_map(log: Log) -> None:
     ],
 )
 def test_each_trap_is_found_where_it_is_and_nowhere_else(
-    log: Log, kind: RemarkKind, expected: list[int]
+    log: RunLog, kind: RemarkKind, expected: list[int]
 ) -> None:
     assert runs_with(log, kind) == expected
 
 
-def test_remarks_quote_the_cell_they_name(log: Log) -> None:
+def test_remarks_quote_the_cell_they_name(log: RunLog) -> None:
     for entry in log.entries:
         for remark in entry.remarks:
             assert remark.cell[1:] == str(entry.row)
-    (doubt,) = [r for r in log.find(84).remarks if r.kind is K.ROWS_DOUBTFUL]
-    assert (doubt.cell, "rows after 11" in doubt.text) == ("F87", True)
+    (remark,) = [r for r in log.find(84).remarks if r.kind is K.ROWS_DOUBTFUL]
+    assert (remark.cell, "rows after 11" in remark.text) == ("F87", True)
 
 
-def test_regular_waves_have_amplitudes_and_irregular_ones_hs(log: Log) -> None:
+def test_regular_waves_have_amplitudes_and_irregular_ones_hs(log: RunLog) -> None:
     waves = [wave for entry in log.entries for wave in entry.waves]
     for wave in waves:
         assert (wave.amplitude_m is not None) == (wave.kind is WaveKind.REGULAR)
@@ -129,8 +129,8 @@ def test_regular_waves_have_amplitudes_and_irregular_ones_hs(log: Log) -> None:
     assert {wave.frequency_hz for wave in regular} == {0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65}
 
 
-def test_the_codes_of_irregular_waves_are_the_seas_of_the_reports_table(log: Log) -> None:
-    """MASK4 report (Sandia), Table 3-1: one code a sea; 3.5 s of run 136 is told as a remark."""
+def test_the_codes_of_irregular_waves_are_the_seas_of_the_reports_table(log: RunLog) -> None:
+    """MASK4 report (Sandia), Table 3-1: one code per sea; the 3.5 s of run 136 are a remark."""
     table = {"8A": SEAS[0], "4A": SEAS[1], "6A": SEAS[2], "2A": SEAS[3], "23A": SEAS[4]}
     seen = set()
     for entry in log.entries:
@@ -144,30 +144,30 @@ def test_the_codes_of_irregular_waves_are_the_seas_of_the_reports_table(log: Log
     assert seen == set(table)
 
 
-def test_switching_schemes_are_those_of_the_reports_table(log: Log) -> None:
-    """MASK4 report (Sandia), Table 3-2; the log has two more: ramps of 107, SineTri of 129."""
-    of = {name: runs(log, lambda e, n=name: e.scheme == n) for name in ("SVPWM", "DPWM")}
-    assert of["SVPWM"] == [
+def test_switching_schemes_are_those_of_the_reports_table(log: RunLog) -> None:
+    """MASK4 report (Sandia), Table 3-2; the log has two more: ramps in 107, SineTri in 129."""
+    runs_by_key = {name: runs(log, lambda e, n=name: e.scheme == n) for name in ("SVPWM", "DPWM")}
+    assert runs_by_key["SVPWM"] == [
         107, 109, 111, 112, 113, 116, 117, 118, 119, 120, 124, 125, 126, 132, 133, 135, 136, 138,
         139,
     ]  # fmt: skip
-    assert of["DPWM"] == [110, 122, 127, 137]
+    assert runs_by_key["DPWM"] == [110, 122, 127, 137]
     assert runs(log, lambda e: e.scheme == "SineTri") == [121, 129]
     assert runs(log, lambda e: e.scheme == "Hyst") == [123]
 
 
-def test_the_custom_drive_is_in_from_107_to_139(log: Log) -> None:
+def test_the_custom_drive_is_in_from_107_to_139(log: RunLog) -> None:
     assert runs(log, lambda e: e.drive == "custom") == list(range(107, 140))
-    assert {e.drive_said for e in log.entries if 107 < e.run < 139} == {"C111"}
-    assert log.find(140).drive_said == "F145"
+    assert {e.drive_source for e in log.entries if 107 < e.run < 139} == {"C111"}
+    assert log.find(140).drive_source == "F145"
     assert runs(log, lambda e: e.surge == "disabled") == [
         107, 109, 110, 111, 116, 117, 118, 119, 139,
     ]  # fmt: skip
     assert runs(log, lambda e: e.surge == "enabled") == [140, 141]
 
 
-def test_links(log: Log) -> None:
-    found = links(log)
+def test_links(log: RunLog) -> None:
+    found = find_links(log)
     assert found.shared_files == {"waveBotCtrlMdl_2023_09_21_04_46_26": (14, 15)}
     assert [found.wave_series[n] for n in (8, 13, 14, 15, 104)] == [
         (31,),
@@ -178,7 +178,7 @@ def test_links(log: Log) -> None:
     ]
     assert found.unnamed_series == (11, 25, 29, 31, 32, 44, 47, 54, 61, 73, 79, 88, 94)
     assert all(len(used) == 1 for used in found.wave_series.values())
-    repeats = {repeat.matrix: (repeat.runs, repeat.differ) for repeat in found.repeats}
+    repeats = {repeat.matrix: (repeat.runs, repeat.differences) for repeat in found.repeats}
     assert repeats["GainMatrix026"] == ((120, 121, 122, 123), ("scheme",))
     assert repeats["GainMatrix028"] == ((139, 140), ("drive", "scheme", "surge"))
     assert repeats["GainMatrix002"] == ((36, 37, 38), ("waves",))
@@ -188,26 +188,33 @@ def test_links(log: Log) -> None:
     assert len(found.matrices) == 50
 
 
-def test_the_position_was_zeroed_seven_times_and_lost_once(log: Log) -> None:
-    assert [(run, bias.done, bias.when) for run, bias in links(log).biases] == [
+def test_the_position_was_zeroed_seven_times_and_lost_once(log: RunLog) -> None:
+    assert [(run, bias.action, bias.when) for run, bias in find_links(log).biases] == [
         (16, "lost", ""), (55, "corrected", "after"), (56, "attempted", ""),
         (57, "corrected", ""), (81, "corrected", "after"), (91, "seen", ""),
         (93, "corrected", "before"), (132, "zeroed", "before"),
     ]  # fmt: skip
 
 
-def test_the_colours_of_the_rows(log: Log) -> None:
-    of = {c: runs(log, lambda e, c=c: e.condition is c) for c in Condition}
-    assert of[Condition.SERIOUS] == [15, 22, 23, 84, 91, 124]  # two ways to write one colour
-    assert of[Condition.COMPROMISED] == [17, 19, 28, 97]
-    assert of[Condition.VERY_UNUSUAL] == [141]
-    assert of[Condition.UNUSUAL] == [81, 93, 108, 113, 135, 138, 139]
-    assert of[Condition.UNKNOWN] == [106]
-    assert len(of[Condition.WAVES_END_EARLY]) == 14
-    assert len(of[Condition.NOT_UPLOADED]) == 18
+def test_the_colours_of_the_rows(log: RunLog) -> None:
+    runs_by_key = {c: runs(log, lambda e, c=c: e.condition is c) for c in Condition}
+    assert runs_by_key[Condition.SERIOUS] == [
+        15,
+        22,
+        23,
+        84,
+        91,
+        124,
+    ]  # two encodings of one colour
+    assert runs_by_key[Condition.COMPROMISED] == [17, 19, 28, 97]
+    assert runs_by_key[Condition.VERY_UNUSUAL] == [141]
+    assert runs_by_key[Condition.UNUSUAL] == [81, 93, 108, 113, 135, 138, 139]
+    assert runs_by_key[Condition.UNKNOWN] == [106]
+    assert len(runs_by_key[Condition.WAVES_END_EARLY]) == 14
+    assert len(runs_by_key[Condition.NOT_UPLOADED]) == 18
 
 
-def test_files_are_in_order_but_for_one_pair(log: Log) -> None:
+def test_files_are_in_order_but_for_one_pair(log: RunLog) -> None:
     times = [entry.recorded for entry in log.entries if entry.recorded]
     assert len(times) == 132
     falls = [pair for pair in itertools.pairwise(times) if pair[1] < pair[0]]
@@ -265,20 +272,20 @@ BY_HAND: dict[int, dict[str, Any]] = {
           "activities": (Activity.GAIN_MATRIX, Activity.MULTISINE, Activity.RAMPS),
           "matrix": "GainMatrix030", "drive": "COTS", "amplitudes": ()},
 }  # fmt: skip
-"""Read off the sheet by eye."""
+"""Expected entries, read from the sheet by eye."""
 
 
 @pytest.mark.parametrize("run", BY_HAND)
-def test_entries_read_by_hand(log: Log, run: int) -> None:
+def test_entries_read_by_hand(log: RunLog, run: int) -> None:
     entry = log.find(run)
     for field, expected in BY_HAND[run].items():
-        read = getattr(entry, field)
+        value = getattr(entry, field)
         if field == "waves":
-            assert [w._replace(frequency_hz=0, period_s=0) for w in read] == [
+            assert [w._replace(frequency_hz=0, period_s=0) for w in value] == [
                 w._replace(frequency_hz=0, period_s=0) for w in expected
             ]
-            for one, wanted in zip(read, expected, strict=True):
-                assert one.frequency_hz == pytest.approx(wanted.frequency_hz)
-                assert one.period_s == pytest.approx(wanted.period_s)
+            for wave, condition in zip(value, expected, strict=True):
+                assert wave.frequency_hz == pytest.approx(condition.frequency_hz)
+                assert wave.period_s == pytest.approx(condition.period_s)
         else:
-            assert read == expected, field
+            assert value == expected, field

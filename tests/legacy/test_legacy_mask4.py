@@ -1,4 +1,4 @@
-"""MASK4 gain matrices: auxiliary rows found and never commanded; read(write(x)) == x."""
+"""MASK4 gain matrices: auxiliary rows are recognised, never commanded; read(write(x)) == x."""
 
 from __future__ import annotations
 
@@ -12,8 +12,14 @@ from scipy.io import loadmat
 
 from rig.config.problems import ConfigError
 from rig.interop.legacy import mask4, mask4_file
-from rig.interop.legacy.mask4_rows import UnknownLeadError, structure, wrapped
-from rig.interop.legacy.matrix import ORDER, Matrix, csv_text, problems, read_csv
+from rig.interop.legacy.mask4_rows import UnknownLeadRowsError, add_auxiliary_rows, classify_rows
+from rig.interop.legacy.matrix import (
+    COLUMN_ORDER,
+    GainMatrix,
+    format_csv,
+    matrix_problems,
+    read_csv,
+)
 from rig.planning.campaign import open_campaign
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -21,26 +27,26 @@ HEAD = "Kp,Ki,springK\n"
 LOAD, FIRST = "-500,0,490.9\n", "-2000,0,490.9\n"
 
 
-def file(folder: Path, text: str, name: str = "m.csv") -> Path:
+def write_file(folder: Path, text: str, name: str = "m.csv") -> Path:
     path = folder / name
     path.write_text(text)
     return path
 
 
-def told(action: Any) -> str:
+def refusal(action: Any) -> str:
     with pytest.raises(ConfigError) as caught:
         action()
     return caught.value.text()
 
 
 def rows_of(text: str) -> tuple[tuple[float, ...], ...]:
-    """Kp, Ki, spring of CSV lines as (spring, Kp, Ki)."""
+    """Return (spring, Kp, Ki) of CSV lines with Kp, Ki, spring."""
     cells = [tuple(float(cell) for cell in line.split(",")) for line in text.split()]
     return tuple((c[2], c[0], c[1]) for c in cells)
 
 
-def test_a_file_as_the_report_describes_it(tmp_path: Path) -> None:
-    path = file(
+def test_file_as_in_the_report(tmp_path: Path) -> None:
+    path = write_file(
         tmp_path,
         HEAD
         + LOAD
@@ -53,20 +59,20 @@ def test_a_file_as_the_report_describes_it(tmp_path: Path) -> None:
         + "-999,0,-5715\n"
         + "-1,0,0\n",
     )
-    got = mask4.read(path)
-    assert got.matrix == Matrix(
-        ORDER[:3],
+    matrix_file = mask4.read(path)
+    assert matrix_file.matrix == GainMatrix(
+        COLUMN_ORDER[:3],
         rows_of("-2000,0,490.9 -2500,0,490.9 -2500,0,-5715 -2000,1000,-5715"),
     )
-    lines = [got.lines[i] for i in got.found.rows]
+    lines = [matrix_file.lines[i] for i in matrix_file.roles.measured]
     assert lines == [4, 5, 7, 8]
-    assert [got.lines[i] for i in got.found.lead] == [2, 3]
-    assert [got.lines[i] for i in got.found.doubled] == [6]
-    assert got.found.end is not None
-    assert got.lines[got.found.end] == 9
-    assert [got.lines[i] for i in got.found.after] == [10]
-    assert got.remarks == ("rows after the end mark: 1 (line 10), never reached, left out",)
-    assert got.said_by == "header"
+    assert [matrix_file.lines[i] for i in matrix_file.roles.lead] == [2, 3]
+    assert [matrix_file.lines[i] for i in matrix_file.roles.doubled] == [6]
+    assert matrix_file.roles.end is not None
+    assert matrix_file.lines[matrix_file.roles.end] == 9
+    assert [matrix_file.lines[i] for i in matrix_file.roles.after_end] == [10]
+    assert matrix_file.remarks == ("rows after the end mark: 1 (line 10), never reached, left out",)
+    assert matrix_file.columns_from == "header"
 
 
 @pytest.mark.parametrize(
@@ -76,57 +82,62 @@ def test_a_file_as_the_report_describes_it(tmp_path: Path) -> None:
         ((22, 22), [(1, 22), (24, 45)]),  # makePowerSurfacesv2.m, first blocks
     ],
 )
-def test_doubled_rows_are_those_the_public_scripts_skip(
+def test_doubled_rows_match_the_public_scripts(
     sizes: tuple[int, ...], blocks: list[tuple[int, int]]
 ) -> None:
-    """fbWecCntrl numbers rows from 1 after the lead rows and leaves 21, 42 (23) out."""
+    """fbWecCntrl numbers rows from 1 after the lead rows and skips 21 and 42 (23)."""
     rows = tuple(
         (-1000.0 - k, 0.0, 100.0 * spring) for spring, size in enumerate(sizes) for k in range(size)
     )
-    played = wrapped(rows, kp=0, ki=1, spring=2)
-    found = structure(played, kp=0, spring=2)
-    numbers = [i - 1 for i in found.rows]
+    played = add_auxiliary_rows(rows, kp=0, ki=1, spring=2)
+    found = classify_rows(played, kp=0, spring=2)
+    numbers = [i - 1 for i in found.measured]
     assert numbers == [n for first, last in blocks for n in range(first, last + 1)]
 
 
-def test_a_change_of_the_spring_rate_without_a_doubled_row_is_remarked(tmp_path: Path) -> None:
-    got = mask4.read(file(tmp_path, HEAD + LOAD + FIRST + FIRST + "-2000,0,0\n-2500,0,0\n"))
-    assert len(got.matrix.rows) == 3
-    assert "line 5: the spring rate changes to 0 N/m and the row stands only once" in got.remarks[0]
-    assert "no end mark" in got.remarks[1]
+def test_spring_change_without_a_doubled_row_is_remarked(tmp_path: Path) -> None:
+    matrix_file = mask4.read(
+        write_file(tmp_path, HEAD + LOAD + FIRST + FIRST + "-2000,0,0\n-2500,0,0\n")
+    )
+    assert len(matrix_file.matrix.rows) == 3
+    assert (
+        "line 5: the spring rate changes to 0 N/m and the row occurs only once"
+        in matrix_file.remarks[0]
+    )
+    assert "no end mark" in matrix_file.remarks[1]
 
 
-def test_a_repeated_row_is_kept_and_remarked(tmp_path: Path) -> None:
-    got = mask4.read(file(tmp_path, HEAD + LOAD + FIRST * 4 + "-999,0,0\n"))
-    assert len(got.matrix.rows) == 3
-    assert [remark[:7] for remark in got.remarks] == ["line 5:", "line 6:"]
+def test_repeated_row_is_kept_and_remarked(tmp_path: Path) -> None:
+    matrix_file = mask4.read(write_file(tmp_path, HEAD + LOAD + FIRST * 4 + "-999,0,0\n"))
+    assert len(matrix_file.matrix.rows) == 3
+    assert [remark[:7] for remark in matrix_file.remarks] == ["line 5:", "line 6:"]
 
 
-def test_lead_rows_that_cannot_be_told_are_asked_for(tmp_path: Path) -> None:
-    path = file(tmp_path, HEAD + LOAD + FIRST + "-2500,0,490.9\n-999,0,0\n")
-    said = told(lambda: mask4.read(path))
-    assert said.startswith(str(path))
-    assert "m.csv:2: the second row is no copy of the third" in said
+def test_unknown_lead_rows_are_required(tmp_path: Path) -> None:
+    path = write_file(tmp_path, HEAD + LOAD + FIRST + "-2500,0,490.9\n-999,0,0\n")
+    message = refusal(lambda: mask4.read(path))
+    assert message.startswith(str(path))
+    assert "m.csv:2: the second row is no copy of the third" in message
     assert len(mask4.read(path, lead_rows=0).matrix.rows) == 3
     assert mask4.read(path, lead_rows=1).matrix.rows[0] == rows_of(FIRST)[0]
-    assert "no row to be measured" in told(lambda: mask4.read(path, lead_rows=3))
+    assert "no row to be measured" in refusal(lambda: mask4.read(path, lead_rows=3))
 
 
-def test_a_column_order_is_never_guessed(tmp_path: Path) -> None:
+def test_column_order_is_never_guessed(tmp_path: Path) -> None:
     body = "0,-500,490.9\n" + "0,-2000,490.9\n" * 2 + "0,-999,0\n"
-    path = file(tmp_path, body)
-    said = told(lambda: mask4.read(path))
-    assert "no header" in said
-    assert "--columns" in said
+    path = write_file(tmp_path, body)
+    message = refusal(lambda: mask4.read(path))
+    assert "no header" in message
+    assert "--columns" in message
     assert mask4.read(path, "Ki,Kp,springK").matrix.rows == ((490.9, -2000.0, 0.0),)
-    headed = file(tmp_path, HEAD + LOAD + FIRST * 2)
-    said = told(lambda: mask4.read(headed, "Ki,Kp,springK"))
-    assert "m.csv:1:1: columns: the header says kp_n_s_per_m, the list ki_n_per_m" in said
+    headed = write_file(tmp_path, HEAD + LOAD + FIRST * 2)
+    message = refusal(lambda: mask4.read(headed, "Ki,Kp,springK"))
+    assert "m.csv:1:1: columns: the header says kp_n_s_per_m, the list ki_n_per_m" in message
     assert len(mask4.read(headed, "Kp,Ki,springK").matrix.rows) == 1
 
 
 @pytest.mark.parametrize(
-    ("header", "said"),
+    ("header", "message"),
     [
         ("Kp,Ki,Kp", "'Kp' is kp_n_s_per_m, which is column 1 already"),
         ("Kp,Ki", "no column for spring_n_per_m"),
@@ -138,11 +149,9 @@ def test_a_column_order_is_never_guessed(tmp_path: Path) -> None:
         ("Kp,Ki,springK,driveSwitchT [us]", "unit us; allowed s"),
     ],
 )
-def test_a_header_that_means_something_else_is_refused(
-    tmp_path: Path, header: str, said: str
-) -> None:
+def test_invalid_header_is_refused(tmp_path: Path, header: str, message: str) -> None:
     body = ",".join(["-1"] * len(header.split(",")))
-    assert said in told(lambda: mask4.read(file(tmp_path, f"{header}\n{body}\n")))
+    assert message in refusal(lambda: mask4.read(write_file(tmp_path, f"{header}\n{body}\n")))
 
 
 def test_columns_of_the_custom_drive(tmp_path: Path) -> None:
@@ -153,8 +162,8 @@ def test_columns_of_the_custom_drive(tmp_path: Path) -> None:
     load = "0,-500,0,-8508,-2500,75,5e-05,1.5,0.02,1\n"
     row = "0,-2500,3000,-8508,-2500,75,0.0002,1.5,0.02,15\n"
     names = "-,Kp,Ki,springK,surgeKp,VDC,switchT,driveHystTol,velThresh,dischargeLevel"
-    got = mask4.read(file(tmp_path, header + load + row * 2), names)
-    assert dict(zip(got.matrix.columns, got.matrix.rows[0], strict=True)) == {
+    matrix_file = mask4.read(write_file(tmp_path, header + load + row * 2), names)
+    assert dict(zip(matrix_file.matrix.columns, matrix_file.matrix.rows[0], strict=True)) == {
         "spring_n_per_m": -8508.0,
         "kp_n_s_per_m": -2500.0,
         "ki_n_per_m": 3000.0,
@@ -165,33 +174,33 @@ def test_columns_of_the_custom_drive(tmp_path: Path) -> None:
         "velocity_threshold_m_per_s": 0.02,
         "discharge_level": 15.0,
     }
-    assert got.columns[:3] == ("kp_n_s_per_m", "ki_n_per_m", "spring_n_per_m")
+    assert matrix_file.columns[:3] == ("kp_n_s_per_m", "ki_n_per_m", "spring_n_per_m")
 
 
-def test_what_a_campaign_refuses_is_told_in_the_old_file(tmp_path: Path) -> None:
+def test_values_a_campaign_refuses_are_located_in_the_legacy_file(tmp_path: Path) -> None:
     text = "dischargeLevel,Ki,Kp,springK\n" + "1,0,-1,0\n" + "16,40000,500,0\n" * 2
-    got = mask4.read(file(tmp_path, text))
-    found = problems(got.matrix, got.place)
+    matrix_file = mask4.read(write_file(tmp_path, text))
+    found = matrix_problems(matrix_file.matrix, matrix_file.location)
     assert [(p.line, p.column, p.key) for p in found] == [
         (4, 3, "kp_n_s_per_m"),
         (4, 2, "ki_n_per_m"),
         (4, 1, "discharge_level"),
     ]
     assert "allowed -20000 .. 0 N*s/m" in found[0].message
-    assert got.remarks[-1] == "Kp > 0 drives the body, line 4"
+    assert matrix_file.remarks[-1] == "Kp > 0 drives the body, line 4"
 
 
-def test_a_lead_that_is_long_is_never_commanded() -> None:
-    with pytest.raises(UnknownLeadError):
-        structure([(-1.0, 0.0), (-2.0, 0.0)], kp=0, spring=1)
+def test_lead_rows_are_never_measured() -> None:
+    with pytest.raises(UnknownLeadRowsError):
+        classify_rows([(-1.0, 0.0), (-2.0, 0.0)], kp=0, spring=1)
     rows = [(-1.0, 0.0), (-999.0, 0.0), (-2.0, 0.0)]
-    assert structure(rows, kp=0, spring=1, lead=5).rows == ()
-    assert structure(rows, kp=0, spring=1, lead=0).rows == (0,)
+    assert classify_rows(rows, kp=0, spring=1, lead=5).measured == ()
+    assert classify_rows(rows, kp=0, spring=1, lead=0).measured == (0,)
 
 
 number = st.floats(-1e4, 1e4).filter(lambda x: x != -999.0)
 gain = st.floats(-2e4, 0).filter(lambda x: x != -999.0) | st.sampled_from([0.0, -1998.0, -998.0])
-# Within what a campaign takes; every other column takes any number.
+# Within the ranges of a campaign; all other columns take any number.
 bounded = {
     "surge_kp_n_s_per_m": st.floats(-2e4, 0),
     "surge_ki_n_per_m": st.floats(-3e4, 0),
@@ -201,33 +210,33 @@ bounded = {
     "velocity_threshold_m_per_s": st.floats(0, 1),
     "discharge_level": st.integers(0, 15).map(float),
 }
-extra = st.lists(st.sampled_from(ORDER[3:-1]), unique=True)
+extra = st.lists(st.sampled_from(COLUMN_ORDER[3:-1]), unique=True)
 
 
 @st.composite
-def matrices(draw: st.DrawFn) -> Matrix:
+def matrices(draw: st.DrawFn) -> GainMatrix:
     names = draw(extra)
-    columns = tuple(name for name in ORDER if name in (*ORDER[:3], *names))
+    columns = tuple(name for name in COLUMN_ORDER if name in (*COLUMN_ORDER[:3], *names))
     springs = draw(st.lists(number, min_size=1, max_size=3))
     extras = (bounded[name] for name in columns[3:])
     row = st.tuples(st.sampled_from(springs), gain, number, *extras)
     rows = draw(st.lists(row, min_size=1, max_size=12))
-    again = draw(st.lists(st.integers(1, 3), min_size=len(rows), max_size=len(rows)))
-    repeated = [row for row, times in zip(rows, again, strict=True) for _ in range(times)]
-    return Matrix(columns, tuple(repeated))
+    repeats = draw(st.lists(st.integers(1, 3), min_size=len(rows), max_size=len(rows)))
+    repeated = [row for row, times in zip(rows, repeats, strict=True) for _ in range(times)]
+    return GainMatrix(columns, tuple(repeated))
 
 
 @settings(max_examples=300, deadline=None)
 @given(matrices())
-def test_auxiliary_rows_are_found_again(matrix: Matrix) -> None:
-    played = wrapped(matrix.rows, kp=1, ki=2, spring=0)
-    found = structure(played, kp=1, spring=0)
-    assert tuple(played[i] for i in found.rows) == matrix.rows
+def test_added_auxiliary_rows_are_recovered(matrix: GainMatrix) -> None:
+    played = add_auxiliary_rows(matrix.rows, kp=1, ki=2, spring=0)
+    found = classify_rows(played, kp=1, spring=0)
+    assert tuple(played[i] for i in found.measured) == matrix.rows
     assert found.end == len(played) - 1
     assert played[0] != played[1]  # the change loads the set
     assert all(row[1] != -999.0 for row in played[:-1])
     assert all(row[1] <= 0.0 for row in played)
-    measured, others = set(found.rows), {*found.lead, *found.doubled, found.end}
+    measured, others = set(found.measured), {*found.lead, *found.doubled, found.end}
     assert measured | others == set(range(len(played)))
     assert not measured & others
 
@@ -237,19 +246,19 @@ def test_auxiliary_rows_are_found_again(matrix: Matrix) -> None:
     max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(matrix=matrices(), header=st.booleans())
-def test_what_was_written_is_read_again(
-    tmp_path: Path, suffix: str, matrix: Matrix, header: bool
+def test_write_and_read_round_trip(
+    tmp_path: Path, suffix: str, matrix: GainMatrix, header: bool
 ) -> None:
     path = tmp_path / f"g{suffix}"
     mask4_file.write(path, matrix, header=header)
     names = ",".join(("kp_n_s_per_m", "ki_n_per_m", "spring_n_per_m", *matrix.columns[3:]))
-    got = mask4.read(path, None if header else names)
-    assert got.matrix == matrix
-    assert got.found.undoubled == ()
+    matrix_file = mask4.read(path, None if header else names)
+    assert matrix_file.matrix == matrix
+    assert matrix_file.roles.not_doubled == ()
 
 
-def test_a_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
-    matrix = Matrix(ORDER[:3], ((490.9, -2000.0, 0.1 + 0.2), (-5715.0, -2000.0, 0.0)))
+def test_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
+    matrix = GainMatrix(COLUMN_ORDER[:3], ((490.9, -2000.0, 0.1 + 0.2), (-5715.0, -2000.0, 0.0)))
     path = tmp_path / "g.mat"
     mask4_file.write(path, matrix)
     assert mask4.read(path).matrix == matrix
@@ -260,41 +269,41 @@ def test_a_matlab_file_holds_plain_numbers(tmp_path: Path) -> None:
     assert [str(cell[0]) for cell in inside["columns"][0]] == ["Kp", "Ki", "springK"]
 
 
-def test_rows_no_file_may_hold_are_refused_at_once(tmp_path: Path) -> None:
-    bad = Matrix(ORDER[:3], ((0.0, -999.0, 0.0), (float("nan"), 1.0, 0.0)))
-    said = told(lambda: mask4_file.write(tmp_path / "g.xls", bad))
+def test_invalid_rows_are_not_written(tmp_path: Path) -> None:
+    bad = GainMatrix(COLUMN_ORDER[:3], ((0.0, -999.0, 0.0), (float("nan"), 1.0, 0.0)))
+    message = refusal(lambda: mask4_file.write(tmp_path / "g.xls", bad))
     for part in ("-999 ends a matrix", "nan is not a finite number", "out of range", "'.xls'"):
-        assert part in said
-    assert "no row to write" in told(
+        assert part in message
+    assert "no row to write" in refusal(
         lambda: mask4_file.write(tmp_path / "g.csv", bad._replace(rows=()))
     )
     assert list(tmp_path.iterdir()) == []
 
 
-def test_todays_matrix_there_and_back(tmp_path: Path) -> None:
+def test_todays_matrix_round_trip(tmp_path: Path) -> None:
     source = CONFIGS / "campaigns" / "csv_matrix.csv"
     today = read_csv(source)[0]
-    assert len(today.rows) == 6  # its end mark is no row
+    assert len(today.rows) == 6  # without its end mark
     mask4_file.write(tmp_path / "old.xlsx", today)
     back = mask4.read(tmp_path / "old.xlsx").matrix
-    again = file(tmp_path, csv_text(back, ["note"]), "csv_matrix.csv")
-    assert read_csv(again) == (today, ())
-    text = again.read_text() + "0,-999,0\n0,-1,0\n0,-2,0\n"
+    repeats = write_file(tmp_path, format_csv(back, ["note"]), "csv_matrix.csv")
+    assert read_csv(repeats) == (today, ())
+    text = repeats.read_text() + "0,-999,0\n0,-1,0\n0,-2,0\n"
     lines = len(text.splitlines())
-    assert read_csv(file(tmp_path, text, "more.csv")) == (today, (lines - 1, lines))
+    assert read_csv(write_file(tmp_path, text, "more.csv")) == (today, (lines - 1, lines))
     campaign = (CONFIGS / "campaigns" / "csv_matrix.yaml").read_text()
-    path = file(tmp_path, campaign.replace("../rigs", str(CONFIGS / "rigs")), "c.yaml")
+    path = write_file(tmp_path, campaign.replace("../rigs", str(CONFIGS / "rigs")), "c.yaml")
     points = open_campaign(path).points
     assert tuple((p.spring_rate, p.kp, p.ki) for p in points) == today.rows
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("1,2,3\n", "no header; allowed spring_n_per_m,kp_n_s_per_m,ki_n_per_m"),
-        ("springK,Kp,Ki\n1,2,3\n", "'springK' is no known column"),
+        ("springK,Kp,Ki\n1,2,3\n", "'springK' is not a known column"),
         ("spring_n_per_m,kp_n_s_per_m,ki_n_per_m\n1,-999,3\n", "no row before the end"),
     ],
 )
-def test_a_matrix_of_today_has_todays_names(tmp_path: Path, text: str, said: str) -> None:
-    assert said in told(lambda: read_csv(file(tmp_path, text)))
+def test_todays_matrix_needs_todays_names(tmp_path: Path, text: str, message: str) -> None:
+    assert message in refusal(lambda: read_csv(write_file(tmp_path, text)))

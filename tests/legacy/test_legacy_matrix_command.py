@@ -1,4 +1,4 @@
-"""`rig matrix` as a person or a script calls it."""
+"""The command `rig matrix`."""
 
 from __future__ import annotations
 
@@ -21,85 +21,85 @@ MATRIX = (
 )
 
 
-def rig(*words: str | Path) -> tuple[int, str, str]:
-    return rig_here("matrix", *words)
+def rig(*arguments: str | Path) -> tuple[int, str, str]:
+    return rig_here("matrix", *arguments)
 
 
-def in_json(*words: str | Path) -> tuple[int, dict[str, Any]]:
-    code, out, _ = rig(*words, "--json")
+def in_json(*arguments: str | Path) -> tuple[int, dict[str, Any]]:
+    code, out, _ = rig(*arguments, "--json")
     return code, json.loads(out)
 
 
 @pytest.fixture
-def old(tmp_path: Path) -> Path:
+def legacy_file(tmp_path: Path) -> Path:
     path = tmp_path / "GainMatrix002.csv"
     path.write_text(MATRIX)
     return path
 
 
-def test_what_was_found_is_said_line_by_line(old: Path) -> None:
-    code, out, _ = rig(old, "--style", "mask4")
+def test_reports_the_role_of_every_line(legacy_file: Path) -> None:
+    code, out, _ = rig(legacy_file, "--style", "mask4")
     assert code == 0
-    for said in (
+    for report in (
         "2 rows, 2 spring rates, 1 x Kp, 1 x Ki: lines 4, 6",
         "line 2: load row, about 5 s",
         "line 3: hold row, until 120 s of the wave clock",
         "line 5: doubled at a change of the spring rate",
         "line 7: Kp = -999",
     ):
-        assert said in out
-    code, said_too = in_json(old, "--style", "mask4")
-    assert said_too["lines"] == {
+        assert report in out
+    code, report_json = in_json(legacy_file, "--style", "mask4")
+    assert report_json["lines"] == {
         "measured": [4, 6], "lead": [2, 3], "doubled": [5], "undoubled": [], "repeated": [],
         "end": 7, "after_end": [],
     }  # fmt: skip
-    assert said_too["matrix"]["rows"] == [[-10000.0, -2000.0, 0.0], [500.0, -2000.0, 0.0]]
-    assert said_too["written"] is None
+    assert report_json["matrix"]["rows"] == [[-10000.0, -2000.0, 0.0], [500.0, -2000.0, 0.0]]
+    assert report_json["written"] is None
 
 
-def test_every_problem_comes_out_as_text_and_as_json(tmp_path: Path) -> None:
+def test_reports_every_problem_as_text_and_json(tmp_path: Path) -> None:
     path = tmp_path / "bad.csv"
     path.write_text("Kp,Ki,springK\n-1,x,3\n-1,nan,\n")
     code, _, errors = rig(path, "--style", "mask4")
     assert code == 2
     assert len(errors.splitlines()) == 3
     assert "bad.csv:2:2: ki_n_per_m: 'x' is not a number" in errors
-    code, said = in_json(path, "--style", "mask4")
+    code, report = in_json(path, "--style", "mask4")
     assert code == 2
-    assert [(p["line"], p["column"], p["key"]) for p in said["problems"]] == [
+    assert [(p["line"], p["column"], p["key"]) for p in report["problems"]] == [
         (2, 2, "ki_n_per_m"), (3, 2, "ki_n_per_m"), (3, 3, "spring_n_per_m"),
     ]  # fmt: skip
 
 
-def test_todays_matrix_says_which_calibration_it_was_read_with(old: Path, tmp_path: Path) -> None:
+def test_converted_matrix_names_its_calibration(legacy_file: Path, tmp_path: Path) -> None:
     new = tmp_path / "new.csv"
-    words = (old, "--style", "mask4", "--to", new, "--calibrations", CALIBRATIONS)
-    code, _, _ = rig(*words, "--calibration", "mask4_spring_rate", "--run", "36")
+    arguments = (legacy_file, "--style", "mask4", "--to", new, "--calibrations", CALIBRATIONS)
+    code, _, _ = rig(*arguments, "--calibration", "mask4_spring_rate", "--run", "36")
     assert code == 0
     text = new.read_text()
     assert "# from GainMatrix002.csv (MASK4)" in text
     assert "by mask4_spring_rate v2 (sha256 " in text
     assert "for run 36, MASK4 runs before 51" in text
     assert [row[0] for row in read_csv(new)[0].rows] == [-7690.0, 384.5]
-    assert rig(*words)[0] == 2  # it is there already
-    later = (*words, "--force", "--calibration", "mask4_spring_rate", "--run", "62")
+    assert rig(*arguments)[0] == 2  # the file exists already
+    later = (*arguments, "--force", "--calibration", "mask4_spring_rate", "--run", "62")
     assert rig(*later)[0] == 0
     assert [row[0] for row in read_csv(new)[0].rows] == [-10000.0, 500.0]
     assert "outside its range, unchanged" in new.read_text()
-    code, _, errors = rig(*words, "--force", "--calibration", "mask4_spring_rate")
+    code, _, errors = rig(*arguments, "--force", "--calibration", "mask4_spring_rate")
     assert code == 2
     assert "give --run" in errors
 
 
-def test_a_campaign_takes_all_but_its_matrix_from_another(old: Path, tmp_path: Path) -> None:
+def test_converted_campaign_extends_another(legacy_file: Path, tmp_path: Path) -> None:
     path = tmp_path / "deeper" / "from_mask4.yaml"
     path.parent.mkdir()
-    words = (old, "--style", "mask4", "--to", path)
-    code, _, errors = rig(*words)
+    arguments = (legacy_file, "--style", "mask4", "--to", path)
+    code, _, errors = rig(*arguments)
     assert code == 2
     assert "--campaign" in errors
     base = CONFIGS / "campaigns" / "default.yaml"
-    assert rig(*words, "--campaign", base)[0] == 0
+    assert rig(*arguments, "--campaign", base)[0] == 0
     report = check_campaign(path)
     assert report.ok, report.text()
     assert report.campaign is not None
@@ -108,7 +108,7 @@ def test_a_campaign_takes_all_but_its_matrix_from_another(old: Path, tmp_path: P
     assert rows == [(-10000.0, -2000.0, 0.0), (500.0, -2000.0, 0.0)]
 
 
-def test_a_row_no_campaign_takes_is_refused_in_the_old_file(tmp_path: Path) -> None:
+def test_invalid_row_is_reported_at_its_line_of_the_legacy_file(tmp_path: Path) -> None:
     path = tmp_path / "m.csv"
     path.write_text("Kp,Ki,springK\n-1,0,0\n500,0,0\n500,0,0\n-999,0,0\n")
     assert rig(path, "--style", "mask4")[0] == 0
@@ -119,22 +119,24 @@ def test_a_row_no_campaign_takes_is_refused_in_the_old_file(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["g.csv", "g.xlsx"])
-def test_an_old_file_is_written_from_todays_matrix(tmp_path: Path, name: str) -> None:
-    today = CONFIGS / "campaigns" / "csv_matrix.csv"
+def test_legacy_file_is_written_from_todays_matrix(tmp_path: Path, name: str) -> None:
+    todays_file = CONFIGS / "campaigns" / "csv_matrix.csv"
     path = tmp_path / name
-    code, out, _ = rig(path, "--style", "mask4", "--from", today)
+    code, out, _ = rig(path, "--style", "mask4", "--from", todays_file)
     assert code == 0
     assert "14 rows with load, hold, doubled and end rows" in out
-    assert mask4.read(path).matrix == read_csv(today)[0]
-    code, _, errors = rig(path, "--style", "mask4", "--from", today)
+    assert mask4.read(path).matrix == read_csv(todays_file)[0]
+    code, _, errors = rig(path, "--style", "mask4", "--from", todays_file)
     assert code == 2
     assert "--force overwrites it" in errors
-    assert in_json(path, "--style", "mask4", "--from", today, "--force", "--no-header")[0] == 0
-    assert mask4.read(path, "Kp,Ki,springK").matrix == read_csv(today)[0]
-    assert rig(tmp_path / "x.csv", "--style", "lupa", "--from", today)[0] == 2
+    assert (
+        in_json(path, "--style", "mask4", "--from", todays_file, "--force", "--no-header")[0] == 0
+    )
+    assert mask4.read(path, "Kp,Ki,springK").matrix == read_csv(todays_file)[0]
+    assert rig(tmp_path / "x.csv", "--style", "lupa", "--from", todays_file)[0] == 2
 
 
-def test_other_rigs_gains_are_shown_but_not_turned_without_a_statement(tmp_path: Path) -> None:
+def test_gains_of_other_rigs_need_a_statement_to_be_converted(tmp_path: Path) -> None:
     path, new = tmp_path / "l.csv", tmp_path / "new.csv"
     path.write_text("0,0\n-300,1400\n0,1450\n0,0\n")
     code, out, _ = rig(path, "--style", "lupa", "--step-s", "25")
@@ -145,23 +147,23 @@ def test_other_rigs_gains_are_shown_but_not_turned_without_a_statement(tmp_path:
     code, _, errors = rig(path, "--style", "lupa", "--to", new)
     assert code == 2
     assert "--lever-m" in errors
-    said = ("--lever-m", "0.0636651", "--gear", "1", "--positive-damping", "absorbs",
+    report = ("--lever-m", "0.0636651", "--gear", "1", "--positive-damping", "absorbs",
             "--spring-n-per-m", "0")  # fmt: skip
-    assert rig(path, "--style", "lupa", "--to", new, *said)[0] == 0
+    assert rig(path, "--style", "lupa", "--to", new, *report)[0] == 0
     assert read_csv(new)[0].rows == ((0.0, -1400.0, 300.0), (0.0, -1450.0, 0.0))
     assert "lever 0.0636651 m, gear 1, positive damping absorbs" in new.read_text()
-    code, told = in_json(path, "--style", "lupa", "--torque-constant-ratio", "0.924", *said)
-    assert told["factor"] == pytest.approx(0.924, rel=1e-12)
-    assert told["lines"] == {"active": [2, 3], "zero_before": [1], "zero_after": [4]}
+    code, converted = in_json(path, "--style", "lupa", "--torque-constant-ratio", "0.924", *report)
+    assert converted["factor"] == pytest.approx(0.924, rel=1e-12)
+    assert converted["lines"] == {"active": [2, 3], "zero_before": [1], "zero_after": [4]}
 
 
 def test_steps_become_the_interval_of_a_campaign(tmp_path: Path) -> None:
     path, new = tmp_path / "f.csv", tmp_path / "new.yaml"
     path.write_text("0,500,0,0,0,0,0,0\n0,600,0,0,0,0,0,0\n")
-    said = ("--lever-m", "0.5", "--gear", "3.75", "--positive-damping", "absorbs",
+    report = ("--lever-m", "0.5", "--gear", "3.75", "--positive-damping", "absorbs",
             "--spring-n-per-m", "490.9", "--flap", "aft", "--step-s", "31")  # fmt: skip
     base = CONFIGS / "campaigns" / "default.yaml"
-    code, _, errors = rig(path, "--style", "foswec", "--to", new, "--campaign", base, *said)
+    code, _, errors = rig(path, "--style", "foswec", "--to", new, "--campaign", base, *report)
     assert code == 0, errors
     report = check_campaign(new)
     assert report.ok, report.text()

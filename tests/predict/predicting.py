@@ -11,7 +11,7 @@ from rig.design.predictions import Prediction, predict
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import CheckReport, check_campaign
 from rig.sweep import sweep
-from rig.sweep.executors import threads
+from rig.sweep.executors import thread_executor
 
 __all__ = [
     "CONFIGS",
@@ -51,7 +51,7 @@ def simulated(path: Path) -> Any:
     It has the bits of a rehearsal (tests/batch/test_batch_bits.py) in a hundredth of the time.
     """
     opened = sweep.open_sweep(path, [], path.parent / "sweeps", sequential=True, lead_in=0.0)
-    return sweep.run(opened, threads(1), lambda outcome: None)
+    return sweep.run(opened, thread_executor(1), lambda outcome: None)
 
 
 def written(folder: Path, name: str, mapping: dict[str, Any]) -> Path:

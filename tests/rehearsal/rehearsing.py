@@ -18,7 +18,7 @@ from rig.execution.campaign import RunResult, rehearsal_mode, run_campaign
 from rig.planning.campaign import check_campaign
 from rig.processes.run_types import Snapshot
 from rig.sweep import sweep
-from rig.sweep.executors import threads
+from rig.sweep.executors import thread_executor
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 
@@ -82,7 +82,7 @@ def sweep_sequentially(path: Path) -> Any:
     It has the bits of a rehearsal (tests/batch/test_batch_bits) and takes a hundredth of its time.
     """
     options = sweep.open_sweep(path, [], path.parent / "sweeps", sequential=True, lead_in=0.0)
-    return sweep.run(options, threads(1), lambda _: None)
+    return sweep.run(options, thread_executor(1), lambda _: None)
 
 
 def load_rows(result: RunResult) -> Any:

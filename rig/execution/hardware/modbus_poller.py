@@ -41,7 +41,7 @@ BUSY_TIMEOUT_S = 0.2  # s of "busy" answers to one request, after which the turn
 READY_TIMEOUT_S = 5.0  # s in which every unit must answer once
 
 
-class RegisterSetup(NamedTuple):
+class RegisterPreset(NamedTuple):
     """A holding register that is set up before a unit's block is read or written."""
 
     first: int
@@ -57,7 +57,7 @@ class PolledBlock(NamedTuple):
     block: Block
     high_word_first: bool
     period: float  # s
-    register_setup: tuple[RegisterSetup, ...]
+    register_setup: tuple[RegisterPreset, ...]
     written: bool  # True: the loop's message is written; False: the block is read
     counter: int | None = None  # register of the same table that counts new values
 
@@ -207,7 +207,7 @@ def next_turn_time(now: float, period: float) -> float:
     return (math.floor((now - TURN_OFFSET_S) / period) + 1) * period + TURN_OFFSET_S
 
 
-def setup_blocks(polled: PolledBlock) -> list[tuple[Block, RegisterSetup]]:
+def setup_blocks(polled: PolledBlock) -> list[tuple[Block, RegisterPreset]]:
     """Return a block of one register for each register of a unit's set-up, in their order."""
     unit = polled.block.unit
     return [(Block(unit, "holding", setup.first, 1, ()), setup) for setup in polled.register_setup]
@@ -221,7 +221,7 @@ def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
             Block(settings["unit"], settings["table"], settings["first"], settings["size"], values)
         )
         name = settings["name"]
-        setup = tuple(RegisterSetup(*each) for each in settings["prepare"])
+        setup = tuple(RegisterPreset(*each) for each in settings["prepare"])
         yield PolledBlock(
             name,
             block,

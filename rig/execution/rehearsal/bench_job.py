@@ -20,10 +20,10 @@ _RELATIVE_TOLERANCE = 1e-6  # relative
 def session_plant_settings(session: Session) -> dict[str, Any]:
     """Return the simulated bench's configuration for `connect`, as JSON values."""
     settings: dict[str, Any] = {"plant": session.plant, "seed": session.file.seed}
-    session_seas = session_seas(session.file, session.points)
-    if not session_seas:
+    seas = session_seas(session.file, session.points)
+    if not seas:
         return settings
-    return settings | {"seas": [sea_as_dict(sea) for sea in session_seas]}
+    return settings | {"seas": [sea_as_dict(sea) for sea in seas]}
 
 
 def session_problems(pieces: SessionParts) -> tuple[Problem, ...]:

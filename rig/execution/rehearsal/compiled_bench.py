@@ -62,8 +62,8 @@ class _CompiledStep:
     def __init__(self, start: Any, module: ModuleType, lifted: tuple[ModuleType, ...], extra: str):
         """``extra``: name of the float that the step takes besides the actuation, or empty."""
         self._code = _compile_step(start, module, lifted, extra)
-        state = lifting.numbers(start.state)
-        self._x = np.array([*state, start.dt, *lifting.numbers(start.params), *start.normals])
+        state = lifting.flatten(start.state)
+        self._x = np.array([*state, start.dt, *lifting.flatten(start.params), *start.normals])
         self._state = self._x[: len(state)]
         # The first call of compiled code takes milliseconds, so it must not be in a tick.
         self.advance(*OFF, 0, 0, *([0.0] if extra else []), 0)
@@ -73,7 +73,7 @@ class _CompiledStep:
         return tuple.__new__(Reading, self._code.advance(self._x, *actuation))
 
     def put(self, state: Any) -> None:
-        self._state[:] = lifting.numbers(state)
+        self._state[:] = lifting.flatten(state)
 
     def state(self) -> Any:
         return self._code.unpack(self._state.tolist())
@@ -129,19 +129,19 @@ def _compile_step(
     start: Any, module: ModuleType, lifted: tuple[ModuleType, ...], extra: str
 ) -> Any:
     params, state = start.params, start.state
-    names = lifting.words(params) | lifting.words(state) | {Actuation}
+    names = lifting.tuple_types(params) | lifting.tuple_types(state) | {Actuation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
-    dt_index = len(lifting.numbers(state))
+    dt_index = len(lifting.flatten(state))
     source = _SOURCE_TEMPLATE.format(
         module=module.__name__,
         imports="\n".join([*sorted(imports), f"from {module.__name__} import sample, step"]),
         types="float64, " if extra else "",
         extra=f"{extra}, " if extra else "",
-        params=lifting.unpacking(params, "x", dt_index + 1),
-        state=lifting.unpacking(state, "x"),
-        normals=dt_index + 1 + len(lifting.numbers(params)),
+        params=lifting.unpack_source(params, "x", dt_index + 1),
+        state=lifting.unpack_source(state, "x"),
+        normals=dt_index + 1 + len(lifting.flatten(params)),
         dt=dt_index,
-        store="\n    ".join(lifting.packing(state, "state", "x")),
+        store="\n    ".join(lifting.pack_source(state, "state", "x")),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Reading._fields))) + ")",
     )
     return lifting.load(f"{module.__name__.rsplit('.', 1)[-1]}_step", source, lifted)

@@ -67,9 +67,9 @@ class CompiledStepper(Stepper):
     """A `Stepper` that runs compiled, on one array."""
 
     def __init__(self, start: Start) -> None:
-        state = lifting.numbers(start.state)
-        constants = lifting.numbers(start.params)
-        moment = [*lifting.numbers(STILL), start.dt]
+        state = lifting.flatten(start.state)
+        constants = lifting.flatten(start.params)
+        moment = [*lifting.flatten(STILL), start.dt]
         self._code = _compile_step(start)
         self._x = np.array([*state, *moment, *constants, *start.normals])
         self._state = self._x[: len(state)]
@@ -93,7 +93,7 @@ class CompiledStepper(Stepper):
     @params.setter
     def params(self, params: WaveBotParams) -> None:
         self._params = params
-        self._constants[:] = lifting.numbers(params)
+        self._constants[:] = lifting.flatten(params)
 
     @property
     def state(self) -> WaveBotState:
@@ -103,7 +103,7 @@ class CompiledStepper(Stepper):
 
     @state.setter
     def state(self, state: WaveBotState) -> None:
-        self._state[:] = lifting.numbers(state)
+        self._state[:] = lifting.flatten(state)
 
     @property
     def excitation(self) -> Excitation:
@@ -148,20 +148,20 @@ class CompiledStepper(Stepper):
 
 def _compile_step(start: Start) -> Any:
     params, state = start.params, start.state
-    names = lifting.words(params) | lifting.words(state) | {Actuation, Excitation}
+    names = lifting.tuple_types(params) | lifting.tuple_types(state) | {Actuation, Excitation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
-    after_state = len(lifting.numbers(state))
+    after_state = len(lifting.flatten(state))
     after_moment = after_state + len(STILL) + 1
     store = [
-        *lifting.packing(state, "state", "x"),
+        *lifting.pack_source(state, "state", "x"),
         *(f"x[{after_state + i}] = {name}" for i, name in enumerate(("heave", "surge"))),
     ]
     source = _SOURCE_TEMPLATE.format(
         imports="\n".join([*sorted(imports), "from sim_plant.wavebot import sample, step"]),
-        params=lifting.unpacking(params, "x", after_moment),
-        normals=after_moment + len(lifting.numbers(params)),
-        state=lifting.unpacking(state, "x"),
-        now=lifting.unpacking(STILL, "x", after_state),
+        params=lifting.unpack_source(params, "x", after_moment),
+        normals=after_moment + len(lifting.flatten(params)),
+        state=lifting.unpack_source(state, "x"),
+        now=lifting.unpack_source(STILL, "x", after_state),
         dt=after_moment - 1,
         store="\n    ".join(store),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Readings._fields))) + ")",

@@ -1,1 +1,1 @@
-"""Records of other recorders (basin data acquisition, power analyser) brought onto a run's time."""
+"""Merging of records of other recorders (basin data acquisition, power analyser) into a run."""

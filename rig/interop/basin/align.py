@@ -1,41 +1,47 @@
-"""A foreign recorder's clock aligned to a run's, by trigger and by sine, and whether they agree.
+"""Alignment of another recorder's clock to the clock of a run, by trigger and by sine.
 
-Three answers, as in the MASK4 test (MASK4 report (Sandia), 3.1; its tweSync script): the trigger's
-edge, good to the sampling step and for one moment; the lag of greatest cross-correlation of the
-sine, one for the whole record; and the fit that is used, of offset and drift to the sine's phase,
-cycle by cycle, in which the edge tells the whole cycles. A sine repeats, so an edge that is wrong
-by whole cycles cannot be found out.
+The module computes three estimates of the offset and compares them, as in the MASK4 test (MASK4
+report (Sandia), 3.1; its tweSync script):
+
+- the trigger's edge: one moment, resolved to one sampling step;
+- the lag of greatest cross-correlation of the sine: one value for the whole record;
+- the fit of offset and drift to the phase of the sine, cycle by cycle. The edge gives the number
+  of whole cycles. The alignment uses this fit.
+
+A sine repeats, so an edge error of whole cycles cannot be detected.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rig.interop.basin.clock import Clock, constant, fitted
+from rig.interop.basin.clock import Clock, constant_clock, fit_clock
 from rig.interop.basin.recording import Floats, Recording
-from rig.interop.basin.sync import Edge, Track, correlation_lag, phase_track, rising_edge
+from rig.interop.basin.sync import Edge, PhaseTrack, correlation_lag, phase_track, rising_edge
 
-DISAGREE = 0.025  # s, between edge and sine: more than half a step of 50 Hz either way explains
-LAGS_DISAGREE = 0.005  # s, between the correlation's lag and the fit at the record's middle
-FAST = 200e-6  # drift beyond which the rate of the file is not what it says
-POOR_DB = 10.0  # signal to noise of a sine below which it is not to be trusted
-CORRELATED_AT = 50.0  # Hz
+MAX_EDGE_DIFFERENCE = (
+    0.025  # s, between edge and sine; half a step at 50 Hz on both sides explains 20 ms
+)
+MAX_LAG_DIFFERENCE = 0.005  # s, between correlation lag and fit at the middle of the record
+MAX_DRIFT = 200e-6  # a larger drift means that the stated rate of the file is wrong
+MIN_SNR_DB = 10.0  # signal to noise of a usable sine
+CORRELATION_RATE = 50.0  # Hz, of the resampled signals that are correlated
 
-BLOCK = 10.0  # s, of which each gives one lag between twins
-WITHIN = 1.0  # s, in which it is looked for
-ALIKE = 0.8  # least correlation of a block that counts
-LEAST_BLOCKS = 5
+BLOCK_LENGTH = 10.0  # s; each block gives one lag of a matched channel
+MAX_BLOCK_LAG = 1.0  # s, search range of the lag
+MIN_CORRELATION = 0.8  # least correlation coefficient of a block that is used
+MIN_BLOCKS = 5
 
 
-class Reference(NamedTuple):
-    """What the run itself knows of the common signals, on its own clock."""
+class SyncReference(NamedTuple):
+    """Trigger and sine as the run recorded them, on the run's clock."""
 
     edge: Edge | None
-    sine: Track | None
+    sine: PhaseTrack | None
 
 
-class Twin(NamedTuple):
-    """A channel of the record, and the run's own record of the same quantity."""
+class MatchedChannel(NamedTuple):
+    """A channel of the record and the log field of the run that measures the same quantity."""
 
     channel: str
     time: Floats  # s of the run
@@ -43,213 +49,237 @@ class Twin(NamedTuple):
 
 
 class Lags(NamedTuple):
-    """Run time less recorder time, again and again through a record."""
+    """Run time minus recorder time at several moments of a record."""
 
-    what: str  # they were taken from
+    source: str  # "sine", or the name of the matched channel
     time: Floats  # s of the recorder
     lag: Floats  # s
-    snr_db: float | None = None  # of the sine, the worse of both sides
-    by_correlation: float | None = None  # s, one lag for the whole record
+    snr_db: float | None = None  # of the sine, the smaller of both sides
+    correlation_offset: float | None = None  # s, by one lag for the whole record
 
 
 class Alignment(NamedTuple):
-    """A recorder's clock in run time, how it was found, and what is doubtful about it."""
+    """A recorder's clock in run time, its method of alignment, consistency checks and alarms."""
 
     method: str  # "edge and sine", "edge", "stated", "stated and sine", "edge and CHANNEL"
     clock: Clock
-    edge_at: float | None  # s of the recorder, where its trigger rises
-    by_edge: float | None  # s, offset (run less recorder) at the edge, by the edge alone
-    edge_less_fit: float | None  # s, edge's offset less the clock's, at the edge
-    remarks: tuple[str, ...]  # what a reader should know
-    alarms: tuple[str, ...] = ()  # what should not be so
-    by_correlation: float | None = None  # s, offset at the middle of the sine's record
-    correlation_less_fit: float | None = None  # s, likewise at the middle
-    snr_db: float | None = None  # of the sine, the worse of both sides
-    cycles: Floats = np.zeros(0)  # s of the recorder, where lags were taken
-    residual: Floats = np.zeros(0)  # s, what the fit leaves there
+    edge_time: float | None  # s of the recorder, rise of its trigger
+    edge_offset: float | None  # s, offset (run minus recorder) at the edge, by the edge alone
+    edge_residual: float | None  # s, edge_offset minus the clock's offset at the edge
+    remarks: tuple[str, ...]  # notes for a reader of the result
+    alarms: tuple[str, ...] = ()  # failed consistency checks
+    correlation_offset: float | None = None  # s, offset at the middle of the sine's samples
+    correlation_residual: float | None = None  # s, correlation_offset minus the clock's there
+    snr_db: float | None = None  # of the sine, the smaller of both sides
+    lag_times: Floats = np.zeros(0)  # s of the recorder, times of the fitted lags
+    residuals: Floats = np.zeros(0)  # s, lags minus fit
 
     @property
     def drift_known(self) -> bool:
-        """Whether more than one moment of the clock is known."""
-        return len(self.cycles) > 0
+        """Whether the alignment estimated the drift: it needs lags at more than one moment."""
+        return len(self.lag_times) > 0
 
 
 def align(
     record: Recording,
-    reference: Reference,
+    reference: SyncReference,
     ttl: str | None,
     sine: str | None,
-    stated: float | None = None,
-    twin: Twin | None = None,
+    stated_offset: float | None = None,
+    match: MatchedChannel | None = None,
 ) -> Alignment:
-    """Align a record by its channels ``ttl`` and ``sine``, as far as it and the run have them.
+    """Align a record by its channels ``ttl`` and ``sine``, where record and run both have them.
 
-    ``stated``: offset (run less recorder, s) by a person; it stands in for the edge. ``twin``
-    stands in for the sine. ValueError if there is neither an edge on both sides nor a stated
-    offset, or if the twins have too little in common.
+    ``stated_offset`` (run minus recorder, s) comes from a person and replaces the edge. ``match``
+    replaces the sine. Raises ValueError if neither an edge on both sides nor a stated offset is
+    available, or if the matched channel and the log field correlate in too few blocks.
     """
     remarks: list[str] = []
     edge = rising_edge(record.time, record.channels[ttl]) if ttl else None
-    first = _first_guess(edge, reference.edge, stated, ttl, remarks)
-    known = "stated" if stated is not None else "edge"
-    by_edge = reference.edge.time - edge.time if edge and reference.edge else None
-    taken = (
-        twin_lags(record, twin, first)
-        if twin is not None
-        else _sine_lags(record, sine, reference.sine, first, remarks)
+    initial = _initial_clock(edge, reference.edge, stated_offset, ttl, remarks)
+    offset_source = "stated" if stated_offset is not None else "edge"
+    edge_offset = reference.edge.time - edge.time if edge and reference.edge else None
+    lags = (
+        match_lags(record, match, initial)
+        if match is not None
+        else _sine_lags(record, sine, reference.sine, initial, remarks)
     )
-    clock, left = (first, None) if taken is None else fitted(taken.time, taken.lag)
-    less = None
-    if by_edge is not None and edge is not None:
-        less = by_edge - (float(clock.to_run(edge.time)) - edge.time)
-    made = Alignment(known, clock, edge.time if edge else None, by_edge, less, tuple(remarks))
-    if taken is None or left is None:
-        return made._replace(remarks=(*remarks, "drift is not known: no sine on both sides"))
-    by_lag = taken.by_correlation
-    lag_less = None
-    if by_lag is not None:
-        lag_less = by_lag - (float(clock.to_run(clock.middle)) - clock.middle)
-    return made._replace(
-        method=f"{known} and {taken.what}",
-        alarms=tuple(_doubts(clock, taken.snr_db, less, lag_less)),
-        by_correlation=by_lag,
-        correlation_less_fit=lag_less,
-        snr_db=taken.snr_db,
-        cycles=taken.time,
-        residual=left,
+    clock, residuals = (initial, None) if lags is None else fit_clock(lags.time, lags.lag)
+    edge_residual = None
+    if edge_offset is not None and edge is not None:
+        edge_residual = edge_offset - (float(clock.to_run(edge.time)) - edge.time)
+    alignment = Alignment(
+        offset_source,
+        clock,
+        edge.time if edge else None,
+        edge_offset,
+        edge_residual,
+        tuple(remarks),
+    )
+    if lags is None or residuals is None:
+        return alignment._replace(
+            remarks=(*remarks, "drift is not known: the sine is not on both sides")
+        )
+    correlation_offset = lags.correlation_offset
+    correlation_residual = None
+    if correlation_offset is not None:
+        fitted_offset = float(clock.to_run(clock.middle)) - clock.middle
+        correlation_residual = correlation_offset - fitted_offset
+    return alignment._replace(
+        method=f"{offset_source} and {lags.source}",
+        alarms=tuple(_alarms(clock, lags.snr_db, edge_residual, correlation_residual)),
+        correlation_offset=correlation_offset,
+        correlation_residual=correlation_residual,
+        snr_db=lags.snr_db,
+        lag_times=lags.time,
+        residuals=residuals,
     )
 
 
 def _sine_lags(
-    record: Recording, sine: str | None, reference: Track | None, first: Clock, remarks: list[str]
+    record: Recording,
+    sine: str | None,
+    reference: PhaseTrack | None,
+    initial: Clock,
+    remarks: list[str],
 ) -> Lags | None:
-    """Lags by the phase of the sine; None where it is not on both sides."""
+    """Return lags by the phase of the sine; None if record or run has no sine."""
     if sine is None or reference is None:
         return None
     track = phase_track(record.time, record.channels[sine], reference.frequency)
     if track is None:
-        remarks.append(f"{sine}: less than three cycles of {reference.frequency:g} Hz, not used")
+        remarks.append(f"{sine}: fewer than three cycles of {reference.frequency:g} Hz, not used")
         return None
-    lag = lags(track, reference, first)
+    lag = phase_lags(track, reference, initial)
     snr = min(track.snr_db, reference.snr_db)
-    return Lags("sine", track.time, lag, snr, _correlated(record, sine, reference, first))
+    return Lags("sine", track.time, lag, snr, _correlation_offset(record, sine, reference, initial))
 
 
-def twin_lags(record: Recording, twin: Twin, first: Clock) -> Lags:
-    """Lags of greatest correlation of a channel with its twin in the run, block by block.
+def match_lags(record: Recording, match: MatchedChannel, initial: Clock) -> Lags:
+    """Return the lag of greatest correlation between a channel and its log field, block by block.
 
-    ``first`` must be right within a second, and within half a period of what is periodic.
+    The error of ``initial`` must be below one second, and below half a period of a periodic
+    signal. Raises ValueError if fewer than `MIN_BLOCKS` blocks correlate.
     """
-    good, own = np.isfinite(record.channels[twin.channel]), np.isfinite(twin.value)
-    there = first.to_run(record.time[good])
-    start, end = max(there[0], twin.time[0]), min(there[-1], twin.time[-1])
-    blocks = int((end - start) / BLOCK)
-    size = round(BLOCK * CORRELATED_AT)
-    time = start + np.arange(max(blocks, 0) * size) / CORRELATED_AT
-    theirs = np.interp(time, there, record.channels[twin.channel][good])
-    ours = np.interp(time, twin.time[own], twin.value[own])
-    middles, found = [], []
+    finite, run_finite = np.isfinite(record.channels[match.channel]), np.isfinite(match.value)
+    record_time = initial.to_run(record.time[finite])
+    start, end = max(record_time[0], match.time[0]), min(record_time[-1], match.time[-1])
+    blocks = int((end - start) / BLOCK_LENGTH)
+    size = round(BLOCK_LENGTH * CORRELATION_RATE)
+    time = start + np.arange(max(blocks, 0) * size) / CORRELATION_RATE
+    record_values = np.interp(time, record_time, record.channels[match.channel][finite])
+    run_values = np.interp(time, match.time[run_finite], match.value[run_finite])
+    middles, block_lags = [], []
     for k in range(blocks):
         block = slice(k * size, (k + 1) * size)
-        lag, alike = correlation_lag(time[block], theirs[block], ours[block], WITHIN)
-        if alike > ALIKE:
-            middles.append(float(first.from_run(time[block].mean())))
-            found.append(lag)
-    if len(found) < LEAST_BLOCKS:
+        lag, correlation = correlation_lag(
+            time[block], record_values[block], run_values[block], MAX_BLOCK_LAG
+        )
+        if correlation > MIN_CORRELATION:
+            middles.append(float(initial.from_run(time[block].mean())))
+            block_lags.append(lag)
+    if len(block_lags) < MIN_BLOCKS:
         raise ValueError(
-            f"{twin.channel} and its twin in the run are alike in {len(found)} of {blocks} blocks "
-            f"of {BLOCK:g} s; needed {LEAST_BLOCKS}"
+            f"{match.channel} and its log field correlate in {len(block_lags)} of {blocks} blocks "
+            f"of {BLOCK_LENGTH:g} s; needed {MIN_BLOCKS}"
         )
     middle = np.array(middles)
-    return Lags(twin.channel, middle, np.asarray(first.to_run(middle) - middle - np.array(found)))
+    return Lags(
+        match.channel, middle, np.asarray(initial.to_run(middle) - middle - np.array(block_lags))
+    )
 
 
-def in_words(one: Alignment) -> str:
-    """An alignment in a line: offset and drift with standard errors, what the trigger says."""
-    clock = one.clock
-    said = [f"offset {clock.offset:+.4f}"]
+def format_alignment(alignment: Alignment) -> str:
+    """Return an alignment as one line: method, offset and drift with errors, edge residual."""
+    clock = alignment.clock
+    parts = [f"offset {clock.offset:+.4f}"]
     if np.isfinite(clock.offset_error):
-        said[0] += f" ± {clock.offset_error:.4f}"
-    said[0] += f" s at {clock.middle:.1f} s of the record"
-    if one.drift_known:
-        said.append(f"drift {1e6 * clock.drift:+.2f} ± {1e6 * clock.drift_error:.2f} ppm")
-    if one.edge_less_fit is not None and one.drift_known:
-        said.append(f"trigger {1e3 * one.edge_less_fit:+.1f} ms from it")
-    return f"{one.method}: {', '.join(said)}"
+        parts[0] += f" ± {clock.offset_error:.4f}"
+    parts[0] += f" s at {clock.middle:.1f} s of the record"
+    if alignment.drift_known:
+        parts.append(f"drift {1e6 * clock.drift:+.2f} ± {1e6 * clock.drift_error:.2f} ppm")
+    if alignment.edge_residual is not None and alignment.drift_known:
+        parts.append(f"trigger {1e3 * alignment.edge_residual:+.1f} ms from it")
+    return f"{alignment.method}: {', '.join(parts)}"
 
 
-def _first_guess(
+def _initial_clock(
     edge: Edge | None,
-    of_run: Edge | None,
-    stated: float | None,
+    run_edge: Edge | None,
+    stated_offset: float | None,
     ttl: str | None,
     remarks: list[str],
 ) -> Clock:
-    """The clock by edge or statement alone."""
-    for where, one in (("the record", edge), ("the run", of_run)):
-        if one is not None and one.rises > 1:
-            times = f"{one.rises} times; its first rise is used"
-            remarks.append(f"the trigger of {where} rises {times}")
-    if stated is not None:
-        return constant(stated, float("nan"), 0.0)
+    """Return the clock by the stated offset or, without one, by the edge alone."""
+    for place, candidate in (("the record", edge), ("the run", run_edge)):
+        if candidate is not None and candidate.rises > 1:
+            times = f"{candidate.rises} times; its first rise is used"
+            remarks.append(f"the trigger of {place} rises {times}")
+    if stated_offset is not None:
+        return constant_clock(stated_offset, float("nan"), 0.0)
     if edge is None:
-        said = "has no trigger channel" if ttl is None else f"{ttl} does not rise"
-        raise ValueError(f"{said}; name its trigger, or state the offset")
-    if of_run is None:
+        problem = "the record has no trigger channel" if ttl is None else f"{ttl} does not rise"
+        raise ValueError(f"{problem}; name its trigger, or state the offset")
+    if run_edge is None:
         raise ValueError("the run has no trigger that rises; state the offset")
-    error = float(np.hypot(edge.error, of_run.error))
-    return constant(of_run.time - edge.time, error, edge.time)
+    error = float(np.hypot(edge.error, run_edge.error))
+    return constant_clock(run_edge.time - edge.time, error, edge.time)
 
 
-def lags(track: Track, reference: Track, first: Clock) -> Floats:
-    """Run time less recorder time (s) at each cycle: phases compared, whole cycles by ``first``."""
-    there = first.to_run(track.time)
-    phase = np.unwrap(track.phase - np.interp(there, reference.time, reference.phase))
-    found = phase / (2.0 * np.pi * reference.frequency)
-    guess = there - track.time
-    near = int(np.argmin(np.abs(track.time - first.middle)))  # where the edge speaks for the clock
-    whole: Floats = np.round((guess[near] - found[near]) * reference.frequency)
-    return np.asarray(found + whole / reference.frequency, dtype=np.float64)
+def phase_lags(track: PhaseTrack, reference: PhaseTrack, initial: Clock) -> Floats:
+    """Return run time minus recorder time (s) at each cycle, by the difference of the phases.
+
+    ``initial`` gives the number of whole cycles.
+    """
+    run_time = initial.to_run(track.time)
+    phase = np.unwrap(track.phase - np.interp(run_time, reference.time, reference.phase))
+    lag = phase / (2.0 * np.pi * reference.frequency)
+    expected = run_time - track.time
+    nearest = int(np.argmin(np.abs(track.time - initial.middle)))  # nearest to the edge
+    cycles: Floats = np.round((expected[nearest] - lag[nearest]) * reference.frequency)
+    return np.asarray(lag + cycles / reference.frequency, dtype=np.float64)
 
 
-def _correlated(record: Recording, sine: str, reference: Track, first: Clock) -> float:
-    """Offset (s) by the one lag at which the sines correlate best, as tweSync takes it."""
-    good = np.isfinite(record.channels[sine])
-    tau, value = first.to_run(record.time[good]), record.channels[sine][good]
-    count = int((tau[-1] - tau[0]) * CORRELATED_AT)
-    time = tau[0] + np.arange(count) / CORRELATED_AT
+def _correlation_offset(
+    record: Recording, sine: str, reference: PhaseTrack, initial: Clock
+) -> float:
+    """Return the offset (s) by the one lag at which the sines correlate best, as in tweSync."""
+    finite = np.isfinite(record.channels[sine])
+    tau, value = initial.to_run(record.time[finite]), record.channels[sine][finite]
+    count = int((tau[-1] - tau[0]) * CORRELATION_RATE)
+    time = tau[0] + np.arange(count) / CORRELATION_RATE
     phase = np.interp(time, reference.time, reference.phase)
-    wanted = np.sin(2.0 * np.pi * reference.frequency * time + phase)
+    expected = np.sin(2.0 * np.pi * reference.frequency * time + phase)
     half = 0.5 / reference.frequency
-    lag, _ = correlation_lag(time, np.interp(time, tau, value), wanted, half)
-    return first.offset - lag
+    lag, _ = correlation_lag(time, np.interp(time, tau, value), expected, half)
+    return initial.offset - lag
 
 
-def _doubts(
-    clock: Clock, snr: float | None, edge_less: float | None, lag_less: float | None
+def _alarms(
+    clock: Clock, snr: float | None, edge_residual: float | None, correlation_residual: float | None
 ) -> list[str]:
-    """Everything that should not be so, a sentence each."""
-    said = []
-    if edge_less is not None and abs(edge_less) > DISAGREE:
-        said.append(
-            f"trigger and sine disagree by {1e3 * edge_less:+.1f} ms, more than "
-            f"{1e3 * DISAGREE:g} ms: one of them is not what it seems"
+    """Return a message for each failed consistency check."""
+    alarms = []
+    if edge_residual is not None and abs(edge_residual) > MAX_EDGE_DIFFERENCE:
+        alarms.append(
+            f"trigger and sine disagree by {1e3 * edge_residual:+.1f} ms, more than "
+            f"{1e3 * MAX_EDGE_DIFFERENCE:g} ms: one of the two channels is wrong"
         )
     if clock.slip:
-        said.append(
+        alarms.append(
             f"the recorder's clock slips by {1e3 * clock.slip:+.1f} ms at "
-            f"{clock.slip_at:.1f} s of its record; it is followed across the slip"
+            f"{clock.slip_at:.1f} s of its record; the alignment includes the slip"
         )
-    elif lag_less is not None and abs(lag_less) > LAGS_DISAGREE:
-        said.append(
-            f"correlation of the sine and its phase disagree by {1e3 * lag_less:+.1f} ms, more "
-            f"than {1e3 * LAGS_DISAGREE:g} ms"
+    elif correlation_residual is not None and abs(correlation_residual) > MAX_LAG_DIFFERENCE:
+        alarms.append(
+            "correlation of the sine and its phase disagree by "
+            f"{1e3 * correlation_residual:+.1f} ms, more than {1e3 * MAX_LAG_DIFFERENCE:g} ms"
         )
-    if abs(clock.drift) > FAST:
-        said.append(
-            f"a drift of {1e6 * clock.drift:+.0f} ppm is more than clocks have: "
+    if abs(clock.drift) > MAX_DRIFT:
+        alarms.append(
+            f"the drift of {1e6 * clock.drift:+.0f} ppm exceeds {1e6 * MAX_DRIFT:g} ppm: "
             "the rate of the file is not its true rate"
         )
-    if snr is not None and not snr > POOR_DB:
-        said.append(f"the sine stands only {snr:.1f} dB above what is beside it")
-    return said
+    if snr is not None and not snr > MIN_SNR_DB:
+        alarms.append(f"the sine is only {snr:.1f} dB above the noise; needed {MIN_SNR_DB:g} dB")
+    return alarms

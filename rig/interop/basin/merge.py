@@ -1,6 +1,7 @@
-"""Records of other recorders merged into a run: all on the run's time, as products beside it.
+"""Merge records of other recorders into a run, resampled to the run's time.
 
-The run's own record is never touched. Merging the same files again gives the same bytes.
+The result is a product in the run's folder; the run's own record is never changed. Merging the same
+files again gives the same bytes.
 """
 
 import hashlib
@@ -12,141 +13,161 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray
 
-from rig.interop.basin.align import Alignment, Reference, Twin, align
-from rig.interop.basin.recording import METRES, Floats, Recording, read_recording, refused
-from rig.interop.basin.resample import cubic
-from rig.interop.basin.sync import Edge, computed, phase_track, rising_edge
+from rig.interop.basin.align import Alignment, MatchedChannel, SyncReference, align
+from rig.interop.basin.recording import (
+    METRES_PER_UNIT,
+    Floats,
+    Recording,
+    read_recording,
+    record_error,
+)
+from rig.interop.basin.resample import interpolate_cubic
+from rig.interop.basin.sync import Edge, ideal_sine, phase_track, rising_edge
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import run_info
 from rig.regular_file import MAX_RECORD_BYTES, read_regular
 
-TTL = ("ttltrigger", "ttl", "trigger")
-SINE = ("sinesignal", "syncsine", "sine")
-SYNC = "sync.csv"  # in a run's folder: trigger and sine as the run's own side saw them, run time
-OWN_CLOCK = "clock"  # in place of a field: a sine that is made from the run's clock
-FREQUENCY = 1.0  # Hz, of the common sine
+TTL_NAMES = ("ttltrigger", "ttl", "trigger")
+SINE_NAMES = ("sinesignal", "syncsine", "sine")
+SYNC_FILE = (
+    "sync.csv"  # in a run's folder: trigger and sine recorded on the run's side, in run time
+)
+RUN_CLOCK = "clock"  # instead of a log field: a sine that was generated from the run's clock
+SINE_FREQUENCY = 1.0  # Hz, of the common sine
 
-_PLACE = ("time", "plan.row", "plan.phase", "plan.attempt", "plan.wave_clock")
+_PLAN_FIELDS = ("time", "plan.row", "plan.phase", "plan.attempt", "plan.wave_clock")
 
 
-class Source(NamedTuple):
-    """A file to be merged, and what a person says of it."""
+class MergeSource(NamedTuple):
+    """A file to be merged, and its settings from the command line."""
 
-    name: str  # of its channels in the product
+    name: str  # prefix of its channels in the product
     path: Path
-    unit: str | None = None  # of all its channels, as `METRES`; None: kept as they are
-    offset: float | None = None  # s, run less recorder, in place of a trigger
-    match: tuple[str, str] | None = None  # channel and log field of one quantity, for the sine
+    unit: str | None = None  # of all its channels: a key of `METRES_PER_UNIT`; None: as recorded
+    offset: float | None = None  # s, run minus recorder, replaces the trigger
+    match: tuple[str, str] | None = None  # channel and log field of one quantity; replaces the sine
 
 
 class SyncChannels(NamedTuple):
-    """What is common to all files."""
+    """Trigger, sine and rate that all files have in common."""
 
-    ttl: str | None = None  # channel; None: one of the usual names
-    sine: str | None = None
-    run_sine: str | None = None  # log field, or `OWN_CLOCK`; None: that of `SYNC`, if it is there
-    frequency: float = FREQUENCY
-    rate: float | None = None  # Hz of the product; None: of the fastest file, at most the run's
+    ttl: str | None = None  # channel; None: a name of `TTL_NAMES`
+    sine: str | None = None  # channel; None: a name of `SINE_NAMES`
+    run_sine: str | None = None  # log field, or `RUN_CLOCK`; None: `SYNC_FILE`, if it exists
+    frequency: float = SINE_FREQUENCY
+    rate: float | None = None  # Hz of the product; None: the fastest file's, at most the run's
 
 
-class Merged(NamedTuple):
-    """Files on a run's time."""
+class MergedRecords(NamedTuple):
+    """Records resampled to a run's time."""
 
     table: xarray.Dataset  # over time (s of the run), channels as NAME.CHANNEL
-    sources: tuple[Source, ...]
+    sources: tuple[MergeSource, ...]
     records: tuple[Recording, ...]
     alignments: tuple[Alignment, ...]
 
     @property
     def alarms(self) -> list[str]:
-        """All that is doubtful, with the file's name."""
+        """All alarms of the alignments, each with the name of its source."""
         pairs = zip(self.sources, self.alignments, strict=True)
-        return [f"{source.name}: {said}" for source, one in pairs for said in one.alarms]
+        return [
+            f"{source.name}: {alarm}" for source, alignment in pairs for alarm in alignment.alarms
+        ]
 
 
-def merge(run: str | os.PathLike[str], sources: Sequence[Source], asked: SyncChannels) -> Merged:
-    """Align each file's clock to the run's and bring its channels onto one even time.
+def merge(
+    run: str | os.PathLike[str], sources: Sequence[MergeSource], sync: SyncChannels
+) -> MergedRecords:
+    """Align each file's clock to the run's and resample its channels to one even time.
 
-    Raises `ConfigError` for a file that cannot be read or aligned, RunError or KeyError for a run
-    or field that is not there.
+    Raises `ConfigError` for a file that cannot be read or aligned, RunError or KeyError for a
+    missing run or field.
     """
-    opened = reader.open_files(run)
-    names = [name for name in _PLACE if name in {leaf.name for leaf in opened.leaves}]
+    log = reader.open_files(run)
+    names = [name for name in _PLAN_FIELDS if name in {leaf.name for leaf in log.leaves}]
     field = None
-    if asked.run_sine not in (None, OWN_CLOCK):
-        field = _field(opened, str(asked.run_sine))
-    twins = {source.name: _field(opened, source.match[1]) for source in sources if source.match}
-    extra = [*([field] if field else []), *twins.values()]
-    place = reader.columns(opened, list(dict.fromkeys([*names, *extra])))
-    if len(place["time"]) < 2:
+    if sync.run_sine not in (None, RUN_CLOCK):
+        field = _field(log, str(sync.run_sine))
+    match_fields = {source.name: _field(log, source.match[1]) for source in sources if source.match}
+    extra = [*([field] if field else []), *match_fields.values()]
+    log_columns = reader.columns(log, list(dict.fromkeys([*names, *extra])))
+    if len(log_columns["time"]) < 2:
         raise RunError(f"{run}: no ticks to merge with")
-    known = _reference(Path(run), place, asked, field)
+    reference = _sync_reference(Path(run), log_columns, sync, field)
     records, alignments = [], []
     for source in sources:
         record = read_recording(source.path)
-        ttl, sine = channels(record, asked)
-        twin = None
+        ttl, sine = find_sync_channels(record, sync)
+        match = None
         if source.match:
             if source.match[0] not in record.channels:
-                there = ", ".join(record.channels)
-                message = f"{source.match[0]!r} is not in the record; allowed {there}"
-                raise refused(source.path, 1, source.match[0], message)
-            values = np.asarray(place[twins[source.name]], dtype=np.float64)
-            twin = Twin(source.match[0], np.asarray(place["time"]), values)
+                available = ", ".join(record.channels)
+                message = f"{source.match[0]!r} is not in the record; allowed {available}"
+                raise record_error(source.path, 1, source.match[0], message)
+            values = np.asarray(log_columns[match_fields[source.name]], dtype=np.float64)
+            match = MatchedChannel(source.match[0], np.asarray(log_columns["time"]), values)
         try:
-            alignments.append(align(record, known, ttl, sine, source.offset, twin))
+            alignments.append(align(record, reference, ttl, sine, source.offset, match))
         except ValueError as error:
-            raise refused(source.path, 1, source.name, str(error)) from None
+            raise record_error(source.path, 1, source.name, str(error)) from None
         records.append(record)
-    own = (len(place["time"]) - 1) / float(place["time"][-1] - place["time"][0])
-    rate = asked.rate or min(max(record.rate for record in records), own)
-    table = _on_one_time(place, rate, sources, records, alignments, asked)
-    table = table.assign_attrs(run_info(run, opened.contents).attributes())
-    return Merged(table, tuple(sources), tuple(records), tuple(alignments))
+    run_rate = (len(log_columns["time"]) - 1) / float(
+        log_columns["time"][-1] - log_columns["time"][0]
+    )
+    rate = sync.rate or min(max(record.rate for record in records), run_rate)
+    table = _merge_channels(log_columns, rate, sources, records, alignments, sync)
+    table = table.assign_attrs(run_info(run, log.contents).attributes())
+    return MergedRecords(table, tuple(sources), tuple(records), tuple(alignments))
 
 
-def _field(opened: reader.RunFiles, named: str) -> str:
-    """The one log field of a name; KeyError for none, and for several."""
-    field, *more = reader.select_fields(opened.leaves, [named])
+def _field(log: reader.RunFiles, name: str) -> str:
+    """Return the log field of a name; raise KeyError for no field and for several."""
+    field, *more = reader.select_fields(log.leaves, [name])
     if more:
-        raise KeyError(f"{named} is {1 + len(more)} fields; name one of them")
+        raise KeyError(f"{name} is {1 + len(more)} fields; name one of them")
     return field
 
 
-def channels(record: Recording, asked: SyncChannels) -> tuple[str | None, str | None]:
-    """Names of the trigger and the sine in a record: those asked for, or the usual ones."""
-    found = []
-    for named, usual in ((asked.ttl, TTL), (asked.sine, SINE)):
-        here = named if named in record.channels else None
-        known = {name.lower().replace("_", ""): name for name in record.channels}
-        found.append(here or next((known[name] for name in usual if name in known), None))
-    return found[0], found[1]
+def find_sync_channels(record: Recording, sync: SyncChannels) -> tuple[str | None, str | None]:
+    """Return the names of trigger and sine in a record; None for each that it lacks.
+
+    The names in ``sync`` come first, then `TTL_NAMES` and `SINE_NAMES`.
+    """
+    names = []
+    for wanted_name, usual_names in ((sync.ttl, TTL_NAMES), (sync.sine, SINE_NAMES)):
+        requested = wanted_name if wanted_name in record.channels else None
+        by_plain_name = {name.lower().replace("_", ""): name for name in record.channels}
+        names.append(
+            requested
+            or next((by_plain_name[name] for name in usual_names if name in by_plain_name), None)
+        )
+    return names[0], names[1]
 
 
-def _reference(
-    run: Path, place: dict[str, Any], asked: SyncChannels, field: str | None
-) -> Reference:
-    """Trigger and sine as the run knows them."""
-    time = np.asarray(place["time"], dtype=np.float64)
-    edge, sine = _wave_start(time, place.get("plan.wave_clock")), None
-    beside = (run if run.is_dir() else run.parent) / SYNC
-    if beside.is_file():
-        own = read_recording(beside)
-        ttl, tone = channels(own, asked)
-        edge = rising_edge(own.time, own.channels[ttl]) if ttl else edge
-        if tone and asked.run_sine is None:
-            sine = phase_track(own.time, own.channels[tone], asked.frequency)
-    if asked.run_sine == OWN_CLOCK:
-        sine = computed(asked.frequency)
+def _sync_reference(
+    run: Path, log_columns: dict[str, Any], sync: SyncChannels, field: str | None
+) -> SyncReference:
+    """Return trigger and sine as the run recorded them."""
+    time = np.asarray(log_columns["time"], dtype=np.float64)
+    edge, sine = _wave_start(time, log_columns.get("plan.wave_clock")), None
+    path = (run if run.is_dir() else run.parent) / SYNC_FILE
+    if path.is_file():
+        recording = read_recording(path)
+        ttl, tone = find_sync_channels(recording, sync)
+        edge = rising_edge(recording.time, recording.channels[ttl]) if ttl else edge
+        if tone and sync.run_sine is None:
+            sine = phase_track(recording.time, recording.channels[tone], sync.frequency)
+    if sync.run_sine == RUN_CLOCK:
+        sine = ideal_sine(sync.frequency)
     elif field:
-        sine = phase_track(time, np.asarray(place[field], dtype=np.float64), asked.frequency)
+        sine = phase_track(time, np.asarray(log_columns[field], dtype=np.float64), sync.frequency)
         if sine is None:
-            raise RunError(f"{run}: {field} holds less than three cycles of a sine")
-    return Reference(edge, sine)
+            raise RunError(f"{run}: {field} holds fewer than three cycles of a sine")
+    return SyncReference(edge, sine)
 
 
 def _wave_start(time: Floats, clock: Any) -> Edge | None:
-    """When the run told the wave maker to start: the tick itself, no sampling in between."""
+    """Return the edge at which the run started the wave maker; its time is that of the tick."""
     if clock is None:
         return None
     on = np.asarray(clock) >= 0.0
@@ -157,42 +178,48 @@ def _wave_start(time: Floats, clock: Any) -> Edge | None:
     return Edge(float(time[rises[0]]), step / 12.0**0.5, int(rises.size))
 
 
-def _on_one_time(
-    place: dict[str, Any],
+def _merge_channels(
+    log_columns: dict[str, Any],
     rate: float,
-    sources: Sequence[Source],
+    sources: Sequence[MergeSource],
     records: list[Recording],
     alignments: list[Alignment],
-    asked: SyncChannels,
+    sync: SyncChannels,
 ) -> xarray.Dataset:
-    start, end = float(place["time"][0]), float(place["time"][-1])
+    start, end = float(log_columns["time"][0]), float(log_columns["time"][-1])
     time = np.arange(np.ceil(start * rate), np.floor(end * rate + 1e-9) + 1.0) / rate
-    near = np.clip(np.searchsorted(place["time"], time - 1e-9), 0, len(place["time"]) - 1)
-    made: dict[str, Any] = {
-        name: ("time", np.asarray(place[name])[near]) for name in _PLACE[1:] if name in place
+    nearest = np.clip(
+        np.searchsorted(log_columns["time"], time - 1e-9), 0, len(log_columns["time"]) - 1
+    )
+    variables: dict[str, Any] = {
+        name: ("time", np.asarray(log_columns[name])[nearest])
+        for name in _PLAN_FIELDS[1:]
+        if name in log_columns
     }
-    for source, record, one in zip(sources, records, alignments, strict=True):
-        at = one.clock.from_run(time)
-        scale = METRES[source.unit] if source.unit else 1.0
+    for source, record, alignment in zip(sources, records, alignments, strict=True):
+        record_time = alignment.clock.from_run(time)
+        scale = METRES_PER_UNIT[source.unit] if source.unit else 1.0
         for name, value in record.channels.items():
-            if name in channels(record, asked):
-                continue  # they have done their duty, and a cubic through a trigger is no trigger
+            if name in find_sync_channels(record, sync):
+                continue  # only needed for the alignment; a cubic through a trigger would overshoot
             units = {"units": "m" if source.unit else "as recorded", "channel": name}
-            values = scale * cubic(record.time, value, at)
-            made[f"{source.name}.{name}"] = ("time", values, units)
-    return xarray.Dataset(made, {"time": ("time", time, {"units": "s"})})
+            values = scale * interpolate_cubic(record.time, value, record_time)
+            variables[f"{source.name}.{name}"] = ("time", values, units)
+    return xarray.Dataset(variables, {"time": ("time", time, {"units": "s"})})
 
 
-def as_json(merged: Merged) -> list[dict[str, Any]]:
-    """Each file's clock as plain data; what is not known is null."""
+def to_json(merged: MergedRecords) -> list[dict[str, Any]]:
+    """Return each file's clock as plain data for JSON; unknown numbers are null."""
 
-    def known(value: float | None) -> float | None:
+    def finite_or_none(value: float | None) -> float | None:
         return float(value) if value is not None and np.isfinite(value) else None
 
-    told = []
-    for source, record, one in zip(merged.sources, merged.records, merged.alignments, strict=True):
-        clock, ends = one.clock, record.time[[0, -1]]
-        told.append(
+    entries = []
+    for source, record, alignment in zip(
+        merged.sources, merged.records, merged.alignments, strict=True
+    ):
+        clock, ends = alignment.clock, record.time[[0, -1]]
+        entries.append(
             {
                 "name": source.name,
                 "file": source.path.name,
@@ -200,22 +227,22 @@ def as_json(merged: Merged) -> list[dict[str, Any]]:
                 "rate_hz": record.rate,
                 "samples": len(record.time),
                 "run_time_s": [float(t) for t in clock.to_run(ends)],
-                "method": one.method,
+                "method": alignment.method,
                 "offset_s": clock.offset,
-                "offset_error_s": known(clock.offset_error),
+                "offset_error_s": finite_or_none(clock.offset_error),
                 "at_s": clock.middle,
-                "drift_ppm": 1e6 * clock.drift if one.drift_known else None,
-                "drift_error_ppm": 1e6 * clock.drift_error if one.drift_known else None,
-                "error_at_ends_s": [known(float(e)) for e in clock.error(ends)],
-                "by_edge_s": known(one.by_edge),
-                "by_correlation_s": known(one.by_correlation),
-                "edge_less_fit_s": known(one.edge_less_fit),
-                "correlation_less_fit_s": known(one.correlation_less_fit),
-                "sine_snr_db": known(one.snr_db),
+                "drift_ppm": 1e6 * clock.drift if alignment.drift_known else None,
+                "drift_error_ppm": 1e6 * clock.drift_error if alignment.drift_known else None,
+                "error_at_ends_s": [finite_or_none(float(e)) for e in clock.error(ends)],
+                "by_edge_s": finite_or_none(alignment.edge_offset),
+                "by_correlation_s": finite_or_none(alignment.correlation_offset),
+                "edge_less_fit_s": finite_or_none(alignment.edge_residual),
+                "correlation_less_fit_s": finite_or_none(alignment.correlation_residual),
+                "sine_snr_db": finite_or_none(alignment.snr_db),
                 "slip_s": clock.slip or None,
-                "slip_at_s": known(clock.slip_at),
-                "alarms": list(one.alarms),
-                "remarks": list(one.remarks),
+                "slip_at_s": finite_or_none(clock.slip_at),
+                "alarms": list(alignment.alarms),
+                "remarks": list(alignment.remarks),
             }
         )
-    return told
+    return entries

@@ -1,4 +1,4 @@
-"""What a merge leaves in a run's folder: the channels on the run's time, by row, and the clocks."""
+"""Products of a merge in a run's folder: resampled channels, row means, and the clocks."""
 
 import csv
 import json
@@ -10,61 +10,62 @@ import xarray
 from matplotlib.axes import Axes
 
 from rig.analysis import picture
-from rig.interop.basin.align import DISAGREE, Alignment, in_words
-from rig.interop.basin.merge import Merged, as_json
+from rig.interop.basin.align import MAX_EDGE_DIFFERENCE, Alignment, format_alignment
+from rig.interop.basin.merge import MergedRecords, to_json
 from rig.interop.basin.recording import Recording
 from rig.realtime.sequence import Phase
 
-LINE, EDGE = "#0b6e99", picture.ACCENT
-_SMOOTH = 30  # lags, of the line through the residuals
+LINE_COLOUR, EDGE_COLOUR = "#0b6e99", picture.ACCENT
+_SMOOTHING_LAGS = 30  # window of the moving average through the residuals
 
 
-def write(merged: Merged, folder: Path) -> list[Path]:
-    """``merged.nc``, ``merged_rows.csv`` where rows were measured, ``merged.json``, ``merged.png``.
+def write_products(merged: MergedRecords, folder: Path) -> list[Path]:
+    """Write the products of a merge to a folder; return the files written.
 
-    Gives the files written; what an earlier merge left under these names is replaced.
+    They are ``merged.nc``, ``merged.json``, ``merged.png`` and, for measured rows,
+    ``merged_rows.csv``. Files of these names from an earlier merge are replaced.
     """
-    table, data = folder / "merged.nc", folder / "merged.json"
-    merged.table.to_netcdf(table, engine="h5netcdf")
-    data.write_text(json.dumps(as_json(merged), indent=2, ensure_ascii=False) + "\n")
+    netcdf_path, json_path = folder / "merged.nc", folder / "merged.json"
+    merged.table.to_netcdf(netcdf_path, engine="h5netcdf")
+    json_path.write_text(json.dumps(to_json(merged), indent=2, ensure_ascii=False) + "\n")
     rows = row_means(merged.table)
-    made = [table, data, write_picture(merged, folder / "merged.png")]
+    written = [netcdf_path, json_path, write_picture(merged, folder / "merged.png")]
     if not rows:
-        return made
-    text = folder / "merged_rows.csv"
-    with text.open("w", newline="", encoding="utf-8") as file:
+        return written
+    csv_path = folder / "merged_rows.csv"
+    with csv_path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    return [*made, text]
+    return [*written, csv_path]
 
 
 def row_means(table: xarray.Dataset) -> list[dict[str, Any]]:
-    """Mean and standard deviation of every channel over each row's measured window.
+    """Return mean and standard deviation of every channel over each row's measured window.
 
-    The last attempt at a row counts. A window that a record does not cover whole gives NaN.
+    The last attempt at a row counts. A window that a record does not cover completely gives NaN.
     """
     if "plan.row" not in table:
         return []
     row, phase = table["plan.row"].values, table["plan.phase"].values
     attempt = table["plan.attempt"].values
     names = [str(name) for name in table.data_vars if not str(name).startswith("plan.")]
-    found = []
-    for one in np.unique(row[(phase == Phase.MEASURE) & (row >= 0)]).tolist():
-        inside = (row == one) & (phase == Phase.MEASURE)
+    means = []
+    for number in np.unique(row[(phase == Phase.MEASURE) & (row >= 0)]).tolist():
+        inside = (row == number) & (phase == Phase.MEASURE)
         inside &= attempt == attempt[inside].max()
-        line: dict[str, Any] = {"row": one, "samples": int(inside.sum())}
+        entry: dict[str, Any] = {"row": number, "samples": int(inside.sum())}
         for name in names:
             values = table[name].values[inside]
             unit = table[name].attrs["units"]
-            line[f"{name} mean [{unit}]"] = float(values.mean())
-            line[f"{name} deviation [{unit}]"] = float(values.std())
-        found.append(line)
-    return found
+            entry[f"{name} mean [{unit}]"] = float(values.mean())
+            entry[f"{name} deviation [{unit}]"] = float(values.std())
+        means.append(entry)
+    return means
 
 
-def write_picture(merged: Merged, path: Path) -> Path:
-    """Each file's lags against the fitted clock, by sine or twin, and where its trigger stands."""
+def write_picture(merged: MergedRecords, path: Path) -> Path:
+    """Draw each file's lags minus the fitted clock, and the residual of its trigger."""
     count = len(merged.sources)
     figure, body = picture.framed_figure(
         10.0,
@@ -72,38 +73,50 @@ def write_picture(merged: Merged, path: Path) -> Path:
         f"Clocks of merged records: {picture.campaign_name(merged.table.attrs)}",
         merged.table.attrs,
         "",
-        "what the fit of offset and drift leaves; run less recorder",
+        "residuals of the fit of offset and drift; run minus recorder",
         "; ".join(merged.alarms),
     )
     panels: Any = np.atleast_1d(body.subplots(count, 1))
-    for axes, source, record, one in zip(
+    for axes, source, record, alignment in zip(
         panels, merged.sources, merged.records, merged.alignments, strict=True
     ):
-        _residuals(axes, record, one)
-        axes.set_title(f"{source.name}:  {in_words(one)}", fontsize=8.5, loc="left")
+        _plot_residuals(axes, record, alignment)
+        axes.set_title(f"{source.name}:  {format_alignment(alignment)}", fontsize=8.5, loc="left")
     panels[-1].set_xlabel("recorder's time, s", fontsize=8)
     return picture.save(figure, path)
 
 
-def _residuals(axes: Axes, record: Recording, one: Alignment) -> None:
-    if len(one.cycles):
-        width = min(_SMOOTH, len(one.cycles))
-        even = np.full(width, 1.0 / width)
-        middle = np.convolve(one.cycles, even, "valid")
-        smooth = _shown(one, middle, np.convolve(one.residual, even, "valid"))
-        size = 3.0 if len(one.cycles) < 300 else 1.5
-        every = _shown(one, one.cycles, one.residual)
-        axes.plot(one.cycles, every, ".", ms=size, color=LINE, alpha=0.45, label="each lag")
-        axes.plot(middle, smooth, color=LINE, lw=1.2, label=f"mean of {width}")
+def _plot_residuals(axes: Axes, record: Recording, alignment: Alignment) -> None:
+    if len(alignment.lag_times):
+        width = min(_SMOOTHING_LAGS, len(alignment.lag_times))
+        weights = np.full(width, 1.0 / width)
+        middle = np.convolve(alignment.lag_times, weights, "valid")
+        smooth = _residuals_ms(
+            alignment, middle, np.convolve(alignment.residuals, weights, "valid")
+        )
+        size = 3.0 if len(alignment.lag_times) < 300 else 1.5
+        values = _residuals_ms(alignment, alignment.lag_times, alignment.residuals)
+        axes.plot(
+            alignment.lag_times,
+            values,
+            ".",
+            ms=size,
+            color=LINE_COLOUR,
+            alpha=0.45,
+            label="each lag",
+        )
+        axes.plot(middle, smooth, color=LINE_COLOUR, lw=1.2, label=f"mean of {width}")
     else:
-        axes.text(0.5, 0.2, "no sine: one moment is known, and no drift", fontsize=8, ha="center",
-                  color=picture.MUTED, transform=axes.transAxes)  # fmt: skip
-    if one.edge_at is not None and one.edge_less_fit is not None:
-        bar = 1e3 * DISAGREE
+        axes.text(
+            0.5, 0.2, "no sine: only one moment is known, the drift is unknown",
+            fontsize=8, ha="center", color=picture.MUTED, transform=axes.transAxes,
+        )  # fmt: skip
+    if alignment.edge_time is not None and alignment.edge_residual is not None:
+        tolerance = 1e3 * MAX_EDGE_DIFFERENCE
         axes.errorbar(
-            one.edge_at, 1e3 * one.edge_less_fit, yerr=bar,
-            fmt="D", ms=4, color=EDGE, lw=1.0, capsize=3,
-            label=f"trigger ± {bar:g} ms, beyond which there is an alarm",
+            alignment.edge_time, 1e3 * alignment.edge_residual, yerr=tolerance,
+            fmt="D", ms=4, color=EDGE_COLOUR, lw=1.0, capsize=3,
+            label=f"trigger ± {tolerance:g} ms (alarm beyond)",
         )  # fmt: skip
     axes.axhline(0.0, color=picture.FRAME, lw=0.8, zorder=0)
     axes.set_xlim(record.time[0], record.time[-1])
@@ -114,6 +127,6 @@ def _residuals(axes: Axes, record: Recording, one: Alignment) -> None:
     picture.style_axes(axes)
 
 
-def _shown(one: Alignment, time: Any, left: Any) -> Any:
-    """Residuals (s) in ms, a slip left in them so that it can be seen."""
-    return 1e3 * (left + np.where(time >= one.clock.slip_at, one.clock.slip, 0.0))
+def _residuals_ms(alignment: Alignment, time: Any, residuals: Any) -> Any:
+    """Return residuals (s) in ms, with a slip added back so that the plot shows it."""
+    return 1e3 * (residuals + np.where(time >= alignment.clock.slip_at, alignment.clock.slip, 0.0))

@@ -1,1 +1,1 @@
-"""Runs for other tools and from them: the MASK4 MATLAB structure, NetCDF, CSV."""
+"""Export of runs for other tools and import from them: MASK4 MATLAB structure, NetCDF, CSV."""

@@ -1,4 +1,4 @@
-"""A run as the MASK4 MATLAB structure: one variable a bus, read by the test's own scripts."""
+"""Export a run as the MASK4 MATLAB structure: one variable per bus, for the test's own scripts."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -7,120 +7,131 @@ import numpy as np
 import numpy.typing as npt
 
 from rig.analysis.windows import find_incomplete_windows
-from rig.interop.basin.merge import FREQUENCY
-from rig.interop.exchange.mask4_fields import FIELDS, KT_N, OWN, PLACE, RATE, TIMED, TTL_HIGH
+from rig.interop.basin.merge import SINE_FREQUENCY
+from rig.interop.exchange.mask4_fields import (
+    FIELDS,
+    NEWTONS_PER_AMPERE,
+    PLAN_FIELDS,
+    RIG_BUS,
+    SAMPLE_RATE,
+    TIMED_BUSES,
+    TTL_HIGH,
+)
 from rig.realtime.sequence import Phase
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 
 Structure = dict[str, dict[str, Any]]
 
-START_S = 120.0  # s from runCounter's 1 to the first row, as their scripts count
+LEAD_S = 120.0  # s from runCounter's 1 to the first row, as the MASK4 scripts count
 PROBES = ("probes.probe_1", "probes.probe_2", "probes.probe_3")
-_CLOCK = "plan.wave_clock"
+_WAVE_CLOCK = "plan.wave_clock"
 
 
-class Exported(NamedTuple):
-    """A structure, and what does not quite fit into it."""
+class Mask4Export(NamedTuple):
+    """A MASK4 structure, and remarks on features of the run that do not fit into it."""
 
     buses: Structure
     remarks: tuple[str, ...]
 
 
-def structure(run: Path, rate: float = RATE) -> Exported:
-    """The buses of a run, each field a column over samples; ``rate`` (Hz) divides the run's.
+def export_structure(run: Path, rate: float = SAMPLE_RATE) -> Mask4Export:
+    """Return the buses of a run, each field a column over samples at ``rate`` (Hz).
 
-    Every n-th tick is taken, as a slow scope does. RunError for a rate that does not divide the
-    run's, and for a run of another kind of rig. ``rigSignals.incomplete`` is 1 in measured windows
-    of which the record lacks ticks.
+    The function takes every n-th tick, as a slow scope does. Raises RunError for a rate that does
+    not divide the run's, and for a run of another kind of rig. ``rigSignals.incomplete`` is 1 in
+    measured windows with ticks missing from the record.
     """
-    opened = reader.open_files(run)
-    there = {leaf.name for leaf in opened.leaves}
-    wanted = {field.leaf for field in FIELDS} | {*PLACE, _CLOCK, *PROBES}
-    if absent := sorted(wanted - there):
+    source = reader.open_files(run)
+    available = {leaf.name for leaf in source.leaves}
+    fields = {field.log_field for field in FIELDS} | {*PLAN_FIELDS, _WAVE_CLOCK, *PROBES}
+    if absent := sorted(fields - available):
         raise RunError(f"{run}: no MASK4 structure without {', '.join(absent)}")
-    data = reader.columns(opened, ["time", "tick", *sorted(wanted)])
-    known = run_info(run, opened.contents)
+    data = reader.columns(source, ["time", "tick", *sorted(fields)])
+    run_facts = run_info(run, source.contents)
     ticks = data["tick"]
-    step = _every(run, data["time"], ticks, rate)
-    kept = np.flatnonzero((ticks - ticks[0]) % step == 0)
-    data = {name: values[kept] for name, values in data.items()}
-    made = _structure(data, known)
-    lacking = find_incomplete_windows(run)
-    made.buses[OWN]["incomplete"] = column(lacking.mask(data["time"]))
-    return made._replace(remarks=(*made.remarks, *lacking.messages))
+    step = _ticks_per_sample(run, data["time"], ticks, rate)
+    samples = np.flatnonzero((ticks - ticks[0]) % step == 0)
+    data = {name: values[samples] for name, values in data.items()}
+    exported = _build_structure(data, run_facts)
+    gaps = find_incomplete_windows(run)
+    exported.buses[RIG_BUS]["incomplete"] = to_column(gaps.mask(data["time"]))
+    return exported._replace(remarks=(*exported.remarks, *gaps.messages))
 
 
-def _every(run: Path, time: Any, ticks: Any, rate: float) -> int:
-    """How many ticks are one sample."""
-    own = float(ticks[-1] - ticks[0]) / float(time[-1] - time[0])  # rows may be missing between
-    step = round(own / rate)
-    if step < 1 or abs(own / step - rate) > 1e-6 * rate:
-        fits = ", ".join(f"{own / n:g}" for n in (1, 2, 5, 10, 20))
-        raise RunError(f"{run}: {rate:g} Hz does not divide its {own:g} Hz; allowed {fits}, ...")
+def _ticks_per_sample(run: Path, time: Any, ticks: Any, rate: float) -> int:
+    """Return the number of ticks per sample."""
+    # By ticks, because rows may be missing in between.
+    run_rate = float(ticks[-1] - ticks[0]) / float(time[-1] - time[0])
+    step = round(run_rate / rate)
+    if step < 1 or abs(run_rate / step - rate) > 1e-6 * rate:
+        allowed = ", ".join(f"{run_rate / n:g}" for n in (1, 2, 5, 10, 20))
+        raise RunError(
+            f"{run}: {rate:g} Hz does not divide its {run_rate:g} Hz; allowed {allowed}, ..."
+        )
     return step
 
 
-def _structure(data: dict[str, Any], known: RunInfo) -> Exported:
-    drive = str(((known.config.get("rig") or {}).get("drive") or {}).get("kind") or "cots")
-    ampere = _newtons_per_ampere(known)
+def _build_structure(data: dict[str, Any], run_facts: RunInfo) -> Mask4Export:
+    drive = str(((run_facts.config.get("rig") or {}).get("drive") or {}).get("kind") or "cots")
+    newtons_per_ampere = _newtons_per_ampere(run_facts)
     time = np.asarray(data["time"], dtype=np.float64)
-    made: Structure = {bus: {"time": column(time)} for bus in TIMED}
+    buses: Structure = {bus: {"time": to_column(time)} for bus in TIMED_BUSES}
     for field in FIELDS:
         if field.drive not in ("", drive):
             continue
-        factor = ampere if field.factor == KT_N else field.factor
-        value = factor * np.asarray(data[field.leaf], dtype=np.float64) + field.offset
-        made.setdefault(field.bus, {})[field.name] = column(value)
+        factor = newtons_per_ampere if field.factor == NEWTONS_PER_AMPERE else field.factor
+        value = factor * np.asarray(data[field.log_field], dtype=np.float64) + field.offset
+        buses.setdefault(field.bus, {})[field.name] = to_column(value)
     if drive != "custom":
-        del made["toDriveSGSignals"], made["fromDriveSGSignals"]
-    on = np.asarray(data[_CLOCK]) >= 0.0
-    made["setpointSignals"] = {
-        "time": column(time),
-        "trigger": column(np.where(on, TTL_HIGH, 0.0)),
-        "syncSine": column(np.sin(2.0 * np.pi * FREQUENCY * time)),
+        del buses["toDriveSGSignals"], buses["fromDriveSGSignals"]
+    waves_on = np.asarray(data[_WAVE_CLOCK]) >= 0.0
+    buses["setpointSignals"] = {
+        "time": to_column(time),
+        "trigger": to_column(np.where(waves_on, TTL_HIGH, 0.0)),
+        "syncSine": to_column(np.sin(2.0 * np.pi * SINE_FREQUENCY * time)),
     }
     counter, remarks = _run_counter(time, data)
-    made["expCtrl"] = {"runCounter": column(counter)}
-    made["waveData"] = {"ElapsedTime": column(time), "syncTimeSine": column(time)} | {
-        name.rpartition(".")[2]: column(data[name]) for name in PROBES
+    buses["expCtrl"] = {"runCounter": to_column(counter)}
+    buses["waveData"] = {"ElapsedTime": to_column(time), "syncTimeSine": to_column(time)} | {
+        name.rpartition(".")[2]: to_column(data[name]) for name in PROBES
     }
-    made[OWN] = {name.rpartition(".")[2]: column(data[name]) for name in PLACE}
-    made[OWN]["time"] = column(time)
-    return Exported(made, tuple(remarks))
+    buses[RIG_BUS] = {name.rpartition(".")[2]: to_column(data[name]) for name in PLAN_FIELDS}
+    buses[RIG_BUS]["time"] = to_column(time)
+    return Mask4Export(buses, tuple(remarks))
 
 
-def _newtons_per_ampere(known: RunInfo) -> float:
-    """The run's own Kt N, N/A; MASK4's where its configuration does not say."""
-    torque = known.config_number("rig", "heave", "torque_constant_n_m_per_a")
-    gear = known.config_number("rig", "heave", "gear_ratio_rad_per_m")
-    return torque * gear if torque and gear else KT_N
+def _newtons_per_ampere(run_facts: RunInfo) -> float:
+    """Return the run's Kt N, N/A; the MASK4 value if its configuration gives none."""
+    torque = run_facts.config_number("rig", "heave", "torque_constant_n_m_per_a")
+    gear = run_facts.config_number("rig", "heave", "gear_ratio_rad_per_m")
+    return torque * gear if torque and gear else NEWTONS_PER_AMPERE
 
 
 def _run_counter(time: Any, data: dict[str, Any]) -> tuple[Any, list[str]]:
-    """1 from 120 s before the first row's interval on, where the record goes back so far."""
+    """Return runCounter, 1 from 120 s before the first row, and remarks on a later start."""
     counter = np.zeros(len(time))
     rows = (data["plan.row"] >= 0) & (data["plan.phase"] != Phase.MOVING)
     if not rows.any():
         return counter, ["no row: runCounter stays 0"]
-    start = float(time[np.argmax(rows)]) - START_S
+    start = float(time[np.argmax(rows)]) - LEAD_S
     counter[time >= start - 1e-9] = 1.0
     if start < time[0] - 1e-9:
-        said = f"the first row begins {START_S + start - time[0]:.0f} s into the record"
+        finding = f"the first row begins {LEAD_S + start - time[0]:.0f} s into the record"
         return counter, [
-            f"{said}, not after {START_S:g} s or more: go by {OWN}.row and .phase, not by time"
+            f"{finding}, not after {LEAD_S:g} s or more: use {RIG_BUS}.row and .phase, not time"
         ]
     return counter, []
 
 
-def column(values: Any) -> npt.NDArray[np.float64]:
-    """As MATLAB has a signal: one column of doubles."""
+def to_column(values: Any) -> npt.NDArray[np.float64]:
+    """Return values as one column of doubles, the shape of a MATLAB signal."""
     return np.asarray(values, dtype=np.float64).reshape(-1, 1)
 
 
-def write_mat(exported: Exported, path: Path) -> Path:
-    """Write the structure as a MATLAB 5 file, a variable a bus: load() and importdata() take it."""
-    from scipy.io import savemat  # noqa: PLC0415 - half a second that other formats need not pay
+def write_mat(exported: Mask4Export, path: Path) -> Path:
+    """Write the structure as a MATLAB 5 file, one variable per bus, for load() and importdata()."""
+    from scipy.io import savemat  # noqa: PLC0415 - half a second; the other formats do not need it
 
     with path.open("wb") as file:
         savemat(file, dict(exported.buses), do_compression=True, long_field_names=True)

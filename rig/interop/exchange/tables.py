@@ -1,4 +1,4 @@
-"""A run as NetCDF for xarray and MHKiT, or as CSV: log fields over time, units beside them."""
+"""Export a run as NetCDF for xarray and MHKiT, or as CSV: log fields over time, with units."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,52 +13,56 @@ CSV_FIELDS = (
     *("plan.row", "plan.phase", "heave.estimate", "heave.command.force", "load", "power.*"),
     *("wave.elevation", "probes"),
 )
-"""What stands in a CSV unless fields are named: all of a row would be 150 columns."""
+"""Default fields of a CSV; all fields would be 150 columns."""
 
-MARK = "record.incomplete"
-"""1 in ticks of a measured window of which the record lacks ticks; absent if no window does."""
-LACKING = "record_incomplete_rows"
-"""Attribute with what the record lacks of each."""
+INCOMPLETE_FIELD = "record.incomplete"
+"""Field that is 1 in measured windows with missing ticks; absent if no window misses ticks."""
+INCOMPLETE_ATTRIBUTE = "record_incomplete_rows"
+"""Attribute with the missing ticks of each of these windows."""
 
 
-def table(
+def export_table(
     run: Path, fields: Sequence[str], rows: Sequence[int], rate: float | None
 ) -> xarray.Dataset:
-    """Log fields (all, if none are named) of a run, of some rows, every n-th tick at ``rate`` (Hz).
+    """Return log fields of a run (all if none are named), of some rows, at ``rate`` (Hz).
 
-    If the record lacks ticks of measured windows, `MARK` and `LACKING` say of which.
-    KeyError for a field or row that is not there, RunError for a rate that does not divide the
-    run's.
+    The function takes every n-th tick. If the record lacks ticks of measured windows, the dataset
+    has the field `INCOMPLETE_FIELD` and the attribute `INCOMPLETE_ATTRIBUTE`. Raises KeyError for a
+    missing field or row, RunError for a rate that does not divide the run's.
     """
-    found = open_run(run, fields or None, rows or None)
-    lacking = find_incomplete_windows(run)
-    if lacking.messages:
-        marks = lacking.mask(found["time"].values)
-        found[MARK] = ("time", marks, {"units": "flag", "long_name": "window lacks ticks"})
-        found.attrs[LACKING] = "; ".join(lacking.messages)
-    if rate is None or found.sizes["time"] < 2:
-        return found
-    time = found["time"].values
-    own = 1.0 / float(np.median(np.diff(time)))
-    step = round(own / rate)
-    if step < 1 or abs(own / step - rate) > 1e-6 * rate:
-        raise RunError(f"{run}: {rate:g} Hz does not divide its {own:g} Hz")
-    tick = np.rint((time - time[0]) * own).astype(np.int64)
-    return found.isel(time=np.flatnonzero(tick % step == 0))
+    dataset = open_run(run, fields or None, rows or None)
+    gaps = find_incomplete_windows(run)
+    if gaps.messages:
+        marks = gaps.mask(dataset["time"].values)
+        dataset[INCOMPLETE_FIELD] = (
+            "time",
+            marks,
+            {"units": "flag", "long_name": "window lacks ticks"},
+        )
+        dataset.attrs[INCOMPLETE_ATTRIBUTE] = "; ".join(gaps.messages)
+    if rate is None or dataset.sizes["time"] < 2:
+        return dataset
+    time = dataset["time"].values
+    run_rate = 1.0 / float(np.median(np.diff(time)))
+    step = round(run_rate / rate)
+    if step < 1 or abs(run_rate / step - rate) > 1e-6 * rate:
+        raise RunError(f"{run}: {rate:g} Hz does not divide its {run_rate:g} Hz")
+    tick = np.rint((time - time[0]) * run_rate).astype(np.int64)
+    return dataset.isel(time=np.flatnonzero(tick % step == 0))
 
 
-def write_netcdf(made: xarray.Dataset, path: Path) -> Path:
-    """NetCDF 4: variables by dotted path with `units`, what the run was as attributes."""
-    packed = {str(name): {"zlib": True, "complevel": 1} for name in made.data_vars}
-    made.to_netcdf(path, engine="h5netcdf", encoding=packed)
+def write_netcdf(dataset: xarray.Dataset, path: Path) -> Path:
+    """Write NetCDF 4: variables by dotted path with `units`, facts of the run as attributes."""
+    encoding = {str(name): {"zlib": True, "complevel": 1} for name in dataset.data_vars}
+    dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
     return path
 
 
-def write_csv(made: xarray.Dataset, path: Path) -> Path:
-    """CSV: a header `name [unit]`, `time` first; numbers that read back as they were."""
-    names = ["time", *(str(name) for name in made.data_vars)]
-    head = ",".join(f"{name} [{made[name].attrs['units']}]" for name in names)
-    columns = [made[name].values.tolist() for name in names]
+def write_csv(dataset: xarray.Dataset, path: Path) -> Path:
+    """Write CSV with a header `name [unit]`, `time` first; numbers read back exactly."""
+    names = ["time", *(str(name) for name in dataset.data_vars)]
+    head = ",".join(f"{name} [{dataset[name].attrs['units']}]" for name in names)
+    columns = [dataset[name].values.tolist() for name in names]
     with path.open("w", encoding="utf-8") as file:
         file.write(head + "\n")
         file.writelines(",".join(map(repr, row)) + "\n" for row in zip(*columns, strict=True))

@@ -1,7 +1,7 @@
-"""The columns of gain matrices: their names here, in the old files, and their units.
+"""Columns of gain matrices: campaign names, names in legacy files, and units.
 
-The column order of the MASK4 files is unpublished, so columns go by name: from a header, or from
-a list that a person gives. MASK4 report (Sandia), 3.2.3 and Tables 3-2 and 3-3.
+The column order of the MASK4 files is unpublished, so columns are identified by name, from a header
+or from a list that a person gives. MASK4 report (Sandia), 3.2.3 and Tables 3-2 and 3-3.
 """
 
 import difflib
@@ -9,7 +9,7 @@ import re
 from typing import NamedTuple
 
 from rig.config.problems import Problem, format_value
-from rig.interop.legacy.table import SKIPPED, Row, Table
+from rig.interop.legacy.table import SKIPPED, Table, TableRow
 
 SPRING, KP, KI = "spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m"
 
@@ -17,10 +17,10 @@ SPRING, KP, KI = "spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m"
 class Column(NamedTuple):
     """A column of a gain matrix."""
 
-    name: str  # as the campaign file has it, with the unit
-    legacy: str  # as it is written into a MASK4 file
-    others: tuple[str, ...]  # further names that are understood
-    units: tuple[str, ...]  # ways to write its unit
+    name: str  # in the campaign file, with the unit
+    legacy: str  # in a MASK4 file
+    aliases: tuple[str, ...]  # other accepted names
+    units: tuple[str, ...]  # accepted spellings of its unit
 
 
 _DAMPING = ("N*s/m", "N s/m", "N-s/m", "Ns/m", "N·s/m")
@@ -47,7 +47,7 @@ MASK4 = (
     ),
     Column("discharge_level", "dischargeLevel", (), ("-", "1")),
 )  # fmt: skip
-"""All columns, in the order in which today's matrix has them."""
+"""All columns, in the order of today's matrix."""
 
 _ROTATIONAL = ("N*m/rad", "N m/rad", "Nm/rad", "N·m/rad")
 _ROTATIONAL_DAMPING = ("N*m*s/rad", "N m s/rad", "Nms/rad", "N·m·s/rad")
@@ -56,7 +56,7 @@ LUPA = (
     Column("stiffness", "stiffness", ("stiff", "stiffness_Nperm"), ("N/m",)),
     Column("damping", "damping", ("damp", "damping_Npermpers"), _DAMPING),
 )
-"""Two columns; order of the public WEC-Bench and LUPA files where there is no header."""
+"""Two columns, in the order of public WEC-Bench and LUPA files without a header."""
 
 FOSWEC = tuple(
     Column(
@@ -72,69 +72,69 @@ FOSWEC = tuple(
 )
 """Eight columns in the order of the public script that writes them; it writes no header."""
 
-NEEDED = (SPRING, KP, KI)
+REQUIRED = (SPRING, KP, KI)
 
 _UNIT = re.compile(r"(.*?)\s*[\[(]\s*(.*?)\s*[\])]\s*")
 
 
-def by_header(
-    table: Table, header: Row, known: tuple[Column, ...], needed: tuple[str, ...]
+def names_from_header(
+    table: Table, header: TableRow, known: tuple[Column, ...], needed: tuple[str, ...]
 ) -> tuple[tuple[str, ...], list[Problem]]:
-    """Names of the columns after their header, and everything wrong with it."""
-    words = [("" if cell is None else str(cell)) for cell in header.cells]
-    while words and not words[-1]:
-        words.pop()
-    return _named(table, header.line, words, known, needed)
+    """Return the names of the columns by their header, and all problems of the header."""
+    labels = [("" if cell is None else str(cell)) for cell in header.cells]
+    while labels and not labels[-1]:
+        labels.pop()
+    return _resolve_names(table, header.line, labels, known, needed)
 
 
-def by_list(
+def names_from_list(
     table: Table, given: str, known: tuple[Column, ...], needed: tuple[str, ...]
 ) -> tuple[tuple[str, ...], list[Problem]]:
-    """Names of the columns after a person's list, such as `Kp,Ki,springK,-`."""
-    words = [word.strip() for word in given.split(",")]
-    return _named(table, 0, words, known, needed)
+    """Return the names of the columns by a list such as `Kp,Ki,springK,-`, and its problems."""
+    labels = [word.strip() for word in given.split(",")]
+    return _resolve_names(table, 0, labels, known, needed)
 
 
-def _named(
-    table: Table, line: int, words: list[str], known: tuple[Column, ...], needed: tuple[str, ...]
+def _resolve_names(
+    table: Table, line: int, labels: list[str], known: tuple[Column, ...], needed: tuple[str, ...]
 ) -> tuple[tuple[str, ...], list[Problem]]:
     problems, names = [], list[str]()
-    for i, word in enumerate(words, start=1):
-        name, message = _name(word, known)
+    for i, label in enumerate(labels, start=1):
+        name, message = _resolve_name(label, known)
         if not message and name != SKIPPED and name in names:
             first = names.index(name) + 1
-            message = f"{word!r} is {name}, which is column {first} already"
+            message = f"{label!r} is {name}, which is column {first} already"
         if message:
-            problems.append(table.problem(line or 1, i, "columns", word, message))
+            problems.append(table.problem(line or 1, i, "columns", label, message))
             name = f"column {i}"
         names.append(name)
     missing = [name for name in needed if name not in names]
     if missing and not problems:
-        message = f"no column for {', '.join(missing)} among {', '.join(words)}"
+        message = f"no column for {', '.join(missing)} among {', '.join(labels)}"
         problems.append(table.problem(line or 1, 0, "columns", None, message))
     return tuple(names), problems
 
 
-def _name(word: str, known: tuple[Column, ...]) -> tuple[str, str]:
-    """Today's name of a column, and what is wrong with the word."""
-    if word == SKIPPED:
+def _resolve_name(label: str, known: tuple[Column, ...]) -> tuple[str, str]:
+    """Return today's name of a column, and the problem of its label."""
+    if label == SKIPPED:
         return SKIPPED, ""
-    split = _UNIT.fullmatch(word)
-    bare, unit = split.groups() if split else (word, "")
+    split = _UNIT.fullmatch(label)
+    bare, unit = split.groups() if split else (label, "")
     for column in known:
-        if _plain(bare) in {_plain(n) for n in (column.name, column.legacy, *column.others)}:
+        if _plain(bare) in {_plain(n) for n in (column.name, column.legacy, *column.aliases)}:
             if unit and _compact(unit) not in {_compact(u) for u in column.units}:
-                return "", f"{word!r}: unit {unit}; allowed {column.units[0]}"
+                return "", f"{label!r}: unit {unit}; allowed {column.units[0]}"
             return column.name, ""
     names = [column.legacy for column in known]
     near = difflib.get_close_matches(bare, names, n=1, cutoff=0.6)
     nearest = f"did you mean {near[0]}?" if near else f"known are {', '.join(names)}"
-    said = f"{format_value(word)} is no known column" if word else "a column without a name"
-    return "", f"{said}; {nearest}"
+    problem = f"{format_value(label)} is not a known column" if label else "a column without a name"
+    return "", f"{problem}; {nearest}"
 
 
-def _plain(word: str) -> str:
-    return "".join(c for c in word.lower() if c.isalnum())
+def _plain(label: str) -> str:
+    return "".join(c for c in label.lower() if c.isalnum())
 
 
 def _compact(unit: str) -> str:

@@ -1,8 +1,8 @@
-"""The auxiliary rows of a MASK4 gain matrix: found, and put in. Pure functions over rows of floats.
+"""Find and add the auxiliary rows of a MASK4 gain matrix. Pure functions over rows of floats.
 
-MASK4 report (Sandia), 3.2.3: a first row held for about 5 s loads the set; a second, identical to
-the third, is held until 120 s; where the spring rate changes, the new combination stands twice,
-the first time for as long as the stator moves; Kp = -999 ends the matrix.
+MASK4 report (Sandia), 3.2.3: the first row is held for about 5 s and loads the set. The second row,
+identical to the third, is held until 120 s. Where the spring rate changes, the new combination
+occurs twice, the first time while the stator moves. Kp = -999 ends the matrix.
 """
 
 from collections.abc import Sequence
@@ -10,36 +10,38 @@ from typing import NamedTuple
 
 from rig.config.columns import END_MARK
 
-Values = tuple[float, ...]
+RowValues = tuple[float, ...]
 
 
-class Found(NamedTuple):
-    """What each row of a file is, by its index from 0."""
+class RowRoles(NamedTuple):
+    """Indices (from 0) of a file's rows by their role."""
 
-    rows: tuple[int, ...]  # to be measured
-    lead: tuple[int, ...]  # before the first of those: load row, hold row
-    doubled: tuple[int, ...]  # held while the stator moves; each stands again right after
-    undoubled: tuple[int, ...]  # measured at once after a change of the spring rate
+    measured: tuple[int, ...]  # rows to be measured
+    lead: tuple[int, ...]  # before the first measured row: load row, hold row
+    doubled: tuple[int, ...]  # held while the stator moves; each is repeated by the next row
+    not_doubled: tuple[int, ...]  # measured at once after a change of the spring rate
     repeated: tuple[int, ...]  # measured, and equal to the measured row before
     end: int | None  # the row with Kp = -999
-    after: tuple[int, ...]  # rows that nobody gets to
+    after_end: tuple[int, ...]  # rows after the end mark, never played
 
 
-class UnknownLeadError(ValueError):
-    """It cannot be told how many rows stand before the first one to be measured."""
+class UnknownLeadRowsError(ValueError):
+    """The number of rows before the first measured one is unknown."""
 
 
-def structure(rows: Sequence[Values], kp: int, spring: int, lead: int | None = None) -> Found:
-    """What each row is; ``kp`` and ``spring`` are the indices of those columns.
+def classify_rows(
+    rows: Sequence[RowValues], kp: int, spring: int, lead: int | None = None
+) -> RowRoles:
+    """Return the role of each row; ``kp`` and ``spring`` are the indices of those columns.
 
-    ``lead``: how many rows stand before the first one to be measured. If it is not given, the
-    second row must equal the third, as in the report; `UnknownLeadError` if it does not.
+    ``lead`` is the number of rows before the first measured one. Without it, the second row must
+    equal the third, as in the report; otherwise the function raises `UnknownLeadRowsError`.
     """
     end = next((i for i, row in enumerate(rows) if row[kp] == END_MARK), None)
     used = rows if end is None else rows[:end]
     if lead is None:
         if len(used) < 3 or used[1] != used[2]:
-            raise UnknownLeadError
+            raise UnknownLeadRowsError
         lead = 2
     measured, doubled, undoubled, repeated = [], list[int](), list[int](), list[int]()
     for i in range(lead, len(used)):
@@ -52,38 +54,39 @@ def structure(rows: Sequence[Values], kp: int, spring: int, lead: int | None = N
         elif i > lead and used[i] == used[i - 1] and i - 1 not in doubled:
             repeated.append(i)
         measured.append(i)
-    return Found(
-        rows=tuple(measured),
+    return RowRoles(
+        measured=tuple(measured),
         lead=tuple(range(min(lead, len(used)))),
         doubled=tuple(doubled),
-        undoubled=tuple(undoubled),
+        not_doubled=tuple(undoubled),
         repeated=tuple(repeated),
         end=end,
-        after=tuple(range(end + 1, len(rows))) if end is not None else (),
+        after_end=tuple(range(end + 1, len(rows))) if end is not None else (),
     )
 
 
-def wrapped(rows: Sequence[Values], kp: int, ki: int, spring: int) -> tuple[Values, ...]:
-    """The rows with all auxiliary rows around them: `structure` finds exactly ``rows`` again.
+def add_auxiliary_rows(
+    rows: Sequence[RowValues], kp: int, ki: int, spring: int
+) -> tuple[RowValues, ...]:
+    """Return the rows with all auxiliary rows added; `classify_rows` recovers exactly ``rows``.
 
     No row may have Kp = -999. The load row differs from the first row, because the change loads
-    the set; it absorbs no less than nothing and is never the end mark. The end row keeps the
-    spring where it is.
+    the set; its Kp is never positive and never the end mark. The end row keeps the spring rate.
     """
     first, last = rows[0], rows[-1]
     if first[ki] != 0.0:
-        load = _with(first, {ki: 0.0})
+        load = _replaced(first, {ki: 0.0})
     else:
-        load = _with(first, {kp: 0.0 if first[kp] != 0.0 else -1.0})
-    found = [load, first]
+        load = _replaced(first, {kp: 0.0 if first[kp] != 0.0 else -1.0})
+    complete = [load, first]
     before = first
     for row in rows:
         if row[spring] != before[spring]:
-            found.append(row)
-        found.append(row)
+            complete.append(row)
+        complete.append(row)
         before = row
-    return (*found, _with(last, {kp: END_MARK, ki: 0.0}))
+    return (*complete, _replaced(last, {kp: END_MARK, ki: 0.0}))
 
 
-def _with(row: Values, changed: dict[int, float]) -> Values:
+def _replaced(row: RowValues, changed: dict[int, float]) -> RowValues:
     return tuple(changed.get(i, value) for i, value in enumerate(row))

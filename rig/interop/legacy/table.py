@@ -1,7 +1,7 @@
-"""A table in a CSV, a spreadsheet or a MATLAB file, as cells that know where they stand.
+"""Read a table from a CSV, a spreadsheet or a MATLAB file, with the line of every row.
 
-Nothing is guessed: a file with several sheets or matrices must be told which one, and a cell that
-is no number stays what it is until somebody who knows the columns refuses it.
+Nothing is guessed: a file with several sheets or matrices requires the name of one, and a cell that
+is not a number keeps its value until `to_numbers` refuses it.
 """
 
 import csv
@@ -20,8 +20,8 @@ from rig.config.problems import ConfigError, Problem, display_path, format_value
 from rig.interop.legacy import matlab
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
-MOST_ROWS = 10_000
-MOST_COLUMNS = 100
+MAX_ROWS = 10_000
+MAX_COLUMNS = 100
 SUFFIXES = (".csv", ".txt", ".xlsx", ".mat")
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
@@ -29,49 +29,49 @@ _NOT_FINITE = re.compile(r"[+-]?(nan|inf(inity)?)", re.IGNORECASE)
 _COMMENTS = ("#", "%")
 
 
-class Row(NamedTuple):
-    """One row that holds something, or stands before one that does."""
+class TableRow(NamedTuple):
+    """A row that is not blank, or precedes one that is not."""
 
     line: int  # line of the file, row of the sheet or of the matrix; from 1
-    cells: tuple[object, ...]  # float, text, None where blank, or what else a spreadsheet holds
+    cells: tuple[object, ...]  # float, text, None if blank, or another type of a spreadsheet
 
 
 class Table(NamedTuple):
-    """A header, if there is one, and the rows below it."""
+    """A header, if the file has one, and the rows below it."""
 
     path: Path
-    header: Row | None
-    rows: tuple[Row, ...]
+    header: TableRow | None
+    rows: tuple[TableRow, ...]
 
     def problem(self, line: int, column: int, name: str, value: object, message: str) -> Problem:
-        """A problem of a cell; ``column`` from 1, 0 for the whole row."""
+        """Return a problem of a cell; ``column`` counts from 1, 0 means the whole row."""
         return Problem(display_path(self.path), line, name, value, message, column)
 
 
 def read_table(path: Path, sheet: str | None = None, variable: str | None = None) -> Table:
-    """The table of a file: ``sheet`` of a workbook, ``variable`` of a MATLAB file.
+    """Read the table of a file: ``sheet`` of a workbook, ``variable`` of a MATLAB file.
 
     A first row without any number is the header. Raises `ConfigError` if the file cannot be read,
-    or holds several tables and none is named.
+    or if it holds several tables and none is named.
     """
     path = Path(path)
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
-        raise _refused(path, f"{path.suffix!r} is not read; allowed {', '.join(SUFFIXES)}")
-    for name, given, of in (("sheet", sheet, ".xlsx"), ("variable", variable, ".mat")):
-        if given is not None and kind != of:
-            raise _refused(path, f"a {name} is named, but only {of} files have one")
+        raise _file_error(path, f"{path.suffix!r} is not read; allowed {', '.join(SUFFIXES)}")
+    for name, given, suffix in (("sheet", sheet, ".xlsx"), ("variable", variable, ".mat")):
+        if given is not None and kind != suffix:
+            raise _file_error(path, f"a {name} is named, but only {suffix} files have one")
     try:
         data = read_regular(path, MAX_TABLE_BYTES)
     except OSError as error:
         reason = error.strerror or type(error).__name__
-        raise _refused(path, f"cannot be read: {reason}") from None
+        raise _file_error(path, f"cannot be read: {reason}") from None
     if kind == ".xlsx":
-        header, rows = None, _sheet(path, data, sheet)
+        header, rows = None, _read_sheet(path, data, sheet)
     elif kind == ".mat":
-        header, rows = _matrix(path, data, variable)
+        header, rows = _read_matrix(path, data, variable)
     else:
-        header, rows = None, _text(path, data)
+        header, rows = None, _read_text(path, data)
     while rows and not any(cell is not None for cell in rows[-1].cells):
         rows.pop()
     if header is None and rows and not any(isinstance(cell, float) for cell in rows[0].cells):
@@ -80,16 +80,16 @@ def read_table(path: Path, sheet: str | None = None, variable: str | None = None
 
 
 SKIPPED = "-"
-"""Name of a column that is not read; it may hold anything, and its number is 0."""
+"""Name of a skipped column: it may hold anything, and its number is 0."""
 
 
-def numbers(table: Table, names: tuple[str, ...]) -> tuple[tuple[float, ...], ...]:
-    """The rows as finite numbers, one for each of ``names``.
+def to_numbers(table: Table, names: tuple[str, ...]) -> tuple[tuple[float, ...], ...]:
+    """Return the rows as finite numbers, one for each of ``names``.
 
-    Raises `ConfigError` with every blank, text and non-finite cell and every wrong count, each
-    with its line, column and value.
+    Raises `ConfigError` with every blank, text and non-finite cell and every wrong number of cells,
+    each with its line, column and value.
     """
-    found, problems = [], list[Problem]()
+    rows, problems = [], list[Problem]()
     for line, cells in table.rows:
         if not any(cell is not None for cell in cells):
             problems.append(table.problem(line, 0, "", None, "the row is blank"))
@@ -104,21 +104,21 @@ def numbers(table: Table, names: tuple[str, ...]) -> tuple[tuple[float, ...], ..
         bad = [
             table.problem(line, i, name, cell, message)
             for i, (name, cell) in enumerate(zip(names, given, strict=True), start=1)
-            if name != SKIPPED and (message := wrong(cell))
+            if name != SKIPPED and (message := cell_problem(cell))
         ]
         problems += bad
         if not bad:
             read = zip(names, given, strict=True)
-            found.append(tuple(0.0 if n == SKIPPED else float(str(cell)) for n, cell in read))
+            rows.append(tuple(0.0 if n == SKIPPED else float(str(cell)) for n, cell in read))
     if problems:
         raise ConfigError(problems)
-    if not found:
-        raise _refused(table.path, "no row of numbers")
-    return tuple(found)
+    if not rows:
+        raise _file_error(table.path, "no row of numbers")
+    return tuple(rows)
 
 
-def wrong(cell: object) -> str:
-    """Why a cell is no finite number; empty if it is one."""
+def cell_problem(cell: object) -> str:
+    """Return the reason why a cell is not a finite number; empty if it is one."""
     if cell is None:
         return "blank; allowed a number (a formula that was never calculated is blank too)"
     if not isinstance(cell, float):
@@ -128,24 +128,24 @@ def wrong(cell: object) -> str:
     return ""
 
 
-def _refused(path: Path, message: str) -> ConfigError:
+def _file_error(path: Path, message: str) -> ConfigError:
     return ConfigError([Problem(display_path(path), 1, "", None, message)])
 
 
-def _bounded(path: Path, rows: Iterable[Row]) -> list[Row]:
-    kept: list[Row] = []
+def _limited(path: Path, rows: Iterable[TableRow]) -> list[TableRow]:
+    limited: list[TableRow] = []
     for row in rows:
-        if len(kept) >= MOST_ROWS:
-            raise _refused(path, f"more than {MOST_ROWS} rows; allowed at most {MOST_ROWS}")
-        kept.append(row)
-    return kept
+        if len(limited) >= MAX_ROWS:
+            raise _file_error(path, f"more than {MAX_ROWS} rows; allowed at most {MAX_ROWS}")
+        limited.append(row)
+    return limited
 
 
-def _text(path: Path, data: bytes) -> list[Row]:
+def _read_text(path: Path, data: bytes) -> list[TableRow]:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise _refused(path, f"the file is not UTF-8 text (byte {error.start})") from None
+        raise _file_error(path, f"the file is not UTF-8 text (byte {error.start})") from None
     lines = [
         "" if line.lstrip().startswith(_COMMENTS) else line
         for line in text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -157,10 +157,10 @@ def _text(path: Path, data: bytes) -> list[Row]:
                 raise ConfigError([Problem(display_path(path), number, "", line, message)])
     reader = csv.reader(io.StringIO("\n".join(lines)), skipinitialspace=True)
     try:
-        return _bounded(
+        return _limited(
             path,
             (
-                Row(reader.line_num, tuple(_cell(cell) for cell in cells[:MOST_COLUMNS]))
+                TableRow(reader.line_num, tuple(_parse_cell(cell) for cell in cells[:MAX_COLUMNS]))
                 for cells in reader
                 if cells
             ),
@@ -171,7 +171,7 @@ def _text(path: Path, data: bytes) -> list[Row]:
         ) from None
 
 
-def _cell(text: str) -> object:
+def _parse_cell(text: str) -> object:
     text = text.strip()
     if not text:
         return None
@@ -179,17 +179,17 @@ def _cell(text: str) -> object:
     return float(text) if number else text
 
 
-def _sheet(path: Path, data: bytes, name: str | None) -> list[Row]:
-    import openpyxl  # noqa: PLC0415 - a third of a second, and most files are no workbooks
+def _read_sheet(path: Path, data: bytes, name: str | None) -> list[TableRow]:
+    import openpyxl  # noqa: PLC0415 - a third of a second; most files are not workbooks
     from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # it warns of styles and extensions it does not know
+        warnings.simplefilter("ignore")  # openpyxl warns of unknown styles and extensions
         try:
             book = openpyxl.load_workbook(io.BytesIO(data), data_only=True, read_only=True)
             sheets = {sheet.title: sheet for sheet in book.worksheets}
             tables = {
-                title: _bounded(path, _cells(sheet))
+                title: _limited(path, _sheet_rows(sheet))
                 for title, sheet in sheets.items()
                 if name is None or title == name
             }
@@ -197,30 +197,30 @@ def _sheet(path: Path, data: bytes, name: str | None) -> list[Row]:
             *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
             *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
         ) as error:
-            raise _refused(path, f"not readable as a workbook: {error}") from None
+            raise _file_error(path, f"not readable as a workbook: {error}") from None
     if name is not None and name not in tables:
-        raise _refused(path, f"no sheet {name!r}; there are {', '.join(sheets)}")
+        raise _file_error(path, f"no sheet {name!r}; there are {', '.join(sheets)}")
     full = {title: rows for title, rows in tables.items() if rows}
     if len(full) > 1:
-        raise _refused(path, f"several sheets, name one: {', '.join(full)}")
+        raise _file_error(path, f"several sheets, name one: {', '.join(full)}")
     return next(iter(full.values()), [])
 
 
-def _cells(sheet: Any) -> Iterable[Row]:
-    blank: list[Row] = []
+def _sheet_rows(sheet: Any) -> Iterable[TableRow]:
+    blank: list[TableRow] = []
     begun = False
     for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
-        here = Row(number, tuple(_value(cell) for cell in row[:MOST_COLUMNS]))
-        if not any(cell is not None for cell in here.cells):
-            if begun and len(blank) <= MOST_ROWS:
-                blank.append(here)
+        table_row = TableRow(number, tuple(_cell_value(cell) for cell in row[:MAX_COLUMNS]))
+        if not any(cell is not None for cell in table_row.cells):
+            if begun and len(blank) <= MAX_ROWS:
+                blank.append(table_row)
             continue
-        yield from blank  # blank rows count only between others
+        yield from blank  # blank rows are kept only between others
         blank, begun = [], True
-        yield here
+        yield table_row
 
 
-def _value(cell: object) -> object:
+def _cell_value(cell: object) -> object:
     if isinstance(cell, int | float) and not isinstance(cell, bool):
         return float(cell)
     if isinstance(cell, str):
@@ -228,20 +228,25 @@ def _value(cell: object) -> object:
     return cell
 
 
-def _matrix(path: Path, data: bytes, name: str | None) -> tuple[Row | None, list[Row]]:
+def _read_matrix(
+    path: Path, data: bytes, name: str | None
+) -> tuple[TableRow | None, list[TableRow]]:
     try:
-        found = matlab.load(data)
+        variables = matlab.load_variables(data)
     except ValueError as error:
-        raise _refused(path, str(error)) from None
-    full = {key: rows for key, rows in found.matrices.items() if name in (None, key)}
+        raise _file_error(path, str(error)) from None
+    full = {key: rows for key, rows in variables.matrices.items() if name in (None, key)}
     if len(full) != 1:
-        there = ", ".join(found.names) or "nothing"
-        said = f"{len(full)} numeric matrices" if name is None else f"no numeric matrix {name!r}"
-        message = f"{said} among {there}; name one (a MATLAB table is none: save table2array)"
-        raise _refused(path, message)
+        names_text = ", ".join(variables.names) or "nothing"
+        finding = f"{len(full)} numeric matrices" if name is None else f"no numeric matrix {name!r}"
+        message = (
+            f"{finding} among {names_text}; name one "
+            "(a MATLAB table is not a matrix: save table2array)"
+        )
+        raise _file_error(path, message)
     array = next(iter(full.values()))
-    if len(array[0]) > MOST_COLUMNS:
-        raise _refused(path, f"{len(array[0])} columns; allowed at most {MOST_COLUMNS}")
-    names = found.texts.get("columns")
-    header = Row(1, tuple(names)) if names else None
-    return header, _bounded(path, (Row(i, tuple(row)) for i, row in enumerate(array, start=1)))
+    if len(array[0]) > MAX_COLUMNS:
+        raise _file_error(path, f"{len(array[0])} columns; allowed at most {MAX_COLUMNS}")
+    names = variables.texts.get("columns")
+    header = TableRow(1, tuple(names)) if names else None
+    return header, _limited(path, (TableRow(i, tuple(row)) for i, row in enumerate(array, start=1)))

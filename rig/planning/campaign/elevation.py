@@ -7,7 +7,7 @@ import numpy as np
 
 from rig.config.problems import format_number
 from rig.config.sea import RecordedSea
-from rig.interop.basin.recording import METRES, Floats, read_recording, refused
+from rig.interop.basin.recording import METRES_PER_UNIT, Floats, read_recording, record_error
 
 _RATE_TOLERANCE = 1e-3  # relative; time columns are rounded
 
@@ -22,7 +22,7 @@ class Elevation(NamedTuple):
 def read_elevation(path: Path, sea: RecordedSea) -> Elevation:
     """Return the elevation of a recorded sea; raises `ConfigError` with file and line."""
     rate, value = read_channel_window(path, sea.channel, (sea.start_s, sea.end_s), sea.rate_hz)
-    value = value * METRES[sea.unit]
+    value = value * METRES_PER_UNIT[sea.unit]
     return Elevation(rate, value - value.mean())
 
 
@@ -39,19 +39,19 @@ def read_channel_window(
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         line = int(recording.lines[bad[0]])
-        raise refused(path, line, "", "a sample that is not a finite number")
+        raise record_error(path, line, "", "a sample that is not a finite number")
     if expected_rate_hz is not None and abs(expected_rate_hz - rate) > _RATE_TOLERANCE * rate:
         message = (
             f"the campaign gives {format_number(expected_rate_hz)} Hz, "
             f"the time column {rate:.6g} Hz"
         )
-        raise refused(path, 1, "rate_hz", message)
+        raise record_error(path, 1, "rate_hz", message)
     start, end = window
     # The limits are shifted by half a sample, because a time column is rounded.
     inside = (time >= start - 0.5 / rate) & (time < end - 0.5 / rate)
     samples = values[inside]
     if len(samples) != round((end - start) * rate):
-        raise refused(
+        raise record_error(
             path,
             1,
             channel,

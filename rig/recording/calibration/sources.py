@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rig.config.calibration_file import TORQUE_CONSTANT_KEY
-from rig.interop.legacy.testlog import Activity, Entry, Log
+from rig.interop.legacy.testlog import Activity, Entry, RunLog
 from rig.recording.calibration.correction import RecordingTime
 from rig.recording.runs import RunError, list_runs, run_info
 from rig.recording.runs.folder import RunInfo
@@ -40,7 +40,7 @@ class RecordedValue(NamedTuple):
     is_mean: bool = False  # a mean over many recorded values
 
 
-def values_in_log(log: Log, quantity: str) -> tuple[RecordedValue, ...]:
+def values_in_log(log: RunLog, quantity: str) -> tuple[RecordedValue, ...]:
     """Return every record of a quantity in a log, and every gain matrix that contains it."""
     if quantity != "spring_rate":
         return ()

@@ -1,23 +1,23 @@
-"""What other gains, another law, spring or drive would have given in the waves of a run."""
+"""Counterfactual rows: power of other gains, laws, springs or drives in the waves of a run."""
 
 from rig.sweep.counterfactual.rows import (
-    CounterfactualRow,
-    Measured,
-    Row,
-    Span,
+    AmplitudeRange,
+    CounterfactualResult,
+    MeasuredRun,
+    RowPrediction,
+    counterfactual_for_run,
     counterfactual_rows,
-    foretell,
 )
-from rig.sweep.counterfactual.waves import ELEVATION, FORCES, Waves
+from rig.sweep.counterfactual.waves import ELEVATION, FORCES, RecoveredWaves
 
 __all__ = [
     "ELEVATION",
     "FORCES",
-    "CounterfactualRow",
-    "Measured",
-    "Row",
-    "Span",
-    "Waves",
+    "AmplitudeRange",
+    "CounterfactualResult",
+    "MeasuredRun",
+    "RecoveredWaves",
+    "RowPrediction",
+    "counterfactual_for_run",
     "counterfactual_rows",
-    "foretell",
 ]

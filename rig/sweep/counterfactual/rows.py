@@ -1,10 +1,10 @@
 """Rows of a campaign in the recovered waves of a run, with an uncertainty.
 
-The campaign's rows run in the compiled loop on its own plant and rig. So do the rows that were
-logged, with their own gains: what the model gives for them, against what was measured, is the error
-of waves and model together. A row's error is told as a share of its gross powers (what the body
-gave, and what the drive lost), because errors of damping and of waves scale with them; the mean
-share corrects, its scatter makes the interval of one more row of the same kind (Student's t).
+The compiled loop simulates the campaign's rows on the campaign's plant and rig. It also simulates
+the logged rows with their own gains: the difference between model and measurement is the error of
+waves and model together. A row's error is expressed as a share of its gross power (power absorbed
+from the body plus losses of the drive), because errors of damping and waves scale with it. The mean
+share corrects the predictions; its scatter gives the prediction interval (Student's t).
 """
 
 import math
@@ -25,34 +25,37 @@ from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
-from rig.sweep.cases import LEAD_IN, alone, table
-from rig.sweep.counterfactual.waves import FIELDS, Waves, asked_of, recovered
-from rig.sweep.simulation import Subject
+from rig.sweep.cases import LEAD_IN, row_results, single_row_campaign
+from rig.sweep.counterfactual.waves import FIELDS, RecoveredWaves, recover_waves, wave_maker_lines
+from rig.sweep.simulation import CampaignSimulator
 
 CONFIDENCE = 0.95
-FLOOR = 0.5  # W, gross power below which an error is no share any more
-MARGIN = 1.1  # times the greatest amplitude that was logged: the model is not asked further
-RANGES = {"velocity_rms": "m/s", "stroke": "m"}  # what an amplitude is judged by
+MIN_GROSS_POWER = 0.5  # W, lower bound of the gross power that errors are divided by
+AMPLITUDE_MARGIN = 1.1  # of the greatest logged amplitude; predictions beyond it are flagged
+AMPLITUDE_UNITS = {
+    "velocity_rms": "m/s",
+    "stroke": "m",
+}  # quantities that measure a row's amplitude
 
-See = Callable[[int, int], None]  # rows that ran, of how many
+OnProgress = Callable[[int, int], None]  # finished rows, all rows
 
 
-class Row(NamedTuple):
-    """One row as it would have been; SI, power negative when absorbed."""
+class RowPrediction(NamedTuple):
+    """Prediction of one row; SI units, absorbed power is negative."""
 
     row: int
-    setting: dict[str, float]  # by the names of the row table
+    setting: dict[str, float]  # with the names of the row table
     state: str
-    why: str  # it is not complete
+    incomplete_reason: str  # empty for a complete row
     power: dict[str, float]  # W, by station
-    half_width: dict[str, float]  # W, 95 %; NaN: one logged row tells no scatter
-    amplitude: dict[str, float]  # by the names of `RANGES`
-    outside: tuple[str, ...]  # amplitudes beyond what was logged
-    unidentified: tuple[str, ...]  # those beyond what the twin was identified with
+    half_width: dict[str, float]  # W, 95 %; NaN for a single logged row, which has no scatter
+    amplitude: dict[str, float]  # with the names of `AMPLITUDE_UNITS`
+    beyond_logged: tuple[str, ...]  # amplitudes beyond the logged rows
+    beyond_identified: tuple[str, ...]  # amplitudes beyond the rows that identified the twin
 
 
-class Logged(NamedTuple):
-    """A row of the run beside the model with the same gains."""
+class RowComparison(NamedTuple):
+    """Logged and modelled power of a row of the run."""
 
     row: int
     setting: dict[str, float]
@@ -60,15 +63,15 @@ class Logged(NamedTuple):
     modelled: dict[str, float]  # W
 
 
-class Span(NamedTuple):
-    """Least and greatest amplitude among some rows."""
+class AmplitudeRange(NamedTuple):
+    """Least and greatest amplitude of a set of rows."""
 
     least: float
     greatest: float
     unit: str
 
 
-class Share(NamedTuple):
+class ErrorShare(NamedTuple):
     """Error of one station as a share of gross power."""
 
     mean: float
@@ -76,203 +79,242 @@ class Share(NamedTuple):
     rows: int
 
 
-class CounterfactualRow(NamedTuple):
-    """A campaign in the waves of a run."""
+class CounterfactualResult(NamedTuple):
+    """Predictions of a campaign in the waves of a run, with their checks."""
 
     run: str
     campaign: str
-    waves: Waves
-    checked: tuple[Logged, ...]  # the error of waves and model, to be looked at first
-    shares: dict[str, Share]  # the same by station: the mean corrects ``rows``
-    spans: dict[str, Span]  # of the logged rows
-    identified: dict[str, Span]  # of the rows that the model is a twin of; none if it is no twin
-    rows: tuple[Row, ...]
+    waves: RecoveredWaves
+    comparisons: tuple[RowComparison, ...]  # logged rows: the error of waves and model
+    shares: dict[str, ErrorShare]  # the same error by station; the mean corrects ``rows``
+    logged_ranges: dict[str, AmplitudeRange]  # of the logged rows
+    identified_ranges: dict[str, AmplitudeRange]  # of the twin's rows; empty without a twin
+    rows: tuple[RowPrediction, ...]
 
 
-class Measured(NamedTuple):
-    """What a run measured."""
+class MeasuredRun(NamedTuple):
+    """The measured rows of a run."""
 
     run: str
-    rows: tuple[dict[str, Any], ...]  # the complete ones, as in the row table
-    windows: Iterable[
-        Window
-    ]  # of these, with the fields of `rig.sweep.counterfactual.waves.FIELDS`
+    rows: tuple[dict[str, Any], ...]  # complete rows, as in the row table
+    windows: Iterable[Window]  # of ``rows``, with the fields of `waves.FIELDS`
 
 
-def foretell(
+def counterfactual_for_run(
     run: str | os.PathLike[str],
     campaign: Campaign,
     *,
     model: Campaign | None = None,
-    by: str | None = None,
+    method: str | None = None,
     lead_in: float = LEAD_IN,
-    see: See = lambda done, of: None,
-) -> CounterfactualRow:
-    """What the rows of ``campaign`` would have given in the waves of ``run``.
+    on_progress: OnProgress = lambda done, of: None,
+) -> CounterfactualResult:
+    """Predict the rows of ``campaign`` in the waves of ``run``.
 
-    ``model``: the campaign whose plant stands for the rig as it was when the run was logged; None:
-    that of ``campaign``. ``by``: how the waves are recovered (`rig.sweep.counterfactual.waves`).
-    Raises RunError for a run that does not tell enough, ValueError for a campaign in other waves.
+    ``model`` is the campaign whose plant models the rig at the time of the run; default is
+    ``campaign``. ``method`` selects the recovery of the waves (`rig.sweep.counterfactual.waves`).
+    Raises RunError for a run with too little data, ValueError for a campaign in other waves.
     """
     source = reader.open_files(run)
-    known = run_info(run, source.contents)
-    if "session" in known.config:
-        raise RunError(f"{known.run}: a run of a bench; only those of a WaveBot had waves")
-    there = {leaf.name for leaf in source.leaves}
-    if missing := sorted(set(FIELDS) - there):
-        raise RunError(f"{known.run}: it did not log {', '.join(missing)}")
-    was = _on_model(known, model or campaign)._replace(elevation=campaign.elevation)  # one sea
-    known_rows = row_table(run)
-    names = [str(name) for name in known_rows.variables]
+    run_facts = run_info(run, source.contents)
+    if "session" in run_facts.config:
+        raise RunError(
+            f"{run_facts.run}: a run of a bench, which has no waves; allowed runs of a WaveBot"
+        )
+    available = {leaf.name for leaf in source.leaves}
+    if missing := sorted(set(FIELDS) - available):
+        raise RunError(f"{run_facts.run}: it did not log {', '.join(missing)}")
+    logged_campaign = _logged_campaign(run_facts, model or campaign)
+    logged_campaign = logged_campaign._replace(elevation=campaign.elevation)  # the same sea
+    logged_rows = row_table(run)
+    names = [str(name) for name in logged_rows.variables]
     rows = tuple(
-        {name: known_rows[name].values[i].item() for name in names}
-        for i, state in enumerate(known_rows["state"].values)
+        {name: logged_rows[name].values[i].item() for name in names}
+        for i, state in enumerate(logged_rows["state"].values)
         if state == COMPLETE
     )
-    kept = {row["row"] for row in rows}
-    measured = (w for w in read_windows(source, list(FIELDS), known.plan) if w.row in kept)
-    return counterfactual_rows(Measured(known.run, rows, measured), was, campaign, by, lead_in, see)
+    complete = {row["row"] for row in rows}
+    measured = (w for w in read_windows(source, list(FIELDS), run_facts.plan) if w.row in complete)
+    return counterfactual_rows(
+        MeasuredRun(run_facts.run, rows, measured),
+        logged_campaign,
+        campaign,
+        method,
+        lead_in,
+        on_progress,
+    )
 
 
 def counterfactual_rows(
-    measured: Measured,
-    was: Campaign,
+    measured: MeasuredRun,
+    logged_campaign: Campaign,
     campaign: Campaign,
-    by: str | None = None,
+    method: str | None = None,
     lead_in: float = LEAD_IN,
-    see: See = lambda done, of: None,
-) -> CounterfactualRow:
-    """As `foretell`, of what was measured with the campaign ``was``, its plant being the model."""
-    if was.file.sea != campaign.file.sea:
+    on_progress: OnProgress = lambda done, of: None,
+) -> CounterfactualResult:
+    """Predict the rows of ``campaign`` from measured rows.
+
+    ``logged_campaign`` is the campaign of the measured run; its plant is the model. Other arguments
+    and errors are those of `counterfactual_for_run`.
+    """
+    if logged_campaign.file.sea != campaign.file.sea:
         raise ValueError(
-            f"the campaign's sea is not that of {measured.run}: {campaign.file.sea.description()}; the "
-            f"run had {was.file.sea.description()}"
+            f"the campaign's sea is not that of {measured.run}: {campaign.file.sea.description()}; "
+            f"the run had {logged_campaign.file.sea.description()}"
         )
     if not measured.rows:
         raise RunError(f"{measured.run}: none of its rows is complete")
     try:
-        asked = asked_of(job.requested_sea(was))
-        dt = 1.0 / was.rig.rate_hz
-        waves = recovered(measured.windows, asked, model_of(was), dt, by)
+        generated = wave_maker_lines(job.requested_sea(logged_campaign))
+        dt = 1.0 / logged_campaign.rig.rate_hz
+        waves = recover_waves(measured.windows, generated, model_of(logged_campaign), dt, method)
     except ValueError as error:
         raise RunError(f"{measured.run}: {error}") from None
     sea = waves.description()
-    of = len(was.points) + len(campaign.points)
-    again = {}
-    for i, (point, found) in enumerate(_run(was, sea, lead_in), 1):
-        again[point] = found
-        see(i, of)
-    checked = tuple(
-        Logged(
+    total = len(logged_campaign.points) + len(campaign.points)
+    modelled = {}
+    for i, (point, result) in enumerate(_simulate_points(logged_campaign, sea, lead_in), 1):
+        modelled[point] = result
+        on_progress(i, total)
+    comparisons = tuple(
+        RowComparison(
             row["row"],
             _setting(row),
             {name: row[f"power_{name}"] for name in POWERS},
-            _powers(again[row["point"]]),
+            _powers(modelled[row["point"]]),
         )
         for row in measured.rows
     )
-    if any(math.isnan(value) for one in checked for value in one.modelled.values()):
-        raise RunError(f"{measured.run}: the model does not get through a row that was measured")
-    shares = shares_of(checked)
-    spans = {
-        name: Span(min(each), max(each), unit)
-        for name, unit in RANGES.items()
+    if any(math.isnan(value) for one in comparisons for value in one.modelled.values()):
+        raise RunError(f"{measured.run}: the model does not complete a row that was measured")
+    shares = error_shares(comparisons)
+    logged_ranges = {
+        name: AmplitudeRange(min(each), max(each), unit)
+        for name, unit in AMPLITUDE_UNITS.items()
         for each in ([row[name] for row in measured.rows],)
     }
     plant = campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
-    known = identified_up_to(plant).items()
-    identified = {name: Span(*each, RANGES[name]) for name, each in known if name in RANGES}
+    identified = identified_up_to(plant).items()
+    identified_ranges = {
+        name: AmplitudeRange(*each, AMPLITUDE_UNITS[name])
+        for name, each in identified
+        if name in AMPLITUDE_UNITS
+    }
     rows = []
-    for i, (point, found) in enumerate(_run(campaign, sea, lead_in), len(was.points) + 1):
-        rows.append(_row(point, found, shares, spans, identified))
-        see(i, of)
-    return CounterfactualRow(
-        measured.run, campaign.file.name, waves, checked, shares, spans, identified, tuple(rows)
+    for i, (point, result) in enumerate(
+        _simulate_points(campaign, sea, lead_in), len(logged_campaign.points) + 1
+    ):
+        rows.append(_predict_row(point, result, shares, logged_ranges, identified_ranges))
+        on_progress(i, total)
+    return CounterfactualResult(
+        measured.run,
+        campaign.file.name,
+        waves,
+        comparisons,
+        shares,
+        logged_ranges,
+        identified_ranges,
+        tuple(rows),
     )
 
 
-def shares_of(checked: Sequence[Logged]) -> dict[str, Share]:
-    """The error of each station over the rows that were logged, as a share of gross power."""
+def error_shares(comparisons: Sequence[RowComparison]) -> dict[str, ErrorShare]:
+    """Return the error of each station over the logged rows, as a share of gross power."""
     shares = {}
     for name in POWERS:
-        each = np.array(
-            [(one.logged[name] - one.modelled[name]) / gross(one.modelled, name) for one in checked]
+        errors = np.array(
+            [
+                (one.logged[name] - one.modelled[name]) / gross_power(one.modelled, name)
+                for one in comparisons
+            ]
         )
-        scatter = float(np.std(each, ddof=1)) if len(each) > 1 else math.nan
-        shares[name] = Share(float(each.mean()), scatter, len(each))
+        scatter = float(np.std(errors, ddof=1)) if len(errors) > 1 else math.nan
+        shares[name] = ErrorShare(float(errors.mean()), scatter, len(errors))
     return shares
 
 
-def gross(powers: dict[str, float], name: str) -> float:
-    """Power that went in and power that was lost on the way to a station, both counted; W."""
-    given = powers["mechanical_1"]
-    return max(abs(given) + abs(powers[name] - given), FLOOR)
+def gross_power(powers: dict[str, float], name: str) -> float:
+    """Return absorbed power plus power lost up to a station, W; at least `MIN_GROSS_POWER`."""
+    absorbed = powers["mechanical_1"]
+    return max(abs(absorbed) + abs(powers[name] - absorbed), MIN_GROSS_POWER)
 
 
-def corrected(
-    powers: dict[str, float], shares: dict[str, Share]
+def correct_powers(
+    powers: dict[str, float], shares: dict[str, ErrorShare]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Power of each station and half its interval (W)."""
-    value, half = {}, {}
+    """Return the corrected power of each station and the half width of its interval, W."""
+    corrected, half_width = {}, {}
     for name, (mean, scatter, count) in shares.items():
-        size = gross(powers, name)
-        value[name] = powers[name] + mean * size
+        scale = gross_power(powers, name)
+        corrected[name] = powers[name] + mean * scale
         factor = student.ppf(0.5 + 0.5 * CONFIDENCE, count - 1) if count > 1 else math.nan
-        half[name] = float(factor * scatter * math.sqrt(1.0 + 1.0 / count) * size)
-    return value, half
+        half_width[name] = float(factor * scatter * math.sqrt(1.0 + 1.0 / count) * scale)
+    return corrected, half_width
 
 
-def _row(
+def _predict_row(
     point: int,
-    found: dict[str, Any],
-    shares: dict[str, Share],
-    spans: dict[str, Span],
-    identified: dict[str, Span],
-) -> Row:
-    value, half = corrected(_powers(found), shares)
-    amplitude = {name: float(found.get(name, math.nan)) for name in RANGES}
+    result: dict[str, Any],
+    shares: dict[str, ErrorShare],
+    logged_ranges: dict[str, AmplitudeRange],
+    identified_ranges: dict[str, AmplitudeRange],
+) -> RowPrediction:
+    value, half_width = correct_powers(_powers(result), shares)
+    amplitude = {name: float(result.get(name, math.nan)) for name in AMPLITUDE_UNITS}
 
-    def beyond(known: dict[str, Span]) -> tuple[str, ...]:
-        return tuple(n for n, span in known.items() if amplitude[n] > MARGIN * span.greatest)
+    def beyond(ranges: dict[str, AmplitudeRange]) -> tuple[str, ...]:
+        return tuple(
+            name
+            for name, limits in ranges.items()
+            if amplitude[name] > AMPLITUDE_MARGIN * limits.greatest
+        )
 
-    return Row(
-        point, _setting(found), found["state"], found["incomplete_reason"], value, half, amplitude,
-        beyond(spans), beyond(identified),
-    )  # fmt: skip
+    return RowPrediction(
+        point,
+        _setting(result),
+        result["state"],
+        result["incomplete_reason"],
+        value,
+        half_width,
+        amplitude,
+        beyond(logged_ranges),
+        beyond(identified_ranges),
+    )
 
 
-def _powers(found: dict[str, Any]) -> dict[str, float]:
-    if found["state"] != COMPLETE:
+def _powers(result: dict[str, Any]) -> dict[str, float]:
+    if result["state"] != COMPLETE:
         return dict.fromkeys(POWERS, math.nan)
-    return {name: float(found[f"power_{name}"]) for name in POWERS}
+    return {name: float(result[f"power_{name}"]) for name in POWERS}
 
 
 def _setting(row: dict[str, Any]) -> dict[str, float]:
-    """What is set at all: a drive of another kind has none of these."""
+    """Return the settings of a row, without those that its drive does not have."""
     values = {name: float(row[name]) for name in SETTINGS}
     return {name: value for name, value in values.items() if not math.isnan(value)}
 
 
-def _run(
+def _simulate_points(
     campaign: Campaign, sea: dict[str, Any], lead_in: float
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Each point of a campaign and what it gives in a sea, in the words of the row table."""
-    file = alone(campaign.file, lead_in)
+    """Yield each point's number and its simulated results in a sea, with names of the row table."""
+    file = single_row_campaign(campaign.file, lead_in)
     period = repeat_period(file.sea)
-    subject = Subject(campaign, build_plan(file, campaign.rig, campaign.points), sea)
+    simulator = CampaignSimulator(campaign, build_plan(file, campaign.rig, campaign.points), sea)
     for number, point in enumerate(campaign.points):
         planned: Plan = build_plan(file, campaign.rig, (point,))
-        walk = subject.walk(planned, stator=planned.rows[0].stator_position)
-        (row,) = table(walk, planned, period / planned.dt if period else None)
+        simulation = simulator.simulate(planned, stator=planned.rows[0].stator_position)
+        (row,) = row_results(simulation, planned, period / planned.dt if period else None)
         yield number, row
 
 
-def _on_model(known: RunInfo, model: Campaign) -> Campaign:
-    """The campaign of a run as its record has it, on the model's plant."""
-    was = logged_campaign(known)
-    if was.rig.drive.kind != model.rig.drive.kind:
+def _logged_campaign(run_facts: RunInfo, model: Campaign) -> Campaign:
+    """Return the campaign of a run from its record, with the model's plant."""
+    logged = logged_campaign(run_facts)
+    if logged.rig.drive.kind != model.rig.drive.kind:
         raise ValueError(
-            f"{known.run} was run with a {was.rig.drive.kind} drive, the model has a "
+            f"{run_facts.run} was run with a {logged.rig.drive.kind} drive, the model has a "
             f"{model.rig.drive.kind} one; name the campaign of the run as its model"
         )
-    return model._replace(**was._asdict())
+    return model._replace(**logged._asdict())

@@ -1,15 +1,15 @@
-"""The waves of a run, recovered line by line from what it measured.
+"""Recover the waves of a run, line by line of the spectrum, from its measurements.
 
-Two ways, both of whole repeat periods and with amplitudes of e^{+i omega t} on the wave clock:
+Two methods, both over whole repeat periods and with amplitudes of e^{+i omega t} on the wave clock:
 
-    from the undisturbed elevation, where the log has it (a simulated basin does): eta itself
+    from the undisturbed elevation, if logged (a simulated basin logs it): eta itself
     from measured forces:   eta = (L X - D - F_LCB) / H,   L(omega) = F/X of the bare hull
 
 (MASK4 report (Sandia), eq. 3.3, solved for the wave). F_LCB is the force of the power take-off on
-the body, D that of quadratic drag at the measured velocity, H the excitation of a metre of wave.
-All rows had the same waves, so each line is the mean of all periods of all rows. Lines are those
-that the wave maker was asked for: what is between them is harmonics of the body, not sea. A line
-that hardly excites the body cannot be seen in its forces, and is taken as it was asked for.
+the body, D that of quadratic drag at the measured velocity, H the excitation per metre of wave.
+All rows had the same waves, so each line is the mean of all periods of all rows. The lines are
+those of the wave maker's command: content between them is harmonics of the body, not sea. A line
+that hardly excites the body is not observable in its forces and keeps its commanded amplitude.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,127 +22,137 @@ from rig.design.predictions.device import Model
 from rig.identification.periods import Complexes, Floats, amplitudes, angular, filled, whole_ticks
 
 ELEVATION, FORCES = "elevation", "forces"
-CLOCK, COUNTS, AGE = "plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age"
-LCB, LOAD_AGE, TRUTH = "load.lcb", "load.age", "wave.elevation"
-FIELDS = (CLOCK, COUNTS, AGE, LCB, LOAD_AGE, TRUTH)
-WEAK = 0.02  # of the greatest excitation of a metre: what excites less is not seen in forces
+WAVE_CLOCK, COUNTS, ENCODER_AGE = "plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age"
+LCB, LOAD_AGE, UNDISTURBED_ELEVATION = "load.lcb", "load.age", "wave.elevation"
+FIELDS = (WAVE_CLOCK, COUNTS, ENCODER_AGE, LCB, LOAD_AGE, UNDISTURBED_ELEVATION)
+MIN_EXCITATION_RATIO = 0.02  # of the greatest excitation per metre; weaker lines are not observable
 
 
 class WaveMakerLines(NamedTuple):
-    """The lines that the wave maker was asked for."""
+    """The spectral lines of the wave maker's command."""
 
     repeat: float  # s
-    cycles: tuple[int, ...]  # in a repeat period
+    cycles: tuple[int, ...]  # per repeat period
     elevation: Complexes  # m, by line
 
     @property
     def frequency(self) -> Floats:
-        """Of each line, Hz."""
+        """Frequency of each line, Hz."""
         return np.array(self.cycles) / self.repeat
 
 
-class Waves(NamedTuple):
-    """The sea as it was at the device's place, without the device."""
+class RecoveredWaves(NamedTuple):
+    """The undisturbed sea at the device's position."""
 
-    asked: WaveMakerLines
+    wave_maker: WaveMakerLines
     elevation: Complexes  # m, by line
-    scatter: Floats  # m, standard error of a line's amplitude; NaN where there was one period only
-    rows: int  # it is the mean of
-    periods: int
-    by: str  # ELEVATION or FORCES
-    left_out: tuple[str, ...]  # rows that could not be used, and why
+    scatter: Floats  # m, standard error of a line's amplitude; NaN for a single period
+    rows: int  # number of rows in the mean
+    periods: int  # number of periods in the mean
+    method: str  # ELEVATION or FORCES
+    skipped_rows: tuple[str, ...]  # unusable rows with the reason
 
     def description(self) -> dict[str, Any]:
-        """The sea for the simulated wave maker, as plain values."""
+        """Return the sea for the simulated wave maker as plain values."""
         return {
             "kind": "components",
-            "repeat_s": self.asked.repeat,
-            "cycles": list(self.asked.cycles),
+            "repeat_s": self.wave_maker.repeat,
+            "cycles": list(self.wave_maker.cycles),
             "amplitude_m": np.abs(self.elevation).tolist(),
             "phase_rad": np.angle(self.elevation).tolist(),
         }
 
 
-def asked_of(told: dict[str, Any]) -> WaveMakerLines:
-    """The lines of a plan's ``asked_sea``; ValueError for a sea without any (calm water)."""
-    cycles = tuple(int(n) for n in told["cycles"])
+def wave_maker_lines(sea: dict[str, Any]) -> WaveMakerLines:
+    """Return the lines of a plan's ``asked_sea``; raise ValueError for calm water."""
+    cycles = tuple(int(n) for n in sea["cycles"])
     if not cycles:
         raise ValueError("the run had no waves")
-    size, phase = np.array(told["amplitude_m"]), np.array(told["phase_rad"])
-    return WaveMakerLines(float(told["repeat_s"]), cycles, size * np.exp(1j * phase))
+    size, phase = np.array(sea["amplitude_m"]), np.array(sea["phase_rad"])
+    return WaveMakerLines(float(sea["repeat_s"]), cycles, size * np.exp(1j * phase))
 
 
-def recovered(
-    windows: Iterable[Window], asked: WaveMakerLines, model: Model, dt: float, by: str | None
-) -> Waves:
-    """The waves from measured windows with the fields of `FIELDS`.
+def recover_waves(
+    windows: Iterable[Window],
+    wave_maker: WaveMakerLines,
+    model: Model,
+    dt: float,
+    method: str | None,
+) -> RecoveredWaves:
+    """Recover the waves from measured windows with the fields of `FIELDS`.
 
-    ``by``: `ELEVATION` or `FORCES`; None: the elevation where it was logged. Raises ValueError
-    where no row tells anything, or the elevation is asked for and was not logged.
+    ``method`` is `ELEVATION` or `FORCES`; None selects the elevation if logged. Raises ValueError
+    if no row is usable, or if ``method`` is `ELEVATION` and the elevation was not logged.
     """
-    pieces: list[Complexes] = []
-    left: list[str] = []
+    elevations: list[Complexes] = []
+    skipped_rows: list[str] = []
     rows = 0
     for window in windows:
         try:
-            by = by or (ELEVATION if _has_elevation(window) else FORCES)
-            pieces.append(_of_window(window, asked, model, dt, by))
+            method = method or (ELEVATION if _has_elevation(window) else FORCES)
+            elevations.append(_window_elevation(window, wave_maker, model, dt, method))
             rows += 1
         except ValueError as error:
-            left.append(f"row {window.row}: {error}")
-    if not pieces or by is None:
-        raise ValueError("; ".join(["no row of the run tells its waves", *left]))
-    periods = np.concatenate(pieces)
+            skipped_rows.append(f"row {window.row}: {error}")
+    if not elevations or method is None:
+        raise ValueError(
+            "; ".join(["no row of the run is usable to recover its waves", *skipped_rows])
+        )
+    periods = np.concatenate(elevations)
     count = len(periods)
     spread = np.abs(periods - periods.mean(axis=0)) ** 2
     scatter = np.sqrt(spread.sum(axis=0) / max(count - 1, 1) / count)
     if count < 2:
-        scatter = np.full(len(asked.cycles), np.nan)
-    return Waves(asked, periods.mean(axis=0), scatter, rows, count, by, tuple(left))
+        scatter = np.full(len(wave_maker.cycles), np.nan)
+    return RecoveredWaves(
+        wave_maker, periods.mean(axis=0), scatter, rows, count, method, tuple(skipped_rows)
+    )
 
 
 def _has_elevation(window: Window) -> bool:
     names: Sequence[str] = window.data.dtype.names or ()
-    return TRUTH in names and bool(np.isfinite(window.data[TRUTH]).all())
+    return UNDISTURBED_ELEVATION in names and bool(
+        np.isfinite(window.data[UNDISTURBED_ELEVATION]).all()
+    )
 
 
-def _of_window(
-    window: Window, asked: WaveMakerLines, model: Model, dt: float, by: str
+def _window_elevation(
+    window: Window, wave_maker: WaveMakerLines, model: Model, dt: float, method: str
 ) -> Complexes:
-    """Elevation in each whole period of a window, periods by lines."""
+    """Return the elevation in each whole period of a window, periods by lines."""
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
-    if by == ELEVATION and not _has_elevation(window):
+    if method == ELEVATION and not _has_elevation(window):
         raise ValueError("the undisturbed elevation was not logged")
-    period = whole_ticks([asked.repeat], dt, window.span)
-    times = round(period * dt / asked.repeat)
-    top = times * max(asked.cycles)
-    at = times * np.array(asked.cycles) - 1
+    period = whole_ticks([wave_maker.repeat], dt, window.span)
+    times = round(period * dt / wave_maker.repeat)
+    top = times * max(wave_maker.cycles)
+    indices = times * np.array(wave_maker.cycles) - 1
     data = window.data
-    start = float(data[CLOCK][0])
+    start = float(data[WAVE_CLOCK][0])
     omega = angular(period * dt, top)
 
     def lines(field: str, age: str, scale: float = 1.0) -> Complexes:
         values = filled(data["tick"], data[field] * scale)
         late = float(np.mean(data[age]))
-        found = amplitudes(values, start, dt, period, top) * np.exp(1j * omega * late)
-        return np.asarray(found, dtype=np.complex128)
+        lines_found = amplitudes(values, start, dt, period, top) * np.exp(1j * omega * late)
+        return np.asarray(lines_found, dtype=np.complex128)
 
-    if by == ELEVATION:
-        return lines(TRUTH, AGE)[:, at]
-    position = lines(COUNTS, AGE, model.metres_per_count)
+    if method == ELEVATION:
+        return lines(UNDISTURBED_ELEVATION, ENCODER_AGE)[:, indices]
+    position = lines(COUNTS, ENCODER_AGE, model.metres_per_count)
     force = lines(LCB, LOAD_AGE)
     drag = _drag(position, omega, period, model.quadratic)
     excitation = model.hull(omega) * position - drag - force
-    per_metre = model.excitation(omega[at] / (2.0 * np.pi))
-    strong = np.abs(per_metre) >= WEAK * np.abs(per_metre).max()
-    found = np.broadcast_to(asked.elevation, (len(excitation), at.size)).copy()
-    found[:, strong] = excitation[:, at[strong]] / per_metre[strong]
-    return found
+    per_metre = model.excitation(omega[indices] / (2.0 * np.pi))
+    strong = np.abs(per_metre) >= MIN_EXCITATION_RATIO * np.abs(per_metre).max()
+    elevation = np.broadcast_to(wave_maker.elevation, (len(excitation), indices.size)).copy()
+    elevation[:, strong] = excitation[:, indices[strong]] / per_metre[strong]
+    return elevation
 
 
 def _drag(position: Complexes, omega: Floats, period: int, quadratic: float) -> Complexes:
-    """Lines of the force -c |v| v on the body (N) at the velocity of these lines."""
+    """Return the lines of the force -c |v| v on the body (N) at the velocity of ``position``."""
     spectrum = np.zeros((len(position), period // 2 + 1), dtype=np.complex128)
     spectrum[:, 1 : omega.size + 1] = 1j * omega * position * (0.5 * period)
     v = np.fft.irfft(spectrum, period, axis=1)

@@ -1,7 +1,7 @@
-"""The log that was kept during a test: a spreadsheet people wrote into, read as typed entries.
+"""Read the log of a test, a spreadsheet written by hand, as typed entries.
 
-What the sheet says plainly becomes a value. Everything else becomes a remark that names the cell
-and quotes it; nothing is filled in by guess.
+Unambiguous text becomes a value. Everything else becomes a remark that names the cell and quotes
+it; nothing is guessed.
 """
 
 from rig.interop.legacy.testlog.entry import (
@@ -18,8 +18,8 @@ from rig.interop.legacy.testlog.entry import (
     Wave,
     WaveKind,
 )
-from rig.interop.legacy.testlog.read import Log, read_log
-from rig.interop.legacy.testlog.relations import Links, Repeat, links
+from rig.interop.legacy.testlog.read import RunLog, read_log
+from rig.interop.legacy.testlog.relations import Links, Repeat, find_links
 
 __all__ = [
     "Activity",
@@ -29,14 +29,14 @@ __all__ = [
     "Entry",
     "Gain",
     "Links",
-    "Log",
     "Remark",
     "RemarkKind",
     "Repeat",
+    "RunLog",
     "Separator",
     "Spring",
     "Wave",
     "WaveKind",
-    "links",
+    "find_links",
     "read_log",
 ]

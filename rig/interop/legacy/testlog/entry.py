@@ -1,4 +1,4 @@
-"""What an entry of a test log can say, and what a person should know of it."""
+"""Types of a test log: entries, their settings, and remarks on irregularities."""
 
 from enum import StrEnum
 from typing import NamedTuple
@@ -14,10 +14,10 @@ class WaveKind(StrEnum):
 
 
 class Activity(StrEnum):
-    """What the rig did."""
+    """What the rig did in a run."""
 
     GAIN_MATRIX = "gain matrix"
-    GAINS = "gains"  # said in the entry itself
+    GAINS = "gains"  # written in the entry itself
     MULTISINE = "multisine"
     SINE = "sine"
     CHIRP = "chirp"
@@ -27,7 +27,7 @@ class Activity(StrEnum):
 
 
 class Condition(StrEnum):
-    """The colour of a row, after the legend of the log."""
+    """Condition of a run by the colour of its row, from the legend of the log."""
 
     PLAIN = "plain"
     UNUSUAL = "slightly unusual"
@@ -45,22 +45,22 @@ class RemarkKind(StrEnum):
     RUN_ID_SPACES = "run ID with spaces"
     FILE_MISSING = "no file name"
     FILE_PARTIAL = "file name without its time"
-    FILE_NO_NAME = "file name is no file name"
+    FILE_NO_NAME = "invalid file name"
     FILE_SHARED = "file shared with another run"
     FILE_ORDER = "file older than that of the run before"
     SERIES_MISSING = "waves without a wave series"
     SERIES_SEVERAL = "several wave series"
-    SERIES_UNREAD = "wave series not readable"
+    SERIES_UNREADABLE = "wave series not readable"
     NO_WATER = "not in the water"
-    HEIGHT_UNSAID = "height not said to be amplitude or Hs"
+    HEIGHT_UNSPECIFIED = "height not marked as amplitude or Hs"
     HEIGHT_DISAGREES = "height in inches and metres disagree"
-    WAVES_UNREAD = "waves not readable"
+    WAVES_UNREADABLE = "waves not readable"
     WAVES_MIXED = "several kinds of waves"
     SEA_NOT_IN_TABLE = "sea not in the report's table"
     WAVE_UNCALIBRATED = "uncalibrated wave"
     RANGE_EMPTY = "range that MATLAB takes as empty"
     AMPLITUDE_UNKNOWN = "amplitude not known"
-    SPRING_UNSAID = "spring mentioned without a rate"
+    SPRING_UNSPECIFIED = "spring mentioned without a rate"
     SPRING_SEVERAL = "several spring rates"
     SPRING_IN_NOTES = "spring rate in the notes"
     SPRING_CLOSE = "spring rate close to another"
@@ -68,7 +68,7 @@ class RemarkKind(StrEnum):
     SCHEME_IN_NOTES = "switching scheme in the notes"
     SCHEME_MISSPELT = "switching scheme misspelt"
     SCHEME_SEVERAL = "several switching schemes"
-    SCHEME_UNSAID = "switching scheme not said"
+    SCHEME_UNSPECIFIED = "switching scheme not given"
     SURGE_MISSPELT = "surge drive misspelt"
     BY_HAND = "done by hand"
     BIAS = "sensor bias"
@@ -83,33 +83,33 @@ class RemarkKind(StrEnum):
 
 
 class Remark(NamedTuple):
-    """An irregularity: what kind, in which cell, in the log's own words."""
+    """An irregularity: its kind, its cell, and a quotation from the log."""
 
     kind: RemarkKind
-    cell: str  # as A54
+    cell: str  # such as A54
     text: str
 
 
 class Wave(NamedTuple):
-    """One sea. A regular one has an amplitude, an irregular one Hs: never both."""
+    """One sea. A regular sea has an amplitude, an irregular one Hs; never both."""
 
     kind: WaveKind
     amplitude_m: float | None = None
     hs_m: float | None = None
-    frequency_hz: float | None = None  # of the peak, if irregular
+    frequency_hz: float | None = None  # peak frequency of an irregular sea
     period_s: float | None = None  # 1 / frequency_hz
-    written: str = ""  # which of the two the log gives: Hz or s
+    written: str = ""  # unit of the value in the log: Hz or s
     gamma: float | None = None
     repeat_s: float | None = None
-    code: str = ""  # name of the wave file: 4A, PINKA; no amperes
+    code: str = ""  # name of the wave file: 4A, PINKA (not amperes)
 
 
 class Gain(NamedTuple):
-    """Gains said in the entry itself, in house signs."""
+    """Gains written in the entry itself, in house signs."""
 
     axis: str  # heave, surge
     name: str  # kp (N*s/m), ki (N/m)
-    values: tuple[float, ...]  # empty where MATLAB takes the written range as empty
+    values: tuple[float, ...]  # empty if MATLAB evaluates the written range as empty
     cell: str
 
 
@@ -117,21 +117,21 @@ class Amplitude(NamedTuple):
     """Amplitude of the drive current of an open-loop test."""
 
     amperes: float
-    waveform: str = ""  # phase realisation A, B, C; empty where not said
+    waveform: str = ""  # phase realisation A, B, C; empty if not given
 
 
 class Spring(NamedTuple):
-    """Spring rate as it was written; calibrations say what it really was."""
+    """Spring rate as written in the log; calibrations correct it."""
 
     written_n_per_m: float
     cell: str
 
 
 class Bias(NamedTuple):
-    """What was done to the zero of a position sensor, and when."""
+    """Action on the zero of a position sensor, and its time."""
 
-    done: str  # corrected, attempted, zeroed, seen, lost
-    when: str  # before, after (the run); empty where not said
+    action: str  # corrected, attempted, zeroed, seen, lost
+    when: str  # before, after (the run); empty if not given
     cell: str
 
 
@@ -139,11 +139,11 @@ class Entry(NamedTuple):
     """One run of the log."""
 
     run: int
-    series_name: str  # of the runs: MASK4
-    row: int  # of the sheet
+    series_name: str  # series of the runs: MASK4
+    row: int  # row of the sheet
     wave_series: tuple[int, ...]
-    file: str  # name of the record; empty where the cell has none
-    recorded: str  # ISO date and time in the file's name, by the recorder's own clock
+    file: str  # name of the record; empty if the cell has none
+    recorded: str  # ISO date and time from the file's name, recorder's clock
     file_text: str
     waves: tuple[Wave, ...]
     waves_text: str
@@ -155,26 +155,26 @@ class Entry(NamedTuple):
     spring: Spring | None
     stator_percent: tuple[float, ...]
     drive: str  # COTS, custom
-    drive_said: str  # where: a cell, or `from the start`
+    drive_source: str  # cell that names the drive, or `from the start`
     scheme: str  # SVPWM, SineTri, DPWM, Hyst
-    surge: str  # enabled, disabled, by hand; empty where not said
+    surge: str  # enabled, disabled, by hand; empty if not given
     bus_voltage_v: float | None
     amplitudes: tuple[Amplitude, ...]
-    order: tuple[Amplitude, ...]  # of the tests within the run, where the notes give it
+    order: tuple[Amplitude, ...]  # order of the tests within the run, if the notes give it
     biases: tuple[Bias, ...]
     condition: Condition
     remarks: tuple[Remark, ...]
 
     @property
     def name(self) -> str:
-        """As the log spells it: MASK4_024."""
+        """Run ID as in the log: MASK4_024."""
         return f"{self.series_name}_{self.run:03d}"
 
 
 class Separator(NamedTuple):
-    """A row between runs: something changed."""
+    """A row between runs that notes a change of the setup."""
 
     row: int
     cell: str
     text: str
-    before_run: int  # the next run; 0 after the last
+    before_run: int  # next run; 0 after the last

@@ -1,10 +1,10 @@
-"""Remarks that stand in the free words of an entry: what failed, what was done by hand."""
+"""Find remarks in the free text of an entry: failures, manual actions, sensor biases."""
 
 import re
 
 from rig.interop.legacy.testlog.entry import Bias, RemarkKind
 
-_WORDS = tuple(
+_PATTERNS = tuple(
     (kind, re.compile(words, re.IGNORECASE))
     for kind, words in (
         (RemarkKind.TIME_SYNC, r"\bPTP\b"),
@@ -36,7 +36,7 @@ _WORDS = tuple(
 )
 _SENTENCE = re.compile(r"(?<=[.;])\s+")
 
-_DONE = tuple(
+_BIAS_PATTERNS = tuple(
     (done, re.compile(words, re.IGNORECASE))
     for done, words in (
         ("attempted", r"correction attempted"),
@@ -46,25 +46,25 @@ _DONE = tuple(
         ("seen", r"offset in heave encoder was noted"),
     )
 )
-_WHEN = re.compile(r"\b(before|after) this (?:run|test)", re.IGNORECASE)
+_RELATION_TO_RUN = re.compile(r"\b(before|after) this (?:run|test)", re.IGNORECASE)
 
 
 def read_notes(text: str) -> tuple[tuple[RemarkKind, str], ...]:
-    """Kinds of irregularity in a text, each with the sentences that tell it."""
+    """Return the kinds of irregularity in a text, each with the sentences that mention it."""
     sentences = _SENTENCE.split(text.strip())
-    found = []
-    for kind, words in _WORDS:
-        told = [sentence.strip() for sentence in sentences if words.search(sentence)]
-        if told:
-            found.append((kind, " ".join(told)))
-    return tuple(found)
+    kinds = []
+    for kind, pattern in _PATTERNS:
+        matching = [sentence.strip() for sentence in sentences if pattern.search(sentence)]
+        if matching:
+            kinds.append((kind, " ".join(matching)))
+    return tuple(kinds)
 
 
 def read_bias(text: str, cell: str) -> Bias | None:
-    """What a text says of the zero of the heave position; None if nothing."""
+    """Return the action on the zero of the heave position that a text mentions; None if none."""
     for sentence in _SENTENCE.split(text):
-        for done, words in _DONE:
-            if words.search(sentence):
-                when = _WHEN.search(sentence)
-                return Bias(done, when[1].lower() if when else "", cell)
+        for action, pattern in _BIAS_PATTERNS:
+            if pattern.search(sentence):
+                when = _RELATION_TO_RUN.search(sentence)
+                return Bias(action, when[1].lower() if when else "", cell)
     return None

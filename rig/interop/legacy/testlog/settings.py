@@ -1,4 +1,4 @@
-"""How the rig was set for an entry, from words such as `GainMatrix006_2, magK=-6152`."""
+"""Parse the settings of the rig from text such as `GainMatrix006_2, magK=-6152`."""
 
 import re
 from typing import NamedTuple
@@ -25,7 +25,7 @@ _SPRINGS = (
     (0.0, re.compile(r"(zero) spring rate", re.IGNORECASE)),
 )
 _SPRING_NOTES = _SPRINGS[2:3]
-_SPRING_WORDS = re.compile(
+_SPRING_MENTIONED = re.compile(
     r"spring rate corrected|mag ?spring (?:home|decoupled)|mag ?spring at home", re.IGNORECASE
 )
 _STATOR = re.compile(r"stator position\s*\[([-\d,\s]+)\]", re.IGNORECASE)
@@ -40,11 +40,11 @@ _BUS = re.compile(r"DC ?BUS at (\d+(?:\.\d+)?)\s*V\b", re.IGNORECASE)
 _COTS = re.compile(r"\bAMC drive\b", re.IGNORECASE)
 _CUSTOM = re.compile(r"\bcustom drive\b", re.IGNORECASE)
 
-Remarks = list[tuple[RemarkKind, int]]  # kind, and which of the two cells: 0 WaveBot, 1 notes
+Remarks = list[tuple[RemarkKind, int]]  # kind, and cell: 0 WaveBot, 1 notes
 
 
-class Settings(NamedTuple):
-    """What the two cells of an entry say, and what is irregular in them."""
+class EntrySettings(NamedTuple):
+    """Settings in the two cells of an entry, and the irregularities of their text."""
 
     activities: tuple[Activity, ...]
     matrix: str
@@ -61,8 +61,8 @@ class Settings(NamedTuple):
     remarks: Remarks
 
 
-def read_settings(wavebot: str, notes: str, cells: tuple[str, str]) -> Settings:
-    """The settings that an entry says; ``cells`` are the names of the two cells."""
+def read_settings(wavebot: str, notes: str, cells: tuple[str, str]) -> EntrySettings:
+    """Return the settings in an entry's text; ``cells`` are the names of its two cells."""
     remarks: Remarks = []
     gains = tuple(
         gain
@@ -72,9 +72,9 @@ def read_settings(wavebot: str, notes: str, cells: tuple[str, str]) -> Settings:
     if any(not gain.values for gain in gains):
         remarks.append((RemarkKind.RANGE_EMPTY, 0))
     matrix = _MATRIX.search(wavebot)
-    activities = tuple(activity for activity, words in _ACTIVITIES if words.search(wavebot))
-    said_here = any(gain.cell == cells[0] for gain in gains)
-    if said_here and Activity.GAIN_MATRIX not in activities:
+    activities = tuple(activity for activity, pattern in _ACTIVITIES if pattern.search(wavebot))
+    gains_in_wavebot_cell = any(gain.cell == cells[0] for gain in gains)
+    if gains_in_wavebot_cell and Activity.GAIN_MATRIX not in activities:
         activities = (*activities, Activity.GAINS)
     amplitudes, unknown = _amplitudes(wavebot)
     if unknown:
@@ -82,15 +82,15 @@ def read_settings(wavebot: str, notes: str, cells: tuple[str, str]) -> Settings:
     order = _amplitudes(" ".join(match[0] for match in _LIST.finditer(notes)))[0]
     stator = _STATOR.search(wavebot)
     bus = _BUS.search(wavebot)
-    drive, at = _drive(wavebot, notes)
-    return Settings(
+    drive, drive_cell = _drive(wavebot, notes)
+    return EntrySettings(
         activities,
         f"GainMatrix{matrix[1]}" if matrix else "",
         gains,
         _spring(wavebot, notes, cells, remarks),
         tuple(float(word) for word in stator[1].split(",")) if stator else (),
         drive,
-        cells[at] if drive else "",
+        cells[drive_cell] if drive else "",
         _scheme(wavebot, notes, remarks),
         _surge(wavebot, notes, remarks),
         float(bus[1]) if bus else None,
@@ -107,8 +107,8 @@ def _spring(wavebot: str, notes: str, cells: tuple[str, str], remarks: Remarks) 
         return None
     if rates:
         return Spring(rates[0], cells[0])
-    if _SPRING_WORDS.search(wavebot):
-        remarks.append((RemarkKind.SPRING_UNSAID, 0))
+    if _SPRING_MENTIONED.search(wavebot):
+        remarks.append((RemarkKind.SPRING_UNSPECIFIED, 0))
     noted = _rates(notes, _SPRING_NOTES)
     if len(noted) != 1:
         return None
@@ -116,28 +116,30 @@ def _spring(wavebot: str, notes: str, cells: tuple[str, str], remarks: Remarks) 
     return Spring(noted[0], cells[1])
 
 
-def _rates(text: str, ways: tuple[tuple[float, re.Pattern[str]], ...]) -> tuple[float, ...]:
-    """All different spring rates of a text, N/m."""
-    found = [
+def _rates(text: str, patterns: tuple[tuple[float, re.Pattern[str]], ...]) -> tuple[float, ...]:
+    """Return all different spring rates in a text, N/m."""
+    rates = [
         0.0 if match[1].lower() == "zero" else scale * float(match[1])
-        for scale, pattern in ways
+        for scale, pattern in patterns
         for match in pattern.finditer(text)
     ]
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(rates))
 
 
 def _gains(text: str, cell: str) -> list[Gain]:
-    found = []
+    gains = []
     for match in _GAIN.finditer(text):
-        axis, letter, gain, words = match.groups()
+        axis, letter, gain, value_text = match.groups()
         surge = "surge" in (axis or "").lower() or letter == "s"
-        values = _range([float(word) for word in words.strip("[] ").split(":") if word.strip()])
-        found.append(Gain("surge" if surge else "heave", f"k{gain}", values, cell))
-    return found
+        values = _range(
+            [float(word) for word in value_text.strip("[] ").split(":") if word.strip()]
+        )
+        gains.append(Gain("surge" if surge else "heave", f"k{gain}", values, cell))
+    return gains
 
 
 def _range(numbers: list[float]) -> tuple[float, ...]:
-    """A number, or start:step:stop as MATLAB counts: nothing where the step leads away."""
+    """Return the values of a number or of start:step:stop; empty if MATLAB's range is empty."""
     if len(numbers) == 2:
         numbers = [numbers[0], 1.0, numbers[1]]
     if len(numbers) != 3:
@@ -148,64 +150,64 @@ def _range(numbers: list[float]) -> tuple[float, ...]:
 
 
 def _amplitudes(text: str) -> tuple[tuple[Amplitude, ...], bool]:
-    """Current amplitudes of a text, and whether one of them is `??`.
+    """Return the current amplitudes in a text, and whether one of them is `??`.
 
     [10A,20A] are amperes; in [10A,10B] the letters are phase realisations.
     """
-    found: list[Amplitude] = []
+    amplitudes: list[Amplitude] = []
     unknown = False
     for match in _LIST.finditer(text):
         items = [_ITEM.fullmatch(item) for item in re.split("[;,]", match[1])]
-        kept = [item for item in items if item is not None]
-        letters = {item[2] for item in kept if item[2]}
-        if len(kept) != len(items) or not (letters or match[2]):
+        matched = [item for item in items if item is not None]
+        letters = {item[2] for item in matched if item[2]}
+        if len(matched) != len(items) or not (letters or match[2]):
             continue
         waveforms = letters - {"A"} != set()
-        unknown |= any(item[1].startswith("?") for item in kept)
-        found += [
+        unknown |= any(item[1].startswith("?") for item in matched)
+        amplitudes += [
             Amplitude(float(item[1]), (item[2] or "") if waveforms else "")
-            for item in kept
+            for item in matched
             if not item[1].startswith("?")
         ]
     outside = _LIST.sub(" ", text)
-    found += [Amplitude(float(match[1])) for match in _INLINE.finditer(outside)]
-    return tuple(found), unknown
+    amplitudes += [Amplitude(float(match[1])) for match in _INLINE.finditer(outside)]
+    return tuple(amplitudes), unknown
 
 
 def _drive(wavebot: str, notes: str) -> tuple[str, int]:
-    for at, text in enumerate((wavebot, notes)):
+    for cell, text in enumerate((wavebot, notes)):
         if _COTS.search(text):
-            return "COTS", at
+            return "COTS", cell
         if _CUSTOM.search(text):
-            return "custom", at
+            return "custom", cell
     return "", 0
 
 
 def _scheme(wavebot: str, notes: str, remarks: Remarks) -> str:
-    here = [word.lower() for word in _SCHEME.findall(wavebot)]
-    noted = [word.lower() for word in _SCHEME.findall(notes)]
-    at = 0 if here else 1
-    words = here or noted
-    if "svpm" in words:
-        remarks.append((RemarkKind.SCHEME_MISSPELT, at))
-    schemes = list(dict.fromkeys(SCHEMES[word] for word in words))
-    if schemes and at:
+    in_wavebot = [word.lower() for word in _SCHEME.findall(wavebot)]
+    in_notes = [word.lower() for word in _SCHEME.findall(notes)]
+    cell = 0 if in_wavebot else 1
+    names = in_wavebot or in_notes
+    if "svpm" in names:
+        remarks.append((RemarkKind.SCHEME_MISSPELT, cell))
+    schemes = list(dict.fromkeys(SCHEMES[word] for word in names))
+    if schemes and cell:
         remarks.append((RemarkKind.SCHEME_IN_NOTES, 1))
     if len(schemes) > 1:
-        remarks.append((RemarkKind.SCHEME_SEVERAL, at))
+        remarks.append((RemarkKind.SCHEME_SEVERAL, cell))
         return ""
-    if here and {SCHEMES[word] for word in noted} - set(schemes):
+    if in_wavebot and {SCHEMES[word] for word in in_notes} - set(schemes):
         remarks.append((RemarkKind.SCHEME_SEVERAL, 1))
     return schemes[0] if schemes else ""
 
 
 def _surge(wavebot: str, notes: str, remarks: Remarks) -> str:
-    for at, text in enumerate((wavebot, notes)):
-        if found := _SURGE.search(text):
-            word = found[1].lower()
-            if word == "disables":
-                remarks.append((RemarkKind.SURGE_MISSPELT, at))
-            return "disabled" if word.startswith("disable") else "enabled"
+    for cell, text in enumerate((wavebot, notes)):
+        if match := _SURGE.search(text):
+            state = match[1].lower()
+            if state == "disables":
+                remarks.append((RemarkKind.SURGE_MISSPELT, cell))
+            return "disabled" if state.startswith("disable") else "enabled"
         if _SURGE_BY_HAND.search(text):
             return "by hand"
     return ""

@@ -1,4 +1,4 @@
-"""The spreadsheet of a test log: its rows as text, and what the colour of a row means."""
+"""Read the spreadsheet of a test log: its rows as text, and the meaning of their colours."""
 
 import io
 import re
@@ -13,7 +13,7 @@ from rig.config.problems import ConfigError, Problem, display_path
 from rig.interop.legacy.testlog.entry import Condition
 
 COLUMNS = ("Run ID", "Wave Series #", "Filename", "Waves", "WaveBot", "Notes")
-MOST_ROWS = 10_000
+MAX_ROWS = 10_000
 
 _LEGEND = (
     ("slightly unusual", Condition.UNUSUAL),
@@ -33,69 +33,69 @@ Colour = tuple[str, float]  # RRGGBB and the tint on it
 
 
 class SheetRow(NamedTuple):
-    """A row of the log as it stands."""
+    """A row of the log as text."""
 
     row: int
-    texts: tuple[str, ...]  # one for each of `COLUMNS`; numbers as text, blank as empty
-    cells: tuple[str, ...]  # their names: A54
+    texts: tuple[str, ...]  # one for each of `COLUMNS`; numbers as text, blank cells empty
+    cells: tuple[str, ...]  # their names, such as A54
     condition: Condition
 
 
 def read_sheet(path: Path, data: bytes) -> tuple[SheetRow, ...]:
-    """All rows below the header that hold something.
+    """Return all rows below the header that are not blank.
 
-    Raises `ConfigError` if this is no workbook, or none of its sheets has the columns of a log.
+    Raises `ConfigError` if the file is not a workbook, or if no sheet has the columns of a log.
     """
-    import openpyxl  # noqa: PLC0415 - a third of a second, and only this reads workbooks
+    import openpyxl  # noqa: PLC0415 - a third of a second; only this function needs it
     from openpyxl.utils.exceptions import InvalidFileException  # noqa: PLC0415
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # it warns of styles and extensions it does not know
+            warnings.simplefilter("ignore")  # openpyxl warns of unknown styles and extensions
             book = openpyxl.load_workbook(io.BytesIO(data), data_only=True)
     except (
         *(zipfile.BadZipFile, InvalidFileException, ParseError, OSError, EOFError),
         *(KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error),
     ) as error:
-        raise _refused(path, 1, f"not readable as a workbook: {error}") from None
+        raise _file_error(path, 1, f"not readable as a workbook: {error}") from None
     for sheet in book.worksheets:
-        at = _columns(sheet)
-        if at is not None:
+        columns_at = _find_columns(sheet)
+        if columns_at is not None:
             break
     else:
         columns = ", ".join(COLUMNS)
-        raise _refused(path, 1, f"no sheet has the columns of a test log: {columns}")
-    if sheet.max_row > MOST_ROWS:
-        raise _refused(path, 1, f"{sheet.max_row} rows; allowed at most {MOST_ROWS}")
-    theme = _theme(book.loaded_theme)
+        raise _file_error(path, 1, f"no sheet has the columns of a test log: {columns}")
+    if sheet.max_row > MAX_ROWS:
+        raise _file_error(path, 1, f"{sheet.max_row} rows; allowed at most {MAX_ROWS}")
+    theme = _theme_colours(book.loaded_theme)
     others = [other for other in book.worksheets if other is not sheet]
-    legend = _legend(others, theme)
+    legend = _read_legend(others, theme)
     rows = []
     for line in sheet.iter_rows(min_row=2):
-        cells = [line[i] for i in at]
-        texts = tuple(_text(cell.value) for cell in cells)
+        cells = [line[i] for i in columns_at]
+        texts = tuple(_cell_text(cell.value) for cell in cells)
         if any(text.strip() for text in texts):
             names = tuple(str(cell.coordinate) for cell in cells)
-            condition = _condition(_colour(cells[0], theme), legend)
+            condition = _condition(_fill_colour(cells[0], theme), legend)
             rows.append(SheetRow(cells[0].row, texts, names, condition))
     return tuple(rows)
 
 
-def _refused(path: Path, line: int, message: str) -> ConfigError:
+def _file_error(path: Path, line: int, message: str) -> ConfigError:
     return ConfigError([Problem(display_path(path), line, "", None, message)])
 
 
-def _columns(sheet: Any) -> tuple[int, ...] | None:
-    """Where each of `COLUMNS` stands (index from 0); None if the first row lacks one."""
+def _find_columns(sheet: Any) -> tuple[int, ...] | None:
+    """Return the index (from 0) of each of `COLUMNS`; None if the first row lacks one."""
     first = next(iter(sheet.iter_rows(min_row=1, max_row=1, values_only=True)), ())
-    names = [" ".join(_text(value).lower().split()) for value in first]
-    wanted = [name.lower() for name in COLUMNS]
-    if any(name not in names for name in wanted):
+    names = [" ".join(_cell_text(value).lower().split()) for value in first]
+    required = [name.lower() for name in COLUMNS]
+    if any(name not in names for name in required):
         return None
-    return tuple(names.index(name) for name in wanted)
+    return tuple(names.index(name) for name in required)
 
 
-def _text(value: object) -> str:
+def _cell_text(value: object) -> str:
     if value is None:
         return ""
     if isinstance(value, float) and value.is_integer():
@@ -103,13 +103,13 @@ def _text(value: object) -> str:
     return str(value)
 
 
-def _theme(text: bytes | None) -> dict[int, str]:
-    """Colours of the workbook's theme by their number (ECMA-376 part 1, 20.1.6.2 and 18.8.3)."""
-    named = {name.decode(): rgb.decode().upper() for name, rgb in _THEME.findall(text or b"")}
-    return {i: named[name] for i, name in enumerate(_THEME_ORDER) if name in named}
+def _theme_colours(text: bytes | None) -> dict[int, str]:
+    """Return the colours of the workbook's theme by number (ECMA-376 part 1, 20.1.6.2, 18.8.3)."""
+    by_name = {name.decode(): rgb.decode().upper() for name, rgb in _THEME.findall(text or b"")}
+    return {i: by_name[name] for i, name in enumerate(_THEME_ORDER) if name in by_name}
 
 
-def _colour(cell: Any, theme: dict[int, str]) -> Colour | None:
+def _fill_colour(cell: Any, theme: dict[int, str]) -> Colour | None:
     fill = cell.fill
     if fill is None or fill.fill_type != "solid":
         return None
@@ -121,17 +121,17 @@ def _colour(cell: Any, theme: dict[int, str]) -> Colour | None:
     return f"indexed {colour.indexed}", 0.0
 
 
-def _legend(sheets: list[Any], theme: dict[int, str]) -> dict[Colour, Condition]:
-    """Colours that another sheet of the workbook explains."""
-    found = {}
+def _read_legend(sheets: list[Any], theme: dict[int, str]) -> dict[Colour, Condition]:
+    """Return the conditions of the colours that another sheet of the workbook explains."""
+    legend = {}
     for sheet in sheets:
         for row in sheet.iter_rows(max_row=200, max_col=1):
-            said = _text(row[0].value)
-            colour = _colour(row[0], theme)
-            for words, condition in _LEGEND:
-                if colour is not None and words.lower() in said.lower():
-                    found[colour] = condition
-    return found
+            text = _cell_text(row[0].value)
+            colour = _fill_colour(row[0], theme)
+            for label, condition in _LEGEND:
+                if colour is not None and label.lower() in text.lower():
+                    legend[colour] = condition
+    return legend
 
 
 def _condition(colour: Colour | None, legend: dict[Colour, Condition]) -> Condition:

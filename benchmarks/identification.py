@@ -186,7 +186,7 @@ def _impedance_figures(found: list[Identification]) -> list[Figure]:
 
 
 def _excitation_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
-    off = np.abs(one.value / bem_file.at(bem, one.frequency) - 1.0)[one.good]
+    off = np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)[one.good]
     return [
         figure("excitation, worst good line against BEM", "%", PERCENT * off.max(), at_most=3.0),
         figure("  median of the good lines", "%", PERCENT * float(np.median(off))),
@@ -216,7 +216,7 @@ def _untold_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
 
 def _worst(one: Excitation, bem: bem_file.Bem) -> tuple[float, float]:
     """Largest difference from BEM (%) of the good lines up to `SLOW` and above."""
-    off = PERCENT * np.abs(one.value / bem_file.at(bem, one.frequency) - 1.0)
+    off = PERCENT * np.abs(one.value / bem_file.excitation_at(bem, one.frequency) - 1.0)
     low = one.frequency <= SLOW
     return float(off[one.good & low].max()), float(off[one.good & ~low].max())
 

@@ -18,7 +18,7 @@ from scipy.optimize import minimize
 from benchmarks.support.result import Figure, Result, figure
 from rig.analysis.rows import COMPLETE, reduce_window
 from rig.design.recommend import report
-from rig.design.recommend.recommendation import Recommendation, RecommendOptions, advise
+from rig.design.recommend.recommendation import Recommendation, RecommendOptions, recommend
 from rig.design.recommend.trial import Gains
 from rig.execution.campaign import rehearsal_mode, run_campaign
 from rig.planning.campaign import build_plan, check_campaign, open_campaign
@@ -175,13 +175,13 @@ def _sea(
     truth = Truth(_file(folder / "truth.yaml", {**keys, "plant": str(_quiet(folder))}))
     timing = row_windows(truth.campaign.file.sea, truth.campaign.file.timing)
     asked = RecommendOptions(campaign=base, rows=AGAIN)
-    advice = advise([identified], asked, folder / "first")
+    advice = recommend([identified], asked, folder / "first")
     first, again, rows = _dc(advice), None, 0
     if not short:
         path, _ = report.write(advice, folder / "first")
         run, _ = _rehearsed(path, folder / "runs")
         rows = len(advice.rows)
-        again = _dc(advise([identified, run], asked, folder / "again"))
+        again = _dc(recommend([identified, run], asked, folder / "again"))
     grid = [] if short else _grid()
     watts = {"grid": min((truth(gains)["dc"] for gains in grid), default=math.nan)}
     starts = [first, *sorted(grid, key=lambda g: truth(g)["dc"])[:1]]
@@ -193,7 +193,7 @@ def _sea(
 
 
 def _dc(advice: Recommendation) -> Gains:
-    return advice.rows[0].tried.gains
+    return advice.rows[0].prediction.gains
 
 
 def _grid() -> list[Gains]:

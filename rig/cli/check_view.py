@@ -76,7 +76,7 @@ class CheckView:
 
     def _print_spring_rates(self, forecast: Prediction) -> set[int]:
         """Print a line for each spring rate, and return the points that are refused."""
-        refused = {row.row.point for row in forecast.rows if any(row.broken())}
+        refused = {row.row.point for row in forecast.rows if any(row.blocking())}
         table = _table(
             "Predicted, by spring rate", "mean W at Kp/Ki or row; negative power is absorbed"
         )
@@ -203,7 +203,7 @@ def _cells(prediction: RowPrediction) -> dict[str, str]:
 
 def _most_used_text(prediction: RowPrediction) -> Text:
     margin = tightest(prediction.margins)
-    style = "red" if margin.broken else "yellow" if margin.used >= _HIGH_SHARE else ""
+    style = "red" if margin.exceeded else "yellow" if margin.used >= _HIGH_SHARE else ""
     return Text(f"{margin.limit.name} {100.0 * min(margin.used, 99.0):.0f} %", style=style)
 
 
@@ -234,7 +234,9 @@ def _best_text(rows: list[RowPrediction], field: str) -> str:
 
 def _duration_text(planned: Travel, forecast: Prediction) -> Text:
     waiting = (
-        f", {planned.waiting:.3g} s of it waits for the stator" if planned.waiting > 0.05 else ""
+        f", {planned.waiting_time:.3g} s of it waits for the stator"
+        if planned.waiting_time > 0.05
+        else ""
     )
     return Text(
         f"{format_duration(planned.duration)}{waiting}; wave clock {forecast.plan.wave_seconds:.6g} s"
@@ -243,7 +245,9 @@ def _duration_text(planned: Travel, forecast: Prediction) -> Text:
 
 def _stator_text(planned: Travel) -> Text:
     moves = f"{planned.moves} move{'s' if planned.moves != 1 else ''} between rows"
-    return Text(f"{moves}; {planned.moving:.3g} s to cover {planned.way:.3g} % of its travel")
+    return Text(
+        f"{moves}; {planned.moving_time:.3g} s to cover {planned.distance:.3g} % of its travel"
+    )
 
 
 def _order_texts(planned: Travel, alternatives: Sequence[Travel]) -> list[Text]:

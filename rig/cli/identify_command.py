@@ -58,7 +58,9 @@ def compare(pair: tuple[Path, Path], runs: Path, output: Path | None, *, as_json
 
     try:
         a, b = (identification_file(name, runs) for name in pair)
-        comparison_result = comparison.compare(comparison.read(a), comparison.read(b))
+        comparison_result = comparison.compare(
+            comparison.read_identification(a), comparison.read_identification(b)
+        )
         folder = output or b.parent
         folder.mkdir(parents=True, exist_ok=True)
         written = comparison.write(comparison_result, folder)

@@ -77,14 +77,14 @@ def main(
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.design.recommend import report
-    from rig.design.recommend.recommendation import RecommendOptions, advise
+    from rig.design.recommend.recommendation import RecommendOptions, recommend
 
     assert isinstance(options, RecommendOptions)
     try:
         paths = [find_run(name, runs) for name in run_names]
         first_run = paths[0] if paths[0].is_dir() else paths[0].parent
         folder = output.parent if output else first_run / "recommendation"
-        recommendation = advise(paths, options, folder)
+        recommendation = recommend(paths, options, folder)
         written = report.write(recommendation, folder, output)
         if pictures:
             from rig.design.recommend.picture import write_surfaces

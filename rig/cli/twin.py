@@ -53,11 +53,11 @@ def main(
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
     from rig.identification.twin import plant_file
-    from rig.identification.twin.estimate import twin
+    from rig.identification.twin.estimate import identify_twin
 
     try:
         paths = [find_run(name, runs) for name in run_names]
-        estimate = twin(paths, plant, probe, incomplete_rows=incomplete_rows)
+        estimate = identify_twin(paths, plant, probe, incomplete_rows=incomplete_rows)
         first_run = paths[0] if paths[0].is_dir() else paths[0].parent
         written = plant_file.write(estimate, output or first_run / plant_file.FOLDER)
     except INPUT_ERRORS as error:

@@ -41,16 +41,16 @@ def main(
     from rig import cli
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
-    from rig.design.twoport.measured import Steps, measured, write_pictures
+    from rig.design.twoport.measured import VariationOptions, device_from_run, write_pictures
     from rig.identification.identify import identify
-    from rig.identification.twin.records import read
+    from rig.identification.twin.records import read_records
 
     try:
         path = find_run(run_name, runs)
-        record = read(path)
-        device = measured(identify([path]), record.facts, record.records)
+        record = read_records(path)
+        device = device_from_run(identify([path]), record.facts, record.records)
         folder = output or (path if path.is_dir() else path.parent)
-        written = write_pictures(device, Steps(*setting), folder)
+        written = write_pictures(device, VariationOptions(*setting), folder)
     except INPUT_ERRORS as error:
         return refuse("twoport", error, as_json=as_json)
     names = [str(path) for path in written]

@@ -1,1 +1,1 @@
-"""Before a run: estimators, impedances, predictions, recommended gains."""
+"""Design before a run: estimators, impedances, predictions, recommended gains."""

@@ -189,7 +189,7 @@ def _finish_record(folder: Path, outcome: Outcome) -> tuple[Outcome, str, str]:
     if lost:
         return outcome, f"incomplete: {lost} of {outcome.ticks} ticks missing", record_error
     if damage:
-        return outcome, "damaged: every tick that is known of has its row", record_error
+        return outcome, "damaged: every known tick has its row", record_error
     return outcome, "complete", record_error
 
 

@@ -1,10 +1,10 @@
-"""System identification: what the device is, from runs with an open-loop reference.
+"""System identification of the device from runs with an open-loop reference.
 
-From record to report: `experiments` cuts a run into repeat periods, `frf` makes frequency
-responses with confidence bands, `impedances` says which responses they are, `fit` turns them into
-mass, damping and stiffness or a passive model of higher order, `drag` tells the hull's quadratic
-drag, `excitation` finds what the waves do, `families` what changes with amplitude; `identify` puts
-it together, `report` writes it down.
+`experiments` splits a run into repeat periods, `frf` computes frequency responses with confidence
+bands, `impedances` names the responses, `fit` fits mass, damping and stiffness or a passive model
+of higher order, `drag` estimates the hull's quadratic drag, `excitation` identifies the wave
+excitation, and `families` compares amplitudes. `identify` combines these steps and `report` writes
+the results.
 
-Complex amplitudes are those of e^{+i omega t}, t on the wave clock. Forces are forces on the body.
+Complex amplitudes are those of e^{+i omega t}, t on the wave clock. Forces act on the body.
 """

@@ -1,7 +1,7 @@
-"""Excitation by a boundary-element method, to compare with: capytaine's files, `.npz` or `.nc`.
+"""Excitation by a boundary-element method, for comparison: capytaine files, `.npz` or `.nc`.
 
-capytaine's amplitudes are those of e^{-i omega t}; here all are of e^{+i omega t}, so they are
-conjugated when read. (WAMIT writes e^{+i omega t} itself.)
+capytaine's amplitudes are those of e^{-i omega t}; this package uses e^{+i omega t}, so the reader
+conjugates them. (WAMIT writes e^{+i omega t} itself.)
 """
 
 from pathlib import Path
@@ -18,12 +18,12 @@ class Bem(NamedTuple):
     """Excitation coefficient over frequency."""
 
     name: str
-    frequency: Floats  # Hz, rising
+    frequency: Floats  # Hz, increasing
     excitation: Complexes  # N/m, e^{+i omega t}
 
 
 def read_bem(path: Path) -> Bem:
-    """Read a file; ValueError where it is none of these or has not the fields."""
+    """Read a file; raises ValueError for another file type or missing fields."""
     try:
         if path.suffix == ".npz":
             with open_regular(path, MAX_TABLE_BYTES) as file, np.load(file) as data:
@@ -31,17 +31,20 @@ def read_bem(path: Path) -> Bem:
         elif path.suffix == ".nc":
             frequency, force = _from_netcdf(path)
         else:
-            raise ValueError(f"{path}: a BEM file is .npz or .nc")
+            raise ValueError(f"{path}: not a BEM file: its suffix must be .npz or .nc")
     except KeyError as missing:
         raise ValueError(f"{path}: no field {missing}") from None
     return Bem(path.name, frequency.astype(np.float64), np.conj(force).astype(np.complex128))
 
 
-def at(bem: Bem, frequency: Floats) -> Complexes:
-    """The coefficient at frequencies (Hz), N/m: magnitude and phase each on a line; NaN outside."""
-    size = np.interp(frequency, bem.frequency, np.abs(bem.excitation), np.nan, np.nan)
+def excitation_at(bem: Bem, frequency: Floats) -> Complexes:
+    """Return the coefficient at frequencies (Hz), N/m; NaN outside the file's range.
+
+    Magnitude and phase are interpolated linearly.
+    """
+    magnitude = np.interp(frequency, bem.frequency, np.abs(bem.excitation), np.nan, np.nan)
     phase = np.interp(frequency, bem.frequency, np.unwrap(np.angle(bem.excitation)))
-    return np.asarray(size * np.exp(1j * phase), dtype=np.complex128)
+    return np.asarray(magnitude * np.exp(1j * phase), dtype=np.complex128)
 
 
 def _from_netcdf(path: Path) -> tuple[Floats, Complexes]:

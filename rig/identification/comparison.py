@@ -1,7 +1,7 @@
-"""Two identifications side by side: before and after a change of drive or of spring.
+"""Comparison of two identifications, for example before and after a change of drive or spring.
 
-Models are paired by axis, response and amplitude, at one spring rate where both have it and else at
-the nearest. A difference counts where the 95 % circles of both are apart: |Z_b - Z_a| > r_a + r_b.
+Models are paired by axis, response and amplitude, at equal or nearest spring rate. A difference is
+significant where the 95 % circles do not overlap: |Z_b - Z_a| > r_a + r_b.
 """
 
 import json
@@ -15,35 +15,35 @@ from rig.identification.report import JSON
 from rig.recording.runs import RunError
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
 
-NEAR = 0.1  # of the amplitude: farther apart, two models are no pair
+AMPLITUDE_TOLERANCE = 0.1  # relative difference of amplitude up to which two models are a pair
 RESPONSES = ("Z_i", "Z_id", "Z_d")
 
 
 class SavedIdentification(NamedTuple):
-    """An identification as its file says."""
+    """An identification read from its file."""
 
     name: str
     content: dict[str, Any]
 
 
 class Difference(NamedTuple):
-    """One response of a pair of models, on the lines that both have."""
+    """One response of a pair of models, on their common lines."""
 
     response: str
     a: str  # names of the models
     b: str
     frequency: Floats  # Hz
-    one: Complexes
-    other: Complexes
+    values_a: Complexes
+    values_b: Complexes
     bands: tuple[Floats, Floats]  # 95 % radii
-    apart: float  # share of lines whose bands are apart; NaN where no band is known
+    share_apart: float  # share of lines whose bands do not overlap; NaN without bands
     median: float  # |Z_b - Z_a|/|Z_a|
     worst: float
-    fits: tuple[dict[str, float], dict[str, float]]  # second order of each; empty: none
+    fits: tuple[dict[str, float], dict[str, float]]  # second-order fit of each; empty: none
 
 
 class Comparison(NamedTuple):
-    """What differs between two identifications."""
+    """Differences between two identifications."""
 
     a: str
     b: str
@@ -52,85 +52,92 @@ class Comparison(NamedTuple):
     unpaired: tuple[str, ...]
 
 
-def read(path: Path) -> SavedIdentification:
-    """An identification.json; RunError where it is none."""
+def read_identification(path: Path) -> SavedIdentification:
+    """Read an identification.json; raises RunError for any other file."""
     try:
         content = json.loads(read_regular(path, MAX_TABLE_BYTES))
     except (OSError, ValueError) as error:
         raise RunError(f"{path}: cannot be read: {error}") from None
     if not isinstance(content, dict) or "models" not in content:
-        raise RunError(f"{path}: no {JSON} of rig identify")
+        raise RunError(f"{path}: not an {JSON} written by rig identify")
     first, *more = content.get("runs", []) or [str(path)]
     return SavedIdentification(f"{first} and {len(more)} more" if more else first, content)
 
 
 def compare(a: SavedIdentification, b: SavedIdentification) -> Comparison:
-    """All pairs of models; RunError where there is none."""
-    found: list[Difference] = []
+    """Compare all pairs of models; raises RunError if there is none."""
+    differences: list[Difference] = []
     unpaired = []
-    others = b.content["models"]
-    for model in a.content["models"]:
-        same = [
-            each
-            for each in others
-            if each["axis"] == model["axis"]
-            and abs(each["peak_a"] - model["peak_a"]) <= NEAR * model["peak_a"]
+    models_b = b.content["models"]
+    for model_a in a.content["models"]:
+        candidates = [
+            candidate
+            for candidate in models_b
+            if candidate["axis"] == model_a["axis"]
+            and abs(candidate["peak_a"] - model_a["peak_a"])
+            <= AMPLITUDE_TOLERANCE * model_a["peak_a"]
         ]
-        near = min(
-            same,
-            key=lambda each: abs(each["spring_n_per_m"] - model["spring_n_per_m"]),
+        partner = min(
+            candidates,
+            key=lambda candidate: abs(candidate["spring_n_per_m"] - model_a["spring_n_per_m"]),
             default=None,
         )
-        if near is None:
-            unpaired.append(model["name"])
+        if partner is None:
+            unpaired.append(model_a["name"])
             continue
-        found += [
-            _difference(name, model, near)
+        differences += [
+            _difference(name, model_a, partner)
             for name in RESPONSES
-            if name in model["responses"] and name in near["responses"]
+            if name in model_a["responses"] and name in partner["responses"]
         ]
-    if not found:
+    if not differences:
         raise RunError("the two identifications have no axis and amplitude in common")
     modes = (str(a.content.get("mode", "")), str(b.content.get("mode", "")))
-    return Comparison(a.name, b.name, modes, tuple(found), tuple(unpaired))
+    return Comparison(a.name, b.name, modes, tuple(differences), tuple(unpaired))
 
 
 def _difference(name: str, a: dict[str, Any], b: dict[str, Any]) -> Difference:
-    """On the lines of ``a`` that lie within those of ``b``, whose values are put between lines."""
-    own, there = np.array(a["frequency_hz"]), np.array(b["frequency_hz"])
-    slack = 1e-9
-    kept = (own >= there[0] * (1 - slack)) & (own <= there[-1] * (1 + slack))
-    frequency = own[kept]
-    one, first = _values(a["responses"][name])
-    two, second = _values(b["responses"][name])
-    # omega Im Z lies on a line, Im Z does not.
-    other = np.interp(frequency, there, two.real) + 1j * (
-        np.interp(frequency, there, two.imag * there) / frequency
+    """Compare on the lines of ``a`` within the range of ``b``; interpolates ``b``."""
+    frequency_a, frequency_b = np.array(a["frequency_hz"]), np.array(b["frequency_hz"])
+    tolerance = 1e-9
+    common = (frequency_a >= frequency_b[0] * (1 - tolerance)) & (
+        frequency_a <= frequency_b[-1] * (1 + tolerance)
     )
-    bands = (first[kept], np.interp(frequency, there, second))
-    off = np.abs(other - one[kept])
-    told = np.isfinite(bands[0]) & np.isfinite(bands[1])
-    apart = float(np.mean(off[told] > (bands[0] + bands[1])[told])) if told.any() else np.nan
-    share = off / np.abs(one[kept])
+    common_frequency = frequency_a[common]
+    values_a, band_a = _values(a["responses"][name])
+    values_b, band_b = _values(b["responses"][name])
+    # omega Im Z is close to linear in frequency, Im Z is not.
+    interpolated_b = np.interp(common_frequency, frequency_b, values_b.real) + 1j * (
+        np.interp(common_frequency, frequency_b, values_b.imag * frequency_b) / common_frequency
+    )
+    bands = (band_a[common], np.interp(common_frequency, frequency_b, band_b))
+    distance = np.abs(interpolated_b - values_a[common])
+    known = np.isfinite(bands[0]) & np.isfinite(bands[1])
+    share_apart = (
+        float(np.mean(distance[known] > (bands[0] + bands[1])[known])) if known.any() else np.nan
+    )
+    relative_distance = distance / np.abs(values_a[common])
     return Difference(
         name,
         a["name"],
         b["name"],
-        frequency,
-        np.asarray(one[kept], dtype=np.complex128),
-        np.asarray(other, dtype=np.complex128),
+        common_frequency,
+        np.asarray(values_a[common], dtype=np.complex128),
+        np.asarray(interpolated_b, dtype=np.complex128),
         bands,
-        apart,
-        float(np.median(share)) if share.size else np.nan,
-        float(share.max(initial=0.0)),
+        share_apart,
+        float(np.median(relative_distance)) if relative_distance.size else np.nan,
+        float(relative_distance.max(initial=0.0)),
         (_second_order(a, name), _second_order(b, name)),
     )
 
 
-def _values(told: dict[str, Any]) -> tuple[Complexes, Floats]:
-    value = np.array(told["re"], dtype=np.float64) + 1j * np.array(told["im"], dtype=np.float64)
-    noise = np.array(told["noise_band"], dtype=np.float64)  # null becomes NaN
-    total = np.array(told["total_band"], dtype=np.float64)
+def _values(response: dict[str, Any]) -> tuple[Complexes, Floats]:
+    value = np.array(response["re"], dtype=np.float64) + 1j * np.array(
+        response["im"], dtype=np.float64
+    )
+    noise = np.array(response["noise_band"], dtype=np.float64)  # null becomes NaN
+    total = np.array(response["total_band"], dtype=np.float64)
     return value, np.where(np.isfinite(noise), noise, total)
 
 
@@ -140,24 +147,24 @@ def _second_order(model: dict[str, Any], name: str) -> dict[str, float]:
     return {key: float(fits[0][key]) for key in keys} if fits else {}
 
 
-def as_dict(told: Comparison) -> dict[str, Any]:
-    """All of it as JSON values."""
+def as_dict(comparison: Comparison) -> dict[str, Any]:
+    """Return the comparison as JSON values."""
     return {
-        "a": told.a,
-        "b": told.b,
-        "unpaired": list(told.unpaired),
+        "a": comparison.a,
+        "b": comparison.b,
+        "unpaired": list(comparison.unpaired),
         "differences": [
             {
-                "response": d.response,
-                "a": d.a,
-                "b": d.b,
-                "lines": int(d.frequency.size),
-                "median": _number(d.median),
-                "worst": _number(d.worst),
-                "share_of_lines_apart": _number(d.apart),
-                "second_order": {"a": d.fits[0], "b": d.fits[1]},
+                "response": difference.response,
+                "a": difference.a,
+                "b": difference.b,
+                "lines": int(difference.frequency.size),
+                "median": _number(difference.median),
+                "worst": _number(difference.worst),
+                "share_of_lines_apart": _number(difference.share_apart),
+                "second_order": {"a": difference.fits[0], "b": difference.fits[1]},
             }
-            for d in told.differences
+            for difference in comparison.differences
         ],
     }
 
@@ -166,29 +173,37 @@ def _number(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def as_text(told: Comparison) -> str:
-    """For people: a line for each pair, and the numbers of the second order."""
-    lines = [f"A  {told.a}", f"B  {told.b}", ""]
-    for d in told.differences:
-        apart = "bands unknown" if np.isnan(d.apart) else f"{100 * d.apart:.0f} % of lines apart"
-        lines.append(
-            f"{d.response:4} {d.a}  ->  {d.b}: median {100 * d.median:.2g} %, "
-            f"worst {100 * d.worst:.2g} %, {apart}"
+def as_text(comparison: Comparison) -> str:
+    """Return a text report: one line per pair, and the changes of the second-order fits."""
+    lines = [f"A  {comparison.a}", f"B  {comparison.b}", ""]
+    for difference in comparison.differences:
+        bands_text = (
+            "bands unknown"
+            if np.isnan(difference.share_apart)
+            else f"bands separate on {100 * difference.share_apart:.0f} % of lines"
         )
-        if d.fits[0] and d.fits[1]:
-            words = (
-                f"{key.split('_', maxsplit=1)[0]} {d.fits[0][key]:.4g} -> {d.fits[1][key]:.4g}"
-                for key in d.fits[0]
+        lines.append(
+            f"{difference.response:4} {difference.a}  ->  {difference.b}: "
+            f"median {100 * difference.median:.2g} %, worst {100 * difference.worst:.2g} %, "
+            f"{bands_text}"
+        )
+        if difference.fits[0] and difference.fits[1]:
+            fit_a, fit_b = difference.fits
+            changes = (
+                f"{key.split('_', maxsplit=1)[0]} {fit_a[key]:.4g} -> {fit_b[key]:.4g}"
+                for key in fit_a
             )
-            lines.append("     " + ", ".join(words))
-    lines += [f"!! {name} of A has no pair in B" for name in told.unpaired]
+            lines.append("     " + ", ".join(changes))
+    lines += [f"!! {name} of A has no matching model in B" for name in comparison.unpaired]
     return "\n".join(lines)
 
 
-def write(told: Comparison, folder: Path) -> list[Path]:
-    """``identification_compared.json`` and a picture of it."""
+def write(comparison: Comparison, folder: Path) -> list[Path]:
+    """Write ``identification_compared.json`` and its picture; return both paths."""
     from rig.identification.pictures import write_comparison  # noqa: PLC0415  (matplotlib)
 
     path = folder / "identification_compared.json"
-    path.write_text(json.dumps(as_dict(told), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    return [path, write_comparison(told, folder / "identification_compared.png")]
+    path.write_text(
+        json.dumps(as_dict(comparison), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
+    return [path, write_comparison(comparison, folder / "identification_compared.png")]

@@ -1,12 +1,13 @@
-"""Quadratic drag of the hull, from what experiments of different motion leave of one impedance.
+"""Quadratic drag of the hull, from experiments with different motions.
 
-In calm water the column load cell pushes the hull alone:
+In calm water the column load cell measures the force on the hull alone:
 
     F_LCB = Z_i v + c |v| v
 
-At each line, experiments of other amplitude or phases differ in the share of the line of |v| v,
-which is computed from the measured motion; c is what explains the differences, least squares over
-all lines. Where it is not sure, it is zero and stands in the linear damping, as it always did.
+At each line, experiments with different amplitudes or phases differ in the line of |v| v, which is
+computed from the measured motion. c is the least-squares coefficient that explains the differences
+over all lines. If c is not significant, it is set to zero; the drag is then part of the linear
+damping.
 """
 
 from collections.abc import Sequence
@@ -15,75 +16,81 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.identification.experiments import LCB, VELOCITY, Experiment
-from rig.identification.periods import Complexes, Floats, analysed, synthesised
+from rig.identification.periods import Complexes, Floats, analyse, synthesise
 
-SURE = 3.0  # standard deviations from which a quadratic drag is believed
+MIN_SIGNIFICANCE = 3.0  # standard deviations above which a quadratic drag is significant
 
 
-class Found(NamedTuple):
-    """A drag coefficient as its lines tell it."""
+class DragEstimate(NamedTuple):
+    """Estimate of a drag coefficient."""
 
-    value: float  # N s^2/m^2; 0 where it is not believed
-    deviation: float  # its standard deviation; 0 where nothing tells it
-    told: bool  # whether the lines could tell it at all
+    value: float  # N s^2/m^2; 0 if not significant
+    deviation: float  # standard deviation; 0 if not observable
+    observable: bool  # True if the lines can determine it
 
 
 class Drag(NamedTuple):
-    """The hull's drag, and its impedance without it."""
+    """The hull's drag, and its impedance without drag."""
 
     coefficient: float  # N s^2/m^2
     frequency: Floats  # Hz
-    impedance: Complexes  # N s/m there, Z_i without drag
+    impedance: Complexes  # N s/m, Z_i without drag, at these frequencies
 
 
-def lines_of_drag(velocity: Complexes) -> Complexes:
-    """Lines of |v| v (m^2/s^2) of a motion, as many as it has itself (m/s)."""
-    v = synthesised(velocity)
-    return analysed(np.abs(v) * v, len(velocity))
+def drag_spectrum(velocity: Complexes) -> Complexes:
+    """Return the lines of |v| v (m^2/s^2) of a motion (m/s), as many as the motion has."""
+    v = synthesise(velocity)
+    return analyse(np.abs(v) * v, len(velocity))
 
 
-def along(force: Complexes, velocity: Complexes) -> Complexes:
-    """Least-squares factor of velocity in force at each line, over the rows."""
+def fit_impedance(force: Complexes, velocity: Complexes) -> Complexes:
+    """Return the least-squares factor of velocity in force at each line, over the rows."""
     square = np.sum(np.abs(velocity) ** 2, axis=0)
     return np.asarray(np.sum(force * np.conj(velocity), axis=0) / square, dtype=np.complex128)
 
 
-def coefficient(velocity: Complexes, force: Complexes, drag: Complexes) -> Found:
-    """Drag from what velocity alone does not explain of force; arrays of rows by lines."""
-    left = force - along(force, velocity) * velocity
-    other = drag - along(drag, velocity) * velocity
-    square = float(np.sum(np.abs(other) ** 2))
+def estimate_drag(velocity: Complexes, force: Complexes, drag: Complexes) -> DragEstimate:
+    """Estimate drag from the part of force that velocity does not explain; rows by lines."""
+    residual_force = force - fit_impedance(force, velocity) * velocity
+    residual_drag = drag - fit_impedance(drag, velocity) * velocity
+    square = float(np.sum(np.abs(residual_drag) ** 2))
     count = 2 * (velocity.shape[0] - 1) * velocity.shape[1] - 1
     if count < 1 or square < 1e-9 * float(np.sum(np.abs(drag) ** 2)):
-        return Found(0.0, 0.0, told=False)
-    found = float(np.sum((left * np.conj(other)).real)) / square
-    rest = left - found * other
-    deviation = float(np.sqrt(np.sum(np.abs(rest) ** 2) / count / square))
-    return Found(0.0 if found < SURE * deviation else found, deviation, told=True)
+        return DragEstimate(0.0, 0.0, observable=False)
+    value = float(np.sum((residual_force * np.conj(residual_drag)).real)) / square
+    remainder = residual_force - value * residual_drag
+    deviation = float(np.sqrt(np.sum(np.abs(remainder) ** 2) / count / square))
+    return DragEstimate(
+        0.0 if value < MIN_SIGNIFICANCE * deviation else value, deviation, observable=True
+    )
 
 
-def drag_of(experiments: Sequence[Experiment]) -> Drag | None:
-    """The hull's drag by its experiments in calm water, those of the most common lines.
+def identify_drag(experiments: Sequence[Experiment]) -> Drag | None:
+    """Return the hull's drag from experiments in calm water with the most common set of lines.
 
-    None where there are no two of them, or where they show none.
+    None if there are fewer than two of them or the drag is not significant.
     """
-    calm = [one for one in experiments if one.sea is None and one.axis == "heave"]
-    calm = [one for one in calm if LCB in one.channels]
-    sets: dict[tuple[float, tuple[int, ...]], list[Experiment]] = {}
-    for one in calm:
-        sets.setdefault((one.period, one.lines), []).append(one)
-    used = max(sets.values(), key=len, default=[])
-    if len(used) < 2:
+    calm = [
+        experiment
+        for experiment in experiments
+        if experiment.sea is None and experiment.axis == "heave"
+    ]
+    calm = [experiment for experiment in calm if LCB in experiment.channels]
+    by_lines: dict[tuple[float, tuple[int, ...]], list[Experiment]] = {}
+    for experiment in calm:
+        by_lines.setdefault((experiment.period, experiment.lines), []).append(experiment)
+    group = max(by_lines.values(), key=len, default=[])
+    if len(group) < 2:
         return None
-    lines = np.flatnonzero(np.all([one.excited for one in used], axis=0))
-    moved = [one.channels[VELOCITY].mean(axis=0) for one in used]
-    velocity = np.array([each[lines] for each in moved])
-    force = np.array([one.channels[LCB].mean(axis=0)[lines] for one in used])
-    drag = np.array([lines_of_drag(each)[lines] for each in moved])
+    lines = np.flatnonzero(np.all([experiment.excited for experiment in group], axis=0))
+    motions = [experiment.channels[VELOCITY].mean(axis=0) for experiment in group]
+    velocity = np.array([motion[lines] for motion in motions])
+    force = np.array([experiment.channels[LCB].mean(axis=0)[lines] for experiment in group])
+    drag = np.array([drag_spectrum(motion)[lines] for motion in motions])
     if lines.size == 0:
         return None
-    found = coefficient(velocity, force, drag)
-    if found.value == 0.0:
+    estimate = estimate_drag(velocity, force, drag)
+    if estimate.value == 0.0:
         return None
-    linear = np.asarray(force - found.value * drag, dtype=np.complex128)
-    return Drag(found.value, used[0].frequency[lines], along(linear, velocity))
+    linear = np.asarray(force - estimate.value * drag, dtype=np.complex128)
+    return Drag(estimate.value, group[0].frequency[lines], fit_impedance(linear, velocity))

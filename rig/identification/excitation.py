@@ -1,17 +1,18 @@
-"""Wave excitation from runs with waves, an impedance from calm water, and the sea alone.
+"""Wave excitation from runs in waves, an impedance from calm water, and the undisturbed sea.
 
     f_exc = (Z_i V - F_LCB)/eta           (N per metre of wave; MASK4 report (Sandia), eq. 3.3)
 
-F_LCB is the force on the body, so what Z_i V needs beyond it came from the waves. eta is the sea of
-the same lines **without the device** at the device's place: a `device: absent` campaign. Probes of
-the run itself also see what the device radiates and are no eta. Over all seas and realisations it
-is least squares, sum (f eta*)/sum |eta|^2, with the phase kept: that of e^{+i omega t}. The band is
-that of `frf`, from the scatter of the experiments. Where S_eta, the mean |eta|^2, is small against
-its median, noise is divided by little: such lines are marked, and so are lines beyond those of Z_i.
+F_LCB is the force on the body, so the remainder of Z_i V is the wave force. eta is the sea with the
+same lines **without the device**, at the device's position: a `device: absent` campaign. Probes of
+the run itself also measure the radiated waves and cannot serve as eta. The estimate over all seas
+and realisations is least squares, sum (f eta*)/sum |eta|^2, and keeps the phase of e^{+i omega t}.
+The band is that of `frf`, from the scatter of the experiments. Where S_eta, the mean |eta|^2, is
+small compared with its median, the division amplifies noise; such lines are marked, and so are
+lines outside the range of Z_i.
 
-Z_i of calm water holds the quadratic drag of calm water, linearised for that motion; in waves the
-same hull has another one. Where calm water tells the drag (`rig.identification.drag`), it is taken
-out of both, line by line of the measured motion:
+Z_i from calm water contains the quadratic drag linearised for the motion in calm water; in waves
+the linearised drag of the same hull differs. If calm water determines the drag
+(`rig.identification.drag`), it is subtracted from both, line by line of the measured motion:
 
     f_exc = (Z_i V + c |V| V - F_LCB)/eta       with Z_i without drag
 """
@@ -21,55 +22,57 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.identification.drag import Drag, lines_of_drag
+from rig.identification.drag import Drag, drag_spectrum
 from rig.identification.experiments import LCB, VELOCITY, Experiment
-from rig.identification.frf import factor
+from rig.identification.frf import band_factor
 from rig.identification.impedances import Model
 from rig.identification.periods import Complexes, Flags, Floats
 
-GUARD = 0.05  # of the median of S_eta: a line below is marked
+GUARD = 0.05  # share of the median of S_eta below which a line is marked
 
 
 class Sea(NamedTuple):
-    """The elevation of a sea at the device's place, without the device."""
+    """The elevation of a sea at the device's position, without the device."""
 
-    run: str  # of the wave calibration
+    run: str  # name of the wave calibration
     probe: str
     repeat: float  # s
     cycles: tuple[int, ...]
     elevation: Complexes  # m, by line
-    weak: Flags  # lines too weak to divide by
-    asked: tuple[tuple[float, ...], tuple[float, ...]]  # amplitude, phase asked of the wave maker
+    weak: Flags  # lines with too little energy for a division
+    commanded: tuple[
+        tuple[float, ...], tuple[float, ...]
+    ]  # amplitude (m) and phase (rad) commanded
 
 
 class Excitation(NamedTuple):
-    """Excitation force per metre of wave, one entry a line of the seas."""
+    """Excitation force per metre of wave, one entry per line of the seas."""
 
     axis: str
-    spring_rate: float  # N/m, where it was measured
+    spring_rate: float  # N/m, of the measured rows
     probe: str
-    seas: int  # different ones
+    seas: int  # number of different seas
     experiments: int
-    places: tuple[str, ...]
+    row_labels: tuple[str, ...]
     frequency: Floats  # Hz
     value: Complexes  # N/m
     band: Floats  # N/m, radius of the 95 % circle
     power: Floats  # S_eta: mean square amplitude of the line, m^2
-    good: Flags  # S_eta above the guard, within the lines of Z_i
-    drag: float  # N s^2/m^2, taken out line by line; 0: it stands in Z_i
+    good: Flags  # S_eta above the guard and frequency within the range of Z_i
+    drag: float  # N s^2/m^2, subtracted line by line; 0: drag is part of Z_i
 
 
-def same_sea(one: Experiment, sea: Sea) -> bool:
-    """Whether a run had the waves of a calibration: the same lines were asked for."""
-    asked = one.sea
-    if asked is None:
+def is_same_sea(experiment: Experiment, sea: Sea) -> bool:
+    """Return True if an experiment and a wave calibration have the same commanded lines."""
+    run_sea = experiment.sea
+    if run_sea is None:
         return False
-    amplitude, phase = sea.asked
+    amplitude, phase = sea.commanded
     return (
-        abs(float(asked["repeat_s"]) - sea.repeat) < 1e-9
-        and tuple(asked["cycles"]) == sea.cycles
-        and np.allclose(asked["amplitude_m"], amplitude, rtol=1e-9, atol=0.0)
-        and np.allclose(asked["phase_rad"], phase, rtol=0.0, atol=1e-9)
+        abs(float(run_sea["repeat_s"]) - sea.repeat) < 1e-9
+        and tuple(run_sea["cycles"]) == sea.cycles
+        and np.allclose(run_sea["amplitude_m"], amplitude, rtol=1e-9, atol=0.0)
+        and np.allclose(run_sea["phase_rad"], phase, rtol=0.0, atol=1e-9)
     )
 
 
@@ -79,35 +82,35 @@ def excitation(
     model: Model,
     drag: Drag | None = None,
 ) -> Excitation:
-    """The excitation from experiments in waves and their seas, pair by pair, all of equal lines.
+    """Identify the excitation from pairs of experiments in waves and their seas, of equal lines.
 
-    ``model`` is the calm-water model whose Z_i is used, unless ``drag`` knows it without drag.
-    Raises ValueError for seas of other lines.
+    ``model`` is the calm-water model that provides Z_i; ``drag``, if given, provides Z_i without
+    drag instead. Raises ValueError for seas with different lines.
     """
     first = seas[0]
     if any((sea.repeat, sea.cycles) != (first.repeat, first.cycles) for sea in seas):
-        raise ValueError("the seas have not the same lines; identify them one by one")
+        raise ValueError("the seas do not have the same lines; identify them one by one")
     frequency = np.array(first.cycles) / first.repeat
-    known, z = model.frequency, model.responses["Z_i"].value
+    model_frequency, z = model.frequency, model.responses["Z_i"].value
     if drag is not None:
-        known, z = drag.frequency, drag.impedance
-    impedance, inside = _between(known, z, frequency)
+        model_frequency, z = drag.frequency, drag.impedance
+    impedance, inside = _interpolate_impedance(model_frequency, z, frequency)
     forces = []
-    for one in experiments:
-        lines = np.array(first.cycles) * round(one.period / first.repeat) - 1
-        moved = one.channels[VELOCITY].mean(axis=0)
-        force = impedance * moved[lines] - one.channels[LCB].mean(axis=0)[lines]
+    for experiment in experiments:
+        lines = np.array(first.cycles) * round(experiment.period / first.repeat) - 1
+        motion = experiment.channels[VELOCITY].mean(axis=0)
+        force = impedance * motion[lines] - experiment.channels[LCB].mean(axis=0)[lines]
         if drag is not None:
-            force = force + drag.coefficient * lines_of_drag(moved)[lines]
+            force = force + drag.coefficient * drag_spectrum(motion)[lines]
         forces.append(force)
     eta = np.array([sea.elevation for sea in seas])
-    pushed = np.array(forces)
+    wave_forces = np.array(forces)
     total = np.sum(np.abs(eta) ** 2, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        value = np.sum(pushed * eta.conj(), axis=0) / total
+        value = np.sum(wave_forces * eta.conj(), axis=0) / total
         degrees = len(experiments) - 1
-        left = np.sum(np.abs(pushed - value * eta) ** 2, axis=0)
-        deviation = np.sqrt(left / max(degrees, 1) / total)
+        residual = np.sum(np.abs(wave_forces - value * eta) ** 2, axis=0)
+        deviation = np.sqrt(residual / max(degrees, 1) / total)
     power = total / len(seas)
     good = (power >= GUARD * np.median(power)) & inside & ~np.any([s.weak for s in seas], axis=0)
     return Excitation(
@@ -116,23 +119,27 @@ def excitation(
         first.probe,
         len({sea.run for sea in seas}),
         len(experiments),
-        tuple(one.place for one in experiments),
+        tuple(experiment.row_label for experiment in experiments),
         frequency,
         np.asarray(value, dtype=np.complex128),
-        factor(degrees) * deviation,
+        band_factor(degrees) * deviation,
         np.asarray(power, dtype=np.float64),
         np.asarray(good, dtype=np.bool_),
         drag.coefficient if drag is not None else 0.0,
     )
 
 
-def _between(known: Floats, z: Complexes, frequency: Floats) -> tuple[Complexes, Flags]:
-    """Z_i at frequencies (Hz), on straight lines between its own; and where those reach.
+def _interpolate_impedance(
+    model_frequency: Floats, z: Complexes, frequency: Floats
+) -> tuple[Complexes, Flags]:
+    """Return Z_i interpolated at frequencies (Hz), and True where they are within its range.
 
-    Im Z_i bends as 1/omega: omega Im Z_i is what lies on a line.
+    Im Z_i varies as 1/omega, so omega Im Z_i is interpolated linearly.
     """
-    real = np.interp(frequency, known, z.real)
-    imag = np.interp(frequency, known, z.imag * known) / frequency
-    slack = 1e-9
-    inside = (frequency >= known[0] * (1 - slack)) & (frequency <= known[-1] * (1 + slack))
+    real = np.interp(frequency, model_frequency, z.real)
+    imag = np.interp(frequency, model_frequency, z.imag * model_frequency) / frequency
+    tolerance = 1e-9
+    inside = (frequency >= model_frequency[0] * (1 - tolerance)) & (
+        frequency <= model_frequency[-1] * (1 + tolerance)
+    )
     return real + 1j * imag, inside

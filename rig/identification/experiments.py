@@ -1,8 +1,8 @@
-"""The experiments of a run: each measured row with an open-loop reference, as lines of its periods.
+"""Experiments of a run: each measured row with an open-loop reference, as lines of its periods.
 
-Rows and windows are those that the log says (row id and phase); nothing is found by time. One row
-is held in memory at a time, and only its lines are kept. Sensor readings are put back to when they
-were taken by the ages in the log; the command stands where it was given.
+Rows and windows come from row id and phase in the log, not from times. The reader holds one row in
+memory at a time and keeps only its lines. Sensor readings are shifted to their sampling time by the
+ages in the log; the command is not shifted.
 """
 
 import os
@@ -17,16 +17,16 @@ from rig.identification.periods import (
     Flags,
     Floats,
     amplitudes,
-    angular,
-    excited,
-    filled,
-    whole_ticks,
+    angular_frequencies,
+    common_period_ticks,
+    excited_lines,
+    fill_lost_ticks,
 )
 from rig.recording.runs import RunError, reader
 from rig.recording.runs.folder import RunInfo, run_info
 
-BEYOND = 1.25  # lines are kept up to so many times the highest excited frequency
-HIGHEST = 5.0  # Hz, of a reference
+LINE_HEADROOM = 1.25  # lines are kept up to this multiple of the highest excited frequency
+MAX_FREQUENCY = 5.0  # Hz, highest frequency of a reference
 GAINS = ("kp", "ki", "km", "surge_kp", "surge_ki")
 
 REFERENCE, CLOCK = "reference.force", "plan.wave_clock"
@@ -35,14 +35,14 @@ VELOCITY, COMMAND, CURRENT, TRS, LCB = "velocity", "command", "current", "trs", 
 
 
 class Sensor(NamedTuple):
-    """Where a channel comes from."""
+    """Log fields of a channel."""
 
     field: str
-    age: str  # field of its age; empty: none
+    age: str  # field of its age; empty: no age
 
 
 class Experiment(NamedTuple):
-    """One row of a run."""
+    """Lines of one row of a run."""
 
     run: str
     row: int
@@ -50,153 +50,166 @@ class Experiment(NamedTuple):
     spring_rate: float  # N/m
     gains: tuple[float, ...]  # `GAINS`
     realisation: int
-    peak: float  # N, greatest magnitude of the reference
+    peak: float  # N, peak magnitude of the reference
     peak_a: float  # A, the same as drive current
     period: float  # s
-    lines: tuple[int, ...]  # whole periods of each line in a repeat period
+    lines: tuple[int, ...]  # cycles of each line in a repeat period
     reference: Complexes  # N, by line
     excited: Flags  # by line
     channels: dict[str, Complexes]  # periods by lines; N, m/s
-    sea: Mapping[str, Any] | None  # lines asked of the wave maker; None in calm water
+    sea: Mapping[str, Any] | None  # commanded wave lines; None in calm water
 
     @property
     def frequency(self) -> Floats:
-        """Of each line, Hz."""
+        """Frequency of each line, Hz."""
         return np.array(self.lines) / self.period
 
     @property
-    def place(self) -> str:
-        """Run and row in words."""
+    def row_label(self) -> str:
+        """Run and row as text."""
         return f"{self.run}, row {self.row}"
 
 
-class Read(NamedTuple):
-    """What a run gives."""
+class RunExperiments(NamedTuple):
+    """Experiments of a run, and notes."""
 
     experiments: tuple[Experiment, ...]
-    notes: tuple[str, ...]  # rows that cannot be used, and why; rows that are to be doubted
+    notes: tuple[str, ...]  # excluded rows and doubtful rows, with reasons
 
 
-def sensors(axis: str, there: set[str]) -> dict[str, Sensor]:
-    """The channels of an axis that a run's record has."""
+def sensors(axis: str, logged_fields: set[str]) -> dict[str, Sensor]:
+    """Return the channels of an axis that a run has logged."""
     drive = f"{axis}.sense.drive_age"
-    wanted = {
+    channels = {
         VELOCITY: Sensor(f"{axis}.sense.counts", f"{axis}.sense.encoder_age"),
         COMMAND: Sensor(f"{axis}.command.force", ""),
         CURRENT: Sensor(f"{axis}.sense.current", drive),
     }
     if axis == "heave":
-        wanted |= {
+        channels |= {
             TRS: Sensor("load.trs", "load.age"),
             LCB: Sensor("load.lcb", "load.age"),
         }
-    return {name: sensor for name, sensor in wanted.items() if sensor.field in there}
+    return {name: sensor for name, sensor in channels.items() if sensor.field in logged_fields}
 
 
-def experiments(run: str | os.PathLike[str], *, incomplete_rows: bool = False) -> Read:
-    """The experiments of a run with an open-loop reference.
+def read_experiments(
+    run: str | os.PathLike[str], *, incomplete_rows: bool = False
+) -> RunExperiments:
+    """Read the experiments of a run with an open-loop reference.
 
-    ``incomplete_rows``: also those of rows of which the record lacks ticks, interpolated.
-
-    Raises RunError where the run cannot be read or has no reference.
+    ``incomplete_rows`` includes rows with missing ticks, interpolated. Raises RunError if the run
+    cannot be read or has no reference.
     """
     source = reader.open_files(run)
-    known = run_info(run, source.contents)
-    told = known.plan.get("reference")
-    if not isinstance(told, dict):
-        raise RunError(f"{run}: no open-loop reference in its plan, so nothing to identify by")
-    there = {leaf.name for leaf in source.leaves}
-    found = sensors(told["axis"], there)
-    fields = {REFERENCE, CLOCK, *(s.field for s in found.values())}
-    fields |= {s.age for s in found.values()} - {""}
-    fields |= {SATURATED} & there
-    rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
-    made: dict[int, Experiment] = {}
-    left: dict[int, str] = {}
-    cut: dict[int, str] = {}
-    for window in read_windows(source, sorted(fields), known.plan, incomplete_rows=incomplete_rows):
+    run_facts = run_info(run, source.contents)
+    reference = run_facts.plan.get("reference")
+    if not isinstance(reference, dict):
+        raise RunError(
+            f"{run}: no open-loop reference in its plan, so there is nothing to identify"
+        )
+    logged_fields = {leaf.name for leaf in source.leaves}
+    channel_sensors = sensors(reference["axis"], logged_fields)
+    fields = {REFERENCE, CLOCK, *(sensor.field for sensor in channel_sensors.values())}
+    fields |= {sensor.age for sensor in channel_sensors.values()} - {""}
+    fields |= {SATURATED} & logged_fields
+    rows = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
+    experiments_by_row: dict[int, Experiment] = {}
+    failures: dict[int, str] = {}
+    saturation_notes: dict[int, str] = {}
+    for window in read_windows(
+        source, sorted(fields), run_facts.plan, incomplete_rows=incomplete_rows
+    ):
         if window.row not in rows:
             continue
         try:
-            made[window.row] = _experiment(window, rows[window.row], known, found)
-            left.pop(window.row, None)
+            experiments_by_row[window.row] = _cut_experiment(
+                window, rows[window.row], run_facts, channel_sensors
+            )
+            failures.pop(window.row, None)
         except ValueError as error:
-            left[window.row] = f"{known.run}, row {window.row}: {error}"
+            failures[window.row] = f"{run_facts.run}, row {window.row}: {error}"
             continue
-        said = _saturated(window, found)
-        cut[window.row] = f"{known.run}, row {window.row}: {said}" if said else ""
-    lost = tuple(why for row, why in left.items() if row not in made)
-    return Read(tuple(made.values()), (*lost, *filter(None, cut.values())))
+        note = _saturation_message(window, channel_sensors)
+        saturation_notes[window.row] = f"{run_facts.run}, row {window.row}: {note}" if note else ""
+    excluded = tuple(message for row, message in failures.items() if row not in experiments_by_row)
+    return RunExperiments(
+        tuple(experiments_by_row.values()), (*excluded, *filter(None, saturation_notes.values()))
+    )
 
 
-def _saturated(window: Window, found: dict[str, Sensor]) -> str:
-    """What is to be said of a heave row in which the drive could not give what was asked of it."""
-    if SATURATED not in (window.data.dtype.names or ()) or TRS not in found:
+def _saturation_message(window: Window, channel_sensors: dict[str, Sensor]) -> str:
+    """Return a note on a heave row in which the drive saturated, or ""."""
+    if SATURATED not in (window.data.dtype.names or ()) or TRS not in channel_sensors:
         return ""
     share = float(np.mean(window.data[SATURATED] != 0))
     if share == 0.0:
         return ""
     return (
         f"the drive saturated in {100.0 * share:.2g} % of its ticks: the command is not the force, "
-        "so Y_id from command is off; from current, torque sensor and load cell it is not"
+        "so Y_id from command is wrong; current, torque sensor and load cell are not affected"
     )
 
 
-def _experiment(
-    window: Window, row: dict[str, Any], known: RunInfo, found: dict[str, Sensor]
+def _cut_experiment(
+    window: Window, row: dict[str, Any], run_facts: RunInfo, channel_sensors: dict[str, Sensor]
 ) -> Experiment:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
-    data, told, dt = window.data, known.plan["reference"], float(known.plan["dt"])
-    sea = known.plan.get("asked_sea")
-    repeats = [float(told["period_s"]), *([float(sea["repeat_s"])] if sea else [])]
-    period = whole_ticks(repeats, dt, window.span)
+    data, reference, dt = window.data, run_facts.plan["reference"], float(run_facts.plan["dt"])
+    sea = run_facts.plan.get("asked_sea")
+    repeats = [float(reference["period_s"]), *([float(sea["repeat_s"])] if sea else [])]
+    period = common_period_ticks(repeats, dt, window.span)
     start = float(data[CLOCK][0])
-    force = filled(data["tick"], data[REFERENCE])
+    force = fill_lost_ticks(data["tick"], data[REFERENCE])
     if not force.any():
         raise ValueError("the reference is zero")
-    top = min(period // 2 - 1, int(HIGHEST * period * dt))
-    whole = amplitudes(force, start, dt, period, top).mean(axis=0)
-    used = excited(whole)
-    highest = int(np.flatnonzero(used)[-1]) + 1
+    line_limit = min(period // 2 - 1, int(MAX_FREQUENCY * period * dt))
+    reference_lines = amplitudes(force, start, dt, period, line_limit).mean(axis=0)
+    is_excited = excited_lines(reference_lines)
+    max_line = int(np.flatnonzero(is_excited)[-1]) + 1
     if sea:
-        highest = max(highest, round(max(sea["cycles"]) * period * dt / sea["repeat_s"]))
-    lines = min(top, int(BEYOND * highest) + 1)
-    omega = angular(period * dt, lines)
+        max_line = max(max_line, round(max(sea["cycles"]) * period * dt / sea["repeat_s"]))
+    lines = min(line_limit, int(LINE_HEADROOM * max_line) + 1)
+    omega = angular_frequencies(period * dt, lines)
     channels = {}
-    for name, sensor in found.items():
-        values = filled(data["tick"], data[sensor.field].astype(np.float64))
-        made = amplitudes(values, start, dt, period, lines)
+    for name, sensor in channel_sensors.items():
+        values = fill_lost_ticks(data["tick"], data[sensor.field].astype(np.float64))
+        line_amplitudes = amplitudes(values, start, dt, period, lines)
         age = float(data[sensor.age].mean()) if sensor.age else 0.0
-        channels[name] = made * np.exp(1j * omega * age) * _scale(name, known, told["axis"], omega)
-    per_ampere = float(told["newtons_per_ampere"])
+        channels[name] = (
+            line_amplitudes
+            * np.exp(1j * omega * age)
+            * _to_si(name, run_facts, reference["axis"], omega)
+        )
+    newtons_per_ampere = float(reference["newtons_per_ampere"])
     return Experiment(
-        known.run,
+        run_facts.run,
         window.row,
-        told["axis"],
+        reference["axis"],
         float(row["spring_rate"]),
         tuple(float(row[name]) for name in GAINS),
         int(row.get("realisation", 1)),
         float(np.abs(force).max()),
-        float(np.abs(force).max()) / per_ampere,
+        float(np.abs(force).max()) / newtons_per_ampere,
         period * dt,
         tuple(range(1, lines + 1)),
-        whole[:lines],
-        used[:lines],
+        reference_lines[:lines],
+        is_excited[:lines],
         channels,
         sea,
     )
 
 
-def _scale(name: str, known: RunInfo, axis: str, omega: Floats) -> Complexes:
-    """From the record's unit to newtons or metres per second, by line."""
-    one = np.ones(omega.size, dtype=np.complex128)
+def _to_si(name: str, run_facts: RunInfo, axis: str, omega: Floats) -> Complexes:
+    """Return the factor from the logged unit to newtons or metres per second, by line."""
+    unity = np.ones(omega.size, dtype=np.complex128)
     if name == CURRENT:
-        return one * float(known.plan["reference"]["newtons_per_ampere"])
+        return unity * float(run_facts.plan["reference"]["newtons_per_ampere"])
     if name != VELOCITY:
-        return one
-    ratio = known.config_number("rig", axis, "gear_ratio_rad_per_m")
-    counts = known.config_number("rig", axis, "counts_per_revolution")
+        return unity
+    ratio = run_facts.config_number("rig", axis, "gear_ratio_rad_per_m")
+    counts = run_facts.config_number("rig", axis, "counts_per_revolution")
     if ratio is None or counts is None:
-        raise ValueError("its configuration does not say what an encoder count is")
-    return one * 1j * omega * (2.0 * np.pi / ratio / counts)
+        raise ValueError("its configuration has no gear ratio or encoder resolution")
+    return unity * 1j * omega * (2.0 * np.pi / ratio / counts)

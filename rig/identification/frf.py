@@ -1,22 +1,23 @@
-"""Frequency responses with confidence bands, from periods and realisations. Pure.
+"""Frequency responses with confidence bands, from periods and realisations.
 
-Errors in variables: force and velocity are both measured, the reference r is known exactly. Every
-channel is therefore first related to the reference, by least squares over the realisations m,
+The functions are pure. This is an errors-in-variables problem: force and velocity are both
+measured, the reference r is known exactly. Every channel is therefore first related to the
+reference, by least squares over the realisations m,
 
     z = sum_m mean_p(Z_mp) R_m* / sum_m |R_m|^2
 
-and a response is a quotient of two of them, G = a/b: noise that is not periodic is averaged out of
-both before they are divided, and feedback does no harm (Pintelon & Schoukens, System
-Identification, 2nd ed., sections 2.6 and 7.2). Of one realisation this is (a/r)/(b/r); regression
-on a measured input would be biased by the input's noise.
+and a response is the quotient of two of them, G = a/b. Averaging removes non-periodic noise from
+both before the division, and feedback does no harm (Pintelon & Schoukens, System Identification,
+2nd ed., sections 2.6 and 7.2). For one realisation this is (a/r)/(b/r). Regression on a measured
+input would be biased by the input's noise.
 
 The error a - G b is complex normal, so |a - G b|^2 / s^2 is distributed as F(2, 2 nu): s^2 is its
 variance, estimated with nu degrees of freedom. The 95 % band is a circle about G of radius
-sqrt(F_0.95(2, 2 nu)) s / |b|. Two bands are told:
+sqrt(F_0.95(2, 2 nu)) s / |b|. There are two bands:
 
 - noise: s^2 from the scatter of periods, nu = sum_m (P_m - 1) = M (P - 1);
-- total: s^2 from the scatter of realisations, nu = M - 1, which holds what nonlinearity adds, as it
-  depends on the phases (stochastic nonlinear distortion).
+- total: s^2 from the scatter of realisations, nu = M - 1. It includes the effect of nonlinearity,
+  which depends on the phases (stochastic nonlinear distortion).
 """
 
 from collections.abc import Sequence
@@ -31,69 +32,72 @@ CONFIDENCE = 0.95
 
 
 class Response(NamedTuple):
-    """A frequency response, one entry a line; radii NaN where nothing tells them."""
+    """A frequency response, one entry per line; unknown radii are NaN."""
 
     value: Complexes
     noise: Floats  # radius of the 95 % circle from periods
     total: Floats  # radius of the 95 % circle from realisations
-    noise_deviation: Floats  # standard deviation of the value: noise alone
-    total_deviation: Floats  # noise and nonlinear distortion
+    noise_deviation: Floats  # standard deviation of the value, noise only
+    total_deviation: Floats  # standard deviation from noise and nonlinear distortion
 
     @property
     def band(self) -> Floats:
-        """The radius to draw: from periods where known, from realisations else."""
+        """The radius to draw: from periods if known, else from realisations."""
         return np.where(np.isfinite(self.noise), self.noise, self.total)
 
-    def at(self, lines: Flags | Ticks) -> "Response":
-        """The same at some of its lines."""
-        value, *radii = (each[lines] for each in self)
+    def select(self, lines: Flags | Ticks) -> "Response":
+        """Return the response at some of its lines."""
+        value, *radii = (part[lines] for part in self)
         return Response(np.asarray(value, dtype=np.complex128), *map(np.real, radii))
 
 
 class Channel(NamedTuple):
-    """One channel of several realisations: each periods by lines."""
+    """One channel of several realisations, each an array of periods by lines."""
 
     realisations: tuple[Complexes, ...]
 
     def minus(self, other: "Channel") -> "Channel":
-        """The difference of two channels."""
+        """Return the difference of two channels."""
         pairs = zip(self.realisations, other.realisations, strict=True)
-        return Channel(tuple(one - two for one, two in pairs))
+        return Channel(tuple(own - others for own, others in pairs))
 
 
-def factor(degrees: float) -> float:
-    """sqrt(F_0.95(2, 2 nu)): radius of the band in standard deviations; NaN without degrees."""
+def band_factor(degrees: float) -> float:
+    """Return sqrt(F_0.95(2, 2 nu)), the band's radius in standard deviations; NaN for nu < 1."""
     return float(np.sqrt(stats.f.ppf(CONFIDENCE, 2, 2 * degrees))) if degrees >= 1 else np.nan
 
 
-def related(channel: Channel, references: Sequence[Complexes]) -> Complexes:
-    """The channel per unit of the reference, by line: least squares over the realisations."""
-    top = sum(
+def relate_to_reference(channel: Channel, references: Sequence[Complexes]) -> Complexes:
+    """Return the channel per unit of the reference, by line, least squares over realisations."""
+    numerator = sum(
         z.mean(axis=0) * r.conj() for z, r in zip(channel.realisations, references, strict=True)
     )
-    return np.asarray(top / _power(references), dtype=np.complex128)
+    return np.asarray(numerator / _power(references), dtype=np.complex128)
 
 
-def response(above: Channel, below: Channel, references: Sequence[Complexes]) -> Response:
-    """The response ``above``/``below`` of channels in one experiment, with its bands.
+def response(numerator: Channel, denominator: Channel, references: Sequence[Complexes]) -> Response:
+    """Return the response ``numerator``/``denominator`` of two channels, with its bands.
 
     Lines without reference are NaN.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = related(above, references), related(below, references)
+        a, b = (
+            relate_to_reference(numerator, references),
+            relate_to_reference(denominator, references),
+        )
         value = a / b
         errors = [
-            one - value * two
-            for one, two in zip(above.realisations, below.realisations, strict=True)
+            num - value * den
+            for num, den in zip(numerator.realisations, denominator.realisations, strict=True)
         ]
-        power, size = _power(references), np.abs(b)
+        power, magnitude = _power(references), np.abs(b)
         noise, degrees = _scatter_of_periods(errors, references, power)
-        total, several = _scatter_of_realisations(errors, power)
-        noise_deviation, total_deviation = np.sqrt(noise) / size, np.sqrt(total) / size
+        total, realisation_degrees = _scatter_of_realisations(errors, power)
+        noise_deviation, total_deviation = np.sqrt(noise) / magnitude, np.sqrt(total) / magnitude
     return Response(
         value,
-        factor(degrees) * noise_deviation,
-        factor(several) * total_deviation,
+        band_factor(degrees) * noise_deviation,
+        band_factor(realisation_degrees) * total_deviation,
         noise_deviation,
         total_deviation,
     )
@@ -106,7 +110,7 @@ def _power(references: Sequence[Complexes]) -> Floats:
 def _scatter_of_periods(
     errors: list[Complexes], references: Sequence[Complexes], power: Floats
 ) -> tuple[Floats, int]:
-    """Variance of a - G b by the scatter of periods, and its degrees of freedom."""
+    """Return the variance of a - G b by the scatter of periods, and its degrees of freedom."""
     degrees = sum(len(e) - 1 for e in errors)
     if degrees < 1:
         return np.full(power.shape, np.nan), 0
@@ -116,7 +120,7 @@ def _scatter_of_periods(
 
 
 def _scatter_of_realisations(errors: list[Complexes], power: Floats) -> tuple[Floats, int]:
-    """Variance of a - G b by the scatter of realisations about the common response."""
+    """Return the variance of a - G b by the scatter of realisations, and its degrees of freedom."""
     degrees = len(errors) - 1
     if degrees < 1:
         return np.full(power.shape, np.nan), 0

@@ -1,15 +1,15 @@
-"""Which frequency responses a set of experiments gives, and what they are called.
+"""Impedances and admittances of sets of experiments.
 
 With forces on the body and velocity v (MASK4 report (Sandia), sections 2 and 4.2):
 
-    Z_i  = F_LCB / v            intrinsic impedance: what the column load cell sees is the hull
-    Z_id = F_TRS / v            hull and drivetrain in series: what the shaft torque sensor sees
+    Z_i  = F_LCB / v            intrinsic impedance: the hull, seen by the column load cell
+    Z_id = F_TRS / v            hull and drivetrain in series, seen by the shaft torque sensor
     Z_d  = Z_id - Z_i           the drivetrain, with the magnetic spring
     Y_i  = 1/Z_i,  Y_id = v/F   of command, of current and of the torque sensor
 
-The published scripts store the quotient Z_id/Z_i under the drivetrain's name. It has no unit and is
-no impedance; it is only made here to compare with their file. Surge has no load cell between drive
-and hull: there Z_id of the current is all there is.
+The published scripts store the quotient Z_id/Z_i under the drivetrain's name. It is dimensionless
+and not an impedance; `ratio` exists only for comparison with their file. Surge has no load cell
+between drive and hull, so only Z_id from current is available.
 """
 
 from collections.abc import Iterable, Sequence
@@ -22,8 +22,8 @@ from rig.identification.experiments import COMMAND, CURRENT, LCB, TRS, VELOCITY,
 from rig.identification.frf import Channel, Response
 from rig.identification.periods import Complexes, Flags, Floats
 
-ALIKE = 0.02  # of the peak: experiments nearer than this have one amplitude
-SAME = 1e-6  # of a reference: nearer than this it is the same realisation
+PEAK_TOLERANCE = 0.02  # relative difference of peaks up to which experiments have one amplitude
+REFERENCE_TOLERANCE = 1e-6  # relative difference of references up to which they are one realisation
 
 
 class Model(NamedTuple):
@@ -35,92 +35,100 @@ class Model(NamedTuple):
     peak: float  # N, of the reference
     peak_a: float  # A
     realisations: int
-    periods: int  # in all
-    places: tuple[str, ...]  # runs and rows
+    periods: int  # total
+    row_labels: tuple[str, ...]  # runs and rows
     frequency: Floats  # Hz, excited lines
     responses: dict[str, Response]
 
     @property
     def name(self) -> str:
-        """Amplitude and spring rate, as a key."""
+        """Axis, spring rate and amplitude, as a key."""
         return f"{self.axis} {self.spring_rate:g} N/m {self.peak_a:.3g} A"
 
     @property
     def omega(self) -> Floats:
-        """rad/s of each line."""
+        """Angular frequency of each line, rad/s."""
         return 2.0 * np.pi * self.frequency
 
 
 def models(experiments: Iterable[Experiment]) -> tuple[Model, ...]:
-    """A model of each set of experiments in calm water that differ in their phases only."""
-    calm = [one for one in experiments if one.sea is None]
+    """Return a model of each set of calm-water experiments that differ only in phases."""
+    calm = [experiment for experiment in experiments if experiment.sea is None]
     groups: list[list[Experiment]] = []
-    for one in sorted(calm, key=lambda e: (e.axis, e.spring_rate, e.gains, e.period, e.peak)):
-        if not groups or not _alike(groups[-1][0], one):
+    for experiment in sorted(
+        calm, key=lambda e: (e.axis, e.spring_rate, e.gains, e.period, e.peak)
+    ):
+        if not groups or not _differ_in_phase_only(groups[-1][0], experiment):
             groups.append([])
-        groups[-1].append(one)
-    return tuple(_model(group) for group in groups)
+        groups[-1].append(experiment)
+    return tuple(_build_model(group) for group in groups)
 
 
 def ratio(model: Model) -> Complexes | None:
-    """Z_id/Z_i, only to compare with the published file; None where one of them is not known."""
+    """Return Z_id/Z_i, for comparison with the published file; None if one of them is missing."""
     if not {"Z_i", "Z_id"} <= model.responses.keys():
         return None
     return model.responses["Z_id"].value / model.responses["Z_i"].value
 
 
-def combined(
+def combine_realisations(
     group: Sequence[Experiment],
 ) -> tuple[list[Complexes], dict[str, Channel]]:
-    """References and channels by realisation; one that was run again has more periods."""
+    """Return references and channels by realisation; a repeated realisation has more periods."""
     references: list[Complexes] = []
-    pieces: list[dict[str, list[Complexes]]] = []
-    for one in group:
-        size = np.abs(one.reference).max()
-        place = next(
-            (i for i, r in enumerate(references) if np.abs(r - one.reference).max() < SAME * size),
+    blocks: list[dict[str, list[Complexes]]] = []
+    for experiment in group:
+        magnitude = np.abs(experiment.reference).max()
+        index = next(
+            (
+                i
+                for i, r in enumerate(references)
+                if np.abs(r - experiment.reference).max() < REFERENCE_TOLERANCE * magnitude
+            ),
             len(references),
         )
-        if place == len(references):
-            references.append(one.reference)
-            pieces.append({})
-        for name, lines in one.channels.items():
-            pieces[place].setdefault(name, []).append(lines)
-    names = set.intersection(*(set(each) for each in pieces))
-    whole = {name: Channel(tuple(np.concatenate(each[name]) for each in pieces)) for name in names}
-    return references, whole
+        if index == len(references):
+            references.append(experiment.reference)
+            blocks.append({})
+        for name, lines in experiment.channels.items():
+            blocks[index].setdefault(name, []).append(lines)
+    names = set.intersection(*(set(block) for block in blocks))
+    channels = {
+        name: Channel(tuple(np.concatenate(block[name]) for block in blocks)) for name in names
+    }
+    return references, channels
 
 
-def _alike(one: Experiment, other: Experiment) -> bool:
+def _differ_in_phase_only(a: Experiment, b: Experiment) -> bool:
     return (
-        (one.axis, one.spring_rate, one.gains) == (other.axis, other.spring_rate, other.gains)
-        and (one.period, one.lines) == (other.period, other.lines)
-        and bool(np.array_equal(one.excited, other.excited))
-        and abs(other.peak - one.peak) < ALIKE * one.peak
+        (a.axis, a.spring_rate, a.gains) == (b.axis, b.spring_rate, b.gains)
+        and (a.period, a.lines) == (b.period, b.lines)
+        and bool(np.array_equal(a.excited, b.excited))
+        and abs(b.peak - a.peak) < PEAK_TOLERANCE * a.peak
     )
 
 
-def _model(group: list[Experiment]) -> Model:
+def _build_model(group: list[Experiment]) -> Model:
     first = group[0]
-    references, channels = combined(group)
-    used: Flags = first.excited
+    references, channels = combine_realisations(group)
+    excited: Flags = first.excited
     velocity = channels[VELOCITY]
 
-    def of(above: Channel, below: Channel) -> Response:
-        return frf.response(above, below, references).at(used)
+    def compute_response(numerator: Channel, denominator: Channel) -> Response:
+        return frf.response(numerator, denominator, references).select(excited)
 
     responses: dict[str, Response] = {}
     series = TRS if TRS in channels else CURRENT
     if LCB in channels:
-        responses["Z_i"] = of(channels[LCB], velocity)
-        responses["Z_id"] = of(channels[series], velocity)
-        responses["Z_d"] = of(channels[series].minus(channels[LCB]), velocity)
-        responses["Y_i"] = of(velocity, channels[LCB])
+        responses["Z_i"] = compute_response(channels[LCB], velocity)
+        responses["Z_id"] = compute_response(channels[series], velocity)
+        responses["Z_d"] = compute_response(channels[series].minus(channels[LCB]), velocity)
+        responses["Y_i"] = compute_response(velocity, channels[LCB])
     else:
-        responses["Z_id"] = of(channels[series], velocity)
+        responses["Z_id"] = compute_response(channels[series], velocity)
     for name, channel in ((COMMAND, COMMAND), (CURRENT, CURRENT), ("trs", TRS)):
         if channel in channels:
-            responses[f"Y_id_{name}"] = of(velocity, channels[channel])
+            responses[f"Y_id_{name}"] = compute_response(velocity, channels[channel])
     return Model(
         first.axis,
         first.spring_rate,
@@ -129,7 +137,7 @@ def _model(group: list[Experiment]) -> Model:
         first.peak_a,
         len(references),
         sum(len(z) for z in velocity.realisations),
-        tuple(one.place for one in group),
-        first.frequency[used],
+        tuple(experiment.row_label for experiment in group),
+        first.frequency[excited],
         responses,
     )

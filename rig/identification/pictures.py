@@ -1,4 +1,4 @@
-"""Figures of an identification, in kind those of the MASK4 report (Sandia): 4-5 to 4-9."""
+"""Figures of an identification, after Figs. 4-5 to 4-9 of the MASK4 report (Sandia)."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from rig.identification.comparison import Comparison
 
 COLOURS = ("#00798c", "#d1495b", "#4f772d", "#22303c", "#9a5b13", "#6a4c93", "#8d99ae", "#c77dff")
-FITTED = "#ffb703"  # of models: over the curves that they are fitted to
+FITTED = "#ffb703"  # colour of fitted models, drawn over the measured curves
 PER_KILONEWTON = "m/s per kN"
-"""The unit that admittances are drawn in."""
+"""Unit of drawn admittances."""
 
-_BANDED = 0.18  # opacity of a band
+_BAND_OPACITY = 0.18  # opacity of a band
 
 
 class Curve(NamedTuple):
@@ -37,33 +37,33 @@ class Curve(NamedTuple):
     style: str = "-"
 
 
-def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> None:
-    """Real part, magnitude, imaginary part and phase of responses, with their bands."""
+def four_panels(body: SubFigure, curves: list[Curve], symbol: str, unit: str) -> None:
+    """Draw real part, magnitude, imaginary part and phase of responses, with their bands."""
     scale = 1e3 if unit == PER_KILONEWTON else 1.0
     panels: Any = body.subplots(2, 2, sharex=True)
     parts = (
-        (panels[0, 0], f"Re {what}, {unit}", np.real),
-        (panels[0, 1], f"|{what}|, {unit}", np.abs),
-        (panels[1, 0], f"Im {what}, {unit}", np.imag),
-        (panels[1, 1], f"phase of {what}, °", lambda z: np.degrees(np.angle(z))),
+        (panels[0, 0], f"Re {symbol}, {unit}", np.real),
+        (panels[0, 1], f"|{symbol}|, {unit}", np.abs),
+        (panels[1, 0], f"Im {symbol}, {unit}", np.imag),
+        (panels[1, 1], f"phase of {symbol}, °", lambda z: np.degrees(np.angle(z))),
     )
-    for axes, label, of in parts:
+    for axes, label, part_of in parts:
         is_phase = axes is panels[1, 1]
         for curve in curves:
-            values = of(curve.value) if is_phase else scale * of(curve.value)
-            few = curve.style == "-" and curve.frequency.size < 60
+            values = part_of(curve.value) if is_phase else scale * part_of(curve.value)
+            with_markers = curve.style == "-" and curve.frequency.size < 60
             axes.plot(
                 curve.frequency, values, ls=curve.style, color=curve.colour, label=curve.label,
-                lw=1.3 if curve.style == "-" else 1.0, marker="." if few else None, ms=4,
+                lw=1.3 if curve.style == "-" else 1.0, marker="." if with_markers else None, ms=4,
             )  # fmt: skip
             if curve.band is not None and np.isfinite(curve.band).any():
-                wide = scale * curve.band
+                half_width = scale * curve.band
                 if is_phase:
-                    share = np.minimum(curve.band / np.abs(curve.value), 1.0)
-                    wide = np.degrees(np.arcsin(share))
+                    relative_radius = np.minimum(curve.band / np.abs(curve.value), 1.0)
+                    half_width = np.degrees(np.arcsin(relative_radius))
                 axes.fill_between(
-                    curve.frequency, values - wide, values + wide, color=curve.colour,
-                    alpha=_BANDED, lw=0,
+                    curve.frequency, values - half_width, values + half_width, color=curve.colour,
+                    alpha=_BAND_OPACITY, lw=0,
                 )  # fmt: skip
         axes.set_ylabel(label, fontsize=8, color=picture.DARK)
         axes.grid(visible=True, color="#e6eaed", lw=0.6)
@@ -74,36 +74,44 @@ def four_panels(body: SubFigure, curves: list[Curve], what: str, unit: str) -> N
 
 
 def admittances(model: Model, fits: Mapping[str, Any]) -> list[Curve]:
-    """Fig. 4-5: from command, current, torque sensor and load cell, fits dotted."""
-    told = (
+    """Return the curves of Fig. 4-5: command, current, torque sensor and load cell, fits dotted."""
+    specs = (
         ("Y_id_command", "command", COLOURS[1], "-"),
         ("Y_id_current", "current", COLOURS[0], "--"),
         ("Y_id_trs", "torque sensor", COLOURS[2], ":"),
         ("Y_i", "load cell: Y_i", COLOURS[3], "-"),
     )
     curves = []
-    for name, label, colour, style in told:
+    for name, label, colour, style in specs:
         if name in model.responses:
-            r = model.responses[name]
-            band = r.band if style == "-" else None
-            curves.append(Curve(label, model.frequency, r.value, band, colour, style))
-    for name, several in fits.items():
-        best = several[-1]
-        fine = np.linspace(model.frequency[0], model.frequency[-1], 201)
-        made = 1.0 / impedance(best, fine)
-        label = f"fit to {name.replace('Z', 'Y')}, order {best.order}"
-        curves.append(Curve(label, fine, made, None, FITTED, ":" if name == "Z_i" else "-."))
+            response = model.responses[name]
+            band = response.band if style == "-" else None
+            curves.append(Curve(label, model.frequency, response.value, band, colour, style))
+    for name, fits_of_response in fits.items():
+        highest_order = fits_of_response[-1]
+        fine_frequency = np.linspace(model.frequency[0], model.frequency[-1], 201)
+        admittance = 1.0 / impedance(highest_order, fine_frequency)
+        label = f"fit to {name.replace('Z', 'Y')}, order {highest_order.order}"
+        curves.append(
+            Curve(label, fine_frequency, admittance, None, FITTED, ":" if name == "Z_i" else "-.")
+        )
     return curves
 
 
 def inverse(model: Model, name: str, label: str, colour: str) -> Curve:
-    """An admittance from an impedance, with its band carried over."""
-    r = model.responses[name]
-    return Curve(label, model.frequency, 1.0 / r.value, r.band / np.abs(r.value) ** 2, colour)
+    """Return the admittance curve of an impedance, with its band."""
+    response = model.responses[name]
+    return Curve(
+        label,
+        model.frequency,
+        1.0 / response.value,
+        response.band / np.abs(response.value) ** 2,
+        colour,
+    )
 
 
 def largest(models: tuple[Model, ...]) -> list[Model]:
-    """Of each axis and spring rate the model of the largest amplitude."""
+    """Return the model of the largest amplitude for each axis and spring rate."""
     best: dict[tuple[str, float], Model] = {}
     for model in models:
         key = (model.axis, model.spring_rate)
@@ -112,98 +120,141 @@ def largest(models: tuple[Model, ...]) -> list[Model]:
     return list(best.values())
 
 
-def write_pictures(found: Identification, folder: Path) -> list[Path]:
-    """All figures that the identification has something for; returns the files."""
-    made = []
-    for axis in dict.fromkeys(model.axis for model in found.models):
-        of_axis = tuple(m for m in found.models if m.axis == axis)
-        main = largest(of_axis)
-        first = main[0]
-        fits = found.fits[found.models.index(first)]
-        title = f"Admittance of {axis} at {first.spring_rate:g} N/m, {first.peak_a:.3g} A"
-        curves = admittances(first, fits)
-        made.append(
-            _figure(found, folder / f"admittance_{axis}.png", title, curves, "Y", PER_KILONEWTON)
+def write_pictures(identification: Identification, folder: Path) -> list[Path]:
+    """Write all figures for which the identification has data; return the files."""
+    paths = []
+    for axis in dict.fromkeys(model.axis for model in identification.models):
+        axis_models = tuple(model for model in identification.models if model.axis == axis)
+        largest_models = largest(axis_models)
+        largest_model = largest_models[0]
+        fits = identification.fits[identification.models.index(largest_model)]
+        title = (
+            f"Admittance of {axis} at {largest_model.spring_rate:g} N/m, "
+            f"{largest_model.peak_a:.3g} A"
         )
-        if "Z_d" not in first.responses:
+        curves = admittances(largest_model, fits)
+        paths.append(
+            _figure(
+                identification,
+                folder / f"admittance_{axis}.png",
+                title,
+                curves,
+                "Y",
+                PER_KILONEWTON,
+            )
+        )
+        if "Z_d" not in largest_model.responses:
             continue
-        by_spring = [(m, f"{m.spring_rate:g} N/m", c) for m, c in zip(main, _cycle(), strict=False)]
+        by_spring = [
+            (model, f"{model.spring_rate:g} N/m", colour)
+            for model, colour in zip(largest_models, _cycle_colours(), strict=False)
+        ]
         for key, name in (("Z_i", "intrinsic"), ("Z_d", "drivetrain")):
-            curves = [inverse(m, key, label, colour) for m, label, colour in by_spring]
+            curves = [inverse(model, key, label, colour) for model, label, colour in by_spring]
             title = f"{name.capitalize()} admittance at the largest amplitude, by spring rate"
-            what = key.replace("Z", "Y")
-            made.append(_figure(found, folder / f"{name}.png", title, curves, what))
-        family = [m for m in of_axis if m.spring_rate == first.spring_rate]
+            symbol = key.replace("Z", "Y")
+            paths.append(_figure(identification, folder / f"{name}.png", title, curves, symbol))
+        family = [model for model in axis_models if model.spring_rate == largest_model.spring_rate]
         if len(family) > 1:
             curves = [
-                inverse(m, "Z_d", f"{m.peak_a:.3g} A", c)
-                for m, c in zip(family, _cycle(), strict=False)
+                inverse(model, "Z_d", f"{model.peak_a:.3g} A", colour)
+                for model, colour in zip(family, _cycle_colours(), strict=False)
             ]
-            title = f"Drivetrain admittance by amplitude, {first.spring_rate:g} N/m"
-            made.append(
-                _figure(found, folder / "amplitudes.png", title, curves, "Y_d", PER_KILONEWTON)
+            title = f"Drivetrain admittance by amplitude, {largest_model.spring_rate:g} N/m"
+            paths.append(
+                _figure(
+                    identification, folder / "amplitudes.png", title, curves, "Y_d", PER_KILONEWTON
+                )
             )
-    for i, one in enumerate(found.excitations):
+    for i, excitation in enumerate(identification.excitations):
         path = folder / f"excitation{'' if i == 0 else f'_{i + 1}'}.png"
-        title = f"Wave excitation; experiments: {one.experiments}, seas: {one.seas}"
-        curves = excitation_curves(one, found.bem)
-        made.append(_figure(found, path, title, curves, "f_exc", "N/m"))
-    return made
+        title = f"Wave excitation; experiments: {excitation.experiments}, seas: {excitation.seas}"
+        curves = excitation_curves(excitation, identification.bem)
+        paths.append(_figure(identification, path, title, curves, "f_exc", "N/m"))
+    return paths
 
 
-def _cycle() -> list[str]:
+def _cycle_colours() -> list[str]:
     return list(COLOURS) * 4
 
 
-def excitation_curves(one: Excitation, bem: bem_file.Bem | None) -> list[Curve]:
-    """Fig. 4-9: identified where the sea is strong enough, and by BEM."""
-    good = one.good
-    label = f"identified, eta from {one.probe}"
-    curves = [Curve(label, one.frequency[good], one.value[good], one.band[good], COLOURS[0])]
+def excitation_curves(excitation: Excitation, bem: bem_file.Bem | None) -> list[Curve]:
+    """Return the curves of Fig. 4-9: identified where the sea is strong enough, and BEM."""
+    good = excitation.good
+    label = f"identified, eta from {excitation.probe}"
+    curves = [
+        Curve(
+            label,
+            excitation.frequency[good],
+            excitation.value[good],
+            excitation.band[good],
+            COLOURS[0],
+        )
+    ]
     if bem is not None:
-        expected = bem_file.at(bem, one.frequency)
-        curves.append(Curve(bem.name, one.frequency, expected, None, COLOURS[1], "--"))
+        expected = bem_file.excitation_at(bem, excitation.frequency)
+        curves.append(Curve(bem.name, excitation.frequency, expected, None, COLOURS[1], "--"))
     return curves
 
 
 def _figure(
-    found: Identification,
+    identification: Identification,
     path: Path,
     title: str,
     curves: list[Curve],
-    what: str,
+    symbol: str,
     unit: str = PER_KILONEWTON,
 ) -> Path:
-    said = "force on the body; e^(+iωt); bands 95 %"
-    figure, body = picture.framed_figure(9.0, 5.6, title, found.attributes, said)
-    four_panels(body, curves, what, unit)
+    subtitle = "force on the body; e^(+iωt); bands 95 %"
+    figure, body = picture.framed_figure(9.0, 5.6, title, identification.attributes, subtitle)
+    four_panels(body, curves, symbol, unit)
     return picture.save(figure, path)
 
 
-def write_comparison(told: "Comparison", path: Path) -> Path:
-    """The pair of the largest amplitude, response by response: A and B over one another."""
-    last = told.differences[-1]
-    pair = [d for d in told.differences if (d.a, d.b) == (last.a, last.b)]
-    one, other = told.modes
-    attributes = {"run": told.b, "mode": other if one == other else f"{one} and {other}"}
-    said = f"compared with {told.a}"
+def write_comparison(comparison: "Comparison", path: Path) -> Path:
+    """Draw the pair of models with the largest amplitude, response by response, A over B."""
+    last_difference = comparison.differences[-1]
+    differences = [
+        difference
+        for difference in comparison.differences
+        if (difference.a, difference.b) == (last_difference.a, last_difference.b)
+    ]
+    mode_a, mode_b = comparison.modes
+    attributes = {
+        "run": comparison.b,
+        "mode": mode_b if mode_a == mode_b else f"{mode_a} and {mode_b}",
+    }
+    subtitle = f"compared with {comparison.a}"
     title = "Two identifications, A and B"
-    figure, body = picture.framed_figure(9.0, 2.6 * len(pair), title, attributes, said)
-    panels: Any = body.subplots(len(pair), 2, sharex=True, squeeze=False)
-    for d, line in zip(pair, panels, strict=True):
-        for axes, part, of in zip(line, ("Re", "Im"), (np.real, np.imag), strict=True):
-            for which, z, band, c in (
-                ("A", d.one, d.bands[0], COLOURS[0]),
-                ("B", d.other, d.bands[1], COLOURS[1]),
+    figure, body = picture.framed_figure(9.0, 2.6 * len(differences), title, attributes, subtitle)
+    panels: Any = body.subplots(len(differences), 2, sharex=True, squeeze=False)
+    for difference, panel_row in zip(differences, panels, strict=True):
+        for axes, part, part_of in zip(panel_row, ("Re", "Im"), (np.real, np.imag), strict=True):
+            for letter, values, band, colour in (
+                ("A", difference.values_a, difference.bands[0], COLOURS[0]),
+                ("B", difference.values_b, difference.bands[1], COLOURS[1]),
             ):
-                name = f"{which}: {d.a if which == 'A' else d.b}"
-                style = ".-" if which == "A" else ".--"  # A is seen beneath an equal B
-                axes.plot(d.frequency, of(z), style, color=c, lw=1.4, ms=4, label=name)
-                wide = np.nan_to_num(band)
-                axes.fill_between(
-                    d.frequency, of(z) - wide, of(z) + wide, color=c, alpha=_BANDED, lw=0
+                name = f"{letter}: {difference.a if letter == 'A' else difference.b}"
+                style = ".-" if letter == "A" else ".--"  # A remains visible under an equal B
+                axes.plot(
+                    difference.frequency,
+                    part_of(values),
+                    style,
+                    color=colour,
+                    lw=1.4,
+                    ms=4,
+                    label=name,
                 )
-            axes.set_ylabel(f"{part} {d.response}, N·s/m", fontsize=8)
+                half_width = np.nan_to_num(band)
+                axes.fill_between(
+                    difference.frequency,
+                    part_of(values) - half_width,
+                    part_of(values) + half_width,
+                    color=colour,
+                    alpha=_BAND_OPACITY,
+                    lw=0,
+                )
+            axes.set_ylabel(f"{part} {difference.response}, N·s/m", fontsize=8)
             axes.grid(visible=True, color="#e6eaed", lw=0.6)
             picture.style_axes(axes)
     panels[0, 0].legend(fontsize=7, frameon=False)

@@ -1,7 +1,7 @@
-"""An identification written down: `identification.json`, `identification.nc`, and a table.
+"""Output of an identification: `identification.json`, `identification.nc` and text tables.
 
-JSON has the complex numbers as lists of real and imaginary parts; NaN is null. NetCDF has them as
-variables `..._re` and `..._im`, one set a model, units in the attributes.
+JSON stores complex numbers as lists of real and imaginary parts; NaN is null. NetCDF stores them as
+variables `..._re` and `..._im`, one set per model, with units in the attributes.
 """
 
 import json
@@ -15,7 +15,7 @@ import xarray
 from rig.identification import bem as bem_file
 from rig.identification.excitation import Excitation
 from rig.identification.families import Member
-from rig.identification.fit import Fitted, zero_crossing
+from rig.identification.fit import FittedImpedance, zero_crossing
 from rig.identification.frf import Response
 from rig.identification.identify import Identification
 from rig.identification.impedances import Model, ratio
@@ -26,29 +26,33 @@ IMPEDANCE, ADMITTANCE = "N*s/m", "m/s/N"
 
 
 def unit(name: str) -> str:
-    """Of a response, by its name."""
+    """Return the unit of a response from its name."""
     return ADMITTANCE if name.startswith("Y") else IMPEDANCE
 
 
-def as_dict(found: Identification) -> dict[str, Any]:
-    """All of it as JSON values."""
-    whole: dict[str, Any] = _plain(
+def as_dict(identification: Identification) -> dict[str, Any]:
+    """Return the identification as JSON values."""
+    content: dict[str, Any] = _json_value(
         {
-            "runs": list(found.runs),
-            **{key: found.attributes.get(key, "") for key in ("mode", "campaign")},
+            "runs": list(identification.runs),
+            **{key: identification.attributes.get(key, "") for key in ("mode", "campaign")},
             "convention": CONVENTION,
             "models": [
-                _of_model(model, fits) for model, fits in zip(found.models, found.fits, strict=True)
+                _model_as_dict(model, fits)
+                for model, fits in zip(identification.models, identification.fits, strict=True)
             ],
-            "family": [member._asdict() for member in found.family],
-            "excitation": [_of_excitation(one, found.bem) for one in found.excitations],
-            "notes": list(found.notes),
+            "family": [member._asdict() for member in identification.family],
+            "excitation": [
+                _excitation_as_dict(excitation, identification.bem)
+                for excitation in identification.excitations
+            ],
+            "notes": list(identification.notes),
         }
     )
-    return whole
+    return content
 
 
-def _of_model(model: Model, fits: dict[str, tuple[Fitted, ...]]) -> dict[str, Any]:
+def _model_as_dict(model: Model, fits: dict[str, tuple[FittedImpedance, ...]]) -> dict[str, Any]:
     quotient = ratio(model)
     return {
         "name": model.name,
@@ -58,20 +62,25 @@ def _of_model(model: Model, fits: dict[str, tuple[Fitted, ...]]) -> dict[str, An
         "peak_a": model.peak_a,
         "realisations": model.realisations,
         "periods": model.periods,
-        "rows": list(model.places),
+        "rows": list(model.row_labels),
         "frequency_hz": model.frequency.tolist(),
-        "responses": {name: _of_response(name, r) for name, r in model.responses.items()},
+        "responses": {
+            name: _response_as_dict(name, response) for name, response in model.responses.items()
+        },
         "published_ratio": None
         if quotient is None
         else {"re": quotient.real.tolist(), "im": quotient.imag.tolist()},
         "zero_crossing_hz": {
             name: zero_crossing(model.frequency, model.responses[name].value) for name in fits
         },
-        "fits": {name: [_of_fit(one) for one in several] for name, several in fits.items()},
+        "fits": {
+            name: [_fit_as_dict(fitted) for fitted in fits_of_response]
+            for name, fits_of_response in fits.items()
+        },
     }
 
 
-def _of_response(name: str, response: Response) -> dict[str, Any]:
+def _response_as_dict(name: str, response: Response) -> dict[str, Any]:
     return {
         "unit": unit(name),
         "re": response.value.real.tolist(),
@@ -81,7 +90,7 @@ def _of_response(name: str, response: Response) -> dict[str, Any]:
     }
 
 
-def _of_fit(fitted: Fitted) -> dict[str, Any]:
+def _fit_as_dict(fitted: FittedImpedance) -> dict[str, Any]:
     return {
         "order": fitted.order,
         "mass_kg": fitted.mass,
@@ -94,87 +103,107 @@ def _of_fit(fitted: Fitted) -> dict[str, Any]:
     }
 
 
-def _of_excitation(one: Excitation, bem: bem_file.Bem | None) -> dict[str, Any]:
-    told: dict[str, Any] = {
-        "axis": one.axis,
-        "spring_n_per_m": one.spring_rate,
-        "eta": one.probe,
-        "seas": one.seas,
-        "experiments": one.experiments,
-        "rows": list(one.places),
-        "frequency_hz": one.frequency.tolist(),
+def _excitation_as_dict(excitation: Excitation, bem: bem_file.Bem | None) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "axis": excitation.axis,
+        "spring_n_per_m": excitation.spring_rate,
+        "eta": excitation.probe,
+        "seas": excitation.seas,
+        "experiments": excitation.experiments,
+        "rows": list(excitation.row_labels),
+        "frequency_hz": excitation.frequency.tolist(),
         "unit": "N/m",
-        "re": one.value.real.tolist(),
-        "im": one.value.imag.tolist(),
-        "band": one.band.tolist(),
-        "s_eta_m2": one.power.tolist(),
-        "good": one.good.tolist(),
-        "drag_taken_out_n_s2_per_m2": one.drag,
+        "re": excitation.value.real.tolist(),
+        "im": excitation.value.imag.tolist(),
+        "band": excitation.band.tolist(),
+        "s_eta_m2": excitation.power.tolist(),
+        "good": excitation.good.tolist(),
+        "drag_taken_out_n_s2_per_m2": excitation.drag,
     }
     if bem is not None:
-        expected = bem_file.at(bem, one.frequency)
-        off = np.abs(one.value - expected) / np.abs(expected)
-        told |= {
+        expected = bem_file.excitation_at(bem, excitation.frequency)
+        relative_error = np.abs(excitation.value - expected) / np.abs(expected)
+        entry |= {
             "bem": bem.name,
             "bem_re": expected.real.tolist(),
             "bem_im": expected.imag.tolist(),
-            "worst_against_bem": float(np.max(off[one.good])) if one.good.any() else None,
-            "median_against_bem": float(np.median(off[one.good])) if one.good.any() else None,
+            "worst_against_bem": float(np.max(relative_error[excitation.good]))
+            if excitation.good.any()
+            else None,
+            "median_against_bem": float(np.median(relative_error[excitation.good]))
+            if excitation.good.any()
+            else None,
         }
-    return told
+    return entry
 
 
-def _plain(value: Any) -> Any:
-    """The same without NaN and infinity, which JSON has not."""
+def _json_value(value: Any) -> Any:
+    """Return the value with None for NaN and infinity, which JSON lacks."""
     if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
+        return {key: _json_value(each) for key, each in value.items()}
     if isinstance(value, list):
-        return [_plain(each) for each in value]
+        return [_json_value(each) for each in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
 
 
-def dataset(found: Identification) -> xarray.Dataset:
-    """All responses and excitations by line; models numbered in their order."""
-    out: dict[str, Any] = {}
-    for i, model in enumerate(found.models):
+def dataset(identification: Identification) -> xarray.Dataset:
+    """Return all responses and excitations by line; models are numbered in order."""
+    variables: dict[str, Any] = {}
+    for i, model in enumerate(identification.models):
         line = f"line_{i}"
-        out[f"frequency_{i}"] = (line, model.frequency, {"units": "Hz", "model": model.name})
+        variables[f"frequency_{i}"] = (line, model.frequency, {"units": "Hz", "model": model.name})
         for name, response in model.responses.items():
-            told = {"units": unit(name), "model": model.name}
+            line_attributes = {"units": unit(name), "model": model.name}
             for part, values in (
                 ("re", response.value.real),
                 ("im", response.value.imag),
                 ("noise_band", response.noise),
                 ("total_band", response.total),
             ):
-                out[f"{name}_{i}_{part}"] = (line, values, told)
-    for i, one in enumerate(found.excitations):
+                variables[f"{name}_{i}_{part}"] = (line, values, line_attributes)
+    for i, excitation in enumerate(identification.excitations):
         line = f"wave_line_{i}"
-        out[f"wave_frequency_{i}"] = (line, one.frequency, {"units": "Hz"})
-        for part, values in (("re", one.value.real), ("im", one.value.imag), ("band", one.band)):
-            out[f"excitation_{i}_{part}"] = (line, values, {"units": "N/m", "eta": one.probe})
-        out[f"s_eta_{i}"] = (line, one.power, {"units": "m2"})
-        out[f"good_{i}"] = (line, one.good.astype(np.int64), {"long_name": "1: may be used"})
-    attributes = {"runs": " ".join(found.runs), "convention": CONVENTION}
-    return xarray.Dataset(out, attrs={**attributes, "models": [m.name for m in found.models]})
+        variables[f"wave_frequency_{i}"] = (line, excitation.frequency, {"units": "Hz"})
+        for part, values in (
+            ("re", excitation.value.real),
+            ("im", excitation.value.imag),
+            ("band", excitation.band),
+        ):
+            variables[f"excitation_{i}_{part}"] = (
+                line,
+                values,
+                {"units": "N/m", "eta": excitation.probe},
+            )
+        variables[f"s_eta_{i}"] = (line, excitation.power, {"units": "m2"})
+        variables[f"good_{i}"] = (
+            line,
+            excitation.good.astype(np.int64),
+            {"long_name": "1: line is usable"},
+        )
+    attributes = {"runs": " ".join(identification.runs), "convention": CONVENTION}
+    return xarray.Dataset(
+        variables, attrs={**attributes, "models": [model.name for model in identification.models]}
+    )
 
 
-def write(found: Identification, folder: Path) -> list[Path]:
-    """Both files into a folder."""
-    told, table = folder / JSON, folder / NETCDF
-    told.write_text(json.dumps(as_dict(found), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    dataset(found).to_netcdf(table, engine="h5netcdf")
-    return [told, table]
+def write(identification: Identification, folder: Path) -> list[Path]:
+    """Write both files into a folder; return their paths."""
+    json_path, netcdf_path = folder / JSON, folder / NETCDF
+    json_path.write_text(
+        json.dumps(as_dict(identification), indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
+    dataset(identification).to_netcdf(netcdf_path, engine="h5netcdf")
+    return [json_path, netcdf_path]
 
 
-def as_text(found: Identification) -> str:
-    """For people: models, what changes with amplitude, excitation, what was left out."""
-    lines = [*_models_text(found), "", *_family_text(found.family)]
-    for one in found.excitations:
-        lines += ["", *_excitation_text(one, found.bem)]
-    lines += ["", *(f"!! {note}" for note in found.notes)] if found.notes else []
+def as_text(identification: Identification) -> str:
+    """Return a text report: models, dependence on amplitude, excitation, notes."""
+    lines = [*_models_text(identification), "", *_family_text(identification.family)]
+    for excitation in identification.excitations:
+        lines += ["", *_excitation_text(excitation, identification.bem)]
+    lines += ["", *(f"!! {note}" for note in identification.notes)] if identification.notes else []
     return "\n".join(lines)
 
 
@@ -184,21 +213,21 @@ MODEL_HEADS = (
 )  # fmt: skip
 
 
-def model_cells(found: Identification) -> list[tuple[str, ...]]:
-    """A row of the table of models for each fit."""
-    out: list[tuple[str, ...]] = []
-    for model, fits in zip(found.models, found.fits, strict=True):
-        for name, several in fits.items():
+def model_cells(identification: Identification) -> list[tuple[str, ...]]:
+    """Return a row of the table of models for each fit."""
+    rows: list[tuple[str, ...]] = []
+    for model, fits in zip(identification.models, identification.fits, strict=True):
+        for name, fits_of_response in fits.items():
             response = model.responses[name]
-            band = np.nanmedian(_known(response.band) / np.abs(response.value))
-            for one in several:
-                out.append((
+            band = np.nanmedian(_known_band(response.band) / np.abs(response.value))
+            for fitted in fits_of_response:
+                rows.append((
                     model.axis, f"{model.spring_rate:g}", f"{model.peak_a:.3g}", name,
-                    str(one.order), f"{one.mass:.0f}", f"{one.damping:.0f}",
-                    f"{one.stiffness:.0f}", f"{one.natural_frequency:.4f}",
-                    f"{one.fit_percent:.1f}", "?" if band < 0 else f"{100.0 * band:.2g}",
+                    str(fitted.order), f"{fitted.mass:.0f}", f"{fitted.damping:.0f}",
+                    f"{fitted.stiffness:.0f}", f"{fitted.natural_frequency:.4f}",
+                    f"{fitted.fit_percent:.1f}", "?" if band < 0 else f"{100.0 * band:.2g}",
                 ))  # fmt: skip
-    return out
+    return rows
 
 
 FAMILY_HEADS = (
@@ -208,54 +237,72 @@ FAMILY_HEADS = (
 
 
 def family_cells(members: tuple[Member, ...]) -> list[tuple[str, ...]]:
-    """A row of the table of amplitudes for each member; what is not known is a dash."""
+    """Return a row of the table of amplitudes for each member; unknown values are a dash."""
 
     def percent(value: float) -> str:
         return f"{100.0 * value:.2g}" if math.isfinite(value) else "-"
 
-    def whole(value: float) -> str:
+    def rounded(value: float) -> str:
         return f"{value:.0f}" if math.isfinite(value) else "-"
 
-    out: list[tuple[str, ...]] = []
-    for m in members:
-        damping, stiffness = whole(m.drivetrain_damping), whole(m.drivetrain_stiffness)
-        sizes = (percent(m.noise), percent(m.distortion), percent(m.even), percent(m.odd))
-        out.append((m.axis, f"{m.spring_rate:g}", f"{m.peak_a:.3g}", damping, stiffness, *sizes))
-    return out
+    rows: list[tuple[str, ...]] = []
+    for member in members:
+        damping, stiffness = (
+            rounded(member.drivetrain_damping),
+            rounded(member.drivetrain_stiffness),
+        )
+        sizes = (
+            percent(member.noise),
+            percent(member.distortion),
+            percent(member.even),
+            percent(member.odd),
+        )
+        rows.append(
+            (
+                member.axis,
+                f"{member.spring_rate:g}",
+                f"{member.peak_a:.3g}",
+                damping,
+                stiffness,
+                *sizes,
+            )
+        )
+    return rows
 
 
-def _known(band: Any) -> Any:
+def _known_band(band: Any) -> Any:
     return band if np.isfinite(band).any() else np.full(band.shape, -1e9)
 
 
-def _models_text(found: Identification) -> list[str]:
-    return ["Models of the impedance", *_aligned([MODEL_HEADS, *model_cells(found)])]
+def _models_text(identification: Identification) -> list[str]:
+    return ["Models of the impedance", *_align([MODEL_HEADS, *model_cells(identification)])]
 
 
 def _family_text(members: tuple[Member, ...]) -> list[str]:
-    return ["With amplitude", *_aligned([FAMILY_HEADS, *family_cells(members)])]
+    return ["With amplitude", *_align([FAMILY_HEADS, *family_cells(members)])]
 
 
-def _excitation_text(one: Excitation, bem: bem_file.Bem | None) -> list[str]:
-    good = one.good
-    told = [
-        f"Excitation at {one.spring_rate:g} N/m: {one.experiments} experiments in {one.seas} "
-        f"seas, eta from {one.probe}; {int(good.sum())} of {good.size} lines good",
-        f"quadratic drag of {one.drag:.4g} N·s²/m² taken out line by line"
-        if one.drag
-        else "no quadratic drag seen in calm water: what there is stands in Z_i",
+def _excitation_text(excitation: Excitation, bem: bem_file.Bem | None) -> list[str]:
+    good = excitation.good
+    lines = [
+        f"Excitation at {excitation.spring_rate:g} N/m: {excitation.experiments} experiments in "
+        f"{excitation.seas} seas, eta from {excitation.probe}; "
+        f"{int(good.sum())} of {good.size} lines good",
+        f"quadratic drag of {excitation.drag:.4g} N·s²/m² subtracted line by line"
+        if excitation.drag
+        else "no significant quadratic drag in calm water: Z_i includes any drag",
     ]
     if bem is not None and good.any():
-        expected = bem_file.at(bem, one.frequency)
-        off = 100.0 * np.abs(one.value - expected)[good] / np.abs(expected)[good]
-        told.append(
-            f"against {bem.name}: median {np.median(off):.2g} %, worst {off.max():.2g} % "
-            f"(complex difference, e^(+iωt))"
+        expected = bem_file.excitation_at(bem, excitation.frequency)
+        percent_error = 100.0 * np.abs(excitation.value - expected)[good] / np.abs(expected)[good]
+        lines.append(
+            f"against {bem.name}: median {np.median(percent_error):.2g} %, "
+            f"worst {percent_error.max():.2g} % (complex difference, e^(+iωt))"
         )
-    return told
+    return lines
 
 
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+def _align(rows: list[tuple[str, ...]]) -> list[str]:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
         "  " + "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))

@@ -104,7 +104,7 @@ NEWER_LIMITS = ("motor.current_difference_", "motor.velocity_difference_", "powe
 
 def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such runs lack the comparison of motor and load cell with the command."""
-    monkeypatch.setattr(replays, "facts", facts_without_limits(*NEWER_LIMITS))
+    monkeypatch.setattr(replays, "run_info", facts_without_limits(*NEWER_LIMITS))
     assert replay(record("bench_torque")).identical
 
 
@@ -117,6 +117,6 @@ def test_run_without_constants_is_refused(monkeypatch: pytest.MonkeyPatch) -> No
         remaining = {key: value for key, value in run_facts.config.items() if key != "constants"}
         return run_facts._replace(config=remaining)
 
-    monkeypatch.setattr(replays, "facts", facts_without_constants)
+    monkeypatch.setattr(replays, "run_info", facts_without_constants)
     with pytest.raises(RunError, match="constants"):
         replay(record("bench_torque"))

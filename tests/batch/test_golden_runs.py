@@ -47,7 +47,7 @@ NEWER_LIMITS = ("heave.current_difference_", "surge.current_difference_", "power
 
 def test_run_older_than_a_check_is_replayed_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Such runs lack the comparison of current, force and power with the command."""
-    monkeypatch.setattr(replays, "facts", facts_without_limits(*NEWER_LIMITS))
+    monkeypatch.setattr(replays, "run_info", facts_without_limits(*NEWER_LIMITS))
     subject = replays._wavebot_target(replays.run_info(record("cots")))
     assert subject.params.rig.heave.limits.current_difference_stop == 500.0
     assert replay(record("cots")).identical

@@ -130,7 +130,7 @@ def test_products_name_their_calibrations(tmp_path: Path, run: Path) -> None:
     assert {path.name for path in created} == set(plain)
     assert all((run / name).read_bytes() == data for name, data in plain.items())
     text = (run / "read_by_one_v1" / "summary.txt").read_text()
-    assert "read by  one v1 (sha256 " in text
+    assert "calib.   one v1 (sha256 " in text
     assert "spring +378 N/m" in text
     with xarray.open_dataset(run / "read_by_one_v1" / "rows.nc") as table:
         assert table.attrs["read_by"] == "one v1"

@@ -203,10 +203,10 @@ SCRIPT = """
 import hashlib, sys
 from pathlib import Path
 from rig.execution.rehearsal.devices import build_sea
-from rig.execution.rehearsal.job import devices_of
+from rig.execution.rehearsal.job import plant_settings
 from rig.planning.campaign import check_campaign
 for path in sys.argv[1:]:
-    sea = build_sea(devices_of(check_campaign(Path(path)).campaign)["sea"])
+    sea = build_sea(plant_settings(check_campaign(Path(path)).campaign)["sea"])
     print(hashlib.sha256(sea.amplitude.tobytes() + sea.cycles.tobytes()).hexdigest())
 """
 

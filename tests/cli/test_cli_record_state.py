@@ -48,7 +48,7 @@ def json_of(done: Done) -> Any:
 
 def test_show_prints_the_state_of_the_record(torn: Path, sound: Path) -> None:
     text = rig("show", torn).stdout
-    assert "Complete: the plan was walked to its end" in text
+    assert "Complete: the plan ran to its end" in text
     assert "Record incomplete: 100 of " in text
     assert "5 of 6 rows complete" in text
     assert "row 2 is withheld: 100 of 400 ticks missing from the record" in text

@@ -81,7 +81,7 @@ def test_a_recovered_run_is_complete_and_usable(run: Path) -> None:
     assert count == report["rows_saved"] == report["last_tick"] + 1
     shown = rig("show", run)
     assert shown.returncode == 0
-    assert "gave no sign of life" in shown.stdout
+    assert "stopped sending its heartbeat" in shown.stdout
     assert rig("plot", run).returncode == 0
     assert (run / "surfaces.png").exists()
     (listed,) = json.loads(rig("runs", "--runs", runs, "--json").stdout)

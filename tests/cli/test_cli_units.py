@@ -198,7 +198,7 @@ def play(
 ) -> int:
     """Return the exit code of `rig run` for a valid campaign whose run has this outcome."""
     campaign = Path(__file__).resolve().parents[2] / "configs" / "campaigns" / "quick.yaml"
-    monkeypatch.setattr(run_command, "carry_out", lambda *a, **k: RunResult(folder, outcome, ""))
+    monkeypatch.setattr(run_command, "run_campaign", lambda *a, **k: RunResult(folder, outcome, ""))
     code: int = run_command.main(
         campaign, folder.parent, run_command.RunOptions(None, False, False), as_json=as_json
     )

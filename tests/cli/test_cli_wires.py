@@ -144,7 +144,7 @@ def lines_of(sim: Sim) -> dict[str, Any]:
         ({"surge": {"node": 7}}, "surge (node 7) does not answer"),
         ({"heave": {"objects": {"encoder_increments": 4096}}}, "encoder_increments: wanted 4096"),
         ({"probes": {"unit": 3}}, "probes (unit 3 on amplifiers): "),
-        ({"analyser": {"word_order": "low first"}}, "cannot be; swapped words?"),
+        ({"analyser": {"word_order": "low first"}}, "is implausible; swapped words?"),
         ({"inputs": {"first": 4000}}, "refused with exception 2"),
         ({"lines": {"amplifiers": {"port": "/dev/no-adapter"}}}, "/dev/no-adapter: is not there"),
     ],

@@ -76,7 +76,7 @@ READERS: dict[str, tuple[str, Read, int | None]] = {  # suffix, reader, maximum 
     "BEM of a device, netcdf": (".nc", bem.read_bem, MAX_TABLE_BYTES),
     "BEM of the plant": (".npz", read_bem, None),
     "BEM of the plant, netcdf": (".nc", read_bem, None),
-    "identification": (".json", comparison.read, MAX_TABLE_BYTES),
+    "identification": (".json", comparison.read_identification, MAX_TABLE_BYTES),
     "record of a run": (".mcap", mcap_file.scan, None),
     "run": (".mcap", open_run, None),
 }

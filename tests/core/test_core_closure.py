@@ -47,8 +47,8 @@ def test_the_running_loop_imports_no_heavy_package() -> None:
 def test_the_import_check_detects_heavy_packages() -> None:
     """The same check finds filterpy and numpy in a process that designs an estimator."""
     code = (
-        "import json, sys; from rig.design.estimator import designed; "
-        "designed(2.5e-5, 0.5, 0.5, 0.001); print(json.dumps(sorted(sys.modules)))"
+        "import json, sys; from rig.design.estimator import design_with_filterpy; "
+        "design_with_filterpy(2.5e-5, 0.5, 0.5, 0.001); print(json.dumps(sorted(sys.modules)))"
     )
     roots = {name.split(".")[0] for name in json.loads(output(code))}
     assert {"numpy", "filterpy", "scipy"} <= roots & FOREIGN

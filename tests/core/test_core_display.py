@@ -21,7 +21,7 @@ def test_the_last_value_is_drawn_before_the_end() -> None:
 
 
 def test_a_blocked_terminal_delays_no_caller(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(display, "_LAST", 0.2)
+    monkeypatch.setattr(display, "_FINAL_DRAW_TIMEOUT_S", 0.2)
     goes_on, drawn = threading.Event(), list[int]()
 
     def draw(value: int) -> None:

@@ -84,7 +84,7 @@ def test_a_finer_count_or_more_jerk_raises_the_gains() -> None:
 
 
 def test_a_gain_that_does_not_converge_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(estimator_design, "_MOST_STEPS", 50)
+    monkeypatch.setattr(estimator_design, "_MAX_STEPS", 50)
     with pytest.raises(ValueError, match="did not settle"):
         design(COUNT, NOISE, JERK, DT)
 
@@ -95,15 +95,15 @@ def test_cached_gains_equal_those_of_filterpy_bit_by_bit(
     """Truncated, empty and foreign cache files are ignored."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     inputs = (COUNT, NOISE, JERK, DT)
-    by_filterpy = estimator_design.designed(*inputs)
+    by_filterpy = estimator_design.design_with_filterpy(*inputs)
     assert design(*inputs) == by_filterpy
     (cached,) = tmp_path.glob("wec-rig/estimator_*.json")
     with monkeypatch.context() as patch:
-        patch.setattr(estimator_design, "designed", None)  # not called
+        patch.setattr(estimator_design, "design_with_filterpy", None)  # not called
         assert design(*inputs) == by_filterpy
     whole = cached.read_text()
-    wrong = json.dumps({"asked": [1.0, 2.0, 3.0, 4.0], "gains": [0.5, 0.5, 0.5]})
-    not_finite = json.dumps({"asked": inputs, "gains": [0.5, float("nan"), 0.5]})
+    wrong = json.dumps({"arguments": [1.0, 2.0, 3.0, 4.0], "gains": [0.5, 0.5, 0.5]})
+    not_finite = json.dumps({"arguments": inputs, "gains": [0.5, float("nan"), 0.5]})
     for text in (whole[:-3], "", "[]", wrong, not_finite):
         cached.write_text(text)
         assert design(*inputs) == by_filterpy

@@ -60,7 +60,7 @@ def request(run: Path, fd: int) -> str:
     job = {
         **{"kind": "wavebot", "ring": fd, "supervisor": GONE, "folder": str(run)},
         **{"part": "run.mcap.part0", "attachments": ["config.json"], "run": "a"},
-        **{"mode": "rehearsal", "clock": "virtual", "rate_hz": 1000.0, "patience": 1.0},
+        **{"mode": "rehearsal", "clock": "virtual", "rate_hz": 1000.0, "disk_timeout_s": 1.0},
     }
     return json.dumps({"job": job, "ring": fd, "folder": -1})
 
@@ -72,7 +72,7 @@ def ticks(path: Path) -> Any:
 def test_a_logger_started_by_the_loop_saves_every_row(
     run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(last_logger, "STUCK", 0.1)
+    monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
     fd, writer = rows
     (run / "run.mcap.part0").write_bytes(b"")  # of a logger that was killed at its start
     LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
@@ -92,7 +92,7 @@ def test_a_logger_started_by_the_loop_saves_every_row(
 def test_without_a_logger_the_exact_loss_is_recorded(
     run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(last_logger, "STUCK", 0.1)
+    monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
     fd, writer = rows
     reader = ring.RingReader(fd)
     saved = reader.take(300)
@@ -118,7 +118,7 @@ def test_without_a_logger_the_exact_loss_is_recorded(
 def test_the_loop_starts_no_logger_while_the_supervisor_lives(
     run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(last_logger, "LIVING", 0.2)
+    monkeypatch.setattr(last_logger, "SUPERVISED_TIMEOUT_S", 0.2)
     fd, writer = rows
     LastLogger(request(run, fd), os.getppid()).save_remaining_rows(writer, END)
     assert sorted(path.name for path in run.iterdir()) == [
@@ -130,7 +130,7 @@ def test_a_slow_logger_is_not_joined_by_a_second(
     run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its disk is blocked for a while; after its death another one continues from its tail."""
-    monkeypatch.setattr(last_logger, "STUCK", 0.1)
+    monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
     fd, writer = rows
     lock = ring.lock_consumer(fd)
     found: list[list[str]] = []
@@ -152,8 +152,8 @@ def test_a_logger_that_hangs_keeps_its_rows(
     run: Path, rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The loop does not wait for ever: the ring lives as long as that logger."""
-    monkeypatch.setattr(last_logger, "STUCK", 0.1)
-    monkeypatch.setattr(last_logger, "HANGS", 0.3)
+    monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
+    monkeypatch.setattr(last_logger, "HANG_TIMEOUT_S", 0.3)
     fd, writer = rows
     lock = ring.lock_consumer(fd)
     LastLogger(request(run, fd), GONE).save_remaining_rows(writer, END)
@@ -189,7 +189,7 @@ def test_two_loggers_write_one_after_the_other(
 def test_without_a_request_the_call_returns_at_once(
     rows: tuple[int, ring.RingWriter], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(last_logger, "STUCK", 0.1)
+    monkeypatch.setattr(last_logger, "STALL_TIMEOUT_S", 0.1)
     _, writer = rows
     LastLogger("", GONE).save_remaining_rows(writer, END)
     assert writer.tail == 0

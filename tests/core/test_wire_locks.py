@@ -37,9 +37,9 @@ HOLDER = """
 import os, subprocess, sys, time
 uid = int(sys.argv[1])
 if uid: os.setuid(uid)
-from rig.processes.wire_locks import hold, network_wire
+from rig.processes.wire_locks import acquire, network_wire
 wire = network_wire("line io", "tcp", "127.0.0.1", int(sys.argv[2]))
-with hold([wire], "campaign first") as held:
+with acquire([wire], "campaign first") as held:
     if len(sys.argv) > 3:  # a child that keeps the lock, as a loop does
         child = subprocess.Popen(["sleep", "60"], pass_fds=held.fds)
         print(child.pid, flush=True)
@@ -137,7 +137,7 @@ def test_a_name_taken_without_listening_is_refused_too(port: int) -> None:
 
 def test_any_number_of_lock_queries_is_refused(port: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every refusal connects to the holder once, which never accepts the connections."""
-    monkeypatch.setattr("rig.processes.wire_locks._LOOKS", 3)
+    monkeypatch.setattr("rig.processes.wire_locks._BACKLOG", 3)
     with acquire(line(port), "campaign first"):
         for _ in range(10):
             with pytest.raises(BusyError, match="taken by"):

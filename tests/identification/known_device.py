@@ -1,4 +1,4 @@
-"""A device whose impedances are known in closed form, and experiments with it on paper."""
+"""A device with closed-form impedances, and synthetic experiments with it."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ TICK = 0.001  # s
 
 @lru_cache
 def linear_plant() -> dict[str, Any]:
-    """The shipped linear plant, as its file says."""
+    """Return the mapping of the shipped linear plant file."""
     mapping, _ = load_mapping(CONFIGS / "plants" / "wavebot_linear.yaml")
     return mapping
 
 
 def impedances(frequency: Any, spring_rate: float) -> tuple[Any, Any]:
-    """Z_i and Z_id (N*s/m) of the linear plant at frequencies (Hz), by its file."""
+    """Return Z_i and Z_id (N*s/m) of the linear plant at frequencies (Hz), from its file."""
     plant = linear_plant()
     s = 2j * np.pi * np.asarray(frequency)
     hull, pto = plant["body"], plant["pto"]
-    top = np.polyval([*hull["radiation"]["numerator"]["value"], 0.0], s)
-    radiation = top / np.polyval([1.0, *hull["radiation"]["denominator"]["value"]], s)
+    numerator = np.polyval([*hull["radiation"]["numerator"]["value"], 0.0], s)
+    radiation = numerator / np.polyval([1.0, *hull["radiation"]["denominator"]["value"]], s)
     mass = hull["mass"]["value"] + hull["added_mass_infinite"]["value"]
     viscous, stiffness = hull["viscous_linear"]["value"], hull["hydrostatic"]["value"]
     hull_alone = mass * s + viscous + radiation + stiffness / s
@@ -35,16 +35,16 @@ def impedances(frequency: Any, spring_rate: float) -> tuple[Any, Any]:
 
 
 def surge_impedance(frequency: Any) -> Any:
-    """Z (N*s/m) of surge with its mooring at frequencies (Hz), by the plant's file."""
+    """Return Z (N*s/m) of surge with its mooring at frequencies (Hz), from the plant's file."""
     plant = linear_plant()["surge"]
     s = 2j * np.pi * np.asarray(frequency)
-    top = np.polyval([*plant["radiation"]["numerator"]["value"], 0.0], s)
-    radiation = top / np.polyval([1.0, *plant["radiation"]["denominator"]["value"]], s)
+    numerator = np.polyval([*plant["radiation"]["numerator"]["value"], 0.0], s)
+    radiation = numerator / np.polyval([1.0, *plant["radiation"]["denominator"]["value"]], s)
     mass = plant["mass"]["value"] + plant["added_mass_infinite"]["value"]
     return mass * s + plant["viscous_linear"]["value"] + radiation + plant["stiffness"]["value"] / s
 
 
-def experiment(
+def make_experiment(
     seed: int,
     periods: int = 2,
     noise: float = 0.0,
@@ -57,10 +57,10 @@ def experiment(
     sea: dict[str, Any] | None = None,
     excitation: Any = 0.0,
 ) -> Experiment:
-    """One row of lines 4 .. ``lines`` of a period (s): LCB, TRS and velocity with noise.
+    """Return one row with lines 4 .. ``lines`` of a period (s): LCB, TRS and velocity with noise.
 
-    ``noise`` is the standard deviation of a line per that of the signal in each channel;
-    ``excitation`` (N, by line) is the force of waves on the hull; ``z`` the two impedances.
+    ``noise`` is the standard deviation of a line relative to the signal in each channel.
+    ``excitation`` (N, by line) is the force of waves on the hull, ``z`` the two impedances.
     """
     rng = np.random.default_rng([seed, row])
     number = np.arange(1, lines + 6)
@@ -69,14 +69,14 @@ def experiment(
     phase = rng.uniform(0.0, 2.0 * np.pi, number.size)
     reference = np.where(excited, 100.0 * np.exp(1j * phase), 0.0)
     intrinsic, series = impedances(frequency, -5715.0) if z is None else z
-    # F_TRS pushes the series, and the waves push the hull: Z_id v = F_TRS + F_exc.
+    # F_TRS drives the series connection, the waves act on the hull: Z_id v = F_TRS + F_exc.
     velocity = (reference + excitation) / series
     lcb = intrinsic * velocity - excitation
 
-    def noisy(true: Any) -> Any:
-        size = noise * np.sqrt(np.mean(np.abs(true[excited]) ** 2) / 2.0)
-        pair = rng.normal(size=(2, periods, number.size))
-        return true + size * (pair[0] + 1j * pair[1])
+    def noisy(signal: Any) -> Any:
+        deviation = noise * np.sqrt(np.mean(np.abs(signal[excited]) ** 2) / 2.0)
+        samples = rng.normal(size=(2, periods, number.size))
+        return signal + deviation * (samples[0] + 1j * samples[1])
 
     channels = {
         "velocity": noisy(velocity),

@@ -1,4 +1,4 @@
-"""The linear plant, rehearsed and identified: through loop, log and report, against closed form."""
+"""The linear plant, rehearsed and identified, against closed forms: loop, log and report."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ import xarray
 from identified import wrong_plant
 from known_device import impedances, surge_impedance
 from made_once import made_once
-from predicting import predicted, rows
+from predicting import predict_campaign, rows
 from rehearsing import CONFIGS, rehearse, write_campaign, write_yaml
 from rig_command import rig_here
 
 from rig.analysis.report import write_products
 from rig.config.yaml_source import load_mapping
-from rig.identification.bem import at, read_bem
+from rig.identification.bem import excitation_at, read_bem
 from rig.identification.identify import Identification, IdentificationOptions, identify
 
 pytestmark = pytest.mark.slow
 
 BEM = CONFIGS / "plants" / "wavebot_bem.npz"
-RATE = -5715.0
+SPRING_RATE = -5715.0
 SEA = {"kind": "pink", "hm0_m": 0.1, "repeat_s": 20, "seed": 3}
-PUSH = {"kind": "multisine", "repeat_s": 20, "amplitude_a": 20, "seed": 5}
+MULTISINE = {"kind": "multisine", "repeat_s": 20, "amplitude_a": 20, "seed": 5}
 
 
 def campaign(folder: Path, name: str, **keys: Any) -> Path:
-    """On the linear plant."""
+    """Write a campaign file on the linear plant."""
     plant = str(CONFIGS / "plants" / "wavebot_linear.yaml")
     return write_campaign(folder / name, name=name, plant=plant, seed=4, **keys)
 
@@ -42,23 +42,23 @@ def matrix(rate: float, **more: Any) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Two multisines in calm water, one in two pink seas at another spring rate; the seas alone."""
-    folder = made_once(tmp_path_factory, "identification", rehearsed)
+    folder = made_once(tmp_path_factory, "identification", rehearse_all)
     return {name: folder / name for name in ("calm", "waves", "sea", "waves_2", "sea_2")}
 
 
-def rehearsed(folder: Path) -> None:
+def rehearse_all(folder: Path) -> None:
     start = {"set_point_s": 0, "lead_in_s": 15}
-    told = {
+    campaigns = {
         "calm": {
             "sea": {"kind": "calm"},
-            "reference": PUSH,
-            "matrix": matrix(RATE, realisation=[1, 2]),
+            "reference": MULTISINE,
+            "matrix": matrix(SPRING_RATE, realisation=[1, 2]),
             "timing": {"settle_s": 15, "periods": 1},
             "start": {"set_point_s": 0, "lead_in_s": 2},
         },
         "waves": {
             "sea": SEA,
-            "reference": PUSH,
+            "reference": MULTISINE,
             "matrix": matrix(490.9, realisation=1),
             "timing": {"settle_s": 15, "periods": 1},
             "start": start,
@@ -66,125 +66,136 @@ def rehearsed(folder: Path) -> None:
         "sea": {"sea": SEA, "device": "absent", "timing": {"periods": 1}, "start": start},
     }
     for name in ("waves", "sea"):
-        told[f"{name}_2"] = {**told[name], "sea": {**SEA, "realisation": 2}}
-    for name, keys in told.items():
-        ended = rehearse(campaign(folder / "campaigns", name, **keys), folder)
-        assert ended.outcome.status == "complete"
-        ended.folder.rename(folder / name)
+        campaigns[f"{name}_2"] = {**campaigns[name], "sea": {**SEA, "realisation": 2}}
+    for name, keys in campaigns.items():
+        result = rehearse(campaign(folder / "campaigns", name, **keys), folder)
+        assert result.outcome.status == "complete"
+        result.folder.rename(folder / name)
 
 
 @pytest.fixture(scope="module")
-def found(runs: dict[str, Path]) -> Identification:
+def identification(runs: dict[str, Path]) -> Identification:
     return identify(list(runs.values()), IdentificationOptions(order=4, bem=read_bem(BEM)))
 
 
-def test_the_impedances_are_those_of_the_plant_within_a_percent(found: Identification) -> None:
-    (model,) = found.models
+def test_the_impedances_equal_the_plant_within_one_percent(identification: Identification) -> None:
+    (model,) = identification.models
     assert (model.realisations, model.periods, model.frequency.size) == (2, 2, 17)
-    expected = dict(zip(("Z_i", "Z_id"), impedances(model.frequency, RATE), strict=True))
-    for name, true in expected.items():
-        off = np.abs(model.responses[name].value / true - 1.0)
-        assert off.max() < 0.01, (name, off.max())
+    expected = dict(zip(("Z_i", "Z_id"), impedances(model.frequency, SPRING_RATE), strict=True))
+    for name, true_value in expected.items():
+        relative_error = np.abs(model.responses[name].value / true_value - 1.0)
+        assert relative_error.max() < 0.01, (name, relative_error.max())
     drivetrain = model.responses["Z_d"].value
-    true = expected["Z_id"] - expected["Z_i"]
-    assert np.abs(drivetrain / true - 1.0).max() < 0.03  # a difference of large numbers
-    (member,) = found.family
+    true_value = expected["Z_id"] - expected["Z_i"]
+    assert np.abs(drivetrain / true_value - 1.0).max() < 0.03  # a difference of large numbers
+    (member,) = identification.family
     assert member.drivetrain_damping == pytest.approx(724.0, rel=0.01)
-    assert member.drivetrain_stiffness == pytest.approx(RATE, rel=0.01)
+    assert member.drivetrain_stiffness == pytest.approx(SPRING_RATE, rel=0.01)
     assert member.distortion < 1e-3
 
 
-def test_command_current_and_torque_sensor_say_nearly_the_same(found: Identification) -> None:
+def test_command_current_and_torque_sensor_nearly_agree(identification: Identification) -> None:
     """Fig. 4-5: they differ by the drive's current loop and the loop's delay, 3.5 ms at most."""
-    (model,) = found.models
+    (model,) = identification.models
     trs = model.responses["Y_id_trs"].value
-    late = 2 * np.pi * model.frequency * 0.0035
+    delay_phase = 2 * np.pi * model.frequency * 0.0035
     assert np.abs(model.responses["Y_id_current"].value / trs - 1.0).max() < 0.005
-    off = np.abs(model.responses["Y_id_command"].value / trs - 1.0)
-    assert np.all(off < late + 0.005)
+    relative_error = np.abs(model.responses["Y_id_command"].value / trs - 1.0)
+    assert np.all(relative_error < delay_phase + 0.005)
 
 
-def test_the_models_fit(found: Identification) -> None:
-    second, fourth = found.fits[0]["Z_i"]
+def test_the_models_fit(identification: Identification) -> None:
+    second, fourth = identification.fits[0]["Z_i"]
     assert (second.order, fourth.order) == (2, 4)
     assert fourth.fit_percent > 98.0 > second.fit_percent
     assert second.natural_frequency == pytest.approx(0.63, rel=0.01)
 
 
-def test_the_excitation_is_that_of_bem_within_three_percent(found: Identification) -> None:
-    """At another spring rate than Z_i was identified at: the hull is the same."""
-    (one,) = found.excitations
-    assert (one.spring_rate, one.seas, one.experiments) == (490.9, 2, 2)
-    assert one.good.all()
-    off = np.abs(one.value / at(read_bem(BEM), one.frequency) - 1.0)
-    assert off.max() < 0.03
-    assert not found.notes
+def test_the_excitation_equals_bem_within_three_percent(identification: Identification) -> None:
+    """At another spring rate than that of Z_i: the hull is the same."""
+    (wave_excitation,) = identification.excitations
+    assert (wave_excitation.spring_rate, wave_excitation.seas, wave_excitation.experiments) == (
+        490.9,
+        2,
+        2,
+    )
+    assert wave_excitation.good.all()
+    relative_error = np.abs(
+        wave_excitation.value / excitation_at(read_bem(BEM), wave_excitation.frequency) - 1.0
+    )
+    assert relative_error.max() < 0.03
+    assert not identification.notes
 
 
-def test_the_twin_takes_the_excitation_that_was_measured(
-    runs: dict[str, Path], found: Identification, tmp_path: Path
+def test_the_twin_uses_the_measured_excitation(
+    runs: dict[str, Path], identification: Identification, tmp_path: Path
 ) -> None:
     """From a plant file with the BEM of another hull: 30 % less, 17 degrees away.
 
     Within 3 % of the true BEM on every line; power, as the square of it, within twice that.
     """
     with np.load(BEM) as file:
-        other = {name: file[name] for name in file.files}
-    other["Fe_complex"] = 0.7 * np.exp(0.3j) * other["Fe_complex"]
-    np.savez(tmp_path / "other.npz", **other)
+        wrong_bem = {name: file[name] for name in file.files}
+    wrong_bem["Fe_complex"] = 0.7 * np.exp(0.3j) * wrong_bem["Fe_complex"]
+    np.savez(tmp_path / "other.npz", **wrong_bem)
     surge = "wavebot_surge_bem.npz"
     (tmp_path / surge).write_bytes((CONFIGS / "plants" / surge).read_bytes())
     mapping, _ = load_mapping(wrong_plant(tmp_path))
     plant = write_yaml(tmp_path / "plant.yaml", {**mapping, "bem": str(tmp_path / "other.npz")})
-    code, out, err = rig_here(
+    code, output, error_text = rig_here(
         "twin", *runs.values(), "--plant", plant, "-o", tmp_path / "twin", "--json"
     )
-    assert code == 0, err
-    told = json.loads(out)
-    assert told["excitation"].startswith("2 experiments in waves from 0.2 to 1 Hz, eta from elev")
-    assert told["notes"] == []
-    (measured,) = found.excitations
+    assert code == 0, error_text
+    report = json.loads(output)
+    assert report["excitation"].startswith("2 experiments in waves from 0.2 to 1 Hz, eta from elev")
+    assert report["notes"] == []
+    (measured,) = identification.excitations
     lines = measured.frequency
-    made = read_bem(tmp_path / "twin" / "heave_bem.npz")
-    assert np.abs(at(made, lines) / at(read_bem(BEM), lines) - 1.0).max() < 0.03
-    scale = told["estimates"]["excitation_scale"]["value"]
-    assert scale == pytest.approx(1.0, abs=0.005)  # rows in waves ask for nothing beside it
-    assert np.abs(at(made, lines) / (scale * measured.value) - 1.0).max() < 1e-9
+    twin_bem = read_bem(tmp_path / "twin" / "heave_bem.npz")
+    assert (
+        np.abs(excitation_at(twin_bem, lines) / excitation_at(read_bem(BEM), lines) - 1.0).max()
+        < 0.03
+    )
+    scale = report["estimates"]["excitation_scale"]["value"]
+    assert scale == pytest.approx(1.0, abs=0.005)  # rows in waves need no further factor
+    assert np.abs(excitation_at(twin_bem, lines) / (scale * measured.value) - 1.0).max() < 1e-9
     with np.load(tmp_path / "twin" / "heave_bem.npz") as file:
         for name in ("A", "B"):
-            back = np.interp(other["f_hz"], file["f_hz"], file[name])
-            assert back == pytest.approx(other[name], rel=1e-12)
-        beyond = other["f_hz"] > 1.0
-        assert np.interp(other["f_hz"], file["f_hz"], np.abs(file["Fe_complex"]))[
+            interpolated = np.interp(wrong_bem["f_hz"], file["f_hz"], file[name])
+            assert interpolated == pytest.approx(wrong_bem[name], rel=1e-12)
+        beyond = wrong_bem["f_hz"] > 1.0
+        assert np.interp(wrong_bem["f_hz"], file["f_hz"], np.abs(file["Fe_complex"]))[
             beyond
-        ] == pytest.approx(scale * np.abs(other["Fe_complex"])[beyond])
-    asked = {"sea": SEA, "matrix": rows((490.9, -2000.0, 6000.0))}
+        ] == pytest.approx(scale * np.abs(wrong_bem["Fe_complex"])[beyond])
+    keys = {"sea": SEA, "matrix": rows((490.9, -2000.0, 6000.0))}
     power = []
     for name in ("twin/plant.yaml", CONFIGS / "plants" / "wavebot_linear.yaml"):
-        path = write_campaign(tmp_path / "sea", **asked, plant=str(tmp_path / name))
-        power.append(predicted(path).rows[0].predicted.power_mechanical_1)
+        path = write_campaign(tmp_path / "sea", **keys, plant=str(tmp_path / name))
+        power.append(predict_campaign(path).rows[0].predicted.power_mechanical_1)
     assert power[0] == pytest.approx(power[1], rel=0.06)
 
 
-def test_probes_of_the_run_itself_are_no_eta(runs: dict[str, Path]) -> None:
-    made = identify([runs["calm"], runs["waves"], runs["waves_2"]])
-    assert made.excitations == ()
-    assert len(made.notes) == 2
-    assert "refused as eta" in made.notes[0]
+def test_probes_of_the_run_itself_are_refused_as_eta(runs: dict[str, Path]) -> None:
+    without_calibrations = identify([runs["calm"], runs["waves"], runs["waves_2"]])
+    assert without_calibrations.excitations == ()
+    assert len(without_calibrations.notes) == 2
+    assert "refused as eta" in without_calibrations.notes[0]
 
 
-def test_the_command_writes_what_it_says(runs: dict[str, Path], tmp_path: Path) -> None:
+def test_the_command_writes_its_files(runs: dict[str, Path], tmp_path: Path) -> None:
     paths = [runs["calm"], runs["waves"], runs["sea"]]
-    code, out, _ = rig_here("identify", *paths, "--bem", BEM, "-o", tmp_path, "--probe", "probe_2")
+    code, output, _ = rig_here(
+        "identify", *paths, "--bem", BEM, "-o", tmp_path, "--probe", "probe_2"
+    )
     assert code == 0
-    assert "eta from probe_2" in out
+    assert "eta from probe_2" in output
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {
         "identification.json", "identification.nc", "identification.pdf", "identification.png",
         "admittance_heave.png", "intrinsic.png", "drivetrain.png", "excitation.png",
     }  # fmt: skip
-    told = json.loads((tmp_path / "identification.json").read_text())
-    (model,) = told["models"]
+    content = json.loads((tmp_path / "identification.json").read_text())
+    (model,) = content["models"]
     quotient = np.array(model["published_ratio"]["re"])
     with xarray.open_dataset(tmp_path / "identification.nc", engine="h5netcdf") as table:
         assert table["Z_i_0_re"].values == pytest.approx(model["responses"]["Z_i"]["re"])
@@ -192,26 +203,26 @@ def test_the_command_writes_what_it_says(runs: dict[str, Path], tmp_path: Path) 
         series = table["Z_id_0_re"] + 1j * table["Z_id_0_im"]
         intrinsic = table["Z_i_0_re"] + 1j * table["Z_i_0_im"]
         assert (series / intrinsic).values.real == pytest.approx(quotient)
-    code, out, _ = rig_here("identify", "--compare", tmp_path, tmp_path, "--json")
+    code, output, _ = rig_here("identify", "--compare", tmp_path, tmp_path, "--json")
     assert code == 0
-    for pair in json.loads(out)["differences"]:
+    for pair in json.loads(output)["differences"]:
         assert pair["worst"] < 1e-12
         assert pair["share_of_lines_apart"] == 0.0
 
 
-def test_a_run_without_what_is_needed_is_refused(runs: dict[str, Path]) -> None:
-    for words, said in (
+def test_unusable_runs_and_options_are_refused(runs: dict[str, Path]) -> None:
+    for arguments, expected in (
         (("identify",), "no run named"),
         (("identify", runs["waves"]), "no rows in calm water"),
         (("identify", runs["calm"], runs["sea"], "--probe", "probe_9"), "probe_1 | probe_2"),
         (("identify", runs["calm"], "--order", "5", "--no-pictures"), "allowed 2, 4, 6, 8"),
     ):
-        code, _, told = rig_here(*words)
-        assert code == 2, told
-        assert said in told
+        code, _, error_text = rig_here(*arguments)
+        assert code == 2, error_text
+        assert expected in error_text
 
 
-def test_a_drive_that_could_not_give_what_was_asked_is_told(tmp_path: Path) -> None:
+def test_a_saturated_drive_is_reported(tmp_path: Path) -> None:
     """30 A need more than the 75 V of the custom drive's bus, 5 A do not."""
     path = write_campaign(
         tmp_path,
@@ -224,30 +235,30 @@ def test_a_drive_that_could_not_give_what_was_asked_is_told(tmp_path: Path) -> N
         tare={"duration_s": 1},
         start={"set_point_s": 0, "lead_in_s": 2},
     )
-    ended = rehearse(path, tmp_path / "runs")
-    assert ended.outcome.status == "complete"
-    (said,) = [each for each in identify([ended.folder]).notes if "saturated" in each]
-    assert "row 1: the drive saturated in " in said
-    made = {path.name for path in write_products(ended.folder)}
-    assert made == {"rows.csv", "rows.nc", "summary.txt", "summary.json"}
-    told = (ended.folder / "summary.txt").read_text()
-    assert "Best points" not in told
-    assert "impedances of it: rig identify" in told
+    result = rehearse(path, tmp_path / "runs")
+    assert result.outcome.status == "complete"
+    (note,) = [each for each in identify([result.folder]).notes if "saturated" in each]
+    assert "row 1: the drive saturated in " in note
+    products = {path.name for path in write_products(result.folder)}
+    assert products == {"rows.csv", "rows.nc", "summary.txt", "summary.json"}
+    summary = (result.folder / "summary.txt").read_text()
+    assert "Best points" not in summary
+    assert "its impedance: rig identify" in summary
 
 
-def test_surge_is_pushed_and_identified_by_its_own_current(tmp_path: Path) -> None:
+def test_surge_is_identified_from_its_own_current(tmp_path: Path) -> None:
     path = campaign(
         tmp_path,
         "surge",
         sea={"kind": "calm"},
-        reference={**PUSH, "axis": "surge"},
+        reference={**MULTISINE, "axis": "surge"},
         surge={"kp_n_s_per_m": -500},  # feedback does no harm
         matrix=matrix(490.9),
         timing={"settle_s": 20, "periods": 1},
         start={"set_point_s": 0, "lead_in_s": 2},
     )
-    ended = rehearse(path, tmp_path / "runs")
-    (model,) = identify([ended.folder]).models
+    result = rehearse(path, tmp_path / "runs")
+    (model,) = identify([result.folder]).models
     assert (model.axis, set(model.responses)) == ("surge", {"Z_id", "Y_id_command", "Y_id_current"})
-    true = surge_impedance(model.frequency)
-    assert np.abs(model.responses["Z_id"].value / true - 1.0).max() < 0.01
+    expected = surge_impedance(model.frequency)
+    assert np.abs(model.responses["Z_id"].value / expected - 1.0).max() < 0.01

@@ -1,8 +1,9 @@
 """The prediction of the linear plant against its closed form.
 
-The oracle (tests/sim_plant/closed_form.py) shares no line with `rig.design.predictions`: it
-knows impedances and no records. Here it sees the same sampled controller; mean |i| is that of a
-sine, and for many waves that of a Gaussian current, which a sea of 300 s is to some per cent.
+The oracle (tests/sim_plant/closed_form.py) shares no code with `rig.design.predictions`: it uses
+impedances and no records. Here it uses the same sampled controller. Its mean |i| is that of a sine,
+or for many waves that of a Gaussian current, which the current in a sea of 300 s is within a few
+per cent.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from closed_form import Response, heave_response
-from predicting import CONFIGS, STIFF, predicted, rows, write_campaign
+from predicting import CONFIGS, STIFF, predict_campaign, rows, write_campaign
 
 from rig.config.pydantic_errors import load
 from rig.config.rig_file import RigFile
@@ -36,26 +37,26 @@ def plant() -> Plant:
     return Plant.model_validate(mapping)
 
 
-def as_sampled(plant: Plant, kp: float, ki: float) -> Callable[[Any], Any]:
-    """Estimator, one tick of delay, hold and current loop."""
+def sampled_controller(plant: Plant, kp: float, ki: float) -> Callable[[Any], Any]:
+    """Return the controller with estimator, one tick of delay, hold and current loop."""
     rig = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)[0]
     motor = rig.heave
-    filter_ = design(
+    estimator_params = design(
         metres_per_count(motor), motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, DT
     )
     lag = 0.001
 
     def controller(f_hz: Any) -> Any:
         s = 2j * np.pi * np.atleast_1d(np.asarray(f_hz, dtype=float))
-        position, velocity = response(filter_, s.imag / (2 * np.pi), DT)
+        position, velocity = response(estimator_params, s.imag / (2 * np.pi), DT)
         law = (kp * velocity + ki * position) / s
         return law * np.exp(-s * 1.5 * DT) / (1.0 + s * lag)
 
     return controller
 
 
-def foreseen(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, RowPredictions]:
-    """Predictions by (Kp, Ki)."""
+def predict_gains(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, RowPredictions]:
+    """Return the predictions by (Kp, Ki)."""
     path = write_campaign(
         tmp_path,
         plant=str(CONFIGS / "plants" / "wavebot_linear.yaml"),
@@ -63,55 +64,60 @@ def foreseen(tmp_path: Path, sea: dict[str, Any]) -> dict[Any, RowPredictions]:
         matrix=rows(*((STIFF, kp, ki) for kp, ki in GAINS)),
         surge={"use": "off"},
     )
-    told = predicted(path).rows
-    return {(one.row.setting.kp, one.row.setting.ki): one.predicted for one in told}
+    predicted_rows = predict_campaign(path).rows
+    return {
+        (prediction.row.setting.kp, prediction.row.setting.ki): prediction.predicted
+        for prediction in predicted_rows
+    }
 
 
-def compare(one: RowPredictions, oracle: Response, current_share: float) -> None:
-    """Within 0.5 %; electrical power to 0.5 % of the power that flows on the way to it."""
-    assert one.power_mechanical_1 == pytest.approx(oracle.lcb, rel=5e-3)
-    assert one.power_mechanical_2 == pytest.approx(oracle.trs, rel=5e-3)
+def compare(predicted: RowPredictions, oracle: Response, current_share: float) -> None:
+    """Compare within 0.5 %; electrical power within 0.5 % of shaft power plus copper loss."""
+    assert predicted.power_mechanical_1 == pytest.approx(oracle.lcb, rel=5e-3)
+    assert predicted.power_mechanical_2 == pytest.approx(oracle.trs, rel=5e-3)
     copper = oracle.ac - oracle.trs
-    assert one.power_ac == pytest.approx(oracle.ac, abs=5e-3 * (abs(oracle.trs) + copper))
+    assert predicted.power_ac == pytest.approx(oracle.ac, abs=5e-3 * (abs(oracle.trs) + copper))
     loss = oracle.dc - oracle.ac
-    assert one.power_dc - one.power_ac == pytest.approx(loss, rel=current_share)
-    assert one.position_rms * 2**0.5 == pytest.approx(oracle.stroke, rel=1e-4)
-    assert one.current_rms * 2**0.5 == pytest.approx(oracle.current, rel=1e-3)
+    assert predicted.power_dc - predicted.power_ac == pytest.approx(loss, rel=current_share)
+    assert predicted.position_rms * 2**0.5 == pytest.approx(oracle.stroke, rel=1e-4)
+    assert predicted.current_rms * 2**0.5 == pytest.approx(oracle.current, rel=1e-3)
 
 
 @pytest.mark.parametrize("f", [0.3, 0.4, 0.5, 0.8])
 def test_regular_waves(f: float, tmp_path: Path, plant: Plant) -> None:
     params, hull = plant.build(), read_bem(CONFIGS / "plants" / plant.bem)
-    found = foreseen(tmp_path, {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": f})
-    assert len(found) == len(GAINS)
-    for (kp, ki), one in found.items():
-        seen = as_sampled(plant, kp, ki)
-        oracle = heave_response(params, hull, f, 0.1, kp, ki, STIFF, seen)
-        compare(one, oracle, 1e-3)
-        assert one.position_peak == pytest.approx(oracle.stroke, rel=1e-4)
-        assert one.velocity_peak == pytest.approx(oracle.velocity, rel=1e-4)
+    predictions = predict_gains(
+        tmp_path, {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": f}
+    )
+    assert len(predictions) == len(GAINS)
+    for (kp, ki), predicted in predictions.items():
+        controller = sampled_controller(plant, kp, ki)
+        oracle = heave_response(params, hull, f, 0.1, kp, ki, STIFF, controller)
+        compare(predicted, oracle, 1e-3)
+        assert predicted.position_peak == pytest.approx(oracle.stroke, rel=1e-4)
+        assert predicted.velocity_peak == pytest.approx(oracle.velocity, rel=1e-4)
 
 
 def test_irregular_waves(tmp_path: Path, plant: Plant) -> None:
-    told = {"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5, "repeat_s": 300, "seed": 3}
+    sea_block = {"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5, "repeat_s": 300, "seed": 3}
     params, hull = plant.build(), read_bem(CONFIGS / "plants" / plant.bem)
     sea = waves.jonswap(0.127, 2.5, 3.3, 300.0, 3)
     lines, amplitude = waves.frequencies(sea), np.abs(sea.amplitude)
-    for (kp, ki), one in foreseen(tmp_path, told).items():
-        seen = as_sampled(plant, kp, ki)
-        oracle = heave_response(params, hull, lines, amplitude, kp, ki, STIFF, seen)
-        compare(one, oracle, 0.02)  # mean |i| of this record, not of a Gaussian one
-        # The peak is that of the record: summed here line by line, on the waves' own phases.
-        assert 2.5 * one.position_rms < one.position_peak < 5.0 * one.position_rms
+    for (kp, ki), predicted in predict_gains(tmp_path, sea_block).items():
+        controller = sampled_controller(plant, kp, ki)
+        oracle = heave_response(params, hull, lines, amplitude, kp, ki, STIFF, controller)
+        compare(predicted, oracle, 0.02)  # mean |i| of this record, not of a Gaussian one
+        # The peak is that of the record, with the phases of these waves.
+        assert 2.5 * predicted.position_rms < predicted.position_peak < 5.0 * predicted.position_rms
 
 
-def test_the_peak_is_that_of_the_seas_own_phases(tmp_path: Path) -> None:
-    """Another seed, other peaks, the same rms."""
+def test_the_peak_depends_on_the_phases_of_the_sea(tmp_path: Path) -> None:
+    """Another seed gives other peaks and the same rms."""
     peaks, rms = [], []
     for seed in (1, 2, 3):
         sea = {"kind": "jonswap", "hs_m": 0.127, "tp_s": 2.5, "repeat_s": 300, "seed": seed}
-        one = foreseen(tmp_path / str(seed), sea)[-2500.0, 0.0]
-        peaks.append(one.position_peak)
-        rms.append(one.position_rms)
+        predicted = predict_gains(tmp_path / str(seed), sea)[-2500.0, 0.0]
+        peaks.append(predicted.position_peak)
+        rms.append(predicted.position_rms)
     assert np.ptp(peaks) > 0.02 * np.mean(peaks)
     assert np.ptp(rms) < 1e-9

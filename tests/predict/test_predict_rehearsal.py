@@ -1,8 +1,8 @@
 """Predictions against the same campaigns on the nonlinear plant.
 
-Rows are those of the compiled loop; what no row tells, of surge, is read from a rehearsal's log.
+Rows come from the compiled loop. Surge is not in the row table; it comes from a rehearsal's log.
 
-Tolerances: peaks 1.5 % (estimator noise of some mm/s comes on top in a rehearsal), rms 0.5 %,
+Tolerances: peaks 1.5 % (a rehearsal adds estimator noise of a few mm/s), rms 0.5 %,
 mechanical and AC power 0.5 % of the power at the load cell, DC power 0.5 W.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from predicting import SOFT, STIFF, custom_rig, predicted, rows, simulated, write_campaign
+from predicting import SOFT, STIFF, custom_rig, predict_campaign, rows, simulate, write_campaign
 from rehearsing import rehearse
 
 from rig.realtime.sequence import Phase
@@ -35,30 +35,30 @@ IRREGULAR = rows((STIFF, -1500.0, 4000.0), (SOFT, -1000.0, 2000.0), (SOFT, -3000
 
 
 def compare(path: Path, record: Callable[[str, object], None]) -> None:
-    """Simulate and predict; the worst deviations go into the test report."""
-    forecast = predicted(path)
+    """Compare simulation and prediction; record the largest deviations in the test report."""
+    forecast = predict_campaign(path)
     assert forecast.refused == ()
-    table = simulated(path)
-    found = [one.predicted for one in forecast.rows]
-    assert table["state"].values.tolist() == ["complete"] * len(found)
+    table = simulate(path)
+    predictions = [one.predicted for one in forecast.rows]
+    assert table["state"].values.tolist() == ["complete"] * len(predictions)
 
-    def apart(name: str) -> Any:
-        return np.array([getattr(one, name) for one in found]) - table[name].values
+    def error(name: str) -> Any:
+        return np.array([getattr(one, name) for one in predictions]) - table[name].values
 
     for names, share in ((PEAKS, 0.015), (RMS, 0.005)):
         for name in names:
-            worst = float(np.max(np.abs(apart(name) / table[name].values)))
+            worst = float(np.max(np.abs(error(name) / table[name].values)))
             record(name, worst)
             assert worst <= share, (name, worst)
-    flow = np.abs(table["power_mechanical_1"].values)
+    mechanical_power = np.abs(table["power_mechanical_1"].values)
     for name in MECHANICAL:
-        worst = float(np.max(np.abs(apart(name)) / flow))
+        worst = float(np.max(np.abs(error(name)) / mechanical_power))
         record(name, worst)
         assert worst <= 0.005, (name, worst)
-    worst = float(np.max(np.abs(apart("power_dc"))))
+    worst = float(np.max(np.abs(error("power_dc"))))
     record("power_dc", worst)
     assert worst <= 0.5
-    assert worst > 0.0  # equal to the last bit would mean compared with itself
+    assert worst > 0.0  # bitwise equality would mean a comparison with itself
 
 
 def test_regular_rows(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
@@ -85,11 +85,11 @@ def test_irregular_rows(tmp_path: Path, record_property: Callable[[str, object],
 def test_rows_of_the_custom_drive(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
-    """Bus at 40 V and at 75 V, and one that rests at low velocity."""
-    both = (-8508.0, -2500.0, 3000.0)
-    matrix = rows(both, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.0)
-    matrix["list"] += rows(both, bus_voltage_v=40.0, velocity_threshold_m_per_s=0.0)["list"]
-    matrix["list"] += rows(both, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.05)["list"]
+    """Bus at 40 V and at 75 V, and a drive that is off at low velocity."""
+    gains = (-8508.0, -2500.0, 3000.0)
+    matrix = rows(gains, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.0)
+    matrix["list"] += rows(gains, bus_voltage_v=40.0, velocity_threshold_m_per_s=0.0)["list"]
+    matrix["list"] += rows(gains, bus_voltage_v=75.0, velocity_threshold_m_per_s=0.05)["list"]
     path = write_campaign(
         tmp_path,
         rig=str(custom_rig(tmp_path)),
@@ -99,16 +99,16 @@ def test_rows_of_the_custom_drive(
         matrix=matrix,
     )
     compare(path, record_property)
-    one = predicted(path).rows[1].predicted
-    assert one.voltage_given is not None
-    assert one.voltage_given < 0.707 * 46.0
+    predicted = predict_campaign(path).rows[1].predicted
+    assert predicted.voltage_available is not None
+    assert predicted.voltage_available < 0.707 * 46.0
 
 
 @pytest.mark.parametrize("waves", [True, False], ids=["in waves", "in calm water"])
 def test_rows_with_a_reference(
     waves: bool, tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
-    """An open-loop multisine of 12 s beside the feedback, with waves of 20 s: 60 s in common."""
+    """An open-loop multisine of 12 s with feedback and waves of 20 s: a common period of 60 s."""
     matrix = rows((STIFF, -1500.0, 2000.0), reference_scale=1.0)
     matrix["list"] += rows((STIFF, -1500.0, 2000.0), reference_scale=-0.5)["list"]
     sea = {"kind": "jonswap", "hs_m": 0.1, "tp_s": 2.5, "repeat_s": 20, "seed": 2}
@@ -125,7 +125,7 @@ def test_rows_with_a_reference(
 
 
 def test_surge(tmp_path: Path) -> None:
-    """Surge of a rehearsal: stroke and force within 2 %, read from the log."""
+    """Surge of a rehearsal, from its log: position, force and velocity within 2 %."""
     path = write_campaign(
         tmp_path,
         sea={"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5},
@@ -134,14 +134,14 @@ def test_surge(tmp_path: Path) -> None:
         timing={"settle_s": 6, "interval_s": 12},
         matrix=rows((STIFF, -2000.0, 0.0)),
     )
-    one = predicted(path).rows[0].predicted
-    ended = rehearse(path, tmp_path / "runs")
+    predicted = predict_campaign(path).rows[0].predicted
+    result = rehearse(path, tmp_path / "runs")
     fields = ["surge.estimate.position", "surge.demand.force", "surge.estimate.velocity"]
-    data = open_run(ended.folder, fields=[*fields, "plan.phase"], rows=[0])
+    data = open_run(result.folder, fields=[*fields, "plan.phase"], rows=[0])
     measured = data.isel(time=np.flatnonzero(data["plan.phase"].values == int(Phase.MEASURE)))
     for field, value in zip(
         fields,
-        (one.surge_position_peak, one.surge_force_peak, one.surge_velocity_peak),
+        (predicted.surge_position_peak, predicted.surge_force_peak, predicted.surge_velocity_peak),
         strict=True,
     ):
         assert float(np.abs(measured[field]).max()) == pytest.approx(value, rel=0.02), field

@@ -22,9 +22,9 @@ from sim_plant.waves import calm
 from sim_plant.world import OFF, World
 
 DT = 0.001
-GIVEN = plant.given(load_mapping(CONFIGS / "plants" / "wavebot_linear.yaml")[0])
+PLANT_MODEL = plant.build_plant_model(load_mapping(CONFIGS / "plants" / "wavebot_linear.yaml")[0])
 FILTER = design(2.5e-5, 0.5, 0.5, DT)
-ACTIVE = design_zc([90000.0], [1.0, 20.0], DT)  # 4500 N*s/m that drives, with a lag
+ACTIVE = design_zc([90000.0], [1.0, 20.0], DT)  # drives the body with 4500 N*s/m, with a lag
 
 
 def law_of(kp: float, ki: float, km: float = 0.0, sections: tuple[Biquad, ...] = ()) -> Law:
@@ -32,50 +32,52 @@ def law_of(kp: float, ki: float, km: float = 0.0, sections: tuple[Biquad, ...] =
 
 
 def poles_of(law: Law, delay: int = 1, rate: float = 0.0, dt: float = DT) -> sampled.Poles:
-    lag = plant.side(GIVEN, "heave").lag
-    body = plant.at_rest(*plant.hull(GIVEN, "heave"))
-    found = FILTER if dt == DT else design(2.5e-5, 0.5, 0.5, dt)
-    return sampled.poles(body, Timing(dt, delay, lag, found), law, np.array([rate]))
+    lag = plant.current_loop(PLANT_MODEL, "heave").lag
+    body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
+    params = FILTER if dt == DT else design(2.5e-5, 0.5, 0.5, dt)
+    return sampled.poles(body, Timing(dt, delay, lag, params), law, np.array([rate]))
 
 
 def free_motion(law: Law, ticks: int) -> tuple[Any, Any]:
-    """Positions of the simulated rig after a release, and those of the matrix from there on."""
-    bem = read_bem(CONFIGS / "plants" / GIVEN.file.bem)
-    surge = read_bem(CONFIGS / "plants" / GIVEN.file.surge.bem)
-    fine = {
-        name: getattr(GIVEN.file.sensors, name).model_copy(update={"value": value})
+    """Return positions of the simulated rig after a release, and those of the linear matrix."""
+    bem = read_bem(CONFIGS / "plants" / PLANT_MODEL.file.bem)
+    surge = read_bem(CONFIGS / "plants" / PLANT_MODEL.file.surge.bem)
+    fine_sensors = {
+        name: getattr(PLANT_MODEL.file.sensors, name).model_copy(update={"value": value})
         for name, value in (("encoder_counts", 100_000_000), ("encoder_offset", 0))
     }
-    file = GIVEN.file.model_copy(update={"sensors": GIVEN.file.sensors.model_copy(update=fine)})
+    file = PLANT_MODEL.file.model_copy(
+        update={"sensors": PLANT_MODEL.file.sensors.model_copy(update=fine_sensors)}
+    )
     world = World(file, calm(), bem, surge, dt=DT, seed=1)
     world.release(0.01)
-    scale = 2.0 * math.pi / (GIVEN.file.pto.gear_ratio.value * 100_000_000)
-    newtons = plant.motor(GIVEN).newtons_per_ampere
+    scale = 2.0 * math.pi / (PLANT_MODEL.file.pto.gear_ratio.value * 100_000_000)
+    newtons = plant.motor(PLANT_MODEL).newtons_per_ampere
     gains = Gains(float(law.kp[0]), float(law.ki[0]), float(law.km[0]))
     params = impedance.Params(0.0, law.sections)
-    state, seen = impedance.start(law.sections), Estimate(0.01, 0.0, 0.0)
-    timing = Timing(DT, 1, plant.side(GIVEN, "heave").lag, FILTER)
-    body = plant.at_rest(*plant.hull(GIVEN, "heave"))
-    ad, held = sampled.discrete(body._replace(stiffness=body.stiffness + 490.9), timing)
-    still, moved = sampled.closed_loop(ad, held, timing, law.sections, gains)
-    simulated, told, whole = [], [], None
+    state, estimate = impedance.start(law.sections), Estimate(0.01, 0.0, 0.0)
+    timing = Timing(DT, 1, plant.current_loop(PLANT_MODEL, "heave").lag, FILTER)
+    body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
+    ad, plant_input = sampled.discretise(body._replace(stiffness=body.stiffness + 490.9), timing)
+    open_loop, feedback = sampled.closed_loop_matrices(ad, plant_input, timing, law.sections, gains)
+    simulated, linear, states = [], [], None
     for k in range(300 + ticks):
-        if k == 300:  # the drive is on, gains and share of Z_c are ramped in
+        if k == 300:  # the drive is on; gains and share of Z_c have finished their ramp
             hull = world._stepper.state.body
             force = world.truth().motor
             memory = [value for section in state.sections for value in section]
-            line = world.readings().heave_counts * scale
-            whole = np.array([*hull, force, line, *seen, *memory])
+            delayed_position = world.readings().heave_counts * scale
+            states = np.array([*hull, force, delayed_position, *estimate, *memory])
         counts = world.readings().heave_counts
-        seen = estimator.step(FILTER, seen, counts * scale, 1, DT)
-        state, asked = impedance.step(params, state, gains, seen, 0.0, 0.0, DT)
-        world.actuate(OFF._replace(heave_current=asked.force / newtons, heave_enable=1))
+        estimate = estimator.step(FILTER, estimate, counts * scale, 1, DT)
+        state, output = impedance.step(params, state, gains, estimate, 0.0, 0.0, DT)
+        world.actuate(OFF._replace(heave_current=output.force / newtons, heave_enable=1))
         world.advance(DT)
-        if whole is not None:
-            whole = (still + moved) @ whole
+        if states is not None:
+            states = (open_loop + feedback) @ states
             simulated.append(world.truth().position)
-            told.append(whole[0])
-    return np.array(simulated), np.array(told)
+            linear.append(states[0])
+    return np.array(simulated), np.array(linear)
 
 
 @pytest.mark.parametrize(
@@ -87,71 +89,79 @@ def free_motion(law: Law, ticks: int) -> tuple[Any, Any]:
         ((-6000.0, 0.0, 100.0), ACTIVE, True),
     ],
 )
-def test_poles_tell_what_the_loop_does(
+def test_the_simulated_loop_moves_as_its_poles_predict(
     gains: tuple[float, float, float], sections: tuple[Biquad, ...], stable: bool
 ) -> None:
-    """The simulated rig moves as the matrix says, to 0.5 % of the motion, and so dies out or grows.
+    """The simulated motion equals that of the matrix within 0.5 %, and decays or grows likewise.
 
     The plant steps by the midpoint rule, the matrix is exact.
     """
     law = law_of(*gains, sections)
-    found = poles_of(law, rate=490.9)  # where the simulated stator stands
-    assert bool(found.radius[0] < 1.0) is stable
-    simulated, told = free_motion(law, 4000)
-    assert np.abs(simulated - told).max() < 5e-3 * np.abs(simulated).max()
+    poles = poles_of(law, rate=490.9)  # rate at the initial stator position
+    assert bool(poles.radius[0] < 1.0) is stable
+    simulated, linear = free_motion(law, 4000)
+    assert np.abs(simulated - linear).max() < 5e-3 * np.abs(simulated).max()
     early, late = np.abs(simulated[:500]).max(), np.abs(simulated[-1500:]).max()
     assert bool(late < early) is stable
 
 
 @pytest.mark.parametrize("delay", [0, 1, 4])
-def test_the_matrix_is_the_loop(delay: int) -> None:
-    """Powers of it against the rig's own functions on an exactly discretised plant."""
+def test_the_matrix_reproduces_the_loop(delay: int) -> None:
+    """Powers of the matrix against the rig's own functions on an exactly discretised plant."""
     law = law_of(-2000.0, 6000.0, 50.0, ACTIVE)
-    lag = plant.side(GIVEN, "heave").lag
-    body = plant.at_rest(*plant.hull(GIVEN, "heave"))
-    ad, held = sampled.discrete(body, Timing(DT, delay, lag, FILTER))
+    lag = plant.current_loop(PLANT_MODEL, "heave").lag
+    body = plant.linearised_body(*plant.hull(PLANT_MODEL, "heave"))
+    ad, plant_input = sampled.discretise(body, Timing(DT, delay, lag, FILTER))
     timing = Timing(DT, delay, lag, FILTER)
-    still, moved = sampled.closed_loop(ad, held, timing, law.sections, (-2000.0, 6000.0, 50.0))
+    open_loop, feedback = sampled.closed_loop_matrices(
+        ad, plant_input, timing, law.sections, (-2000.0, 6000.0, 50.0)
+    )
     rng = np.random.default_rng(2)
-    whole = np.zeros(len(still))
-    whole[:8] = rng.standard_normal(8)
-    real, line = whole[:8].copy(), [0.0] * delay
+    states = np.zeros(len(open_loop))
+    states[:8] = rng.standard_normal(8)
+    plant_states, delay_line = states[:8].copy(), [0.0] * delay
     params = impedance.Params(0.0, law.sections)
-    state, seen = impedance.start(law.sections), Estimate(0.0, 0.0, 0.0)
+    state, estimate = impedance.start(law.sections), Estimate(0.0, 0.0, 0.0)
     for _ in range(50):
-        line.insert(0, float(real[0]))
-        seen = estimator.step(FILTER, seen, line.pop(), 1, DT)
-        state, asked = impedance.step(
-            params, state, Gains(-2000.0, 6000.0, 50.0), seen, 0.0, 0.0, DT
+        delay_line.insert(0, float(plant_states[0]))
+        estimate = estimator.step(FILTER, estimate, delay_line.pop(), 1, DT)
+        state, output = impedance.step(
+            params, state, Gains(-2000.0, 6000.0, 50.0), estimate, 0.0, 0.0, DT
         )
-        real = ad @ real + held * asked.force
+        plant_states = ad @ plant_states + plant_input * output.force
         if not delay:
-            line = []
-        whole = (still + moved) @ whole
-    # The law ramps the share of Z_c in over one tick, so its first force lacks it.
-    np.testing.assert_allclose(whole[:8], real, rtol=2e-2, atol=2e-2 * np.abs(real).max())
-    np.testing.assert_allclose(whole[8 + delay : 11 + delay], seen, rtol=2e-2, atol=1e-2)
+            delay_line = []
+        states = (open_loop + feedback) @ states
+    # The law ramps the share of Z_c over one tick, so its first force lacks Z_c.
+    np.testing.assert_allclose(
+        states[:8], plant_states, rtol=2e-2, atol=2e-2 * np.abs(plant_states).max()
+    )
+    np.testing.assert_allclose(states[8 + delay : 11 + delay], estimate, rtol=2e-2, atol=1e-2)
 
 
-def test_the_margin_is_where_stability_ends() -> None:
+def test_stability_ends_at_the_margin() -> None:
     for law in (
         law_of(-1500.0, 9000.0),
         law_of(-20000.0, 0.0, -400.0),
         law_of(0.0, 0.0, 0.0, ACTIVE),
     ):
         margin = float(poles_of(law, delay=4).gain_margin[0])
-        assert 0.0 < margin < sampled.MOST_GAIN
+        assert 0.0 < margin < sampled.MAX_GAIN
         for factor, stable in ((0.98, True), (1.02, False)):
-            at = margin * factor
-            scaled = tuple(one._replace(b0=one.b0 * at, b1=one.b1 * at, b2=one.b2 * at)
-                           for one in law.sections)  # fmt: skip
-            same = law_of(*(float(column[0]) * at for column in law[:3]), scaled)
-            assert (float(poles_of(same, delay=4).radius[0]) < 1.0) is stable
+            scale = margin * factor
+            scaled_sections = tuple(
+                section._replace(
+                    b0=section.b0 * scale, b1=section.b1 * scale, b2=section.b2 * scale
+                )
+                for section in law.sections
+            )
+            scaled_law = law_of(*(float(column[0]) * scale for column in law[:3]), scaled_sections)
+            assert (float(poles_of(scaled_law, delay=4).radius[0]) < 1.0) is stable
 
 
-def test_too_much_stiffness_taken_is_unstable() -> None:
+def test_ki_above_the_hull_stiffness_is_unstable() -> None:
     """Static and sampled stability agree on Ki: the stiffness at rest is that of the hull."""
-    stiffness = GIVEN.built.body.hydrostatic
+    stiffness = PLANT_MODEL.params.body.hydrostatic
     assert poles_of(law_of(-2000.0, 0.99 * stiffness)).radius[0] < 1.0
     assert poles_of(law_of(-2000.0, 1.01 * stiffness)).radius[0] > 1.0
     margin = float(poles_of(law_of(-2000.0, 0.5 * stiffness)).gain_margin[0])
@@ -159,13 +169,13 @@ def test_too_much_stiffness_taken_is_unstable() -> None:
 
 
 def test_a_slow_loop_with_much_damping_is_unstable() -> None:
-    """At 200 Hz a delay of 40 ticks (0.2 s) turns 20 000 N*s/m of damping around."""
+    """At 200 Hz a delay of 40 ticks (0.2 s) reverses the sign of 20 000 N*s/m of damping."""
     assert poles_of(law_of(-20000.0, 0.0)).radius[0] < 1.0
     assert poles_of(law_of(-20000.0, 0.0), delay=40, dt=0.005).radius[0] > 1.0
 
 
-def test_no_law_at_all_leaves_the_hull() -> None:
-    found: Any = poles_of(law_of(0.0, 0.0))
-    assert found.radius[0] < 1.0
-    assert found.gain_margin[0] == sampled.MOST_GAIN
-    assert 0.5 < found.frequency[0] < 0.8  # Hz, the body's own
+def test_zero_gains_leave_the_hull_poles() -> None:
+    poles: Any = poles_of(law_of(0.0, 0.0))
+    assert poles.radius[0] < 1.0
+    assert poles.gain_margin[0] == sampled.MAX_GAIN
+    assert 0.5 < poles.frequency[0] < 0.8  # Hz, natural frequency of the body

@@ -93,7 +93,7 @@ def test_signs_and_ranks(table: Any, record_property: Callable[[str, object], No
     assert is_negative(threshold)
     assert found.lead > found.lead_half_width
     assert found.lead < found.lead_misfit_half_width
-    assert "by misfit: not surely)" in "; ".join(effect_notes(found))
+    assert "by misfit: not significant)" in "; ".join(effect_notes(found))
     assert size_interval(voltage)[0] > size_interval(threshold)[1]
     assert 6.0 < -frequency.watts < 12.0  # "about 10 W" at 75 V, half of that at 40 V
     assert 2.0 < voltage.watts < 8.0  # "a few watts"

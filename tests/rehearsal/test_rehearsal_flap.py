@@ -76,9 +76,9 @@ def run_session(path: Path, runs: Path) -> tuple[dict[str, Any], Path]:
     for product in ("session.html", "session.json"):
         assert (folder / product).is_file()
     assert list(folder.glob("flap_*.png"))
-    if printed["found"]["constants"]:
+    if printed["results"]["constants"]:
         load(folder / "calibration.yaml", ConstantsFile)
-    return printed["found"], folder
+    return printed["results"], folder
 
 
 def load_columns(folder: Path, table: str) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def test_the_best_damping_in_a_one_second_sea(tmp_path: Path) -> None:
     impedance = complex(hydrodynamics.impedance(params.body, 1.0))
     moment = 0.05 * abs(complex(excitation_at(model.coefficients(), np.array([1.0]))[0]))
     power = load_columns(folder, "flap_power")
-    measured_damping = power["damping felt"]
+    measured_damping = power["measured damping"]
     # The motor constant in use is not the plant's: measured and set damping differ.
     assert np.all(np.diff(measured_damping) > 0.0)
     reactance = np.polyfit(measured_damping, power["reactance"], 1)

@@ -1,4 +1,4 @@
-"""A short identification of the linear plant, and a plant file that knows nothing of it."""
+"""A short identification run of the linear plant, and a plant file with wrong parameters."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ LINEAR = CONFIGS / "plants" / "wavebot_linear.yaml"
 SPRING = -5715.0
 
 
-def identified(folder: Path) -> None:
-    """The run, in `runs`: lines of a twentieth of a hertz at two amplitudes, one period each."""
+def rehearse_identification(folder: Path) -> None:
+    """Rehearse a run into `runs`: lines every 0.05 Hz at two amplitudes, one period each."""
     rows = {
         "spring_n_per_m": SPRING, "kp_n_s_per_m": 0, "ki_n_per_m": 0, "reference_scale": [1, 2],
     }  # fmt: skip
@@ -29,25 +29,25 @@ def identified(folder: Path) -> None:
         timing={"settle_s": 15, "periods": 1},
         start={"set_point_s": 0, "lead_in_s": 2},
     )
-    ended = rehearse(path, folder / "runs")
-    assert ended.outcome.status == "complete"
+    result = rehearse(path, folder / "runs")
+    assert result.outcome.status == "complete"
 
 
 def wrong_plant(folder: Path) -> Path:
-    """A plant file of the same rig in which every number that a run can tell is another one."""
+    """Write a plant file of the same rig in which every identifiable parameter is wrong."""
     plant, _ = load_mapping(LINEAR)
-    made = copy.deepcopy(plant)
-    wrong = {
+    changed = copy.deepcopy(plant)
+    changed_keys = {
         "body": ("mass", "hydrostatic", "viscous_linear"),
         "pto": ("drivetrain_viscous", "winding_resistance"),
         "drive": ("fixed_loss", "linear_loss", "square_loss"),
     }
-    for section, names in wrong.items():
+    for section, names in changed_keys.items():
         for name in names:
-            made[section][name]["value"] *= 1.4
-    made["body"]["viscous_quadratic"]["value"] = 900.0
-    made["pto"]["drivetrain_coulomb"]["value"] = 80.0
-    radiation: Any = made["body"]["radiation"]
+            changed[section][name]["value"] *= 1.4
+    changed["body"]["viscous_quadratic"]["value"] = 900.0
+    changed["pto"]["drivetrain_coulomb"]["value"] = 80.0
+    radiation: Any = changed["body"]["radiation"]
     radiation["numerator"]["value"] = [1.3 * b for b in radiation["numerator"]["value"]]
-    made["bem"] = str(CONFIGS / "plants" / made["bem"])
-    return write_yaml(folder / "wrong.yaml", made)
+    changed["bem"] = str(CONFIGS / "plants" / changed["bem"])
+    return write_yaml(folder / "wrong.yaml", changed)

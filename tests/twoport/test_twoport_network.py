@@ -1,4 +1,4 @@
-"""Identities of the two-port, to 1e-9, and the gap between its two best loads."""
+"""Identities of the two-port, to 1e-9, and the difference between its two matched loads."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from measured_data import reference
 from wavebot_ports import BEM, PARAMS, sea
 
 from rig.design.twoport import network as n
-from rig.design.twoport.figures import Case, around, impedances, write_effects
-from rig.design.twoport.power import available, available_to_load, flow, transducer_gain
+from rig.design.twoport.figures import Case, impedances, vary, write_effects
+from rig.design.twoport.power import available_load_power, available_power, flow, transducer_gain
 
 F = np.linspace(0.2, 1.0, 33)
 OMEGA = 2.0 * np.pi * F
@@ -30,7 +30,7 @@ def test_constants_of_the_wavebot() -> None:
     assert 0.5 * n.WAVEBOT.copper * 1000.0**2 == pytest.approx(28.1, abs=0.05)
 
 
-def test_intrinsic_impedance_is_the_oracles() -> None:
+def test_intrinsic_impedance_equals_the_oracle() -> None:
     """Eq. 2.1 with A and B of the plant's radiation against its impedance as one expression."""
     body = PARAMS.body
     from closed_form import radiation
@@ -38,18 +38,18 @@ def test_intrinsic_impedance_is_the_oracles() -> None:
     radiated = radiation(PARAMS, F)
     added = radiated.imag / OMEGA
     damping = radiated.real + body.viscous
-    made = n.intrinsic(OMEGA, body.inertia, added, damping, body.hydrostatic)
-    assert np.allclose(made, Z_I, **EXACT)
+    intrinsic = n.intrinsic(OMEGA, body.inertia, added, damping, body.hydrostatic)
+    assert np.allclose(intrinsic, Z_I, **EXACT)
 
 
-def test_rotational_and_linear_drivetrain_are_two_names_of_one_thing() -> None:
+def test_rotational_and_linear_drivetrain_are_equivalent() -> None:
     gear = n.WAVEBOT.gear
     shaft = n.rotational_drivetrain(OMEGA, 0.3, 4.0, -20.0)
     linear = n.linear_drivetrain(OMEGA, 0.3 * gear**2, 4.0 * gear**2, -20.0 * gear**2)
     assert np.allclose(gear**2 * shaft, linear, **EXACT)
 
 
-def test_a_controller_is_a_load_and_back() -> None:
+def test_controller_and_load_convert_both_ways() -> None:
     law = n.controller(OMEGA, -2500.0, 3000.0)
     load = n.load_of(PORT, law)
     g = n.WAVEBOT.transduction
@@ -62,68 +62,78 @@ def test_a_controller_is_a_load_and_back() -> None:
 
 
 def test_the_mechanically_matched_load() -> None:
-    """Z_in = Z_i* at Z_l = g^2 / (Z_i* - Z_11) - Z_w; it takes all that the waves can give."""
+    """Z_in = Z_i* at Z_l = g^2 / (Z_i* - Z_11) - Z_w; it absorbs all available wave power."""
     load = n.mechanically_matched(PORT, Z_I)
     g = n.WAVEBOT.transduction
     assert np.allclose(load, g**2 / (np.conj(Z_I) - PORT.z11) - PORT.z22, **EXACT)
     assert np.allclose(n.input_impedance(PORT, load), np.conj(Z_I), **EXACT)
     assert np.abs(n.mismatch(PORT, Z_I, load).at_input).max() < 1e-9
     force = np.full(F.shape, 1000.0 + 300.0j)
-    assert np.allclose(flow(PORT, Z_I, load, force).mechanical_1, available(Z_I, force), **EXACT)
+    assert np.allclose(
+        flow(PORT, Z_I, load, force).mechanical_1, available_power(Z_I, force), **EXACT
+    )
 
 
-def test_the_power_of_the_load_is_stationary_at_the_conjugate_of_z_out() -> None:
+def test_load_power_is_stationary_at_the_conjugate_of_z_out() -> None:
     load = n.electrically_matched(PORT, Z_I)
     force = np.full(F.shape, 1000.0 + 0.0j)
     best = flow(PORT, Z_I, load, force).ac
-    assert np.allclose(best, available_to_load(PORT, Z_I, force), **EXACT)
+    assert np.allclose(best, available_load_power(PORT, Z_I, force), **EXACT)
     assert np.abs(n.mismatch(PORT, Z_I, load).at_output).max() < 1e-9
-    for turn in (1.0, 1j, -1.0, -1j):
-        step = 1e-4 * turn * np.abs(load)
-        near = flow(PORT, Z_I, load + step, force).ac
-        assert (near > best).all()
-        assert np.allclose(near, best, rtol=1e-7)  # second order: 1e-4 squared
+    for direction in (1.0, 1j, -1.0, -1j):
+        step = 1e-4 * direction * np.abs(load)
+        nearby_power = flow(PORT, Z_I, load + step, force).ac
+        assert (nearby_power > best).all()
+        assert np.allclose(nearby_power, best, rtol=1e-7)  # second order: 1e-4 squared
 
 
-def test_power_is_what_is_available_less_what_is_reflected() -> None:
+def test_power_equals_available_minus_reflected_power() -> None:
     """At both ports, for any load; and eq. 2.2: Z_i v = F_e - F_PTO."""
     force = np.full(F.shape, 900.0 - 200.0j)
     for kp, ki in ((-500.0, 0.0), (-2500.0, 3000.0), (-4000.0, -2000.0)):
         load = n.load_of(PORT, n.controller(OMEGA, kp, ki))
-        found, off = flow(PORT, Z_I, load, force), n.mismatch(PORT, Z_I, load)
-        into = available(Z_I, force) * (1.0 - np.abs(off.at_input) ** 2)
-        out = available_to_load(PORT, Z_I, force) * (1.0 - np.abs(off.at_output) ** 2)
-        assert np.allclose(found.mechanical_1, into, **EXACT)
-        assert np.allclose(found.ac, out, rtol=1e-9, atol=1e-9)
-        pto = PORT.z11 * found.velocity + PORT.z12 * found.current
-        assert np.allclose(Z_I * found.velocity, force - pto, **EXACT)
-        voltage = PORT.z21 * found.velocity + PORT.z22 * found.current
-        assert np.allclose(voltage, -load * found.current, **EXACT)
-        assert np.allclose(found.force, n.controller(OMEGA, kp, ki) * found.velocity, **EXACT)
-        copper = 0.5 * n.WAVEBOT.resistance * np.abs(found.current) ** 2
-        assert np.allclose(found.ac, found.mechanical_2 + copper, rtol=1e-9, atol=1e-9)
-        assert np.allclose(transducer_gain(PORT, Z_I, load), found.ac / available(Z_I, force))
+        power, mismatch = flow(PORT, Z_I, load, force), n.mismatch(PORT, Z_I, load)
+        input_power = available_power(Z_I, force) * (1.0 - np.abs(mismatch.at_input) ** 2)
+        load_power = available_load_power(PORT, Z_I, force) * (
+            1.0 - np.abs(mismatch.at_output) ** 2
+        )
+        assert np.allclose(power.mechanical_1, input_power, **EXACT)
+        assert np.allclose(power.ac, load_power, rtol=1e-9, atol=1e-9)
+        pto = PORT.z11 * power.velocity + PORT.z12 * power.current
+        assert np.allclose(Z_I * power.velocity, force - pto, **EXACT)
+        voltage = PORT.z21 * power.velocity + PORT.z22 * power.current
+        assert np.allclose(voltage, -load * power.current, **EXACT)
+        assert np.allclose(power.force, n.controller(OMEGA, kp, ki) * power.velocity, **EXACT)
+        copper = 0.5 * n.WAVEBOT.resistance * np.abs(power.current) ** 2
+        assert np.allclose(power.ac, power.mechanical_2 + copper, rtol=1e-9, atol=1e-9)
+        assert np.allclose(transducer_gain(PORT, Z_I, load), power.ac / available_power(Z_I, force))
         assert (transducer_gain(PORT, Z_I, load) < 1.0).all()
 
 
-def test_both_matches_are_one_without_loss() -> None:
+def test_both_matched_loads_are_equal_without_loss() -> None:
     """R_w = B_d = 0: then, and only then, one load satisfies both conditions of eq. 2.10."""
-    still = n.two_port(
+    lossless = n.two_port(
         OMEGA, n.linear_drivetrain(OMEGA, 40.0, 0.0, -3000.0), n.WAVEBOT._replace(resistance=0.0)
     )
-    one, other = n.mechanically_matched(still, Z_I), n.electrically_matched(still, Z_I)
-    assert np.allclose(one, other, **EXACT)
+    mechanical, electrical = (
+        n.mechanically_matched(lossless, Z_I),
+        n.electrically_matched(lossless, Z_I),
+    )
+    assert np.allclose(mechanical, electrical, **EXACT)
     for lossy in (
         n.two_port(OMEGA, n.linear_drivetrain(OMEGA, 40.0, 1.0, -3000.0), n.WAVEBOT),
         n.two_port(OMEGA, n.linear_drivetrain(OMEGA, 40.0, 0.0, -3000.0), n.WAVEBOT),
     ):
-        one, other = n.mechanically_matched(lossy, Z_I), n.electrically_matched(lossy, Z_I)
-        assert np.abs(one - other).min() > 1e-3
+        mechanical, electrical = (
+            n.mechanically_matched(lossy, Z_I),
+            n.electrically_matched(lossy, Z_I),
+        )
+        assert np.abs(mechanical - electrical).min() > 1e-3
 
 
-def test_the_gap_between_both_loads() -> None:
+def test_difference_between_the_matched_loads() -> None:
     """At 0.4 Hz, a = 0.127 m, K_s = 0 the mechanically matched load consumes 28.8 W, while the
-    electrically matched one takes 77 W out. BEM radiation; drivetrain 724 N s/m.
+    electrically matched load extracts 77 W. BEM radiation; drivetrain 724 N s/m.
     """
     waves = sea(0.4, 0.127)
     z_i = intrinsic_impedance(PARAMS, np.array([0.4]), BEM)
@@ -144,61 +154,67 @@ def test_powers_against_the_closed_form_of_the_plant(kp: float, ki: float, rate:
         z11 = n.linear_drivetrain(waves.omega, 0.0, PARAMS.pto.viscous, rate)
         z = n.two_port(waves.omega, z11, n.WAVEBOT)
         load = n.load_of(z, n.controller(waves.omega, kp, ki))
-        found = flow(z, z_i, load, waves.excitation)
+        power = flow(z, z_i, load, waves.excitation)
         oracle = heave_response(PARAMS, BEM, f, 0.127, kp, ki, rate)
-        assert found.mechanical_1[0] == pytest.approx(oracle.lcb, rel=1e-9)
-        assert found.mechanical_2[0] == pytest.approx(oracle.trs, rel=1e-9)
+        assert power.mechanical_1[0] == pytest.approx(oracle.lcb, rel=1e-9)
+        assert power.mechanical_2[0] == pytest.approx(oracle.trs, rel=1e-9)
         # The plant's torque constant and gear are rounded: copper loss to 1e-5.
-        assert found.ac[0] == pytest.approx(oracle.ac, rel=1e-5)
+        assert power.ac[0] == pytest.approx(oracle.ac, rel=1e-5)
 
 
-def test_measured_impedances_say_where_the_shaft_power_is_best() -> None:
+def test_best_shaft_power_of_measured_impedances() -> None:
     """Measured Z_i and Z_id (20 A, -9228 N/m) in waves of 0.127 m: C = -Z_id* takes most at the
     shaft: -2370/+7958 and 143 W at 0.4 Hz, -2541/+2881 and 78 W at 0.5 Hz by an earlier, separate
     calculation on a fit to the same data (so within 7 %); Z_11 is their difference.
     """
     table = np.loadtxt(reference("mask4_impedance_20A_m9228_0p2_1Hz.csv"), delimiter=",")
     for f, kp, ki, watts in ((0.4, -2370.0, 7958.0, 143.0), (0.5, -2541.0, 2881.0, 78.0)):
-        near = np.abs(table[:, 0] - f) < 0.021  # five lines: single ones scatter
-        z_i, z_id = (np.mean(table[near, i] + 1j * table[near, i + 1])[None] for i in (1, 3))
+        neighbours = (
+            np.abs(table[:, 0] - f) < 0.021
+        )  # mean of five lines, because single lines scatter
+        z_i, z_id = (
+            np.mean(table[neighbours, i] + 1j * table[neighbours, i + 1])[None] for i in (1, 3)
+        )
         waves = sea(f, 0.127)
         z = n.two_port(waves.omega, z_id - z_i, n.WAVEBOT)
         law = -np.conj(z_id)
-        found = flow(z, z_i, n.load_of(z, law), waves.excitation)
+        power = flow(z, z_i, n.load_of(z, law), waves.excitation)
         best_kp, best_ki = n.gains(waves.omega, law)
         assert best_kp[0] == pytest.approx(kp, rel=0.07)
         assert best_ki[0] == pytest.approx(ki, rel=0.3)
-        assert found.mechanical_2[0] == pytest.approx(-watts, rel=0.07)
-        assert found.mechanical_2[0] == pytest.approx(available(z_id, waves.excitation)[0])
+        assert power.mechanical_2[0] == pytest.approx(-watts, rel=0.07)
+        assert power.mechanical_2[0] == pytest.approx(available_power(z_id, waves.excitation)[0])
 
 
-def test_what_each_setting_moves() -> None:
-    """Chapter 5 of the report: the spring moves Im Z_in and both parts of Z_out; gains move Z_in
-    and Z_l, and leave Z_out; Kp moves only the real part of Z_in, Ki only its imaginary one.
+def test_effect_of_each_setting() -> None:
+    """Chapter 5 of the report: the spring changes Im Z_in and both parts of Z_out; gains change
+    Z_in and Z_l but not Z_out; Kp changes only the real part of Z_in, Ki only the imaginary part.
     """
     z11 = n.linear_drivetrain(OMEGA, 0.0, 724.0, 0.0)
     base = Case("base", -2000.0, 4000.0, 0.0, n.WAVEBOT.gear)
 
-    def seen(case: Case) -> tuple[np.ndarray, ...]:
-        found = impedances(OMEGA, Z_I, z11, n.WAVEBOT, case)
-        return tuple(part for one in found for part in (one.real, one.imag))
+    def parts(case: Case) -> tuple[np.ndarray, ...]:
+        result = impedances(OMEGA, Z_I, z11, n.WAVEBOT, case)
+        return tuple(part for one in result for part in (one.real, one.imag))
 
-    def moved(case: Case) -> list[bool]:
-        pairs = zip(seen(case), seen(base), strict=True)
+    def changed(case: Case) -> list[bool]:
+        pairs = zip(parts(case), parts(base), strict=True)
         return [bool(np.abs(a - b).max() > 1e-9 * np.abs(b).max()) for a, b in pairs]
 
-    assert moved(base._replace(kp=-1000.0)) == [True, False, True, True, False, False]
-    assert moved(base._replace(ki=1000.0)) == [False, True, True, True, False, False]
-    assert moved(base._replace(spring_rate=-5e3)) == [False, True, False, False, True, True]
-    assert moved(base._replace(gear=10.0)) == [True, False, True, True, True, True]
+    assert changed(base._replace(kp=-1000.0)) == [True, False, True, True, False, False]
+    assert changed(base._replace(ki=1000.0)) == [False, True, True, True, False, False]
+    assert changed(base._replace(spring_rate=-5e3)) == [False, True, False, False, True, True]
+    assert changed(base._replace(gear=10.0)) == [True, False, True, True, True, True]
 
 
 def test_figures(tmp_path: Path) -> None:
     z11 = n.linear_drivetrain(OMEGA, 0.0, 724.0, 0.0)
     base = Case("base", -2000.0, 4000.0, 0.0, n.WAVEBOT.gear)
-    cases = around(base, kp=1000.0, ki=3000.0)
+    cases = vary(base, kp=1000.0, ki=3000.0)
     assert [case.label for case in cases[1:3]] == ["Kp -3000 N s/m (n)", "Kp -1000 N s/m (p)"]
-    for name, drawn in (("gains", cases), ("spring", around(base, spring_rate=5e3, gear=4.0))):
+    for name, cases_drawn in (("gains", cases), ("spring", vary(base, spring_rate=5e3, gear=4.0))):
         path = tmp_path / f"{name}.png"
-        write_effects(path, OMEGA, Z_I, z11, n.WAVEBOT, drawn, name, {"run": "r", "mode": "hil"})
+        write_effects(
+            path, OMEGA, Z_I, z11, n.WAVEBOT, cases_drawn, name, {"run": "r", "mode": "hil"}
+        )
         assert float(imread(path)[..., :3].std()) > 0.05

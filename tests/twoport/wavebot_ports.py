@@ -1,4 +1,4 @@
-"""The linear WaveBot as a two-port, from the oracle's impedance and the BEM's excitation."""
+"""The linear WaveBot as a two-port, with the oracle's impedance and BEM excitation."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def sea(f_hz: Any, amplitude: Any) -> Sea:
     return Sea(2.0 * np.pi * f, np.conj(excitation_at(BEM, f)) * amplitude)
 
 
-def device(of: Sea, loop: Any = None) -> Device:
-    z_i = intrinsic_impedance(PARAMS, of.omega / (2.0 * np.pi))
+def device(incident_sea: Sea, loop: Any = None) -> Device:
+    z_i = intrinsic_impedance(PARAMS, incident_sea.omega / (2.0 * np.pi))
     return Device(z_i, 0.0, PARAMS.pto.viscous, WAVEBOT, PARAMS.body.hydrostatic, loop)
 
 

@@ -1,8 +1,8 @@
-"""What a campaign will do, before it does it: motion, power, margins, stability of every row.
+"""Prediction of a campaign before it runs: motion, power, margins and stability of every row.
 
-Frequency domain, in the sea that the campaign names, on the simulated plant's own parameters;
-`rig.design.predictions.steady` tells the method. Only what repeats with the sea is predicted:
-what happens while waves build up, gains change or the stator moves comes on top.
+The prediction works in the frequency domain, in the campaign's sea, with the parameters of the
+simulated plant; `rig.design.predictions.steady` describes the method. It covers the steady state
+that repeats with the sea. Transients (waves building up, gain changes, stator moves) come on top.
 """
 
 from __future__ import annotations

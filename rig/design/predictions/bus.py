@@ -1,8 +1,9 @@
-"""The custom drive's DC bus through a whole campaign: what is stored, dumped, and still to be had.
+"""The custom drive's DC bus through a whole campaign: stored, dumped and available energy.
 
-The bus remembers: without supply a row starts with what the rows before it left. So the plan is
-walked in its order, in steps of some 20 ms: the capacitor is integrated exactly for constant power,
-the supply, whose time constant is shorter, by the solution of its own circuit.
+The bus has memory: without supply a row starts at the voltage that the previous rows left. The
+simulation therefore follows the order of the plan, in steps of about 20 ms. It integrates the
+capacitor exactly for constant power. The supply has a shorter time constant and follows the
+analytical solution of its circuit.
 """
 
 from __future__ import annotations
@@ -15,101 +16,105 @@ import numpy as np
 
 from rig.design.predictions.grid import Floats, Grid
 
-STEP = 0.02  # s; dump resistors take 0.5 s and more to move the bus
-FOLLOWS = 0.1  # s of a stretch in which the supply follows a raised set point: no extreme counts
+STEP = 0.02  # s; the dump resistors need 0.5 s or more to move the bus
+# s, initial part of an interval in which the supply follows a raised set point; extremes in it do
+# not count.
+SUPPLY_RISE_TIME = 0.1
 
 
 class Bus(NamedTuple):
-    """The bus under one row's settings."""
+    """Bus parameters at one row's settings."""
 
     capacitance: float  # F
     set_voltage: float  # V
-    connected: int  # 1: the supply is on the bus; it gives and never takes
+    connected: int  # 1: the supply is on the bus; it only delivers power
     supply_voltage: float  # V
     supply_resistance: float  # ohm
     dump_on: float  # V
     dump_off: float  # V
-    dump_conductance: float  # S, of the resistors in use
-    undervoltage: float  # V, below it the drive trips
-    overvoltage: float  # V, above it the drive trips
+    dump_conductance: float  # S, of the connected resistors
+    undervoltage: float  # V, the drive trips below it
+    overvoltage: float  # V, the drive trips above it
 
 
-class Stretch(NamedTuple):
-    """A stretch of the plan under one setting."""
+class BusInterval(NamedTuple):
+    """An interval of the plan with constant settings."""
 
     bus: Bus
-    power: tuple[float, ...]  # W into the drive, repeating, one value a step
+    power: tuple[float, ...]  # W into the drive, periodic, one value per step
     step: float  # s
     seconds: float
 
 
-class Voltage(NamedTuple):
-    """What the bus does in a stretch."""
+class BusVoltage(NamedTuple):
+    """Bus voltage and dumped power in an interval."""
 
     mean: float  # V
     lowest: float
     highest: float
-    dumped: float  # W, mean into the dump resistors
+    dump_power: float  # W, mean into the dump resistors
 
 
-def stepped(on: Grid, power: Floats) -> tuple[tuple[float, ...], float]:
-    """A record of power (W) as means over steps of about `STEP`, and the step (s)."""
-    count = max(1, round(on.period / STEP))
-    energy = np.concatenate([[0.0], np.cumsum(power)]) * on.step
+def block_means(grid: Grid, power: Floats) -> tuple[tuple[float, ...], float]:
+    """Return means of a power record (W) over steps of about `STEP`, and the step (s)."""
+    count = max(1, round(grid.period / STEP))
+    energy = np.concatenate([[0.0], np.cumsum(power)]) * grid.step
     edges = np.interp(
-        np.linspace(0.0, on.period, count + 1), np.linspace(0.0, on.period, energy.size), energy
+        np.linspace(0.0, grid.period, count + 1), np.linspace(0.0, grid.period, energy.size), energy
     )
-    step = on.period / count
+    step = grid.period / count
     return tuple((np.diff(edges) / step).tolist()), step
 
 
-def walk(stretches: Sequence[Stretch]) -> list[Voltage]:
-    """The voltage in every stretch, one after the other.
+def simulate(intervals: Sequence[BusInterval]) -> list[BusVoltage]:
+    """Return the bus voltage in every interval, in order.
 
-    The bus starts at its set voltage. Where it trips the drive the run would end; what follows is
-    told as if it had been charged anew.
+    The bus starts at its set voltage. A trip of the drive would end the run; the intervals after a
+    trip start again from the set voltage.
     """
-    out: list[Voltage] = []
-    held = None
-    for stretch in stretches:
-        start = stretch.bus.set_voltage if held is None else held
-        found, held = _through(stretch, start)
-        out.append(found)
-        if found.lowest < stretch.bus.undervoltage or found.highest > stretch.bus.overvoltage:
-            held = None
-    return out
+    voltages: list[BusVoltage] = []
+    end_voltage = None
+    for interval in intervals:
+        start = interval.bus.set_voltage if end_voltage is None else end_voltage
+        result, end_voltage = _simulate_interval(interval, start)
+        voltages.append(result)
+        if result.lowest < interval.bus.undervoltage or result.highest > interval.bus.overvoltage:
+            end_voltage = None
+    return voltages
 
 
-def _through(stretch: Stretch, voltage: float) -> tuple[Voltage, float]:
-    bus, power, step, _ = stretch
+def _simulate_interval(interval: BusInterval, voltage: float) -> tuple[BusVoltage, float]:
+    bus, power, step, _ = interval
     decay = math.exp(-step / (bus.supply_resistance * bus.capacitance))
     per_joule = 2.0 / bus.capacitance
     supply, resistance = bus.supply_voltage, bus.supply_resistance
-    dumping = 0.0
+    dump_active = 0.0
     lowest, highest = math.inf, 0.0
-    skipped = round(FOLLOWS / step)
-    total = dumped = 0.0
-    count = max(1, round(stretch.seconds / step))
-    square = voltage * voltage
+    skipped = round(SUPPLY_RISE_TIME / step)
+    total = dump_total = 0.0
+    count = max(1, round(interval.seconds / step))
+    voltage_squared = voltage * voltage
     length = len(power)
     for i in range(count):
-        drawn = power[i % length]
-        burnt = dumping * bus.dump_conductance * square
-        dumped += burnt
-        square = max(square - per_joule * step * (drawn + burnt), 0.0)
-        free = math.sqrt(square)
-        if bus.connected == 1 and free < supply:
-            # V (Vs - V) / R = P where the supply carries all that the drive draws.
-            inside = supply * supply - 4.0 * resistance * max(drawn, 0.0)
-            goal = 0.5 * (supply + math.sqrt(max(inside, 0.0)))
-            free = max(free, goal + (min(voltage, supply) - goal) * decay)
-            square = free * free
-        voltage = free
+        load_power = power[i % length]
+        dump_power = dump_active * bus.dump_conductance * voltage_squared
+        dump_total += dump_power
+        voltage_squared = max(voltage_squared - per_joule * step * (load_power + dump_power), 0.0)
+        new_voltage = math.sqrt(voltage_squared)
+        if bus.connected == 1 and new_voltage < supply:
+            # V (Vs - V) / R = P where the supply carries the whole load of the drive.
+            discriminant = supply * supply - 4.0 * resistance * max(load_power, 0.0)
+            equilibrium = 0.5 * (supply + math.sqrt(max(discriminant, 0.0)))
+            new_voltage = max(
+                new_voltage, equilibrium + (min(voltage, supply) - equilibrium) * decay
+            )
+            voltage_squared = new_voltage * new_voltage
+        voltage = new_voltage
         if voltage >= bus.dump_on and bus.dump_conductance > 0.0:
-            dumping = 1.0
+            dump_active = 1.0
         elif voltage <= bus.dump_off:
-            dumping = 0.0
+            dump_active = 0.0
         total += voltage
         if i >= skipped or i == count - 1:
             lowest, highest = min(lowest, voltage), max(highest, voltage)
-    return Voltage(total / count, lowest, highest, dumped / count), voltage
+    return BusVoltage(total / count, lowest, highest, dump_total / count), voltage

@@ -1,4 +1,4 @@
-"""The device as a plant file describes it, as far as its waves are recovered by it."""
+"""Hull and excitation model of a plant file, used to recover the incident waves from a run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rig.design.predictions.axis import hull_lines
+from rig.design.predictions.axis import hull_dynamic_stiffness
 from rig.identification.periods import Complexes, Floats
 from rig.kinds.wavebot.build import metres_per_count
 from rig.planning.campaign import Campaign
@@ -16,8 +16,8 @@ from sim_plant.body import BodyParams
 from sim_plant.parameters import Plant
 
 
-class Model(NamedTuple):
-    """Bare hull in heave, and what a metre of wave does to it."""
+class DeviceModel(NamedTuple):
+    """Bare hull in heave and its wave excitation."""
 
     body: BodyParams
     coefficients: bem.Bem
@@ -25,20 +25,22 @@ class Model(NamedTuple):
 
     @property
     def quadratic(self) -> float:
-        """Quadratic drag, N s2/m2."""
+        """Quadratic drag coefficient, N s2/m2."""
         return self.body.quadratic
 
-    def hull(self, omega: Floats) -> Complexes:
-        """Force per metre of motion (N/m, e^{+i omega t}), linear damping of the hull in it."""
-        return hull_lines(self.body, 0.0, omega)
+    def dynamic_stiffness(self, omega: Floats) -> Complexes:
+        """Return the dynamic stiffness (N/m, e^{+i omega t}), including linear hull damping."""
+        return hull_dynamic_stiffness(self.body, 0.0, omega)
 
     def excitation(self, frequency: Floats) -> Complexes:
-        """Force per metre of wave (N/m, e^{+i omega t}) at frequencies in Hz."""
+        """Return the force per metre of wave (N/m, e^{+i omega t}) at frequencies in Hz."""
         return np.conj(bem.excitation_at(self.coefficients, frequency))
 
 
-def model_of(campaign: Campaign) -> Model:
-    """The model of a campaign's plant file and rig file."""
+def build_device_model(campaign: Campaign) -> DeviceModel:
+    """Build the model from a campaign's plant file and rig file."""
     plant = Plant.model_validate(campaign.plant)
     path = campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
-    return Model(plant.build().body, bem.read_bem(Path(path)), metres_per_count(campaign.rig.heave))
+    return DeviceModel(
+        plant.build().body, bem.read_bem(Path(path)), metres_per_count(campaign.rig.heave)
+    )

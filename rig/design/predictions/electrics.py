@@ -1,7 +1,7 @@
-"""From motor force to power at the stations: copper loss, the drive's losses, what the bus gives.
+"""Power at the stations from motor force: copper loss, drive losses, limits of the bus voltage.
 
-Powers are means of products over the record itself, so |i| and i^2 need no assumption on how
-current is distributed. Absorbed power is negative.
+Powers are means of products over the record itself, so |i| and i^2 need no assumption about the
+distribution of the current. Absorbed power is negative.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from rig.design.predictions.grid import Floats
 
-NO_CEILING = 1e9  # V
+NO_VOLTAGE_LIMIT = 1e9  # V
 
 
 class Motor(NamedTuple):
@@ -25,18 +25,21 @@ class Motor(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Losses and voltage of the drive, rows by 1; P = fixed + [on](standing + a |i| + b i^2)."""
+    """Losses and voltage limit of the drive, arrays of rows by 1.
+
+    P = fixed + [on] (active + linear |i| + quadratic i^2)
+    """
 
     fixed: Floats  # W
-    standing: Floats  # W while the power stage switches
+    active: Floats  # W, while the power stage switches
     linear: Floats  # W/A
-    square: Floats  # W/A^2
-    ceiling: Floats  # V, largest that it can put on the motor; NO_CEILING: not limited
-    rests_below: Floats  # m/s: slower than this the power stage rests; 0: never
-    rests_within: Floats  # A: and only at less current than this; 0: whatever the current
+    quadratic: Floats  # W/A^2
+    voltage_limit: Floats  # V, largest motor voltage; NO_VOLTAGE_LIMIT: not limited
+    gating_velocity: Floats  # m/s: the power stage is off at lower speed; 0: never off
+    gating_current: Floats  # A: and only off at lower current; 0: at any current
 
 
-class Stations(NamedTuple):
+class StationPowers(NamedTuple):
     """Mean power of each row, W."""
 
     mechanical_1: Floats
@@ -46,72 +49,78 @@ class Stations(NamedTuple):
     dc_record: Floats  # W, rows by samples
 
 
-def conducts(drive: Drive, motor: Motor, force: Floats, velocity: Floats) -> Floats:
-    """1 where the power stage switches (`controllers.drive_gating`, without hysteresis)."""
-    within = drive.rests_within * motor.newtons_per_ampere
-    little = (np.abs(force) < within) | (within == 0.0)
-    return np.where(little & (np.abs(velocity) < drive.rests_below), 0.0, 1.0)
+def is_conducting(drive: Drive, motor: Motor, force: Floats, velocity: Floats) -> Floats:
+    """Return 1 where the power stage switches (`controllers.drive_gating`, no hysteresis)."""
+    force_threshold = drive.gating_current * motor.newtons_per_ampere
+    low_current = (np.abs(force) < force_threshold) | (force_threshold == 0.0)
+    return np.where(low_current & (np.abs(velocity) < drive.gating_velocity), 0.0, 1.0)
 
 
-def commanded(drive: Drive, motor: Motor, most: float, demand: Floats, velocity: Floats) -> Floats:
-    """Force that current limit and gating leave of a demand, N; ``most`` (A) is the peak."""
-    largest = most * motor.newtons_per_ampere
-    force = np.clip(demand, -largest, largest)
-    if np.any(drive.rests_below > 0.0):
-        force = force * conducts(drive, motor, demand, velocity)
+def current_limited_force(
+    drive: Drive, motor: Motor, current_limit: float, demand: Floats, velocity: Floats
+) -> Floats:
+    """Return the demanded force after current limit (A, peak) and gating, N."""
+    force_limit = current_limit * motor.newtons_per_ampere
+    force = np.clip(demand, -force_limit, force_limit)
+    if np.any(drive.gating_velocity > 0.0):
+        force = force * is_conducting(drive, motor, demand, velocity)
     return force
 
 
-def granted(drive: Drive, motor: Motor, command: Floats, velocity: Floats) -> Floats:
-    """Force that the bus voltage leaves of a commanded one, N."""
-    if not np.any(drive.ceiling < NO_CEILING):
+def voltage_limited_force(drive: Drive, motor: Motor, command: Floats, velocity: Floats) -> Floats:
+    """Return the commanded force after the limit of the bus voltage, N."""
+    if not np.any(drive.voltage_limit < NO_VOLTAGE_LIMIT):
         return command
-    left = np.maximum(drive.ceiling - motor.back_emf * np.abs(velocity), 0.0)
-    largest = motor.back_emf * left / motor.resistance
-    return np.clip(command, -largest, largest)
+    voltage_headroom = np.maximum(drive.voltage_limit - motor.back_emf * np.abs(velocity), 0.0)
+    force_limit = motor.back_emf * voltage_headroom / motor.resistance
+    return np.clip(command, -force_limit, force_limit)
 
 
-def stations(
+def station_powers(
     drive: Drive,
     motor: Motor,
     force: Floats,
     demand: Floats,
     velocity: Floats,
-    passive: Floats,
-    seen: Floats,
-) -> Stations:
-    """Power at the four stations for motor and passive force (N on the body).
+    passive_force: Floats,
+    estimated_velocity: Floats,
+) -> StationPowers:
+    """Return the power at the four stations for motor and passive force (N on the body).
 
-    ``seen`` is the velocity as the rig estimates it, which is what its mechanical power is made of.
+    ``estimated_velocity`` is the rig's estimate, from which it computes mechanical power.
     """
     shaft = force * velocity
     ac = shaft + motor.copper * force * force
-    size = np.abs(force) / motor.newtons_per_ampere
-    on = conducts(drive, motor, demand, velocity)
-    loss = drive.fixed + on * (drive.standing + (drive.linear + drive.square * size) * size)
+    current = np.abs(force) / motor.newtons_per_ampere
+    conducting = is_conducting(drive, motor, demand, velocity)
+    loss = drive.fixed + conducting * (
+        drive.active + (drive.linear + drive.quadratic * current) * current
+    )
     dc = ac + loss
-    return Stations(
-        _mean((force + passive) * seen),
-        _mean(force * seen),
+    return StationPowers(
+        _mean((force + passive_force) * estimated_velocity),
+        _mean(force * estimated_velocity),
         _mean(ac),
         _mean(dc),
         dc,
     )
 
 
-def need(motor: Motor, velocity: Floats, force: Floats) -> Floats:
-    """Voltage that the motor asks for, V: back-EMF and winding, whichever way power flows."""
+def required_voltage(motor: Motor, velocity: Floats, force: Floats) -> Floats:
+    """Return the voltage that the motor needs, V: back-EMF plus winding, for either power sign."""
     winding = motor.resistance * np.abs(force) / motor.back_emf
-    asked: Floats = motor.back_emf * np.abs(velocity) + winding
-    return asked
+    voltage: Floats = motor.back_emf * np.abs(velocity) + winding
+    return voltage
 
 
-def held(on_step: float, current: Floats, time_constant: float) -> Floats:
-    """Peak over the period of the current's rms as the limiter averages it, A."""
-    square = np.fft.rfft(current * current, axis=-1)
-    omega = 2.0 * np.pi * np.fft.rfftfreq(current.shape[-1], on_step)
-    mean = np.fft.irfft(square / (1.0 + 1j * omega * time_constant), current.shape[-1], axis=-1)
-    peak: Floats = np.sqrt(np.maximum(mean.max(axis=-1), 0.0))
+def limiter_rms_peak(sample_period: float, current: Floats, time_constant: float) -> Floats:
+    """Return the peak over the period of the limiter's moving rms of the current, A."""
+    spectrum = np.fft.rfft(current * current, axis=-1)
+    omega = 2.0 * np.pi * np.fft.rfftfreq(current.shape[-1], sample_period)
+    averaged = np.fft.irfft(
+        spectrum / (1.0 + 1j * omega * time_constant), current.shape[-1], axis=-1
+    )
+    peak: Floats = np.sqrt(np.maximum(averaged.max(axis=-1), 0.0))
     return peak
 
 

@@ -1,7 +1,7 @@
-"""One repeat period of a sea as samples and as frequencies: where motion and force are compared.
+"""Time and frequency grid of one repeat period of a sea, for motion and force.
 
-A periodic record of N samples and its N/2 + 1 complex lines are one thing in two forms. Lines are
-those of e^{+i omega t}, scaled as `numpy.fft.rfft` gives them.
+A periodic record of N samples is equivalent to its N/2 + 1 complex spectral lines. Lines are
+amplitudes of e^{+i omega t} with the scaling of `numpy.fft.rfft`.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Flags = NDArray[np.bool_]
 
-LEAST = 512  # samples of a period: a sine's drag and friction to 1e-4
-RATE = 32.0  # Hz at least: the eighth harmonic of 2 Hz, above which nothing excites
+MIN_SAMPLES = 512  # per period: drag and friction of a sine to 1e-4
+MIN_RATE = 32.0  # Hz: twice the eighth harmonic of 2 Hz, the highest wave frequency
 
 
 class Grid(NamedTuple):
-    """Samples and lines of one period."""
+    """Samples and spectral lines of one period."""
 
     period: float  # s
     samples: int  # even
-    omega: Floats  # rad/s of each line, from 0 on
+    omega: Floats  # rad/s of each line, starting at 0
 
     @property
     def step(self) -> float:
@@ -34,28 +34,30 @@ class Grid(NamedTuple):
         return self.period / self.samples
 
 
-def grid(period: float, rate: float = RATE) -> Grid:
-    """The grid of a period, s; ``rate`` (Hz) is the least of its samples."""
-    least = max(LEAST, math.ceil(rate * period))
-    samples = 2 * int(fft.next_fast_len(math.ceil(least / 2), real=True))
+def build_grid(period: float, rate: float = MIN_RATE) -> Grid:
+    """Return the grid of a period (s) with a sampling rate of at least ``rate`` (Hz)."""
+    min_samples = max(MIN_SAMPLES, math.ceil(rate * period))
+    samples = 2 * int(fft.next_fast_len(math.ceil(min_samples / 2), real=True))
     omega = np.asarray(2.0 * np.pi * np.arange(samples // 2 + 1) / period, dtype=np.float64)
     return Grid(period, samples, omega)
 
 
-def lines(on: Grid, cycles: NDArray[np.int64], amplitude: Complexes) -> Complexes:
-    """The lines of Re(sum amplitude e^{-i omega t}), cycles counted per period."""
-    found = np.zeros(on.samples // 2 + 1, dtype=np.complex128)
-    found[cycles] = np.conj(amplitude) * (0.5 * on.samples)
-    return found
+def spectrum_from_amplitudes(
+    grid: Grid, cycles: NDArray[np.int64], amplitude: Complexes
+) -> Complexes:
+    """Return the spectrum of Re(sum amplitude e^{-i omega t}); ``cycles`` counts per period."""
+    spectrum = np.zeros(grid.samples // 2 + 1, dtype=np.complex128)
+    spectrum[cycles] = np.conj(amplitude) * (0.5 * grid.samples)
+    return spectrum
 
 
-def record(on: Grid, spectrum: Complexes) -> Floats:
-    """Samples of lines; the last axis turns from lines to samples."""
-    samples: Floats = fft.irfft(spectrum, on.samples, axis=-1)
+def samples_from_spectrum(grid: Grid, spectrum: Complexes) -> Floats:
+    """Return the samples of a spectrum; the transform acts on the last axis."""
+    samples: Floats = fft.irfft(spectrum, grid.samples, axis=-1)
     return samples
 
 
-def spectrum(samples: Floats) -> Complexes:
-    """Lines of samples; the last axis turns from samples to lines."""
-    found: Complexes = fft.rfft(samples, axis=-1)
-    return found
+def spectrum_from_samples(samples: Floats) -> Complexes:
+    """Return the spectrum of samples; the transform acts on the last axis."""
+    spectrum_: Complexes = fft.rfft(samples, axis=-1)
+    return spectrum_

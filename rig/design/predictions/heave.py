@@ -1,4 +1,4 @@
-"""Heave of every row: motion, current, power at the stations, poles."""
+"""Predicted heave of every row: motion, current, power at the stations, poles."""
 
 from __future__ import annotations
 
@@ -8,67 +8,71 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.design.predictions import electrics, loop, passive, plant, sampled
-from rig.design.predictions.axis import body_lines, peak
-from rig.design.predictions.grid import Floats, record
-from rig.design.predictions.model import Subject, has_excitation, law_of, switching
+from rig.design.predictions.axis import body_dynamic_stiffness, peak
+from rig.design.predictions.grid import Floats, samples_from_spectrum
+from rig.design.predictions.model import CampaignModel, drive_switching, heave_law, open_loop_force
 from rig.design.predictions.sampled import Poles
-from rig.design.predictions.steady import SETTLED, System, steady
+from rig.design.predictions.steady import CONVERGED, System, solve_steady_motion
 from rig.planning.campaign.set_points import RowSetting
 
 
-class Heave(NamedTuple):
-    """Heave of every row, one entry a row; ``dc`` is rows by samples."""
+class HeaveResponse(NamedTuple):
+    """Heave of every row, one entry per row; ``dc_power`` is rows by samples."""
 
-    columns: dict[str, Floats]  # by the names of `rig.design.predictions.row_prediction.Foreseen`
-    settled: list[bool]  # the motion was found to within `SETTLED`
-    dc: Floats  # W, into the drive
+    columns: dict[str, Floats]  # keys are fields of `RowPredictions`
+    converged: list[bool]  # the last iteration changed the motion by less than `CONVERGED`
+    dc_power: Floats  # W, into the drive
 
 
-def heave_of(
-    subject: Subject,
+def predict_heave(
+    model: CampaignModel,
     settings: Sequence[RowSetting],
     stator: Sequence[float],
-    lateral: Floats | None,
+    lateral_force: Floats | None,
     voltage: Floats,
-) -> Heave:
-    """Heave of each setting at its stator position (%).
+) -> HeaveResponse:
+    """Predict heave of each setting at its stator position (%).
 
-    ``lateral`` (N, rows by samples) is the force in the guide, ``voltage`` (V, one a row) that of
-    the custom drive's bus.
+    ``lateral_force`` (N, rows by samples) acts on the guide; ``voltage`` (V, one per row) is the
+    custom drive's bus voltage.
     """
-    given, on, axis, motor = subject.plant, subject.grid, subject.heave, subject.motor
-    law = law_of(subject, settings)
-    spring = plant.spring(given, stator)
-    friction = plant.friction(given, lateral)
-    scheme, within = switching(subject)
-    drive = plant.drive(given, settings, scheme, within, voltage)
+    plant_model, grid, axis, motor = model.plant, model.grid, model.heave, model.motor
+    law = heave_law(model, settings)
+    spring = plant.spring(plant_model, stator)
+    friction = plant.friction(plant_model, lateral_force)
+    scheme, gating_current = drive_switching(model)
+    drive = plant.drive(plant_model, settings, scheme, gating_current, voltage)
 
-    def force(x: Floats, v: Floats) -> Floats:
-        held = passive.spring_force(spring, x) + passive.friction_force(friction, v)
-        return held + passive.drag_force(axis.hull.quadratic, v)
+    def passive_force(x: Floats, v: Floats) -> Floats:
+        spring_and_friction = passive.spring_force(spring, x) + passive.friction_force(friction, v)
+        return spring_and_friction + passive.drag_force(axis.hull.quadratic, v)
 
-    def granted(demand: Floats, x: Floats, v: Floats) -> Floats:
-        command = electrics.commanded(drive, motor, axis.most, demand, v)
-        return electrics.granted(drive, motor, command, v)
+    def saturated_force(demand: Floats, x: Floats, v: Floats) -> Floats:
+        command = electrics.current_limited_force(drive, motor, axis.current_limit, demand, v)
+        return electrics.voltage_limited_force(drive, motor, command, v)
 
     system = System(
-        body_lines(axis, on)[None, :],
+        body_dynamic_stiffness(axis, grid)[None, :],
         axis.excitation,
-        loop.demand(axis.timing, law, on.omega),
-        has_excitation(subject, "heave", settings),
-        loop.drive(axis.timing, on.omega),
-        force,
-        granted,
+        loop.demand_response(axis.timing, law, grid.omega),
+        open_loop_force(model, "heave", settings),
+        loop.drive_response(axis.timing, grid.omega),
+        passive_force,
+        saturated_force,
     )
-    motion = steady(on, system)
+    motion = solve_steady_motion(grid, system)
     x, v = motion.position, motion.velocity
-    between = passive.spring_force(spring, x) + passive.friction_force(friction, v)
-    between = between - axis.drivetrain * v
-    seen = record(on, loop.estimated(axis.timing, on.omega).velocity * motion.lines)
-    power = electrics.stations(drive, motor, motion.motor, motion.demand, v, between, seen)
-    command = electrics.commanded(drive, motor, axis.most, motion.demand, v)
+    drivetrain_force = passive.spring_force(spring, x) + passive.friction_force(friction, v)
+    drivetrain_force = drivetrain_force - axis.drivetrain_damping * v
+    estimated_velocity = samples_from_spectrum(
+        grid, loop.estimator_response(axis.timing, grid.omega).velocity * motion.spectrum
+    )
+    power = electrics.station_powers(
+        drive, motor, motion.motor_force, motion.demand, v, drivetrain_force, estimated_velocity
+    )
+    command = electrics.current_limited_force(drive, motor, axis.current_limit, motion.demand, v)
     current = command / axis.newtons_per_ampere
-    rms_time = subject.campaign.limits.heave.current_rms_time_s
+    rms_time = model.campaign.limits.heave.current_rms_time_s
     columns = {
         "position_peak": peak(x),
         "position_rms": _rms(x),
@@ -78,23 +82,25 @@ def heave_of(
         "force_rms": _rms(command),
         "current_peak": peak(motion.demand) / axis.newtons_per_ampere,
         "current_rms": _rms(current),
-        "current_held": electrics.held(on.step, current, rms_time),
+        "current_rms_peak": electrics.limiter_rms_peak(grid.step, current, rms_time),
         "power_mechanical_1": power.mechanical_1,
         "power_mechanical_2": power.mechanical_2,
         "power_ac": power.ac,
         "power_dc": power.dc,
-        "voltage_need": electrics.need(motor, v, motion.demand).max(axis=1),
-        "voltage_given": drive.ceiling[:, 0],
+        "voltage_required": electrics.required_voltage(motor, v, motion.demand).max(axis=1),
+        "voltage_available": drive.voltage_limit[:, 0],
     }
-    return Heave(columns, (motion.change < SETTLED).tolist(), power.dc_record)
+    return HeaveResponse(columns, (motion.change < CONVERGED).tolist(), power.dc_record)
 
 
-def heave_poles(subject: Subject, settings: Sequence[RowSetting], stator: Sequence[float]) -> Poles:
-    """Poles of the sampled heave loop at each setting."""
-    axis = subject.heave
-    small = passive.small_rate(plant.spring(subject.plant, stator))
-    body = plant.at_rest(axis.hull, axis.drivetrain)
-    return sampled.poles(body, axis.timing, law_of(subject, settings), small)
+def heave_poles(
+    model: CampaignModel, settings: Sequence[RowSetting], stator: Sequence[float]
+) -> Poles:
+    """Return the poles of the sampled heave loop at each setting."""
+    axis = model.heave
+    stiffness = passive.stiffness_at_rest(plant.spring(model.plant, stator))
+    body = plant.linearised_body(axis.hull, axis.drivetrain_damping)
+    return sampled.poles(body, axis.timing, heave_law(model, settings), stiffness)
 
 
 def _rms(values: Floats) -> Floats:

@@ -14,25 +14,25 @@ from rig.design.predictions.grid import Complexes, Floats, Grid
 
 
 class Timing(NamedTuple):
-    """What of the loop is the same for all rows of an axis."""
+    """Loop parameters that all rows of an axis share."""
 
     dt: float  # s, tick
-    delay_ticks: int  # age of what the loop reads
+    delay_ticks: int  # age of the sensor values that the loop reads
     lag: float  # s, of the drive's current loop
     estimator: estimator.Params
 
 
 class Law(NamedTuple):
-    """Gains, one entry a row: F = Kp v + Ki x + Km a + Z_c v."""
+    """Gains, one entry per row: F = Kp v + Ki x + Km a + Z_c v."""
 
     kp: Floats  # N*s/m
     ki: Floats  # N/m
     km: Floats  # kg
-    sections: tuple[Biquad, ...]  # of Z_c, the same for all rows
+    sections: tuple[Biquad, ...]  # of Z_c, shared by all rows
 
 
-class Estimated(NamedTuple):
-    """What the estimator makes of a metre of the position it reads; by line."""
+class EstimatorResponse(NamedTuple):
+    """Estimates per metre of the measured position, by line."""
 
     position: Complexes
     velocity: Complexes  # 1/s
@@ -40,59 +40,60 @@ class Estimated(NamedTuple):
 
 
 def transition(dt: float) -> Floats:
-    """The estimator's model over one tick: constant acceleration."""
+    """Return the estimator's transition matrix over one tick: constant acceleration."""
     return np.array([[1.0, dt, 0.5 * dt * dt], [0.0, 1.0, dt], [0.0, 0.0, 1.0]])
 
 
 def correction(params: estimator.Params) -> tuple[Floats, Floats]:
-    """Gain G and I - G H of the estimator, which observes position alone."""
+    """Return gain G and matrix I - G H of the estimator, which measures position only."""
     gain = np.array([params.gain_position, params.gain_velocity, params.gain_acceleration])
     return gain, np.eye(3) - np.outer(gain, [1.0, 0.0, 0.0])
 
 
-def estimated(timing: Timing, omega: Floats) -> Estimated:
-    """Response of the estimator to the position that it reads, which is ``delay_ticks`` old."""
-    gain, kept = correction(timing.estimator)
-    closed = kept @ transition(timing.dt)
-    back = np.exp(-1j * omega * timing.dt)
-    system = np.eye(3) - back[:, None, None] * closed
+def estimator_response(timing: Timing, omega: Floats) -> EstimatorResponse:
+    """Return the response of the estimator to its measured position (already delayed)."""
+    gain, correction_matrix = correction(timing.estimator)
+    error_dynamics = correction_matrix @ transition(timing.dt)
+    z_inv = np.exp(-1j * omega * timing.dt)
+    system = np.eye(3) - z_inv[:, None, None] * error_dynamics
     states = np.linalg.solve(system, np.broadcast_to(gain, (omega.size, 3))[..., None])[..., 0]
-    return Estimated(states[:, 0], states[:, 1], states[:, 2])
+    return EstimatorResponse(states[:, 0], states[:, 1], states[:, 2])
 
 
-def demand(timing: Timing, law: Law, omega: Floats) -> Complexes:
-    """Force demanded per metre of true position, N/m; rows by lines."""
-    seen = estimated(timing, omega)
+def demand_response(timing: Timing, law: Law, omega: Floats) -> Complexes:
+    """Return the demanded force per metre of true position, N/m; rows by lines."""
+    estimate = estimator_response(timing, omega)
     f_hz = omega / (2.0 * np.pi)
-    added = impedance.response(law.sections, f_hz, timing.dt) * seen.velocity
+    zc_force = impedance.response(law.sections, f_hz, timing.dt) * estimate.velocity
     force = (
-        law.kp[:, None] * seen.velocity
-        + law.ki[:, None] * seen.position
-        + law.km[:, None] * seen.acceleration
-        + added
+        law.kp[:, None] * estimate.velocity
+        + law.ki[:, None] * estimate.position
+        + law.km[:, None] * estimate.acceleration
+        + zc_force
     )
-    late = np.exp(-1j * omega * timing.dt * timing.delay_ticks)
-    out: Complexes = force * late
-    return out
+    delay = np.exp(-1j * omega * timing.dt * timing.delay_ticks)
+    response: Complexes = force * delay
+    return response
 
 
-def reference(on: Grid, periods: int, table: Sequence[float]) -> Complexes:
-    """The lines of an open-loop force that repeats ``periods`` times, one value a tick; N.
+def reference_spectrum(grid: Grid, repeats: int, table: Sequence[float]) -> Complexes:
+    """Return the spectrum of an open-loop force that repeats ``repeats`` times per period, N.
 
-    Lines beyond the grid's are left out: half its rate of 32 Hz or more.
+    ``table`` has one value per tick. Lines above the grid's highest frequency (half its rate of
+    32 Hz or more) are omitted.
     """
-    found = np.zeros(on.samples // 2 + 1, dtype=np.complex128)
+    spectrum = np.zeros(grid.samples // 2 + 1, dtype=np.complex128)
     if not table:
-        return found
-    values = np.fft.rfft(np.asarray(table, dtype=np.float64)) * (on.samples / len(table))
-    count = min(values.size, on.samples // 2 // periods + 1)
-    found[: count * periods : periods] = values[:count]
-    return found
+        return spectrum
+    values = np.fft.rfft(np.asarray(table, dtype=np.float64)) * (grid.samples / len(table))
+    count = min(values.size, grid.samples // 2 // repeats + 1)
+    spectrum[: count * repeats : repeats] = values[:count]
+    return spectrum
 
 
-def drive(timing: Timing, omega: Floats) -> Complexes:
-    """Motor force per force commanded: held for a tick, then through the current loop."""
-    half = 0.5 * omega * timing.dt
-    held = np.sinc(half / np.pi) * np.exp(-1j * half)
-    out: Complexes = held / (1.0 + 1j * omega * timing.lag)
-    return out
+def drive_response(timing: Timing, omega: Floats) -> Complexes:
+    """Return motor force per commanded force: zero-order hold over a tick, then current loop."""
+    half_angle = 0.5 * omega * timing.dt
+    hold = np.sinc(half_angle / np.pi) * np.exp(-1j * half_angle)
+    response: Complexes = hold / (1.0 + 1j * omega * timing.lag)
+    return response

@@ -1,4 +1,4 @@
-"""What is predicted: plant, sea and loop of a campaign, as the numbers that a prediction needs."""
+"""Plant, sea and loop of a campaign, in the form that predictions need."""
 
 from __future__ import annotations
 
@@ -15,7 +15,13 @@ from rig.config.limits_file import AxisLimits
 from rig.config.rig_file import Axis as Motor
 from rig.design.predictions import electrics, loop, plant
 from rig.design.predictions.axis import Axis
-from rig.design.predictions.grid import RATE, Complexes, Grid, grid, lines
+from rig.design.predictions.grid import (
+    MIN_RATE,
+    Complexes,
+    Grid,
+    build_grid,
+    spectrum_from_amplitudes,
+)
 from rig.design.predictions.loop import Law, Timing
 from rig.execution.rehearsal.devices import build_sea
 from rig.execution.rehearsal.job import plant_settings
@@ -32,7 +38,7 @@ from sim_plant import waves
 from sim_plant.bem import Bem, excitation_at, read_bem
 from sim_plant.waves import Sea
 
-LONGEST = 3600.0  # s, of the period in which sea and reference repeat together
+MAX_PERIOD = 3600.0  # s, of the common repeat period of sea and reference
 _SCHEMES = ("svpwm", "sine-triangle", "dpwm", "hysteresis")
 
 
@@ -41,14 +47,14 @@ class Reference(NamedTuple):
 
     axis: str  # heave or surge
     realisations: tuple[int, ...]
-    lines: Complexes  # N, at a scale of 1; realisations by lines
+    spectra: Complexes  # N, at a scale of 1; realisations by lines
 
 
-class Subject(NamedTuple):
-    """All that rows of a campaign have in common."""
+class CampaignModel(NamedTuple):
+    """Everything that the rows of a campaign share."""
 
     campaign: Campaign
-    plant: plant.Given
+    plant: plant.PlantModel
     grid: Grid
     heave: Axis
     surge: Axis
@@ -56,119 +62,138 @@ class Subject(NamedTuple):
     reference: Reference
 
 
-def subject_of(campaign: Campaign, rate: float = RATE) -> Subject:
-    """The subject of a checked campaign; the same files as a rehearsal's.
+def build_model(campaign: Campaign, rate: float = MIN_RATE) -> CampaignModel:
+    """Build the model of a checked campaign from the files that a rehearsal uses.
 
-    ``rate`` (Hz) is the least at which a period is sampled; nothing excites above 2 Hz.
+    ``rate`` (Hz) is the minimum sampling rate of a period; there is no excitation above 2 Hz.
     """
     devices = plant_settings(campaign)
-    given = plant.given(devices["plant"])
+    plant_model = plant.build_plant_model(devices["plant"])
     sea = build_sea(devices["sea"])
-    asked = settings_of(campaign)
-    several = list_realisations(one.realisation for one in asked)
+    settings = point_settings(campaign)
+    realisations = list_realisations(one.realisation for one in settings)
     tables = [
-        reference_table(campaign.file, campaign.rig, (one,), campaign.record) for one in several
+        reference_table(campaign.file, campaign.rig, (one,), campaign.record)
+        for one in realisations
     ]
-    shared = _shared(sea, tables[0], 1.0 / campaign.rig.rate_hz)
-    on = grid(shared.period, rate)
+    common = _common_period(sea, tables[0], 1.0 / campaign.rig.rate_hz)
+    grid = build_grid(common.period, rate)
     path = Path(devices["bem"])
     rig, bounds = campaign.rig, campaign.limits
 
     def axis(name: str, bem: Bem, motor: Motor, limits: AxisLimits) -> Axis:
-        side = plant.side(given, name)
+        current_loop = plant.current_loop(plant_model, name)
         dt = 1.0 / rig.rate_hz
-        timing = Timing(dt, plant.delay_ticks(given), side.lag, estimator_params(motor, dt))
+        timing = Timing(
+            dt, plant.delay_ticks(plant_model), current_loop.lag, estimator_params(motor, dt)
+        )
         return Axis(
-            *plant.hull(given, name),
-            _excitation(on, shared.sea, sea, bem),
+            *plant.hull(plant_model, name),
+            _excitation_spectrum(grid, common.sea, sea, bem),
             timing,
             newtons_per_ampere(motor),
-            min(limits.current_peak_a, side.most),
+            min(limits.current_peak_a, current_loop.current_limit),
         )
 
-    return Subject(
+    return CampaignModel(
         campaign,
-        given,
-        on,
+        plant_model,
+        grid,
         axis("heave", read_bem(path), rig.heave, bounds.heave),
-        axis("surge", read_bem(plant.surge_bem(given, path)), rig.surge, bounds.surge),
-        plant.motor(given),
+        axis("surge", read_bem(plant.surge_bem(plant_model, path)), rig.surge, bounds.surge),
+        plant.motor(plant_model),
         Reference(
             campaign.file.reference.axis if campaign.file.reference else "heave",
-            several,
-            np.array([loop.reference(on, shared.reference, table) for table in tables]),
+            realisations,
+            np.array([loop.reference_spectrum(grid, common.reference, table) for table in tables]),
         ),
     )
 
 
-def settings_of(campaign: Campaign) -> list[RowSetting]:
-    """The set point of every point of the matrix."""
+def point_settings(campaign: Campaign) -> list[RowSetting]:
+    """Return the set point of every point of the matrix."""
     return [row_setting(campaign.file, campaign.rig, point) for point in campaign.points]
 
 
-def has_excitation(subject: Subject, axis: str, settings: Sequence[RowSetting]) -> Complexes:
-    """Open-loop force on an axis, N; rows by lines."""
-    told = subject.reference
-    if told.axis != axis:
-        return np.zeros((len(settings), subject.grid.omega.size), dtype=np.complex128)
-    numbers = [int(one.realisation) for one in settings]
-    which = [told.realisations.index(one) if one in told.realisations else 0 for one in numbers]
+def open_loop_force(model: CampaignModel, axis: str, settings: Sequence[RowSetting]) -> Complexes:
+    """Return the open-loop force on an axis, N; rows by lines."""
+    reference = model.reference
+    if reference.axis != axis:
+        return np.zeros((len(settings), model.grid.omega.size), dtype=np.complex128)
+    realisations = [int(one.realisation) for one in settings]
+    indices = [
+        reference.realisations.index(one) if one in reference.realisations else 0
+        for one in realisations
+    ]
     scales = np.array([one.reference_scale for one in settings])
-    forces: Complexes = scales[:, None] * told.lines[which]
+    forces: Complexes = scales[:, None] * reference.spectra[indices]
     return forces
 
 
-def law_of(subject: Subject, settings: Sequence[RowSetting]) -> Law:
-    """The heave law of each setting."""
+def heave_law(model: CampaignModel, settings: Sequence[RowSetting]) -> Law:
+    """Return the heave law of each setting."""
     kp, ki, km = (np.array([getattr(one, name) for one in settings]) for name in Gains._fields)
-    return Law(kp, ki, km, zc_sections(subject.campaign.file.law, subject.heave.timing.dt))
+    return Law(kp, ki, km, zc_sections(model.campaign.file.law, model.heave.timing.dt))
 
 
-def switching(subject: Subject) -> tuple[int, float]:
-    """The custom drive's modulation scheme, and the current below which it may rest, A."""
-    told = drive_settings(subject.campaign.file, subject.campaign.rig)
-    return (_SCHEMES.index(told.modulation), told.current_threshold_a) if told else (0, 0.0)
+def drive_switching(model: CampaignModel) -> tuple[int, float]:
+    """Return the custom drive's modulation scheme and its gating current, A."""
+    settings = drive_settings(model.campaign.file, model.campaign.rig)
+    return (
+        (_SCHEMES.index(settings.modulation), settings.current_threshold_a)
+        if settings
+        else (0, 0.0)
+    )
 
 
-class _Shared(NamedTuple):
-    """The period in which sea and reference repeat together."""
+class _CommonPeriod(NamedTuple):
+    """The common repeat period of sea and reference."""
 
     period: float  # s
     sea: Fraction  # repeats of the sea's own period in it
-    reference: int  # and of the reference's
+    reference: int  # repeats of the reference in it
 
 
-def _shared(sea: Sea, table: Sequence[float], dt: float) -> _Shared:
-    """The shortest common period.
+def _common_period(sea: Sea, table: Sequence[float], dt: float) -> _CommonPeriod:
+    """Return the shortest common period.
 
-    Where that is longer than `LONGEST`, the reference is taken at the nearest rate that repeats
-    with as many of the sea's periods as fit: 1.4e-4 Hz off at most.
+    If that is longer than `MAX_PERIOD`, the period is the largest whole number of sea periods that
+    fits, and the reference frequency is shifted to repeat with it, by 1.4e-4 Hz at most.
     """
-    common = int(np.gcd.reduce(sea.cycles)) if sea.cycles.size else 1
-    still = not sea.cycles.size
+    cycles_divisor = int(np.gcd.reduce(sea.cycles)) if sea.cycles.size else 1
+    calm = not sea.cycles.size
     if not table:
-        return _Shared(sea.repeat / common, Fraction(1, common), 1)
-    if still:
-        return _Shared(len(table) * dt, Fraction(1), 1)
-    once = Fraction(round(sea.repeat / dt), common)  # ticks
-    both = once * len(table) / gcd_of(once, Fraction(len(table)))
-    if both * dt <= LONGEST:
-        return _Shared(float(both) * dt, both / once / common, round(both / len(table)))
-    many = max(1, int(LONGEST / (float(once) * dt)))
-    repeats = max(1, round(many * float(once) / len(table)))
-    return _Shared(many * float(once) * dt, Fraction(many, common), repeats)
+        return _CommonPeriod(sea.repeat / cycles_divisor, Fraction(1, cycles_divisor), 1)
+    if calm:
+        return _CommonPeriod(len(table) * dt, Fraction(1), 1)
+    sea_ticks = Fraction(round(sea.repeat / dt), cycles_divisor)  # ticks
+    common_ticks = sea_ticks * len(table) / fraction_gcd(sea_ticks, Fraction(len(table)))
+    if common_ticks * dt <= MAX_PERIOD:
+        return _CommonPeriod(
+            float(common_ticks) * dt,
+            common_ticks / sea_ticks / cycles_divisor,
+            round(common_ticks / len(table)),
+        )
+    sea_periods = max(1, int(MAX_PERIOD / (float(sea_ticks) * dt)))
+    repeats = max(1, round(sea_periods * float(sea_ticks) / len(table)))
+    return _CommonPeriod(
+        sea_periods * float(sea_ticks) * dt, Fraction(sea_periods, cycles_divisor), repeats
+    )
 
 
-def gcd_of(one: Fraction, other: Fraction) -> Fraction:
-    """Greatest common divisor of two fractions."""
-    below = math.lcm(one.denominator, other.denominator)
-    return Fraction(math.gcd(int(one * below), int(other * below)), below)
+def fraction_gcd(a: Fraction, b: Fraction) -> Fraction:
+    """Return the greatest common divisor of two fractions."""
+    denominator = math.lcm(a.denominator, b.denominator)
+    return Fraction(math.gcd(int(a * denominator), int(b * denominator)), denominator)
 
 
-def _excitation(on: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> Complexes:
-    """Excitation force on one axis of a sea that repeats so often; nothing above 2 Hz excites."""
+def _excitation_spectrum(grid: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> Complexes:
+    """Return the excitation force on one axis, N, by line; waves above 2 Hz are ignored.
+
+    ``repeats`` counts the sea's own periods in the period of the grid.
+    """
     frequency = waves.frequencies(sea)
-    excites = frequency <= waves.HIGHEST * (1.0 + 1.0e-12)
-    force = excitation_at(bem, frequency[excites]) * sea.amplitude[excites]
-    cycles = sea.cycles[excites] * repeats.numerator // repeats.denominator
-    return lines(on, cycles, force)
+    in_band = frequency <= waves.HIGHEST * (1.0 + 1.0e-12)
+    force = excitation_at(bem, frequency[in_band]) * sea.amplitude[in_band]
+    cycles = sea.cycles[in_band] * repeats.numerator // repeats.denominator
+    return spectrum_from_amplitudes(grid, cycles, force)

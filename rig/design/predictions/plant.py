@@ -1,4 +1,7 @@
-"""The simulated plant in the words of a prediction; nothing else here reads its parameters."""
+"""Parameters of the simulated plant in the form that predictions use.
+
+No other module of this package reads the plant's parameters.
+"""
 
 from __future__ import annotations
 
@@ -22,106 +25,106 @@ from sim_plant.parameters import Plant
 from sim_plant.wavebot import WaveBotParams
 
 
-class Given(NamedTuple):
-    """A plant file, and the constants of its step."""
+class PlantModel(NamedTuple):
+    """A plant file and the parameters of its simulation step."""
 
     file: Plant
-    built: WaveBotParams
+    params: WaveBotParams
 
     @property
-    def custom(self) -> bool:
-        """True if the heave drive is the custom one, with a bus of its own."""
-        return self.built.electrics.custom == 1
+    def has_custom_drive(self) -> bool:
+        """True if the heave drive is the custom drive with its own DC bus."""
+        return self.params.electrics.custom == 1
 
 
-class Side(NamedTuple):
-    """The command side of a drive."""
+class CurrentLoop(NamedTuple):
+    """Current loop of a drive."""
 
-    lag: float  # s, of the current loop
-    most: float  # A
+    lag: float  # s, time constant
+    current_limit: float  # A
 
 
-def given(mapping: object) -> Given:
-    """The plant of a merged mapping that was checked before."""
+def build_plant_model(mapping: object) -> PlantModel:
+    """Build the plant from a merged mapping that has already been checked."""
     file = Plant.model_validate(mapping)
-    return Given(file, file.build())
+    return PlantModel(file, file.build())
 
 
-def delay_ticks(plant: Given) -> int:
-    """Ticks from a sensor's sample to the loop's reading."""
+def delay_ticks(plant: PlantModel) -> int:
+    """Return the ticks from a sensor's sample to the loop's reading."""
     return int(plant.file.sensors.delay_ticks.value)
 
 
-def surge_bem(plant: Given, heave: Path) -> Path:
-    """The BEM file of surge, beside that of heave."""
-    return heave.with_name(plant.file.surge.bem)
+def surge_bem(plant: PlantModel, heave_bem: Path) -> Path:
+    """Return the path of the surge BEM file, in the folder of the heave file."""
+    return heave_bem.with_name(plant.file.surge.bem)
 
 
-def stator_speed(plant: Given) -> float:
-    """Speed of the stator actuator, % a second."""
-    return plant.built.spring.speed
+def stator_speed(plant: PlantModel) -> float:
+    """Return the speed of the stator actuator, % per second."""
+    return plant.params.spring.speed
 
 
-def stator_start(plant: Given) -> float:
-    """Where the simulated stator stands at first, %."""
+def stator_start(plant: PlantModel) -> float:
+    """Return the initial stator position of the simulation, %."""
     return float(plant.file.stator.start.value)
 
 
-def side(plant: Given, axis: str) -> Side:
-    """Current loop of the heave or the surge drive."""
-    loop = plant.built.electrics.loop if axis == "heave" else plant.built.surge.drive
-    return Side(loop.time_constant, loop.current_limit)
+def current_loop(plant: PlantModel, axis: str) -> CurrentLoop:
+    """Return the current loop of the heave or surge drive."""
+    loop = plant.params.electrics.loop if axis == "heave" else plant.params.surge.drive
+    return CurrentLoop(loop.time_constant, loop.current_limit)
 
 
-def motor(plant: Given) -> electrics.Motor:
-    """The heave motor."""
-    pto = plant.built.pto
+def motor(plant: PlantModel) -> electrics.Motor:
+    """Return the heave motor."""
+    pto = plant.params.pto
     emf = float(np.sqrt(1.5)) * pto.force_per_current
     return electrics.Motor(pto.force_per_current, pto.copper, emf, pto.copper * emf * emf)
 
 
-def hull(plant: Given, axis: str) -> tuple[BodyParams, float]:
-    """The hull in heave or surge, and the viscous damping of its drivetrain, N*s/m."""
+def hull(plant: PlantModel, axis: str) -> tuple[BodyParams, float]:
+    """Return the hull in heave or surge and the viscous damping of its drivetrain, N*s/m."""
     if axis == "heave":
-        return plant.built.body, plant.built.pto.viscous
-    return plant.built.surge.body, 0.0
+        return plant.params.body, plant.params.pto.viscous
+    return plant.params.surge.body, 0.0
 
 
-def at_rest(params: BodyParams, drivetrain: float) -> Body:
-    """A hull about rest, for its poles."""
+def linearised_body(params: BodyParams, drivetrain_damping: float) -> Body:
+    """Return the hull linearised about rest, for the computation of poles."""
     return Body(
         params.inertia,
-        params.viscous + drivetrain,
+        params.viscous + drivetrain_damping,
         params.hydrostatic,
         (params.a0, params.a1, params.a2, params.a3, params.a4),
         (params.b1, params.b2, params.b3, params.b4),
     )
 
 
-def spring(plant: Given, stator: Sequence[float]) -> Spring:
-    """The magnetic spring at each stator position (%), at the rate that acts there."""
-    params = plant.built.spring
+def spring(plant: PlantModel, stator: Sequence[float]) -> Spring:
+    """Return the magnetic spring with its effective rate at each stator position (%)."""
+    params = plant.params.spring
     rates = [magnetic_spring.table_rate(params, position) for position in stator]
     return Spring(np.array(rates)[:, None], params.reach, params.angle_per_metre, params.sine)
 
 
-def friction(plant: Given, lateral: Floats | None) -> Friction:
-    """The drivetrain's Coulomb friction under a lateral force in the guide, N."""
-    pto = plant.built.pto
+def friction(plant: PlantModel, lateral_force: Floats | None) -> Friction:
+    """Return the drivetrain's Coulomb friction under a lateral force in the guide (N)."""
+    pto = plant.params.pto
     size = np.array(pto.coulomb)
-    if lateral is not None:
-        size = size + pto.guide * np.abs(lateral)
+    if lateral_force is not None:
+        size = size + pto.guide * np.abs(lateral_force)
     return Friction(size, pto.coulomb_velocity)
 
 
-def guide_force(plant: Given, position: Floats, acceleration: Floats, force: Floats) -> Floats:
-    """Lateral force that the heave guide carries, N (`sim_plant.surge.guide_force`)."""
-    surge = plant.built.surge
+def guide_force(plant: PlantModel, position: Floats, acceleration: Floats, force: Floats) -> Floats:
+    """Return the lateral force on the heave guide, N (`sim_plant.surge.guide_force`)."""
+    surge = plant.params.surge
     return force - surge.body.hydrostatic * position - surge.carriage * acceleration
 
 
-def settings_of(setting: RowSetting, scheme: int) -> DriveSettings:
-    """What the custom drive is told of a set point."""
+def to_drive_settings(setting: RowSetting, scheme: int) -> DriveSettings:
+    """Return the custom drive's settings at a set point."""
     return DriveSettings(
         scheme,
         setting.bus_voltage,
@@ -132,39 +135,45 @@ def settings_of(setting: RowSetting, scheme: int) -> DriveSettings:
 
 
 def drive(
-    plant: Given, settings: Sequence[RowSetting], scheme: int, within: float, voltage: Floats
+    plant: PlantModel,
+    settings: Sequence[RowSetting],
+    scheme: int,
+    gating_current: float,
+    voltage: Floats,
 ) -> electrics.Drive:
-    """Losses and voltage of the heave drive at each setting.
+    """Return losses and voltage limit of the heave drive at each setting.
 
-    ``within`` (A) is the current below which it may rest, ``voltage`` (V, one a row) that of the
-    bus; neither matters to the commercial drive.
+    ``gating_current`` (A) is the current below which the power stage may switch off; ``voltage``
+    (V, one per row) is the bus voltage. The commercial drive ignores both.
     """
-    none = np.zeros((len(settings), 1))
-    if not plant.custom:
-        cots = plant.built.electrics.cots
+    zeros = np.zeros((len(settings), 1))
+    if not plant.has_custom_drive:
+        cots = plant.params.electrics.cots
         return electrics.Drive(
-            none + cots.fixed_loss,
-            none,
-            none + cots.linear_loss,
-            none + cots.square_loss,
-            none + electrics.NO_CEILING,
-            none,
-            none,
+            zeros + cots.fixed_loss,
+            zeros,
+            zeros + cots.linear_loss,
+            zeros + cots.square_loss,
+            zeros + electrics.NO_VOLTAGE_LIMIT,
+            zeros,
+            zeros,
         )
     columns = [
-        _losses(_fitted(plant, one, scheme)[0], float(volt))
+        _losses(_electrics_params(plant, one, scheme)[0], float(volt))
         for one, volt in zip(settings, voltage, strict=True)
     ]
-    fixed, standing, linear, square, most = (
+    fixed, active, linear, quadratic, voltage_limit = (
         np.array(column)[:, None] for column in zip(*columns, strict=True)
     )
-    below = np.array([one.velocity_threshold for one in settings])[:, None]
-    return electrics.Drive(fixed, standing, linear, square, most, below, none + within)
+    gating_velocity = np.array([one.velocity_threshold for one in settings])[:, None]
+    return electrics.Drive(
+        fixed, active, linear, quadratic, voltage_limit, gating_velocity, zeros + gating_current
+    )
 
 
-def bus(plant: Given, setting: RowSetting, scheme: int) -> Bus:
-    """The DC bus of the custom drive at a setting."""
-    params = _fitted(plant, setting, scheme)[1]
+def bus(plant: PlantModel, setting: RowSetting, scheme: int) -> Bus:
+    """Return the DC bus of the custom drive at a setting."""
+    params = _electrics_params(plant, setting, scheme)[1]
     return Bus(
         params.capacitance,
         params.set_voltage,
@@ -179,48 +188,56 @@ def bus(plant: Given, setting: RowSetting, scheme: int) -> Bus:
     )
 
 
-def idle_power(plant: Given) -> float:
-    """What the heave drive draws while it is off, W."""
-    built = plant.built.electrics
-    return built.inverter.fixed_loss if plant.custom else built.cots.fixed_loss
+def idle_power(plant: PlantModel) -> float:
+    """Return the power that the heave drive draws while it is off, W."""
+    electrics_params = plant.params.electrics
+    return (
+        electrics_params.inverter.fixed_loss
+        if plant.has_custom_drive
+        else electrics_params.cots.fixed_loss
+    )
 
 
-def standing_power(plant: Given, setting: RowSetting, scheme: int) -> float:
-    """What the heave drive draws while it is on and nothing moves, W; custom drive, set voltage."""
-    inverter, link = _fitted(plant, setting, scheme)
-    fixed, standing, *_ = _losses(inverter, link.set_voltage)
-    return fixed if setting.velocity_threshold > 0.0 else fixed + standing
+def standby_power(plant: PlantModel, setting: RowSetting, scheme: int) -> float:
+    """Return the custom drive's power while it is on at rest, W, at the set voltage."""
+    inverter, bus_params = _electrics_params(plant, setting, scheme)
+    fixed, active, *_ = _losses(inverter, bus_params.set_voltage)
+    return fixed if setting.velocity_threshold > 0.0 else fixed + active
 
 
-def bus_at_rest(plant: Given, setting: RowSetting) -> float:
-    """Voltage of the DC bus before anything moves, V."""
-    return setting.bus_voltage if plant.custom else plant.built.electrics.cots.bus_voltage
+def bus_at_rest(plant: PlantModel, setting: RowSetting) -> float:
+    """Return the voltage of the DC bus before any motion, V."""
+    return (
+        setting.bus_voltage if plant.has_custom_drive else plant.params.electrics.cots.bus_voltage
+    )
 
 
-def stiff_bus(plant: Given, power_dc: Floats) -> Floats:
-    """Voltage of the commercial drive's bus, V (`sim_plant.cots_drive.bus_voltage`)."""
-    cots = plant.built.electrics.cots
+def commercial_bus_voltage(plant: PlantModel, power_dc: Floats) -> Floats:
+    """Return the commercial drive's bus voltage, V (`sim_plant.cots_drive.bus_voltage`)."""
+    cots = plant.params.electrics.cots
     voltage: Floats = cots.bus_voltage - cots.bus_resistance * power_dc / cots.bus_voltage
     return voltage
 
 
-def _fitted(plant: Given, setting: RowSetting, scheme: int) -> tuple[InverterParams, BusParams]:
-    told = settings_of(setting, scheme)
-    params = building.electrics(plant.file.drive, plant.file.pto, told)
+def _electrics_params(
+    plant: PlantModel, setting: RowSetting, scheme: int
+) -> tuple[InverterParams, BusParams]:
+    settings = to_drive_settings(setting, scheme)
+    params = building.electrics(plant.file.drive, plant.file.pto, settings)
     return params.inverter, params.bus
 
 
 def _losses(params: InverterParams, voltage: float) -> tuple[float, float, float, float, float]:
-    """Fixed, standing, linear and square loss and the voltage limit, as `electrics.Drive` has them.
+    """Return fixed, active, linear and quadratic loss and the voltage limit of `electrics.Drive`.
 
-    The sum is that of `sim_plant.custom_drive.loss`.
+    Their sum equals `sim_plant.custom_drive.loss`.
     """
-    part = voltage / params.rated_voltage
+    voltage_ratio = voltage / params.rated_voltage
     switched = (params.frequency + params.frequency_per_volt * voltage) * params.switching_share
-    switched = switched * part
+    switched = switched * voltage_ratio
     return (
         params.fixed_loss,
-        params.switching_loss * switched + params.ripple_loss * part * part,
+        params.switching_loss * switched + params.ripple_loss * voltage_ratio * voltage_ratio,
         params.conduction_loss + params.switching_linear_loss * switched,
         params.square_loss,
         params.modulation * voltage,

@@ -1,4 +1,4 @@
-"""What is predicted of a campaign."""
+"""Prediction of a campaign as a result object and as JSON."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from rig.config.problems import Problem, format_key
-from rig.design.predictions.margins import Margin, broken
+from rig.design.predictions.margins import Margin, blocking_margins
 from rig.design.predictions.row_prediction import RowPredictions
 from rig.design.predictions.travel import Travel
 from rig.planning.campaign import Campaign
@@ -21,35 +21,35 @@ class RowPrediction(NamedTuple):
     predicted: RowPredictions
     margins: tuple[Margin, ...]
 
-    def broken(self) -> Iterator[Margin]:
-        """The limits that refuse this row."""
-        return broken(self.margins)
+    def blocking(self) -> Iterator[Margin]:
+        """Return the limits that refuse this row."""
+        return blocking_margins(self.margins)
 
 
 class Prediction(NamedTuple):
-    """What is predicted of a campaign; a `rig.planning.campaign.check.Forecast`."""
+    """Prediction of a campaign; a `rig.planning.campaign.check.Forecast`."""
 
     campaign: Campaign
     plan: Plan
     rows: tuple[RowPrediction, ...]  # in the order of the plan
-    lead_in: RowPrediction | None  # None: as the first row
+    lead_in: RowPrediction | None  # None: same as the first row
     refused: tuple[Problem, ...]
     warnings: tuple[Problem, ...]
-    travel: tuple[Travel, ...]  # the plan as it is, then other orders
+    travel: tuple[Travel, ...]  # the planned order, then alternatives
 
     def as_dict(self) -> dict[str, Any]:
-        """For programs: numbers in SI, null where there is none."""
+        """Return the prediction as JSON values in SI units; None for missing numbers."""
         return {
             "warnings": [problem.as_dict() for problem in self.warnings],
-            "predictions": [_row(one) for one in self.rows],
-            "lead_in_prediction": _row(self.lead_in) if self.lead_in is not None else None,
+            "predictions": [_row_as_dict(one) for one in self.rows],
+            "lead_in_prediction": _row_as_dict(self.lead_in) if self.lead_in is not None else None,
             "orders": [
                 {
                     "order": one.order,
                     "spring_moves": one.moves,
-                    "stator_travel_percent": one.way,
-                    "stator_moving_s": one.moving,
-                    "waiting_s": one.waiting,
+                    "stator_travel_percent": one.distance,
+                    "stator_moving_s": one.moving_time,
+                    "waiting_s": one.waiting_time,
                     "duration_s": one.duration,
                 }
                 for one in self.travel
@@ -57,34 +57,34 @@ class Prediction(NamedTuple):
         }
 
 
-def _row(one: RowPrediction) -> dict[str, Any]:
-    row = one.row
-    found = one.predicted._asdict()
+def _row_as_dict(prediction: RowPrediction) -> dict[str, Any]:
+    row = prediction.row
+    values = prediction.predicted._asdict()
     return {
         "row": row.row,
         "point": row.point,
         "repetition": row.repetition,
         "stator_percent": row.stator_position,
         **row.setting._asdict(),
-        **{name: _plain(value) for name, value in found.items()},
+        **{name: _json_number(value) for name, value in values.items()},
         "margins": [
             {
                 "limit": margin.limit.name,
                 "key": format_key(margin.limit.key),
                 "effect": margin.limit.effect,
                 "unit": margin.limit.unit,
-                "predicted": _plain(margin.predicted),
-                "allowed": _plain(margin.allowed),
-                "used": _plain(margin.used),
-                "broken": margin.broken,
+                "predicted": _json_number(margin.predicted),
+                "allowed": _json_number(margin.allowed),
+                "used": _json_number(margin.used),
+                "broken": margin.exceeded,
             }
-            for margin in one.margins
+            for margin in prediction.margins
         ],
     }
 
 
-def _plain(value: float | None) -> float | None:
-    """A number that JSON knows; None for NaN and infinity."""
+def _json_number(value: float | None) -> float | None:
+    """Return the value, or None for NaN and infinity, which JSON lacks."""
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

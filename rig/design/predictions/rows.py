@@ -1,4 +1,4 @@
-"""Every row of a campaign in the sea it will meet, in the order of its plan."""
+"""Prediction of every row of a campaign in its sea, in the order of the plan."""
 
 from __future__ import annotations
 
@@ -9,245 +9,272 @@ import numpy as np
 
 from rig.design.predictions import bus, electrics, plant
 from rig.design.predictions.grid import Floats
-from rig.design.predictions.heave import Heave, heave_of, heave_poles
-from rig.design.predictions.margins import Margin, margins
-from rig.design.predictions.model import Subject, subject_of, switching
+from rig.design.predictions.heave import HeaveResponse, heave_poles, predict_heave
+from rig.design.predictions.margins import Margin, compute_margins
+from rig.design.predictions.model import CampaignModel, build_model, drive_switching
 from rig.design.predictions.prediction import Prediction, RowPrediction
 from rig.design.predictions.row_prediction import RowPredictions
 from rig.design.predictions.sampled import Poles
-from rig.design.predictions.surge import Surge, surge_of
-from rig.design.predictions.travel import orders, to_the_first
-from rig.design.predictions.verdict import refused, warnings
+from rig.design.predictions.surge import SurgeResponse, predict_surge
+from rig.design.predictions.travel import compare_orders, time_to_first_row
+from rig.design.predictions.verdict import find_refusals, find_warnings
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.plan import CampaignRow, Plan
 from rig.planning.campaign.set_points import RowSetting
 from rig.planning.campaign.stability import total_stiffness
 from rig.realtime.sequence import NO_ROW, Phase
 
-MOST_SAMPLES = 500_000  # in one go: a processor's cache, not gigabytes
-PASSES = 2  # of motion and bus, which depend on each other
+MAX_SAMPLES = 500_000  # per batch, so that the arrays fit a processor cache
+PASSES = 2  # over motion and bus, which depend on each other
 
-Row = tuple[RowSetting, float]
-"""A setting and the stator's position (%)."""
+SettingAndStator = tuple[RowSetting, float]
+"""A setting and the stator position (%)."""
 
 Margins = tuple[Margin, ...]
 
 
-def foreseen(subject: Subject, plan: Plan, rows: Sequence[CampaignRow]) -> list[RowPredictions]:
-    """What is predicted of each of ``rows``, which stand in the order of the plan.
+def predict_rows(
+    model: CampaignModel, plan: Plan, rows: Sequence[CampaignRow]
+) -> list[RowPredictions]:
+    """Return the predicted values of each of ``rows``, given in the order of the plan.
 
-    Equal settings are worked out once.
+    Equal settings are computed once.
     """
-    pairs: list[Row] = [(row.setting, row.stator_position) for row in rows]
+    pairs: list[SettingAndStator] = [(row.setting, row.stator_position) for row in rows]
     unique = list(dict.fromkeys(pairs))
-    most = max(1, MOST_SAMPLES // subject.grid.samples)
-    parts = [unique[i : i + most] for i in range(0, len(unique), most)]
-    if not subject.plant.custom:
-        found = [
-            one
-            for part in parts
-            for one in _part(subject, part, np.zeros(len(part)), _still(subject, part))[0]
+    batch_size = max(1, MAX_SAMPLES // model.grid.samples)
+    batches = [unique[i : i + batch_size] for i in range(0, len(unique), batch_size)]
+    if not model.plant.has_custom_drive:
+        predictions = [
+            item
+            for batch in batches
+            for item in _predict_columns(
+                model, batch, np.zeros(len(batch)), _predict_bus_independent(model, batch)
+            )[0]
         ]
-        by_pair = dict(zip(unique, found, strict=True))
+        by_pair = dict(zip(unique, predictions, strict=True))
         return [RowPredictions(**by_pair[pair]) for pair in pairs]
-    buses = {pair: bus_of(subject, pair[0]) for pair in unique}
-    volts = {pair: one.supply_voltage if one.connected else one.set_voltage
-             for pair, one in buses.items()}  # fmt: skip
-    told: list[bus.Voltage] = []
+    buses = {pair: bus_of(model, pair[0]) for pair in unique}
+    mean_voltages = {pair: item.supply_voltage if item.connected else item.set_voltage
+             for pair, item in buses.items()}  # fmt: skip
+    voltages: list[bus.BusVoltage] = []
     by_pair = {}
-    resting = [_still(subject, part) for part in parts]
+    bus_independent = [_predict_bus_independent(model, batch) for batch in batches]
     for _ in range(PASSES):
-        powers: dict[Row, tuple[tuple[float, ...], float]] = {}
-        for part, still in zip(parts, resting, strict=True):
-            columns, heave = _part(subject, part, np.array([volts[pair] for pair in part]), still)
-            by_pair |= dict(zip(part, columns, strict=True))
-            for pair, power in zip(part, heave.dc, strict=True):
-                powers[pair] = bus.stepped(subject.grid, power)
-        told = _walked(subject, plan, rows, buses, powers)
+        powers: dict[SettingAndStator, tuple[tuple[float, ...], float]] = {}
+        for batch, independent in zip(batches, bus_independent, strict=True):
+            columns, heave = _predict_columns(
+                model, batch, np.array([mean_voltages[pair] for pair in batch]), independent
+            )
+            by_pair |= dict(zip(batch, columns, strict=True))
+            for pair, power in zip(batch, heave.dc_power, strict=True):
+                powers[pair] = bus.block_means(model.grid, power)
+        voltages = _simulate_bus(model, plan, rows, buses, powers)
         for pair in unique:
-            at = [one.mean for one, other in zip(told, pairs, strict=True) if other == pair]
-            volts[pair] = sum(at) / len(at)
+            means = [
+                item.mean for item, other in zip(voltages, pairs, strict=True) if other == pair
+            ]
+            mean_voltages[pair] = sum(means) / len(means)
     return [
-        RowPredictions(**{**by_pair[pair], **_voltage(one)})
-        for pair, one in zip(pairs, told, strict=True)
+        RowPredictions(**{**by_pair[pair], **_voltage_fields(item)})
+        for pair, item in zip(pairs, voltages, strict=True)
     ]
 
 
-def tried(
-    subject: Subject, rows: Sequence[Row], seconds: float
+def predict_set_points(
+    model: CampaignModel, rows: Sequence[SettingAndStator], seconds: float
 ) -> list[tuple[RowPredictions, Margins]]:
-    """What is predicted of set points that stand alone, each held for so many seconds.
+    """Predict independent set points, each held for ``seconds``.
 
-    The custom drive's bus starts at its supply, or at its set voltage where that is off. Only its
-    first pass is walked: the second, at the mean voltage found, moves power by little.
+    The custom drive's bus starts at its supply voltage, or at its set voltage if the supply is
+    off. The bus is simulated once only: a second pass at the mean voltage changes power by little.
     """
-    most = max(1, MOST_SAMPLES // subject.grid.samples)
-    parts = [rows[i : i + most] for i in range(0, len(rows), most)]
-    return [one for part in parts for one in _tried(subject, part, seconds)]
+    batch_size = max(1, MAX_SAMPLES // model.grid.samples)
+    batches = [rows[i : i + batch_size] for i in range(0, len(rows), batch_size)]
+    return [one for batch in batches for one in _predict_batch(model, batch, seconds)]
 
 
-def _tried(
-    subject: Subject, rows: Sequence[Row], seconds: float
+def _predict_batch(
+    model: CampaignModel, rows: Sequence[SettingAndStator], seconds: float
 ) -> list[tuple[RowPredictions, Margins]]:
-    still = _still(subject, rows)
-    bounds, rig = subject.campaign.limits, subject.campaign.rig
-    rests = [plant.bus_at_rest(subject.plant, one) for one, _ in rows]
-    if not subject.plant.custom:
-        columns, _ = _part(subject, rows, np.zeros(len(rows)), still)
-        found = [RowPredictions(**each) for each in columns]
+    independent = _predict_bus_independent(model, rows)
+    bounds, rig = model.campaign.limits, model.campaign.rig
+    rest_voltages = [plant.bus_at_rest(model.plant, one) for one, _ in rows]
+    if not model.plant.has_custom_drive:
+        columns, _ = _predict_columns(model, rows, np.zeros(len(rows)), independent)
+        predictions = [RowPredictions(**each) for each in columns]
         return [
-            (one, margins(bounds, rig, row[0], one, None, rest))
-            for one, row, rest in zip(found, rows, rests, strict=True)
+            (one, compute_margins(bounds, rig, row[0], one, None, rest_voltage))
+            for one, row, rest_voltage in zip(predictions, rows, rest_voltages, strict=True)
         ]
-    links = [bus_of(subject, one) for one, _ in rows]
-    first = [one.supply_voltage if one.connected else one.set_voltage for one in links]
-    _, heave = _part(subject, rows, np.array(first), still)
-    told = [
-        bus.walk([bus.Stretch(link, *bus.stepped(subject.grid, power), seconds)])[0]
-        for link, power in zip(links, heave.dc, strict=True)
+    buses = [bus_of(model, one) for one, _ in rows]
+    start_voltages = [one.supply_voltage if one.connected else one.set_voltage for one in buses]
+    _, heave = _predict_columns(model, rows, np.array(start_voltages), independent)
+    voltages = [
+        bus.simulate([bus.BusInterval(bus_, *bus.block_means(model.grid, power), seconds)])[0]
+        for bus_, power in zip(buses, heave.dc_power, strict=True)
     ]
-    columns, _ = _part(subject, rows, np.array([one.mean for one in told]), still)
-    found = [
-        RowPredictions(**{**each, **_voltage(one)}) for each, one in zip(columns, told, strict=True)
+    columns, _ = _predict_columns(
+        model, rows, np.array([one.mean for one in voltages]), independent
+    )
+    predictions = [
+        RowPredictions(**{**each, **_voltage_fields(one)})
+        for each, one in zip(columns, voltages, strict=True)
     ]
     return [
-        (one, margins(bounds, rig, row[0], one, link, rest))
-        for one, row, link, rest in zip(found, rows, links, rests, strict=True)
+        (one, compute_margins(bounds, rig, row[0], one, bus_, rest_voltage))
+        for one, row, bus_, rest_voltage in zip(
+            predictions, rows, buses, rest_voltages, strict=True
+        )
     ]
 
 
-def bus_of(subject: Subject, setting: RowSetting) -> bus.Bus:
-    """The custom drive's bus at a setting, on its supply if both plant and campaign say so."""
-    scheme, _ = switching(subject)
-    found = plant.bus(subject.plant, setting, scheme)
-    if subject.campaign.file.drive.supply == "disconnected":
-        return found._replace(connected=0)
-    return found
+def bus_of(model: CampaignModel, setting: RowSetting) -> bus.Bus:
+    """Return the custom drive's bus; its supply needs both plant and campaign to connect it."""
+    scheme, _ = drive_switching(model)
+    bus_ = plant.bus(model.plant, setting, scheme)
+    if model.campaign.file.drive.supply == "disconnected":
+        return bus_._replace(connected=0)
+    return bus_
 
 
-def _voltage(found: bus.Voltage) -> dict[str, float]:
+def _voltage_fields(voltage: bus.BusVoltage) -> dict[str, float]:
     return {
-        "voltage_lowest": found.lowest,
-        "voltage_highest": found.highest,
-        "dumped": found.dumped,
+        "voltage_lowest": voltage.lowest,
+        "voltage_highest": voltage.highest,
+        "dump_power": voltage.dump_power,
     }
 
 
-class _Still(NamedTuple):
-    """What of some rows does not depend on the bus."""
+class _BusIndependent(NamedTuple):
+    """Results of some rows that do not depend on the bus."""
 
-    surge: Surge
+    surge: SurgeResponse
     poles: Poles
 
 
-def _still(subject: Subject, rows: Sequence[Row]) -> _Still:
+def _predict_bus_independent(
+    model: CampaignModel, rows: Sequence[SettingAndStator]
+) -> _BusIndependent:
     settings, stator = [one for one, _ in rows], [position for _, position in rows]
-    return _Still(surge_of(subject, settings), heave_poles(subject, settings, stator))
+    return _BusIndependent(predict_surge(model, settings), heave_poles(model, settings, stator))
 
 
-def _part(
-    subject: Subject, rows: Sequence[Row], voltage: Floats, still: _Still
-) -> tuple[list[dict[str, Any]], Heave]:
-    """The keywords of `Foreseen` for some rows, their bus as yet unknown."""
+def _predict_columns(
+    model: CampaignModel,
+    rows: Sequence[SettingAndStator],
+    voltage: Floats,
+    independent: _BusIndependent,
+) -> tuple[list[dict[str, Any]], HeaveResponse]:
+    """Return the fields of `RowPredictions` for some rows, before the bus simulation, and heave."""
     settings, stator = [one for one, _ in rows], [position for _, position in rows]
-    campaign = subject.campaign
+    campaign = model.campaign
     rig = campaign.rig
-    surge, poles = still
-    heave = heave_of(subject, settings, stator, surge.lateral, voltage)
-    stiff = plant.stiff_bus(subject.plant, heave.dc)
+    surge, poles = independent
+    heave = predict_heave(model, settings, stator, surge.lateral_force, voltage)
+    bus_voltage = plant.commercial_bus_voltage(model.plant, heave.dc_power)
     columns: dict[str, Floats] = {
         **heave.columns,
-        "voltage_lowest": stiff.min(axis=1),
-        "voltage_highest": stiff.max(axis=1),
+        "voltage_lowest": bus_voltage.min(axis=1),
+        "voltage_highest": bus_voltage.max(axis=1),
         "surge_position_peak": surge.position_peak,
         "surge_velocity_peak": surge.velocity_peak,
         "surge_force_peak": surge.force_peak,
         "surge_force_rms": surge.force_rms,
         "surge_current_peak": surge.current_peak,
-        "surge_current_held": surge.current_held,
+        "surge_current_rms_peak": surge.current_rms_peak,
         "spectral_radius": poles.radius,
         "gain_margin": poles.gain_margin,
-        "decay": poles.decay,
+        "decay_time": poles.decay_time,
     }
     if surge.poles is not None:
         columns["surge_spectral_radius"] = surge.poles.radius
         columns["surge_gain_margin"] = surge.poles.gain_margin
-    out = []
+    predictions = []
     for i, setting in enumerate(settings):
-        told: dict[str, Any] = {name: float(column[i]) for name, column in columns.items()}
-        told.setdefault("surge_spectral_radius", None)
-        told.setdefault("surge_gain_margin", None)
-        limited = told["voltage_given"] < electrics.NO_CEILING
-        told |= {
-            "voltage_given": told["voltage_given"] if limited else None,
-            "dumped": None,
+        values: dict[str, Any] = {name: float(column[i]) for name, column in columns.items()}
+        values.setdefault("surge_spectral_radius", None)
+        values.setdefault("surge_gain_margin", None)
+        limited = values["voltage_available"] < electrics.NO_VOLTAGE_LIMIT
+        values |= {
+            "voltage_available": values["voltage_available"] if limited else None,
+            "dump_power": None,
             "stiffness": total_stiffness(rig.stability, setting.spring_rate, setting.ki),
-            "settled": heave.settled[i],
+            "converged": heave.converged[i],
         }
-        out.append(told)
-    return out, heave
+        predictions.append(values)
+    return predictions, heave
 
 
-def _walked(
-    subject: Subject,
+def _simulate_bus(
+    model: CampaignModel,
     plan: Plan,
     rows: Sequence[CampaignRow],
-    buses: dict[Row, bus.Bus],
-    powers: dict[Row, tuple[tuple[float, ...], float]],
-) -> list[bus.Voltage]:
-    """The bus through the plan; one entry for each of ``rows``."""
+    buses: dict[SettingAndStator, bus.Bus],
+    powers: dict[SettingAndStator, tuple[tuple[float, ...], float]],
+) -> list[bus.BusVoltage]:
+    """Simulate the bus through the plan; return one entry for each of ``rows``."""
     segments = plan.segments
     seconds: dict[int, float] = {}
-    for at, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
-        calm = phase in (Phase.TARE, Phase.DONE) or (at == NO_ROW and phase == Phase.MOVING)
-        if not calm:
-            seconds[at] = seconds.get(at, 0.0) + ticks * plan.dt
+    for row_number, phase, ticks in zip(segments.row, segments.phase, segments.ticks, strict=True):
+        without_waves = phase in (Phase.TARE, Phase.DONE) or (
+            row_number == NO_ROW and phase == Phase.MOVING
+        )
+        if not without_waves:
+            seconds[row_number] = seconds.get(row_number, 0.0) + ticks * plan.dt
     first = rows[0]
     pair = (first.setting, first.stator_position)
-    idle = plant.idle_power(subject.plant)
-    tare = bus.Stretch(buses[pair], (idle,), bus.STEP, plan.phases.tare)
-    standing = plant.standing_power(subject.plant, rows[0].setting, switching(subject)[0])
-    still = to_the_first(plan, subject.plant)
-    stretches = [tare, bus.Stretch(buses[pair], (standing,), bus.STEP, still)]
+    idle = plant.idle_power(model.plant)
+    tare = bus.BusInterval(buses[pair], (idle,), bus.STEP, plan.phases.tare)
+    standby = plant.standby_power(model.plant, rows[0].setting, drive_switching(model)[0])
+    move_seconds = time_to_first_row(plan, model.plant)
+    intervals = [tare, bus.BusInterval(buses[pair], (standby,), bus.STEP, move_seconds)]
     if first.row != NO_ROW:
-        stretches.append(bus.Stretch(buses[pair], *powers[pair], seconds.get(NO_ROW, 0.0)))
+        intervals.append(bus.BusInterval(buses[pair], *powers[pair], seconds.get(NO_ROW, 0.0)))
     for row in rows:
         pair = (row.setting, row.stator_position)
-        stretches.append(bus.Stretch(buses[pair], *powers[pair], seconds[row.row]))
-    told = bus.walk(stretches)
-    found = told[-len(rows) :]
-    for before in told[: -len(rows)]:  # what comes before is the first row's matter
-        low, high = min(found[0].lowest, before.lowest), max(found[0].highest, before.highest)
-        found[0] = found[0]._replace(lowest=low, highest=high)
-    return found
+        intervals.append(bus.BusInterval(buses[pair], *powers[pair], seconds[row.row]))
+    voltages = bus.simulate(intervals)
+    row_voltages = voltages[-len(rows) :]
+    for earlier in voltages[: -len(rows)]:  # intervals before the first row count for it
+        first_voltage = row_voltages[0]
+        low = min(first_voltage.lowest, earlier.lowest)
+        high = max(first_voltage.highest, earlier.highest)
+        row_voltages[0] = first_voltage._replace(lowest=low, highest=high)
+    return row_voltages
 
 
 def predict(campaign: Campaign, planned: Plan) -> Prediction | None:
-    """What a checked campaign will do; None without the device, and where a hoist moves it."""
+    """Return the prediction of a checked campaign.
+
+    None without the device in the water, and for a campaign in which a hoist moves it.
+    """
     if not planned.rows or campaign.file.hoist is not None:
         return None
-    subject = subject_of(campaign)
+    model = build_model(campaign)
     rows = [*_lead_in(planned), *planned.rows]
-    told = []
-    for row, found in zip(rows, foreseen(subject, planned, rows), strict=True):
-        link = bus_of(subject, row.setting) if subject.plant.custom else None
-        rest = plant.bus_at_rest(subject.plant, row.setting)
-        used = margins(campaign.limits, campaign.rig, row.setting, found, link, rest)
-        told.append(RowPrediction(row, found, used))
-    lead_in = told[0] if told[0].row.row == NO_ROW else None
+    predictions = []
+    for row, values in zip(rows, predict_rows(model, planned, rows), strict=True):
+        bus_ = bus_of(model, row.setting) if model.plant.has_custom_drive else None
+        rest_voltage = plant.bus_at_rest(model.plant, row.setting)
+        margins = compute_margins(
+            campaign.limits, campaign.rig, row.setting, values, bus_, rest_voltage
+        )
+        predictions.append(RowPrediction(row, values, margins))
+    lead_in = predictions[0] if predictions[0].row.row == NO_ROW else None
     return Prediction(
         campaign,
         planned,
-        tuple(told[1:] if lead_in else told),
+        tuple(predictions[1:] if lead_in else predictions),
         lead_in,
-        refused(campaign, told),
-        warnings(campaign, told),
-        orders(campaign, planned, subject.plant),
+        find_refusals(campaign, predictions),
+        find_warnings(campaign, predictions),
+        compare_orders(campaign, planned, model.plant),
     )
 
 
 def _lead_in(planned: Plan) -> list[CampaignRow]:
-    """The set point of the lead-in as a row of its own, where it differs from the first row's."""
+    """Return the lead-in's set point as a row, or no row if it equals the first row's."""
     segments, table, first = planned.segments, planned.setpoints, planned.rows[0]
     for phase, index in zip(segments.phase, segments.setpoint, strict=True):
         if phase == Phase.LEAD_IN:

@@ -1,13 +1,13 @@
-"""Is the sampled closed loop stable: its poles, tick by tick.
+"""Poles and gain margin of the sampled closed loop.
 
 The plant is linearised about rest: spring at its small-displacement rate, five-state radiation,
-linear damping, current loop. Quadratic drag has no slope at rest, and Coulomb friction, which
-holds small motions whatever the loop does, is left out, so both only make the rig more stable
-than told here. The plant is discretised exactly for a command held over a tick; sensor delay,
-estimator and law are what the loop computes (controllers/estimator.py, controllers/impedance.py).
+linear damping, current loop. Quadratic drag has no slope at rest. Coulomb friction stops small
+motions whatever the loop does; the model omits it. Both make the real rig more stable than this
+result. The discretisation is exact for a command held over a tick. Sensor delay, estimator and law
+are those of the loop (controllers/estimator.py, controllers/impedance.py).
 
-The margin is that of the gain: by what factor all gains together (Kp, Ki, Km, Z_c) may be
-multiplied before a pole leaves the unit circle; below 1 for a loop that is unstable as it is.
+The gain margin is the factor by which all gains together (Kp, Ki, Km, Z_c) may be multiplied before
+a pole leaves the unit circle; it is below 1 for an unstable loop.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from controllers.biquads import Biquad
 from rig.design.predictions.grid import Flags, Floats
 from rig.design.predictions.loop import Law, Timing, correction, transition
 
-SLOWEST = 1e9  # s: told instead of infinity
-MOST_GAIN = 32.0  # factor at which the search for the margin ends
-_RATIO = 2.0**0.25  # between gains tried
-_HALVINGS = 5  # of the last ratio: 0.5 %
+MAX_DECAY_TIME = 1e9  # s, reported instead of infinity
+MAX_GAIN = 32.0  # factor at which the search for the margin stops
+_RATIO = 2.0**0.25  # between successive trial factors
+_HALVINGS = 5  # of the last ratio: resolution 0.5 %
 
 
 class Body(NamedTuple):
     """One axis about rest; radiation is (b4 s4 + .. + b1 s)/(s5 + a4 s4 + .. + a0)."""
 
-    inertia: float  # kg, added mass at infinite frequency included
+    inertia: float  # kg, including the added mass at infinite frequency
     damping: float  # N*s/m
     stiffness: float  # N/m
     radiation_a: tuple[float, ...]  # a0 .. a4
@@ -38,67 +38,77 @@ class Body(NamedTuple):
 
 
 class Poles(NamedTuple):
-    """What the poles of each row's closed loop say; one entry a row."""
+    """Pole properties of the closed loop, one entry per row."""
 
-    radius: Floats  # of the largest; below 1 is stable
-    decay: Floats  # s in which the slowest mode falls by e; SLOWEST where it does not
+    radius: Floats  # of the largest pole; stable below 1
+    decay_time: Floats  # s, time constant of the slowest mode; MAX_DECAY_TIME if it does not decay
     frequency: Floats  # Hz of that mode
-    gain_margin: Floats  # 1, factor on all gains; MOST_GAIN: that or more, 0: unstable without any
+    gain_margin: Floats  # 1, factor on all gains; MAX_GAIN: that or more, 0: unstable at any gain
 
 
 def poles(body: Body, timing: Timing, law: Law, stiffness: Floats) -> Poles:
-    """Poles of each row; ``stiffness`` (N/m) by row is that of the spring, beside the body's."""
+    """Return the poles of each row; ``stiffness`` (N/m) is the spring's, one value per row."""
     plants: dict[float, tuple[Floats, Floats]] = {}
     loops = []
     for kp, ki, km, spring in zip(law.kp, law.ki, law.km, stiffness, strict=True):
         if spring not in plants:
             stiff = body._replace(stiffness=body.stiffness + float(spring))
-            plants[spring] = discrete(stiff, timing)
+            plants[spring] = discretise(stiff, timing)
         gains = (float(kp), float(ki), float(km))
-        loops.append(closed_loop(*plants[spring], timing, law.sections, gains))
-    still = np.stack([one for one, _ in loops])
-    moved = np.stack([two for _, two in loops])
-    values = np.linalg.eigvals(still + moved)
+        loops.append(closed_loop_matrices(*plants[spring], timing, law.sections, gains))
+    open_loop = np.stack([one for one, _ in loops])
+    feedback = np.stack([two for _, two in loops])
+    values = np.linalg.eigvals(open_loop + feedback)
     worst = np.argmax(np.abs(values), axis=1)
     largest = np.take_along_axis(values, worst[:, None], axis=1)[:, 0]
     radius = np.abs(largest)
     rate = -np.log(np.maximum(radius, 1e-300)) / timing.dt
-    decay = np.where(rate > 1.0 / SLOWEST, 1.0 / np.maximum(rate, 1.0 / SLOWEST), SLOWEST)
+    decay_time = np.where(
+        rate > 1.0 / MAX_DECAY_TIME, 1.0 / np.maximum(rate, 1.0 / MAX_DECAY_TIME), MAX_DECAY_TIME
+    )
     frequency = np.abs(np.angle(largest)) / (2.0 * math.pi * timing.dt)
-    return Poles(radius, decay, frequency, _margin(still, moved))
+    return Poles(radius, decay_time, frequency, _gain_margin(open_loop, feedback))
 
 
-def stable_at(still: Floats, moved: Floats, gain: Floats) -> Flags:
-    """True for each row whose poles lie inside the unit circle at a factor on its gains."""
-    values = np.linalg.eigvals(still + gain[:, None, None] * moved)
+def is_stable_at(open_loop: Floats, feedback: Floats, gain: Floats) -> Flags:
+    """Return True for each row whose poles lie inside the unit circle at factor ``gain``."""
+    values = np.linalg.eigvals(open_loop + gain[:, None, None] * feedback)
     inside: Flags = np.abs(values).max(axis=1) < 1.0
     return inside
 
 
-def _margin(still: Floats, moved: Floats) -> Floats:
-    """The factor at which a row's stability ends (from below); by steps, then by halving."""
-    rows = len(still)
-    stable = stable_at(still, moved, np.ones(rows))
-    low, high = np.where(stable, 1.0, 0.0), np.where(stable, MOST_GAIN, 1.0)
-    # Upwards from 1 where it is stable, downwards where it is not; both until it changes.
-    open_, at = np.ones(rows, dtype=bool), np.ones(rows)
-    while np.any(open_):
-        at = np.where(open_, np.where(stable, at * _RATIO, at / _RATIO), at)
-        now = np.zeros(rows, dtype=bool)
-        now[open_] = stable_at(still[open_], moved[open_], at[open_])
-        low = np.where(open_ & now, at, low)
-        high = np.where(open_ & ~now, at, high)
-        open_ &= (now == stable) & (at < MOST_GAIN) & (at > 1.0 / MOST_GAIN)
-    none = (low == 0.0) | (low >= MOST_GAIN)
+def _gain_margin(open_loop: Floats, feedback: Floats) -> Floats:
+    """Return the largest stable factor of each row, by stepping and then by bisection."""
+    rows = len(open_loop)
+    stable = is_stable_at(open_loop, feedback, np.ones(rows))
+    low, high = np.where(stable, 1.0, 0.0), np.where(stable, MAX_GAIN, 1.0)
+    # Step upwards from 1 for stable rows, downwards for unstable ones, until stability changes.
+    searching, factor = np.ones(rows, dtype=bool), np.ones(rows)
+    while np.any(searching):
+        factor = np.where(searching, np.where(stable, factor * _RATIO, factor / _RATIO), factor)
+        stable_now = np.zeros(rows, dtype=bool)
+        stable_now[searching] = is_stable_at(
+            open_loop[searching], feedback[searching], factor[searching]
+        )
+        low = np.where(searching & stable_now, factor, low)
+        high = np.where(searching & ~stable_now, factor, high)
+        searching &= (stable_now == stable) & (factor < MAX_GAIN) & (factor > 1.0 / MAX_GAIN)
+    unbracketed = (low == 0.0) | (low >= MAX_GAIN)
     for _ in range(_HALVINGS):
-        middle = np.where(none, 1.0, np.sqrt(np.maximum(low, 1e-9) * high))
-        now = stable_at(still, moved, middle)
-        low, high = np.where(now & ~none, middle, low), np.where(now | none, high, middle)
-    return np.minimum(low, MOST_GAIN)
+        middle = np.where(unbracketed, 1.0, np.sqrt(np.maximum(low, 1e-9) * high))
+        stable_now = is_stable_at(open_loop, feedback, middle)
+        low, high = (
+            np.where(stable_now & ~unbracketed, middle, low),
+            np.where(stable_now | unbracketed, high, middle),
+        )
+    return np.minimum(low, MAX_GAIN)
 
 
-def continuous(body: Body, lag: float) -> tuple[Floats, Floats]:
-    """x, v, five radiation states and motor force; the input is the force commanded."""
+def continuous_matrices(body: Body, lag: float) -> tuple[Floats, Floats]:
+    """Return state and input matrix of the plant.
+
+    States: x, v, five radiation states, motor force. Input: commanded force.
+    """
     a = np.zeros((8, 8))
     a[0, 1] = 1.0
     a[1, 0] = -body.stiffness / body.inertia
@@ -115,60 +125,60 @@ def continuous(body: Body, lag: float) -> tuple[Floats, Floats]:
     return a, b
 
 
-def discrete(body: Body, timing: Timing) -> tuple[Floats, Floats]:
-    """The same after one tick with the command held: exact."""
-    from scipy import linalg  # noqa: PLC0415 - a quarter of a second that no other check pays
+def discretise(body: Body, timing: Timing) -> tuple[Floats, Floats]:
+    """Return state and input matrix over one tick with the command held, exact."""
+    from scipy import linalg  # noqa: PLC0415 - the import takes 0.25 s, which no other check needs
 
-    a, b = continuous(body, timing.lag)
-    both = np.zeros((9, 9))
-    both[:8, :8], both[:8, 8:] = a, b
-    tick = linalg.expm(both * timing.dt)
-    return tick[:8, :8], tick[:8, 8]
+    a, b = continuous_matrices(body, timing.lag)
+    augmented = np.zeros((9, 9))
+    augmented[:8, :8], augmented[:8, 8:] = a, b
+    transition_matrix = linalg.expm(augmented * timing.dt)
+    return transition_matrix[:8, :8], transition_matrix[:8, 8]
 
 
-def closed_loop(
+def closed_loop_matrices(
     plant: Floats,
-    held: Floats,
+    plant_input: Floats,
     timing: Timing,
     sections: tuple[Biquad, ...],
     gains: tuple[float, float, float],
 ) -> tuple[Floats, Floats]:
-    """One tick of the loop without its force, and what the force adds.
+    """Return the transition matrix over one tick without the control force, and the force's part.
 
-    States: the plant's eight, positions on their way, the estimate, the memory of Z_c.
+    States: eight of the plant, the delayed positions, three of the estimator, two per Z_c section.
     """
     kp, ki, km = gains
     delay = timing.delay_ticks
     size = 8 + delay + 3 + 2 * len(sections)
-    late, seen, memory = 8, 8 + delay, 8 + delay + 3
+    delay_start, estimate_start, section_start = 8, 8 + delay, 8 + delay + 3
 
-    # What is read: position now, or the oldest on its way.
-    read = np.zeros(size)
-    read[late + delay - 1 if delay else 0] = 1.0
-    gain, kept = correction(timing.estimator)
+    # The loop reads the current position, or the oldest one in the delay line.
+    measurement = np.zeros(size)
+    measurement[delay_start + delay - 1 if delay else 0] = 1.0
+    gain, correction_matrix = correction(timing.estimator)
     estimate = np.zeros((3, size))
-    estimate[:, seen : seen + 3] = kept @ transition(timing.dt)
-    estimate += np.outer(gain, read)
+    estimate[:, estimate_start : estimate_start + 3] = correction_matrix @ transition(timing.dt)
+    estimate += np.outer(gain, measurement)
 
-    after = np.zeros((size, size))
+    open_loop = np.zeros((size, size))
     signal = estimate[1]
-    for i, one in enumerate(sections):
-        first, second = memory + 2 * i, memory + 2 * i + 1
-        reply = one.b0 * signal
-        reply[first] += 1.0
-        after[first] = one.b1 * signal - one.a1 * reply
-        after[first, second] += 1.0
-        after[second] = one.b2 * signal - one.a2 * reply
-        signal = reply
+    for i, section in enumerate(sections):
+        first, second = section_start + 2 * i, section_start + 2 * i + 1
+        output = section.b0 * signal
+        output[first] += 1.0
+        open_loop[first] = section.b1 * signal - section.a1 * output
+        open_loop[first, second] += 1.0
+        open_loop[second] = section.b2 * signal - section.a2 * output
+        signal = output
     force = kp * estimate[1] + ki * estimate[0] + km * estimate[2]
     if sections:
         force = force + signal
-    after[:8, :8] = plant
+    open_loop[:8, :8] = plant
     if delay:
-        after[late, 0] = 1.0
+        open_loop[delay_start, 0] = 1.0
         for i in range(1, delay):
-            after[late + i, late + i - 1] = 1.0
-    after[seen : seen + 3] = estimate
-    driven = np.zeros((size, size))
-    driven[:8] = np.outer(held, force)
-    return after, driven
+            open_loop[delay_start + i, delay_start + i - 1] = 1.0
+    open_loop[estimate_start : estimate_start + 3] = estimate
+    feedback = np.zeros((size, size))
+    feedback[:8] = np.outer(plant_input, force)
+    return open_loop, feedback

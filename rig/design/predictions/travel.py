@@ -1,7 +1,7 @@
-"""How far the stator goes in a campaign, how long all takes, and what another order would save.
+"""Stator travel and duration of a campaign, and of the same campaign in another order.
 
-The plan knows the least time of every segment; the stator's speed is the simulated plant's. A move
-that takes longer than its segment makes the plan wait.
+The plan has the minimum time of every segment; the stator's speed is that of the simulated plant.
+A move that takes longer than its segment makes the plan wait.
 """
 
 from __future__ import annotations
@@ -15,51 +15,64 @@ from rig.realtime.sequence import NO_ROW, WAIT_STATOR, Phase
 
 
 class Travel(NamedTuple):
-    """One order of the rows."""
+    """Travel and duration of one order of the rows."""
 
     order: str
-    moves: int  # between rows, of the spring
-    way: float  # % of stator position, between rows and to the first of them
-    moving: float  # s that the stator is on its way
-    waiting: float  # s that the plan waits for it beyond what it has planned
-    duration: float  # s, of the whole campaign, waiting included
+    moves: int  # spring moves between rows
+    distance: float  # % of stator position, including the move to the first row
+    moving_time: float  # s, stator in motion
+    waiting_time: float  # s, wait for the stator beyond the planned time
+    duration: float  # s, of the whole campaign, including waiting
 
 
-def travel(order: str, planned: Plan, given: plant.Given) -> Travel:
-    """The stator's way through a plan."""
-    speed, at = plant.stator_speed(given), plant.stator_start(given)
-    way = moving = waiting = 0.0
+def compute_travel(order: str, planned: Plan, plant_model: plant.PlantModel) -> Travel:
+    """Return the stator travel of a plan."""
+    speed, position = plant.stator_speed(plant_model), plant.stator_start(plant_model)
+    distance = moving_time = waiting_time = 0.0
     segments = planned.segments
     positions = {row.row: row.stator_position for row in planned.rows}
-    first = planned.rows[0].stator_position
+    first_position = planned.rows[0].stator_position
     for row, wait, ticks in zip(segments.row, segments.wait, segments.ticks, strict=True):
         if not wait & WAIT_STATOR:
             continue
-        target = positions.get(row, first)
-        seconds = abs(target - at) / speed
-        way, moving = way + abs(target - at), moving + seconds
-        waiting += max(0.0, seconds - ticks * planned.dt)
-        at = target
-    return Travel(order, planned.spring_moves, way, moving, waiting, planned.duration + waiting)
+        target = positions.get(row, first_position)
+        seconds = abs(target - position) / speed
+        distance, moving_time = distance + abs(target - position), moving_time + seconds
+        waiting_time += max(0.0, seconds - ticks * planned.dt)
+        position = target
+    return Travel(
+        order,
+        planned.spring_moves,
+        distance,
+        moving_time,
+        waiting_time,
+        planned.duration + waiting_time,
+    )
 
 
-def to_the_first(planned: Plan, given: plant.Given) -> float:
-    """Seconds that the drive is on before the first wave: the stator goes to the first row."""
+def time_to_first_row(planned: Plan, plant_model: plant.PlantModel) -> float:
+    """Return the seconds that the drive is on before the first wave (stator move to row 0)."""
     segments = planned.segments
     ticks = sum(
-        n
-        for row, phase, n in zip(segments.row, segments.phase, segments.ticks, strict=True)
+        tick_count
+        for row, phase, tick_count in zip(segments.row, segments.phase, segments.ticks, strict=True)
         if row == NO_ROW and phase == Phase.MOVING
     )
-    way = abs(planned.rows[0].stator_position - plant.stator_start(given))
-    return max(ticks * planned.dt, way / plant.stator_speed(given))
+    distance = abs(planned.rows[0].stator_position - plant.stator_start(plant_model))
+    return max(ticks * planned.dt, distance / plant.stator_speed(plant_model))
 
 
-def orders(campaign: Campaign, planned: Plan, given: plant.Given) -> tuple[Travel, ...]:
-    """The plan as it is, then as given and with the fewest moves where that is another order."""
-    out = [travel(campaign.file.order, planned, given)]
-    for other in ("as given", "fewest spring moves"):
-        if other != campaign.file.order:
-            file = campaign.file.model_copy(update={"order": other})
-            out.append(travel(other, build_plan(file, campaign.rig, campaign.points), given))
-    return tuple(out)
+def compare_orders(
+    campaign: Campaign, planned: Plan, plant_model: plant.PlantModel
+) -> tuple[Travel, ...]:
+    """Return the travel of the planned order, then of "as given" and "fewest spring moves"."""
+    travels = [compute_travel(campaign.file.order, planned, plant_model)]
+    for alternative in ("as given", "fewest spring moves"):
+        if alternative != campaign.file.order:
+            file = campaign.file.model_copy(update={"order": alternative})
+            travels.append(
+                compute_travel(
+                    alternative, build_plan(file, campaign.rig, campaign.points), plant_model
+                )
+            )
+    return tuple(travels)

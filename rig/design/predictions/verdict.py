@@ -1,4 +1,4 @@
-"""Which rows are refused, what is warned of: every row by name, every limit by file and line."""
+"""Refusals and warnings of a prediction, each with its row and the file and line of its limit."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from rig.design.predictions.margins import (
     SURGE_LOOP,
     Limit,
     Margin,
-    broken,
-    warned,
+    blocking_margins,
+    warning_margins,
 )
 from rig.design.predictions.prediction import RowPrediction
 from rig.planning.campaign import Campaign
@@ -24,62 +24,70 @@ from rig.planning.campaign.plan import CampaignRow
 from rig.planning.campaign.windows import row_windows
 from rig.realtime.sequence import NO_ROW
 
-LEFT_OVER = 0.01  # of a change of gains, in the mean over the measurement
-_EFFECTS = {"cut": ", force is cut there", "warn": " before it is told", "stop": ", a stop is near"}
+# Residue of a change of gains in the mean over the measurement above which there is a warning.
+MAX_RESIDUE = 0.01
+_EFFECTS = {"cut": ", force is cut there", "warn": " before a warning", "stop": ", a stop is near"}
 
 
-class Places:
-    """Where limits stand; files are read again only when one has to be named."""
+class LimitLocations:
+    """File and line of limits; reads a file only when a message names it."""
 
     def __init__(self, campaign: Campaign) -> None:
         self._campaign = campaign
         self._read: dict[str, SourceMap] = {"plant": campaign.plant_locate}
 
     def text(self, limit: Limit, row: CampaignRow) -> str:
-        """File, line and key of a limit."""
+        """Return file, line and key of a limit."""
         key = self._stroke(row) if limit is STROKE else limit.key
         if limit.role not in self._read:
             path = next(file.path for file in self._campaign.files if file.role == limit.role)
             self._read[limit.role] = load_mapping(path)[1]
-        place = self._read[limit.role](key)
-        return f"{display_path(place.path)}:{place.line}: {format_key(key)}"
+        location = self._read[limit.role](key)
+        return f"{display_path(location.path)}:{location.line}: {format_key(key)}"
 
     def _stroke(self, row: CampaignRow) -> KeyPath:
-        """The station whose stroke counts at a row's spring rate: the least of those beside it."""
+        """Return the key of the stroke that limits a row: the smaller of the adjacent stations."""
         stations = self._campaign.rig.spring.map
-        least = self._campaign.rig.spring.stroke(row.spring_rate)
-        near = (i for i, one in enumerate(stations) if one.stroke_m == least)
-        at = min(near, key=lambda i: abs(stations[i].rate_n_per_m - row.spring_rate))
-        return ("spring", "map", at, "stroke_m")
+        stroke = self._campaign.rig.spring.stroke(row.spring_rate)
+        candidates = (i for i, station in enumerate(stations) if station.stroke_m == stroke)
+        index = min(candidates, key=lambda i: abs(stations[i].rate_n_per_m - row.spring_rate))
+        return ("spring", "map", index, "stroke_m")
 
 
-def refused(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
-    """A problem for every point with a row that would trip the rig or that is unstable."""
-    places = Places(campaign)
+def find_refusals(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
+    """Return a problem for every point with a row that would trip the rig or be unstable."""
+    locations = LimitLocations(campaign)
     return tuple(
-        _problem(campaign, same, _said(broken(same[0].margins), places, same[0].row))
-        for same in _by_point(rows)
-        if any(broken(same[0].margins))
+        _problem(
+            campaign,
+            group,
+            _margin_messages(blocking_margins(group[0].margins), locations, group[0].row),
+        )
+        for group in _by_point(rows)
+        if any(blocking_margins(group[0].margins))
     )
 
 
-def warnings(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
-    """What is to be told of a row that may run."""
-    places = Places(campaign)
+def find_warnings(campaign: Campaign, rows: Sequence[RowPrediction]) -> tuple[Problem, ...]:
+    """Return a warning for every point whose rows may run but come close to a limit."""
+    locations = LimitLocations(campaign)
     settle = row_windows(campaign.file.sea, campaign.file.timing, campaign.file.reference).settle
-    out = []
-    for same in _by_point(rows):
-        first = same[0]
-        if any(broken(first.margins)):
+    problems = []
+    for group in _by_point(rows):
+        first = group[0]
+        if any(blocking_margins(first.margins)):
             continue
-        told = [*_said(warned(first.margins), places, first.row), *_doubts(first, settle)]
-        if told:
-            out.append(_problem(campaign, same, told))
-    return tuple(out)
+        messages = [
+            *_margin_messages(warning_margins(first.margins), locations, first.row),
+            *_reliability_warnings(first, settle),
+        ]
+        if messages:
+            problems.append(_problem(campaign, group, messages))
+    return tuple(problems)
 
 
 def _by_point(rows: Sequence[RowPrediction]) -> Iterable[list[RowPrediction]]:
-    """Rows of one point together, the worst of them first."""
+    """Return the rows grouped by point, the worst row of each first."""
     groups: dict[tuple[bool, int], list[RowPrediction]] = {}
     for one in rows:
         groups.setdefault((one.row.row == NO_ROW, one.row.point), []).append(one)
@@ -88,41 +96,45 @@ def _by_point(rows: Sequence[RowPrediction]) -> Iterable[list[RowPrediction]]:
     return groups.values()
 
 
-def _problem(campaign: Campaign, same: list[RowPrediction], told: list[str]) -> Problem:
-    """Said of a point where its Kp stands, or of the lead-in where its set point stands."""
-    row = same[0].row
+def _problem(campaign: Campaign, group: list[RowPrediction], messages: list[str]) -> Problem:
+    """Return a problem at the line of the point's Kp, or of the lead-in's set point."""
+    row = group[0].row
     setting = row.setting
     name = f"row {row.row}" if row.row != NO_ROW else "the lead-in"
-    if len(same) > 1:
-        name += f" and {len(same) - 1} more of point {row.point}"
+    if len(group) > 1:
+        name += f" and {len(group) - 1} more of point {row.point}"
     gains = (
         f"spring {format_number(setting.spring_rate)} N/m, Kp {format_number(setting.kp)} N*s/m, "
         f"Ki {format_number(setting.ki)} N/m"
     )
-    message = f"{name} ({gains}): {'; '.join(told)}"
+    message = f"{name} ({gains}): {'; '.join(messages)}"
     key = ("start", "set_point", "kp_n_s_per_m")
     if row.row == NO_ROW and key in campaign.locate.locations:
         return campaign.locate.problem(key, setting.kp, message)
     return campaign.points[row.point].locations["kp"].problem(setting.kp, message)
 
 
-def _said(margins: Iterable[Margin], places: Places, row: CampaignRow) -> list[str]:
-    """One predicted value against all limits that it meets, and so on."""
-    said = []
-    for words, group in groupby(margins, key=lambda margin: margin.limit.words):
-        same = list(group)
-        if same[0].limit in (LOOP, SURGE_LOOP):
-            said.append(_unstable(same[0]))
+def _margin_messages(
+    margins: Iterable[Margin], locations: LimitLocations, row: CampaignRow
+) -> list[str]:
+    """Return one message per predicted quantity, with all its limits."""
+    messages = []
+    for quantity, group in groupby(margins, key=lambda margin: margin.limit.quantity):
+        limits = list(group)
+        if limits[0].limit in (LOOP, SURGE_LOOP):
+            messages.append(_stability_message(limits[0]))
             continue
-        bounds = " and ".join(_bound(margin, places, row) for margin in same)
-        said.append(f"predicted {words} {same[0].predicted:.3g} {same[0].limit.unit}, {bounds}")
-    return said
+        bounds = " and ".join(_bound_text(margin, locations, row) for margin in limits)
+        messages.append(
+            f"predicted {quantity} {limits[0].predicted:.3g} {limits[0].limit.unit}, {bounds}"
+        )
+    return messages
 
 
-def _unstable(margin: Margin) -> str:
+def _stability_message(margin: Margin) -> str:
     axis = "surge" if margin.limit is SURGE_LOOP else "heave"
     stable = "not stable at lower gains either"
-    if not margin.broken:
+    if not margin.exceeded:
         return (
             f"the sampled {axis} loop is stable only up to {margin.predicted:.3g} times its gains"
         )
@@ -131,25 +143,27 @@ def _unstable(margin: Margin) -> str:
     return f"the sampled {axis} loop is unstable, {stable}"
 
 
-def _bound(margin: Margin, places: Places, row: CampaignRow) -> str:
+def _bound_text(margin: Margin, locations: LimitLocations, row: CampaignRow) -> str:
     limit = margin.limit
-    side = "at least" if limit.least else "up to"
+    side = "at least" if limit.is_lower_bound else "up to"
     allowed = format_number(float(f"{margin.allowed:.6g}"))
     effect = ""
-    if not (margin.broken and limit.effect in ("stop", "unstable")):
+    if not (margin.exceeded and limit.effect in ("stop", "unstable")):
         effect = ", torque saturates there" if limit is MODULATION else _EFFECTS[limit.effect]
-    return f"allowed {side} {allowed} {limit.unit} ({places.text(limit, row)}){effect}"
+    return f"allowed {side} {allowed} {limit.unit} ({locations.text(limit, row)}){effect}"
 
 
-def _doubts(one: RowPrediction, settle: float) -> Iterator[str]:
-    """What makes the prediction, or the row's mean, less sure."""
-    found = one.predicted
-    if not found.settled:
-        yield "no steady motion was found, so the prediction is rough"
-    left = math.exp(-settle / found.decay) * min(1.0, found.decay / max(one.row.measure, 1e-9))
-    if one.row.row != NO_ROW and left > LEFT_OVER:
+def _reliability_warnings(prediction: RowPrediction, settle: float) -> Iterator[str]:
+    """Yield warnings that the prediction or the row's mean is less reliable."""
+    predicted = prediction.predicted
+    if not predicted.converged:
+        yield "the predicted motion did not converge, so the prediction is approximate"
+    residue = math.exp(-settle / predicted.decay_time) * min(
+        1.0, predicted.decay_time / max(prediction.row.measure, 1e-9)
+    )
+    if prediction.row.row != NO_ROW and residue > MAX_RESIDUE:
         yield (
-            f"the slowest mode decays in {found.decay:.3g} s, so with {format_number(settle)} s of "
-            f"settling {100.0 * left:.0f} % of a change of gains is left in the mean over "
-            f"{one.row.measure:.4g} s"
+            f"the slowest mode decays in {predicted.decay_time:.3g} s, so with "
+            f"{format_number(settle)} s of settling {100.0 * residue:.0f} % "
+            f"of a change of gains remains in the mean over {prediction.row.measure:.4g} s"
         )

@@ -1,6 +1,7 @@
-"""Which gains to try next: from what runs have measured to the next gain matrix.
+"""Recommendation of the next gain matrix from measured runs.
 
-`trial` predicts set points on the identified twin, `search` finds the best of them for each station
-and law, `doubt` says how surely, `matrix` chooses the rows and writes them as a campaign, `report`
-and `pictures` tell it. Nothing here knows the plant that stands in for the hardware.
+`trial` predicts set points on the identified twin, `search` finds the best one for each station and
+law, `uncertainty` computes confidence intervals, `matrix` chooses the rows and writes them as a
+campaign, `report` and `picture` write the results. This package uses only the identified twin, not
+the simulated plant that replaces the hardware.
 """

@@ -1,92 +1,122 @@
-"""From runs and a campaign to a recommendation."""
+"""Recommendation of gains from runs and a campaign."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from rig.design.recommend import matrix
-from rig.design.recommend.search import Optimum, Station, optima, room_of
-from rig.design.recommend.trial import Bench, Tried, opened
-from rig.design.recommend.uncertainty import Compared, compared, half_widths
+from rig.design.recommend.search import Optimum, Station, find_optima, search_space
+from rig.design.recommend.trial import SetPointPrediction, SetPointPredictor, open_on_twin
+from rig.design.recommend.uncertainty import RowComparison, compare_rows, half_widths
 from rig.identification.twin import plant_file
-from rig.identification.twin.estimate import Twin, twin
+from rig.identification.twin.estimate import Twin, identify_twin
 from rig.planning.campaign import Campaign
 from rig.recording.runs import RunError
 from rig.recording.runs.folder import run_info
 
 
 class RecommendOptions(NamedTuple):
-    """What is to be recommended."""
+    """Options of a recommendation."""
 
-    campaign: Path | None = None  # sea, rig and all but the matrix; None: of the last run in waves
+    campaign: Path | None = None  # base campaign; None: that of the last run in waves
     station: Station = "dc"
     rows: int = 12
-    spring: tuple[float, float] | None = None  # N/m, range; None: all that the map holds
-    plant: Path | None = None  # stands in for the plant file that the first run names
-    probe: str = ""  # of wave calibrations
-    incomplete_rows: bool = False  # also rows of which the record lacks ticks
+    spring: tuple[float, float] | None = None  # N/m, range; None: the whole spring map
+    plant: Path | None = None  # replaces the plant file that the first run names
+    probe: str = ""  # name of the probe in wave calibrations
+    incomplete_rows: bool = False  # also use rows with missing ticks
 
 
 class Recommendation(NamedTuple):
-    """A recommendation."""
+    """A recommendation: optima, rows and their confidence intervals."""
 
-    asked: RecommendOptions
-    base: Path  # the campaign that was asked for
-    campaign: Campaign  # the same, on the twin
+    options: RecommendOptions
+    base: Path  # the base campaign
+    campaign: Campaign  # the base campaign on the twin
     twin: Twin
-    bench: Bench
+    predictor: SetPointPredictor
     optima: tuple[Optimum, ...]
     optima_intervals: tuple[dict[str, float], ...]  # half widths, W and m
-    rows: tuple[matrix.Row, ...]
+    rows: tuple[matrix.RecommendedRow, ...]
     intervals: tuple[dict[str, float], ...]
-    measured: tuple[Compared, ...]  # rows of the same sea beside their prediction
+    measured: tuple[RowComparison, ...]  # measured rows of the same sea, with their prediction
 
     @property
-    def best(self) -> Tried:
-        """The best setting for the station that was asked for."""
-        station = self.asked.station
-        found = (o for o in self.optima if (o.station, o.law) == (station, "PI and spring"))
-        return next(found).best
+    def best(self) -> SetPointPrediction:
+        """The best setting for the chosen station."""
+        station = self.options.station
+        matching = (
+            optimum
+            for optimum in self.optima
+            if (optimum.station, optimum.law) == (station, "PI and spring")
+        )
+        return next(matching).best
 
 
-def advise(runs: Sequence[Path], asked: RecommendOptions, folder: Path) -> Recommendation:
-    """Recommend; the twin is written into ``folder``.
+def recommend(runs: Sequence[Path], options: RecommendOptions, folder: Path) -> Recommendation:
+    """Return the recommendation; writes the twin into ``folder``.
 
-    Raises RunError, ValueError or `ConfigError` as `rig.identification.twin.estimate.twin` and
-    opening a campaign do.
+    Raises RunError, ValueError or `ConfigError`, as `identify_twin` and `open_campaign` do.
     """
-    base = asked.campaign or _sea_of(runs)
-    known = twin(runs, asked.plant, asked.probe, incomplete_rows=asked.incomplete_rows)
-    plant, *_ = plant_file.write(known, folder / plant_file.FOLDER)
-    campaign = opened(base, plant)
-    bench, quick = Bench(campaign, known), Bench(campaign, known, quick=True)
-    room = room_of(bench, asked.spring)
-    held = min(max(bench.first.spring_rate, room.spring[0]), room.spring[1])
-    found = optima(bench, quick, room, held)
-    measured = compared(known, bench)
-    told = half_widths(known, quick, [one.best.gains for one in found], measured)
-    at = next(i for i, o in enumerate(found)
-              if (o.station, o.law) == (asked.station, "PI and spring"))  # fmt: skip
-    wanted = matrix.Wanted(room, asked.station, asked.rows)
-    rows = matrix.rows(bench, quick, found, wanted, told[at][asked.station])
+    base = options.campaign or _last_campaign_in_waves(runs)
+    identified_twin = identify_twin(
+        runs, options.plant, options.probe, incomplete_rows=options.incomplete_rows
+    )
+    plant, *_ = plant_file.write(identified_twin, folder / plant_file.FOLDER)
+    campaign = open_on_twin(base, plant)
+    predictor, quick_predictor = (
+        SetPointPredictor(campaign, identified_twin),
+        SetPointPredictor(campaign, identified_twin, quick=True),
+    )
+    space = search_space(predictor, options.spring)
+    spring_rate = min(max(predictor.first_gains.spring_rate, space.spring[0]), space.spring[1])
+    optima = find_optima(predictor, quick_predictor, space, spring_rate)
+    measured = compare_rows(identified_twin, predictor)
+    optima_intervals = half_widths(
+        identified_twin, quick_predictor, [optimum.best.gains for optimum in optima], measured
+    )
+    chosen = next(i for i, optimum in enumerate(optima)
+              if (optimum.station, optimum.law) == (options.station, "PI and spring"))  # fmt: skip
+    matrix_options = matrix.MatrixOptions(space, options.station, options.rows)
+    rows = matrix.choose_rows(
+        predictor,
+        quick_predictor,
+        optima,
+        matrix_options,
+        optima_intervals[chosen][options.station],
+    )
     if not rows:
         raise RunError("no setting near the best is allowed by the limits of the rig")
-    intervals = half_widths(known, quick, [row.tried.gains for row in rows], measured)
+    intervals = half_widths(
+        identified_twin, quick_predictor, [row.prediction.gains for row in rows], measured
+    )
     return Recommendation(
-        asked, base, bench.campaign, known, bench, tuple(found), tuple(told), tuple(rows),
-        tuple(intervals), tuple(measured),
-    )  # fmt: skip
+        options,
+        base,
+        predictor.campaign,
+        identified_twin,
+        predictor,
+        tuple(optima),
+        tuple(optima_intervals),
+        tuple(rows),
+        tuple(intervals),
+        tuple(measured),
+    )
 
 
-def _sea_of(runs: Sequence[Path]) -> Path:
+def _last_campaign_in_waves(runs: Sequence[Path]) -> Path:
     """The campaign file of the last run in waves."""
     for run in reversed(runs):
-        known = run_info(run)
-        if (known.plan.get("sea") or {}).get("kind") in ("calm", None):
+        run_facts = run_info(run)
+        if (run_facts.plan.get("sea") or {}).get("kind") in ("calm", None):
             continue
-        if known.plan.get("device") == "absent" or known.plan.get("reference"):
+        if run_facts.plan.get("device") == "absent" or run_facts.plan.get("reference"):
             continue
-        named = [one["path"] for one in known.config.get("files", []) if one["role"] == "campaign"]
-        if named and Path(named[0]).is_file():
-            return Path(named[0])
-    raise RunError("no run in waves whose campaign file is still there: say which sea, --campaign")
+        paths = [
+            one["path"] for one in run_facts.config.get("files", []) if one["role"] == "campaign"
+        ]
+        if paths and Path(paths[0]).is_file():
+            return Path(paths[0])
+    raise RunError(
+        "no run in waves whose campaign file still exists: name the sea by --campaign FILE"
+    )

@@ -1,145 +1,187 @@
-"""A recommendation written down: campaign, JSON, tables."""
+"""Output of a recommendation: campaign file, JSON and text tables."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 from rig.config.problems import display_path
-from rig.design.recommend.matrix import campaign_text, words
+from rig.design.recommend.matrix import campaign_text, station_label
 from rig.design.recommend.recommendation import Recommendation
 from rig.design.recommend.search import STATIONS
-from rig.design.recommend.trial import Tried
+from rig.design.recommend.trial import SetPointPrediction
 from rig.design.recommend.uncertainty import STROKE
 
 CAMPAIGN, NUMBERS = "recommended.yaml", "recommendation.json"
-SHORT = {"mechanical_1": "mech", "ac": "AC", "dc": "DC"}
+SHORT_LABELS = {"mechanical_1": "mech", "ac": "AC", "dc": "DC"}
 
 
-def write(advice: Recommendation, folder: Path, output: Path | None = None) -> list[Path]:
-    """The campaign (at ``output`` if given) and the JSON."""
+def write(recommendation: Recommendation, folder: Path, output: Path | None = None) -> list[Path]:
+    """Write the campaign (to ``output`` if given) and the JSON; return both paths."""
     folder.mkdir(parents=True, exist_ok=True)
     campaign, numbers = output or folder / CAMPAIGN, folder / NUMBERS
     campaign.parent.mkdir(parents=True, exist_ok=True)
-    beside = [
-        f"{row.why}: {_powers(row.tried, told)}"
-        for row, told in zip(advice.rows, advice.intervals, strict=True)
+    comments = [
+        f"{row.reason}: {_power_text(row.prediction, half_width)}"
+        for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True)
     ]
-    name = advice.campaign.file.name
+    name = recommendation.campaign.file.name
     name = name if name.endswith("_recommended") else f"{name[:52]}_recommended"
-    text = campaign_text(campaign, advice.base, name, _head(advice), advice.rows, beside)
+    text = campaign_text(
+        campaign, recommendation.base, name, _header(recommendation), recommendation.rows, comments
+    )
     campaign.write_text(text, encoding="utf-8")
-    numbers.write_text(json.dumps(as_dict(advice), indent=1) + "\n", encoding="utf-8")
+    numbers.write_text(json.dumps(as_dict(recommendation), indent=1) + "\n", encoding="utf-8")
     return [campaign, numbers]
 
 
-def _head(advice: Recommendation) -> list[str]:
-    measured = len(advice.measured)
-    told = f", {measured} rows of this sea among them" if measured else ", none of them in this sea"
+def _header(recommendation: Recommendation) -> list[str]:
+    measured = len(recommendation.measured)
+    known_rows = f", including {measured} rows of this sea" if measured else ", none in this sea"
     return [
-        f"Written by rig recommend from {', '.join(advice.twin.runs)}{told}.",
-        f"Sea: {advice.campaign.file.sea.description()}. Looked for: {words(advice.asked.station)}.",
-        "Behind each row: why it is there and what is predicted, with 95 % intervals;",
-        "mean power in W (absorbed is negative), stroke from lowest to highest.",
+        f"Written by rig recommend from {', '.join(recommendation.twin.runs)}{known_rows}.",
+        f"Sea: {recommendation.campaign.file.sea.description()}. "
+        f"Optimised for: {station_label(recommendation.options.station)}.",
+        "Comment of each row: the reason for it and the prediction, with 95 % intervals;",
+        "mean power in W (absorbed is negative), stroke peak to peak.",
     ]
 
 
-def _powers(one: Tried, told: dict[str, float]) -> str:
-    said = [f"{SHORT[s]} {one.power(s):.1f} ± {told[s]:.1f} W" for s in STATIONS]
-    return ", ".join([*said, f"stroke {one.foreseen.stroke:.3f} ± {told[STROKE]:.3f} m"])
+def _power_text(prediction: SetPointPrediction, half_width: dict[str, float]) -> str:
+    powers = [
+        f"{SHORT_LABELS[station]} {prediction.power(station):.1f} ± {half_width[station]:.1f} W"
+        for station in STATIONS
+    ]
+    return ", ".join(
+        [*powers, f"stroke {prediction.values.stroke:.3f} ± {half_width[STROKE]:.3f} m"]
+    )
 
 
-def as_dict(advice: Recommendation) -> dict[str, Any]:
-    """All of it as JSON values, SI."""
+def as_dict(recommendation: Recommendation) -> dict[str, Any]:
+    """Return the recommendation as JSON values in SI units."""
     return {
-        "runs": list(advice.twin.runs),
-        "campaign": display_path(advice.base),
-        "sea": advice.campaign.file.sea.description(),
-        "station": advice.asked.station,
-        "best": _tried(advice.best),
+        "runs": list(recommendation.twin.runs),
+        "campaign": display_path(recommendation.base),
+        "sea": recommendation.campaign.file.sea.description(),
+        "station": recommendation.options.station,
+        "best": _prediction_as_dict(recommendation.best),
         "optima": [
-            {"station": o.station, "law": o.law, "at_limit": o.at_limit, **_tried(o.best, told)}
-            for o, told in zip(advice.optima, advice.optima_intervals, strict=True)
+            {
+                "station": optimum.station,
+                "law": optimum.law,
+                "at_limit": optimum.at_limit,
+                **_prediction_as_dict(optimum.best, half_width),
+            }
+            for optimum, half_width in zip(
+                recommendation.optima, recommendation.optima_intervals, strict=True
+            )
         ],
         "rows": [
-            {"why": row.why, **_tried(row.tried, told)}
-            for row, told in zip(advice.rows, advice.intervals, strict=True)
+            {"why": row.reason, **_prediction_as_dict(row.prediction, half_width)}
+            for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True)
         ],
         "measured": [
-            {"row": c.place, **c.gains._asdict(), "measured": c.measured, "predicted": c.predicted}
-            for c in advice.measured
+            {
+                "row": comparison.row_label,
+                **comparison.gains._asdict(),
+                "measured": comparison.measured,
+                "predicted": comparison.predicted,
+            }
+            for comparison in recommendation.measured
         ],
-        "notes": list(advice.twin.notes),
+        "notes": list(recommendation.twin.notes),
     }
 
 
-def _tried(one: Tried, told: dict[str, float] | None = None) -> dict[str, Any]:
-    found: dict[str, Any] = one.gains._asdict()
-    found |= {f"power_{station}_w": one.power(station) for station in STATIONS}
-    found |= {"stroke_m": one.foreseen.stroke, "current_rms_a": one.foreseen.current_rms}
-    if told is not None:
-        found["half_width_95"] = dict(told)
-    return found
+def _prediction_as_dict(
+    prediction: SetPointPrediction, half_width: dict[str, float] | None = None
+) -> dict[str, Any]:
+    entry: dict[str, Any] = prediction.gains._asdict()
+    entry |= {f"power_{station}_w": prediction.power(station) for station in STATIONS}
+    entry |= {"stroke_m": prediction.values.stroke, "current_rms_a": prediction.values.current_rms}
+    if half_width is not None:
+        entry["half_width_95"] = dict(half_width)
+    return entry
 
 
-def as_text(advice: Recommendation) -> str:
-    """For people: the best of each law, the rows, how measured rows were met."""
-    lines = [*_head(advice)[:2], "", "Best by station and law", *_optima(advice)]
-    rows = [
-        ("spring", "Kp", "Ki", *SHORT.values(), "±", "stroke m", "why"),
-        *(
-            (*_gains(row.tried), *_watts(row.tried), f"{told[advice.asked.station]:.1f}",
-             f"{row.tried.foreseen.stroke:.3f}", row.why)
-            for row, told in zip(advice.rows, advice.intervals, strict=True)
-        ),
-    ]  # fmt: skip
-    name = SHORT[advice.asked.station]
-    lines += ["", f"Rows of the next campaign (± of {name}, 95 %)", *_aligned(rows)]
-    if advice.measured:
-        lines += ["", "Measured rows of this sea less their prediction, W", *_met(advice)]
-    lines += ["", *(f"!! {note}" for note in advice.twin.notes)]
+def as_text(recommendation: Recommendation) -> str:
+    """Return a text report: optima, rows, and measured rows against their prediction."""
+    lines = [
+        *_header(recommendation)[:2],
+        "",
+        "Best by station and law",
+        *_optima_lines(recommendation),
+    ]
+    station = recommendation.options.station
+    rows: list[tuple[str, ...]] = [
+        ("spring", "Kp", "Ki", *SHORT_LABELS.values(), "±", "stroke m", "reason")
+    ]
+    for row, half_width in zip(recommendation.rows, recommendation.intervals, strict=True):
+        gains, powers = _gain_cells(row.prediction), _power_cells(row.prediction)
+        stroke = f"{row.prediction.values.stroke:.3f}"
+        rows.append((*gains, *powers, f"{half_width[station]:.1f}", stroke, row.reason))
+    name = SHORT_LABELS[station]
+    lines += ["", f"Rows of the next campaign (± of {name}, 95 %)", *_align(rows)]
+    if recommendation.measured:
+        lines += [
+            "",
+            "Measured minus predicted power of rows in this sea, W",
+            *_comparison_lines(recommendation),
+        ]
+    lines += ["", *(f"!! {note}" for note in recommendation.twin.notes)]
     return "\n".join(lines)
 
 
-def _optima(advice: Recommendation) -> list[str]:
-    head = ("for", "law", "spring N/m", "Kp N·s/m", "Ki N/m", *(f"{s} W" for s in SHORT.values()),
-            "±", "x stroke m", "")  # fmt: skip
-    body = [
-        (words(o.station), o.law, *_gains(o.best), *_watts(o.best), f"{told[o.station]:.1f}",
-         f"{o.best.foreseen.stroke:.3f}", "at a limit" if o.at_limit else "")
-        for o, told in zip(advice.optima, advice.optima_intervals, strict=True)
-    ]  # fmt: skip
-    return _aligned([head, *body])
+def _optima_lines(recommendation: Recommendation) -> list[str]:
+    powers = (f"{label} W" for label in SHORT_LABELS.values())
+    gains = ("spring N/m", "Kp N·s/m", "Ki N/m")
+    rows: list[tuple[str, ...]] = [("for", "law", *gains, *powers, "±", "x stroke m", "")]
+    for optimum, half_width in zip(
+        recommendation.optima, recommendation.optima_intervals, strict=True
+    ):
+        best = optimum.best
+        rows.append(
+            (
+                *(station_label(optimum.station), optimum.law),
+                *(*_gain_cells(best), *_power_cells(best)),
+                *(f"{half_width[optimum.station]:.1f}", f"{best.values.stroke:.3f}"),
+                "at a limit" if optimum.at_limit else "",
+            )
+        )
+    return _align(rows)
 
 
-def _met(advice: Recommendation) -> list[str]:
-    found: list[tuple[str, ...]] = []
+def _comparison_lines(recommendation: Recommendation) -> list[str]:
+    lines: list[tuple[str, ...]] = []
     for station in STATIONS:
-        off = [c.measured[station] - c.predicted[station] for c in advice.measured]
-        mean = sum(off) / len(off)
-        worst = max(off, key=abs)
-        found.append((SHORT[station], f"mean {mean:+.2f}", f"worst {worst:+.2f}"))
-    return _aligned(found)
+        errors = [
+            comparison.measured[station] - comparison.predicted[station]
+            for comparison in recommendation.measured
+        ]
+        mean = sum(errors) / len(errors)
+        worst = max(errors, key=abs)
+        lines.append((SHORT_LABELS[station], f"mean {mean:+.2f}", f"worst {worst:+.2f}"))
+    return _align(lines)
 
 
-def _gains(one: Tried) -> tuple[str, str, str]:
+def _gain_cells(one: SetPointPrediction) -> tuple[str, str, str]:
     return (f"{one.gains.spring_rate:.0f}", f"{one.gains.kp:.0f}", f"{one.gains.ki:.0f}")
 
 
-def _watts(one: Tried) -> tuple[str, ...]:
+def _power_cells(one: SetPointPrediction) -> tuple[str, ...]:
     return tuple(f"{one.power(station):.1f}" for station in STATIONS)
 
 
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+def _align(rows: list[tuple[str, ...]]) -> list[str]:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     out = []
     for row in rows:
         cells = [
-            cell.rjust(w) if _number(cell) else cell.ljust(w)
+            cell.rjust(w) if _is_number(cell) else cell.ljust(w)
             for cell, w in zip(row, widths, strict=True)
         ]
         out.append("  " + "  ".join(cells).rstrip())
     return out
 
 
-def _number(cell: str) -> bool:
+def _is_number(cell: str) -> bool:
     return cell.replace("-", "").replace("+", "").replace(".", "").isdigit()

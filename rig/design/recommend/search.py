@@ -1,9 +1,9 @@
-"""The best settings for a sea: P, PI, and PI with the spring, at each power station.
+"""Search for the best P, PI, and PI-and-spring settings of a sea, for each power station.
 
-Power depends on Ki and spring mostly by their difference, which the device feels as one stiffness,
-so that difference is a direction of its own. A coarse grid shows where the valley is; from its best
-point a quadratic is fitted to a few points around, its bottom is the next middle, and the points
-move closer together.
+Power depends on Ki and spring rate mostly through their difference, the effective stiffness, so the
+search uses that difference as a coordinate. A coarse grid locates the valley. From its best point,
+each iteration fits a quadratic to a few points around the centre, moves the centre to the minimum
+of the quadratic, and reduces the distance of the points.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from rig.config.rig_file import RigFile
-from rig.design.recommend.trial import Bench, Gains, Tried
+from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.identification.periods import Floats
 from rig.planning.campaign.stability import largest_ki
 
@@ -22,143 +22,159 @@ Law = Literal["P", "PI", "PI and spring"]
 STATIONS: tuple[Station, ...] = ("mechanical_1", "ac", "dc")
 LAWS: tuple[Law, ...] = ("P", "PI", "PI and spring")
 
-KP = (-6000.0, -100.0)  # N s/m
-REACH = (-12_000.0, 22_000.0)  # N/m, of Ki less spring rate
-_STEPS = (0.35, 2500.0, 3000.0)  # log Kp, N/m, N/m: first distance of the points around
-_ROUNDS = 5
-_SHRINK = 0.55  # of the distance, from round to round
-_PENALTY = 100.0  # W, for each time that a limit is passed by its own size
+KP_RANGE = (-6000.0, -100.0)  # N s/m
+STIFFNESS_RANGE = (-12_000.0, 22_000.0)  # N/m, range of Ki minus spring rate
+_STEPS = (0.35, 2500.0, 3000.0)  # log Kp, N/m, N/m: initial distance of the points
+_ITERATIONS = 5
+_SHRINK = 0.55  # factor on the distance per iteration
+_PENALTY = 100.0  # W per relative excess over a limit
 
-Trial = Callable[[Sequence[Gains]], list[Tried]]
+Predict = Callable[[Sequence[Gains]], list[SetPointPrediction]]
 
 
 class Optimum(NamedTuple):
-    """The best of a law for a station."""
+    """The best setting of a law for a station."""
 
     station: Station
     law: Law
-    best: Tried
-    at_limit: bool  # a limit of the rig or of the search, and not power, ends it there
+    best: SetPointPrediction
+    at_limit: bool  # True if a limit of the rig or the search ends the search there
 
 
-class Room(NamedTuple):
-    """Where settings are looked for."""
+class SearchSpace(NamedTuple):
+    """Range of the settings in the search."""
 
     spring: tuple[float, float]  # N/m
     rig: RigFile
 
-    def gains(self, place: Floats) -> Gains:
-        """Settings at log(-Kp), Ki less spring rate, and spring rate, within the room."""
-        rate = float(np.clip(place[2], *self.spring))
-        kp = -float(np.exp(np.clip(place[0], np.log(-KP[1]), np.log(-KP[0]))))
-        ki = float(np.clip(place[1], *REACH)) + rate
+    def to_gains(self, coordinates: Floats) -> Gains:
+        """Return the gains at (log(-Kp), Ki - spring rate, spring rate), clipped to the space."""
+        rate = float(np.clip(coordinates[2], *self.spring))
+        kp = -float(np.exp(np.clip(coordinates[0], np.log(-KP_RANGE[1]), np.log(-KP_RANGE[0]))))
+        ki = float(np.clip(coordinates[1], *STIFFNESS_RANGE)) + rate
         return Gains(kp, min(ki, largest_ki(self.rig.stability, rate)), rate)
 
-    def place(self, gains: Gains) -> Floats:
-        """The place of settings."""
+    def to_coordinates(self, gains: Gains) -> Floats:
+        """Return the coordinates of gains."""
         kp, ki, rate = gains
-        return np.array([np.log(max(-kp, -KP[1])), ki - rate, rate])
+        return np.array([np.log(max(-kp, -KP_RANGE[1])), ki - rate, rate])
 
 
-def room_of(bench: Bench, spring: tuple[float, float] | None = None) -> Room:
-    """All that the rig's spring map holds, or the rates given (N/m)."""
-    rates, _ = bench.campaign.rig.spring.by_rate()
+def search_space(
+    predictor: SetPointPredictor, spring: tuple[float, float] | None = None
+) -> SearchSpace:
+    """Return the search space: the rig's spring map, or the given range of rates (N/m)."""
+    rates, _ = predictor.campaign.rig.spring.by_rate()
     low, high = spring or (rates[0], rates[-1])
-    return Room((max(low, rates[0]), min(high, rates[-1])), bench.campaign.rig)
+    return SearchSpace((max(low, rates[0]), min(high, rates[-1])), predictor.campaign.rig)
 
 
-def cost(one: Tried, station: Station) -> float:
-    """Power of a station, with what is refused made dear."""
-    beyond = [m.used - 1.0 for m in one.margins if m.broken and m.limit.effect != "warn"]
-    over = sum(min(each, 3.0) for each in beyond if each > 0.0)
-    return one.power(station) + _PENALTY * over
+def cost(prediction: SetPointPrediction, station: Station) -> float:
+    """Return the power of a station (W) plus a penalty for exceeded limits."""
+    excess = [m.used - 1.0 for m in prediction.margins if m.exceeded and m.limit.effect != "warn"]
+    penalty = sum(min(each, 3.0) for each in excess if each > 0.0)
+    return prediction.power(station) + _PENALTY * penalty
 
 
-def optima(bench: Bench, quick: Bench, room: Room, held: float) -> list[Optimum]:
-    """The best setting of each law for each station; P and PI have the spring at ``held`` (N/m).
+def find_optima(
+    predictor: SetPointPredictor,
+    quick_predictor: SetPointPredictor,
+    space: SearchSpace,
+    spring_rate: float,
+) -> list[Optimum]:
+    """Return the best setting of each law for each station.
 
-    They are looked for on the ``quick`` bench and told as the other one predicts them.
+    P and PI use the fixed ``spring_rate`` (N/m). The search uses ``quick_predictor``; the results
+    are predictions of ``predictor``.
     """
-    grid = quick.tried(_grid(room, held))
-    found = []
+    grid = quick_predictor.predict(_grid(space, spring_rate))
+    optima = []
     for law in LAWS:
         for station in STATIONS:
-            there = [one for one in grid if _belongs(one.gains, law, held)]
-            start = min(there, key=lambda one: cost(one, station))
-            best = descend(quick.tried, room, start, station, law)
-            found.append((station, law, best.gains))
-    told = bench.tried([gains for _, _, gains in found])
+            candidates = [one for one in grid if _has_law(one.gains, law, spring_rate)]
+            start = min(candidates, key=lambda one: cost(one, station))
+            best = descend(quick_predictor.predict, space, start, station, law)
+            optima.append((station, law, best.gains))
+    predictions = predictor.predict([gains for _, _, gains in optima])
     return [
-        Optimum(station, law, best, _ends(best, room, law))
-        for (station, law, _), best in zip(found, told, strict=True)
+        Optimum(station, law, best, _is_at_limit(best, space, law))
+        for (station, law, _), best in zip(optima, predictions, strict=True)
     ]
 
 
-def _grid(room: Room, held: float) -> list[Gains]:
-    """A coarse grid of all directions, of Kp and Ki at the held spring, and of Kp alone."""
-    kps = np.linspace(np.log(-KP[1] * 5.0), np.log(-KP[0]), 6)
-    reaches = np.linspace(-6000.0, 18_000.0, 7)
-    rates = np.unique([*np.linspace(*room.spring, 4), held])
-    made = [
-        room.gains(np.array([kp, reach, rate])) for rate in rates for reach in reaches for kp in kps
+def _grid(space: SearchSpace, spring_rate: float) -> list[Gains]:
+    """Return a coarse grid in all coordinates, in Kp and Ki at the spring rate, and in Kp only."""
+    log_kps = np.linspace(np.log(-KP_RANGE[1] * 5.0), np.log(-KP_RANGE[0]), 6)
+    stiffnesses = np.linspace(-6000.0, 18_000.0, 7)
+    spring_rates = np.unique([*np.linspace(*space.spring, 4), spring_rate])
+    points = [
+        space.to_gains(np.array([log_kp, stiffness, rate]))
+        for rate in spring_rates
+        for stiffness in stiffnesses
+        for log_kp in log_kps
     ]
-    made += [Gains(-float(np.exp(kp)), 0.0, held) for kp in kps]
-    return list(dict.fromkeys(made))
+    points += [Gains(-float(np.exp(log_kp)), 0.0, spring_rate) for log_kp in log_kps]
+    return list(dict.fromkeys(points))
 
 
-def _belongs(gains: Gains, law: Law, held: float) -> bool:
+def _has_law(gains: Gains, law: Law, spring_rate: float) -> bool:
     if law == "PI and spring":
         return True
-    return gains.spring_rate == held and (law == "PI" or gains.ki == 0.0)
+    return gains.spring_rate == spring_rate and (law == "PI" or gains.ki == 0.0)
 
 
-def descend(trial: Trial, room: Room, start: Tried, station: Station, law: Law) -> Tried:
-    """From a start to the bottom of the valley, in the directions that a law has."""
-    free = {"P": 1, "PI": 2, "PI and spring": 3}[law]
+def descend(
+    predict: Predict, space: SearchSpace, start: SetPointPrediction, station: Station, law: Law
+) -> SetPointPrediction:
+    """Return the minimum of the cost from a start, in the coordinates that the law varies."""
+    free_count = {"P": 1, "PI": 2, "PI and spring": 3}[law]
     best, steps = start, np.array(_STEPS)
-    for _ in range(_ROUNDS):
-        middle = room.place(best.gains)
-        offsets = _around(free)
-        places = middle + offsets * steps
-        tried = trial([room.gains(place) for place in places])
-        costs = np.array([cost(one, station) for one in tried])
-        bottom = middle + _bottom(offsets[:, :free], costs) * steps
-        (last,) = trial([room.gains(bottom)])
-        best = min([best, *tried, last], key=lambda one: cost(one, station))
+    for _ in range(_ITERATIONS):
+        centre = space.to_coordinates(best.gains)
+        offsets = _design_points(free_count)
+        points = centre + offsets * steps
+        predictions = predict([space.to_gains(point) for point in points])
+        costs = np.array([cost(one, station) for one in predictions])
+        minimum = centre + _quadratic_minimum(offsets[:, :free_count], costs) * steps
+        (at_minimum,) = predict([space.to_gains(minimum)])
+        best = min([best, *predictions, at_minimum], key=lambda one: cost(one, station))
         steps = steps * _SHRINK
     return best
 
 
-def _around(free: int) -> Floats:
-    """Middle, ends of each axis and corners, in units of a step; directions that are held are 0."""
-    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * free, indexing="ij"), axis=-1)
-    ends = np.concatenate([np.eye(free), -np.eye(free)])
-    points = np.concatenate([np.zeros((1, free)), ends, corners.reshape(-1, free)])
+def _design_points(free_count: int) -> Floats:
+    """Return centre, axis ends and corners, in units of a step; fixed coordinates are 0."""
+    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * free_count, indexing="ij"), axis=-1)
+    ends = np.concatenate([np.eye(free_count), -np.eye(free_count)])
+    points = np.concatenate([np.zeros((1, free_count)), ends, corners.reshape(-1, free_count)])
     points = np.unique(points, axis=0)
-    return np.concatenate([points, np.zeros((len(points), 3 - free))], axis=1)
+    return np.concatenate([points, np.zeros((len(points), 3 - free_count))], axis=1)
 
 
-def _bottom(points: Floats, costs: Floats) -> Floats:
-    """Least place of the quadratic through points, within two steps; 0 in directions held."""
-    free = points.shape[1]
-    pairs = [(i, j) for i in range(free) for j in range(i, free)]
+def _quadratic_minimum(points: Floats, costs: Floats) -> Floats:
+    """Return the minimum of the fitted quadratic, within two steps; 0 in fixed coordinates."""
+    free_count = points.shape[1]
+    pairs = [(i, j) for i in range(free_count) for j in range(i, free_count)]
 
-    def terms(at: Floats) -> Floats:
-        products = [at[..., i] * at[..., j] for i, j in pairs]
-        return np.stack([np.ones(at.shape[:-1]), *np.moveaxis(at, -1, 0), *products], axis=-1)
+    def terms(x: Floats) -> Floats:
+        products = [x[..., i] * x[..., j] for i, j in pairs]
+        return np.stack([np.ones(x.shape[:-1]), *np.moveaxis(x, -1, 0), *products], axis=-1)
 
-    numbers = np.linalg.lstsq(terms(points), costs, rcond=None)[0]
-    reach = [(-2.0, 2.0)] * free
-    found = minimize(
-        lambda at: float(terms(np.asarray(at)) @ numbers), np.zeros(free), bounds=reach
+    coefficients = np.linalg.lstsq(terms(points), costs, rcond=None)[0]
+    bounds = [(-2.0, 2.0)] * free_count
+    result = minimize(
+        lambda x: float(terms(np.asarray(x)) @ coefficients), np.zeros(free_count), bounds=bounds
     )
-    return np.concatenate([found.x, np.zeros(3 - free)])
+    return np.concatenate([result.x, np.zeros(3 - free_count)])
 
 
-def _ends(best: Tried, room: Room, law: Law) -> bool:
-    """Whether a limit, not power, ends the search."""
+def _is_at_limit(best: SetPointPrediction, space: SearchSpace, law: Law) -> bool:
+    """Return True if a limit, not power, determines the optimum."""
     gains = best.gains
-    near = any(m.used > 0.98 for m in best.margins if m.limit.effect in ("stop", "unstable"))
-    edge = law == "PI and spring" and min(abs(gains.spring_rate - end) for end in room.spring) < 1.0
-    stiff = largest_ki(room.rig.stability, gains.spring_rate) - gains.ki < 1.0
-    return near or edge or (stiff and law != "P")
+    near_limit = any(m.used > 0.98 for m in best.margins if m.limit.effect in ("stop", "unstable"))
+    at_spring_end = (
+        law == "PI and spring"
+        and min(abs(gains.spring_rate - spring_end) for spring_end in space.spring) < 1.0
+    )
+    at_max_ki = largest_ki(space.rig.stability, gains.spring_rate) - gains.ki < 1.0
+    return near_limit or at_spring_end or (at_max_ki and law != "P")

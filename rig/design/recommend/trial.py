@@ -1,4 +1,4 @@
-"""Set points predicted on the twin of a device, in the sea of a campaign."""
+"""Prediction of set points on the twin of a device, in the sea of a campaign."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,9 +8,9 @@ from controllers import magnetic_spring
 from rig.config.problems import ConfigError
 from rig.config.yaml_source import SourceLocation, SourceMap, load_mapping
 from rig.design.predictions import RowPredictions
-from rig.design.predictions.margins import Margin, broken
-from rig.design.predictions.model import Subject, subject_of
-from rig.design.predictions.rows import tried
+from rig.design.predictions.margins import Margin, blocking_margins
+from rig.design.predictions.model import CampaignModel, build_model
+from rig.design.predictions.rows import predict_set_points
 from rig.execution.rehearsal.job import problems, requested_sea
 from rig.identification.twin import plant_file, seas
 from rig.identification.twin.estimate import Twin
@@ -20,36 +20,36 @@ from rig.planning.campaign.windows import row_windows
 
 
 class Gains(NamedTuple):
-    """What is looked for."""
+    """The gains that the recommendation varies."""
 
     kp: float  # N s/m
     ki: float  # N/m
     spring_rate: float  # N/m
 
 
-class Tried(NamedTuple):
-    """A set point and what is predicted of it."""
+class SetPointPrediction(NamedTuple):
+    """A set point and its predicted values and margins."""
 
     gains: Gains
-    foreseen: RowPredictions
+    values: RowPredictions
     margins: tuple[Margin, ...]
 
     @property
     def allowed(self) -> bool:
-        """True if no limit refuses it."""
-        return not any(broken(self.margins))
+        """True if no limit refuses the set point."""
+        return not any(blocking_margins(self.margins))
 
     def power(self, station: str) -> float:
-        """Mean power of a station, W, absorbed negative."""
-        return float(getattr(self.foreseen, f"power_{station}"))
+        """Return the mean power of a station, W; absorbed power is negative."""
+        return float(getattr(self.values, f"power_{station}"))
 
 
-GLANCE = 8.0  # Hz: samples of a quick prediction, twice what excites at most
-GLANCE_SECONDS = 60.0  # of a row in a quick prediction, for the custom drive's bus
+QUICK_RATE = 8.0  # Hz, sampling rate of a quick prediction: four times the highest wave frequency
+QUICK_SECONDS = 60.0  # s, duration of a row in a quick prediction, for the custom drive's bus
 
 
-class Bench:
-    """A device in a sea: what set points would give."""
+class SetPointPredictor:
+    """Predictor of set points for one device in one sea."""
 
     def __init__(
         self,
@@ -59,36 +59,37 @@ class Bench:
         *,
         quick: bool = False,
     ) -> None:
-        """``campaign`` is opened on the twin's plant; ``shift`` is added to its estimates.
+        """Build the model of ``campaign``, which must be opened on the twin's plant.
 
-        ``quick``: coarsely sampled, for searching and for differences.
+        ``shift`` is added to the twin's estimates. ``quick`` samples coarsely, for the search and
+        for differences.
         """
         shift = dict(shift or {})
         factor = 1.0 + shift.pop(seas.SCALE, 0.0) / twin.values[seas.SCALE]
         if shift:
             campaign = campaign._replace(plant=plant_file.mapping(twin, shift))
-        subject = subject_of(campaign, GLANCE) if quick else subject_of(campaign)
-        pushed = subject.heave._replace(excitation=factor * subject.heave.excitation)
+        model = build_model(campaign, QUICK_RATE) if quick else build_model(campaign)
+        heave = model.heave._replace(excitation=factor * model.heave.excitation)
         self.campaign = campaign
-        self._subject: Subject = subject._replace(heave=pushed)
+        self._model: CampaignModel = model._replace(heave=heave)
         self._base: RowSetting = row_setting(campaign.file, campaign.rig, campaign.points[0])
         interval = row_windows(campaign.file.sea, campaign.file.timing).interval
-        self._seconds = min(interval, GLANCE_SECONDS) if quick else interval
+        self._seconds = min(interval, QUICK_SECONDS) if quick else interval
         spring = campaign.rig.spring
         self._spring = magnetic_spring.Params(*spring.by_rate(), spring.arrival_tolerance_percent)
 
     @property
     def campaign_sea(self) -> dict[str, Any]:
-        """What the campaign asks of the wave maker, line by line, as a run's plan has it."""
+        """The commanded wave lines of the campaign, in the format of a run's plan."""
         return requested_sea(self.campaign)
 
     @property
-    def first(self) -> Gains:
-        """The first row of the campaign."""
+    def first_gains(self) -> Gains:
+        """Gains of the first row of the campaign."""
         return Gains(self._base.kp, self._base.ki, self._base.spring_rate)
 
-    def tried(self, gains: Sequence[Gains]) -> list[Tried]:
-        """What is predicted of each, everything else as in the campaign's first row."""
+    def predict(self, gains: Sequence[Gains]) -> list[SetPointPrediction]:
+        """Predict each set point; all other settings are those of the campaign's first row."""
         rows = [
             (
                 self._base._replace(kp=one.kp, ki=one.ki, spring_rate=one.spring_rate),
@@ -96,25 +97,27 @@ class Bench:
             )
             for one in gains
         ]
-        found = tried(self._subject, rows, self._seconds)
-        return [Tried(one, *each) for one, each in zip(gains, found, strict=True)]
+        predictions = predict_set_points(self._model, rows, self._seconds)
+        return [
+            SetPointPrediction(one, *each) for one, each in zip(gains, predictions, strict=True)
+        ]
 
 
-def opened(path: Path, plant: Path) -> Campaign:
-    """A campaign on another plant file; raises `ConfigError` with all that is wrong with it."""
+def open_on_twin(path: Path, plant: Path) -> Campaign:
+    """Open a campaign on another plant file; raises `ConfigError` with all its problems."""
 
     def load(
-        file: Path, asked: SourceLocation | None = None, key: str = "", inline: tuple[str, ...] = ()
+        file: Path, place: SourceLocation | None = None, key: str = "", inline: tuple[str, ...] = ()
     ) -> tuple[dict[str, Any], SourceMap]:
-        return load_mapping(plant if key == "plant" else file, asked, key, inline)
+        return load_mapping(plant if key == "plant" else file, place, key, inline)
 
-    found = open_campaign(path, problems, load=load)
+    campaign = open_campaign(path, problems, load=load)
     for key, wrong in (
-        (("sea", "kind"), found.file.sea.kind == "calm"),
-        (("reference",), found.file.reference is not None),
-        (("device",), found.file.device == "absent"),
+        (("sea", "kind"), campaign.file.sea.kind == "calm"),
+        (("reference",), campaign.file.reference is not None),
+        (("device",), campaign.file.device == "absent"),
     ):
         if wrong:
             message = "gains are recommended for a sea, without reference, the device in the water"
-            raise ConfigError([found.locate.problem(key, None, message)])
-    return found
+            raise ConfigError([campaign.locate.problem(key, None, message)])
+    return campaign

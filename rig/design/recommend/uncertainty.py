@@ -1,8 +1,8 @@
-"""How sure predictions are: what the estimates' uncertainties and measured rows make of them.
+"""Confidence intervals of predictions, from the uncertainty of the estimates and measured rows.
 
 Each group of estimates is shifted by one standard deviation along each principal axis of its
-covariance; the changes of a prediction add up in squares. Rows that were measured in the same sea
-tell besides how far predictions are off as a whole.
+covariance; the resulting changes of a prediction add in quadrature. The errors of rows measured in
+the same sea are added.
 """
 
 from collections.abc import Sequence
@@ -11,72 +11,86 @@ from typing import NamedTuple
 import numpy as np
 
 from rig.design.recommend.search import STATIONS
-from rig.design.recommend.trial import Bench, Gains, Tried
+from rig.design.recommend.trial import Gains, SetPointPrediction, SetPointPredictor
 from rig.identification.periods import Floats
 from rig.identification.twin.estimate import Twin
 
-TIMES = 1.96  # standard deviations of a 95 % interval
+COVERAGE_FACTOR = 1.96  # standard deviations of a 95 % interval
 STROKE = "stroke"
 COLUMNS = (*STATIONS, STROKE)
-LEAST = (
-    0.15  # W, standard deviation: rig.design.predictions itself with a bus (docs/predictions.md)
-)
+MIN_DEVIATION = 0.15  # W, error of rig.design.predictions with a bus (docs/predictions.md)
 
 
-class Compared(NamedTuple):
-    """A measured row beside its prediction, W."""
+class RowComparison(NamedTuple):
+    """Measured and predicted power of a row, W."""
 
-    place: str
+    row_label: str
     gains: Gains
     measured: dict[str, float]
     predicted: dict[str, float]
 
 
-def column(one: Tried, name: str) -> float:
-    """A predicted power (W) or stroke (m)."""
-    return one.foreseen.stroke if name == STROKE else one.power(name)
+def predicted_value(prediction: SetPointPrediction, name: str) -> float:
+    """Return a predicted power (W) or stroke (m)."""
+    return prediction.values.stroke if name == STROKE else prediction.power(name)
 
 
 def half_widths(
-    twin: Twin, quick: Bench, gains: Sequence[Gains], rows: Sequence[Compared]
+    twin: Twin,
+    quick_predictor: SetPointPredictor,
+    gains: Sequence[Gains],
+    rows: Sequence[RowComparison],
 ) -> list[dict[str, float]]:
-    """Half of the 95 % interval of each column of each set point; ``rows`` were measured."""
-    base = quick.tried(gains)
+    """Return half the 95 % interval of each column for each set point.
+
+    ``rows`` are the measured rows whose prediction errors are included.
+    """
+    base = quick_predictor.predict(gains)
     total: dict[str, Floats] = {name: np.zeros(len(base)) for name in COLUMNS}
     for group in twin.groups:
         for direction in group.directions():
-            moved = Bench(quick.campaign, twin, direction, quick=True).tried(gains)
+            shifted = SetPointPredictor(
+                quick_predictor.campaign, twin, direction, quick=True
+            ).predict(gains)
             for name in COLUMNS:
-                pairs = zip(moved, base, strict=True)
-                change = [column(one, name) - column(other, name) for one, other in pairs]
+                pairs = zip(shifted, base, strict=True)
+                change = [
+                    predicted_value(one, name) - predicted_value(other, name)
+                    for one, other in pairs
+                ]
                 total[name] += np.square(change)
     for name in STATIONS:
-        total[name] += LEAST * LEAST + _off(rows, name)
+        total[name] += MIN_DEVIATION * MIN_DEVIATION + _mean_square_error(rows, name)
     return [
-        {name: TIMES * float(np.sqrt(total[name][i])) for name in COLUMNS} for i in range(len(base))
+        {name: COVERAGE_FACTOR * float(np.sqrt(total[name][i])) for name in COLUMNS}
+        for i in range(len(base))
     ]
 
 
-def _off(rows: Sequence[Compared], name: str) -> float:
-    """Mean square by which predictions of measured rows are off, W^2."""
+def _mean_square_error(rows: Sequence[RowComparison], name: str) -> float:
+    """Return the mean square prediction error of measured rows, W^2."""
     if not rows:
         return 0.0
-    return float(np.mean([(one.measured[name] - one.predicted[name]) ** 2 for one in rows]))
+    return float(
+        np.mean(
+            [(comparison.measured[name] - comparison.predicted[name]) ** 2 for comparison in rows]
+        )
+    )
 
 
-def compared(twin: Twin, bench: Bench) -> list[Compared]:
-    """The twin's rows in the campaign's own sea beside what is predicted of them."""
-    asked = bench.campaign_sea
-    rows = [one for one in twin.records if one.sea == asked and not one.has_excitation]
+def compare_rows(twin: Twin, predictor: SetPointPredictor) -> list[RowComparison]:
+    """Return measured and predicted power of the twin's rows in the campaign's sea."""
+    campaign_sea = predictor.campaign_sea
+    rows = [one for one in twin.records if one.sea == campaign_sea and not one.has_excitation]
     if not rows:
         return []
     gains = [Gains(*(one.setting[name] for name in Gains._fields)) for one in rows]
     return [
-        Compared(
-            row.place,
+        RowComparison(
+            row.row_label,
             one.gains,
             {"mechanical_1": row.column, "ac": row.ac, "dc": row.dc},
             {name: one.power(name) for name in STATIONS},
         )
-        for row, one in zip(rows, bench.tried(gains), strict=True)
+        for row, one in zip(rows, predictor.predict(gains), strict=True)
     ]

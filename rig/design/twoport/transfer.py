@@ -1,7 +1,7 @@
-"""How much of what waves offer goes into the take-off and into its load, and why no more.
+"""Share of the available wave power that reaches the take-off and its load, and the mismatch.
 
-Share of the power available, |F_e|^2/(8 Re Z_i), at the column and at the motor's terminals; and
-the mismatch of both ends, |reflection|: 0 where they are conjugates.
+The available power is |F_e|^2/(8 Re Z_i); shares are given at the column and at the motor's
+terminals. The mismatch at both ports is |reflection|, 0 for conjugate impedances.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis import picture
-from rig.design.twoport.figures import COLOURS, SAID, Case
+from rig.design.twoport.figures import COLOURS, SUBTITLE, Case
 from rig.design.twoport.network import (
     Complexes,
     Floats,
@@ -26,15 +26,15 @@ from rig.design.twoport.network import (
     mismatch,
     two_port,
 )
-from rig.design.twoport.power import available, flow
+from rig.design.twoport.power import available_power, flow
 
 
 class Transfer(NamedTuple):
     """Shares of the available power and mismatch at each frequency."""
 
     label: str
-    column: Floats  # 1, into the take-off at the column load cell
-    load: Floats  # 1, into the load at the motor's terminals; below 0 it gives
+    column: Floats  # 1, power into the take-off at the column load cell
+    load: Floats  # 1, power into the load at the motor's terminals; negative if it drives
     at_input: Floats  # |reflection| of Z_in against Z_i
     at_output: Floats  # |reflection| of Z_l against Z_out
 
@@ -42,63 +42,71 @@ class Transfer(NamedTuple):
 def transfers(
     omega: Floats, z_i: Complexes, drivetrain: Complexes, motor: Motor, cases: Sequence[Case]
 ) -> list[Transfer]:
-    """Of each case, then of both matched loads at the first case's spring and gear."""
-    found = []
+    """Return the transfer of each case, then of both matched loads at the first case's settings."""
+    results = []
     for case in cases:
-        z = _ports(omega, drivetrain, motor, case)
+        z = _two_port_of_case(omega, drivetrain, motor, case)
         load = load_of(z, controller(omega, case.kp, case.ki))
-        found.append(_transfer(case.label, z, z_i, load))
-    z = _ports(omega, drivetrain, motor, cases[0])
-    found.append(_transfer("matched at the column", z, z_i, mechanically_matched(z, z_i)))
-    found.append(_transfer("matched at the load", z, z_i, electrically_matched(z, z_i)))
-    return found
+        results.append(_transfer_of_load(case.label, z, z_i, load))
+    z = _two_port_of_case(omega, drivetrain, motor, cases[0])
+    results.append(_transfer_of_load("matched at the column", z, z_i, mechanically_matched(z, z_i)))
+    results.append(_transfer_of_load("matched at the load", z, z_i, electrically_matched(z, z_i)))
+    return results
 
 
-def _ports(omega: Floats, drivetrain: Complexes, motor: Motor, case: Case) -> TwoPort:
-    """``drivetrain`` is that at ``motor``'s gear without spring."""
+def _two_port_of_case(omega: Floats, drivetrain: Complexes, motor: Motor, case: Case) -> TwoPort:
+    """Return the two-port of a case; ``drivetrain`` is without spring, at ``motor``'s gear."""
     spring = linear_drivetrain(omega, 0.0, 0.0, case.spring_rate)
-    z11, own = geared(drivetrain, spring, motor, case.gear)
-    return two_port(omega, z11, own)
+    z11, scaled_motor = geared(drivetrain, spring, motor, case.gear)
+    return two_port(omega, z11, scaled_motor)
 
 
-def _transfer(label: str, z: TwoPort, z_i: Complexes, load: Complexes) -> Transfer:
-    one = np.ones_like(z_i)
-    told, most, off = flow(z, z_i, load, one), available(z_i, one), mismatch(z, z_i, load)
+def _transfer_of_load(label: str, z: TwoPort, z_i: Complexes, load: Complexes) -> Transfer:
+    unit_force = np.ones_like(z_i)
+    power_flow, available, deviation = (
+        flow(z, z_i, load, unit_force),
+        available_power(z_i, unit_force),
+        mismatch(z, z_i, load),
+    )
     return Transfer(
         label,
-        told.mechanical_1 / most,
-        told.ac / most,
-        np.abs(off.at_input),
-        np.abs(off.at_output),
+        power_flow.mechanical_1 / available,
+        power_flow.ac / available,
+        np.abs(deviation.at_input),
+        np.abs(deviation.at_output),
     )
 
 
 def write_transfer(
     path: Path,
     omega: Floats,
-    told: Sequence[Transfer],
+    transfers_: Sequence[Transfer],
     title: str,
     attributes: Mapping[str, Any],
 ) -> Path:
-    """Draw shares above and mismatch below, over frequency, as PNG; as in `write_effects`."""
-    figure, body = picture.framed_figure(10.0, 6.4, title, attributes, SAID)
+    """Draw power shares (top) and mismatch (bottom) over frequency, as PNG; see `write_effects`."""
+    figure, body = picture.framed_figure(10.0, 6.4, title, attributes, SUBTITLE)
     panels: Any = body.subplots(2, 2, sharex=True)
-    f = omega / (2.0 * np.pi)
+    frequency = omega / (2.0 * np.pi)
     names = ("column", "load", "at_input", "at_output")
     titles = (
-        "into the take-off, share of what is available",
-        "into the load (AC), share of what is available",
-        "mismatch at the input, |Z_in against Z_i*|",
-        "mismatch at the output, |Z_l against Z_out*|",
+        "power into the take-off / available power",
+        "power into the load (AC) / available power",
+        "mismatch at the input, |reflection of Z_in against Z_i|",
+        "mismatch at the output, |reflection of Z_l against Z_out|",
     )
-    matched = len(told) - 2
-    for axes, name, words in zip(panels.flat, names, titles, strict=True):
-        for i, each in enumerate(told):
+    first_matched = len(transfers_) - 2
+    for axes, name, panel_title in zip(panels.flat, names, titles, strict=True):
+        for i, transfer in enumerate(transfers_):
             style = {"color": COLOURS[i % len(COLOURS)], "lw": 2.0 if i == 0 else 1.2}
-            if i >= matched:
-                style = {"color": picture.DARK, "lw": 1.1, "ls": ":" if i == matched else "--"}
-            axes.plot(f, getattr(each, name), label=each.label, **style)
-        axes.set_title(words, fontsize=9, loc="left")
+            if i >= first_matched:
+                style = {
+                    "color": picture.DARK,
+                    "lw": 1.1,
+                    "ls": ":" if i == first_matched else "--",
+                }
+            axes.plot(frequency, getattr(transfer, name), label=transfer.label, **style)
+        axes.set_title(panel_title, fontsize=9, loc="left")
         axes.axhline(0.0, color=picture.FRAME, lw=0.8, zorder=0)
         axes.margins(x=0.0)
         axes.set_ylim(-0.5 if name == "load" else 0.0, 1.05 if name in names[:2] else 1.4)

@@ -1,10 +1,11 @@
-"""The drivetrain between torque sensor and column load cell: friction, and what the spring does.
+"""Identification of the drivetrain between torque sensor and load cell: friction and spring.
 
     F_TRS - F_LCB = B v + F_c tanh(v / v_c) + e K r sin(2 x / l)
 
-line by line, with the lines of tanh and sine computed from the measured motion: B, F_c and the
-share e of the spring map's rate that acts are least squares over all rows. Waves press the guide
-sideways and add dry friction, so rows in waves have an F_c of their own: that is the twin's.
+line by line, with the lines of tanh and sine computed from the measured motion. B, F_c and the
+share e of the spring map's rate that takes effect are least-squares estimates over all rows. Waves
+load the guide sideways and add dry friction, so rows in waves have their own F_c, which the twin
+uses.
 """
 
 import math
@@ -15,35 +16,39 @@ import numpy as np
 
 from rig.identification.periods import Complexes, Floats
 from rig.identification.twin.group import Group, least_squares
-from rig.identification.twin.records import Record, analysed, synthesised
+from rig.identification.twin.records import Record, analyse, synthesise
 
 VISCOUS, CALM, WAVES, EFFECT = "drivetrain_viscous", "coulomb_calm", "coulomb", "spring_effect"
-SURE = 0.05  # standard deviation of the spring's share below which it is believed
+MAX_DEVIATION = 0.05  # largest standard deviation at which the estimated spring share is used
 
 
-class Shape(NamedTuple):
-    """What is known of spring and friction beside their size."""
+class DrivetrainShape(NamedTuple):
+    """Known shape of the spring and friction laws, without their size."""
 
-    sine: bool  # the spring's law; else linear
+    sine: bool  # True: sine spring law, False: linear
     lever: float  # m/rad
-    reach: float  # m, spring force amplitude per table rate
+    reach: float  # m, spring force amplitude divided by the map's rate
     coulomb_velocity: float  # m/s, width of the regularised sign
 
 
-def shape_of(plant: dict[str, object]) -> Shape:
-    """The shape that a plant file says, as its simulation has it."""
+def read_shape(plant: dict[str, object]) -> DrivetrainShape:
+    """Return the shape that a plant file defines, as in its simulation."""
 
     def value(section: str, name: str) -> float:
-        inside: object = plant[section]
+        entry: object = plant[section]
         for key in (name, "value"):
-            assert isinstance(inside, dict)
-            inside = inside[key]
-        return inside  # type: ignore[return-value]
+            assert isinstance(entry, dict)
+            entry = entry[key]
+        return entry  # type: ignore[return-value]
 
-    half, lever = float(value("spring", "fit_half_angle")), float(value("spring", "lever"))
-    # Least-squares slope of sin 2 theta over +-half: what a spring map's rate means.
-    slope = 1.5 * (0.5 * math.sin(2.0 * half) - half * math.cos(2.0 * half)) / half**3
-    return Shape(
+    half_angle, lever = float(value("spring", "fit_half_angle")), float(value("spring", "lever"))
+    # Least-squares slope of sin 2 theta over +-half_angle, the definition of a spring map's rate.
+    slope = (
+        1.5
+        * (0.5 * math.sin(2.0 * half_angle) - half_angle * math.cos(2.0 * half_angle))
+        / half_angle**3
+    )
+    return DrivetrainShape(
         str(value("spring", "law")) == "sine",
         lever,
         lever / slope,
@@ -51,66 +56,83 @@ def shape_of(plant: dict[str, object]) -> Shape:
     )
 
 
-def drivetrain(records: Sequence[Record], shape: Shape) -> Group:
-    """Viscous friction (N s/m), dry friction (N) and the share of the spring's rate that acts.
+def identify_drivetrain(records: Sequence[Record], shape: DrivetrainShape) -> Group:
+    """Estimate viscous friction (N s/m), dry friction (N) and the share of the spring rate.
 
-    ``coulomb`` is that of rows in waves, or of calm water where there are none. Raises ValueError
-    where there are too few lines.
+    ``coulomb`` is estimated from rows in waves, or from calm water if there are none. Raises
+    ValueError if there are too few lines.
     """
-    waves = any(one.sea is not None for one in records)
-    calm = any(one.sea is None for one in records)
+    has_waves = any(record.sea is not None for record in records)
+    has_calm = any(record.sea is None for record in records)
     names = [VISCOUS]
-    names += [CALM] if calm else []
-    names += [WAVES] if waves else []
-    columns = [_columns(one, shape) for one in records]
-    measured = np.concatenate([_parts(one.trs - one.lcb) for one in records])
-    viscous, dry, spring = (np.concatenate(each) for each in zip(*columns, strict=True))
-    still = np.concatenate(
-        [np.full(2 * len(one.velocity), one.sea is None, dtype=np.bool_) for one in records]
+    names += [CALM] if has_calm else []
+    names += [WAVES] if has_waves else []
+    per_record = [_regressors(record, shape) for record in records]
+    measured = np.concatenate([_real_and_imaginary(record.trs - record.lcb) for record in records])
+    viscous, dry, spring = (np.concatenate(parts) for parts in zip(*per_record, strict=True))
+    is_calm = np.concatenate(
+        [
+            np.full(2 * len(record.velocity), record.sea is None, dtype=np.bool_)
+            for record in records
+        ]
     )
-    parts = [viscous, *([dry * still] if calm else []), *([dry * ~still] if waves else [])]
-    source = f"{len(records)} rows, torque sensor less load cell"
-    free = least_squares((*names, EFFECT), np.array([*parts, spring]).T, measured, source)
-    if 0.0 < free.deviation(EFFECT) < SURE and free.known[EFFECT] > 0.0:
-        return _renamed(free)
-    held = least_squares(tuple(names), np.array(parts).T, measured - spring, source)
-    size = len(names)
-    wider = np.zeros((size + 1, size + 1))
-    wider[:size, :size] = held.covariance
-    wider[size, size] = SURE * SURE
-    return _renamed(Group((*names, EFFECT), (*held.values, 1.0), wider, source))
+    friction_columns = [
+        viscous,
+        *([dry * is_calm] if has_calm else []),
+        *([dry * ~is_calm] if has_waves else []),
+    ]
+    source = f"{len(records)} rows, torque sensor minus load cell"
+    with_spring = least_squares(
+        (*names, EFFECT), np.array([*friction_columns, spring]).T, measured, source
+    )
+    if 0.0 < with_spring.deviation(EFFECT) < MAX_DEVIATION and with_spring.by_name[EFFECT] > 0.0:
+        return _keep_one_friction(with_spring)
+    without_spring = least_squares(
+        tuple(names), np.array(friction_columns).T, measured - spring, source
+    )
+    count = len(names)
+    covariance = np.zeros((count + 1, count + 1))
+    covariance[:count, :count] = without_spring.covariance
+    covariance[count, count] = MAX_DEVIATION * MAX_DEVIATION
+    return _keep_one_friction(
+        Group((*names, EFFECT), (*without_spring.values, 1.0), covariance, source)
+    )
 
 
-def _renamed(group: Group) -> Group:
-    """With one dry friction: that of waves, or of calm water where there are no rows in waves."""
+def _keep_one_friction(group: Group) -> Group:
+    """Return the group with one dry friction: of rows in waves, or of calm water without them."""
     if WAVES not in group.names:
         names = tuple(WAVES if name == CALM else name for name in group.names)
         return group._replace(names=names)
     if CALM not in group.names:
         return group
-    kept = [i for i, name in enumerate(group.names) if name != CALM]
+    indices = [i for i, name in enumerate(group.names) if name != CALM]
     return Group(
-        tuple(group.names[i] for i in kept),
-        tuple(group.values[i] for i in kept),
-        group.covariance[np.ix_(kept, kept)],
+        tuple(group.names[i] for i in indices),
+        tuple(group.values[i] for i in indices),
+        group.covariance[np.ix_(indices, indices)],
         group.source,
     )
 
 
-def _columns(record: Record, shape: Shape) -> tuple[Floats, Floats, Floats]:
-    """What viscous friction, dry friction and the whole spring would give of the difference."""
-    v = synthesised(record, record.velocity)
+def _regressors(record: Record, shape: DrivetrainShape) -> tuple[Floats, Floats, Floats]:
+    """Return the regressors of viscous friction, dry friction and the full spring rate."""
+    v = synthesise(record, record.velocity)
     position = record.velocity / (1j * record.omega)
-    dry = analysed(record, np.tanh(v / shape.coulomb_velocity))
+    dry = analyse(record, np.tanh(v / shape.coulomb_velocity))
     rate = record.setting["spring_rate"]
     if shape.sine:
-        bent = np.sin(2.0 * synthesised(record, position) / shape.lever)
-        spring: Complexes = rate * shape.reach * analysed(record, bent)
+        sine = np.sin(2.0 * synthesise(record, position) / shape.lever)
+        spring: Complexes = rate * shape.reach * analyse(record, sine)
     else:
         spring = np.asarray(rate * position, dtype=np.complex128)
-    return _parts(record.velocity), _parts(dry), _parts(spring)
+    return (
+        _real_and_imaginary(record.velocity),
+        _real_and_imaginary(dry),
+        _real_and_imaginary(spring),
+    )
 
 
-def _parts(lines: Complexes) -> Floats:
-    """Real and imaginary parts one after the other."""
+def _real_and_imaginary(lines: Complexes) -> Floats:
+    """Return the real parts followed by the imaginary parts."""
     return np.concatenate([lines.real, lines.imag])

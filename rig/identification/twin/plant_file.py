@@ -1,7 +1,7 @@
-"""The twin as files: `plant.yaml`, which rehearsals, checks and sweeps take, and what it stands on.
+"""Files of the twin: `plant.yaml` for rehearsals, checks and sweeps, its BEM files and estimates.
 
-Every number that was estimated says from which runs, from how many rows and how surely; every other
-one keeps the source that it had.
+The source of every estimated number names the runs, the number of rows and the standard deviation.
+All other numbers keep their source.
 """
 
 import copy
@@ -22,9 +22,9 @@ from rig.identification.twin.group import Group
 from rig.regular_file import MAX_TABLE_BYTES, open_regular, read_regular
 
 PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS = "plant.yaml", "heave_bem.npz", "surge_bem.npz", "twin.json"
-FOLDER = "twin"  # in that of the run
+FOLDER = "twin"  # subfolder of the run folder
 
-_ENTRIES = {  # section and key of a plant file by the name of an estimate, and what it counts as
+_PLANT_KEYS = {  # section and key of a plant file by the name of an estimate
     "viscous": ("body", "viscous_linear"),
     "viscous_quadratic": ("body", "viscous_quadratic"),
     "hydrostatic": ("body", "hydrostatic"),
@@ -37,120 +37,148 @@ _ENTRIES = {  # section and key of a plant file by the name of an estimate, and 
     electrics.CONDUCTION: ("drive", "conduction_loss"),
     electrics.SQUARE: ("drive", "square_loss"),
 }
-_LEAST = 1e-6  # of a value that must be above zero
+_MIN_POSITIVE = 1e-6  # smallest value of a parameter that must be positive
 
 
 def mapping(twin: Twin, shift: Mapping[str, float] | None = None) -> dict[str, Any]:
-    """The plant of a twin; ``shift`` is added to estimates by their names.
+    """Return the plant of a twin; ``shift`` is added to the estimates of the given names.
 
-    The factor of excitation stands in the BEM file and is not in it.
+    The scale factor of excitation is part of the BEM file and not of this mapping.
     """
     plant = copy.deepcopy(twin.template.plant)
     plant["name"] = f"twin of {plant['name']}"
     plant["bem"], plant["surge"]["bem"] = HEAVE_BEM, SURGE_BEM
     values = {name: v + (shift or {}).get(name, 0.0) for name, v in twin.values.items()}
     groups = {name: group for group in twin.groups for name in group.names}
-    for name, (section, key) in _ENTRIES.items():
+    for name, (section, key) in _PLANT_KEYS.items():
         if name in values:
-            least = _LEAST if name in (electrics.RESISTANCE, "hydrostatic") else 0.0
-            _put(plant[section], key, max(values[name], least), _said(twin, groups[name], name))
-    _inertia(plant["body"], values["inertia"], _said(twin, groups["inertia"], "inertia"))
-    _radiation(plant["body"]["radiation"], twin)
-    _put(plant["pto"], "guide_friction", 0.0, "stands in drivetrain_coulomb, as rows in waves tell")
-    _spring(plant["spring"], twin)
+            minimum = _MIN_POSITIVE if name in (electrics.RESISTANCE, "hydrostatic") else 0.0
+            _set_entry(
+                plant[section],
+                key,
+                max(values[name], minimum),
+                _source_text(twin, groups[name], name),
+            )
+    _set_inertia(plant["body"], values["inertia"], _source_text(twin, groups["inertia"], "inertia"))
+    _set_radiation(plant["body"]["radiation"], twin)
+    _set_entry(
+        plant["pto"],
+        "guide_friction",
+        0.0,
+        "included in drivetrain_coulomb, estimated from rows in waves",
+    )
+    _set_spring(plant["spring"], twin)
     if plant["drive"]["kind"] == "custom":
-        _custom(plant["drive"], values, twin)
+        _set_custom_drive(plant["drive"], values, twin)
     return plant
 
 
-def _put(section: dict[str, Any], key: str, value: Any, source: str) -> None:
+def _set_entry(section: dict[str, Any], key: str, value: Any, source: str) -> None:
     section[key] = {"value": value, "unit": section[key]["unit"], "source": source}
 
 
-def _said(twin: Twin, group: Group, name: str) -> str:
+def _source_text(twin: Twin, group: Group, name: str) -> str:
     deviation = group.deviation(name)
     runs = ", ".join(twin.runs)
     return f"identified, {runs}: {group.source}; standard deviation {deviation:.3g}"
 
 
-def _inertia(body: dict[str, Any], inertia: float, source: str) -> None:
-    """Motion tells the sum of mass and added mass only: the added mass stays, the mass follows."""
+def _set_inertia(body: dict[str, Any], inertia: float, source: str) -> None:
+    """Set mass and added mass; motion determines only their sum, so the added mass is kept."""
     added = float(body["added_mass_infinite"]["value"])
     if inertia > added:
-        _put(body, "mass", inertia - added, f"{source}; of mass and added mass together")
+        _set_entry(
+            body, "mass", inertia - added, f"{source}; estimated as the sum of mass and added mass"
+        )
         return
     half = 0.5 * inertia
-    _put(body, "mass", half, f"{source}; half of mass and added mass together")
-    _put(body, "added_mass_infinite", half, "the other half")
+    _set_entry(body, "mass", half, f"{source}; half of the sum of mass and added mass")
+    _set_entry(body, "added_mass_infinite", half, "the other half")
 
 
-def _radiation(radiation: dict[str, Any], twin: Twin) -> None:
-    top, below = list(twin.hull.radiation.numerator), list(twin.hull.radiation.denominator)
-    top[1] = min(top[1], below[0] * top[0])  # passive at high frequency to the last digit
+def _set_radiation(radiation: dict[str, Any], twin: Twin) -> None:
+    numerator, denominator = (
+        list(twin.hull.radiation.numerator),
+        list(twin.hull.radiation.denominator),
+    )
+    numerator[1] = min(
+        numerator[1], denominator[0] * numerator[0]
+    )  # exactly passive at high frequency
     source = (
         f"identified, {', '.join(twin.runs)}: {twin.hull.linear.source}, "
         f"{100.0 * twin.hull.worst:.2g} % worst"
     )
-    _put(radiation, "numerator", top, source)
-    _put(radiation, "denominator", below, source)
+    _set_entry(radiation, "numerator", numerator, source)
+    _set_entry(radiation, "denominator", denominator, source)
 
 
-def _spring(spring: dict[str, Any], twin: Twin) -> None:
-    """The rates are those of the rig's own map, which a calibration has made."""
+def _set_spring(spring: dict[str, Any], twin: Twin) -> None:
+    """Set the spring rates to those of the rig's own map, which comes from a calibration."""
     stations = twin.config.get("rig", {}).get("spring", {}).get("map", [])
     if stations:
-        said = "the rig file's spring map"
-        _put(spring, "stator_positions", [float(s["stator_percent"]) for s in stations], said)
-        _put(spring, "spring_rates", [float(s["rate_n_per_m"]) for s in stations], said)
+        source = "the rig file's spring map"
+        _set_entry(
+            spring,
+            "stator_positions",
+            [float(station["stator_percent"]) for station in stations],
+            source,
+        )
+        _set_entry(
+            spring, "spring_rates", [float(station["rate_n_per_m"]) for station in stations], source
+        )
 
 
-def _custom(drive: dict[str, Any], values: Mapping[str, float], twin: Twin) -> None:
-    """Losses of the custom drive as they were at the modulation and frequency of the runs."""
-    set_to = settings(twin)
-    scheme = str(set_to["modulation"]).replace("-", "_")
+def _set_custom_drive(section: dict[str, Any], values: Mapping[str, float], twin: Twin) -> None:
+    """Set the losses of the custom drive at the modulation and frequency of the runs."""
+    drive = drive_settings(twin)
+    scheme = str(drive["modulation"]).replace("-", "_")
     schemes = ("svpwm", "sine_triangle", "dpwm", "hysteresis")
-    share = float(drive["scheme_switching"]["value"][schemes.index(scheme)])
-    kilohertz = 0.001 / float(set_to["switching_period_s"]) * max(share, 1e-9)
-    said = f"; of runs at {scheme}, {kilohertz:.3g} kHz: what rises with the bus voltage"
+    share = float(section["scheme_switching"]["value"][schemes.index(scheme)])
+    kilohertz = 0.001 / float(drive["switching_period_s"]) * max(share, 1e-9)
+    suffix = f"; of runs at {scheme}, {kilohertz:.3g} kHz: the part that depends on the bus voltage"
     groups = {name: group for group in twin.groups for name in group.names}
     for key, name in (
         ("switching_loss", electrics.SWITCHED),
         ("switching_linear_loss", electrics.SWITCHED_LINEAR),
     ):
-        told = max(values.get(name, 0.0), 0.0)
-        source = _said(twin, groups[name], name) + said if name in groups else "not told apart"
-        _put(drive, key, told / kilohertz, source)
-    _put(drive, "ripple_loss", 0.0, "stands in fixed_loss and switching_loss")
+        loss = max(values.get(name, 0.0), 0.0)
+        source = (
+            _source_text(twin, groups[name], name) + suffix
+            if name in groups
+            else "not estimated separately"
+        )
+        _set_entry(section, key, loss / kilohertz, source)
+    _set_entry(section, "ripple_loss", 0.0, "included in fixed_loss and switching_loss")
 
 
-def settings(twin: Twin) -> dict[str, Any]:
-    """What the custom drive was set to in the first run."""
+def drive_settings(twin: Twin) -> dict[str, Any]:
+    """Return the settings of the custom drive in the first run."""
     rig, campaign = twin.config.get("rig", {}), twin.config.get("campaign", {})
-    own = {k: v for k, v in (campaign.get("drive") or {}).items() if v is not None}
-    return {**rig.get("drive", {}), **own}
+    campaign_drive = {k: v for k, v in (campaign.get("drive") or {}).items() if v is not None}
+    return {**rig.get("drive", {}), **campaign_drive}
 
 
 def write(twin: Twin, folder: Path) -> list[Path]:
-    """Plant, excitation and numbers of a twin; gives the files, the plant first."""
+    """Write plant, excitation and estimates of a twin; return the paths, the plant first."""
     folder.mkdir(parents=True, exist_ok=True)
     plant, heave, surge, numbers = (folder / n for n in (PLANT, HEAVE_BEM, SURGE_BEM, NUMBERS))
     _write_bem(twin.template, twin, heave)
     if twin.template.surge_bem.resolve() != surge.resolve():
         shutil.copyfile(twin.template.surge_bem, surge)
-    plant.write_text(_text(twin), encoding="utf-8")
+    plant.write_text(_yaml_text(twin), encoding="utf-8")
     numbers.write_text(json.dumps(as_dict(twin), indent=1) + "\n", encoding="utf-8")
     return [plant, heave, surge, numbers]
 
 
 def as_dict(twin: Twin) -> dict[str, Any]:
-    """What was estimated, as JSON values."""
+    """Return the estimates as JSON values."""
     return {
         "runs": list(twin.runs),
         "template": str(twin.template.path),
         "estimates": {
             name: {"value": value, "deviation": group.deviation(name), "source": group.source}
             for group in twin.groups
-            for name, value in group.known.items()
+            for name, value in group.by_name.items()
         },
         "radiation": twin.hull.radiation._asdict(),
         "worst_line_of_hull": twin.hull.worst,
@@ -164,56 +192,58 @@ def as_dict(twin: Twin) -> dict[str, Any]:
     }
 
 
-def identified_up_to(plant: Path) -> dict[str, tuple[float, float]]:
-    """Least and greatest amplitudes that a twin was identified with; none of another plant file.
+def identified_range(plant: Path) -> dict[str, tuple[float, float]]:
+    """Return the range of amplitudes in which a twin was identified; empty for other plant files.
 
-    By the names of `rig.identification.twin.records.Record.amplitudes`. Raises ValueError for a
+    Keys are those of `rig.identification.twin.records.Record.amplitudes`. Raises ValueError for a
     damaged file.
     """
     try:
-        told = json.loads(read_regular(plant.with_name(NUMBERS), MAX_TABLE_BYTES))["amplitudes"]
+        amplitudes = json.loads(read_regular(plant.with_name(NUMBERS), MAX_TABLE_BYTES))[
+            "amplitudes"
+        ]
     except (FileNotFoundError, KeyError):
         return {}
-    return {name: (float(least), float(greatest)) for name, (least, greatest) in told.items()}
+    return {name: (float(lowest), float(highest)) for name, (lowest, highest) in amplitudes.items()}
 
 
 def _write_bem(template: Template, twin: Twin, path: Path) -> None:
-    """The template's coefficients on the frequencies of the excitation, which takes its place.
+    """Write the template's coefficients at the frequencies of the excitation, with that excitation.
 
-    Whoever reads the file goes straight between its frequencies, and so is added mass and damping
-    put on those that are new: they stay what they were.
+    Readers of the file interpolate linearly between its frequencies. Linear interpolation of added
+    mass and damping at the new frequencies therefore does not change them.
     """
-    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as opened, np.load(opened) as file:
+    with open_regular(template.heave_bem, MAX_TABLE_BYTES) as binary, np.load(binary) as file:
         fields = {name: file[name] for name in file.files}
-    was, on = fields["f_hz"], twin.coefficient.frequency
+    old_frequency, frequency = fields["f_hz"], twin.coefficient.frequency
     for name in ("omega", "A", "B"):
-        fields[name] = np.interp(on, was, fields[name])
-    fields["f_hz"] = on
+        fields[name] = np.interp(frequency, old_frequency, fields[name])
+    fields["f_hz"] = frequency
     fields["Fe_complex"] = twin.values[seas.SCALE] * twin.coefficient.excitation
     np.savez(path, **fields)
 
 
-def _text(twin: Twin) -> str:
-    """YAML with one entry a line and a head that says what this is."""
+def _yaml_text(twin: Twin) -> str:
+    """Return the plant as YAML with one entry per line and a header comment."""
     yaml = YAML()
     yaml.width = 1000
-    out = io.StringIO()
-    yaml.dump(_flowing(mapping(twin)), out)
+    stream = io.StringIO()
+    yaml.dump(_to_flow_style(mapping(twin)), stream)
     factor = next(group for group in twin.groups if seas.SCALE in group.names)
-    head = [
+    header = [
         f"Identified twin of the device in {', '.join(twin.runs)}, written by rig twin.",
-        f"What they do not tell is from {twin.template.path}, with the sources it had.",
+        f"All other parameters are from {twin.template.path}, with their sources.",
         f"Excitation: {twin.values[seas.SCALE]:.4g} x {twin.coefficient.source}",
         f"  ({factor.source})",
         *twin.notes,
     ]
-    return "".join(f"# {line}\n" for line in head) + out.getvalue()
+    return "".join(f"# {line}\n" for line in header) + stream.getvalue()
 
 
-def _flowing(value: Any) -> Any:
+def _to_flow_style(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
-    made = CommentedMap((key, _flowing(each)) for key, each in value.items())
+    commented = CommentedMap((key, _to_flow_style(each)) for key, each in value.items())
     if "value" in value:
-        made.fa.set_flow_style()
-    return made
+        commented.fa.set_flow_style()
+    return commented

@@ -1,7 +1,7 @@
-"""Measured rows of runs as a twin needs them: lines of motion and force, and power beside current.
+"""Measured rows of runs for the twin: lines of motion and force, and power against current.
 
-Rows and windows are those that the log says. Sensor readings are put back to when they were taken
-by the ages in the log. Complex amplitudes are those of e^{+i omega t}; forces are on the body.
+Rows and windows come from the log. Sensor readings are shifted to their sampling time by the ages
+in the log. Complex amplitudes are those of e^{+i omega t}; forces act on the body.
 """
 
 from pathlib import Path
@@ -16,15 +16,15 @@ from rig.identification.periods import (
     Flags,
     Floats,
     amplitudes,
-    angular,
-    filled,
-    whole_ticks,
+    angular_frequencies,
+    common_period_ticks,
+    fill_lost_ticks,
 )
 from rig.recording.runs import reader
 from rig.recording.runs.folder import RunInfo, run_info
 
-HIGHEST = 2.5  # Hz, of the lines that are kept: five times the usual wave
-BLOCK = 0.1  # s, over which power and current are averaged beside each other
+MAX_FREQUENCY = 2.5  # Hz, highest line kept: five times the usual wave frequency
+BLOCK = 0.1  # s, over which power and current are averaged
 
 COUNTS, ENCODER_AGE = "heave.sense.counts", "heave.sense.encoder_age"
 LOADS, LOAD_AGE = {"trs": "load.trs", "lcb": "load.lcb"}, "load.age"
@@ -37,47 +37,47 @@ FIELDS = (
 )  # fmt: skip
 
 
-class Power(NamedTuple):
-    """Means over blocks of `BLOCK` in which the power stage switched all the time."""
+class PowerBlocks(NamedTuple):
+    """Means over blocks of `BLOCK` seconds in which the power stage switched throughout."""
 
-    size: Floats  # A, mean |i| of the drive current
-    square: Floats  # A^2
-    loss: Floats  # W, DC less AC
+    current_magnitude: Floats  # A, mean |i| of the drive current
+    current_square: Floats  # A^2
+    loss: Floats  # W, DC minus AC
     voltage: Floats  # V, of the bus
 
 
 class Record(NamedTuple):
     """One measured row over its whole repeat periods."""
 
-    place: str  # run and row
+    row_label: str  # run and row
     setting: dict[str, float]  # of the row, by the names of `rig.config.columns`
-    sea: dict[str, Any] | None  # lines asked of the wave maker; None in calm water
+    sea: dict[str, Any] | None  # commanded wave lines; None in calm water
     has_excitation: bool  # an open-loop reference was on
     period: float  # s
     velocity: Complexes  # m/s, by line from 1 on, mean over the periods
     trs: Complexes  # N
     lcb: Complexes  # N
-    excited: Flags  # lines that reference or sea have
+    excited: Flags  # lines that reference or sea excite
     ac: float  # W, mean
     dc: float
     current_square: float  # A^2, mean
-    power: Power
+    power: PowerBlocks
 
     @property
     def omega(self) -> Floats:
-        """rad/s of each line."""
-        return angular(self.period, len(self.velocity))
+        """Angular frequency of each line, rad/s."""
+        return angular_frequencies(self.period, len(self.velocity))
 
     @property
     def amplitudes(self) -> dict[str, float]:
-        """How far and how fast it moved, by the names of the row table: m, m/s."""
-        position = synthesised(self, self.velocity / (1j * self.omega))
+        """Stroke (m) and rms velocity (m/s), by the names of the row table."""
+        position = synthesise(self, self.velocity / (1j * self.omega))
         rms = float(np.sqrt(0.5 * np.sum(np.abs(self.velocity) ** 2)))
         return {"velocity_rms": rms, "stroke": float(np.ptp(position))}
 
     @property
     def shaft(self) -> float:
-        """Mean mechanical power at the torque sensor, W, absorbed negative."""
+        """Mean mechanical power at the torque sensor, W; absorbed power is negative."""
         return 0.5 * float(np.sum((self.trs * np.conj(self.velocity)).real))
 
     @property
@@ -86,121 +86,127 @@ class Record(NamedTuple):
         return 0.5 * float(np.sum((self.lcb * np.conj(self.velocity)).real))
 
 
-class Read(NamedTuple):
-    """What a run gives."""
+class RunRecords(NamedTuple):
+    """Records of a run, and excluded rows."""
 
     facts: RunInfo
     records: tuple[Record, ...]
-    left_out: tuple[str, ...]  # rows that cannot be used, and why
+    excluded: tuple[str, ...]  # excluded rows, with reasons
 
 
-def read(run: Path, *, incomplete_rows: bool = False) -> Read:
-    """The records of a run, the last whole attempt at each row.
+def read_records(run: Path, *, incomplete_rows: bool = False) -> RunRecords:
+    """Read the records of a run, from the last complete attempt at each row.
 
-    Raises RunError where the run cannot be read, KeyError where it did not log what is needed.
+    Raises RunError if the run cannot be read, KeyError if a needed field was not logged.
     """
     source = reader.open_files(run)
-    known = run_info(run, source.contents)
-    rows = {int(row["row"]): row for row in known.plan.get("rows", [])}
-    made: dict[int, Record] = {}
-    left: dict[int, str] = {}
-    for window in read_windows(source, list(FIELDS), known.plan, incomplete_rows=incomplete_rows):
+    run_facts = run_info(run, source.contents)
+    rows = {int(row["row"]): row for row in run_facts.plan.get("rows", [])}
+    records: dict[int, Record] = {}
+    excluded: dict[int, str] = {}
+    for window in read_windows(
+        source, list(FIELDS), run_facts.plan, incomplete_rows=incomplete_rows
+    ):
         if window.row not in rows:
             continue
         try:
-            made[window.row] = _record(window, rows[window.row], known)
-            left.pop(window.row, None)
+            records[window.row] = _read_record(window, rows[window.row], run_facts)
+            excluded.pop(window.row, None)
         except ValueError as error:
-            left[window.row] = f"{known.run}, row {window.row}: {error}"
-    return Read(known, tuple(made.values()), tuple(left.values()))
+            excluded[window.row] = f"{run_facts.run}, row {window.row}: {error}"
+    return RunRecords(run_facts, tuple(records.values()), tuple(excluded.values()))
 
 
-def synthesised(record: Record, lines: Complexes) -> Floats:
-    """One repeat period of a signal from as many lines as the record has."""
+def synthesise(record: Record, lines: Complexes) -> Floats:
+    """Return one repeat period of a signal from as many lines as the record has."""
     assert len(lines) == len(record.velocity)
-    return periods.synthesised(lines)
+    return periods.synthesise(lines)
 
 
-def analysed(record: Record, samples: Floats) -> Complexes:
-    """The record's lines of a signal over one repeat period."""
-    return periods.analysed(samples, len(record.velocity))
+def analyse(record: Record, samples: Floats) -> Complexes:
+    """Return the record's lines of a signal over one repeat period."""
+    return periods.analyse(samples, len(record.velocity))
 
 
-def _record(window: Window, row: dict[str, Any], known: RunInfo) -> Record:
+def _read_record(window: Window, row: dict[str, Any], run_facts: RunInfo) -> Record:
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
-    data, plan = window.data, known.plan
+    data, plan = window.data, run_facts.plan
     dt, sea = float(plan["dt"]), plan.get("asked_sea")
-    pushed = bool(np.any(data[REFERENCE] != 0.0))
+    has_excitation = bool(np.any(data[REFERENCE] != 0.0))
     repeats = [float(sea["repeat_s"])] if sea else []
-    if pushed:
+    if has_excitation:
         repeats.append(float(plan["reference"]["period_s"]))
     if sea is None and (plan.get("sea") or {}).get("kind") != "calm":
-        raise ValueError("its plan does not say the lines of its sea")
+        raise ValueError("its plan does not list the lines of its sea")
     if not repeats:
-        raise ValueError("neither sea nor reference: nothing moves")
-    period = whole_ticks(repeats, dt, window.span)
-    lines = min(period // 2 - 1, max(3, int(HIGHEST * period * dt)))
+        raise ValueError("neither sea nor reference: there is no motion")
+    period = common_period_ticks(repeats, dt, window.span)
+    lines = min(period // 2 - 1, max(3, int(MAX_FREQUENCY * period * dt)))
     count = window.span // period * period
     start = float(data[CLOCK][0])
 
     def lines_of(field: str, age: str, scale: Any) -> Complexes:
-        values = filled(data["tick"], data[field].astype(np.float64))
-        late = float(data[age].mean()) if age else 0.0
-        turned = np.exp(1j * angular(period * dt, lines) * late) * scale
+        values = fill_lost_ticks(data["tick"], data[field].astype(np.float64))
+        age_s = float(data[age].mean()) if age else 0.0
+        factor = np.exp(1j * angular_frequencies(period * dt, lines) * age_s) * scale
         mean = amplitudes(values, start, dt, period, lines).mean(axis=0)
-        return np.asarray(mean * turned, dtype=np.complex128)
+        return np.asarray(mean * factor, dtype=np.complex128)
 
-    force = lines_of(REFERENCE, "", 1.0) if pushed else np.zeros(lines, dtype=np.complex128)
+    force = lines_of(REFERENCE, "", 1.0) if has_excitation else np.zeros(lines, dtype=np.complex128)
     excited = np.abs(force) > 0.1 * np.abs(force).max(initial=1e-9)
     if sea:
-        excited |= _waves(sea, period * dt, lines)
-    whole = slice(0, count)
-    current = data[CURRENT][whole]
+        excited |= _sea_lines(sea, period * dt, lines)
+    whole_periods = slice(0, count)
+    current = data[CURRENT][whole_periods]
     return Record(
-        f"{known.run}, row {window.row}",
+        f"{run_facts.run}, row {window.row}",
         {key: float(value) for key, value in row.items() if isinstance(value, int | float)},
         sea,
-        pushed,
+        has_excitation,
         period * dt,
-        lines_of(COUNTS, ENCODER_AGE, 1j * angular(period * dt, lines) * _metres(known)),
+        lines_of(
+            COUNTS,
+            ENCODER_AGE,
+            1j * angular_frequencies(period * dt, lines) * _metres_per_count(run_facts),
+        ),
         lines_of(LOADS["trs"], LOAD_AGE, 1.0),
         lines_of(LOADS["lcb"], LOAD_AGE, 1.0),
         excited,
-        float(data[AC][whole].mean()),
-        float(data[DC][whole].mean()),
+        float(data[AC][whole_periods].mean()),
+        float(data[DC][whole_periods].mean()),
         float(np.mean(current * current)),
-        _power(data, round(BLOCK / dt)),
+        _power_blocks(data, round(BLOCK / dt)),
     )
 
 
-def _waves(sea: dict[str, Any], period: float, lines: int) -> Flags:
-    """Which lines of a period the sea has, of those that matter in it."""
-    size = np.array(sea["amplitude_m"])
-    strong = size > 0.1 * size.max(initial=1e-9)
+def _sea_lines(sea: dict[str, Any], period: float, lines: int) -> Flags:
+    """Return True for each line of a period in which the sea has significant energy."""
+    amplitude = np.array(sea["amplitude_m"])
+    strong = amplitude > 0.1 * amplitude.max(initial=1e-9)
     number = np.rint(np.array(sea["cycles"])[strong] * period / sea["repeat_s"]).astype(int)
-    found = np.zeros(lines, dtype=np.bool_)
-    found[number[(number >= 1) & (number <= lines)] - 1] = True
-    return found
+    is_excited = np.zeros(lines, dtype=np.bool_)
+    is_excited[number[(number >= 1) & (number <= lines)] - 1] = True
+    return is_excited
 
 
-def _metres(known: RunInfo) -> float:
-    """Heave of an encoder count, m."""
-    ratio = known.config_number("rig", "heave", "gear_ratio_rad_per_m")
-    counts = known.config_number("rig", "heave", "counts_per_revolution")
+def _metres_per_count(run_facts: RunInfo) -> float:
+    """Return the heave of one encoder count, m."""
+    ratio = run_facts.config_number("rig", "heave", "gear_ratio_rad_per_m")
+    counts = run_facts.config_number("rig", "heave", "counts_per_revolution")
     if ratio is None or counts is None:
-        raise ValueError("its configuration does not say what an encoder count is")
+        raise ValueError("its configuration has no gear ratio or encoder resolution")
     return 2.0 * np.pi / ratio / counts
 
 
-def _power(data: Any, block: int) -> Power:
+def _power_blocks(data: Any, block: int) -> PowerBlocks:
     count = len(data) // block
 
     def means(values: Any) -> Floats:
-        whole = np.asarray(values[: count * block], dtype=np.float64)
-        return np.asarray(whole.reshape(count, block).mean(axis=1))
+        trimmed = np.asarray(values[: count * block], dtype=np.float64)
+        return np.asarray(trimmed.reshape(count, block).mean(axis=1))
 
     current = data[CURRENT]
     on = means(data[CONDUCTS]) == 1.0
     columns = (np.abs(current), current * current, data[DC] - data[AC], data[VOLTAGE])
-    return Power(*(means(column)[on] for column in columns))
+    return PowerBlocks(*(means(column)[on] for column in columns))

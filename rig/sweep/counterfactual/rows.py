@@ -17,10 +17,10 @@ from scipy.stats import t as student
 
 from rig.analysis.rows import COMPLETE, POWERS, SETTINGS, row_table
 from rig.analysis.windows import Window, read_windows
-from rig.design.predictions.device import model_of
+from rig.design.predictions.device import build_device_model
 from rig.execution.rehearsal import job
 from rig.execution.replay import logged_campaign
-from rig.identification.twin.plant_file import identified_up_to
+from rig.identification.twin.plant_file import identified_range
 from rig.planning.campaign import Campaign, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.recording.runs import RunError, reader
@@ -168,7 +168,9 @@ def counterfactual_rows(
     try:
         generated = wave_maker_lines(job.requested_sea(logged_campaign))
         dt = 1.0 / logged_campaign.rig.rate_hz
-        waves = recover_waves(measured.windows, generated, model_of(logged_campaign), dt, method)
+        waves = recover_waves(
+            measured.windows, generated, build_device_model(logged_campaign), dt, method
+        )
     except ValueError as error:
         raise RunError(f"{measured.run}: {error}") from None
     sea = waves.description()
@@ -195,7 +197,7 @@ def counterfactual_rows(
         for each in ([row[name] for row in measured.rows],)
     }
     plant = campaign.plant_locate.resolve_path(("bem",), campaign.plant["bem"])
-    identified = identified_up_to(plant).items()
+    identified = identified_range(plant).items()
     identified_ranges = {
         name: AmplitudeRange(*each, AMPLITUDE_UNITS[name])
         for name, each in identified

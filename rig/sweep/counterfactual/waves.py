@@ -18,8 +18,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rig.analysis.windows import Window
-from rig.design.predictions.device import Model
-from rig.identification.periods import Complexes, Floats, amplitudes, angular, filled, whole_ticks
+from rig.design.predictions.device import DeviceModel
+from rig.identification.periods import (
+    Complexes,
+    Floats,
+    amplitudes,
+    angular_frequencies,
+    common_period_ticks,
+    fill_lost_ticks,
+)
 
 ELEVATION, FORCES = "elevation", "forces"
 WAVE_CLOCK, COUNTS, ENCODER_AGE = "plan.wave_clock", "heave.sense.counts", "heave.sense.encoder_age"
@@ -75,7 +82,7 @@ def wave_maker_lines(sea: dict[str, Any]) -> WaveMakerLines:
 def recover_waves(
     windows: Iterable[Window],
     wave_maker: WaveMakerLines,
-    model: Model,
+    model: DeviceModel,
     dt: float,
     method: str | None,
 ) -> RecoveredWaves:
@@ -117,23 +124,23 @@ def _has_elevation(window: Window) -> bool:
 
 
 def _window_elevation(
-    window: Window, wave_maker: WaveMakerLines, model: Model, dt: float, method: str
+    window: Window, wave_maker: WaveMakerLines, model: DeviceModel, dt: float, method: str
 ) -> Complexes:
     """Return the elevation in each whole period of a window, periods by lines."""
     if window.incomplete_reason:
         raise ValueError(window.incomplete_reason)
     if method == ELEVATION and not _has_elevation(window):
         raise ValueError("the undisturbed elevation was not logged")
-    period = whole_ticks([wave_maker.repeat], dt, window.span)
+    period = common_period_ticks([wave_maker.repeat], dt, window.span)
     times = round(period * dt / wave_maker.repeat)
     top = times * max(wave_maker.cycles)
     indices = times * np.array(wave_maker.cycles) - 1
     data = window.data
     start = float(data[WAVE_CLOCK][0])
-    omega = angular(period * dt, top)
+    omega = angular_frequencies(period * dt, top)
 
     def lines(field: str, age: str, scale: float = 1.0) -> Complexes:
-        values = filled(data["tick"], data[field] * scale)
+        values = fill_lost_ticks(data["tick"], data[field] * scale)
         late = float(np.mean(data[age]))
         lines_found = amplitudes(values, start, dt, period, top) * np.exp(1j * omega * late)
         return np.asarray(lines_found, dtype=np.complex128)
@@ -143,7 +150,7 @@ def _window_elevation(
     position = lines(COUNTS, ENCODER_AGE, model.metres_per_count)
     force = lines(LCB, LOAD_AGE)
     drag = _drag(position, omega, period, model.quadratic)
-    excitation = model.hull(omega) * position - drag - force
+    excitation = model.dynamic_stiffness(omega) * position - drag - force
     per_metre = model.excitation(omega[indices] / (2.0 * np.pi))
     strong = np.abs(per_metre) >= MIN_EXCITATION_RATIO * np.abs(per_metre).max()
     elevation = np.broadcast_to(wave_maker.elevation, (len(excitation), indices.size)).copy()

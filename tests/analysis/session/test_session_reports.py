@@ -318,7 +318,7 @@ def test_a_session_reports_missing_ticks_and_the_cause_of_its_stop(tmp_path: Pat
 
 def test_a_complete_session_reports_a_complete_record(driveline: Summary, runs: Path) -> None:
     lines = driveline.as_text().splitlines()
-    assert lines[1:3] == ["Complete: the plan was walked to its end.", "Record complete."]
+    assert lines[1:3] == ["Complete: the plan ran to its end.", "Record complete."]
     page = (runs / "driveline" / "session.html").read_text()
     assert "<p>Record complete.</p>" in page
     assert driveline.as_dict()["record"]["state"] == "complete"

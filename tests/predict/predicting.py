@@ -21,7 +21,7 @@ __all__ = [
     "rows",
     "simulate",
     "write_campaign",
-    "write_yaml",
+    "write_named_yaml",
 ]  # fmt: skip
 
 STIFF, SOFT = 490.9, -5715.0

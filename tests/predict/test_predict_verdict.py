@@ -18,7 +18,7 @@ from predicting import (
     predict_campaign,
     rows,
     write_campaign,
-    write_yaml,
+    write_named_yaml,
 )
 
 from rig.design.predictions import tightest
@@ -127,12 +127,12 @@ def test_undervoltage_before_the_first_wave_is_named(tmp_path: Path) -> None:
 
 
 def test_the_commercial_bus_has_a_limit(tmp_path: Path) -> None:
-    limits = write_yaml(
+    limits = write_named_yaml(
         tmp_path,
         "limits.yaml",
         {"extends": str(CONFIGS / "limits" / "wavebot.yaml"), "bus": {"voltage_stop_v": 150.05}},
     )
-    rig_file = write_yaml(
+    rig_file = write_named_yaml(
         tmp_path,
         "rig.yaml",
         {"extends": str(CONFIGS / "rigs" / "wavebot.yaml"), "limits": str(limits)},

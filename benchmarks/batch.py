@@ -142,7 +142,8 @@ def measure(short: bool) -> Result:
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
         f"{repeats} walks of {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s and "
-        f"{many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, once each; "
+        f"{many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, "
+        "once each; "
         f"{repeats} starts when all is finished",
         (
             figure("one walk, by processor time", "x real time", [one.speed for one in walks]),

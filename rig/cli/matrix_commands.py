@@ -218,7 +218,8 @@ def _playback_lines(source: stepped.SteppedMatrix, step: float | None) -> list[s
     count = len(source.rows)
     duration = format_number(count * step)
     return [
-        f"played     {count} rows of {format_number(step)} s, {duration} s in all; the block starts "
+        f"played     {count} rows of {format_number(step)} s, {duration} s in all; the block "
+        "starts "
         f"with index 0 at time 0 (out of range) and repeats row 1 after {duration} s"
     ]
 

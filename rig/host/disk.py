@@ -125,7 +125,8 @@ def _speed(place: Path, rate_hz: float) -> list[Finding]:
     rate_limit = f"at least {1e-6 * 10 * log_rate:.1f} MB/s: ten times the largest rate of the log"
     timeout = supervisor.DISK_TIMEOUT_S
     flush_limit = (
-        f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for {timeout:g} s "
+        f"at most {FLUSH_INTERVAL:g} s, the time between two flushes; a disk that fails for "
+        f"{timeout:g} s "
         "ends the run"
     )
     names = ("sequential writing", "flush to the disk")

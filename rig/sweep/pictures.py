@@ -142,7 +142,8 @@ def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
     for kind in KINDS:
         errors = [one.power[kind] - other.power[kind] for one, other in pairs]
         if np.isfinite(errors).all():
-            text = f"{phrases.format_signed(float(np.mean(errors)), 1)} ± {float(np.std(errors)):.1f} W"
+            mean, spread = float(np.mean(errors)), float(np.std(errors))
+            text = f"{phrases.format_signed(mean, 1)} ± {spread:.1f} W"
             differences.append(
                 f"{phrases.STATION_ABBREVIATIONS[kind]} {text}".replace(" ", "\N{NO-BREAK SPACE}")
             )

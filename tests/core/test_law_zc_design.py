@@ -123,7 +123,11 @@ REFUSED = {
     "integrator": (([1.0], [1.0, 0.0]), DT, "not stable: poles at 0+0j rad/s"),
     "growing": (([1.0], [1.0, -1.0]), DT, "not stable: poles at 1+0j rad/s"),
     "swinging": (([1.0], [1.0, 0.0, 4.0]), DT, "not stable"),
-    "all but an integrator": (([1.0], [1.0, 1e-14]), DT, "the damping of a pole is lost in rounding"),
+    "all but an integrator": (
+        ([1.0], [1.0, 1e-14]),
+        DT,
+        "the damping of a pole is lost in rounding",
+    ),
     "huge": (([1e300], [1e-300, 1.0]), DT, "not finite"),
     "slow ticks": (([1.0], [1.0, 0.1, 40.0]), 0.02, "differs from Z_c(j omega) by 15.3 % at 1.01"),
     "no period": (([1.0], [1.0, 1.0]), 0.0, "the period is 0 s"),

@@ -184,7 +184,9 @@ def test_rows_missing_after_a_move_are_counted(
     """The first logger's part is deleted, and no process had it open when the logger was killed."""
     from test_rehearsal_unhappy import kill
 
-    monkeypatch.setattr("rig.recording.folder_watch.FolderTracker.open_part", lambda self, part: None)
+    monkeypatch.setattr(
+        "rig.recording.folder_watch.FolderTracker.open_part", lambda self, part: None
+    )
 
     def kill_and_delete() -> None:
         kill("rig.recording.logger")

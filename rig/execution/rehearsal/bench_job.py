@@ -60,7 +60,8 @@ def _flap_problems(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]
             ("session",),
             kind,
             f"the simulated plant {descriptions[coupling_state]} "
-            f"({display_path(pieces.plant.locate.path)}); a session {kind} needs a flap with its rigid "
+            f"({display_path(pieces.plant.locate.path)}); a session {kind} needs a flap with its "
+            "rigid "
             f"coupling {coupling}",
         )
 
@@ -87,6 +88,7 @@ def _mismatches(pieces: SessionParts, plant: BenchPlant) -> Iterator[Problem]:
             yield pieces.rig.locate.problem(
                 name,
                 rig_value,
-                f"{format_number(rig_value)} is not the simulated bench's {format_number(plant_value)} "
+                f"{format_number(rig_value)} is not the simulated bench's "
+                f"{format_number(plant_value)} "
                 f"({display_path(place.path)}:{place.line}); the two must agree",
             )

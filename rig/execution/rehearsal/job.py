@@ -204,7 +204,8 @@ def _mismatches(pieces: CampaignParts, plant: Plant, source: ConfigSource) -> It
             yield pieces.rig.locate.problem(
                 ("heave", name),
                 rig_value,
-                f"{format_number(rig_value)} is not the simulated plant's {format_number(plant_value)} "
+                f"{format_number(rig_value)} is not the simulated plant's "
+                f"{format_number(plant_value)} "
                 f"({display_path(place.path)}:{place.line}); the two must agree",
             )
 

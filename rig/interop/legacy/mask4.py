@@ -119,7 +119,8 @@ def _remarks(
     remarks = []
     for i in roles.not_doubled:
         remarks.append(
-            f"line {lines[i]}: the spring rate changes to {format_number(values[i][spring])} N/m and "
+            f"line {lines[i]}: the spring rate changes to {format_number(values[i][spring])} N/m "
+            "and "
             "the row occurs only once: the stator had no time to move"
         )
     for i in roles.repeated:

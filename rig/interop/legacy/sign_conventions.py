@@ -41,9 +41,11 @@ class SourceRig(NamedTuple):
     def description(self) -> str:
         """Return the statement as one line, for the header of converted files."""
         text = (
-            f"lever {format_number(self.lever)} m, gear {format_number(self.gear)}, positive damping "
+            f"lever {format_number(self.lever)} m, gear {format_number(self.gear)}, positive "
+            "damping "
             f"{self.positive_damping}, torque constant true/used "
-            f"{format_number(self.torque_constant_ratio)}, spring {format_number(self.spring_rate)} N/m"
+            f"{format_number(self.torque_constant_ratio)}, spring "
+            f"{format_number(self.spring_rate)} N/m"
         )
         return f"{text}, {self.flap} flap" if self.flap else text
 
@@ -83,7 +85,8 @@ def convert(source: SteppedMatrix, rig: SourceRig) -> GainMatrix:
             cell_column(source, name),
             name,
             source.rows[i][source.columns.index(name)],
-            f"{format_number(source.rows[i][source.columns.index(name)])} acts from one flap on the "
+            f"{format_number(source.rows[i][source.columns.index(name)])} acts from one flap on "
+            "the "
             "other; F = Kp v + Ki x of one axis cannot represent it",
         )
         for i in source.active

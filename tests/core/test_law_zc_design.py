@@ -126,7 +126,7 @@ REFUSED = {
     "all but an integrator": (
         ([1.0], [1.0, 1e-14]),
         DT,
-        "the damping of a pole is lost in rounding",
+        "damping of a pole is lost in rounding",
     ),
     "huge": (([1e300], [1e-300, 1.0]), DT, "not finite"),
     "slow ticks": (([1.0], [1.0, 0.1, 40.0]), 0.02, "differs from Z_c(j omega) by 15.3 % at 1.01"),

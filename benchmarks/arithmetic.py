@@ -1,4 +1,4 @@
-"""The lifted plant and law beside the same arithmetic in C, and beside scipy's integrator.
+"""The lifted plant and law compared with the same arithmetic in C, and with scipy's integrator.
 
 The C file says the same operations in the same order, so that its energies must be those of the
 lifted functions to the last bit; then their times are of the same work. scipy integrates the
@@ -41,7 +41,7 @@ from sim_plant import (
 
 OF_C, OF_SCIPY = 1.3, 100.0
 KP, KI, RAMP = -2500.0, 4000.0, 0.5
-TARGET = 20.0  # % of stator travel beyond its start, so that the table is walked
+TARGET = 20.0  # % of stator travel beyond its start, so that the table is used
 CC = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
 FINE, LOOSEST = 1e-10, 1e-2  # relative tolerances of the integrator
 

@@ -1,4 +1,4 @@
-"""Benches whose constants nobody has told the analysis, and sessions played on them.
+"""Benches with constants hidden from the analysis, and sessions simulated on them.
 
 Commands are a table of ticks made beforehand, played into the compiled plant at once: no loop, no
 record. What is read is a tick old, so a command stands beside what was read a tick after it.
@@ -53,7 +53,7 @@ DRAWN: dict[str, tuple[float, float]] = {
 
 
 class Row(NamedTuple):
-    """One set point: a sine of the drive's command, its brake current, how long it is measured."""
+    """One set point: sine of the drive's command, brake current and duration."""
 
     asked: dict[str, float]
     amplitude: float  # V or A
@@ -152,7 +152,8 @@ def _point(
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
     nothing = np.zeros(len(motor))
     return SetpointData(
-        row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0, period=row.period, dt=DT,
+        row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0,
+        period=row.period, dt=DT,
         start_time=tick * DT, wave_clock=0.0, encoder_age=0.0, tare_samples=TARE,
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
         torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,

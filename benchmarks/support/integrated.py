@@ -32,13 +32,13 @@ class Model(NamedTuple):
     dt: float
 
 
-def slope(made: Model, t: float, y: Any, goal: float, force: float) -> list[float]:
+def slope(model: Model, t: float, y: Any, goal: float, force: float) -> list[float]:
     """How hull, current (towards ``goal``, A) and energies change under an excitation (N)."""
-    params, hull = made.params, made.params.body
+    params, hull = model.params, model.params.body
     x, v, z1, z2, z3, z4, z5, current = y[:8]
-    gone = min(made.start + params.spring.speed * t, made.target)
+    gone = min(model.start + params.spring.speed * t, model.target)
     rate = magnetic_spring.table_rate(params.spring, gone)
-    motor = made.per_ampere * current
+    motor = model.per_ampere * current
     between = motor + wavebot.passive_force(params, rate, x, v, 0.0)
     rise = body.acceleration(hull, body.BodyState(x, v, z1, z2, z3, z4, z5), force + between)
     drop = v - hull.a0 * z1 - hull.a1 * z2 - hull.a2 * z3 - hull.a3 * z4 - hull.a4 * z5

@@ -18,9 +18,9 @@ from benchmarks.support.fault_table import (
     REFUSED,
     UNDETECTED,
     Row,
-    gaps,
+    missing_rows,
     rows,
-    unsound,
+    table_errors,
 )
 from benchmarks.support.fault_walk import NO_RUN, Finding, wrong
 
@@ -62,7 +62,7 @@ def measure_rows(
     """Measure six rows, two of which have findings, with synthetic findings; return the names
     measured.
     """
-    faults.keep(rig, {row.name: faults.noted(row, expected_finding(row)) for row in SIX_ROWS[:2]})
+    faults.keep(rig, {row.name: faults.as_json(row, expected_finding(row)) for row in SIX_ROWS[:2]})
 
     def run(measurement: Measurement) -> list[str]:
         measured: list[str] = []
@@ -159,15 +159,15 @@ def test_a_table_is_sound_and_generates_its_page(name: str) -> None:
     """There are no findings for absent rows, and the page equals the generator's output."""
     fault_rig = RIGS[name]
     table, findings = fault_rig.rows(), faults.measured(fault_rig)
-    assert unsound(table) == []
+    assert table_errors(table) == []
     assert findings.keys() <= {row.name for row in table}
     assert fault_rig.page.read_text() == page(fault_rig, table, findings)
 
 
 def test_gaps_between_table_and_faults_are_reported_both_ways() -> None:
     faults_by_part = {"heave": {row.fault for row in SIX_ROWS} | {"tired"}}
-    assert gaps(SIX_ROWS, faults_by_part) == ["heave: tired: has no row"]
-    assert gaps(SIX_ROWS, {"heave": []})[0].endswith("there is no such fault")
+    assert missing_rows(SIX_ROWS, faults_by_part) == ["heave: tired: has no row"]
+    assert missing_rows(SIX_ROWS, {"heave": []})[0].endswith("there is no such fault")
 
 
 def read_table(tmp_path: Path, line: str) -> list[Row]:

@@ -18,7 +18,7 @@ from hil_processes import Kill, child_error_files, run_emulated
 
 from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
 from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_until
-from benchmarks.support.process_faults import beside
+from benchmarks.support.process_faults import io_process_of
 from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
 from drivers.canopen.heartbeat import Nmt
 from rig.config.any_rig_file import load_rig
@@ -53,7 +53,7 @@ def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: Stage) -> None
     measured: dict[str, Any] = {}
 
     def suspend() -> float:
-        loop = beside("loop.stderr")
+        loop = io_process_of("loop.stderr")
         on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)

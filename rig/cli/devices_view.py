@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.heartbeat import NmtState
 from rig.execution.hardware.line_survey import LineSurvey, SurveyedValue, UnitSurvey
 from rig.execution.hardware.listen import BusActivity
 from rig.execution.hardware.survey import BusSurvey, NodeSurvey, RigSurvey, error_register_text
@@ -44,7 +44,7 @@ def _node_as_dict(node: NodeSurvey) -> dict[str, Any]:
         "node": node.node,
         "answers": node.answers,
         "identity": node.identity._asdict(),
-        "nmt": None if node.nmt is None else Nmt(node.nmt).name,
+        "nmt": None if node.nmt is None else NmtState(node.nmt).name,
         "heartbeat_age": node.heartbeat_age,
         "heartbeat_every": node.heartbeat_every,
         "error_code": code,
@@ -128,7 +128,7 @@ def heard_as_dict(rig: str, heard: BusActivity) -> dict[str, Any]:
             "name": node.name,
             "node": node.node,
             "sends": node.sends,
-            "nmt": None if node.nmt is None else Nmt(node.nmt).name,
+            "nmt": None if node.nmt is None else NmtState(node.nmt).name,
             "heartbeat_age": node.heartbeat_age,
             "emergency": node.emergency,
         }
@@ -153,7 +153,7 @@ def render_heard(rig: str, heard: BusActivity) -> Group:
         table.add_column(name)
     for node in heard.nodes:
         age = "none" if node.heartbeat_age is None else f"{1e3 * node.heartbeat_age:.0f} ms ago"
-        state = "-" if node.nmt is None else Nmt(node.nmt).name.lower().replace("_", "-")
+        state = "-" if node.nmt is None else NmtState(node.nmt).name.lower().replace("_", "-")
         code = emcy.meaning(node.emergency) if node.emergency else "none"
         table.add_row(str(node.node), node.name, state, age, code)
     parts: list[Table | Text] = [title, table] if heard.nodes else [title]
@@ -200,7 +200,7 @@ def _hex_text(value: int | None) -> Text:
 def _nmt_text(node: NodeSurvey) -> Text:
     if node.nmt is None:
         return Text("not known: no heartbeat", NOTE_STYLE)
-    return Text(Nmt(node.nmt).name.lower().replace("_", "-"))
+    return Text(NmtState(node.nmt).name.lower().replace("_", "-"))
 
 
 def _heartbeat_text(node: NodeSurvey) -> Text:

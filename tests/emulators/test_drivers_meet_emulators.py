@@ -15,25 +15,25 @@ from emulator_stage import Stage
 
 from drivers.compax3 import objects, servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object
-from drivers.compax3.objects import Channel
+from drivers.compax3.objects import ObjectChannel
 from drivers.compax3.requests import Timing
 from drivers.compax3.servo import Servo
 from drivers.compax3.servo_signals import Phase
-from drivers.compax3.values import Form
+from drivers.compax3.values import NumberFormat
 from drivers.conversation import Exchange
 from drivers.encoder import bridge_reader, unwrap
 from drivers.encoder.bridge_reader import BridgeReader, Quality
-from drivers.encoder.ssi import Protocol
+from drivers.encoder.ssi import SsiProtocol
 from drivers.force_torque import digital_reader, net_ft, net_reader
 from drivers.force_torque.digital_reader import DigitalReader
 from drivers.force_torque.load import Phase as LoadPhase
 from drivers.force_torque.net_reader import NetReader
-from drivers.force_torque.wrench import scale
+from drivers.force_torque.wrench import make_scale
 from drivers.serial_link import SerialLink
-from drivers.serial_link import Settings as Port
-from drivers.tcp_request import ask
-from drivers.udp_link import Settings as Peer
+from drivers.serial_link import SerialSettings as Port
+from drivers.tcp_request import send_request
 from drivers.udp_link import UdpLink
+from drivers.udp_link import UdpSettings as Peer
 from sim_plant.emulators.compax3 import Compax3
 from sim_plant.emulators.compax3_drive import DriveInput
 from sim_plant.emulators.compax3_objects import Compax3Settings
@@ -58,12 +58,12 @@ class Table:
 
     def turn(self) -> float:
         self.each()
-        return self.exchange.turn()
+        return self.exchange.step()
 
     def until(self, true: Callable[[float], object], within: float = 10.0) -> None:
         end = time.monotonic() + within
         while not true(now := self.turn()):
-            assert now < end, self.talk.explain(now) or self.link.trouble
+            assert now < end, self.talk.explain(now) or self.link.problem
             time.sleep(0.001)
 
     def run(self, seconds: float) -> None:
@@ -71,16 +71,18 @@ class Table:
         self.until(lambda now: now > end)
 
 
-def raw(number: int, sub: int, form: Form = Form.INT24, per_unit: float = 1.0) -> Channel:
-    return Channel(Object(number, sub), form, per_unit)
+def raw(
+    number: int, sub: int, form: NumberFormat = NumberFormat.INT24, per_unit: float = 1.0
+) -> ObjectChannel:
+    return ObjectChannel(Object(number, sub), form, per_unit)
 
 
-def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_signals.Settings:
-    return servo_signals.Settings(
+def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_signals.ServoSettings:
+    return servo_signals.ServoSettings(
         "servo", address, "Compax3", raw(1100, 3), enabled, raw(1000, 3), raw(550, 1),
-        raw(1901, 1, Form.REAL48, 1.0 / TURN),
-        (raw(680, 5, Form.REAL48, 1.0 / TURN), raw(681, 5, Form.REAL48, 1.0 / TURN)),
-        limit=20.0, expiry=BUSY, stale=1.0, rising=2.0, timing=Timing(BUSY, 0.05),
+        raw(1901, 1, NumberFormat.REAL48, 1.0 / TURN),
+        (raw(680, 5, NumberFormat.REAL48, 1.0 / TURN), raw(681, 5, NumberFormat.REAL48, 1.0 / TURN)),
+        limit=20.0, set_point_timeout=BUSY, max_status_age=1.0, enable_timeout=2.0, timing=Timing(BUSY, 0.05),
     )  # fmt: skip
 
 
@@ -196,11 +198,11 @@ class Bridge:
         )  # fmt: skip
         turns = unwrap.Params(1 << 19, 3.0, 32.0)  # half a turn takes a second
         self.reader = BridgeReader(
-            bridge_reader.Settings(
+            bridge_reader.BridgeSettings(
                 "bridge",
-                bridge_reader.Channel(Protocol.SSI4, turns, 1.0),
-                bridge_reader.Channel(Protocol.SSI6, turns, 1.0),
-                least_delay=0.0, window=2.0, silent=BUSY,
+                bridge_reader.EncoderChannel(SsiProtocol.SSI4, turns, 1.0),
+                bridge_reader.EncoderChannel(SsiProtocol.SSI6, turns, 1.0),
+                min_delay=0.0, window=2.0, silence_timeout=BUSY,
             )
         )  # fmt: skip
         self.link = SerialLink(Port("bridge", self.device.address, 460_800, "N", 1))
@@ -226,7 +228,7 @@ def test_both_encoders_over_the_bridge(stage: Stage) -> None:
     moment = motor.angle / 2.0
     assert shaft.angle == pytest.approx(0.5 * moment, abs=5e-5)
     assert now - bridge.began - moment <= motor.age + 1e-3
-    assert bridge.reader.counts.bad_frames == 0
+    assert bridge.reader.error_counts.bad_frames == 0
     bridge.link.close()
 
 
@@ -272,8 +274,15 @@ def digital(stage: Stage, load: Callable[[], Wrench] = lambda: LOAD) -> tuple[Di
         )
     )
     reader = DigitalReader(
-        digital_reader.Settings(
-            "load cell", "FT00000", "N", "N-m", 32767, quiet=0.1, answer=BUSY, silence=BUSY
+        digital_reader.DigitalFtSettings(
+            "load cell",
+            "FT00000",
+            "N",
+            "N-m",
+            32767,
+            quiet_time=0.1,
+            answer_timeout=BUSY,
+            silence_timeout=BUSY,
         )
     )
     link = SerialLink(Port("load cell", device.address, 1_250_000, "E", 1))
@@ -333,8 +342,8 @@ def net(stage: Stage) -> tuple[NetFt, Table]:
     )
     host, port = box.address.split(":")
     reader = NetReader(
-        net_reader.Settings(
-            "load cell", scale(1e6, 1e6, "N", "N-m"), net_ft.NET_FT_BITS, 0, 7000.0, 0.05, BUSY
+        net_reader.NetFtSettings(
+            "load cell", make_scale(1e6, 1e6, "N", "N-m"), net_ft.NET_FT_BITS, 0, 7000.0, 0.05, BUSY
         )
     )
     return box, Table(UdpLink(Peer("load cell", host, int(port))), reader)
@@ -354,8 +363,8 @@ def test_the_net_load_cell_tells_the_load(net: tuple[NetFt, Table]) -> None:
 
 def test_the_net_load_cells_scale_is_the_boxs_own_word(net: tuple[NetFt, Table]) -> None:
     host, port = net[0].tcp.address.split(":")
-    said = ask("load cell", host, int(port), net_ft.READ_CALIBRATION, 24, 5.0)
-    assert net_ft.decode_calibration(said) == scale(1e6, 1e6, "N", "N-m")
+    said = send_request("load cell", host, int(port), net_ft.READ_CALIBRATION, 24, 5.0)
+    assert net_ft.decode_calibration(said) == make_scale(1e6, 1e6, "N", "N-m")
 
 
 @pytest.mark.parametrize("fault", ["silent", "short_records", "foreign_client"])

@@ -98,7 +98,7 @@ def model(folder: Path) -> Model:
     assert campaign is not None
     devices = job.plant_settings(campaign)
     dt = 1.0 / campaign.rig.rate_hz
-    begin = build_world(devices | {"compiled": False}, dt).beginning()
+    begin = build_world(devices | {"compiled": False}, dt).initial_conditions()
     params = begin.params
     return Model(
         params,
@@ -140,11 +140,11 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
     params, spring = made.params, made.params.spring
     given = np.array([
         *lifting.flatten(params.body), *lifting.flatten(params.pto),
-        *lifting.flatten(params.electrics.loop), *lifting.flatten(params.electrics.cots),
-        spring.angle_per_metre, spring.reach, spring.sine, spring.effect, spring.speed,
+        *lifting.flatten(params.electrics.drive), *lifting.flatten(params.electrics.cots),
+        spring.angle_per_metre, spring.force_per_rate, spring.sine, spring.effect, spring.speed,
         KP, KI, RAMP, made.per_ampere,
     ], dtype=np.float64)  # fmt: skip
-    stations, rates = np.array(spring.stations), np.array(spring.rates)
+    stations, rates = np.array(spring.stator_positions), np.array(spring.rates)
     pointer = ctypes.POINTER(ctypes.c_double)
 
     def at(array: Floats) -> Any:

@@ -142,7 +142,8 @@ def measure(short: bool) -> Result:
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
         f"{repeats} passes over {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s "
-        f"and {many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, once each; "
+        f"and {many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, "
+        "once each; "
         f"{repeats} starts when all is finished",
         (
             figure("one pass, by processor time", "x real time", [one.speed for one in passes]),

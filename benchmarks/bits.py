@@ -84,7 +84,8 @@ def measure(short: bool) -> Result:
     return Result(
         "bits",
         "a campaign from power-on to its end, rehearsed and in the compiled loop",
-        f"{campaign.stem}, {found.rows} rows, once; {len(KEPT_FIELDS)} fields of every measured tick",
+        f"{campaign.stem}, {found.rows} rows, once; {len(KEPT_FIELDS)} fields of every measured "
+        "tick",
         (
             figure("numbers compared", "1", found.numbers),
             figure("that differ in any bit", "1", found.differing, at_most=0),

@@ -135,11 +135,11 @@ def _brake(values: dict[str, float], seed: int) -> Found:
         branch = branches[name]
         i = int(np.argmin(np.abs(np.array(branch["current_a"]) - 0.5)))
         speed = 15.0 * DEGREE * 2.0 * math.pi / 3.0 * values["velocity_loop.gain"] / NOMINAL_GAIN
-        dry = 0.5 * (params.bearing.clockwise + params.bearing.counter)
+        dry = 0.5 * (params.bearing.clockwise + params.bearing.counterclockwise)
         # Where the shaft has at least half its top speed, its mean is 3 sqrt(3) / 2 pi of it.
         rubs = dry + params.bearing.viscous * speed * 1.5 * math.sqrt(3.0) / math.pi
         at = 0.5 + sign * params.brake.half_width
-        truth = brake.curve(params.brake, at) + rubs
+        truth = brake.torque_of_magnetisation(params.brake, at) + rubs
         half = branch["uncertainty_n_m"][i]
         found = Estimate(branch["torque_n_m"][i], half, "N*m", "")
         yield f"brake at 0.5 A, {name}", found, truth

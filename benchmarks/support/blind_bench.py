@@ -20,8 +20,8 @@ from rig.recording.runs.state import RecordState
 from rig.sweep import lifting
 from sim_plant.bench import dynamometer
 from sim_plant.bench.parameters import BenchPlant
-from sim_plant.bench.stepper import Start
-from sim_plant.sensors import NORMALS
+from sim_plant.bench.stepper import StepperInputs
+from sim_plant.sensors import NOISE_LENGTH
 
 PLANTS = Path(__file__).resolve().parents[2] / "configs" / "plants"
 DT = 0.001
@@ -92,7 +92,7 @@ def _play(advance: Any, x: Any, mode: int, wires: Any, locked: int, begin: int, 
 def _advance() -> Any:
     """The compiled step of a bench; compiled once, the constants are in its array."""
     params = plant({}, braked=True).build()
-    start = Start(params, dynamometer.initial(params), [0.0] * NORMALS, DT)
+    start = StepperInputs(params, dynamometer.initial(params), [0.0] * NOISE_LENGTH, DT)
     return CompiledStepper(start)._array._code.advance
 
 
@@ -100,7 +100,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     """Play a session's rows, one after the other, and hand over what was read."""
     braked = kind in ("driveline", "brake_map", "torque_constant")
     params = plant(values, braked=braked).build()
-    normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
+    normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
     state = dynamometer.initial(params)
     # The array of a compiled step (rig/execution/rehearsal/compiled_bench.py), made anew; the code
     # is one.

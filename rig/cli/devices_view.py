@@ -64,8 +64,8 @@ def _mismatch_as_dict(mismatch: arming.Mismatch) -> dict[str, Any]:
         "object": mismatch.object,
         "sub": mismatch.sub,
         "name": mismatch.name,
-        "expected": mismatch.wanted,
-        "actual": mismatch.got,
+        "expected": mismatch.expected,
+        "actual": mismatch.actual,
     }
 
 
@@ -273,9 +273,9 @@ def _unset_objects_text(node: NodeSurvey) -> Text:
 
 
 def _unset_object_text(mismatch: arming.Mismatch) -> str:
-    actual = "no answer" if mismatch.got is None else f"is {_count_text(mismatch.got)}"
+    actual = "no answer" if mismatch.actual is None else f"is {_count_text(mismatch.actual)}"
     index = f"{mismatch.object:#06x}:{mismatch.sub:02x}"
-    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.wanted)}, {actual}\n"
+    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.expected)}, {actual}\n"
 
 
 def _count_text(value: int) -> str:

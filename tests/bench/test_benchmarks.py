@@ -238,7 +238,7 @@ def test_a_result_is_printed_and_stored(
     assert run_with(fixed_result) == 0
     printed = capsys.readouterr().out
     assert "NO" in printed
-    assert "not held:\n  cycle: cost, 1.75 us" in printed
+    assert "targets missed:\n  cycle: cost, 1.75 us" in printed
     stored = json.loads((tmp_path / "cycle.json").read_text())
     assert [Figure(**one).target_met for one in stored["figures"]] == [False, True]
     table = (tmp_path / "README.md").read_text()
@@ -288,4 +288,4 @@ def test_the_host_is_described_without_its_name() -> None:
 
 def test_a_result_text_ends_with_its_notes() -> None:
     assert text(fixed_result(True)).endswith("note: by hand")
-    assert report.closing([]) == "every number that was measured is held"
+    assert report.closing([]) == "every target was met"

@@ -145,13 +145,13 @@ def test_the_page_lists_unmeasured_rows_and_the_hosts_of_the_others(
     findings = faults.measured(rig)
     text = page(rig, SIX_ROWS, findings)
     sentences = " ".join(text.split())
-    assert "2 of 6 rows are walked" in text
+    assert "2 of 6 rows are measured" in text
     assert f"2 on {findings[NAMES[0]]['date']}: {findings[NAMES[0]]['host']}." in sentences
     assert [line.count("| - |") for line in text.splitlines()].count(1) == 4
     assert "Not as the table" not in text
     wrong_one = {**findings[NAMES[1]], "as_due": False}
     unexpected = " ".join(page(rig, SIX_ROWS, {NAMES[1]: wrong_one}).split())
-    assert f"Not as the table has it: {NAMES[1]}." in unexpected
+    assert f"Result differs from the table: {NAMES[1]}." in unexpected
 
 
 @pytest.mark.parametrize("name", RIGS)

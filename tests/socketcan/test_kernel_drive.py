@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from can_rig import HEAVE, SURGE, LiveRig, live, waited
+from can_rig import HEAVE, SURGE, LiveRig, live, wait_until
 from canopen_drives import MACHINE, OWN, SLOW, axis_settings, drive_steps
 from kernel_can import BUS, NAME, HubBridge, needs_kernel, switch
 
@@ -30,7 +30,7 @@ PATIENCE = 15.0  # s
 def far() -> Iterator[LiveRig]:
     with live() as rig:
         bridge = rig.do(lambda: HubBridge(rig.rig.hub, rig.loop))
-        waited(lambda: all(node.port.nmt == NmtState.PRE_OPERATIONAL for node in rig.rig.nodes))
+        wait_until(lambda: all(node.port.nmt == NmtState.PRE_OPERATIONAL for node in rig.rig.nodes))
         yield rig
         rig.do(bridge.close)
 
@@ -119,7 +119,7 @@ def test_heartbeats_and_emergencies_are_watched(
 ) -> None:
     assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
     service.start(HEAVE)
-    waited(lambda: service.health()[HEAVE].nmt == NmtState.OPERATIONAL)
+    wait_until(lambda: service.health()[HEAVE].nmt == NmtState.OPERATIONAL)
     axis, link = cycle.axis, cycle.link
     cycle.up()
     far.do(far.rig.heave.inject, "bus_overvoltage", 420.0)
@@ -139,9 +139,9 @@ def test_heartbeats_and_emergencies_are_watched(
     cycle.until(lambda: axis.read(link.now()).error == 0, 1.0, 1)
     assert axis.explain() == "FAULT", "down until it is asked for anew"
     service.stop(HEAVE)
-    waited(lambda: service.health()[HEAVE].nmt == NmtState.PRE_OPERATIONAL)
+    wait_until(lambda: service.health()[HEAVE].nmt == NmtState.PRE_OPERATIONAL)
     far.do(far.rig.heave.inject, "node_reset")
-    waited(lambda: service.health()[HEAVE].boots == 1)
+    wait_until(lambda: service.health()[HEAVE].boots == 1)
     far.do(far.rig.heave.clear, "node_reset")
 
 
@@ -154,8 +154,8 @@ def test_a_loop_that_falls_silent_loses_its_drive(
     axis, link = cycle.axis, cycle.link
     cycle.up()
     cycle.until(lambda: abs(axis.read(link.now()).current - 5.0) < 0.2, 5.0, 1)
-    waited(lambda: far.do(far.rig.world.readings).heave_current == 0.0)
-    waited(lambda: service.health()[HEAVE].code == 0x8130)
+    wait_until(lambda: far.do(far.rig.world.readings).heave_current == 0.0)
+    wait_until(lambda: service.health()[HEAVE].code == 0x8130)
 
 
 @pytest.mark.filterwarnings(

@@ -14,7 +14,7 @@ from drivers.canopen.arming import (
 )
 from drivers.canopen.bus_settings import BusSettings, unsupported_rate
 from drivers.canopen.drive_objects import BY_NAME
-from drivers.canopen.position_actuator import ActuatorSettings as ActuatorSettings
+from drivers.canopen.position_actuator import ActuatorSettings
 from drivers.canopen.torque_axis import TORQUE_MODE, layouts
 from drivers.canopen.torque_axis import TorqueAxisSettings as AxisSettings
 from rig.config import RigFile

@@ -38,12 +38,12 @@ class ServoIdentification:
         self._values: list[float] = []
         self._refused = ""
 
-    def opened(self, now: float) -> None:
+    def on_open(self, now: float) -> None:
         """Begin with the request for the drive's name."""
         self.requests.on_open(now)
         self._values = []
 
-    def take(self, data: bytes, now: float) -> None:
+    def receive(self, data: bytes, now: float) -> None:
         """Process an answer or a part of one."""
         answer = self.requests.receive(data, now)
         if answer is None:
@@ -63,7 +63,7 @@ class ServoIdentification:
             self._values = []
             self.requests.distrust(now, str(error))
 
-    def speak(self, now: float) -> bytes:
+    def next_message(self, now: float) -> bytes:
         """Return the next request."""
         data = self.requests.recovery_message(now, b"")
         if data or not self.requests.is_ready or self.identity is not None or self._refused:

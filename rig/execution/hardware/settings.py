@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from drivers.canopen.position_actuator import ActuatorSettings as ActuatorSettings
+from drivers.canopen.position_actuator import ActuatorSettings
 from drivers.canopen.torque_axis import TorqueAxisSettings as AxisSettings
 
 

@@ -20,10 +20,8 @@ from drivers.encoder.bridge_reader import BridgeReader
 from drivers.encoder.ssi import SsiProtocol
 from drivers.force_torque import net_ft, net_reader, wrench
 from drivers.force_torque.net_reader import NetReader
-from drivers.serial_link import SerialLink
-from drivers.serial_link import SerialSettings as SerialSettings
-from drivers.udp_link import UdpLink
-from drivers.udp_link import UdpSettings as UdpSettings
+from drivers.serial_link import SerialLink, SerialSettings
+from drivers.udp_link import UdpLink, UdpSettings
 from rig.execution.hardware.messages import (
     EncodersMessage,
     ServoMessage,

@@ -87,7 +87,7 @@ def _unit_as_dict(unit: UnitSurvey, at: float) -> dict[str, Any]:
         "registers": unit.registers,
         "answers": unit.answers,
         "answered_in_s": unit.took,
-        "age": at - unit.asked if unit.answers else None,
+        "age": at - unit.request_time if unit.answers else None,
         "written_by_run": unit.written,
         "values": [value_as_dict(value) for value in unit.values],
         "trouble": unit.trouble,
@@ -297,7 +297,7 @@ def render_line(line: LineSurvey, at: float) -> list[Table | Text]:
     for unit in line.units:
         took, age = Text("no answer", BAD_STYLE), Text("-", NOTE_STYLE)
         if unit.answers:
-            took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.asked:.2f} s")
+            took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.request_time:.2f} s")
         table.add_row(f"  {unit.unit}", unit.name, took, age, _unit_values(unit))
     return [head, table, Text("")]
 

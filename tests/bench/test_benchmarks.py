@@ -252,7 +252,7 @@ def test_a_short_run_stores_nothing(
     assert run_with(fixed_result, "--short", "--json") == 0
     document = json.loads(capsys.readouterr().out)
     assert document["short"] is True
-    assert document["results"]["cycle"]["what"] == "a thing, short: True"
+    assert document["results"]["cycle"]["description"] == "a thing, short: True"
     assert list(tmp_path.iterdir()) == []
 
 

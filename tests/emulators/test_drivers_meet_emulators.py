@@ -81,8 +81,9 @@ def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_signals.Ser
     return servo_signals.ServoSettings(
         "servo", address, "Compax3", channel(1100, 3), enabled, channel(1000, 3), channel(550, 1),
         channel(1901, 1, NumberFormat.REAL48, 1.0 / TURN),
-        (channel(680, 5, NumberFormat.REAL48, 1.0 / TURN), channel(681, 5, NumberFormat.REAL48, 1.0 / TURN)),
-        limit=20.0, set_point_timeout=BUSY, max_status_age=1.0, enable_timeout=2.0, timing=Timing(BUSY, 0.05),
+        tuple(channel(index, 5, NumberFormat.REAL48, 1.0 / TURN) for index in (680, 681)),
+        limit=20.0, set_point_timeout=BUSY, max_status_age=1.0, enable_timeout=2.0,
+        timing=Timing(BUSY, 0.05),
     )  # fmt: skip
 
 

@@ -36,7 +36,7 @@ class UnitSurvey(NamedTuple):
     registers: str
     answers: bool
     took: float  # s from request to answer
-    asked: float  # s, monotonic, time of the request
+    request_time: float  # s, monotonic, time of the request
     written: bool  # a run writes the block, so its content is no measurement
     values: tuple[SurveyedValue, ...]
     trouble: str

@@ -313,7 +313,7 @@ def test_invalid_hoist_campaigns_are_refused(tmp_path: Path) -> None:
     assert "allowed -93 .. 67 %" in problems(hoist=wide)
     quick = {"stations_percent": [7, 7], "low_m": -0.1, "high_m": 0.1, "speed_m_per_s": 0.1}
     text = problems(hoist=quick)
-    assert "stands twice" in text
+    assert "occurs twice" in text
     assert "allowed up to 0.05 m/s" in text
 
 

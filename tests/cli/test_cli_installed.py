@@ -147,11 +147,9 @@ def test_names_lists_and_copies(installed: Installation) -> None:
     assert installed.json("runs") == []
     assert "nothing: no such file here" in installed.start("run", "nothing").communicate()[1]
     assert list(installed.folder.iterdir()) == []
-    for kind in ("campaigns", "sessions"):
-        for one in listed[kind]:
-            copied = installed.json("copy", f"{kind}/{one['name']}", "--to", one["name"] + kind)
-            if one["name"] in ("csv_matrix", "recorded", "mask4_run_139", "irregular_online"):
-                assert installed.json("check", copied["file"])["ok"]
+    for name in ("csv_matrix", "recorded", "mask4_run_139", "irregular_online", "spring_map"):
+        copied = installed.json("copy", name, "--to", name)
+        assert installed.json("check", copied["file"])["ok"]
 
 
 def test_rehearsal_reports_the_installed_code(installed: Installation) -> None:

@@ -1,9 +1,9 @@
-# Everything a bare machine needs is python3 and make: the virtual environment, a pinned uv
-# inside it and all pinned packages come from here. Nothing outside this folder is touched.
+# A bare machine needs only python3 and make: this file installs the virtual environment, a pinned
+# uv in it, and all pinned packages. It changes nothing outside this folder.
 #
 # The loop is interpreted, and builds of one Python version differ in speed by a factor of two
-# (those without profile-guided optimisation are the slow ones): of the interpreters on the PATH
-# that are new enough and have venv, the quickest is taken. Set PYTHON to choose yourself.
+# (builds without profile-guided optimisation are slow). This file therefore chooses the fastest
+# interpreter on the PATH that is new enough and has venv. Set PYTHON to choose yourself.
 PROBE := import sys, timeit, venv, ensurepip; assert sys.version_info >= (3, 11); \
   print(round(1e6 * min(timeit.repeat("f(f(1.0))", "f = lambda x: (x, x)[0]", number=20000))), \
   sys.executable)
@@ -20,12 +20,12 @@ UV_VERSION := 0.13.8
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
 	@echo "make wheel  build the package that pip installs; result in dist/"
-	@echo "make test   lint, types, import contracts, and all tests but for most of the long ones"
-	@echo "make test-fast   lint and the tests that take no more than a few seconds (3 min)"
+	@echo "make test   lint, types, import contracts, and all tests except most of the long ones"
+	@echo "make test-fast   lint and the tests that take at most a few seconds (3 min)"
 	@echo "make test-long   lint and all tests"
 	@echo "make test-socketcan  the CAN driver on a kernel with SocketCAN (user-mode Linux, a minute)"
 	@echo "make bench  measure cycle, rehearsal, lateness, ring, logging and reading (about 30 min)"
-	@echo "make bench-batch  of these only the compiled loop and its sweeps (about 25 min)"
+	@echo "make bench-batch  only the benchmarks of the compiled loop and sweeps (about 25 min)"
 	@echo "make clean  remove the virtual environment and caches (never runs/)"
 
 setup: $(VENV)/.ready
@@ -39,7 +39,7 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 	  $(BIN)/uv pip install --quiet --python $(BIN)/python --compile-bytecode \
 	    --constraint constraints.txt --build-constraint constraints.txt --editable '.[dev]'; \
 	else \
-	  echo "uv is not to be had here; installing with pip (slower)"; \
+	  echo "uv is not available; installing with pip (slower)"; \
 	  $(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'; \
 	fi
 	@$(BIN)/python -m compileall -q controllers drivers rig sim_plant
@@ -62,12 +62,12 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Tests that can run side by side come first, then those that need the host to themselves. A shared
-# host now and then pauses for longer than a test can wait, so failed tests run once more, alone; a
-# test that passes then is named as flaky at the end, one that fails again has failed. A test whose
-# process dies fails, and the process is replaced, hence one process of their own (-n 1) even for
-# tests that run alone. Idle workers steal work from busy ones: xdist 3.8 waits for ever for the
-# tests of a dead worker that were dealt out by file.
+# Parallel tests run first, then those that need the host to themselves. A shared host sometimes
+# pauses for longer than the timeout of a test, so failed tests run once more, alone: a test that
+# then passes is listed as flaky at the end, one that fails again has failed. A test whose process
+# dies fails, and xdist replaces the process; therefore even tests that run alone use one worker
+# process (-n 1). The distribution is worksteal, because with distribution by file xdist 3.8 waits
+# for ever for the tests of a dead worker.
 PYTEST := $(BIN)/python -m pytest
 SECOND_TRY := --last-failed --last-failed-no-failures none --second-try
 FLAKY := .pytest_cache/flaky
@@ -89,7 +89,7 @@ test-long: test
 test-fast: lint
 	$(PYTEST) -m "not slow and not realtime" --long none -n 2 --dist worksteal
 
-# Ends with status 77, and says why, where no such kernel is to be had.
+# Ends with status 77 and the reason if no such kernel is available.
 test-socketcan: setup
 	$(BIN)/python tests/socketcan/user_mode_linux.py
 
@@ -99,7 +99,7 @@ bench: setup
 bench-batch: setup
 	$(BIN)/python -m benchmarks batch start arithmetic bits cluster counterfactual
 
-constraints: setup  ## resolve the newest versions anew (a deliberate act, then test and commit)
+constraints: setup  ## resolve the newest versions (on purpose only; then test and commit)
 	$(BIN)/uv pip compile --quiet --extra dev --upgrade --no-header --no-annotate \
 	  pyproject.toml --output-file constraints.txt
 

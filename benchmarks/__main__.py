@@ -60,7 +60,7 @@ KEPT = [*MEASUREMENTS, *(f"faults_{name}" for name in RIGS)]
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
-        description="Measure the numbers this project holds; the figures go to "
+        description="Measure the targets of this project; the figures go to "
         "benchmarks/results/ unless the run is a short one.",
         epilog="\n".join(f"  {n:14} {_first_line(m)}" for n, m in MEASUREMENTS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -70,7 +70,7 @@ def _arguments() -> argparse.Namespace:
         "--short", action="store_true", help="a minute or two instead of half an hour"
     )
     parser.add_argument(
-        "--rig", choices=list(RIGS), default="wavebot", help="faults: whose table is walked"
+        "--rig", choices=list(RIGS), default="wavebot", help="faults: rig whose table is measured"
     )
     parser.add_argument(
         "--missing",
@@ -96,7 +96,7 @@ def _arguments() -> argparse.Namespace:
 
 
 def _only_faults(given: argparse.Namespace) -> bool:
-    """Part of a table is walked, and its findings are kept one by one."""
+    """Return True for a part of a table, whose results are stored one by one."""
     return bool(given.missing or given.rows)
 
 
@@ -115,10 +115,10 @@ def _first_line(measure: Callable[[bool], Result]) -> str:
 
 
 def main() -> int:
-    """Measure what was asked for; 0 unless something could not be measured at all."""
+    """Run the chosen measurements; return 0 unless one of them failed."""
     given = _arguments()
     names = given.names or list(MEASUREMENTS)
-    told: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     missed: list[str] = []
     failed: list[str] = []
     for name in names:
@@ -130,7 +130,7 @@ def main() -> int:
         except Exception as error:  # noqa: BLE001  the others are measured all the same
             failed.append(f"{name}: {type(error).__name__}: {error}")
             continue
-        told[name] = {
+        results[name] = {
             **result.as_dict(),
             "host": host.facts(),
             "load": host.others(before, host.Busy.now()),
@@ -141,10 +141,10 @@ def main() -> int:
             print(text(result), end="\n\n", flush=True)
         if not (given.short or _only_faults(given)):
             kept = name if given.rig == "wavebot" else f"{name}_{given.rig}"
-            report.keep(RESULTS, kept, told[name], KEPT)
+            report.keep(RESULTS, kept, results[name], KEPT)
     if given.json:
-        print(json.dumps({"short": given.short, "results": told, "failed": failed}, indent=2))
-    elif told:
+        print(json.dumps({"short": given.short, "results": results, "failed": failed}, indent=2))
+    elif results:
         print(report.closing(missed))
     for line in failed:
         print(f"not measured: {line}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The lifted plant and law beside the same arithmetic in C, and beside scipy's integrator.
+"""The lifted plant and law compared with the same arithmetic in C, and with scipy's integrator.
 
 The C file says the same operations in the same order, so that its energies must be those of the
 lifted functions to the last bit; then their times are of the same work. scipy integrates the
@@ -41,7 +41,7 @@ from sim_plant import (
 
 OF_C, OF_SCIPY = 1.3, 100.0
 KP, KI, RAMP = -2500.0, 4000.0, 0.5
-TARGET = 20.0  # % of stator travel beyond its start, so that the table is walked
+TARGET = 20.0  # % of stator travel beyond its start, so that the table is used
 CC = ("-O2", "-ffp-contract=off", "-shared", "-fPIC", "-lm")
 FINE, LOOSEST = 1e-10, 1e-2  # relative tolerances of the integrator
 
@@ -98,7 +98,7 @@ def model(folder: Path) -> Model:
     assert campaign is not None
     devices = job.plant_settings(campaign)
     dt = 1.0 / campaign.rig.rate_hz
-    begin = build_world(devices | {"compiled": False}, dt).beginning()
+    begin = build_world(devices | {"compiled": False}, dt).initial_conditions()
     params = begin.params
     return Model(
         params,
@@ -140,11 +140,11 @@ def in_c(made: Model, folder: Path) -> Callable[[int], tuple[float, ...]] | None
     params, spring = made.params, made.params.spring
     given = np.array([
         *lifting.flatten(params.body), *lifting.flatten(params.pto),
-        *lifting.flatten(params.electrics.loop), *lifting.flatten(params.electrics.cots),
-        spring.angle_per_metre, spring.reach, spring.sine, spring.effect, spring.speed,
+        *lifting.flatten(params.electrics.drive), *lifting.flatten(params.electrics.cots),
+        spring.angle_per_metre, spring.force_per_rate, spring.sine, spring.effect, spring.speed,
         KP, KI, RAMP, made.per_ampere,
     ], dtype=np.float64)  # fmt: skip
-    stations, rates = np.array(spring.stations), np.array(spring.rates)
+    stations, rates = np.array(spring.stator_positions), np.array(spring.rates)
     pointer = ctypes.POINTER(ctypes.c_double)
 
     def at(array: Floats) -> Any:

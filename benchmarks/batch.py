@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.start import command
-from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
+from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.recorded import ROOT
 from benchmarks.support.result import Figure, Result, figure
 from rig.planning.campaign import check_campaign
@@ -56,8 +56,8 @@ class Swept(NamedTuple):
 
     @property
     def at_pace(self) -> float:
-        """Seconds at the standard pace; what two cores cost each other is still in it."""
-        return self.seconds * STANDARD / self.reference
+        """Seconds normalised to the reference CPU, mutual slowing of two cores included."""
+        return self.seconds * REFERENCE_CPU_US / self.reference
 
 
 def campaign_file(folder: Path, text: str) -> Path:
@@ -68,28 +68,28 @@ def campaign_file(folder: Path, text: str) -> Path:
     return path
 
 
-class Walked(NamedTuple):
-    """One walk through a plan, nothing analysed."""
+class BatchPass(NamedTuple):
+    """Time of one pass through a plan, without analysis."""
 
     speed: float  # simulated seconds a second of processor time
     reference: float  # us for 100 NamedTuples, meanwhile
 
 
-def walk(path: Path) -> Walked:
+def run_pass(path: Path) -> BatchPass:
     """All rows of a campaign one after another, the host's pace taken between them."""
     report = check_campaign(path)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
     subject = CampaignSimulator(report.campaign, report.plan)
     subject.prepare(report.plan)
-    walked = subject.simulate(report.plan)
-    windows, references, spent, more = iter(walked), list[float](), 0.0, True
+    rows = subject.simulate(report.plan)
+    windows, references, seconds, more = iter(rows), list[float](), 0.0, True
     while more:
         references.append(reference_cost(100))
         began = time.process_time()
         more = next(windows, None) is not None
-        spent += time.process_time() - began
-    return Walked(walked.seconds / spent, sum(references) / len(references))
+        seconds += time.process_time() - began
+    return BatchPass(rows.seconds / seconds, sum(references) / len(references))
 
 
 def sweep(path: Path, folder: Path) -> Swept:
@@ -114,7 +114,7 @@ def sweep(path: Path, folder: Path) -> Swept:
 def _long(name: str, swept: Swept, at_most: float | None) -> list[Figure]:
     return [
         figure(name, "s", swept.seconds),
-        figure(f"{name}, {AT_PACE}", "s", swept.at_pace, at_most=at_most),
+        figure(f"{name}, {NORMALISED}", "s", swept.at_pace, at_most=at_most),
         figure("  of it", "s of processor", swept.processor),
         figure("  of it", "x real time", swept.simulated / swept.seconds),
         figure("  100 NamedTuples, before and after", "us", swept.reference),
@@ -129,37 +129,38 @@ def measure(short: bool) -> Result:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         irregular = campaign_file(folder, IRREGULAR.format(seconds=seconds, last=-1000))
-        walks = [walk(irregular) for _ in range(repeats)]
+        passes = [run_pass(irregular) for _ in range(repeats)]
         few = sweep(irregular, folder / "few")
         long = sweep(
             campaign_file(folder, IRREGULAR.format(seconds=seconds, last=last)), folder / "long"
         )
         regular = campaign_file(folder, _REGULAR.format(last=to, step=step))
         many = sweep(regular, folder / "many")
-        again = [sweep(regular, folder / "many") for _ in range(repeats)]
+        restarts = [sweep(regular, folder / "many") for _ in range(repeats)]
     whole = not short
     return Result(
         "batch",
         "campaigns in the compiled loop, from file to NetCDF and pictures",
-        f"{repeats} walks of {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s and "
-        f"{many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, "
+        f"{repeats} passes over {few.rows} rows of {seconds} s; {long.rows} rows of {seconds} s "
+        f"and {many.rows} rows of a regular sea by `rig sweep` on {available_processors()} cores, "
         "once each; "
         f"{repeats} starts when all is finished",
         (
-            figure("one walk, by processor time", "x real time", [one.speed for one in walks]),
+            figure("one pass, by processor time", "x real time", [one.speed for one in passes]),
             figure(
-                f"one walk, {AT_PACE}", "x real time",
-                [one.speed * one.reference / STANDARD for one in walks], at_least=TIMES_REAL,
+                f"one pass, {NORMALISED}", "x real time",
+                [one.speed * one.reference / REFERENCE_CPU_US for one in passes],
+                at_least=TIMES_REAL,
             ),
-            figure("100 NamedTuples (reference)", "us", [one.reference for one in walks]),
+            figure("100 NamedTuples (reference)", "us", [one.reference for one in passes]),
             *_long(f"{long.rows} irregular rows", long, LONG_SECONDS if whole else None),
             *_long(f"{many.rows} regular rows", many, MANY_SECONDS if whole else None),
             figure(f"most memory, {few.rows} rows", "MB", few.megabytes),
             figure(f"most memory, {long.rows} rows", "MB", long.megabytes),
             figure(f"most memory, {many.rows} regular rows", "MB", many.megabytes),
-            figure("started again, all finished", "s", [one.seconds for one in again]),
+            figure("started again, all finished", "s", [one.seconds for one in restarts]),
             figure(
-                f"started again, {AT_PACE}", "s", [one.at_pace for one in again],
+                f"started again, {NORMALISED}", "s", [one.at_pace for one in restarts],
                 at_most=SECOND_START,
             ),
         ),

@@ -23,8 +23,8 @@ WHOLE, SHORT = "default.yaml", "quick.yaml"
 MOST_APART = 0.05  # W: what a lead-in of 15 s may leave in a mean power (docs/sweeps.md)
 
 
-class Beside(NamedTuple):
-    """A rehearsal's measured ticks beside the compiled loop's."""
+class RowComparison(NamedTuple):
+    """Comparison of the measured ticks of a rehearsal and of the compiled loop."""
 
     rows: int
     numbers: int  # compared: fields x ticks
@@ -41,15 +41,15 @@ def ran(words: list[str]) -> dict[str, object]:
     return told
 
 
-def beside(campaign: Path, run: Path) -> Beside:
-    """Each measured row of a run, number by number, beside a walk through the same plan."""
+def compare(campaign: Path, run: Path) -> RowComparison:
+    """Compare each measured row of a run, number by number, with the compiled loop on its plan."""
     report = check_campaign(campaign)
     assert report.campaign is not None, report.text()
     assert report.plan is not None
-    walk = iter(CampaignSimulator(report.campaign, report.plan).simulate(report.plan))
+    ticks = iter(CampaignSimulator(report.campaign, report.plan).simulate(report.plan))
     rows = numbers = differing = unlike = 0
     for theirs in read_windows(reader.open_files(run), list(KEPT_FIELDS)):
-        ours = next(walk, None)
+        ours = next(ticks, None)
         rows += 1
         if ours is None or (ours.row, len(ours.data)) != (theirs.row, len(theirs.data)):
             unlike += 1
@@ -58,7 +58,7 @@ def beside(campaign: Path, run: Path) -> Beside:
             a, b = (np.ascontiguousarray(window.data[name]) for window in (ours, theirs))
             numbers += len(a)
             differing += int((a.view(np.int64) != b.view(np.int64)).sum())
-    return Beside(rows, numbers, differing, unlike + sum(1 for _ in walk))
+    return RowComparison(rows, numbers, differing, unlike + sum(1 for _ in ticks))
 
 
 def apart(swept: Path, run: Path) -> float:
@@ -72,11 +72,11 @@ def apart(swept: Path, run: Path) -> float:
 
 
 def measure(short: bool) -> Result:
-    """Rehearse a campaign, walk it in the compiled loop, and sweep its rows each alone."""
+    """Rehearse a campaign, run it in the compiled loop, and sweep each of its rows alone."""
     campaign = ROOT / "configs" / "campaigns" / (SHORT if short else WHOLE)
     with tempfile.TemporaryDirectory() as scratch:
         run = Path(str(ran(["run", str(campaign), "--runs", f"{scratch}/runs"])["folder"]))
-        found = beside(campaign, run)
+        found = compare(campaign, run)
         swept = Path(scratch) / "sweep.nc"
         ran(["sweep", str(campaign), "--sweeps", f"{scratch}/sweeps", "--out", str(swept)])
         most = apart(swept, run)

@@ -21,7 +21,7 @@ from rig.sweep.cases import LEAD_IN, Outcome
 GAIN, OVERHEAD = 1.6, 10.0  # times, %
 
 
-class Walked(NamedTuple):
+class SweepTime(NamedTuple):
     """One sweep on a cluster."""
 
     seconds: float  # from the first case handed out to the last outcome
@@ -55,7 +55,7 @@ def worker(scheduler: str) -> contextlib.AbstractContextManager[str]:
     return node("worker", scheduler, "--nthreads", "1", "--no-nanny")
 
 
-def walk(path: Path, folder: Path, scheduler: str) -> Walked:
+def run_sweep(path: Path, folder: Path, scheduler: str) -> SweepTime:
     """All rows of a campaign on the workers there are, nothing written but the journal."""
     opened = sweep.open_sweep(path, [], folder, sequential=False, lead_in=LEAD_IN)
     busy: list[float] = []
@@ -68,15 +68,15 @@ def walk(path: Path, folder: Path, scheduler: str) -> Walked:
         told.append(outcome)
     seconds = time.perf_counter() - began
     if len(told) != len(opened.cases) or any(one.failed for one in told):
-        raise RuntimeError(f"{len(told)} of {len(opened.cases)} cases, not all of them whole")
-    return Walked(seconds, sum(busy), len(told))
+        raise RuntimeError(f"{len(told)} of {len(opened.cases)} cases, not all of them complete")
+    return SweepTime(seconds, sum(busy), len(told))
 
 
 def measure(short: bool) -> Result:
     """One worker and two, in turns, on the same campaign; all compiled and opened before."""
     repeats, seconds, last = (1, 20, -1100) if short else (5, 300, -2000)
-    one: list[Walked] = []
-    two: list[Walked] = []
+    one: list[SweepTime] = []
+    two: list[SweepTime] = []
     with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as nodes:
         folder = Path(scratch)
         (folder / "few").mkdir()
@@ -87,10 +87,10 @@ def measure(short: bool) -> Result:
         for scheduler in (alone, pair, pair):
             nodes.enter_context(worker(scheduler))
         for scheduler in (alone, pair):
-            walk(few, folder / "first", scheduler)
+            run_sweep(few, folder / "first", scheduler)
         for _ in range(repeats):
-            one.append(walk(path, folder / "one", alone))
-            two.append(walk(path, folder / "two", pair))
+            one.append(run_sweep(path, folder / "one", alone))
+            two.append(run_sweep(path, folder / "two", pair))
     gains = [a.seconds / b.seconds for a, b in zip(one, two, strict=True)]
     lost = [100.0 * (1.0 - each.busy / each.seconds) for each in one]
     lost_of_two = [100.0 * (1.0 - each.busy / (2.0 * each.seconds)) for each in two]

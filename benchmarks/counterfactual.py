@@ -1,7 +1,8 @@
-"""How often rows foretold in the waves of a run hold what the true plant gives, over hidden plants.
+"""Share of counterfactual rows whose interval contains the true power, over hidden plants.
 
-The run is that of a plant whose constants were drawn from a seed; the model keeps the file's. The
-waves are recovered from measured forces, because only a simulated basin knows the elevation.
+The run is that of a plant whose constants are drawn from a seed; the model keeps the constants of
+the plant file. The waves are recovered from measured forces, because only a simulated basin knows
+the elevation.
 """
 
 import tempfile
@@ -20,12 +21,11 @@ from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import Campaign, build_plan, open_campaign
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep.cases import single_row_campaign
-from rig.sweep.counterfactual import FORCES, MeasuredRun
-from rig.sweep.counterfactual import rows as counterfactual
+from rig.sweep.counterfactual import FORCES, MeasuredRun, counterfactual_rows
 from rig.sweep.simulation import CampaignSimulator
 
 LEAD_IN = 15.0  # s
-WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: what a prediction may be off by
+WITHIN, AT_LEAST = 0.05, 0.5  # of the power, W: allowed error of a prediction
 LEAST_INSIDE, MOST_INSIDE = 90.0, 98.0  # %, of intervals of 95 %
 LEAST_NEAR = 99.0  # % of the rows
 DRAWN = {  # key of the plant file: standard deviation of the factor
@@ -35,7 +35,7 @@ DRAWN = {  # key of the plant file: standard deviation of the factor
     "pto.drivetrain_coulomb": 0.2,
     "pto.torque_constant": 0.005,
 }
-LOGGED, ASKED = 6, 3  # rows
+LOGGED, PREDICTED = 6, 3  # rows
 SPRINGS = (490.9, -2763.0)  # N/m
 KP, KI = (-4000.0, -1000.0), (0.0, 4000.0)
 SEAS: tuple[dict[str, Any], ...] = (
@@ -45,7 +45,7 @@ SEAS: tuple[dict[str, Any], ...] = (
 
 
 class Case(NamedTuple):
-    """One hidden plant: each foretold power beside the true one, rows by stations."""
+    """Predicted and true powers (W) of one hidden plant; arrays of rows by stations."""
 
     predicted: np.ndarray[Any, Any]
     half_width: np.ndarray[Any, Any]
@@ -53,9 +53,9 @@ class Case(NamedTuple):
 
 
 def campaign_of(folder: Path, name: str, sea: dict[str, Any], points: list[Any]) -> Campaign:
-    """A campaign of these points in a sea."""
+    """Write and open a campaign of these points in a sea."""
     keys = ("spring_n_per_m", "kp_n_s_per_m", "ki_n_per_m")
-    whole = {
+    content = {
         "name": name,
         "rig": str(ROOT / "configs" / "rigs" / "wavebot.yaml"),
         "sea": sea,
@@ -65,12 +65,12 @@ def campaign_of(folder: Path, name: str, sea: dict[str, Any], points: list[Any])
         "matrix": {"list": [dict(zip(keys, point, strict=True)) for point in points]},
     }
     path = folder / f"{name}.yaml"
-    YAML(typ="safe", pure=True).dump(whole, path)
+    YAML(typ="safe", pure=True).dump(content, path)
     return open_campaign(path, problems)
 
 
 def drawn(rng: np.random.Generator, count: int) -> list[tuple[float, float, float]]:
-    """Points anywhere in the matrix, logged and asked ones alike."""
+    """Draw points of the matrix: spring rate (N/m), Kp (N s/m), Ki (N/m)."""
     return [
         (
             float(rng.choice(SPRINGS)),
@@ -82,7 +82,7 @@ def drawn(rng: np.random.Generator, count: int) -> list[tuple[float, float, floa
 
 
 def hidden(campaign: Campaign, rng: np.random.Generator) -> Campaign:
-    """The same campaign on a plant that nobody has a file of."""
+    """Return the campaign on a plant with constants drawn around those of its file."""
     plant = {**campaign.plant}
     for key, deviation in DRAWN.items():
         head, name = key.split(".")
@@ -95,7 +95,7 @@ def hidden(campaign: Campaign, rng: np.random.Generator) -> Campaign:
 
 
 def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
-    """Each point of a campaign, alone: its row of the table, and the window that it is of."""
+    """Simulate each point of a campaign alone; yield its table row and its measured window."""
     file = single_row_campaign(campaign.file, LEAD_IN)
     period = repeat_period(file.sea)
     subject = None
@@ -104,17 +104,17 @@ def rows(campaign: Campaign) -> Iterator[tuple[dict[str, Any], Window]]:
         subject = subject or CampaignSimulator(campaign, planned)
         row = planned.rows[0]
         for window in subject.simulate(planned, stator=row.stator_position):
-            told = reduce_window(window, period / planned.dt if period else None)
-            said = {**row.setting._asdict(), "stator": row.stator_position}
-            whole = np.array([window.data[name] for name in window.data.dtype.names])
+            means = reduce_window(window, period / planned.dt if period else None)
+            settings = {**row.setting._asdict(), "stator": row.stator_position}
+            columns = np.array([window.data[name] for name in window.data.dtype.names])
             yield (
-                {**told, **said, "row": number, "point": number},
-                window._replace(row=number, data=Held(window.data.dtype, whole)),  # type: ignore[arg-type]
+                {**means, **settings, "row": number, "point": number},
+                window._replace(row=number, data=StoredTicks(window.data.dtype, columns)),  # type: ignore[arg-type]
             )
 
 
-class Held:
-    """Ticks that stay when the next row runs."""
+class StoredTicks:
+    """Copy of a window's ticks, which stays when the simulator runs the next row."""
 
     def __init__(self, dtype: np.dtype[Any], columns: np.ndarray[Any, Any]) -> None:
         self.dtype = dtype
@@ -131,25 +131,25 @@ class Held:
 
 
 def case(folder: Path, seed: int) -> Case:
-    """One hidden plant, with gains of its own."""
+    """Simulate a hidden plant and predict rows with other gains in its waves."""
     rng = np.random.default_rng(seed)
     sea = SEAS[seed % len(SEAS)]
     logged = campaign_of(folder, "logged", sea, drawn(rng, LOGGED))
-    asked = campaign_of(folder, "asked", sea, drawn(rng, ASKED))
+    other = campaign_of(folder, "other", sea, drawn(rng, PREDICTED))
     truth = hidden(logged, rng)
     both = list(rows(truth))
     measured = MeasuredRun("hidden", tuple(row for row, _ in both), [window for _, window in both])
-    found = counterfactual(measured, logged, asked, FORCES, LEAD_IN)
-    true = [row for row, _ in rows(truth._replace(points=asked.points))]
+    predicted = counterfactual_rows(measured, logged, other, FORCES, LEAD_IN)
+    true = [row for row, _ in rows(truth._replace(points=other.points))]
     return Case(
-        np.array([[row.power[name] for name in POWERS] for row in found.rows]),
-        np.array([[row.half_width[name] for name in POWERS] for row in found.rows]),
+        np.array([[row.power[name] for name in POWERS] for row in predicted.rows]),
+        np.array([[row.half_width[name] for name in POWERS] for row in predicted.rows]),
         np.array([[row[f"power_{name}"] for name in POWERS] for row in true]),
     )
 
 
 def measure(short: bool) -> Result:
-    """Hidden plants by seed, in a regular and an irregular sea in turns."""
+    """Predict rows of hidden plants, alternately in a regular and an irregular sea."""
     count = 10 if short else 200
     with tempfile.TemporaryDirectory() as scratch:
         cases = [case(Path(scratch), seed) for seed in range(count)]
@@ -186,7 +186,7 @@ def measure(short: bool) -> Result:
     ]
     return Result(
         "counterfactual",
-        "other gains in the waves of a run, against a plant that the model does not know",
-        f"{count} hidden plants, {LOGGED} rows logged and {ASKED} foretold each",
+        "rows with other gains predicted in the waves of a run, compared with a hidden plant",
+        f"{count} hidden plants, {LOGGED} rows logged and {PREDICTED} predicted each",
         tuple(figures),
     )

@@ -1,4 +1,4 @@
-"""How often the intervals of the bench's sessions hold what nobody told them: coverage."""
+"""Coverage of the intervals of bench sessions: share that contains the hidden true value."""
 
 import math
 import sys
@@ -21,19 +21,19 @@ from rig.analysis.session.estimate import Estimate
 from sim_plant.bench import brake
 
 SEEDS, SHORT = 200, 4
-WANTED = 95.0
+NOMINAL = 95.0
 DEGREE = math.pi / 180.0
 TURNED = (5.0, 10.0, 15.0, 20.0)  # deg
 CURRENTS = (1.12, 1.96, 2.79, 3.35, 3.91, 4.47)  # A, of Table 3.1
 BRAKED = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.7, 0.5, 0.3, 0.1, 0.0)  # A
 
-Held = dict[str, tuple[bool, float]]
+Covered = dict[str, tuple[bool, float]]
 """By constant: whether its interval holds the truth, and the interval's half width over it."""
 
 
 def measure(short: bool) -> Result:
     """Draw benches, play their sessions, analyse them, and count."""
-    every: list[Held] = []
+    every: list[Covered] = []
     seeds = SHORT if short else SEEDS
     for seed in range(seeds):
         every.append(blind(seed))
@@ -42,7 +42,7 @@ def measure(short: bool) -> Result:
     return counted(every, short=short)
 
 
-def counted(every: list[Held], *, short: bool) -> Result:
+def counted(every: list[Covered], *, short: bool) -> Result:
     """The figures of benches of seeds 0, 1, 2 ..."""
     seeds = len(every)
     return Result(
@@ -58,18 +58,20 @@ def counted(every: list[Held], *, short: bool) -> Result:
     )
 
 
-def _figures(every: list[Held], *, short: bool) -> Iterator[Figure]:
+def _figures(every: list[Covered], *, short: bool) -> Iterator[Figure]:
     # Three standard deviations of a share of so many seeds below what the intervals claim.
-    least = WANTED - 300.0 * math.sqrt(0.95 * 0.05 / len(every))
+    least = NOMINAL - 300.0 * math.sqrt(0.95 * 0.05 / len(every))
     for name in every[0]:
-        held = [each[name][0] for each in every if name in each]
+        inside = [each[name][0] for each in every if name in each]
         wide = [100.0 * each[name][1] for each in every if name in each]
-        share = 100.0 * float(np.mean(held))
-        yield figure(f"{name}: held", "%", share, at_least=None if short else round(least, 1))
+        share = 100.0 * float(np.mean(inside))
+        yield figure(
+            f"{name}: share inside", "%", share, at_least=None if short else round(least, 1)
+        )
         yield figure(f"{name}: half width", "%", wide)
 
 
-def blind(seed: int) -> Held:
+def blind(seed: int) -> Covered:
     """Which constants of one bench its sessions recover."""
     values = blind_bench.drawn(seed)
     every = (
@@ -133,11 +135,11 @@ def _brake(values: dict[str, float], seed: int) -> Found:
         branch = branches[name]
         i = int(np.argmin(np.abs(np.array(branch["current_a"]) - 0.5)))
         speed = 15.0 * DEGREE * 2.0 * math.pi / 3.0 * values["velocity_loop.gain"] / NOMINAL_GAIN
-        dry = 0.5 * (params.bearing.clockwise + params.bearing.counter)
+        dry = 0.5 * (params.bearing.clockwise + params.bearing.counterclockwise)
         # Where the shaft has at least half its top speed, its mean is 3 sqrt(3) / 2 pi of it.
         rubs = dry + params.bearing.viscous * speed * 1.5 * math.sqrt(3.0) / math.pi
         at = 0.5 + sign * params.brake.half_width
-        truth = brake.curve(params.brake, at) + rubs
+        truth = brake.torque_of_magnetisation(params.brake, at) + rubs
         half = branch["uncertainty_n_m"][i]
         found = Estimate(branch["torque_n_m"][i], half, "N*m", "")
         yield f"brake at 0.5 A, {name}", found, truth

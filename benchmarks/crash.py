@@ -43,33 +43,33 @@ def on_wires(folder: Path, name: str, count: int) -> list[Outcome]:
 def rehearsed_figures(mode: str, found: list[Fate]) -> list[Figure]:
     """What became of rehearsals, by who was killed."""
     most = SECONDS_LOST if mode == REAL else None  # a virtual second is gone in no time
-    made = []
+    figures = []
     for who in WHOM:
         some = [fate for fate in found if fate.kill.who == who]
         if not some:
             continue
         name = f"{mode}, {who} killed"
         seconds = [fate.seconds for fate in some]
-        made += [
+        figures += [
             figure(name, "times", sum(len(fate.kill.moments) for fate in some)),
             figure(f"{name}: rows lost", "rows a run", [fate.lost for fate in some]),
             figure(f"{name}: time lost", "s", seconds, at_most=most, judge="worst"),
         ]
         stops = [fate.stopping for fate in some if who in LEFT_ALONE and fate.put]
         if stops:
-            made.append(figure(f"{name}: until loop and logger had ended", "s", stops))
+            figures.append(figure(f"{name}: until loop and logger had ended", "s", stops))
     wrong = sum(len(fate.wrong) for fate in found)
-    return [*made, figure(f"{mode}: claims that failed", "claims", wrong, at_most=0)]
+    return [*figures, figure(f"{mode}: claims that failed", "claims", wrong, at_most=0)]
 
 
 def wired_figures(name: str, found: list[Outcome]) -> list[Figure]:
     """What became of runs on wires, by who was killed or suspended."""
-    made = []
+    figures = []
     for attack in sorted({(one.attack.who, one.attack.how) for one in found}):
         some = [one for one in found if (one.attack.who, one.attack.how) == attack]
         who, how = attack
         text = f"{name}, {' and '.join(who)} {'killed' if how == KILLED else 'suspended'}"
-        made += [
+        figures += [
             figure(text, "times", len(some)),
             figure(f"{text}: rows lost", "rows a run", [one.lost for one in some]),
         ]
@@ -77,9 +77,9 @@ def wired_figures(name: str, found: list[Outcome]) -> list[Figure]:
             one.powerless for one in some if one.powerless is not None and not one.attack.starting
         ]
         if powerless:
-            made.append(figure(f"{text}: until no motor had power", "s", powerless))
+            figures.append(figure(f"{text}: until no motor had power", "s", powerless))
     wrong = sum(len(one.wrong) for one in found)
-    return [*made, figure(f"{name}: claims that failed", "claims", wrong, at_most=0)]
+    return [*figures, figure(f"{name}: claims that failed", "claims", wrong, at_most=0)]
 
 
 def _failed(mode: str, found: Iterable[tuple[object, tuple[str, ...]]]) -> list[str]:
@@ -108,8 +108,8 @@ def measure(short: bool) -> Result:
     return Result(
         "crash",
         "processes killed (kill -9) and suspended at random moments of runs at 1 kHz, one in four "
-        "while the run starts; what is left is recovered and held against the ring, which a "
-        "witness kept open; power is asked at the emulated drives",
+        "while the run starts; the record is recovered and compared with the ring, which a "
+        "separate process keeps open; power is read at the emulated drives",
         f"{times} kills and suspensions",
         tuple(figures),
         (

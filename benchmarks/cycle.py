@@ -10,7 +10,7 @@ from time import perf_counter_ns, process_time_ns
 from typing import Any, NamedTuple
 
 from benchmarks.support.live import wait_realtime_free
-from benchmarks.support.pace import both, reference_cost
+from benchmarks.support.pace import raw_and_normalised, reference_cost
 from benchmarks.support.recorded import ROOT, Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile
 from rig.kinds.wavebot import KIND
@@ -47,13 +47,13 @@ def cycle_costs(recorded: Recorded) -> list[float]:
 
 
 def repeats(recorded: Recorded) -> bool:
-    """Whether walking the recorded ticks again gives the same rows to the bit."""
+    """Return True if a repetition of the recorded ticks gives the same rows to the bit."""
     step, state = cycle.make(KIND), recorded.state
     for i, (sense, row) in enumerate(zip(recorded.senses, recorded.rows, strict=True)):
-        state, _, again = step(
+        state, _, repeated = step(
             recorded.params, state, sense, 0, recorded.first + i, _NO_TIMING, 1, recorded.dt
         )
-        if again != row:
+        if repeated != row:
             return False
     return True
 
@@ -93,12 +93,12 @@ def on_the_real_clock(campaign: Path, seconds: float) -> dict[str, Any]:
     )
     if done.returncode != 0:
         raise RuntimeError(done.stderr.strip().splitlines()[-1])
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
+    report: dict[str, Any] = json.loads(done.stdout)
+    return report
 
 
 def measure(short: bool) -> Result:
-    """Cycle cost, in blocks beside a fixed reference, and in a loop at its real rate."""
+    """Cycle cost, in blocks alternating with a fixed reference, and in a loop at its real rate."""
     ticks, blocks, seconds, loops = (2000, 4, 2.0, 1) if short else (10_000, 20, 10.0, 3)
     with tempfile.TemporaryDirectory() as scratch:
         path = campaign_file(Path(scratch), 60.0)
@@ -116,7 +116,7 @@ def measure(short: bool) -> Result:
         f"{blocks} blocks of {ticks} cycles and of {ticks // 4} references, alternating; "
         f"{loops} x {seconds:g} s on the real clock",
         (
-            *both("mean", found.mean, found.reference, MEAN_US),
+            *raw_and_normalised("mean", found.mean, found.reference, MEAN_US),
             figure("p50", "us", found.p50),
             figure("p99", "us", found.p99),
             figure("p99.9", "us", found.p999, at_most=bound),

@@ -78,7 +78,7 @@ def measure(short: bool) -> Result:
             *_excitation_figures(whole.excitations[0], bem),
             *_family_figures(nonlinear),
             *_dragged_figures(nonlinear.excitations[0], bem),
-            *_untold_figures(untold.excitations[0], bem),
+            *_drag_in_impedance_figures(untold.excitations[0], bem),
             figure("lines within the 95 % band", "%", _coverage(scale.trials)),
             figure("identification of all runs of the excitation", "s", took),
         ),
@@ -105,7 +105,7 @@ def _run(folder: Path, name: str, keys: dict[str, Any]) -> Path:
     return ended.folder
 
 
-def _pushed(scale: Scale, amplitude: float) -> dict[str, Any]:
+def _excited_calm(scale: Scale, amplitude: float) -> dict[str, Any]:
     reference = {"kind": "multisine", "amplitude_a": amplitude, "repeat_s": scale.repeat, "seed": 1}
     timing = {"settle_s": scale.settle, "periods": 2}
     return {"reference": reference, "timing": timing}
@@ -117,7 +117,7 @@ def _matrix(spring: float, **more: Any) -> dict[str, Any]:
 
 
 def _calm(scale: Scale, spring: float) -> dict[str, Any]:
-    keys = _pushed(scale, 20.0)
+    keys = _excited_calm(scale, 20.0)
     start = {"set_point_s": 0, "lead_in_s": 5}
     matrix = _matrix(spring)
     return {**keys, "plant": str(LINEAR), "sea": {"kind": "calm"}, "start": start, "matrix": matrix}
@@ -126,12 +126,12 @@ def _calm(scale: Scale, spring: float) -> dict[str, Any]:
 def _family(scale: Scale) -> dict[str, Any]:
     matrix = _matrix(SPRINGS[0], reference_scale=[1, 2, 3])
     start = {"set_point_s": 0, "lead_in_s": 5}
-    keys = {**_pushed(scale, 10.0), "plant": str(RIG), "start": start}
+    keys = {**_excited_calm(scale, 10.0), "plant": str(RIG), "start": start}
     return {**keys, "sea": {"kind": "calm"}, "matrix": matrix}
 
 
 def _once(scale: Scale) -> dict[str, Any]:
-    """One row in calm water, which cannot tell drag from damping: it stays in Z_i."""
+    """Return one row in calm water, which cannot separate drag from damping: Z_i contains both."""
     keys = _family(scale)
     matrix = _matrix(SPRINGS[0], reference_scale=2, realisation=1)
     return {**keys, "matrix": matrix}
@@ -149,7 +149,7 @@ def _sea(scale: Scale, number: int) -> dict[str, Any]:
 
 def _waves(scale: Scale, number: int, plant: Path = LINEAR) -> dict[str, Any]:
     start = {"set_point_s": 0, "lead_in_s": 60}
-    keys = {**_pushed(scale, 15.0), "plant": str(plant), "start": start}
+    keys = {**_excited_calm(scale, 15.0), "plant": str(plant), "start": start}
     return {**keys, "sea": _sea(scale, number), "matrix": _matrix(SPRINGS[0])}
 
 
@@ -205,10 +205,10 @@ def _dragged_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
     ]
 
 
-def _untold_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
+def _drag_in_impedance_figures(one: Excitation, bem: bem_file.Bem) -> list[Figure]:
     """What it is where calm water was pushed only once, as eq. 3.3 of the report stands."""
     if one.drag:
-        raise RuntimeError("one row in calm water told a drag")
+        raise RuntimeError("one row in calm water gave a drag")
     low, high = _worst(one, bem)
     title = "  with the drag left in Z_i: worst good line"
     return [figure(f"{title} up to {SLOW:g} Hz", "%", low), figure(f"{title} above", "%", high)]

@@ -1,4 +1,4 @@
-"""How late the real-time loop wakes, beside cyclictest at the same priority on the same core."""
+"""Wake-up lateness of the real-time loop, compared with cyclictest at equal priority and core."""
 
 import os
 import re
@@ -141,7 +141,7 @@ class Pairs(NamedTuple):
 
 
 def alternate(folder: Path, seconds: float, pairs: int, *, busy: bool, compare: bool) -> Pairs:
-    """Loop, cyclictest, loop, cyclictest, ...; with ``busy`` beside a spinning process."""
+    """Loop, cyclictest, loop, cyclictest, ...; with ``busy`` during a spinning process."""
     campaign = campaign_file(folder, seconds + 60.0)
     found = Pairs([], [])
     load: AbstractContextManager[object] = _Spinner() if busy else nullcontext()
@@ -213,7 +213,7 @@ def measure(short: bool) -> Result:
     compare = shutil.which("cyclictest") is not None
     loads = [("calm", False)]
     notes = [
-        "calm: nothing started beside the loop with its supervisor and logger, or cyclictest",
+        "calm: no process started except the loop with its supervisor and logger, or cyclictest",
         "busy: a process computing without end on the first core, in loop and cyclictest blocks",
     ]
     if not compare:

@@ -1,4 +1,4 @@
-"""Opening an hour of rows, ten fields and all, in fresh processes; beside the stock reader."""
+"""Open an hour of rows, ten fields and all, in fresh processes; compare with the stock reader."""
 
 import json
 import os
@@ -82,10 +82,10 @@ def opened(path: Path, fields: tuple[str, ...], rows: int, *, alone: bool = True
         check=True,
     )
     whole = perf_counter() - began
-    told: dict[str, Any] = json.loads(done.stdout)
-    if told["rows"] != rows:
-        raise RuntimeError(f"{told['rows']} rows were read, {rows} written")
-    return Opened(whole, told["seconds"], told["peak"] / 1e6)
+    report: dict[str, Any] = json.loads(done.stdout)
+    if report["rows"] != rows:
+        raise RuntimeError(f"{report['rows']} rows were read, {rows} written")
+    return Opened(whole, report["seconds"], report["peak"] / 1e6)
 
 
 def forget(path: Path) -> None:
@@ -145,7 +145,7 @@ def measure(short: bool) -> Result:
         f"open_run of {count} rows ({count * DT / 60:g} min at 1 kHz, {on_disk:.3g} GB on disk, "
         f"{unpacked:.3g} GB of rows)",
         f"{repetitions} fresh processes each with ten fields and with all, alternating; "
-        f"{repetitions} blocks of {slice_rows} rows beside the stock reader",
+        f"{repetitions} blocks of {slice_rows} rows compared with the stock reader",
         (
             figure("ten fields, whole process", "s", [e.whole for e in ten], at_most=SECONDS),
             figure("ten fields, open_run alone", "s", [e.call for e in ten]),

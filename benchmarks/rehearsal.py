@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.support.live import LOGGER, LOOP, live_run, processor_time
-from benchmarks.support.pace import AT_PACE, STANDARD, reference_cost
+from benchmarks.support.pace import NORMALISED, REFERENCE_CPU_US, reference_cost
 from benchmarks.support.recorded import Parts, campaign_file, parts, quiet
 from benchmarks.support.result import Figure, Result, figure
 from benchmarks.support.seams import PARTS, Stamps
@@ -140,9 +140,9 @@ def measure(short: bool) -> Result:
                 [each.times_real for each in one],
             ),
             figure(
-                f"one core, {AT_PACE}",
+                f"one core, {NORMALISED}",
                 "x real time",
-                [each.times_real * each.reference_us / STANDARD for each in one],
+                [each.times_real * each.reference_us / REFERENCE_CPU_US for each in one],
                 at_least=TIMES_REAL,
             ),
             figure(

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.cycle import on_the_real_clock
 from benchmarks.support.live import LOGGER, LOOP, LiveRun, live_run, memory
-from benchmarks.support.pace import both, reference_cost
+from benchmarks.support.pace import raw_and_normalised, reference_cost
 from benchmarks.support.recorded import Recorded, campaign_file, quiet, record
 from benchmarks.support.result import Result, figure, quantile, ratios
 from rig.kinds.wavebot import KIND
@@ -37,11 +37,11 @@ class Cost(NamedTuple):
     p99: list[float]
     cycle: list[float]  # the cycle alone
     added: list[float]  # by putting each row at once, as the loop does
-    reference: list[float]  # what the host's pace is told by
+    reference: list[float]  # cost of the reference, a measure of the CPU
 
 
 def cost(recorded: Recorded, blocks: int) -> Cost:
-    """Put recorded rows; walk recorded ticks with and without putting; block after block."""
+    """Put recorded rows; run recorded ticks with and without putting; block after block."""
     fd = ring.create(KIND.row_type)
     writer, reader = ring.RingWriter(fd, KIND.row_type, wait=False), ring.RingReader(fd)
     os.posix_fallocate(fd, 0, os.fstat(fd).st_size)
@@ -51,7 +51,7 @@ def cost(recorded: Recorded, blocks: int) -> Cost:
         for block in range(blocks + 1):
             put, p99 = _put(recorded, writer)
             _empty(reader)
-            alone, added = _walk(recorded, writer)
+            alone, added = _cycle_cost(recorded, writer)
             _empty(reader)
             pace = reference_cost(max(1, len(recorded.rows) // 4))
             if block:  # the first one brings the ring's pages into memory
@@ -77,8 +77,8 @@ def _put(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
     return mean, quantile(single, 0.99) / 1e3
 
 
-def _walk(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
-    """The cycle alone, and what putting adds: medians over short stretches walked both ways."""
+def _cycle_cost(recorded: Recorded, writer: ring.RingWriter) -> tuple[float, float]:
+    """Return medians (us) of the cycle alone, and of the time added by putting, over blocks."""
     step = cycle.make(KIND)
     params, dt, timing, now = recorded.params, recorded.dt, _NO_TIMING, process_time_ns
 
@@ -179,7 +179,7 @@ def _watch(run: LiveRun, until: float) -> int:
 
 
 def measure(short: bool) -> Result:
-    """Cost of a put in blocks beside the cycle, at the real rate, and a long run with a stall."""
+    """Cost of a put, next to the cycle and at the real rate, and a long run with a stall."""
     ticks, blocks, loops = (2000, 4, 1) if short else (10_000, 20, 3)
     seconds, stall = (20.0, 2.0) if short else (600.0, 5.0)
     with tempfile.TemporaryDirectory() as scratch:
@@ -195,9 +195,9 @@ def measure(short: bool) -> Result:
         f"{blocks} alternating blocks of {ticks} rows; {loops} loops at their real rate; one run "
         f"of {seconds:g} s at 1 kHz with the logger stopped for {stall:g} s in the middle",
         (
-            *both("put, row after row", found.put, found.reference, PUT_US),
+            *raw_and_normalised("put, row after row", found.put, found.reference, PUT_US),
             figure("put, p99", "us", found.p99),
-            *both("put, added to the cycle", found.added, found.reference, PUT_US),
+            *raw_and_normalised("put, added to the cycle", found.added, found.reference, PUT_US),
             figure("100 NamedTuples (reference)", "us of processor", found.reference),
             figure("put / cycle", "ratio", ratios(found.put, found.cycle)),
             figure(

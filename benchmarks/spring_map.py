@@ -81,7 +81,7 @@ def found(folder: Path, seed: int, stations: tuple[float, ...]) -> tuple[float, 
 
 
 def measure(short: bool) -> Result:
-    """Rehearse the campaign on each spring and compare its map with what was drawn."""
+    """Rehearse the campaign on each spring and compare its map with the drawn constants."""
     springs, stations = (1, STATIONS[::4]) if short else (SPRINGS, STATIONS)
     slew, column = [], []
     for seed in range(springs):

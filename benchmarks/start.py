@@ -16,7 +16,7 @@ RIG = [sys.executable, "-c", "import rig.cli; rig.cli.app(prog_name='rig')"]
 
 
 def command() -> list[str]:
-    """The installed `rig`, or what it does where the script is not installed."""
+    """Return the command of the installed `rig`, or an equivalent one if it is not installed."""
     script = Path(sys.executable).parent / "rig"
     return [str(script)] if script.exists() else RIG
 

@@ -1,1 +1,1 @@
-"""Wire clients: codec (pure bytes), device (conversation), link (moves bytes), one folder each."""
+"""Wire clients, one folder per device: codec (bytes), conversation (device), link (transport)."""

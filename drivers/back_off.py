@@ -1,24 +1,27 @@
-"""When something that failed is tried again: after a pause that doubles, up to a longest one."""
+"""Exponential back-off: the pause before each new attempt doubles, up to a maximum."""
 
 
 class BackOff:
-    """The pause before the next attempt; time is an argument."""
+    """Computes when the next attempt may start; the caller passes the time."""
 
-    def __init__(self, first: float, most: float) -> None:
-        """``first`` and ``most``: shortest and longest pause, s, 0 < first <= most."""
-        self._first, self._most = first, most
-        self._pause = first
-        self._not_before = -1e9  # s, before any clock began
+    def __init__(self, shortest: float, longest: float) -> None:
+        """Allow the first attempt at once.
+
+        ``shortest``, ``longest``: limits of the pause, s, 0 < shortest <= longest.
+        """
+        self._first, self._most = shortest, longest
+        self._pause = shortest
+        self._not_before = -1e9  # s, earlier than any clock reading
 
     def ready(self, now: float) -> bool:
-        """True when the next attempt may be made."""
+        """Return True when the next attempt may start; ``now`` in s."""
         return now >= self._not_before
 
-    def failed(self, now: float) -> None:
-        """It failed, or what had worked is lost: wait, and longer each time."""
+    def record_failure(self, now: float) -> None:
+        """Record a failed attempt or a lost connection: start a pause, twice the one before."""
         self._not_before = now + self._pause
         self._pause = min(2.0 * self._pause, self._most)
 
-    def worked(self) -> None:
-        """Something came of it: the next pause is the first one again."""
+    def record_success(self) -> None:
+        """Record a success: the next pause is the shortest again."""
         self._pause = self._first

@@ -1,42 +1,42 @@
-"""Where a device's clock stands against the host's, from messages that are never early.
+"""Offset between a device's clock and the host's, estimated from message arrival times.
 
-A message taken at device time d arrives at host time h = d + offset + delay, and no delay is below
-zero: the smallest h - d is the offset plus the smallest delay. The smallest of one to two windows
-is used, so a drift between the clocks is followed. A device clock that runs slow by r makes a
-sample look older than it is by up to 2 r window (50 ppm and 2 s: 0.2 ms), one that runs fast does
-not show: never younger, but for the smallest delay itself, which no clock can see and the caller
-adds.
+A message sampled at device time d arrives at host time h = d + offset + delay with delay >= 0, so
+the minimum of h - d is the offset plus the smallest delay. The estimate is the minimum over the
+last one to two windows, so it follows a drift between the clocks. A device clock that is slow by
+the fraction r makes a sample look older than it is by up to 2 r window (50 ppm and 2 s: 0.2 ms); a
+clock that is fast causes no error. A sample never looks younger than it is, except by the smallest
+delay, which the estimate cannot observe and the caller adds.
 """
 
 from typing import NamedTuple
 
 
 class State(NamedTuple):
-    """The smallest differences of two windows, s; nothing known while `known` is 0."""
+    """Minimum time differences (s) of two windows; `known` is 0 before the first message."""
 
     known: int
-    before: float  # of the window before
-    current: float  # of this window
-    since: float  # host time when this window began
+    previous: float  # minimum of the previous window
+    current: float  # minimum of this window
+    window_start: float  # host time when this window began
 
 
 def start() -> State:
-    """State before the first message, or after the device's clock began anew."""
+    """Return the state before the first message, or after the device's clock restarted."""
     return State(0, 0.0, 0.0, 0.0)
 
 
 def step(state: State, window: float, device: float, host: float) -> State:
-    """Take in one message: when the device took it, when the host had it (s each)."""
+    """Return the state after one message with its device and host times (s)."""
     known, before, current, since = state
     difference = host - device
     if not known:
         return State(1, difference, difference, host)
     if host - since >= window:
-        # After a silence of two windows nothing of the first is left.
+        # After two windows without a message the previous minimum has expired.
         return State(1, current if host - since < 2.0 * window else difference, difference, host)
     return State(1, before, min(current, difference), since)
 
 
-def on_host(state: State, device: float) -> float:
-    """Host time (s) of a device time, the smallest delay not taken off."""
-    return device + min(state.before, state.current)
+def to_host_time(state: State, device: float) -> float:
+    """Return the host time (s) of a device time; the smallest delay is not subtracted."""
+    return device + min(state.previous, state.current)

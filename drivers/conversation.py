@@ -1,80 +1,80 @@
-"""How a conversation and its link meet: bytes in, what they mean, bytes out, turn by turn.
+"""Interfaces of a conversation (device protocol) and its port, and the loop that joins them.
 
-A conversation owns no port and reads no clock, so a test can hold it against any peer and any
-time. A link knows nothing of what it carries. `Exchange` is all there is between them.
+A conversation owns no port and reads no clock, so a test can run it against any peer at any time.
+A link knows nothing about the meaning of its bytes. `Exchange` connects the two.
 """
 
 from typing import Protocol
 
 
 class Port(Protocol):
-    """What moves bytes: `SerialLink`, `UdpLink`, or one that spoils them on the way."""
+    """A transport of bytes: `SerialLink`, `UdpLink`, or a test port that injects faults."""
 
     @property
-    def opens(self) -> int:
-        """How often it was opened."""
+    def open_count(self) -> int:
+        """Return how often the port was opened."""
         ...
 
     @property
     def is_open(self) -> bool:
-        """Whether bytes can go out."""
+        """Return True while bytes can be sent."""
         ...
 
     def now(self) -> float:
-        """Seconds on the monotonic clock."""
+        """Return the time of the monotonic clock, s."""
         ...
 
-    def take(self) -> list[bytes]:
-        """What has come: at most one piece of a stream, or datagrams; never waits."""
+    def receive(self) -> list[bytes]:
+        """Return the received bytes: at most one piece of a stream, or datagrams; never wait."""
         ...
 
     def send(self, data: bytes) -> bool:
-        """Send one message; False if it did not go out whole."""
+        """Send one message; return False if it was not sent completely."""
         ...
 
 
 class Conversation(Protocol):
-    """What a device is told and what it said. Nothing here raises; trouble is named."""
+    """The protocol with one device. No method raises; `explain` reports problems."""
 
-    def opened(self, now: float) -> None:
-        """The line was opened, perhaps again: what was under way is void; permission falls."""
+    def on_open(self, now: float) -> None:
+        """Reset after the port was opened: discard partial messages, withdraw permission to act."""
         ...
 
-    def take(self, data: bytes, now: float) -> None:
-        """Bytes that came, split anyhow; a datagram comes whole. Empty: nothing came."""
+    def receive(self, data: bytes, now: float) -> None:
+        """Process received bytes, split anywhere (a datagram is whole); empty if none came."""
         ...
 
-    def speak(self, now: float) -> bytes:
-        """The one message to send now; mostly empty. Called once a turn while the line is open."""
+    def next_message(self, now: float) -> bytes:
+        """Return the message to send now, often empty; called each step while the port is open."""
         ...
 
     def explain(self, now: float) -> str:
-        """What is wrong, with the device's name, for people; empty if nothing is."""
+        """Return the current problem with the device's name, for people; empty if there is none."""
         ...
 
 
 class Exchange:
-    """One conversation over one port."""
+    """Runs one conversation over one port."""
 
     def __init__(self, port: Port, conversation: Conversation) -> None:
-        """Nothing is taken or sent yet."""
+        """Store the two; `step` starts the transfer."""
         self._port, self._conversation = port, conversation
-        self._opens = -1  # of the port, when the conversation was last told
+        self._seen_open_count = -1  # of the port, at the last call of on_open
 
-    def turn(self) -> float:
-        """Take in what has come, then say what is to be said; gives the time of it (s)."""
+    def step(self) -> float:
+        """Process received bytes, send the next message, and return the time of this step (s)."""
         port, conversation = self._port, self._conversation
-        pieces = port.take()
+        pieces = port.receive()
         now = port.now()
-        if port.is_open and port.opens != self._opens:
-            self._opens = port.opens
-            conversation.opened(now)
+        if port.is_open and port.open_count != self._seen_open_count:
+            self._seen_open_count = port.open_count
+            conversation.on_open(now)
         for piece in pieces:
-            conversation.take(piece, now)
+            conversation.receive(piece, now)
         if not pieces:
-            conversation.take(b"", now)
+            conversation.receive(b"", now)
         if port.is_open:
-            message = conversation.speak(now)
+            message = conversation.next_message(now)
             if message:
                 port.send(message)
         return now

@@ -1,23 +1,25 @@
-"""The two errors of all drivers: what was said makes no sense, or the wire is not there."""
+"""The two errors of all drivers: `CodecError` for invalid data, `LinkError` for a failed wire."""
 
 
 class CodecError(ValueError):
-    """Bytes that are not a message, or a value that no message can carry.
+    """Bytes that are not a valid message, or a value that no message can carry.
 
-    Nothing else leaves a decoder, whatever bytes go in. The four fields say what was read or
-    written, where in it the trouble lies, what was expected there and what stood there instead.
+    A decoder raises no other error, whatever its input. The attributes are the message
+    (``subject``), the invalid part of it (``field``), what was expected there and what was found.
     """
 
-    def __init__(self, what: str, where: str, expected: str, got: object) -> None:
-        super().__init__(": ".join(filter(None, (what, where, f"expected {expected}, got {got}"))))
-        self.what = what
-        self.where = where
+    def __init__(self, subject: str, field: str, expected: str, got: object) -> None:
+        super().__init__(
+            ": ".join(filter(None, (subject, field, f"expected {expected}, got {got}")))
+        )
+        self.subject = subject
+        self.field = field
         self.expected = expected
         self.got = got
 
 
 class LinkError(OSError):
-    """A wire that cannot be opened, is gone or stays silent; names device, port and what happened.
+    """A wire that cannot be opened, is lost or does not answer; names device, port and cause.
 
-    What a link or a line raises is this or a kind of it, and nothing else.
+    Links and lines raise this error or a subclass of it, and nothing else.
     """

@@ -1,32 +1,33 @@
-"""Two-wire RS-485 adapters may hear themselves: what was sent comes back and is taken out again.
+"""Removal of the local echo: a two-wire RS-485 adapter may receive its own transmission.
 
-Exactly the bytes that were sent are taken, where they stand first; anything else is an answer.
-Bytes that began like an echo and turned out to be none are given back, none is lost.
+Only the exact bytes that were sent are removed, and only at the start of the received data; all
+others belong to the answer. Bytes that begin like an echo but differ later are passed on, so no
+byte of an answer is lost.
 """
 
 from typing import NamedTuple
 
 
 class State(NamedTuple):
-    """What was sent and has not come back."""
+    """Sent bytes whose echo is still outstanding."""
 
-    awaited: bytes
-    matched: int  # how many of them have come and are held back
-    missed: int  # times that something else came instead of the echo
+    expected: bytes
+    matched: int  # bytes of them that have been received and are withheld
+    missed_echoes: int  # times that other bytes came instead of the echo
 
 
 def start() -> State:
-    """State of a line just opened."""
+    """Return the state of a line just opened."""
     return State(b"", 0, 0)
 
 
-def sent(state: State, data: bytes) -> State:
-    """These bytes went out."""
-    return state._replace(awaited=state.awaited + data)
+def record_sent(state: State, data: bytes) -> State:
+    """Return the state after sending these bytes."""
+    return state._replace(expected=state.expected + data)
 
 
-def strip(state: State, data: bytes) -> tuple[State, bytes]:
-    """Take in what came; gives what is not echo."""
+def strip_echo(state: State, data: bytes) -> tuple[State, bytes]:
+    """Return the new state and the received bytes without the echo."""
     awaited, matched, missed = state
     if not awaited:
         return state, data

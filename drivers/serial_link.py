@@ -1,8 +1,8 @@
-"""A serial port as bytes: what has come is taken without waiting, what goes out is one write.
+"""A serial port: non-blocking reads, and one write per message.
 
-A port that hangs up (adapter pulled, other end gone) is closed and opened again after a pause that
-doubles. Opening talks to the adapter and can take milliseconds: these links live beside the loop,
-and the loop reads the values they post.
+A port that hangs up (adapter pulled, other end closed) is closed and opened again after a pause
+that doubles. Opening exchanges data with the adapter and can take milliseconds, so these links run
+in I/O processes, and the loop reads the values that they post.
 """
 
 import errno
@@ -20,13 +20,13 @@ from drivers import rs485_echo
 from drivers.back_off import BackOff
 from drivers.errors import LinkError
 
-PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a port
-MOST = 65536  # bytes in one look; what is beyond waits for the next
-_PIECE = 4096  # bytes a terminal gives at once, at most
+MIN_PAUSE, MAX_PAUSE = 0.1, 5.0  # s between attempts to open a port
+MAX_BYTES = 65536  # bytes per call of `receive`; further bytes wait for the next call
+_READ_SIZE = 4096  # bytes; a terminal returns no more from one read
 _PTY_MAJORS = range(136, 144)  # device numbers of the pseudo-terminals of Linux
-_GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL
-_TROUBLE = (OSError, ValueError, termios.error)  # SerialException is an OSError
-_WHY = {
+_HANG_UP_EVENTS = select.POLLHUP | select.POLLERR | select.POLLNVAL
+_PORT_ERRORS = (OSError, ValueError, termios.error)  # SerialException is an OSError
+_REASONS = {
     errno.ENOENT: "there is no such port",
     errno.EACCES: "no permission (is the user in the group of serial ports?)",
     errno.EAGAIN: "in use by another process",
@@ -34,54 +34,56 @@ _WHY = {
 }
 
 
-class Settings(NamedTuple):
+class SerialSettings(NamedTuple):
     """One port. A path under /dev/serial/by-id stays with its adapter; ttyUSB0 does not."""
 
-    device: str  # what is on it, for people
+    device: str  # name of the connected device, for people
     port: str
     baud: int
     parity: str  # N, E or O
     stop_bits: int  # 1 or 2
     rts_cts: int = 0  # 1: hardware handshake
-    echo: int = 0  # 1: a two-wire RS-485 adapter that hears itself
-    low_latency: int = 0  # 1: ask the adapter's driver to hand on bytes at once
+    echo: int = 0  # 1: a two-wire RS-485 adapter that receives its own transmission
+    low_latency: int = 0  # 1: request that the adapter's driver passes bytes on at once
 
 
 class SerialLink:
-    """One end of a serial line for one thread; what goes wrong is counted and named, not raised."""
+    """One end of a serial line for one thread; it counts and reports errors instead of raising."""
 
-    def __init__(self, settings: Settings, *, clock: Callable[[], float] = time.monotonic) -> None:
-        """Nothing is opened yet: `take` does that, or `open`, which says why not."""
-        self.opens = self.losses = 0
+    def __init__(
+        self, settings: SerialSettings, *, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """Leave the port closed: `receive` opens it, or `open`, which raises on failure."""
+        self.open_count = self.loss_count = 0
         self.received = self.sent = 0  # bytes
-        self.unsent = 0  # messages that did not go out whole
-        self.trouble = "not opened yet"  # why it is closed, for people; empty while it is open
-        self.low_latency = "not asked for"  # what became of it, for people
+        self.unsent = 0  # messages that were not sent completely
+        self.problem = "not opened yet"  # why it is closed, for people; empty while it is open
+        self.low_latency = "not asked for"  # result of the request, for people
         self.name = f"{settings.device} on {settings.port}"
         self._settings = settings
         self._clock = clock
-        self._back_off = BackOff(PAUSE_FIRST, PAUSE_MOST)
+        self._back_off = BackOff(MIN_PAUSE, MAX_PAUSE)
         self._port: serial.Serial | None = None
         self._fd = -1
         self._poll = select.poll()
         self._echo = rs485_echo.start()
 
     def now(self) -> float:
-        """Seconds on the monotonic clock."""
+        """Return the time of the monotonic clock, s."""
         return self._clock()
 
     @property
     def is_open(self) -> bool:
-        """Whether the port is open; not whether anybody answers."""
+        """Return True while the port is open, whether or not the device answers."""
         return self._port is not None
 
     @property
     def echoes_missed(self) -> int:
-        """Times that something else came where the echo of what was sent should have."""
-        return self._echo.missed
+        """Return how often other bytes came instead of the expected echo."""
+        return self._echo.missed_echoes
 
     def open(self) -> None:
-        """Open the port now; LinkError names device, port and why it cannot be."""
+        """Open the port now; raise LinkError with device, port and reason on failure."""
         if self._port is not None:
             return
         _, port, baud, parity, stop_bits, rts_cts, _, _ = self._settings
@@ -96,22 +98,22 @@ class SerialLink:
                 write_timeout=0,
                 exclusive=True,
             )
-        except _TROUBLE as error:
-            self._back_off.failed(self._clock())
-            why = _WHY.get(getattr(error, "errno", None) or 0, str(error))
-            self.trouble = why
-            raise LinkError(f"{self.name}: {why}") from error
+        except _PORT_ERRORS as error:
+            self._back_off.record_failure(self._clock())
+            reason = _REASONS.get(getattr(error, "errno", None) or 0, str(error))
+            self.problem = reason
+            raise LinkError(f"{self.name}: {reason}") from error
         self._port, self._fd = opened, opened.fileno()
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
-        self._echo = rs485_echo.start()._replace(missed=self._echo.missed)
-        self.opens, self.trouble = self.opens + 1, ""
-        self.low_latency = self._quicken(opened)
+        self._echo = rs485_echo.start()._replace(missed_echoes=self._echo.missed_echoes)
+        self.open_count, self.problem = self.open_count + 1, ""
+        self.low_latency = self._set_low_latency(opened)
 
-    def take(self) -> list[bytes]:
-        """What has come since the last call, as one piece or none; never waits.
+    def receive(self) -> list[bytes]:
+        """Return the bytes received since the last call, as one piece or none; never wait.
 
-        A port that is closed is opened here when its time has come; nothing is taken that turn.
+        A closed port is opened here once its pause has passed; that call returns no bytes.
         """
         if self._port is None:
             if self._back_off.ready(self._clock()):
@@ -119,33 +121,33 @@ class SerialLink:
                     self.open()
             return []
         data = b""
-        while len(data) < MOST:
+        while len(data) < MAX_BYTES:
             try:
                 events = self._poll.poll(0)
                 if not events:
                     break
-                piece = os.read(self._fd, _PIECE)
+                piece = os.read(self._fd, _READ_SIZE)
             except BlockingIOError:
-                if events[0][1] & _GONE:
-                    self._lose("hung up")
+                if events[0][1] & _HANG_UP_EVENTS:
+                    self._close_lost("hung up")
                 break
             except OSError as error:
-                self._lose(f"hung up ({error.strerror})")
+                self._close_lost(f"hung up ({error.strerror})")
                 break
             if not piece:
-                self._lose("hung up")
+                self._close_lost("hung up")
                 break
             data += piece
         if not data:
             return []
         self.received += len(data)
-        self._back_off.worked()
+        self._back_off.record_success()
         if self._settings.echo == 1:
-            self._echo, data = rs485_echo.strip(self._echo, data)
+            self._echo, data = rs485_echo.strip_echo(self._echo, data)
         return [data] if data else []
 
     def send(self, data: bytes) -> bool:
-        """Send a message in one write, whole or not; False if it was not taken whole."""
+        """Send a message in one write; return False if the port did not accept all of it."""
         if self._port is None:
             self.unsent += 1
             return False
@@ -154,40 +156,40 @@ class SerialLink:
         except BlockingIOError:
             written = 0
         except OSError as error:
-            self._lose(f"hung up ({error.strerror})")
+            self._close_lost(f"hung up ({error.strerror})")
             written = 0
         self.sent += written
         if self._settings.echo == 1:
-            self._echo = rs485_echo.sent(self._echo, data[:written])
+            self._echo = rs485_echo.record_sent(self._echo, data[:written])
         if written != len(data):
             self.unsent += 1
         return written == len(data)
 
     def close(self) -> None:
-        """Give the port back; cannot raise. `take` would open it again."""
+        """Close the port; cannot raise. A later `receive` opens it again."""
         port, self._port, self._fd = self._port, None, -1
         if port is None:
             return
-        self.trouble = "closed"
-        with suppress(*_TROUBLE):
-            port.reset_output_buffer()  # or closing waits for bytes that nobody fetches
-        with suppress(*_TROUBLE):
+        self.problem = "closed"
+        with suppress(*_PORT_ERRORS):
+            port.reset_output_buffer()  # otherwise closing waits for bytes that nobody reads
+        with suppress(*_PORT_ERRORS):
             port.close()
 
-    def _lose(self, why: str) -> None:
-        self.losses += 1
+    def _close_lost(self, reason: str) -> None:
+        self.loss_count += 1
         self.close()
-        self.trouble = why
-        self._back_off.failed(self._clock())
+        self.problem = reason
+        self._back_off.record_failure(self._clock())
 
-    def _quicken(self, port: serial.Serial) -> str:
-        """Low latency where it can be; a pseudo-terminal has none and would raise."""
+    def _set_low_latency(self, port: serial.Serial) -> str:
+        """Request low latency and return the result; a pseudo-terminal lacks it and would raise."""
         if self._settings.low_latency != 1:
             return "not asked for"
         if os.major(os.fstat(self._fd).st_rdev) in _PTY_MAJORS:
             return "not on a pseudo-terminal"
         try:
             port.set_low_latency_mode(True)
-        except (*_TROUBLE, NotImplementedError, AttributeError) as error:
+        except (*_PORT_ERRORS, NotImplementedError, AttributeError) as error:
             return f"refused: {error}"
         return "set"

@@ -1,14 +1,17 @@
-"""One question over TCP before a run, as for a calibration: asked, answered, hung up. It waits."""
+"""One blocking request over TCP before a run, for example for a calibration."""
 
 import socket
 
 from drivers.errors import LinkError
 
 
-def ask(device: str, host: str, port: int, request: bytes, size: int, timeout: float) -> bytes:
-    """The ``size`` bytes of the answer; LinkError if they have not come ``timeout`` s after a part.
+def send_request(
+    device: str, host: str, port: int, request: bytes, size: int, timeout: float
+) -> bytes:
+    """Send a request and return the ``size`` bytes of its answer.
 
-    Never from a loop: it blocks.
+    The call blocks, so never use it in a loop. LinkError if the connection fails or ends early, or
+    if no part of the answer arrives for ``timeout`` s.
     """
     where = f"{device} at {host}:{port}"
     answer = b""

@@ -1,1 +1,4 @@
-"""The simulated rig, other side of the wire: written from manuals, imports nothing of ours."""
+"""The simulated rig on the far side of the wires.
+
+It is written from manuals and imports no other package of this repository.
+"""

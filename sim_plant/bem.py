@@ -38,38 +38,38 @@ def read_bem(path: Path) -> Bem:
     """
     readers = {".npz": _read_npz, ".nc": _read_netcdf}
     if path.suffix not in readers:
-        raise ValueError(f"{path}: a BEM file is .npz or .nc")
+        raise ValueError(f"{path}: unknown BEM file type {path.suffix!r}; expected .npz or .nc")
     try:
         bem = readers[path.suffix](path)
-    except KeyError as missing:
-        raise ValueError(f"{path}: no field {missing}") from missing
+    except KeyError as error:
+        raise ValueError(f"{path}: no field {error}") from error
     if not np.all(np.diff(bem.frequency) > 0.0) or not np.all(np.isfinite(bem.excitation)):
         raise ValueError(f"{path}: frequencies must ascend and excitation must be finite")
     return bem
 
 
 def radiation_impedance(bem: Bem) -> Complexes:
-    """Give K_r = B + i omega (A - A_inf) on the file's grid, N s/m, as seen by e^{+i omega t}."""
+    """Return K_r = B + i omega (A - A_inf) on the file's grid, N s/m, for e^{+i omega t}."""
     omega = 2.0 * np.pi * bem.frequency
     return bem.damping + 1j * omega * (bem.added_mass - bem.added_mass_infinite)
 
 
 def excitation_at(bem: Bem, frequency: Floats) -> Complexes:
-    """Give the excitation coefficient at any frequencies (Hz), N/m, e^{-i omega t}.
+    """Return the excitation coefficient at any frequencies (Hz), N/m, e^{-i omega t}.
 
-    Magnitude and unwrapped phase are interpolated linearly and held below the grid: a straight
-    line between complex values would cut the corner of a phase that turns 12 degrees per bin at
-    1 Hz (0.5 % of magnitude), the two apart are good to 0.2 % over 0.2-1 Hz.
-    Zero above the grid.
+    Magnitude and unwrapped phase are interpolated linearly and kept constant below the grid; above
+    the grid the coefficient is zero. Interpolating the complex values instead would lose 0.5 % of
+    the magnitude at 1 Hz, where the phase turns 12 degrees per bin; separate interpolation is
+    accurate to 0.2 % over 0.2-1 Hz.
     """
     phase = np.unwrap(np.angle(bem.excitation))
     magnitude = np.interp(frequency, bem.frequency, np.abs(bem.excitation), right=0.0)
-    turned: Complexes = magnitude * np.exp(1j * np.interp(frequency, bem.frequency, phase))
-    return turned
+    coefficient: Complexes = magnitude * np.exp(1j * np.interp(frequency, bem.frequency, phase))
+    return coefficient
 
 
-def _regular(path: Path) -> BinaryIO:
-    """The file, open; OSError for a FIFO or device, which would be waited for."""
+def _open_regular_file(path: Path) -> BinaryIO:
+    """Open a regular file. Raises OSError for a FIFO or device, whose reading could block."""
     fd = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     if not stat.S_ISREG(os.fstat(fd).st_mode):
         os.close(fd)
@@ -78,7 +78,7 @@ def _regular(path: Path) -> BinaryIO:
 
 
 def _read_npz(path: Path) -> Bem:
-    with _regular(path) as opened, np.load(opened) as file:
+    with _open_regular_file(path) as stream, np.load(stream) as file:
         return Bem(
             np.asarray(file["f_hz"], dtype=np.float64),
             np.asarray(file["A"], dtype=np.float64),
@@ -91,9 +91,9 @@ def _read_npz(path: Path) -> Bem:
 
 
 def _read_netcdf(path: Path) -> Bem:
-    import h5netcdf  # noqa: PLC0415  (half a second of HDF5 that the .npz does without)
+    import h5netcdf  # noqa: PLC0415  (importing HDF5 takes half a second; .npz files do not need it)
 
-    with _regular(path) as opened, h5netcdf.File(opened, "r") as file:
+    with _open_regular_file(path) as stream, h5netcdf.File(stream, "r") as file:
         fields: Any = file.variables
         parts = np.asarray(fields["excitation_force"], dtype=np.float64)[:, :, 0, 0]
         return Bem(

@@ -51,7 +51,7 @@ class BodyState(NamedTuple):
 
 
 def radiation(params: BodyParams, state: BodyState) -> Newton:
-    """Give the memory part of the radiation force on the body (the A_inf part is in the inertia).
+    """Return the memory part of the radiation force on the body (A_inf is part of the inertia).
 
     N, opposing motion. Source: Cummins' equation; five-state fit of BEM data.
     """
@@ -61,7 +61,7 @@ def radiation(params: BodyParams, state: BodyState) -> Newton:
 
 
 def drag(params: BodyParams, velocity: MetrePerSecond) -> Newton:
-    """Give the viscous force on the body: -(c1 + c2 |v|) v. N.
+    """Return the viscous force on the body: -(c1 + c2 |v|) v. N.
 
     Source: WaveBot MASK1 identification (linear and quadratic heave damping).
     """
@@ -69,7 +69,7 @@ def drag(params: BodyParams, velocity: MetrePerSecond) -> Newton:
 
 
 def acceleration(params: BodyParams, state: BodyState, applied: Newton) -> MetrePerSecondSquared:
-    """Give heave acceleration under `applied` (excitation plus PTO forces on the body), m/s2."""
+    """Return heave acceleration under `applied` (excitation plus PTO forces on the body), m/s2."""
     return (
         applied
         - params.hydrostatic * state.position
@@ -81,7 +81,7 @@ def acceleration(params: BodyParams, state: BodyState, applied: Newton) -> Metre
 def predict(
     params: BodyParams, state: BodyState, applied: Newton, half: Second
 ) -> tuple[Metre, MetrePerSecond]:
-    """Give position and velocity half a step ahead by Euler: first stage of the midpoint rule."""
+    """Return position and velocity half a step ahead: first stage of the midpoint rule (Euler)."""
     inertia, hydrostatic, viscous, quadratic, _, _, _, _, _, b1, b2, b3, b4 = params
     x, v, _, z2, z3, z4, z5 = state
     memory = b1 * z2 + b2 * z3 + b3 * z4 + b4 * z5
@@ -97,10 +97,10 @@ def correct(
     applied: Newton,
     dt: Second,
 ) -> BodyState:
-    """Give the state a step ahead with the slope at the middle (x, v): second stage.
+    """Return the state one step ahead from the slope at the midpoint (x, v): the second stage.
 
-    `applied` (N) is taken at the middle. Unpacked and written out: in the interpreted loop an
-    attribute costs more than a product.
+    `applied` (N) is the force at the midpoint. The code unpacks the tuples and writes the equations
+    out: in the interpreted loop an attribute access costs more than a product.
     """
     inertia, hydrostatic, viscous, quadratic, a0, a1, a2, a3, a4, b1, b2, b3, b4 = params
     x0, v0, y1, y2, y3, y4, y5 = state

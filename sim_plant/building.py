@@ -1,4 +1,4 @@
-"""From the sections of a plant file to the constants of the step, as real floats."""
+"""Conversion of the sections of a plant file to the parameters of the step, as floats."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from sim_plant.bus import BusParams
 from sim_plant.cots_drive import CotsParams
 from sim_plant.custom_drive import HYSTERESIS, DriveSettings, InverterParams
 from sim_plant.drive import DriveParams
-from sim_plant.drive_sections import SCHEMES, CommandSide, CotsDrive, CustomDrive
+from sim_plant.drive_sections import SCHEMES, CotsDrive, CustomDrive, DriveControl
 from sim_plant.electrics import ElectricsParams
 from sim_plant.entries import Radiation
 from sim_plant.magnetic_spring import SpringParams
@@ -25,38 +25,38 @@ NO_BUS = BusParams(1.0, 0.0, 0, 0.0, 1.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0, 0.0, 0.0)
 
 
 def fit_slope(half_angle: float) -> float:
-    """Give the least-squares slope of sin 2 theta over ±half_angle (rad): 1.649 at 39.27 deg."""
-    arch = 0.5 * math.sin(2.0 * half_angle) - half_angle * math.cos(2.0 * half_angle)
-    return 1.5 * arch / (half_angle * half_angle * half_angle)
+    """Return the least-squares slope of sin 2 theta over ±half_angle (rad): 1.649 at 39.27 deg."""
+    numerator = 0.5 * math.sin(2.0 * half_angle) - half_angle * math.cos(2.0 * half_angle)
+    return 1.5 * numerator / (half_angle * half_angle * half_angle)
 
 
-def body(file: sections.Body) -> BodyParams:
-    """Give the heave constants."""
+def body_params(file: sections.Body) -> BodyParams:
+    """Return the heave parameters."""
     return BodyParams(
         float(file.mass.value) + float(file.added_mass_infinite.value),
         float(file.hydrostatic.value),
         float(file.viscous_linear.value),
         float(file.viscous_quadratic.value),
-        *_radiation(file.radiation),
+        *_radiation_coefficients(file.radiation),
     )
 
 
-def surge(file: sections.Surge, motor: sections.Pto) -> SurgeParams:
-    """Give the surge constants; its motor and gear are those of heave."""
+def surge_params(file: sections.Surge, motor: sections.Pto) -> SurgeParams:
+    """Return the surge parameters; motor and gear are the same as in heave."""
     hull = BodyParams(
         float(file.mass.value) + float(file.added_mass_infinite.value),
         float(file.stiffness.value),
         float(file.viscous_linear.value),
         float(file.viscous_quadratic.value),
-        *_radiation(file.radiation),
+        *_radiation_coefficients(file.radiation),
     )
     return SurgeParams(
-        hull, _command_side(file.drive), _force_per_current(motor), float(file.carriage_mass.value)
+        hull, _drive_params(file.drive), _force_per_current(motor), float(file.carriage_mass.value)
     )
 
 
-def pto(file: sections.Pto) -> PtoParams:
-    """Give motor and drivetrain constants."""
+def pto_params(file: sections.Pto) -> PtoParams:
+    """Return the motor and drivetrain parameters."""
     force_per_current = _force_per_current(file)
     return PtoParams(
         force_per_current,
@@ -68,22 +68,22 @@ def pto(file: sections.Pto) -> PtoParams:
     )
 
 
-def spring(file: sections.Spring, stator: sections.Stator) -> SpringParams:
-    """Give table and torque law of the magnetic spring."""
+def spring_params(file: sections.Spring, stator: sections.Stator) -> SpringParams:
+    """Return the rate table and torque law of the magnetic spring."""
     lever = float(file.lever.value)
     return SpringParams(
         1.0 / lever,
         lever / fit_slope(file.fit_half_angle.value),
         1 if file.law.value == "sine" else 0,
         float(file.spring_effect.value),
-        tuple(float(station) for station in file.stator_positions.value),
+        tuple(float(position) for position in file.stator_positions.value),
         tuple(float(rate) for rate in file.spring_rates.value),
         100.0 * stator.speed.value / stator.travel.value,
     )
 
 
-def stator_force(file: sections.Spring, stator: sections.Stator) -> StatorForceParams:
-    """Give the axial side of the magnetic spring; Tp of a linear spring is half its slope."""
+def stator_force_params(file: sections.Spring, stator: sections.Stator) -> StatorForceParams:
+    """Return the spring's axial-force parameters; Tp of a linear spring is half its slope."""
     lever = float(file.lever.value)
     sine = file.law.value == "sine"
     amplitude = 1.0 / fit_slope(file.fit_half_angle.value) if sine else 0.5
@@ -97,11 +97,11 @@ def stator_force(file: sections.Spring, stator: sections.Stator) -> StatorForceP
     )
 
 
-def electrics(
+def electrics_params(
     file: CotsDrive | CustomDrive, motor: sections.Pto, settings: DriveSettings | None
 ) -> ElectricsParams:
-    """Give drive, bus and analyser constants; settings are those of the file unless given."""
-    loop, window = _command_side(file), float(file.analyser_window.value)
+    """Return drive, bus and analyser parameters; `settings` overrides the settings of the file."""
+    drive, window = _drive_params(file), float(file.analyser_window.value)
     if isinstance(file, CotsDrive):
         losses = CotsParams(
             float(file.fixed_loss.value),
@@ -110,20 +110,20 @@ def electrics(
             float(file.bus_voltage.value),
             float(file.bus_resistance.value),
         )
-        return ElectricsParams(loop, 0, losses, NO_INVERTER, NO_BUS, window)
-    chosen = settings or DriveSettings(
+        return ElectricsParams(drive, 0, losses, NO_INVERTER, NO_BUS, window)
+    drive_settings = settings or DriveSettings(
         SCHEMES.index(file.scheme.value),
         float(file.bus_voltage.value),
         float(file.switching_period.value),
         float(file.hysteresis_tolerance.value),
         file.discharge_level.value,
     )
-    inverter, link = _inverter(file, motor, chosen), _bus(file, chosen)
-    return ElectricsParams(loop, 1, NO_COTS, inverter, link, window)
+    inverter, bus = _inverter_params(file, motor, drive_settings), _bus_params(file, drive_settings)
+    return ElectricsParams(drive, 1, NO_COTS, inverter, bus, window)
 
 
-def sensors(file: sections.Sensors, motor: sections.Pto) -> SensorParams:
-    """Give scales and errors; strides differ so that no two channels share their noise."""
+def sensor_params(file: sections.Sensors, motor: sections.Pto) -> SensorParams:
+    """Return encoder scales and channel errors; each channel has its own stride in the noise."""
     force = float(file.force_resolution.value)
     pot = (file.string_pot_bias, file.string_pot_noise, file.string_pot_resolution)
     bias, noise, resolution = (float(entry.value) for entry in pot)
@@ -146,11 +146,11 @@ def sensors(file: sections.Sensors, motor: sections.Pto) -> SensorParams:
 
 
 def probe_channel(file: sections.Sensors) -> Channel:
-    """Give the errors of the basin probes."""
+    """Return the channel errors of the basin probes."""
     return Channel(0.0, float(file.probe_noise.value), float(file.probe_resolution.value), 29, 7001)
 
 
-def _radiation(file: Radiation) -> tuple[float, ...]:
+def _radiation_coefficients(file: Radiation) -> tuple[float, ...]:
     num = [float(b) for b in file.numerator.value]
     den = [float(a) for a in file.denominator.value]
     return (*reversed(den), *reversed(num))
@@ -160,7 +160,7 @@ def _force_per_current(file: sections.Pto) -> float:
     return float(file.torque_constant.value * file.gear_ratio.value)
 
 
-def _command_side(file: CommandSide) -> DriveParams:
+def _drive_params(file: DriveControl) -> DriveParams:
     return DriveParams(
         float(file.current_limit.value),
         float(file.current_time_constant.value),
@@ -169,12 +169,14 @@ def _command_side(file: CommandSide) -> DriveParams:
     )
 
 
-def _inverter(file: CustomDrive, motor: sections.Pto, chosen: DriveSettings) -> InverterParams:
-    two_port = math.sqrt(1.5)
-    fixed, per_volt = 0.001 / chosen.switching_period, 0.0
+def _inverter_params(
+    file: CustomDrive, motor: sections.Pto, chosen: DriveSettings
+) -> InverterParams:
+    two_port_scale = math.sqrt(1.5)
+    fixed_frequency, frequency_per_volt = 0.001 / chosen.switching_period, 0.0
     if chosen.scheme == HYSTERESIS:
-        swing = 4.0 * file.inductance.value * chosen.hysteresis_tolerance
-        fixed, per_volt = 0.0, 0.001 / swing
+        flux_swing = 4.0 * file.inductance.value * chosen.hysteresis_tolerance
+        fixed_frequency, frequency_per_volt = 0.0, 0.001 / flux_swing
     return InverterParams(
         float(file.fixed_loss.value),
         float(file.switching_loss.value),
@@ -183,17 +185,17 @@ def _inverter(file: CustomDrive, motor: sections.Pto, chosen: DriveSettings) -> 
         float(file.switching_linear_loss.value),
         float(file.square_loss.value),
         float(file.rated_voltage.value),
-        fixed,
-        per_volt,
+        fixed_frequency,
+        frequency_per_volt,
         float(file.scheme_switching.value[chosen.scheme]),
         float(file.scheme_modulation.value[chosen.scheme]),
-        two_port * _force_per_current(motor),
+        two_port_scale * _force_per_current(motor),
         float(motor.winding_resistance.value),
-        two_port,
+        two_port_scale,
     )
 
 
-def _bus(file: CustomDrive, chosen: DriveSettings) -> BusParams:
+def _bus_params(file: CustomDrive, chosen: DriveSettings) -> BusParams:
     level, band = float(chosen.bus_voltage), float(file.dump_band.value)
     resistors = bin(chosen.discharge_level).count("1")
     return BusParams(

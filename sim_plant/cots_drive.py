@@ -21,11 +21,11 @@ class CotsParams(NamedTuple):
 
 
 def loss(params: CotsParams, current: Ampere) -> Watt:
-    """Give the loss between the drive's DC and AC terminals, W: 30 + 3.6 |i| + 0.02 i²."""
-    size = abs(current)
-    return params.fixed_loss + (params.linear_loss + params.square_loss * size) * size
+    """Return the loss between the drive's DC and AC terminals, W: 30 + 3.6 |i| + 0.02 i²."""
+    magnitude = abs(current)
+    return params.fixed_loss + (params.linear_loss + params.square_loss * magnitude) * magnitude
 
 
 def bus_voltage(params: CotsParams, power_dc: Watt) -> Volt:
-    """Give the DC bus voltage: supply voltage less the drop of its source resistance."""
+    """Return the DC bus voltage: supply voltage less the drop of its source resistance."""
     return params.bus_voltage - params.bus_resistance * power_dc / params.bus_voltage

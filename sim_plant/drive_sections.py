@@ -6,21 +6,25 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sim_plant.custom_drive import HIGHEST, LOWEST
-from sim_plant.entries import Checked, Entry, Positive, Size, Time
+from sim_plant.custom_drive import MAX_SETTINGS, MIN_SETTINGS
+from sim_plant.entries import Entry, NonNegative, Positive, StrictModel, Time
 
 SCHEMES = ("svpwm", "sine_triangle", "dpwm", "hysteresis")
 """Modulation schemes in the order of their codes."""
 
-Four = Annotated[tuple[float, float, float, float], Field(strict=False)]
-SetVoltage = Annotated[float, Field(ge=LOWEST.bus_voltage, le=HIGHEST.bus_voltage)]
-Period = Annotated[float, Field(ge=LOWEST.switching_period, le=HIGHEST.switching_period)]
-Tolerance = Annotated[float, Field(ge=LOWEST.hysteresis_tolerance, le=HIGHEST.hysteresis_tolerance)]
-Mask = Annotated[int, Field(ge=LOWEST.discharge_level, le=HIGHEST.discharge_level)]
+PerScheme = Annotated[tuple[float, float, float, float], Field(strict=False)]
+SetVoltage = Annotated[float, Field(ge=MIN_SETTINGS.bus_voltage, le=MAX_SETTINGS.bus_voltage)]
+Period = Annotated[float, Field(ge=MIN_SETTINGS.switching_period, le=MAX_SETTINGS.switching_period)]
+Tolerance = Annotated[
+    float, Field(ge=MIN_SETTINGS.hysteresis_tolerance, le=MAX_SETTINGS.hysteresis_tolerance)
+]
+DischargeMask = Annotated[
+    int, Field(ge=MIN_SETTINGS.discharge_level, le=MAX_SETTINGS.discharge_level)
+]
 
 
-class CommandSide(Checked):
-    """What every drive has: limit, current loop, enable, watchdog."""
+class DriveControl(StrictModel):
+    """Parameters of every drive: current limit, current loop, enable, watchdog."""
 
     current_limit: Entry[Positive, Literal["A"]]
     current_time_constant: Entry[Annotated[float, Field(ge=1.0e-5, le=0.1)], Literal["s"]]
@@ -28,41 +32,41 @@ class CommandSide(Checked):
     watchdog: Entry[Time, Literal["s"]]
 
 
-class CotsDrive(CommandSide):
+class CotsDrive(DriveControl):
     """Commercial drive, DC supply and power analyser."""
 
     kind: Literal["cots"]
-    fixed_loss: Entry[Size, Literal["W"]]
-    linear_loss: Entry[Size, Literal["W/A"]]
-    square_loss: Entry[Size, Literal["W/A2"]]
+    fixed_loss: Entry[NonNegative, Literal["W"]]
+    linear_loss: Entry[NonNegative, Literal["W/A"]]
+    square_loss: Entry[NonNegative, Literal["W/A2"]]
     bus_voltage: Entry[Positive, Literal["V"]]
-    bus_resistance: Entry[Size, Literal["ohm"]]
+    bus_resistance: Entry[NonNegative, Literal["ohm"]]
     analyser_window: Entry[Annotated[float, Field(gt=0.0, le=1.0)], Literal["s"]]
 
 
-class CustomDrive(CommandSide):
-    """Custom drive with its bus, and the settings it starts with."""
+class CustomDrive(DriveControl):
+    """Custom drive with its bus and its initial settings."""
 
     kind: Literal["custom"]
-    fixed_loss: Entry[Size, Literal["W"]]
-    switching_loss: Entry[Size, Literal["W/kHz"]]
-    ripple_loss: Entry[Size, Literal["W"]]
-    conduction_loss: Entry[Size, Literal["W/A"]]
-    switching_linear_loss: Entry[Size, Literal["W/A/kHz"]]
-    square_loss: Entry[Size, Literal["W/A2"]]
+    fixed_loss: Entry[NonNegative, Literal["W"]]
+    switching_loss: Entry[NonNegative, Literal["W/kHz"]]
+    ripple_loss: Entry[NonNegative, Literal["W"]]
+    conduction_loss: Entry[NonNegative, Literal["W/A"]]
+    switching_linear_loss: Entry[NonNegative, Literal["W/A/kHz"]]
+    square_loss: Entry[NonNegative, Literal["W/A2"]]
     rated_voltage: Entry[Positive, Literal["V"]]
     inductance: Entry[Annotated[float, Field(ge=1.0e-5, le=1.0)], Literal["H"]]
-    scheme_switching: Entry[Four, Literal["1"]]
-    scheme_ripple: Entry[Four, Literal["1"]]
-    scheme_modulation: Entry[Four, Literal["1"]]
+    scheme_switching: Entry[PerScheme, Literal["1"]]
+    scheme_ripple: Entry[PerScheme, Literal["1"]]
+    scheme_modulation: Entry[PerScheme, Literal["1"]]
     scheme: Entry[Literal["svpwm", "sine_triangle", "dpwm", "hysteresis"], Literal["1"]]
     bus_voltage: Entry[SetVoltage, Literal["V"]]
     switching_period: Entry[Period, Literal["s"]]
     hysteresis_tolerance: Entry[Tolerance, Literal["A"]]
-    discharge_level: Entry[Mask, Literal["mask"]]
+    discharge_level: Entry[DischargeMask, Literal["mask"]]
     capacitance: Entry[Annotated[float, Field(ge=0.001, le=10.0)], Literal["F"]]
     supply: Entry[Literal["connected", "disconnected"], Literal["1"]]
-    supply_drop: Entry[Size, Literal["V"]]
+    supply_drop: Entry[NonNegative, Literal["V"]]
     supply_resistance: Entry[Annotated[float, Field(gt=0.0, le=100.0)], Literal["ohm"]]
     dump_band: Entry[Annotated[float, Field(gt=0.0, le=50.0)], Literal["V"]]
     dump_resistance: Entry[Annotated[float, Field(ge=1.0, le=1.0e4)], Literal["ohm"]]
@@ -73,8 +77,8 @@ class CustomDrive(CommandSide):
     analyser_window: Entry[Annotated[float, Field(gt=0.0, le=1.0)], Literal["s"]]
 
     @model_validator(mode="after")
-    def _is_a_bus(self) -> CustomDrive:
-        """Refuse a supply quicker than the step can follow and shares that are none."""
+    def _check_ranges(self) -> CustomDrive:
+        """Reject a supply time constant too short for the step, and scheme factors out of range."""
         if self.supply_resistance.value * self.capacitance.value < 0.01:
             raise ValueError("supply_resistance times capacitance must be 0.01 s or more")
         shares = (*self.scheme_switching.value, *self.scheme_ripple.value)

@@ -1,4 +1,4 @@
-"""Between the heave command and the bus: a drive of either kind and the analyser. Pure."""
+"""Electrical chain of heave: a drive of either kind, its bus and the power analyser. Pure."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from sim_plant.units import (
 
 
 class ElectricsParams(NamedTuple):
-    """Constants of both kinds of drive; the words of the kind that is not fitted are unused."""
+    """Parameters of both kinds of drive; those of the kind that is not fitted are unused."""
 
-    loop: DriveParams
+    drive: DriveParams
     custom: Flag  # 1: custom drive with its own bus, 0: commercial drive
     cots: CotsParams
     inverter: InverterParams
@@ -33,7 +33,7 @@ class ElectricsParams(NamedTuple):
 
 
 class ElectricsState(NamedTuple):
-    """What drive, bus and analyser remember."""
+    """State of drive, bus and analyser."""
 
     drive: DriveState
     gate: Flag  # 1: the power stage may switch
@@ -42,19 +42,19 @@ class ElectricsState(NamedTuple):
 
 
 def initial(params: ElectricsParams) -> ElectricsState:
-    """Give the state with the drive off, the custom drive's bus charged to its set point."""
-    standing = params.cots.fixed_loss
+    """Return the state with the drive off and the custom drive's bus charged to its set point."""
+    idle_power = params.cots.fixed_loss
     if params.custom == 1:
-        standing = params.inverter.fixed_loss
+        idle_power = params.inverter.fixed_loss
     return ElectricsState(
-        drive.at_rest(),
+        drive.initial(),
         1,
-        bus.charged(params.bus),
-        AnalyserState(0.0, 0.0, 0, 0.0, standing, 0.0),
+        bus.initial(params.bus),
+        AnalyserState(0.0, 0.0, 0, 0.0, idle_power, 0.0),
     )
 
 
-def command(
+def command_step(
     params: ElectricsParams,
     state: ElectricsState,
     current: Ampere,
@@ -64,58 +64,62 @@ def command(
     velocity: MetrePerSecond,
     dt: Second,
 ) -> DriveState:
-    """Advance the drive by one step; the motor's current is its mean over the step."""
+    """Advance the drive by one step; the current of the motor is the mean over the step."""
     if params.custom == 0:
-        ceiling = drive.NO_CEILING
-        return drive.drive_step(params.loop, state.drive, current, enable, fresh, 1, 0, ceiling, dt)
-    ceiling = custom_drive.ceiling(params.inverter, state.bus.voltage, velocity)
-    trip = bus.trip(params.bus, state.bus)
+        max_current = drive.UNLIMITED_CURRENT
+        return drive.drive_step(
+            params.drive, state.drive, current, enable, fresh, 1, 0, max_current, dt
+        )
+    max_current = custom_drive.max_current(params.inverter, state.bus.voltage, velocity)
+    trip = bus.voltage_trip(params.bus, state.bus)
     return drive.drive_step(
-        params.loop, state.drive, current, enable, fresh, conducting, trip, ceiling, dt
+        params.drive, state.drive, current, enable, fresh, conducting, trip, max_current, dt
     )
 
 
-def power(
+def power_step(
     params: ElectricsParams,
     state: ElectricsState,
-    driven: DriveState,
+    drive_state: DriveState,
     conducting: int,
     power_ac: Watt,
     dt: Second,
 ) -> ElectricsState:
-    """Give the state after a step of AC power between motor and drive: DC power, bus, analyser.
+    """Return the state after one step of AC power between motor and drive: DC power, bus, analyser.
 
     DC power is AC power plus the drive's loss; W, absorbed negative. Supply and dump resistors lie
-    beyond the drive's bus terminals and do not enter it.
+    beyond the drive's bus terminals and are not part of it.
     """
-    held = state.bus
+    bus_state = state.bus
     gate = 1
     if params.custom == 0:
-        power_dc = power_ac + cots_drive.loss(params.cots, driven.mean_current)
+        power_dc = power_ac + cots_drive.loss(params.cots, drive_state.mean_current)
     else:
         gate = conducting
-        on = gate if driven.enabled == 1 else 0
+        on = gate if drive_state.enabled == 1 else 0
         power_dc = power_ac
-        if held.voltage >= params.bus.brownout:
-            loss = custom_drive.loss(params.inverter, held.voltage, driven.mean_current, on)
+        if bus_state.voltage >= params.bus.brownout:
+            loss = custom_drive.loss(
+                params.inverter, bus_state.voltage, drive_state.mean_current, on
+            )
             power_dc = power_ac + loss
-        held = bus.bus_step(params.bus, held, power_dc, dt)
+        bus_state = bus.bus_step(params.bus, bus_state, power_dc, dt)
     analyser = analyser_step(params.analyser_window, state.analyser, power_ac, power_dc, dt)
-    return ElectricsState(driven, gate, held, analyser)
+    return ElectricsState(drive_state, gate, bus_state, analyser)
 
 
 def bus_voltage(params: ElectricsParams, state: ElectricsState) -> Volt:
-    """Give the voltage at the drive's bus terminals."""
+    """Return the voltage at the drive's bus terminals."""
     if params.custom == 1:
         return state.bus.voltage
     return cots_drive.bus_voltage(params.cots, state.analyser.power_dc)
 
 
 def dump_mask(params: ElectricsParams, state: ElectricsState) -> Code:
-    """Give which dump resistors conduct now; none with the commercial drive."""
+    """Return the mask of the dump resistors that conduct now; 0 with the commercial drive."""
     return params.bus.dump_mask if state.bus.dumping == 1 else 0
 
 
-def conducts(state: ElectricsState) -> Flag:
-    """Give 1 while the power stage switches."""
+def is_conducting(state: ElectricsState) -> Flag:
+    """Return 1 while the power stage switches, else 0."""
     return state.gate if state.drive.enabled == 1 else 0

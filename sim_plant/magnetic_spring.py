@@ -1,4 +1,4 @@
-"""The magnetic spring: torque over rotor angle, rate over stator position, stator actuator. Pure.
+"""Magnetic spring: torque over rotor angle, rate over stator position, stator actuator. Pure.
 
 Spring rate is positive when it restores: F = -K x on the body.
 """
@@ -21,7 +21,7 @@ from sim_plant.units import (
     Second,
 )
 
-# Beyond this the run has diverged; sin of a huge or infinite angle means nothing (and raises).
+# Beyond this angle the run has diverged; the sine of an infinite angle raises an error.
 ANGLE_LIMIT = 1.0e6
 
 
@@ -29,16 +29,16 @@ class SpringParams(NamedTuple):
     """Table of rate over stator position and the shape of the torque law."""
 
     angle_per_metre: RadianPerMetre  # rotor angle per heave, 1/0.33047
-    reach: Metre  # force amplitude per table rate: lever / (fit slope of sin 2 theta)
+    force_per_rate: Metre  # force amplitude per table rate: lever / (fit slope of sin 2 theta)
     sine: Flag  # 1: T = Tp sin 2 theta; 0: F = -K x
-    effect: float  # share of the table rate that acts
-    stations: tuple[float, ...]  # %, ascending
+    effect: float  # factor on the table rate
+    stator_positions: tuple[float, ...]  # %, ascending
     rates: tuple[float, ...]  # N/m at the stations
     speed: PercentPerSecond
 
 
 class StatorState(NamedTuple):
-    """Where the stator is, what rate acts there, how it changes, and whether it has arrived."""
+    """Stator position, acting rate and slope there, and whether the target is reached."""
 
     position: Percent
     rate: NewtonPerMetre  # table rate times effect
@@ -47,88 +47,93 @@ class StatorState(NamedTuple):
 
 
 def table_rate(params: SpringParams, stator: Percent) -> NewtonPerMetre:
-    """Give the acting spring rate at a stator position, N/m; ends are held beyond the table.
+    """Return the acting spring rate at a stator position, N/m, constant beyond the table.
 
     Source: MASK4 report (Sandia), Table 4-1, linear between stations, times `effect`.
     """
-    last = len(params.stations) - 1
-    if not stator > params.stations[0]:
+    last = len(params.stator_positions) - 1
+    if not stator > params.stator_positions[0]:
         return params.effect * params.rates[0]
     for i in range(last):
-        if stator < params.stations[i + 1]:
-            share = (stator - params.stations[i]) / (params.stations[i + 1] - params.stations[i])
-            rise = params.rates[i + 1] - params.rates[i]
-            return params.effect * (params.rates[i] + share * rise)
+        if stator < params.stator_positions[i + 1]:
+            fraction = (stator - params.stator_positions[i]) / (
+                params.stator_positions[i + 1] - params.stator_positions[i]
+            )
+            rate_difference = params.rates[i + 1] - params.rates[i]
+            return params.effect * (params.rates[i] + fraction * rate_difference)
     return params.effect * params.rates[last]
 
 
 def table_slope(params: SpringParams, stator: Percent) -> NewtonPerMetrePercent:
-    """Give how the acting rate changes with stator position, N/m/%: the derivative of table_rate.
+    """Return the derivative of `table_rate` over stator position, N/m/%.
 
-    At a station it is the mean of both sides (a central difference of the table); at the ends, and
-    beyond them, that of the outermost stretch.
+    At a table position the slope is the mean of both sides (a central difference of the table); at
+    the ends and beyond them it is the slope of the outermost segment.
     """
-    last = len(params.stations) - 1
+    last = len(params.stator_positions) - 1
     total = 0.0
-    sides = 0.0
+    segments = 0.0
     for i in range(last):
-        low, high = params.stations[i], params.stations[i + 1]
+        low, high = params.stator_positions[i], params.stator_positions[i + 1]
         inside = low <= stator <= high
         if inside or (i == 0 and stator < low) or (i == last - 1 and stator > high):
             total = total + (params.rates[i + 1] - params.rates[i]) / (high - low)
-            sides = sides + 1.0
-    if not sides > 0.0:
+            segments = segments + 1.0
+    if not segments > 0.0:
         return 0.0
-    return params.effect * total / sides
+    return params.effect * total / segments
 
 
-def stator_at(params: SpringParams, stator: Percent) -> StatorState:
-    """Give the state of a stator that stands at a position."""
+def stator_at_rest(params: SpringParams, stator: Percent) -> StatorState:
+    """Return the state of a stator at rest at a position."""
     return StatorState(stator, table_rate(params, stator), table_slope(params, stator), 1)
 
 
 def rotor_angle(params: SpringParams, position: Metre) -> Radian:
-    """Give the rotor angle from its balance point: theta = x / 0.33047 m."""
+    """Return the rotor angle from its balance point: theta = x / 0.33047 m."""
     return params.angle_per_metre * position
 
 
 def force(params: SpringParams, rate: NewtonPerMetre, position: Metre) -> Newton:
-    """Give the spring force on the body, N: -(Tp/lever) sin 2 theta, or -rate x if linear.
+    """Return the spring force on the body, N: -(Tp/lever) sin 2 theta, or -rate x if linear.
 
     Tp is such that the least-squares slope over the fit window is the table rate, so the
-    small-signal rate is 1.213 times it and the force falls off at large stroke.
+    small-signal rate is 1.213 times the table rate and the force falls off at large stroke.
     """
     if params.sine == 0:
         return -rate * position
     double_angle = 2.0 * params.angle_per_metre * position
     if not abs(double_angle) < ANGLE_LIMIT:
         return 0.0
-    return -rate * params.reach * math.sin(double_angle)
+    return -rate * params.force_per_rate * math.sin(double_angle)
 
 
 def stator_step(
     params: SpringParams, state: StatorState, target: Percent, enable: int, dt: Second
 ) -> StatorState:
-    """Move the stator towards its target at its one speed; hold when disabled.
+    """Move the stator towards its target at constant speed; hold the position when disabled.
 
-    `arrived` needs the target reached exactly and a whole tick at rest there. A target beyond the
-    ends of the table or not finite is never reached.
+    `arrived` becomes 1 once the stator has been exactly at the target for a whole tick. A target
+    that is beyond the ends of the table or not finite is never reached.
     """
     position = state.position
     if position == target or not math.isfinite(target):
         arrived = 1 if position == target else 0
         if arrived == state.arrived:
-            return state  # at rest: the rate stands, no table look-up
+            return state  # at rest: the rate does not change, no table look-up
         return StatorState(position, state.rate, state.slope, arrived)
     if enable == 0:
         return StatorState(position, state.rate, state.slope, 0)
-    reach = params.speed * dt
-    goal = min(max(target, params.stations[0]), params.stations[len(params.stations) - 1])
-    gap = goal - position
-    if abs(gap) <= reach:
-        position = goal
-    elif gap > 0.0:
-        position = position + reach
+    max_travel = params.speed * dt
+    clamped_target = min(
+        max(target, params.stator_positions[0]),
+        params.stator_positions[len(params.stator_positions) - 1],
+    )
+    distance = clamped_target - position
+    if abs(distance) <= max_travel:
+        position = clamped_target
+    elif distance > 0.0:
+        position = position + max_travel
     else:
-        position = position - reach
+        position = position - max_travel
     return StatorState(position, table_rate(params, position), table_slope(params, position), 0)

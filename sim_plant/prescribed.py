@@ -1,4 +1,4 @@
-"""Heave that a hoist imposes: a motion over time, taken up smoothly from where the body is."""
+"""Heave imposed by a hoist: a motion over time that starts smoothly from the body's motion."""
 
 from __future__ import annotations
 
@@ -10,23 +10,26 @@ import numpy as np
 
 from sim_plant.units import Metre, MetrePerSecond, Second
 
-Profile = Callable[[Second], tuple[Metre, MetrePerSecond]]
-"""Position (m) and velocity (m/s) at a time (s) since the hoist took hold."""
+MotionProfile = Callable[[Second], tuple[Metre, MetrePerSecond]]
+"""Position (m) and velocity (m/s) at a time (s) since the start of the imposed motion."""
 
 
-def from_table(times: Sequence[Second], positions: Sequence[Metre]) -> Profile:
-    """Give the motion through a table: cubic between points, at rest before the first and after it.
+def table_profile(times: Sequence[Second], positions: Sequence[Metre]) -> MotionProfile:
+    """Return the motion through a table: cubic between points, at rest before and after it.
 
-    Velocity is continuous, and zero where the table turns (monotone slopes: no overshoot between
+    Velocity is continuous, and zero where the table reverses (monotone slopes: no overshoot between
     two points). Raises ValueError for fewer than two points, times that do not ascend, or numbers
     that are not finite.
     """
     t, x = np.asarray(times, dtype=np.float64), np.asarray(positions, dtype=np.float64)
     if t.ndim != 1 or t.shape != x.shape or t.size < 2:
-        raise ValueError("a motion table is two rows of equal length, two points or more")
+        raise ValueError(
+            "a motion table needs times and positions of equal length, two points or more; "
+            f"got shapes {t.shape} and {x.shape}"
+        )
     if not (np.all(np.isfinite(t)) and np.all(np.isfinite(x)) and np.all(np.diff(t) > 0.0)):
-        raise ValueError("a motion table is finite and its times ascend")
-    slope = _slopes(t.tolist(), x.tolist())
+        raise ValueError("the numbers of a motion table must be finite and its times must ascend")
+    slope = _monotone_slopes(t.tolist(), x.tolist())
 
     def profile(time: Second) -> tuple[Metre, MetrePerSecond]:
         i = int(np.searchsorted(t, time, side="right")) - 1
@@ -44,62 +47,83 @@ def from_table(times: Sequence[Second], positions: Sequence[Metre]) -> Profile:
     return profile
 
 
-def raised_and_lowered(low: Metre, high: Metre, speed: MetrePerSecond, turn: Second) -> Profile:
-    """Give a body raised and lowered for ever: constant speed between two ends, from zero upwards.
+def hoist_cycle_profile(
+    low: Metre, high: Metre, speed: MetrePerSecond, turn: Second
+) -> MotionProfile:
+    """Return a motion that raises and lowers the body periodically, starting upwards from zero.
 
-    At either end it turns round in `turn` s with constant acceleration, within the travel.
-    Raises ValueError unless low < 0 < high and there is a way at constant speed.
+    The speed is constant between the ends `low` and `high`; at either end the body reverses in
+    `turn` s with constant acceleration, within the travel. Raises ValueError unless low < 0 < high
+    and a part of the travel remains at constant speed.
     """
-    bend = 0.25 * speed * turn  # from where it begins to slow down to the end
-    reach = high - low - 2.0 * bend
-    if not (low < 0.0 < high and speed > 0.0 and turn > 0.0 and reach > 0.0):
+    turn_distance = (
+        0.25 * speed * turn
+    )  # from the start of the deceleration to the end of the travel
+    straight_distance = high - low - 2.0 * turn_distance
+    if not (low < 0.0 < high and speed > 0.0 and turn > 0.0 and straight_distance > 0.0):
         raise ValueError(f"no way to raise and lower: {low} .. {high} m, {speed} m/s, {turn} s")
-    way = reach / speed  # s at constant speed, either way
-    half = way + turn  # s from the middle of one turn to that of the other
-    bottom = 0.5 * turn + (0.0 - low - bend) / speed  # from there it takes so long to zero
+    straight_time = straight_distance / speed  # s at constant speed, in each direction
+    half_period = (
+        straight_time + turn
+    )  # s from the middle of one reversal to the middle of the other
+    phase_at_zero = (
+        0.5 * turn + (0.0 - low - turn_distance) / speed
+    )  # s from the lower reversal to zero
 
     def profile(time: Second) -> tuple[Metre, MetrePerSecond]:
-        since = (time + bottom) % (2.0 * half)  # of the turn at the lower end
-        rising = since < half
-        left = since if rising else since - half
-        into = min(left, half - left)  # s from the nearer turn's middle
-        near = 0.5 * turn
-        if into < near:
-            gone, rate = speed * into * into / turn, 2.0 * speed * into / turn
+        phase = (time + phase_at_zero) % (
+            2.0 * half_period
+        )  # since the middle of the lower reversal
+        rising = phase < half_period
+        half_phase = phase if rising else phase - half_period
+        time_from_turn = min(
+            half_phase, half_period - half_phase
+        )  # s from the middle of the nearer reversal
+        half_turn = 0.5 * turn
+        if time_from_turn < half_turn:
+            distance, rate_of_change = (
+                speed * time_from_turn * time_from_turn / turn,
+                2.0 * speed * time_from_turn / turn,
+            )
         else:
-            gone, rate = bend + speed * (into - near), speed
-        gone = gone if left <= 0.5 * half else (high - low) - gone
-        return (low + gone, rate) if rising else (high - gone, -rate)
+            distance, rate_of_change = turn_distance + speed * (time_from_turn - half_turn), speed
+        distance = distance if half_phase <= 0.5 * half_period else (high - low) - distance
+        return (low + distance, rate_of_change) if rising else (high - distance, -rate_of_change)
 
     return profile
 
 
-def taken_up(profile: Profile, position: Metre, velocity: MetrePerSecond, over: Second) -> Profile:
-    """Give the motion that leaves a position and velocity and is the profile's after `over` s.
+def blend_in(
+    profile: MotionProfile, position: Metre, velocity: MetrePerSecond, over: Second
+) -> MotionProfile:
+    """Return a motion that starts at a position and velocity and equals the profile after `over` s.
 
-    The two are mixed with a quintic smooth step, so position, velocity and acceleration join.
+    A quintic smooth step blends the two, so position, velocity and acceleration are continuous.
     """
 
-    def joined(time: Second) -> tuple[Metre, MetrePerSecond]:
+    def blended(time: Second) -> tuple[Metre, MetrePerSecond]:
         x, v = profile(time)
         if not time < over:
             return x, v
         u = max(time, 0.0) / over
-        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-        growth = 30.0 * u * u * (1.0 - u) * (1.0 - u) / over
-        # Left alone the body would coast to rest with the time constant of the take-up.
-        fading = math.exp(-time / over)
-        old_x, old_v = position + velocity * over * (1.0 - fading), velocity * fading
+        weight = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        weight_rate = 30.0 * u * u * (1.0 - u) * (1.0 - u) / over
+        # Without the profile the body would coast to rest with the time constant of the blend.
+        decay = math.exp(-time / over)
+        coast_position, coast_velocity = (
+            position + velocity * over * (1.0 - decay),
+            velocity * decay,
+        )
         return (
-            old_x + share * (x - old_x),
-            old_v + share * (v - old_v) + growth * (x - old_x),
+            coast_position + weight * (x - coast_position),
+            coast_velocity + weight * (v - coast_velocity) + weight_rate * (x - coast_position),
         )
 
-    return joined
+    return blended
 
 
-def _slopes(t: list[float], x: list[float]) -> list[float]:
-    """Velocity at each point: harmonic mean of both sides, zero at the ends and where it turns."""
+def _monotone_slopes(t: list[float], x: list[float]) -> list[float]:
+    """Return the velocity at each point: harmonic mean of both sides, 0 at ends and reversals."""
     rates = [(x1 - x0) / (t1 - t0) for (t0, x0), (t1, x1) in pairwise(zip(t, x, strict=True))]
     inner = [
         2.0 * left * right / (left + right) if left * right > 0.0 else 0.0

@@ -1,7 +1,7 @@
 """Power take-off in heave: motor force, copper loss, drivetrain friction. Pure.
 
-The column load cell (LCB) sees motor + magnetic spring + friction, the torque sensor (TRS) the
-motor alone.
+The column load cell (LCB) measures motor + magnetic spring + friction, the torque sensor (TRS)
+measures the motor alone.
 """
 
 from __future__ import annotations
@@ -28,30 +28,32 @@ class PtoParams(NamedTuple):
     copper: WattPerNewtonSquared  # R / (3/2 Kt² N²)
     viscous: NewtonSecondPerMetre
     coulomb: Newton
-    guide: Ratio  # Coulomb friction per lateral force that the heave guide carries
+    guide_friction: Ratio  # Coulomb friction per lateral force on the heave guide
     coulomb_velocity: MetrePerSecond  # width of the regularised sign
 
 
 def motor_force(params: PtoParams, current: Ampere) -> Newton:
-    """Give the force on the body of a drive current: F = Kt N i. N, A."""
+    """Return the force on the body for a drive current (A): F = Kt N i, N."""
     return params.force_per_current * current
 
 
 def copper_loss(params: PtoParams, force: Newton) -> Watt:
-    """Give R i² of the winding at a motor force, W, never negative; i = F/(sqrt(3/2) Kt N).
+    """Return R i² of the winding at a motor force, W, never negative; i = F/(sqrt(3/2) Kt N).
 
     Source: MASK4 report (Sandia), eq. 2.5.
     """
     return params.copper * force * force
 
 
-def friction(params: PtoParams, velocity: MetrePerSecond, lateral: Newton) -> Newton:
-    """Give the drivetrain friction on the body: -(B v + (F_c + mu |F_lateral|) tanh(v/v_c)). N.
+def friction(params: PtoParams, velocity: MetrePerSecond, lateral_force: Newton) -> Newton:
+    """Return the drivetrain friction on the body: -(B v + (F_c + mu |F_lateral|) tanh(v/v_c)). N.
 
-    `lateral` is the force that the heave guide carries in surge (N, either sign): what couples
-    surge to heave. tanh instead of sign keeps the force smooth, so the midpoint rule stays second
+    `lateral_force` is the force on the heave guide in surge (N, either sign): it couples surge to
+    heave. tanh instead of sign keeps the force smooth, so the midpoint rule stays second
     order and a body at rest creeps instead of chattering; v_c is far below the velocities of any
     measured row.
     """
-    dry = params.coulomb + params.guide * abs(lateral)
-    return -(params.viscous * velocity + dry * math.tanh(velocity / params.coulomb_velocity))
+    dry_friction = params.coulomb + params.guide_friction * abs(lateral_force)
+    return -(
+        params.viscous * velocity + dry_friction * math.tanh(velocity / params.coulomb_velocity)
+    )

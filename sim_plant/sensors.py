@@ -1,6 +1,7 @@
 """Sensor errors: bias, white noise from a fixed table, resolution. Pure.
 
-The rig's fieldbus delay is the World's delay line; the power analyser's own window is in drive.py.
+The World's delay line models the rig's fieldbus delay; analyser.py models the power analyser's
+window.
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ from typing import NamedTuple
 
 from sim_plant.units import Count, CountPerMetre
 
-NORMALS = 131072  # length of the noise table, a power of two: odd strides visit every entry
-MASK = NORMALS - 1
-FINITE = 1.0e9  # larger values of any channel mean a diverged run
+NOISE_LENGTH = 131072  # length of the noise table, a power of two: odd strides visit every entry
+NOISE_MASK = NOISE_LENGTH - 1
+MAX_READING = 1.0e9  # a larger value of any channel means that the run has diverged
 
 
 class Channel(NamedTuple):
-    """Errors of one analog channel in its own unit; resolution 0 means none."""
+    """Errors of one analog channel in its own unit; resolution 0 means no quantisation."""
 
     bias: float
     noise: float  # standard deviation of one sample
     resolution: float
-    stride: int  # odd, different per channel: how it walks through the noise table
+    stride: int  # odd, different per channel: step through the noise table per tick
     offset: int
 
 
@@ -44,22 +45,22 @@ class SensorParams(NamedTuple):
 
 
 def measure(channel: Channel, value: float, tick: int, normals: Sequence[float]) -> float:
-    """Give what the channel reads at a tick; a value that is not finite passes as it is.
+    """Return the reading of a channel at a tick; a value that is not finite is returned unchanged.
 
-    `normals` is as long as a power of two, so that a mask wraps the walk through it.
+    The length of `normals` is a power of two, so that a mask wraps the index.
     """
-    if not abs(value) < FINITE:
+    if not abs(value) < MAX_READING:
         return value
     bias, noise, resolution, stride, offset = channel
-    read = value + bias + noise * normals[(tick * stride + offset) & (len(normals) - 1)]
+    reading = value + bias + noise * normals[(tick * stride + offset) & (len(normals) - 1)]
     if resolution > 0.0:
-        return math.floor(read / resolution + 0.5) * resolution
-    return read
+        return math.floor(reading / resolution + 0.5) * resolution
+    return reading
 
 
-def count(scale: float, offset: int, value: float) -> Count:
-    """Give the encoder count at a position, rounded to nearest; 0 for a diverged value."""
-    turned = scale * value + 0.5
-    if not abs(turned) < FINITE:
+def encoder_count(scale: float, offset: int, value: float) -> Count:
+    """Return the encoder count at a position, rounded to nearest; 0 for a diverged value."""
+    scaled = scale * value + 0.5
+    if not abs(scaled) < MAX_READING:
         return 0
-    return math.floor(turned) + offset
+    return math.floor(scaled) + offset

@@ -1,10 +1,10 @@
 """Axial force on the magnetic spring's stator, its reversal, and the slew force. Pure.
 
-Torque and axial force come from one energy W(theta, z) = -1/2 Tp(z) cos 2 theta + G(z):
-T = dW/dtheta = Tp sin 2 theta (restoring on the rotor), F_stator = dW/dz = F0(z) - 1/2 Tp'(z)
-cos 2 theta, the force that holds the stator, along rising stator position. F0 = dG/dz = pull |Tp|
-is chosen so that the force reverses at 45 degrees exactly where Tp is zero, later the larger |Tp|
-is, and never where pull |Tp| > 1/2 |Tp'| (MASK4 report (Sandia), Fig. 4-3).
+Torque and axial force come from one energy W(theta, z) = -1/2 Tp(z) cos 2 theta + G(z): T =
+dW/dtheta = Tp sin 2 theta (restoring on the rotor), F_stator = dW/dz = F0(z) - 1/2 Tp'(z) cos 2
+theta, the force that holds the stator, positive towards rising stator position. F0 = dG/dz = pull
+|Tp| is chosen so that the force reverses at 45 degrees exactly where Tp is zero, later the larger
+|Tp| is, and never where pull |Tp| > 1/2 |Tp'| (MASK4 report (Sandia), Fig. 4-3).
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from sim_plant.units import (
 
 
 class StatorForceParams(NamedTuple):
-    """Geometry and shares of the stator force."""
+    """Geometry of the stator force and its division between the load cells."""
 
     sine: Flag  # 1: as above; 0: the linear spring's energy, cos 2 theta -> 1 - 2 theta²
-    metre_squared: float  # torque amplitude Tp per acting rate, N m per N/m
+    peak_torque_per_rate: float  # torque amplitude Tp per acting rate, N m per N/m
     percent_per_metre: float  # stator position per axial travel
     pull: PerMetre  # F0 per |Tp|
     slew_lever: Metre
-    share_a: Ratio  # of the force on load cell A; B carries the rest
+    share_a: Ratio  # fraction of the force on load cell A; B carries the rest
 
 
 def torque(params: StatorForceParams, rate: NewtonPerMetre, angle: Radian) -> NewtonMetre:
-    """Give the spring torque that restores the rotor, N m: T = Tp sin 2 theta, or its tangent."""
-    peak = params.metre_squared * rate
+    """Return the restoring spring torque on the rotor, N m: T = Tp sin 2 theta, or its tangent."""
+    peak = params.peak_torque_per_rate * rate
     if params.sine == 0:
         return 2.0 * peak * angle
     if not abs(angle) < ANGLE_LIMIT:
@@ -51,42 +51,50 @@ def torque(params: StatorForceParams, rate: NewtonPerMetre, angle: Radian) -> Ne
 def axial_force(
     params: StatorForceParams, rate: NewtonPerMetre, slope: NewtonPerMetrePercent, angle: Radian
 ) -> Newton:
-    """Give F_stator at an acting rate and its slope over stator position, N; 0 for a lost angle."""
+    """Return F_stator for an acting rate and its slope, N; 0 beyond `ANGLE_LIMIT`.
+
+    `slope` is the derivative of the rate over stator position."""
     if not abs(angle) < ANGLE_LIMIT:
         return 0.0
     shape = math.cos(2.0 * angle) if params.sine == 1 else 1.0 - 2.0 * angle * angle
-    peak = params.metre_squared * rate
-    growth = params.metre_squared * slope * params.percent_per_metre
-    return params.pull * abs(peak) - 0.5 * growth * shape
+    peak = params.peak_torque_per_rate * rate
+    torque_gradient = params.peak_torque_per_rate * slope * params.percent_per_metre
+    return params.pull * abs(peak) - 0.5 * torque_gradient * shape
 
 
 def slew_force(params: StatorForceParams, rate: NewtonPerMetre, angle: Radian) -> Newton:
-    """Give the force on the slew load cell, N: spring torque over its lever, T/0.254 m.
+    """Return the force on the slew load cell, N: spring torque over its lever, T/0.254 m.
 
-    Positive for a positive rate at a positive angle, as the torque restores.
+    The force is positive for a positive rate at a positive angle, like the restoring torque.
     """
     return torque(params, rate, angle) / params.slew_lever
 
 
-class Reversal(NamedTuple):
-    """Where the stator force changes its sign at one stator position; inf: nowhere."""
+class ForceReversal(NamedTuple):
+    """Sign change of the stator force at one stator position; inf if there is none."""
 
     stator: Percent
     angle: Radian  # of the rotor, either side of balance
     stroke: Metre  # heave from balance
 
 
-def reversal(params: StatorForceParams, spring: SpringParams, stator: Percent) -> Reversal:
-    """Give the smallest rotor angle and heave at which F_stator is zero at a stator position (%).
+def force_reversal(
+    params: StatorForceParams, spring: SpringParams, stator: Percent
+) -> ForceReversal:
+    """Return the smallest rotor angle and heave at which F_stator is zero.
 
-    The stroke limit of small spring rates; MASK4 report (Sandia), Fig. 4-3.
+    `stator` is the stator position, %.
+
+    This is the stroke limit of small spring rates; MASK4 report (Sandia), Fig. 4-3.
     """
-    constant = params.pull * abs(params.metre_squared * table_rate(spring, stator))
-    growth = params.metre_squared * table_slope(spring, stator) * params.percent_per_metre
-    swing = 0.5 * growth
-    if not abs(swing) > constant:
-        return Reversal(stator, math.inf, math.inf)
-    level = constant / swing  # cos 2 theta where the force is zero
-    linear = math.sqrt(0.5 * (1.0 - level))
-    angle = 0.5 * math.acos(level) if params.sine == 1 else linear
-    return Reversal(stator, angle, angle / spring.angle_per_metre)
+    offset_force = params.pull * abs(params.peak_torque_per_rate * table_rate(spring, stator))
+    torque_gradient = (
+        params.peak_torque_per_rate * table_slope(spring, stator) * params.percent_per_metre
+    )
+    amplitude = 0.5 * torque_gradient
+    if not abs(amplitude) > offset_force:
+        return ForceReversal(stator, math.inf, math.inf)
+    cos_double_angle = offset_force / amplitude  # cos 2 theta at zero force
+    linear_angle = math.sqrt(0.5 * (1.0 - cos_double_angle))
+    angle = 0.5 * math.acos(cos_double_angle) if params.sine == 1 else linear_angle
+    return ForceReversal(stator, angle, angle / spring.angle_per_metre)

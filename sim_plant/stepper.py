@@ -1,4 +1,4 @@
-"""What moves the plant's state by one tick; another execution of the same step may stand in."""
+"""Interpreted execution of the plant's step; a compiled execution may replace it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import NamedTuple
 from sim_plant import wavebot
 from sim_plant.signals import Actuation, Readings
 from sim_plant.units import Metre, MetrePerSecond, Newton, Second
-from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
+from sim_plant.wavebot import NO_EXCITATION, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 
 
-class Start(NamedTuple):
-    """All a stepper is made of."""
+class StepperInputs(NamedTuple):
+    """Constructor argument of a stepper."""
 
     params: WaveBotParams
     state: WaveBotState
@@ -20,11 +20,11 @@ class Start(NamedTuple):
 
 
 class Stepper:
-    """Moves the plant's state by one tick and samples its sensors; interpreted."""
+    """Interpreted stepper: advances the plant's state by one tick and samples its sensors."""
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: StepperInputs) -> None:
         self.params, self.state, self._normals, self._dt = start
-        self.excitation = STILL  # at the present tick
+        self.excitation = NO_EXCITATION  # at the present tick
 
     def advance(
         self,
@@ -35,27 +35,27 @@ class Stepper:
         tick: int,
         elevation: Metre,
     ) -> Readings:
-        """Step to ``tick``, where the waves excite with heave and surge; give what sensors read."""
-        after = Excitation(heave, surge)
+        """Step to ``tick`` with the excitation forces there; return the readings."""
+        excitation = Excitation(heave, surge)
         self.state = state = wavebot.step(
-            self.params, self.state, actuation, fresh, self.excitation, after, self._dt
+            self.params, self.state, actuation, fresh, self.excitation, excitation, self._dt
         )
-        self.excitation = after
+        self.excitation = excitation
         return wavebot.sample(self.params, state, tick, elevation, self._normals)
 
     def readings(self, tick: int, elevation: Metre) -> Readings:
-        """Give what the sensors read at the present state."""
+        """Return the sensor readings at the present state."""
         return wavebot.sample(self.params, self.state, tick, elevation, self._normals)
 
     def motion(self) -> tuple[Metre, MetrePerSecond]:
-        """Give heave position and velocity now."""
-        hull = self.state.body
-        return hull.position, hull.velocity
+        """Return the present heave position and velocity."""
+        body_state = self.state.body
+        return body_state.position, body_state.velocity
 
-    def hold(self, hoist: Hoist) -> None:
+    def set_hoist(self, hoist: Hoist) -> None:
         """Impose heave in the steps to come, or leave it free."""
         self.state = self.state._replace(hoist=hoist)
 
-    def see(self, probes: Probes) -> None:
-        """Put a new sample of the basin probes on the wire."""
+    def set_probes(self, probes: Probes) -> None:
+        """Set a new sample of the basin probes."""
         self.state = self.state._replace(probes=probes)

@@ -1,7 +1,7 @@
-"""The surge axis: hull and carriage on a mooring-like stiffness, driven by their own motor. Pure.
+"""The surge axis: hull and carriage on a mooring-like stiffness, with a motor of their own. Pure.
 
-Force is on the moving mass, positive along the waves. Pitch is locked: its moment goes into the
-structure. Surge reaches heave only through the friction of the heave guide.
+Force is on the moving mass, positive along the waves. Pitch is locked: the structure carries its
+moment. Surge reaches heave only through the friction of the heave guide.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from sim_plant.units import Ampere, Kilogram, Metre, Newton, NewtonPerAmpere, Se
 
 
 class SurgeParams(NamedTuple):
-    """Surge constants; the body's `hydrostatic` is the stiffness of the mooring."""
+    """Surge parameters; the body's `hydrostatic` is the stiffness of the mooring."""
 
     body: BodyParams
     drive: DriveParams
     force_per_current: NewtonPerAmpere  # Kt N
-    carriage: Kilogram  # share of the mass that the heave guide does not carry
+    carriage_mass: Kilogram  # part of the mass that is not behind the heave guide
 
 
 class SurgeState(NamedTuple):
@@ -28,23 +28,23 @@ class SurgeState(NamedTuple):
 
     body: BodyState
     drive: DriveState
-    guide: Newton
+    guide_force: Newton
 
 
 def initial(params: SurgeParams, position: Metre) -> SurgeState:
-    """Give the state at rest at a surge position (m), drive off."""
-    start = BodyState(position, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return SurgeState(start, drive.at_rest(), guide_force(params, start, 0.0, 0.0))
+    """Return the state at rest at a surge position (m), drive off."""
+    body_state = BodyState(position, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return SurgeState(body_state, drive.initial(), guide_force(params, body_state, 0.0, 0.0))
 
 
 def guide_force(params: SurgeParams, state: BodyState, motor: Newton, excitation: Newton) -> Newton:
-    """Give the lateral force that the heave guide carries from carriage to hull, N.
+    """Return the lateral force that the heave guide transmits from carriage to hull, N.
 
-    Motor and mooring act on the carriage: what they do not spend on its own inertia goes through
-    the guide.
+    Motor and mooring act on the carriage; the guide transmits their sum minus the carriage's
+    inertia force.
     """
     acceleration = body.acceleration(params.body, state, motor + excitation)
-    return motor - params.body.hydrostatic * state.position - params.carriage * acceleration
+    return motor - params.body.hydrostatic * state.position - params.carriage_mass * acceleration
 
 
 def step(
@@ -58,11 +58,13 @@ def step(
     dt: Second,
 ) -> SurgeState:
     """Advance surge by dt under a latched command, excitation linear within the step."""
-    start, drive_state, _ = state
-    ceiling = drive.NO_CEILING
-    driven = drive.drive_step(params.drive, drive_state, current, enable, fresh, 1, 0, ceiling, dt)
-    motor = params.force_per_current * driven.mean_current
-    x, v = body.predict(params.body, start, excitation_now + motor, 0.5 * dt)
+    body_state, drive_state, _ = state
+    max_current = drive.UNLIMITED_CURRENT
+    next_drive = drive.drive_step(
+        params.drive, drive_state, current, enable, fresh, 1, 0, max_current, dt
+    )
+    motor = params.force_per_current * next_drive.mean_current
+    x, v = body.predict(params.body, body_state, excitation_now + motor, 0.5 * dt)
     applied = 0.5 * (excitation_now + excitation_next) + motor
-    end = body.correct(params.body, start, x, v, applied, dt)
-    return SurgeState(end, driven, guide_force(params, end, motor, excitation_next))
+    end = body.correct(params.body, body_state, x, v, applied, dt)
+    return SurgeState(end, next_drive, guide_force(params, end, motor, excitation_next))

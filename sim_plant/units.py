@@ -1,4 +1,4 @@
-"""Units as types: a NamedTuple field says its unit in its annotation (SI; stator in percent)."""
+"""Units as types: the annotation of a NamedTuple field gives its unit (SI; stator in percent)."""
 
 from __future__ import annotations
 

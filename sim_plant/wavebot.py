@@ -1,6 +1,6 @@
-"""WaveBot as one pure step: drives, motors, spring, stator, hull in heave and surge, bus, analyser.
+"""The WaveBot as one pure step: drives, motors, spring, stator, hull, bus, analyser.
 
-Explicit midpoint rule: at 1 ms the position error is below 3e-6 of the stroke, of second order.
+Explicit midpoint rule: at 1 ms the position error is below 3e-6 of the stroke, and of second order.
 Force is on the body; absorbed power is negative.
 """
 
@@ -30,7 +30,7 @@ from sim_plant.units import Flag, Metre, MetrePerSecond, Newton, Percent, Second
 
 
 class WaveBotParams(NamedTuple):
-    """Everything the step needs, real floats."""
+    """Parameters of the step, as floats."""
 
     body: BodyParams
     pto: PtoParams
@@ -42,22 +42,22 @@ class WaveBotParams(NamedTuple):
 
 
 class Hoist(NamedTuple):
-    """Heave imposed by a hoist during the step to come, and the force it took in the last one."""
+    """Heave imposed by a hoist during the next step, and the hoist's force in the last one."""
 
-    imposed: Flag
+    active: Flag
     middle_position: Metre
     middle_velocity: MetrePerSecond
     position: Metre  # at the end of the step
     velocity: MetrePerSecond
-    force: Newton  # on the hull, beside all others
+    force: Newton  # on the hull, in addition to all others
 
 
 class Probes(NamedTuple):
     """Last sample of the basin probes and its age."""
 
-    one: Metre
-    two: Metre
-    three: Metre
+    probe_1: Metre
+    probe_2: Metre
+    probe_3: Metre
     age: Second
 
 
@@ -69,40 +69,40 @@ class Excitation(NamedTuple):
 
 
 class WaveBotState(NamedTuple):
-    """Everything the step remembers; `passive` is spring + drivetrain friction at this state."""
+    """State of the step; `passive_force` is spring + drivetrain friction at this state."""
 
     body: BodyState
     electrics: ElectricsState
     stator: StatorState
     surge: SurgeState
-    passive: Newton
+    passive_force: Newton
     hoist: Hoist
     probes: Probes
 
 
-STILL = Excitation(0.0, 0.0)
-FREE = Hoist(0, 0.0, 0.0, 0.0, 0.0, 0.0)
-NOTHING_SEEN = Probes(0.0, 0.0, 0.0, 0.0)
+NO_EXCITATION = Excitation(0.0, 0.0)
+NO_HOIST = Hoist(0, 0.0, 0.0, 0.0, 0.0, 0.0)
+NO_PROBE_SAMPLE = Probes(0.0, 0.0, 0.0, 0.0)
 
 
 def initial(params: WaveBotParams, stator: Percent, position: Metre) -> WaveBotState:
-    """Give the state at rest at a heave position (m) and a stator position (%), drives off."""
-    standing = magnetic_spring.stator_at(params.spring, stator)
+    """Return the state at rest at a heave position (m) and a stator position (%), drives off."""
+    stator_state = magnetic_spring.stator_at_rest(params.spring, stator)
     return WaveBotState(
         BodyState(position, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         electrics.initial(params.electrics),
-        standing,
+        stator_state,
         surge.initial(params.surge, 0.0),
-        magnetic_spring.force(params.spring, standing.rate, position),
-        FREE,
-        NOTHING_SEEN,
+        magnetic_spring.force(params.spring, stator_state.rate, position),
+        NO_HOIST,
+        NO_PROBE_SAMPLE,
     )
 
 
 def passive_force(
     params: WaveBotParams, rate: float, position: Metre, velocity: MetrePerSecond, lateral: Newton
 ) -> Newton:
-    """Give spring plus drivetrain friction, the two forces between TRS and LCB, N on the body."""
+    """Return spring plus drivetrain friction, the forces between TRS and LCB, N on the body."""
     spring = magnetic_spring.force(params.spring, rate, position)
     return spring + pto.friction(params.pto, velocity, lateral)
 
@@ -112,50 +112,70 @@ def step(
     state: WaveBotState,
     actuation: Actuation,
     fresh: int,
-    now: Excitation,
-    after: Excitation,
+    excitation: Excitation,
+    next_excitation: Excitation,
     dt: Second,
 ) -> WaveBotState:
     """Advance the rig by dt under a latched actuation and the excitation at both ends.
 
-    `fresh` is 1 if the actuation came since the last step (the drives' watchdogs count its age).
-    Excitation is linear within the step; motor forces are the exact mean of the current loops.
+    `fresh` is 1 if the actuation arrived since the last step (the drives' watchdogs count its age).
+    Excitation is linear within the step; motor forces are the exact means of the current loops.
     """
-    start, electric, stator, lateral, passive, hoist, probes = state
+    body_state, electrics_state, stator, surge_state, passive, hoist, probes = state
     current, enable, target, stator_enable, _, surge_current, surge_enable, conducting = actuation
-    driven = electrics.command(
-        params.electrics, electric, current, enable, conducting, fresh, start.velocity, dt
+    drive_state = electrics.command_step(
+        params.electrics,
+        electrics_state,
+        current,
+        enable,
+        conducting,
+        fresh,
+        body_state.velocity,
+        dt,
     )
-    motor = params.pto.force_per_current * driven.mean_current
-    aside = surge.step(
-        params.surge, lateral, surge_current, surge_enable, fresh, now.surge, after.surge, dt
+    motor = params.pto.force_per_current * drive_state.mean_current
+    next_surge = surge.step(
+        params.surge,
+        surge_state,
+        surge_current,
+        surge_enable,
+        fresh,
+        excitation.surge,
+        next_excitation.surge,
+        dt,
     )
 
-    x, v = body.predict(params.body, start, now.heave + motor + passive, 0.5 * dt)
-    if hoist.imposed == 1:
+    x, v = body.predict(params.body, body_state, excitation.heave + motor + passive, 0.5 * dt)
+    if hoist.active == 1:
         x, v = hoist.middle_position, hoist.middle_velocity
-    guide = 0.5 * (lateral.guide + aside.guide)
+    guide = 0.5 * (surge_state.guide_force + next_surge.guide_force)
     passive = passive_force(params, stator.rate, x, v, guide)
-    applied = 0.5 * (now.heave + after.heave) + motor + passive
-    end = body.correct(params.body, start, x, v, applied, dt)
-    if hoist.imposed == 1:
-        end, hoist = held(params.body, end, hoist, dt)
+    applied = 0.5 * (excitation.heave + next_excitation.heave) + motor + passive
+    end = body.correct(params.body, body_state, x, v, applied, dt)
+    if hoist.active == 1:
+        end, hoist = impose_motion(params.body, end, hoist, dt)
 
-    moved = magnetic_spring.stator_step(params.spring, stator, target, stator_enable, dt)
-    passive = passive_force(params, moved.rate, end.position, end.velocity, aside.guide)
+    next_stator = magnetic_spring.stator_step(params.spring, stator, target, stator_enable, dt)
+    passive = passive_force(
+        params, next_stator.rate, end.position, end.velocity, next_surge.guide_force
+    )
     power_ac = motor * v + pto.copper_loss(params.pto, motor)
-    supplied = electrics.power(params.electrics, electric, driven, conducting, power_ac, dt)
-    one, two, three, age = probes
-    seen = Probes(one, two, three, age + dt)
-    return WaveBotState(end, supplied, moved, aside, passive, hoist, seen)
+    next_electrics = electrics.power_step(
+        params.electrics, electrics_state, drive_state, conducting, power_ac, dt
+    )
+    probe_1, probe_2, probe_3, age = probes
+    next_probes = Probes(probe_1, probe_2, probe_3, age + dt)
+    return WaveBotState(end, next_electrics, next_stator, next_surge, passive, hoist, next_probes)
 
 
-def held(params: BodyParams, free: BodyState, hoist: Hoist, dt: Second) -> tuple[BodyState, Hoist]:
-    """Give the body where the hoist puts it, and the mean force which that took over the step."""
+def impose_motion(
+    params: BodyParams, free: BodyState, hoist: Hoist, dt: Second
+) -> tuple[BodyState, Hoist]:
+    """Return the body at the imposed position, and the hoist with its mean force over the step."""
     imposed, x, v, position, velocity, _ = hoist
     force = params.inertia * (velocity - free.velocity) / dt
-    there = BodyState(position, velocity, free.z1, free.z2, free.z3, free.z4, free.z5)
-    return there, Hoist(imposed, x, v, position, velocity, force)
+    body_state = BodyState(position, velocity, free.z1, free.z2, free.z3, free.z4, free.z5)
+    return body_state, Hoist(imposed, x, v, position, velocity, force)
 
 
 def sample(
@@ -165,44 +185,50 @@ def sample(
     elevation: Metre,
     normals: Sequence[float],
 ) -> Readings:
-    """Give what the sensors read at a state; `normals` is the noise table, `tick` its clock."""
-    hull, electric, stator, lateral, passive, _, probes = state
-    errors, shares = params.sensors, params.stator
+    """Return the sensor readings at a state; `normals` is the noise table, `tick` its index."""
+    body_state, electrics_state, stator, surge_state, passive, _, probes = state
+    sensor_params, stator_params = params.sensors, params.stator
     measure = sensors.measure
-    position, current, analyser = hull.position, electric.drive.current, electric.analyser
+    position, current, analyser = (
+        body_state.position,
+        electrics_state.drive.current,
+        electrics_state.analyser,
+    )
     motor = params.pto.force_per_current * current
     angle = params.spring.angle_per_metre * position
-    axial = stator_force.axial_force(shares, stator.rate, stator.slope, angle)
-    axial_a = shares.share_a * axial
-    slew = stator_force.slew_force(shares, stator.rate, angle)
+    axial = stator_force.axial_force(stator_params, stator.rate, stator.slope, angle)
+    axial_a = stator_params.share_a * axial
+    slew = stator_force.slew_force(stator_params, stator.rate, angle)
     return Readings(
-        sensors.count(errors.counts_per_metre, errors.count_offset, position),
-        measure(errors.current, current, tick, normals),
-        electric.drive.enabled,
-        electric.drive.fault,
-        sensors.count(errors.counts_per_metre, errors.surge_offset, lateral.body.position),
-        measure(errors.surge_current, lateral.drive.current, tick, normals),
-        lateral.drive.enabled,
-        lateral.drive.fault,
-        measure(errors.force_lcb, motor + passive, tick, normals),
-        measure(errors.force_trs, motor, tick, normals),
-        measure(errors.force_slew, slew, tick, normals),
-        measure(errors.force_stator_a, axial_a, tick, normals),
-        measure(errors.force_stator_b, axial - axial_a, tick, normals),
-        measure(errors.string_pot, position, tick, normals),
-        measure(errors.rotor_angle, angle, tick, normals),
+        sensors.encoder_count(sensor_params.counts_per_metre, sensor_params.count_offset, position),
+        measure(sensor_params.current, current, tick, normals),
+        electrics_state.drive.enabled,
+        electrics_state.drive.fault,
+        sensors.encoder_count(
+            sensor_params.counts_per_metre, sensor_params.surge_offset, surge_state.body.position
+        ),
+        measure(sensor_params.surge_current, surge_state.drive.current, tick, normals),
+        surge_state.drive.enabled,
+        surge_state.drive.fault,
+        measure(sensor_params.force_lcb, motor + passive, tick, normals),
+        measure(sensor_params.force_trs, motor, tick, normals),
+        measure(sensor_params.force_slew, slew, tick, normals),
+        measure(sensor_params.force_stator_a, axial_a, tick, normals),
+        measure(sensor_params.force_stator_b, axial - axial_a, tick, normals),
+        measure(sensor_params.string_pot, position, tick, normals),
+        measure(sensor_params.rotor_angle, angle, tick, normals),
         stator.position,
         stator.arrived,
         analyser.power_ac,
         analyser.power_dc,
-        electrics.bus_voltage(params.electrics, electric),
+        electrics.bus_voltage(params.electrics, electrics_state),
         analyser.age,
-        electric.drive.saturated,
-        electrics.dump_mask(params.electrics, electric),
-        electrics.conducts(electric),
+        electrics_state.drive.saturated,
+        electrics.dump_mask(params.electrics, electrics_state),
+        electrics.is_conducting(electrics_state),
         elevation,
-        probes.one,
-        probes.two,
-        probes.three,
+        probes.probe_1,
+        probes.probe_2,
+        probes.probe_3,
         probes.age,
     )

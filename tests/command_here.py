@@ -1,4 +1,4 @@
-"""A command in this process: a tenth of the time that a process of its own takes."""
+"""Run `rig` commands in this process, which takes a tenth of the time of a new process."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from typer.testing import CliRunner
 from rig.cli import app
 
 
-class Done(NamedTuple):
+class CompletedCommand(NamedTuple):
+    """Result of a command, with the field names of `subprocess.CompletedProcess`."""
+
     returncode: int
     stdout: str
     stderr: str
 
 
-def rig(*words: object) -> Done:
-    """Run `rig WORDS`."""
-    done = CliRunner().invoke(app, [str(word) for word in words])
-    if done.exception is not None and not isinstance(done.exception, SystemExit):
-        raise done.exception
-    return Done(done.exit_code, done.stdout, done.stderr)
+def rig(*arguments: object) -> CompletedCommand:
+    """Run `rig ARGUMENTS`; raise any exception except SystemExit."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return CompletedCommand(result.exit_code, result.stdout, result.stderr)

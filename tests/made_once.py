@@ -1,4 +1,4 @@
-"""What is dear to make and only read is made once, whichever test process comes to it first."""
+"""Share expensive read-only test data: the first test process that needs a folder creates it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import pytest
 
 
 def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
-    """A folder that ``make`` has filled; test processes that come later, or wait, find it so.
+    """Return a folder filled by ``make``, which runs once for all test processes.
 
-    Nobody writes into it: who must, takes a copy.
+    Other processes wait until the folder is complete. Tests must not write into it, but copy it.
     """
     root = factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
@@ -22,7 +22,7 @@ def made_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path],
     with (root / f"{name}.lock").open("a") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not folder.exists():
-            part = factory.mktemp(name)
-            make(part)
-            part.rename(folder)
+            unfinished = factory.mktemp(name)
+            make(unfinished)
+            unfinished.rename(folder)
     return folder

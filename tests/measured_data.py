@@ -1,7 +1,7 @@
-"""Measured data that may not be redistributed: where they are looked for, and tests without them.
+"""Find measured data that may not be redistributed; skip tests if they are absent.
 
-They lie in a folder of their own: the one that WEC_RIG_DATA names, or else `../shared/data` beside
-the repository. README says what they are and where they come from.
+The data are in the folder named by WEC_RIG_DATA, by default `../shared/data` next to the
+repository. README lists them with their source.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 VARIABLE = "WEC_RIG_DATA"
-WHAT = {  # from the public repository sandialabs/fbWecCntrl, GPL-3
+DESCRIPTIONS = {  # from the public repository sandialabs/fbWecCntrl, GPL-3
     "MASK4_testlog.xlsx": "test log of MASK4",
     "AWDC-SAADAQ-s00113.twe": "wave record of the empty basin, 2019",
     "mask4_impedance_20A_m9228_0p2_1Hz.csv": "impedance identified in MASK4, from Zikn12.mat",
@@ -20,19 +20,19 @@ WHAT = {  # from the public repository sandialabs/fbWecCntrl, GPL-3
 
 
 def folder() -> Path:
-    """Where measured data are looked for."""
+    """Return the folder of measured data."""
     given = os.environ.get(VARIABLE)
     return Path(given) if given else Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def missing(name: str) -> str:
-    """Why a test that needs this file cannot be run."""
-    what = WHAT.get(name, "measured data")
-    return f"no {name} ({what}) in {folder()}: set {VARIABLE} to the folder that holds it"
+    """Return the reason for skipping a test that needs this file."""
+    description = DESCRIPTIONS.get(name, "measured data")
+    return f"no {name} ({description}) in {folder()}: set {VARIABLE} to the folder that holds it"
 
 
 def reference(name: str) -> Path:
-    """A file of measured data; where it is absent the test is skipped."""
+    """Return the path of a file of measured data; skip the test if it is absent."""
     path = folder() / name
     if not path.exists():
         pytest.skip(missing(name))
@@ -40,5 +40,5 @@ def reference(name: str) -> Path:
 
 
 def needs(name: str) -> pytest.MarkDecorator:
-    """Skips a test, or all of a module as its `pytestmark`, where this file is absent."""
+    """Return a mark that skips a test, or a module as its `pytestmark`, if this file is absent."""
     return pytest.mark.skipif(not (folder() / name).exists(), reason=missing(name))

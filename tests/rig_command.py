@@ -1,4 +1,4 @@
-"""The command `rig` as a person or a script calls it."""
+"""Run the command `rig` like a person or a script."""
 
 from __future__ import annotations
 
@@ -11,15 +11,18 @@ from typer.testing import CliRunner
 from rig.cli import app
 
 
-def rig(*words: str | Path) -> subprocess.CompletedProcess[str]:
-    """In a process of its own."""
+def rig(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run `rig ARGUMENTS` in a new process."""
     return subprocess.run(
-        [sys.executable, "-m", "rig", *map(str, words)], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "rig", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
-def rig_here(*words: str | Path) -> tuple[int, str, str]:
-    """In this process: exit code, standard output and error. Any other end is an error."""
-    done = CliRunner().invoke(app, [*map(str, words)])
-    assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done.exit_code, done.stdout, done.stderr
+def rig_here(*arguments: str | Path) -> tuple[int, str, str]:
+    """Run `rig ARGUMENTS` in this process; return exit code, standard output and error."""
+    result = CliRunner().invoke(app, [*map(str, arguments)])
+    assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
+    return result.exit_code, result.stdout, result.stderr

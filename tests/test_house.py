@@ -1,4 +1,4 @@
-"""Rules of the house that no linter knows."""
+"""Rules of this project that no linter checks."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ SOURCES = sorted(path for name in PACKAGES for path in (ROOT / name).rglob("*.py
 TESTS = sorted((ROOT / "tests").rglob("*.py"))
 LAWS = sorted((ROOT / "controllers").rglob("*.py"))
 
-# Who may ask what time it is, or sleep, and why. Turning a date into words is not asking.
-TIME = {
+# Files that may read a clock or sleep, each with the reason. Formatting a date does not count.
+CLOCK_USERS = {
     "rig/realtime/clock.py": "the loop's clock",
     "rig/processes/loop_process.py": "the age of the supervisor's heartbeat; real clock only",
-    "rig/realtime/loop.py": "how long a tick took; real clock only",
-    "rig/recording/ring.py": "a full ring is waited for on the virtual clock",
+    "rig/realtime/loop.py": "duration of a tick; real clock only",
+    "rig/recording/ring.py": "the writer waits for a full ring on the virtual clock",
     "rig/recording/logger.py": "flushes by the second, retries a stalled disk",
-    "rig/processes/last_logger.py": "how long no row was saved, once the loop has ended",
-    "rig/processes/supervisor.py": "looks at its children now and then; ties a run to UTC",
+    "rig/processes/last_logger.py": "time without a saved row after the end of the loop",
+    "rig/processes/supervisor.py": "polls its children; ties a run to UTC",
     "rig/execution/task.py": "dates the run and names its folder",
-    "rig/processes/child.py": "how long a child has stood still",
-    "rig/processes/io_processes.py": "a companion must be ready in time",
-    "rig/sweep/cluster.py": "how long a chunk of cases took, so that the next is long enough",
-    "rig/execution/hardware/": "when a value was asked for; processes beside the loop, first SYNCs",
+    "rig/processes/child.py": "time since the last progress of a child",
+    "rig/processes/io_processes.py": "timeout for an I/O process to become ready",
+    "rig/sweep/cluster.py": "duration of a chunk of cases, which sets the size of the next",
+    "rig/execution/hardware/": "time of a request; I/O processes, first SYNCs",
     "rig/cli/": "progress for people",
-    "rig/host/": "measures clocks and disk; no loop lives there",
+    "rig/host/": "measures clocks and disk; no loop runs there",
     "drivers/": "the deadline of a conversation; links and their processes only",
 }
 ENUMS = {"IntEnum", "IntFlag"}
-NOT_IN_A_LAW = (
+FORBIDDEN_IN_LAWS = (
     *(ast.Try, ast.TryStar, ast.With, ast.Global, ast.Nonlocal, ast.Lambda, ast.Yield),
     *(ast.ListComp, ast.DictComp, ast.SetComp, ast.GeneratorExp, ast.AsyncFunctionDef),
 )
 PURE = {"math", "typing", "enum", "controllers"}
 VAGUE = re.compile(r"(^|_)(utils?|helpers?|common|misc)(_|$)")
-PRETENCE = re.compile(r"simulat|mock|debug|replay", re.IGNORECASE)
+SIMULATION_BRANCH = re.compile(r"simulat|mock|debug|replay", re.IGNORECASE)
 
-# What runs in the loop process: a branch on being in a simulation would be one untested on the rig.
-LOOP = [
+# Files of the loop process: a branch that only a simulation takes is untested on the rig.
+LOOP_SOURCES = [
     *LAWS,
     *(ROOT / "drivers").rglob("*.py"),
     *(ROOT / "rig" / "realtime").rglob("*.py"),
@@ -54,16 +54,16 @@ LOOP = [
 ]
 
 
-def name_of(path: Path) -> str:
+def relative_name(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(), name_of(path))
+def parse_file(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(), relative_name(path))
 
 
 def imports(tree: ast.AST) -> Iterator[str]:
-    """Full names of all modules that are imported, anywhere in a file."""
+    """Yield the full names of all modules imported anywhere in a file."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -72,19 +72,19 @@ def imports(tree: ast.AST) -> Iterator[str]:
             yield node.module or ""
 
 
-def test_the_house_is_there() -> None:
+def test_source_lists_are_complete() -> None:
     assert len(LAWS) >= 6
     assert len(SOURCES) > 50
-    assert all(path.exists() for path in LOOP)
+    assert all(path.exists() for path in LOOP_SOURCES)
 
 
-@pytest.mark.parametrize("path", LAWS, ids=name_of)
+@pytest.mark.parametrize("path", LAWS, ids=relative_name)
 def test_a_law_is_functions_over_named_tuples(path: Path) -> None:
-    tree = tree_of(path)
+    tree = parse_file(path)
     roots = {module.split(".")[0] for module in imports(tree)}
     assert roots <= PURE, f"imports {roots - PURE}"
     for node in ast.walk(tree):
-        where = f"{name_of(path)}:{getattr(node, 'lineno', 0)}"
+        where = f"{relative_name(path)}:{getattr(node, 'lineno', 0)}"
         if isinstance(node, ast.ClassDef):
             bases = {ast.unparse(base) for base in node.bases}
             assert bases == {"NamedTuple"} or bases <= ENUMS, f"{where}: class {node.name}"
@@ -94,76 +94,67 @@ def test_a_law_is_functions_over_named_tuples(path: Path) -> None:
             assert not methods, f"{where}: {node.name} has methods"
         if isinstance(node, ast.FunctionDef):
             assert not node.decorator_list, f"{where}: decorated"
-        assert not isinstance(node, ast.Pow), f"{name_of(path)}: ** is not the same compiled"
-        forbidden = (
-            ast.Try,
-            ast.TryStar,
-            ast.Global,
-            ast.Nonlocal,
-            ast.Lambda,
-            ast.Yield,
-            ast.With,
-        )
-        assert not isinstance(node, (*forbidden, ast.AsyncFunctionDef, ast.ListComp)), where
+        assert not isinstance(node, ast.Pow), f"{relative_name(path)}: ** is not the same compiled"
+        assert not isinstance(node, FORBIDDEN_IN_LAWS), where
         if isinstance(node, ast.Attribute):
             assert node.attr not in ("_replace", "pow", "hypot", "fmod"), f"{where}: {node.attr}"
 
 
-def test_every_word_in_signals_has_a_unit() -> None:
-    tree = tree_of(ROOT / "controllers" / "signals.py")
+def test_every_field_of_signals_has_a_unit() -> None:
+    tree = parse_file(ROOT / "controllers" / "signals.py")
     units = {
         node.targets[0].id: ast.unparse(node.value)
         for node in tree.body
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name)
     }
     assert all(re.fullmatch(r"Annotated\[(float|int), '[^']+'\]", u) for u in units.values())
-    words = [node for node in tree.body if isinstance(node, ast.ClassDef)]
-    named = {word.name for word in words}  # a word may be made of words
-    assert len(words) >= 7
-    for word in words:
-        for field in word.body:
+    signals = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    signal_names = {signal.name for signal in signals}  # a signal may contain signals
+    assert len(signals) >= 7
+    for signal in signals:
+        for field in signal.body:
             if isinstance(field, ast.AnnAssign):
                 hint = ast.unparse(field.annotation)
-                assert hint in units or hint in named, (
-                    f"{word.name}.{ast.unparse(field.target)}: {hint}"
+                assert hint in units or hint in signal_names, (
+                    f"{signal.name}.{ast.unparse(field.target)}: {hint}"
                 )
 
 
-def test_the_fields_of_a_laws_parameters_say_their_unit() -> None:
-    """In a comment or by a type of signals, beside every float of a NamedTuple."""
+def test_parameters_of_laws_have_units() -> None:
+    """Every float of a NamedTuple has a unit, in a comment or by a type of signals."""
     for path in LAWS:
         lines = path.read_text().splitlines()
-        for word in (node for node in ast.walk(tree_of(path)) if isinstance(node, ast.ClassDef)):
-            for field in word.body:
+        for node in (node for node in ast.walk(parse_file(path)) if isinstance(node, ast.ClassDef)):
+            for field in node.body:
                 if isinstance(field, ast.AnnAssign) and "float" in ast.unparse(field.annotation):
                     line = lines[field.lineno - 1]
-                    said = "#" in line or word.name == "Ramp"  # a ramp is of any unit
-                    assert said, f"{name_of(path)}:{field.lineno}: {line.strip()}"
+                    has_unit = "#" in line or node.name == "Ramp"  # a ramp may have any unit
+                    assert has_unit, f"{relative_name(path)}:{field.lineno}: {line.strip()}"
 
 
-def asks_the_time(tree: ast.AST) -> bool:
-    """Imports `time`, or calls the `now` or `today` of datetime's classes."""
-    dated = {
+def reads_clock(tree: ast.AST) -> bool:
+    """Return True if code imports `time`, or uses `now` or `today` of datetime's classes."""
+    calls = {
         node.attr
         for node in ast.walk(tree)
         if isinstance(node, ast.Attribute) and ast.unparse(node.value).split(".")[-1] == "datetime"
     }
     roots = {module.split(".")[0] for module in imports(tree)}
-    return bool(roots & {"time", "sched"} or dated & {"now", "today", "utcnow"})
+    return bool(roots & {"time", "sched"} or calls & {"now", "today", "utcnow"})
 
 
-def test_only_who_may_asks_the_time() -> None:
-    found = {name_of(path) for path in SOURCES if asks_the_time(tree_of(path))}
-    assert {name for name in found if not name.startswith(tuple(TIME))} == set()
+def test_only_listed_files_read_a_clock() -> None:
+    found = {relative_name(path) for path in SOURCES if reads_clock(parse_file(path))}
+    assert {name for name in found if not name.startswith(tuple(CLOCK_USERS))} == set()
     for name in found:
         if name.startswith("drivers/"):
             assert "codec" not in name
-    for allowed in TIME:  # no permission outlives its use
+    for allowed in CLOCK_USERS:  # every permission is still needed
         assert allowed == "drivers/" or any(name.startswith(allowed) for name in found), allowed
 
 
-def test_the_loop_reads_no_clock_but_for_the_work_figure() -> None:
-    tree = tree_of(ROOT / "rig" / "realtime" / "loop.py")
+def test_loop_reads_the_clock_only_to_measure_its_work() -> None:
+    tree = parse_file(ROOT / "rig" / "realtime" / "loop.py")
     used = {
         node.attr
         for node in ast.walk(tree)
@@ -172,43 +163,49 @@ def test_the_loop_reads_no_clock_but_for_the_work_figure() -> None:
     assert used == {"perf_counter"}
 
 
-def test_rooms_can_be_held_in_the_head() -> None:
-    """A subject stays in one file as long as one can read it at one sitting."""
+def test_files_are_short() -> None:
+    """A file must be readable at one sitting."""
     for path in (*SOURCES, *TESTS):
-        assert len(path.read_text().splitlines()) <= 600, name_of(path)
+        assert len(path.read_text().splitlines()) <= 600, relative_name(path)
     for name in ("loop", "cycle"):
         assert len((ROOT / "rig" / "realtime" / f"{name}.py").read_text().splitlines()) <= 160
 
 
-def test_no_room_has_a_name_that_says_nothing() -> None:
+def test_file_names_are_specific() -> None:
     for path in (*SOURCES, *TESTS):
         for part in path.relative_to(ROOT).with_suffix("").parts:
-            assert not VAGUE.search(part), name_of(path)
+            assert not VAGUE.search(part), relative_name(path)
 
 
 def test_test_files_have_different_names() -> None:
-    """There are no packages among the tests, so two of one name would hide each other."""
+    """The tests are not packages, so two files of one name would hide each other."""
     names = [path.name for path in TESTS if path.name != "conftest.py"]
     assert sorted({name for name in names if names.count(name) > 1}) == []
 
 
-@pytest.mark.parametrize("path", LOOP, ids=name_of)
-def test_nothing_in_the_loop_asks_whether_it_is_real(path: Path) -> None:
-    for node in ast.walk(tree_of(path)):
+@pytest.mark.parametrize("path", LOOP_SOURCES, ids=relative_name)
+def test_loop_has_no_branch_for_simulation(path: Path) -> None:
+    for node in ast.walk(parse_file(path)):
         if isinstance(node, ast.If | ast.IfExp | ast.While | ast.comprehension):
             tests = node.ifs if isinstance(node, ast.comprehension) else [node.test]
             for test in tests:
                 text = ast.unparse(test)
-                assert not PRETENCE.search(text), f"{name_of(path)}:{test.lineno}: {text}"
+                assert not SIMULATION_BRANCH.search(text), (
+                    f"{relative_name(path)}:{test.lineno}: {text}"
+                )
 
 
 @pytest.mark.parametrize(
     ("text", "bad"),
-    [("if simulating: pass", True), ("x = 1 if self.mock else 2", True), ("if held: pass", False)],
+    [
+        ("if simulating: pass", True),
+        ("x = 1 if self.mock else 2", True),
+        ("if stopped: pass", False),
+    ],
 )
-def test_the_word_list_finds_its_words(text: str, bad: bool) -> None:
+def test_simulation_branches_are_found(text: str, bad: bool) -> None:
     found = [
-        PRETENCE.search(ast.unparse(node.test))
+        SIMULATION_BRANCH.search(ast.unparse(node.test))
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.If | ast.IfExp)
     ]
@@ -216,21 +213,21 @@ def test_the_word_list_finds_its_words(text: str, bad: bool) -> None:
 
 
 def test_codecs_are_pure() -> None:
-    """A codec turns bytes to words and back: nothing it could wait for is in reach."""
+    """A codec converts bytes to messages and back; it imports nothing that can block."""
     for path in (ROOT / "drivers").rglob("*codec*.py"):
-        roots = {module.split(".")[0] for module in imports(tree_of(path))}
+        roots = {module.split(".")[0] for module in imports(parse_file(path))}
         assert roots <= {"struct", "enum", "typing", "math", "drivers", "collections"}, path
 
 
-def test_import_contracts_stand_in_the_project_file() -> None:
-    """`make lint` runs them; here only that none was dropped."""
+def test_import_contracts_are_complete() -> None:
+    """`make lint` runs the contracts; this test asserts that none was removed."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
     linter = settings["importlinter"]
     assert set(linter["root_packages"]) == set(PACKAGES)
     forbidden: dict[str, set[str]] = {}
     for contract in linter["contracts"]:
         if contract["type"] == "forbidden":
-            for source in contract["source_modules"]:  # may stand in several
+            for source in contract["source_modules"]:  # may be in several contracts
                 forbidden.setdefault(source, set()).update(contract["forbidden_modules"])
     assert forbidden["controllers"] >= {"drivers", "rig", "sim_plant", "numpy"}
     assert forbidden["drivers"] >= {"controllers", "rig", "sim_plant"}
@@ -238,11 +235,118 @@ def test_import_contracts_stand_in_the_project_file() -> None:
     assert settings["pytest"]["ini_options"]["filterwarnings"][0] == "error"
 
 
-def test_only_a_few_doors_lead_to_the_simulated_plant() -> None:
-    doors = ("rig/execution/rehearsal/", "rig/sweep/", "rig/design/predictions/")
+def test_only_listed_packages_import_the_simulated_plant() -> None:
+    users = ("rig/execution/rehearsal/", "rig/sweep/", "rig/design/predictions/")
     for path in SOURCES:
-        name = name_of(path)
-        if name.startswith(("sim_plant/", *doors)):
+        name = relative_name(path)
+        if name.startswith(("sim_plant/", *users)):
             continue
-        roots = {module.split(".")[0] for module in imports(tree_of(path))}
+        roots = {module.split(".")[0] for module in imports(parse_file(path))}
         assert "sim_plant" not in roots, name
+
+
+# Private words that the glossary of this project replaced by the field's terms.
+PRIVATE_WORDS = frozenset(
+    [
+        "told",
+        "tell",
+        "tells",
+        "untold",
+        "say",
+        "says",
+        "said",
+        "word",
+        "words",
+        "rung",
+        "rungs",
+        "companion",
+        "companions",
+        "wanted",
+        "asked",
+        "foretold",
+        "foreseen",
+        "foretell",
+        "pushed",
+        "doubt",
+        "doubts",
+        "overs",
+        "made",
+        "again",
+        "combed",
+        "aside",
+        "spent",
+        "held",
+        "bearable",
+        "astray",
+        "patience",
+        "walk",
+        "walks",
+        "walked",
+        "guests",
+        "beside",
+    ]
+)
+WIRE_WORDS = re.compile(  # terms of protocols and manuals
+    r"(status|control|error|motor|shaft|ssi|register|enabled|high)_words?(_|$)|word_(order|bits)"
+)
+REAL_TERMS = {
+    "connection_made": "asyncio's name",
+    "flap_held": "field of the log",
+}
+WIRE_CODE = ("drivers/", "sim_plant/emulators/")  # `word` is a register or an encoder's word there
+
+
+def declared_names(tree: ast.Module) -> Iterator[tuple[str, int]]:
+    """Yield name and line of module-level names, classes, fields, functions and parameters."""
+    for node in tree.body:
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
+        for target in targets:
+            yield from ((n.id, n.lineno) for n in ast.walk(target) if isinstance(n, ast.Name))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield node.name, node.lineno
+        if isinstance(node, ast.arguments):
+            several = (*node.posonlyargs, *node.args, *node.kwonlyargs, node.vararg, node.kwarg)
+            yield from ((one.arg, one.lineno) for one in several if one)
+        if isinstance(node, ast.ClassDef):
+            for field in node.body:
+                if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                    yield field.target.id, field.lineno
+
+
+def private_words(name: str, file: str) -> set[str]:
+    """Return the private words in a name of a file."""
+    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower().strip("_")
+    found = PRIVATE_WORDS & set(snake.split("_"))
+    if name in REAL_TERMS or WIRE_WORDS.search(snake):
+        return set()
+    return found - {"word"} if file.startswith(WIRE_CODE) else found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_names_have_no_private_words(package: str) -> None:
+    found = [
+        f"{relative_name(path)}:{line}: {name}"
+        for path in SOURCES
+        if relative_name(path).startswith(f"{package}/")
+        for name, line in declared_names(parse_file(path))
+        if private_words(name, relative_name(path))
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "found"),
+    [
+        ("_told", "rig/cli/main.py", {"told"}),
+        ("EncoderWord", "rig/config/wiring.py", {"word"}),
+        ("WordOrder", "rig/config/wiring.py", set()),
+        ("STATUS_WORD", "drivers/compax3/objects.py", set()),
+        ("word", "drivers/encoder/ssi.py", set()),
+        ("held_words", "drivers/encoder/ssi.py", {"held", "words"}),
+        ("threshold", "rig/cli/main.py", set()),
+    ],
+)
+def test_private_words_are_found(name: str, file: str, found: set[str]) -> None:
+    assert private_words(name, file) == found

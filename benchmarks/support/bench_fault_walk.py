@@ -33,8 +33,8 @@ class BenchStage(NamedTuple):
     folder: Path
 
     @property
-    def companions(self) -> tuple[str, ...]:
-        """The processes beside its loop, by name."""
+    def io_processes(self) -> tuple[str, ...]:
+        """Names of the I/O processes."""
         return tuple(one.name for one in wired_mode(self.session, emulated=False).companions)
 
     def moves(self, row: Mapping[str, float]) -> bool:

@@ -1,4 +1,4 @@
-"""Benches whose constants nobody has told the analysis, and sessions played on them.
+"""Benches with constants hidden from the analysis, and sessions simulated on them.
 
 Commands are a table of ticks made beforehand, played into the compiled plant at once: no loop, no
 record. What is read is a tick old, so a command stands beside what was read a tick after it.
@@ -20,8 +20,8 @@ from rig.recording.runs.state import RecordState
 from rig.sweep import lifting
 from sim_plant.bench import dynamometer
 from sim_plant.bench.parameters import BenchPlant
-from sim_plant.bench.stepper import Start
-from sim_plant.sensors import NORMALS
+from sim_plant.bench.stepper import StepperInputs
+from sim_plant.sensors import NOISE_LENGTH
 
 PLANTS = Path(__file__).resolve().parents[2] / "configs" / "plants"
 DT = 0.001
@@ -53,7 +53,7 @@ DRAWN: dict[str, tuple[float, float]] = {
 
 
 class Row(NamedTuple):
-    """One set point: a sine of the drive's command, its brake current, how long it is measured."""
+    """One set point: sine of the drive's command, brake current and duration."""
 
     asked: dict[str, float]
     amplitude: float  # V or A
@@ -92,7 +92,7 @@ def _play(advance: Any, x: Any, mode: int, wires: Any, locked: int, begin: int, 
 def _advance() -> Any:
     """The compiled step of a bench; compiled once, the constants are in its array."""
     params = plant({}, braked=True).build()
-    start = Start(params, dynamometer.initial(params), [0.0] * NORMALS, DT)
+    start = StepperInputs(params, dynamometer.initial(params), [0.0] * NOISE_LENGTH, DT)
     return CompiledStepper(start)._array._code.advance
 
 
@@ -100,7 +100,7 @@ def session(values: dict[str, float], seed: int, kind: str, rows: list[Row]) -> 
     """Play a session's rows, one after the other, and hand over what was read."""
     braked = kind in ("driveline", "brake_map", "torque_constant")
     params = plant(values, braked=braked).build()
-    normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
+    normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
     state = dynamometer.initial(params)
     # The array of a compiled step (rig/execution/rehearsal/compiled_bench.py), made anew; the code
     # is one.
@@ -152,7 +152,8 @@ def _point(
     volts, amperes = wires[:, 0].copy(), wires[:, 1].copy()
     nothing = np.zeros(len(motor))
     return SetpointData(
-        row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0, period=row.period, dt=DT,
+        row=number, plan_row=row.asked, incomplete_reason="", lost_ticks=0, limited_ticks=0,
+        period=row.period, dt=DT,
         start_time=tick * DT, wave_clock=0.0, encoder_age=0.0, tare_samples=TARE,
         motor=motor / params.sensors.motor_counts, shaft=shaft / params.sensors.shaft_counts,
         torque=torque, current=current, current_command=amperes, volts=volts, brake_current=brake,

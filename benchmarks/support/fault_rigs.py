@@ -1,4 +1,4 @@
-"""The rigs whose table of faults is walked, and where each one's findings and page are kept."""
+"""Rigs with a table of faults, and the paths of their results and pages."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -21,9 +21,9 @@ class FaultRig(NamedTuple):
     page: Path  # of the documentation
     without: str  # when it is safe, for people
     stop: str  # what a stop of category 1 does first
-    motion: str  # how what it moves stands when a fault comes
-    test: str  # which walks it
-    measured: Path  # what was found
+    motion: str  # motion of the rig when a fault comes
+    test: str  # file of the test that runs the table
+    measured: Path  # results
     table: Path
 
     def rows(self) -> list[Row]:
@@ -53,7 +53,7 @@ RIGS = {
     for one in (
         _rig(
             "wavebot",
-            "Faults: what the rig does with them",
+            "Faults: reactions of the rig",
             stage,
             "faults.md",
             "neither motor has power, at the drives",
@@ -63,7 +63,7 @@ RIGS = {
         ),
         _rig(
             "oswec_bench",
-            "Faults of the OSWEC bench: what the rig does with them",
+            "Faults of the OSWEC bench: reactions of the rig",
             bench_stage,
             "bench_faults.md",
             "the servo has no power, at the drive",

@@ -1,4 +1,4 @@
-"""The tables of faults: what each device can suffer, and what the rig must then do."""
+"""Tables of faults: the faults of each device, and the required reaction of the rig."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ from rig.realtime.safety import CATEGORY, Reason
 TABLES = ROOT / "configs" / "faults"
 REFUSED, GOES_ON, UNDETECTED = "refused at start", "goes on", "not detected"
 LOOP_LOST = "loop lost"
-START, MOTION = "start", "motion"  # else it comes while the law acts
+START, MOTION = "start", "motion"  # otherwise the fault is injected while the law acts
 _NAMED = {"": "", START: " from the start", MOTION: " in motion"}
 NO_STOP = (REFUSED, GOES_ON, UNDETECTED)  # without a category, and without a time
 _KEYS = {
@@ -29,59 +29,62 @@ class Row(NamedTuple):
     must: str  # name of rig.realtime.safety.Reason, LOOP_LOST or one of NO_STOP
     category: int | None  # of the stop; None without one
     within: float  # s from the fault until no motor has power; 0 where the run does not stop
-    why: str  # what is behind it, for people; never empty where the run goes on
-    value: float | None  # the fault's number, None: its own
+    why: str  # explanation for people; never empty if the run goes on
+    value: float | None  # magnitude of the fault; None: its default
     toward: str | None  # of a link's fault: host or device alone
-    since: str  # START: there before the run; MOTION: come at speed; empty: come in the run
-    short: bool  # of the short selection
-    long: bool  # in a run that measures for longer: what it shows takes its time
-    also: tuple[str, ...]  # other reasons that are as good: which comes first is chance
+    since: str  # START: before the run; MOTION: at speed; empty: during the run
+    short: bool  # part of the short selection
+    long: bool  # needs a longer run, because detection is slow
+    also: tuple[str, ...]  # other correct reasons: which comes first is chance
 
     @property
     def name(self) -> str:
-        """For people."""
-        told = f"{self.device}: {self.fault}"
-        told += f" {self.value:g}" if self.value is not None else ""
-        return told + _NAMED[self.since]
+        """Return the name of the row for people."""
+        name = f"{self.device}: {self.fault}"
+        name += f" {self.value:g}" if self.value is not None else ""
+        return name + _NAMED[self.since]
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """What may be found: a run that goes on looks the same whether it rightly does or not."""
+        """Return the correct verdicts; GOES_ON and UNDETECTED look the same in a run."""
         return tuple(GOES_ON if one == UNDETECTED else one for one in (self.must, *self.also))
 
 
 def rows(path: Path) -> list[Row]:
-    """All rows of a table; ValueError names one that contradicts itself."""
+    """Return all rows of a table; ValueError names a contradictory row."""
     tree: dict[str, list[dict[str, Any]]] = YAML(typ="safe").load(path.read_text())
     return [_row(device, one) for device, several in tree.items() for one in several]
 
 
-def unsound(several: list[Row]) -> list[str]:
-    """What of a table cannot be, in words: rows there twice, too many in the short selection."""
+def table_errors(several: list[Row]) -> list[str]:
+    """Return errors of a table: duplicate rows, or a short selection of the wrong size."""
     names = [row.name for row in several]
-    said = [f"{name}: there twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    errors = [f"{name}: occurs twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     short = sum(row.short for row in several)
-    return said + (
+    return errors + (
         [] if 6 <= short <= 10 else [f"{short} rows in the short selection, not 6 to 10"]
     )
 
 
-def gaps(several: list[Row], there: Mapping[str, Iterable[str]]) -> list[str]:
-    """Where a table and the faults that are there (by device) do not cover each other, in words."""
-    can = {(device, fault) for device, faults in there.items() for fault in faults}
-    have = {(row.device, row.fault) for row in several}
+def missing_rows(several: list[Row], there: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return faults without a row, and rows without such a fault (``there``: faults by device)."""
+    existing = {(device, fault) for device, faults in there.items() for fault in faults}
+    listed = {(row.device, row.fault) for row in several}
     return [
-        *(f"{device}: {fault}: has no row" for device, fault in sorted(can - have)),
-        *(f"{device}: {fault}: there is no such fault" for device, fault in sorted(have - can)),
+        *(f"{device}: {fault}: has no row" for device, fault in sorted(existing - listed)),
+        *(
+            f"{device}: {fault}: there is no such fault"
+            for device, fault in sorted(listed - existing)
+        ),
     ]
 
 
 def _row(device: str, one: dict[str, Any]) -> Row:
-    what = f"{device}: {one.get('fault')}"
+    label = f"{device}: {one.get('fault')}"
     if unknown := set(one) - _KEYS:
-        raise ValueError(f"{what}: unknown {', '.join(sorted(unknown))}")
+        raise ValueError(f"{label}: unknown {', '.join(sorted(unknown))}")
     if (since := one.get("from", "")) not in _NAMED:
-        raise ValueError(f"{what}: from {since!r}, not {START} or {MOTION}")
+        raise ValueError(f"{label}: from {since!r}, not {START} or {MOTION}")
     must = one["must"]
     row = Row(
         device,
@@ -99,10 +102,14 @@ def _row(device: str, one: dict[str, Any]) -> Row:
     )
     if must in NO_STOP:
         if row.category is not None or row.within or (must != REFUSED and not row.why):
-            raise ValueError(f"{what}: {must} has no category and no time, and says why")
+            raise ValueError(
+                f"{label}: {must} needs an explanation (why), and no category and no time"
+            )
     elif must == LOOP_LOST:
         if row.category is not None or row.within <= 0.0:
-            raise ValueError(f"{what}: {must} has no category, and is safe within some s")
+            raise ValueError(f"{label}: {must} needs a time within_s, and no category")
     elif row.category != CATEGORY[Reason[must]] or row.within <= 0.0:
-        raise ValueError(f"{what}: {must} is of category {CATEGORY[Reason[must]]}, within some s")
+        raise ValueError(
+            f"{label}: {must} needs category {CATEGORY[Reason[must]]} and a time within_s"
+        )
     return row

@@ -1,4 +1,4 @@
-"""Walking the table of faults on the real stacks: loop, companions and emulated devices.
+"""Run the table of faults on the real stacks: loop, I/O processes and emulated devices.
 
 One process of emulated devices serves many runs; before each its world is put to rest and its nodes
 are switched on anew. A run tares, and the fault comes when the motors have had power for some time,
@@ -34,7 +34,7 @@ from rig.processes.run_types import Snapshot
 from rig.realtime.safety import CATEGORY, RUN, Reason
 from rig.recording.runs.create import BusyError
 
-PATIENCE = 120.0  # s for the host's one real-time place
+FREE_TIMEOUT = 120.0  # s for the host's one real-time place
 NO_RUN = "no run"  # it ended before the fault came
 AFTER = 1.5  # s of rig time from power on to the fault
 
@@ -48,12 +48,12 @@ class Scene(Protocol):
         ...
 
     @property
-    def companions(self) -> tuple[str, ...]:
-        """The processes beside its loop, by name."""
+    def io_processes(self) -> tuple[str, ...]:
+        """Names of the I/O processes."""
         ...
 
     def moves(self, row: Mapping[str, float]) -> bool:
-        """Whether what the motors move is moving fast, by a row of the record."""
+        """Return True if the moved body is fast in this row of the record."""
         ...
 
     def go(self, view: View, long: bool = False) -> RunResult:
@@ -62,10 +62,10 @@ class Scene(Protocol):
 
 
 class Finding(NamedTuple):
-    """What a fault came to."""
+    """Result of one fault."""
 
     verdict: str  # name of rig.realtime.safety.Reason, REFUSED, GOES_ON, LOOP_LOST or NO_RUN
-    told: str  # why it was refused, and what the processes beside the loop said
+    message: str  # reason of the refusal, and messages of the I/O processes
     category: int | None
     seconds: float | None  # from the fault until no motor had power
     lost: int  # rows
@@ -109,7 +109,7 @@ def played(one: IoProcess, folder: Path) -> Iterator[tuple[ControlClient, Child]
 
 
 def _address(devices: Child) -> str:
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + FREE_TIMEOUT
     while time.monotonic() < until and devices.alive():
         for event in devices.read_events():
             if event["event"] == "ready":
@@ -126,7 +126,7 @@ def ran(on: Scene, see: Callable[[Snapshot], None], long: bool = False) -> RunRe
 
 def when_free(run: Callable[[], RunResult]) -> RunResult:
     """Run when nobody else has the host's real-time place; BusyError after two minutes."""
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + FREE_TIMEOUT
     while True:
         try:
             return run()
@@ -166,10 +166,10 @@ def there(on: Scene) -> dict[str, tuple[str, ...]]:
     """Every fault that can be given, by device, link or process."""
     listed = on.control.request("faults")["faults"]
     devices = {device: tuple(faults) for device, faults in listed.items()}
-    return devices | process_faults.listed(on.companions)
+    return devices | process_faults.listed(on.io_processes)
 
 
-def walk(on: Scene, row: Row) -> Finding:
+def execute(on: Scene, row: Row) -> Finding:
     """Give a device its fault, and see what comes of it."""
 
     def strike() -> float:
@@ -202,10 +202,10 @@ def _struck(on: Scene, row: Row) -> int | None:
 def walk_fairly(on: Scene, row: Row, tries: int = 3) -> Finding:
     """Like `walk`, again when the run ended before the fault came: a loaded host does that."""
     for _ in range(tries - 1):
-        found = walk(on, row)
+        found = execute(on, row)
         if found.verdict != NO_RUN:
             return found
-    return walk(on, row)
+    return execute(on, row)
 
 
 def judged(on: Scene, ended: RunResult, at: float | None) -> Finding:
@@ -231,7 +231,7 @@ def judged(on: Scene, ended: RunResult, at: float | None) -> Finding:
 
 
 class Powered(Protocol):
-    """Motors whose power can be asked for."""
+    """Motors whose power can be read."""
 
     @property
     def control(self) -> ControlClient:
@@ -239,9 +239,9 @@ class Powered(Protocol):
         ...
 
 
-def power_gone(on: Powered, patience: float = 2.0) -> float | None:
+def power_gone(on: Powered, timeout_s: float = 2.0) -> float | None:
     """When the last motor was without power (s, monotonic); None: one still has it."""
-    until = time.monotonic() + patience
+    until = time.monotonic() + timeout_s
     while True:
         gone = on.control.request("power")["gone"].values()
         if None not in gone:
@@ -255,7 +255,7 @@ def wrong(row: Row, found: Finding) -> list[str]:
     """What of a finding is not as the table has it."""
     claims = []
     if found.verdict not in row.verdicts:
-        claims.append(f"{row.must} was due, it was {found.verdict} ({found.told})")
+        claims.append(f"{row.must} was due, it was {found.verdict} ({found.message})")
     if found.verdict == GOES_ON and found.struck == 0:
         claims.append("the fault struck nothing")
     if found.lost:

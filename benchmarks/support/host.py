@@ -27,7 +27,7 @@ def facts() -> dict[str, Any]:
     }
 
 
-def told() -> str:
+def description() -> str:
     """Processor, cores, kernel and Python in one line, for people."""
     processor = provenance.describe_host()["processor"]
     virtual = ", virtual machine" if "hypervisor" in _processor_flags() else ""
@@ -42,7 +42,7 @@ class Busy(NamedTuple):
 
     at: float
     busy: float
-    stolen: float  # by other guests of the same host
+    stolen: float  # by other virtual machines on the same host
     ours: float  # of this process and its ended children
 
     @staticmethod
@@ -56,7 +56,7 @@ class Busy(NamedTuple):
 
 
 def others(before: Busy, after: Busy) -> dict[str, float]:
-    """How many cores' worth of time went to other work on this machine and to other guests."""
+    """Return the load of other work on this machine and of other virtual machines, in cores."""
     elapsed = max(after.at - before.at, 0.001)
     mine = after.ours - before.ours
     return {

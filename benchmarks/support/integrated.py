@@ -32,19 +32,19 @@ class Model(NamedTuple):
     dt: float
 
 
-def slope(made: Model, t: float, y: Any, goal: float, force: float) -> list[float]:
+def slope(model: Model, t: float, y: Any, goal: float, force: float) -> list[float]:
     """How hull, current (towards ``goal``, A) and energies change under an excitation (N)."""
-    params, hull = made.params, made.params.body
+    params, hull = model.params, model.params.body
     x, v, z1, z2, z3, z4, z5, current = y[:8]
-    gone = min(made.start + params.spring.speed * t, made.target)
+    gone = min(model.start + params.spring.speed * t, model.target)
     rate = magnetic_spring.table_rate(params.spring, gone)
-    motor = made.per_ampere * current
+    motor = model.per_ampere * current
     between = motor + wavebot.passive_force(params, rate, x, v, 0.0)
     rise = body.acceleration(hull, body.BodyState(x, v, z1, z2, z3, z4, z5), force + between)
     drop = v - hull.a0 * z1 - hull.a1 * z2 - hull.a2 * z3 - hull.a3 * z4 - hull.a4 * z5
     ac = motor * v + pto.copper_loss(params.pto, motor)
     return [
-        v, rise, z2, z3, z4, z5, drop, (goal - current) / params.electrics.loop.time_constant,
+        v, rise, z2, z3, z4, z5, drop, (goal - current) / params.electrics.drive.time_constant,
         between * v, ac, ac + cots_drive.loss(params.electrics.cots, current),
     ]  # fmt: skip
 
@@ -52,16 +52,16 @@ def slope(made: Model, t: float, y: Any, goal: float, force: float) -> list[floa
 def sampled(made: Model, seconds: float, tolerance: float) -> tuple[float, ...]:
     """Energies (J) of the model as it is, tick by tick; excitation is linear within a tick."""
     params, dt = made.params, made.dt
-    law, memory, driven = impedance.Params(made.ramp), impedance.start(), drive.at_rest()
+    law, memory, driven = impedance.Params(made.ramp), impedance.start(), drive.initial()
     y, table = np.zeros(_STATES), made.table
     for tick in range(round(seconds / dt)):
         began, now = tick * dt, float(table[tick % len(table)])
         growth = (float(table[(tick + 1) % len(table)]) - now) / dt
         x, v = y[:2].tolist()
         memory, wanted = impedance.step(law, memory, made.gains, Estimate(x, v, 0.0), 0.0, 0.0, dt)
-        asked, most = wanted.force / made.per_ampere, params.electrics.loop.current_limit
+        asked, most = wanted.force / made.per_ampere, params.electrics.drive.current_limit
         driven = drive.drive_step(
-            params.electrics.loop, driven, asked, 1, 1, 1, 0, drive.NO_CEILING, dt
+            params.electrics.drive, driven, asked, 1, 1, 1, 0, drive.UNLIMITED_CURRENT, dt
         )
         goal = min(max(asked, -most), most) if driven.enabled == 1 else 0.0
         y = solve_ivp(
@@ -75,7 +75,7 @@ def sampled(made: Model, seconds: float, tolerance: float) -> tuple[float, ...]:
 
 def continuous(made: Model, seconds: float, tolerance: float) -> tuple[float, ...]:
     """Energies (J) with a law that acts all the time."""
-    loop = made.params.electrics.loop
+    loop = made.params.electrics.drive
     times = np.arange(len(made.table) + 1) * made.dt
     table = np.append(made.table, made.table[0])
     kp, ki, _ = made.gains

@@ -134,7 +134,7 @@ class Witness:
 
 
 def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fate:
-    """Start a run in ``folder``, kill in it what ``kill`` says, and hold what is left against it.
+    """Start a run in ``folder``, execute ``kill`` in it, and compare its record with the ring.
 
     On the real clock the host's one real-time place must be free again at the end.
     """
@@ -150,7 +150,7 @@ def killed(campaign: Path, folder: Path, kill: Kill, *, real_clock: bool) -> Fat
             return Fate(kill, 0, 0, 0.0, 0.0, (str(error),))
         run.process.wait()
         wrong = [*_left_over(run, token), *_locked(runs, run.process.pid)]
-        return _held_against(witness, runs, kill, due, stopping, wrong, real_clock)
+        return _compare_with_ring(witness, runs, kill, due, stopping, wrong, real_clock)
 
 
 def _strike(run: LiveRun, witness: Witness, kill: Kill, token: str) -> tuple[float, float]:
@@ -241,7 +241,7 @@ def _folders(runs: Path) -> list[Path]:
 
 
 class Compared(NamedTuple):
-    """A run's record, recovered, beside the rows in its ring."""
+    """Recovered record of a run, and the rows in its ring."""
 
     truth: Any  # the newest rows the loop put, as records
     saved: Any  # all rows of the record, as records
@@ -276,7 +276,7 @@ def record_against(
     return Compared(truth, saved, len(lost), tuple(wrong))
 
 
-def _held_against(
+def _compare_with_ring(
     witness: Witness,
     runs: Path,
     kill: Kill,

@@ -23,7 +23,7 @@ from rig.recording.ring import ProducerState, RingReader
 from rig.recording.runs.create import BusyError
 
 LOOP, LOGGER = "rig.execution.rehearsal", "rig.recording.logger"
-PATIENCE = 60.0  # s
+TIMEOUT = 60.0  # s
 
 
 class Peek(NamedTuple):
@@ -39,10 +39,10 @@ class TimeOutError(RuntimeError):
 
 def wait_until(true: Callable[[], bool], what: str, every: float = 0.005) -> None:
     """Poll until ``true()``; TimeOutError after a minute."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while not true():
         if time.monotonic() > end:
-            raise TimeOutError(f"not within {PATIENCE:g} s: {what}")
+            raise TimeOutError(f"not within {TIMEOUT:g} s: {what}")
         time.sleep(every)
 
 

@@ -15,26 +15,26 @@ LOOP, LOGGER = "loop", "logger"
 _SIGNALS = {"killed": signal.SIGKILL, "hung": signal.SIGSTOP}
 
 
-def listed(companions: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Every fault of a run's processes, by device: loop, logger and those beside the loop.
+def listed(io_processes: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Every fault of a run's processes, by device: loop, logger and I/O processes.
 
     A logger that stands still is no fault before the ring is full, which takes a minute
     (`python -m benchmarks ring` has one that stands for 5 s).
     """
     both = tuple(_SIGNALS)
-    names = {LOOP: both, LOGGER: ("killed",), **dict.fromkeys(companions, both)}
+    names = {LOOP: both, LOGGER: ("killed",), **dict.fromkeys(io_processes, both)}
     return {PREFIX + name: faults for name, faults in names.items()}
 
 
 def strike(device: str, fault: str) -> float:
     """Kill or stop a process of the run; gives when (s on the monotonic clock)."""
-    pid = beside(f"{device.removeprefix(PREFIX)}.stderr")
+    pid = io_process_of(f"{device.removeprefix(PREFIX)}.stderr")
     at = time.monotonic()
     os.kill(pid, _SIGNALS[fault])
     return at
 
 
-def beside(stderr: str) -> int:
+def io_process_of(stderr: str) -> int:
     """Process id of our child that writes its errors to a file of this name."""
     for entry in Path("/proc").iterdir():
         try:

@@ -1,4 +1,4 @@
-"""A campaign of any length, and ticks of its rehearsal kept in memory to be walked again."""
+"""A campaign of any length, and ticks of its rehearsal kept in memory for repetition."""
 
 import gc
 import json

@@ -1,4 +1,4 @@
-"""The kept results: one JSON file a measurement, and a table of all of them for people."""
+"""Stored results: one JSON file per measurement, and one page with the tables of all of them."""
 
 import json
 from pathlib import Path
@@ -9,16 +9,18 @@ from benchmarks.support.result import HEADINGS, Figure, cells
 _HEAD = """\
 # Measured
 
-Written by `make bench` (`python -m benchmarks`); not edited by hand. Medians, with the least and
-the greatest of all repetitions beside them. "Other work" is what else kept the machine busy
-meanwhile, in cores, "stolen" what other guests of the same host took.
+Written by `make bench` (`python -m benchmarks`); not edited by hand. Medians, followed by the least
+and the greatest of all repetitions. "Other work" is the load by other processes during the
+measurement, in cores; "stolen" is the time that other virtual machines on the host took.
+"Normalised to the reference CPU" scales a figure to a core on which 100 NamedTuples take 20 us;
+the raw figure stands above it.
 """
 
 
-def keep(folder: Path, name: str, told: dict[str, Any], order: list[str]) -> None:
+def keep(folder: Path, name: str, result: dict[str, Any], order: list[str]) -> None:
     """Write a result and the table of all kept ones, in this order."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(told, indent=2, ensure_ascii=False)
+    text = json.dumps(result, indent=2, ensure_ascii=False)
     (folder / f"{name}.json").write_text(text + "\n")
     kept = [folder / f"{each}.json" for each in order if (folder / f"{each}.json").exists()]
     results = [json.loads(path.read_text()) for path in kept]
@@ -26,25 +28,25 @@ def keep(folder: Path, name: str, told: dict[str, Any], order: list[str]) -> Non
 
 
 def closing(missed: list[str]) -> str:
-    """The last word of a run: which numbers are not held."""
+    """Return the last lines of a run: the targets that were missed."""
     if not missed:
-        return "every number that was measured is held"
-    return "\n".join(["not held:", *(f"  {line}" for line in missed)])
+        return "every target was met"
+    return "\n".join(["targets missed:", *(f"  {line}" for line in missed)])
 
 
-def _section(told: dict[str, Any]) -> str:
-    figures = [Figure(**figure) for figure in told["figures"]]
+def _section(result: dict[str, Any]) -> str:
+    figures = [Figure(**figure) for figure in result["figures"]]
     rows = [HEADINGS, ("---",) * len(HEADINGS), *(cells(figure) for figure in figures)]
     table = "\n".join(f"| {' | '.join(cell.strip() for cell in row)} |" for row in rows)
-    host, load = told["host"], told["load"]
+    host, load = result["host"], result["load"]
     where = (
         f"{host['date']}, {host['processor']}, {host['cores']} cores"
         f"{', virtual machine' if host['virtual_machine'] else ''}, Linux {host['kernel']}, "
         f"Python {host['python']}; other work {load['other_work_cores']:g}, "
-        f"stolen {load['stolen_cores']:g}; {told['took_s']:g} s"
+        f"stolen {load['stolen_cores']:g}; {result['took_s']:g} s"
     )
-    notes = "".join(f"- {note}\n" for note in told["notes"])
+    notes = "".join(f"- {note}\n" for note in result["notes"])
     return (
-        f"\n## {told['name']}\n\n{told['what'][0].upper()}{told['what'][1:]}; "
-        f"{told['repetitions']}.\n\n{table}\n\n{notes}- {where}\n"
+        f"\n## {result['name']}\n\n{result['description'][0].upper()}{result['description'][1:]}; "
+        f"{result['repetitions']}.\n\n{table}\n\n{notes}- {where}\n"
     )

@@ -32,8 +32,8 @@ class Stage(NamedTuple):
     folder: Path
 
     @property
-    def companions(self) -> tuple[str, ...]:
-        """The processes beside its loop, by name."""
+    def io_processes(self) -> tuple[str, ...]:
+        """Names of the I/O processes."""
         return tuple(one.name for one in hardware.build_job(self.campaign.rig).io_processes)
 
     def moves(self, row: Mapping[str, float]) -> bool:

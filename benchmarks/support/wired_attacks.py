@@ -105,7 +105,7 @@ def _stated(rig: WiredRig, name: str, how: str) -> float:
 
 
 def attacked(rig: WiredRig, runs: Path, attack: Attack) -> Outcome:
-    """Start a run in ``runs`` (new), attack it, and hold what is left against the witnesses."""
+    """Start a run in ``runs`` (new), attack it, and compare its record with the witnesses."""
     wrong = list[str]()
     powerless: float | None = None
     with started(rig, runs) as run:

@@ -55,7 +55,7 @@ def wavebot(folder: Path) -> Iterator[WiredRig]:
     with stage(folder) as made:
         words = ("run", str(folder / "campaign.yaml"))
         fields = ("heave.sense.enabled", "heave.command.force")
-        yield WiredRig("wavebot", made.control, words, WaveBotRow, made.companions, 2.0, *fields)
+        yield WiredRig("wavebot", made.control, words, WaveBotRow, made.io_processes, 2.0, *fields)
 
 
 @contextmanager
@@ -64,7 +64,9 @@ def oswec_bench(folder: Path) -> Iterator[WiredRig]:
     with bench_stage(folder) as made:
         words = ("bench", str(folder / "session.yaml"))
         fields = ("servo.enabled", "servo.current")
-        yield WiredRig("oswec_bench", made.control, words, BenchRow, made.companions, 1.0, *fields)
+        yield WiredRig(
+            "oswec_bench", made.control, words, BenchRow, made.io_processes, 1.0, *fields
+        )
 
 
 WIRED = {"wavebot": wavebot, "oswec_bench": oswec_bench}

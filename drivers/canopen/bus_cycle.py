@@ -1,10 +1,10 @@
-"""One cycle of a synchronous bus: take in what the last SYNC brought, send commands and SYNC.
+"""One cycle of a synchronous bus: receive the answers to the last SYNC, send commands and SYNC.
 
     tick k:  receive (answers to SYNC k-1) ... commands, SYNC k, our heartbeat when it is due
 
-So a status is one tick old when it is used, always, and a model can contain that; one that was held
-up is as old as the SYNC it answers (`answers`). Our heartbeat comes from the tick and from nowhere
-else: a loop that hangs falls silent, and every drive that watches it stops by itself.
+So a status is always one tick old when it is used, which a model can include; a delayed one is as
+old as the SYNC it answers (`sync_count`). Only the tick sends our heartbeat: if the loop hangs, the
+heartbeat stops, and every drive that monitors it stops by itself.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,111 +14,119 @@ from drivers.canopen import heartbeat, sync_count
 from drivers.canopen.link import Frame
 
 SYNC = 0x080
-_NEVER = -1e9  # s, before any clock began
+_NEVER = -1e9  # s, earlier than any clock reading
 
 
-class Line(Protocol):
-    """What moves frames: `drivers.canopen.link.Link`, or one that spoils them on the way."""
+class FrameLink(Protocol):
+    """A transport of frames: `drivers.canopen.link.Link`, or a test link that injects faults."""
 
-    behind: bool  # the last `drain` left something behind
+    has_backlog: bool  # True: the last `drain` left frames in the bus's queue
 
     def now(self) -> float:
-        """Seconds on the monotonic clock."""
+        """Return the time of the monotonic clock, s."""
         ...
 
     def send(self, cob_id: int, data: bytes) -> bool:
-        """Send a frame now or not at all; False if it was not taken."""
+        """Send a frame without waiting; return False if it was not accepted."""
         ...
 
     def drain(self) -> list[Frame]:
-        """What has come since the last call; never waits."""
+        """Return the frames received since the last call; never wait."""
         ...
 
     def close(self) -> None:
-        """Give the bus back; cannot raise."""
+        """Close the bus; cannot raise."""
         ...
 
 
 class Node(Protocol):
-    """One device's conversation, as far as the bus needs it."""
+    """The part of a device's conversation that the bus cycle uses."""
 
     @property
-    def each_sync(self) -> Mapping[int, int]:
-        """COB-IDs of the frames it takes, and on every how many SYNCs one comes; 0: on none."""
+    def sync_dividers(self) -> Mapping[int, int]:
+        """Return the SYNC divider of each COB-ID it receives; 0: independent of SYNC."""
         ...
 
-    def take(self, cob_id: int, data: bytes, sampled: float) -> None:
-        """A frame of its own, and when (s) the SYNC was sent that it answers."""
+    def receive(self, cob_id: int, data: bytes, sync_time: float) -> None:
+        """Process one of its frames; ``sync_time``: send time (s) of the SYNC that it answers."""
         ...
 
 
 class BusCycle:
-    """All synchronous devices of one bus, seen from the tick."""
+    """Exchanges the frames of all synchronous devices of one bus, once a tick."""
 
-    def __init__(self, line: Line, nodes: Iterable[Node], own_node: int, beat: float) -> None:
+    def __init__(
+        self, link: FrameLink, nodes: Iterable[Node], own_node: int, heartbeat_period: float
+    ) -> None:
         """``own_node``: our node number; ``beat``: seconds between our heartbeats."""
-        self._line = line
-        self._takers = {
-            cob_id: (node, each) for node in nodes for cob_id, each in node.each_sync.items()
+        self._link = link
+        self._receivers = {
+            cob_id: (node, divider)
+            for node in nodes
+            for cob_id, divider in node.sync_dividers.items()
         }
-        self._answers = dict.fromkeys(self._takers, sync_count.start())
-        self._beat_id = heartbeat.BASE + own_node
-        self._beat = heartbeat.encode(heartbeat.Nmt.OPERATIONAL)
-        self._every = beat
-        self._beaten = self._synced = _NEVER  # s, when last sent
-        self._moments = [_NEVER] * sync_count.OPEN  # s, of the last SYNCs, by their number
+        self._answers = dict.fromkeys(self._receivers, sync_count.start())
+        self._heartbeat_id = heartbeat.BASE + own_node
+        self._heartbeat = heartbeat.encode(heartbeat.NmtState.OPERATIONAL)
+        self._heartbeat_period = heartbeat_period
+        self._heartbeat_sent = self._sync_sent = _NEVER  # s, when last sent
+        self._sync_times = [_NEVER] * sync_count.MAX_OPEN  # s, of the last SYNCs, by their number
         self._syncs = 0  # sent so far: the number of the last one
-        self._answered = 0  # number of the SYNC that the newest frame to come may answer
-        self.strange = 0  # frames that nobody here takes
+        self._answered = 0  # number of the latest SYNC that the next frame may answer
+        self.unexpected = 0  # frames with a COB-ID of no node
 
     @property
-    def synced(self) -> float:
-        """When the last SYNC went out, s; one that the bus did not take did not."""
-        return self._synced
+    def last_sync_time(self) -> float:
+        """Return when the bus accepted the last SYNC, s."""
+        return self._sync_sent
 
     def receive(self) -> float:
-        """Take in what has come; gives the time (s) at which it is known.
+        """Process the received frames and return the time (s) afterwards.
 
-        As long as the line is not emptied its frames are older than the last SYNC, and count as
-        old as they may be.
+        While the link has a backlog, its frames may be older than the last SYNC; they then get the
+        oldest possible age.
         """
-        frames = self._line.drain()
-        if not self._line.behind:
+        frames = self._link.drain()
+        if not self._link.has_backlog:
             self._answered = self._syncs
         latest = self._answered
         for cob_id, data in frames:
-            found = self._takers.get(cob_id)
-            if found is None:
-                self.strange += 1
+            receiver = self._receivers.get(cob_id)
+            if receiver is None:
+                self.unexpected += 1
                 continue
-            taker, each = found
+            node, divider = receiver
             number = latest
-            if each > 0:
-                one = self._answers[cob_id] = sync_count.take(self._answers[cob_id], each, latest)
-                number = one.answered
-            taker.take(cob_id, data, self._moment(number))
-        return self._line.now()
+            if divider > 0:
+                count = self._answers[cob_id] = sync_count.record_answer(
+                    self._answers[cob_id], divider, latest
+                )
+                number = count.answered
+            node.receive(cob_id, data, self._sync_time(number))
+        return self._link.now()
 
-    def _moment(self, number: int) -> float:
-        """When (s) the SYNC of this number was sent; very long ago if nobody knows any more."""
-        if number == 0 or self._syncs - number >= sync_count.OPEN:
+    def _sync_time(self, number: int) -> float:
+        """Return when (s) the SYNC of this number was sent; `_NEVER` if no longer stored."""
+        if number == 0 or self._syncs - number >= sync_count.MAX_OPEN:
             return _NEVER
-        return self._moments[number % sync_count.OPEN]
+        return self._sync_times[number % sync_count.MAX_OPEN]
 
     def send(self, frames: Iterable[tuple[int, bytes]]) -> None:
-        """Commands, then the SYNC on which they act."""
-        send = self._line.send
+        """Send the commands, then the SYNC on which they act, then the heartbeat when due."""
+        send = self._link.send
         for cob_id, data in frames:
             send(cob_id, data)
         synced = send(SYNC, b"")
-        now = self._line.now()
+        now = self._link.now()
         if synced:
-            self._synced = now
+            self._sync_sent = now
             self._syncs += 1
-            self._moments[self._syncs % sync_count.OPEN] = now
-        if now - self._beaten >= self._every and send(self._beat_id, self._beat):
-            self._beaten = now
+            self._sync_times[self._syncs % sync_count.MAX_OPEN] = now
+        if now - self._heartbeat_sent >= self._heartbeat_period and send(
+            self._heartbeat_id, self._heartbeat
+        ):
+            self._heartbeat_sent = now
 
     def close(self) -> None:
         """Give the bus back; cannot raise."""
-        self._line.close()
+        self._link.close()

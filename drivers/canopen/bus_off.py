@@ -1,7 +1,8 @@
-"""Whether our own controller has left the bus, as its error frames say (linux/can/error.h).
+"""Detection of bus-off of our own CAN controller from its error frames (linux/can/error.h).
 
-It does after 256 errors of sending in excess: a wire is cut or shorted, a terminator lacks, or a
-bit rate is wrong. Nothing here brings it back: that is for whoever has looked at the wire.
+The controller goes off the bus when its transmit error count exceeds 255: a wire is cut or shorted,
+a terminator is missing, or a bit rate is wrong. This module does not restart it: a person must
+check the wire first.
 """
 
 import can
@@ -9,22 +10,22 @@ import can
 BUS_OFF = 0x040  # CAN_ERR_BUSOFF, in the identifier of an error frame
 
 
-class BusOff(can.Listener):
-    """Hears error frames among all others; called from the library's thread."""
+class BusOffListener(can.Listener):
+    """Looks for the bus-off error frame in all frames; called from the library's thread."""
 
     def __init__(self) -> None:
-        self.happened = False
+        self.occurred = False
 
     def on_message_received(self, msg: can.Message) -> None:
-        """Note the frame that says it."""
+        """Record a bus-off error frame."""
         if msg.is_error_frame and msg.arbitration_id & BUS_OFF:
-            self.happened = True
+            self.occurred = True
 
     def explain(self) -> str:
-        """What happened, for people; empty if nothing did."""
-        if not self.happened:
+        """Return a message about a bus-off, for people; empty if none occurred."""
+        if not self.occurred:
             return ""
         return (
-            "the CAN controller of this computer went off the bus (bus-off): look at the wire, its "
+            "the CAN controller of this computer went off the bus (bus-off): check the wire, its "
             "terminators and bit rates, then bring it back (docs/wires.md)"
         )

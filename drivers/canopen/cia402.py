@@ -1,21 +1,21 @@
-"""The CiA 402 power machine seen from the master: goal and statusword -> controlword.
+"""The CiA 402 state machine seen from the master: goal and statusword -> controlword.
 
-`cia402_table` says in one table which controlword brings a drive from its state to the goal, and in
-a second one what is then awaited, which has a deadline. Two rules stand above the tables:
+`cia402_table` holds two tables: the controlword that brings a drive from its state towards the
+goal, and the transition awaited then, which has a deadline. Two rules override the tables:
 
-- **Nothing goes up without permission.** The permission is given by an explicit request (`arm`, a
-  number that changes) while the drive is in SWITCH ON DISABLED, and is lost by everything listed
-  in `Why`. Without it the goal is SAFE, or QUICK_STOP if that is asked for; a quick stop that
-  takes too long ends in SAFE as well.
+- **No drive is enabled without permission.** An explicit request (`arm`, a number that changes)
+  gives the permission while the drive is in SWITCH ON DISABLED; each cause in `DisarmReason` ends
+  it. Without it the goal is SAFE, or QUICK_STOP if that is the goal; a quick stop that takes too
+  long ends in SAFE as well.
 - **A fault is reset only by an explicit request** (`reset`), which does not give the permission.
 
-A request that cannot be granted in its tick is spent: nothing starts later by surprise. A goal that
-goes down and up again within one round trip of the wire ends the permission, because what the drive
-then does cannot be told from a drop.
+A request that cannot be granted in its tick is discarded, so that nothing starts unexpectedly
+later. A goal that goes down and up again within one round trip of the bus ends the permission,
+because the drive's response then looks like an unrequested drop.
 
-The set-point is one of which zero is harmless (torque, current). It is zero unless the drive is
-in OPERATION ENABLED by our permission, shows the mode asked for in 0x6061 and, where it implements
-that, says in bit 12 that it follows the command.
+The set-point must be a quantity for which zero is harmless (torque, current). It is zero unless the
+drive is in OPERATION ENABLED by our permission, displays the requested mode in 0x6061 and, if it
+implements statusword bit 12, reports there that it follows the command.
 """
 
 from enum import IntEnum
@@ -23,17 +23,17 @@ from typing import NamedTuple
 
 from drivers.canopen.cia402_table import (
     AWAITED,
+    CONTROLWORDS,
     CYCLIC,
     HALT,
+    LEVEL,
+    MAX_LEVEL,
     MODE_BITS,
     OFF,
     ON,
     RESET,
     RUN,
-    RUNG,
     STOP,
-    TOP,
-    WORDS,
     Awaited,
     Goal,
 )
@@ -50,21 +50,21 @@ from drivers.canopen.statusword import (
 )
 
 
-class Why(IntEnum):
-    """Why there is no permission to go up."""
+class DisarmReason(IntEnum):
+    """Why the drive has no permission to be enabled."""
 
-    NONE = 0  # there is
-    NOT_ASKED = 1
-    STALE = 2  # the statusword is too old, or its age is no number
+    NONE = 0  # it has the permission
+    NOT_REQUESTED = 1
+    STALE = 2  # the statusword is too old, or its age is not finite
     FAULT = 3
-    UNKNOWN_STATE = 4  # a statusword that is in no table
-    DROPPED = 5  # the drive went down by itself: reboot, limit switch, its own quick stop
-    LATE = 6  # a transition took too long; `State.missed` says which
-    QUICK_STOP = 7  # asked for by the goal
+    UNKNOWN_STATE = 4  # a statusword that no pattern of the table matches
+    DROPPED = 5  # the drive left its state by itself: reboot, limit switch, its own quick stop
+    LATE = 6  # a transition took too long: `State.missed_transition`
+    QUICK_STOP = 7  # requested by the goal
 
 
 class Deadlines(NamedTuple):
-    """How many ticks each `Awaited` transition may take, in its order."""
+    """Deadline of each `Awaited` transition in ticks, in the order of `Awaited`."""
 
     nothing: int
     boot: int
@@ -91,103 +91,111 @@ _NOTHING, _ENABLE, _MODE, _FOLLOW, _RESET = (
         Awaited.FAULT_RESET,
     )
 )
-_FINE, _NOT_ASKED, _STALE, _FAULTY, _STRANGE, _DROPPED, _LATE, _STOPPED = (int(w) for w in Why)
+_ARMED, _NOT_REQUESTED, _STALE, _FAULTY, _UNKNOWN_STATE, _DROPPED, _LATE, _STOPPED = (
+    int(w) for w in DisarmReason
+)
 
 
 class Params(NamedTuple):
-    """What differs between drives."""
+    """Parameters that differ between drives."""
 
-    stale: float  # s, > 0: a statusword that is older says nothing
-    mode_first: int  # 1: not enabled before 0x6061 shows the mode; 0: it is shown only then
-    follows: int  # 1: bit 12 is implemented in cyclic modes; differs between makers
+    max_status_age: float  # s, > 0: an older statusword is ignored
+    mode_first: (
+        int  # 1: 0x6061 must display the mode before enabling; 0: it does so only afterwards
+    )
+    follows: int  # 1: bit 12 is implemented in cyclic modes; differs between manufacturers
     resume: int  # 1: 0x605A was read back as 5..8, the drive stays in QUICK STOP ACTIVE
-    reset_ticks: int  # >= 1: how long each level of the reset's edge stands; the deadline is later
+    reset_ticks: int  # >= 1: duration of each level of the reset edge; the deadline is later
     deadlines: Deadlines
 
 
 class Inputs(NamedTuple):
-    """What came from the wire and what is wanted, this tick."""
+    """Received values and requests of this tick."""
 
     statusword: int
     age: float  # s, since the statusword was sampled
-    shown: int  # 0x6061, or 0 (no mode) if it was not read or is too old
-    mode: int  # 0x6060 as it was asked for
-    goal: int  # `Goal`; anything else counts as SAFE
-    arm: int  # changes with every request for the permission to go up
+    mode_display: int  # 0x6061, or 0 (no mode) if it was not read or is too old
+    mode: int  # 0x6060 as requested
+    goal: int  # `Goal`; any other value counts as SAFE
+    arm: int  # changes with every request for the permission to enable
     reset: int  # changes with every request to reset a fault
     mode_bits: int  # of the controlword: HALT in OPERATION ENABLED, MODE_BITS while acting
     setpoint: int  # raw
 
 
 class State(NamedTuple):
-    """Memory of the machine."""
+    """State of the machine."""
 
-    armed: int  # 1: permission to go up
-    why: int  # `Why` there is none: the first cause
-    missed: int  # `Awaited` that came too late first since the permission was given
+    armed: int  # 1: permission to enable
+    reason: int  # `DisarmReason`: the first cause
+    missed_transition: int  # first `Awaited` that was late since the permission was given
     arm: int  # the last request seen, granted or not
     reset: int
-    resetting: int  # 1 while the fault reset is under way
-    rung: int  # the highest reached on the way to the goal
-    awaited: int
-    ticks: int  # for which it has been awaited
+    resetting: int  # 1 during a fault reset
+    reached_level: int  # highest `LEVEL` reached on the way to the goal
+    awaited: int  # `Awaited`
+    ticks: int  # waited for it so far
 
 
 class Output(NamedTuple):
-    """What to send, and what the drive is at."""
+    """Values to send, and the state of the drive."""
 
     controlword: int
     setpoint: int
     drive: int  # `DriveState`; UNKNOWN while the statusword is stale
-    acting: int  # 1: the drive does what the mode's set-point says
+    acting: int  # 1: the drive follows the set-point of its mode
 
 
 def start(arm: int, reset: int) -> State:
-    """No permission; requests that were counted before (``arm``, ``reset``) mean nothing."""
-    return State(0, _NOT_ASKED, 0, arm, reset, 0, -1, 0, 0)
+    """Return the initial state, without permission; ``arm``, ``reset``: numbers already used."""
+    return State(0, _NOT_REQUESTED, 0, arm, reset, 0, -1, 0, 0)
 
 
-def problems(params: Params) -> tuple[str, ...]:
-    """What is wrong with the parameters, by name; empty if the machine can work with them."""
-    found = []
-    if not 0.0 < params.stale < 1.0:  # s; nothing that moves may go unheard for a second
-        found.append(f"stale: {params.stale} s is not between 0 and 1")
+def find_problems(params: Params) -> tuple[str, ...]:
+    """Return the problems of the parameters, by name; empty if they are valid."""
+    problems = []
+    if not 0.0 < params.max_status_age < 1.0:  # s; a moving drive must report within a second
+        problems.append(f"stale: {params.max_status_age} s is not between 0 and 1")
     if params.reset_ticks < 1:
-        found.append(f"reset_ticks: {params.reset_ticks} is below 1")
+        problems.append(f"reset_ticks: {params.reset_ticks} is below 1")
     if params.deadlines.fault_reset <= 2 * params.reset_ticks:
-        found.append(f"fault_reset: {params.deadlines.fault_reset} ticks end before the edge does")
+        problems.append(
+            f"fault_reset: {params.deadlines.fault_reset} ticks end before the edge does"
+        )
     for name, ticks in zip(Deadlines._fields[1:], params.deadlines[1:], strict=True):
         if ticks < 1:
-            found.append(f"{name}: a deadline of {ticks} ticks is below 1")
-    return tuple(found)
+            problems.append(f"{name}: a deadline of {ticks} ticks is below 1")
+    return tuple(problems)
 
 
 def explain(state: State) -> str:
-    """Why the drive is kept down, for people; empty if it is not."""
-    missed = f"{Awaited(state.missed).name} took too long" if state.missed else ""
-    if state.why == _LATE:
+    """Return why the drive is not enabled, for people; empty if it has permission."""
+    missed = (
+        f"{Awaited(state.missed_transition).name} took too long" if state.missed_transition else ""
+    )
+    if state.reason == _LATE:
         return missed
-    why = Why(state.why).name if state.why else ""
-    return "; ".join(filter(None, [why, missed]))
+    reason = DisarmReason(state.reason).name if state.reason else ""
+    return "; ".join(filter(None, [reason, missed]))
 
 
-def _lost(fresh: bool, drive: int, floor: int, goal: int) -> int:
-    """`Why` a permission ends in this tick, worst first."""
+def _disarm_reason(fresh: bool, drive: int, reached: int, goal: int) -> int:
+    """Return the `DisarmReason` that ends a permission in this tick, worst first."""
     if not fresh:
         return _STALE
     if drive in (FAULT, FAULT_REACTION):
         return _FAULTY
     if drive == UNKNOWN:
-        return _STRANGE
-    if RUNG[drive] < floor:
+        return _UNKNOWN_STATE
+    if LEVEL[drive] < reached:
         return _DROPPED
-    return _STOPPED if goal == _QUICK_STOP else _FINE
+    return _STOPPED if goal == _QUICK_STOP else _ARMED
 
 
 def _command(params: Params, inputs: Inputs, drive: int, goal: int) -> tuple[int, int]:
-    """Controlword (mode bits aside) and what is awaited, for a goal that is permitted."""
+    """Return controlword (without mode bits) and awaited transition for a permitted goal."""
     if goal == _ENABLED:
-        shown = inputs.shown == inputs.mode != 0
+        shown = inputs.mode_display == inputs.mode != 0
         if drive == SWITCHED_ON and params.mode_first == 1 and not shown:
             return ON, _MODE
         if drive == ENABLED and not shown:
@@ -197,55 +205,59 @@ def _command(params: Params, inputs: Inputs, drive: int, goal: int) -> tuple[int
         if drive == QUICK_STOPPING and params.resume == 1:
             return RUN, _ENABLE
     if goal == _QUICK_STOP and drive == QUICK_STOPPING and params.resume == 1:
-        return STOP, _NOTHING  # the drive stays there by its setting
-    return WORDS[drive][goal], AWAITED[drive][goal]
+        return STOP, _NOTHING  # the drive's setting keeps it in this state
+    return CONTROLWORDS[drive][goal], AWAITED[drive][goal]
 
 
 def step(params: Params, state: State, inputs: Inputs) -> tuple[State, Output]:
-    """One tick; raises nothing, whatever the integers are."""
-    armed, why, missed, _, _, resetting, floor, before, ticks = state
+    """Return state and output after one tick; raises nothing for any integers."""
+    armed, reason, missed, _, _, resetting, reached, previous, ticks = state
     goal = inputs.goal if _SAFE <= inputs.goal <= _QUICK_STOP else _SAFE
-    fresh = 0.0 <= inputs.age <= params.stale  # false for NaN
+    fresh = 0.0 <= inputs.age <= params.max_status_age  # false for NaN
     drive = decode(inputs.statusword) if fresh else UNKNOWN
-    rung = min(RUNG[drive], TOP[goal])
+    level = min(LEVEL[drive], MAX_LEVEL[goal])
 
     if armed == 1:
-        floor = min(floor, TOP[goal])
-        why = _lost(fresh, drive, floor, goal)
-        armed = 1 if why == _FINE else 0
-        floor = max(floor, rung)
+        reached = min(reached, MAX_LEVEL[goal])
+        reason = _disarm_reason(fresh, drive, reached, goal)
+        armed = 1 if reason == _ARMED else 0
+        reached = max(reached, level)
     elif (
         inputs.arm != state.arm
         and goal != _QUICK_STOP
-        # From here only: every way up starts where there is no power, and is walked in full.
+        # Only from these states: enabling always starts without power and takes every transition.
         and (drive == DISABLED or (drive == QUICK_STOPPING and params.resume == 1))
     ):
-        armed, why, missed, floor, before = 1, _FINE, 0, rung, 0
+        armed, reason, missed, reached, previous = 1, _ARMED, 0, level, 0
 
     if drive != FAULT:
         resetting = 0
     elif inputs.reset != state.reset:
-        resetting, before = 1, 0
+        resetting, previous = 1, 0
 
     permitted = goal if armed == 1 or goal == _QUICK_STOP else _SAFE
-    word, awaited = _command(params, inputs, drive, permitted)
+    controlword, awaited = _command(params, inputs, drive, permitted)
     if resetting == 1:
         awaited = _RESET
-    ticks = ticks + 1 if awaited == before else 1
+    ticks = ticks + 1 if awaited == previous else 1
     if awaited != _NOTHING and ticks > params.deadlines[awaited]:
         missed = missed if missed else awaited
         resetting = 0
         if armed == 1:
-            armed, why = 0, _LATE
-            word, awaited = _command(params, inputs, drive, _SAFE)
+            armed, reason = 0, _LATE
+            controlword, awaited = _command(params, inputs, drive, _SAFE)
             ticks = 1
         elif permitted == _QUICK_STOP:
-            word = OFF
+            controlword = OFF
     if resetting == 1 and params.reset_ticks < ticks <= 2 * params.reset_ticks:
-        word = RESET  # low before, low after: only the rising edge resets
+        controlword = RESET  # low before and after: only the rising edge resets
 
-    acting = 1 if armed == 1 and word == RUN and drive == ENABLED and awaited == _NOTHING else 0
-    if word == RUN and drive == ENABLED:
-        word |= inputs.mode_bits & (HALT | MODE_BITS if acting == 1 else HALT)
-    after = State(armed, why, missed, inputs.arm, inputs.reset, resetting, floor, awaited, ticks)
-    return after, Output(word, inputs.setpoint if acting == 1 else 0, drive, acting)
+    acting = (
+        1 if armed == 1 and controlword == RUN and drive == ENABLED and awaited == _NOTHING else 0
+    )
+    if controlword == RUN and drive == ENABLED:
+        controlword |= inputs.mode_bits & (HALT | MODE_BITS if acting == 1 else HALT)
+    after = State(
+        armed, reason, missed, inputs.arm, inputs.reset, resetting, reached, awaited, ticks
+    )
+    return after, Output(controlword, inputs.setpoint if acting == 1 else 0, drive, acting)

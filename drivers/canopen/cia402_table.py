@@ -1,34 +1,34 @@
-"""The CiA 402 power machine as the master sees it, in two tables: what to send, what to await.
+"""The CiA 402 state machine as the master sees it, in two tables: controlword and next transition.
 
-Words and transitions after CiA 402 (controlword 0x6040), numbered as drive manuals number them.
+Controlwords (0x6040) and transitions after CiA 402, numbered as in drive manuals.
 """
 
 from enum import IntEnum
 
 
 class Goal(IntEnum):
-    """Where the drive shall be."""
+    """Requested state of the drive."""
 
     SAFE = 0  # SWITCH ON DISABLED: no power
     READY = 1  # READY TO SWITCH ON
     ENABLED = 2  # OPERATION ENABLED: torque on command
-    QUICK_STOP = 3  # the drive's own stop, 0x605A; needs no permission and ends the one there is
+    QUICK_STOP = 3  # the drive's own stop, 0x605A; needs no permission, and ends an existing one
 
 
 class Awaited(IntEnum):
-    """What the drive has to do next; numbers are transitions of CiA 402."""
+    """Next transition of the drive; the numbers in the comments are transitions of CiA 402."""
 
     NOTHING = 0
-    BOOT = 1  # 0, 1: it comes up by itself
+    BOOT = 1  # 0, 1: automatic
     SHUTDOWN = 2  # 2, 6, 8
     SWITCH_ON = 3  # 3
     ENABLE = 4  # 4, 16
-    MODE = 5  # 0x6061 shows the mode asked for
-    FOLLOW = 6  # bit 12 in a cyclic mode: it follows the command
+    MODE = 5  # 0x6061 displays the requested mode
+    FOLLOW = 6  # bit 12 in a cyclic mode: the drive follows the command
     DISABLE_VOLTAGE = 7  # 7, 9, 10, 12
     QUICK_STOP = 8  # 7, 10, 11
-    RAMP_END = 9  # 12, by itself when the quick-stop ramp has ended
-    FAULT_REACTION = 10  # 14, by itself
+    RAMP_END = 9  # 12, automatic at the end of the quick-stop ramp
+    FAULT_REACTION = 10  # 14, automatic
     FAULT_RESET = 11  # 15
 
 
@@ -38,9 +38,9 @@ MODE_BITS = 0x0070  # controlword bits 4 to 6, of the mode
 CYCLIC = (8, 9, 10)  # modes in which bit 12 may say that the drive follows: CSP, CSV, CST
 
 # fmt: off
-WORDS: tuple[tuple[int, int, int, int], ...] = (
+CONTROLWORDS: tuple[tuple[int, int, int, int], ...] = (
     # SAFE  READY  ENABLED QUICK_STOP
-    (OFF,  OFF,  OFF,   STOP),  # UNKNOWN: quick stop leads up from no state
+    (OFF,  OFF,  OFF,   STOP),  # UNKNOWN: quick stop enables from no state
     (OFF,  OFF,  OFF,   OFF),   # NOT_READY_TO_SWITCH_ON
     (OFF,  SHUT, SHUT,  OFF),   # SWITCH_ON_DISABLED
     (OFF,  SHUT, ON,    STOP),  # READY_TO_SWITCH_ON
@@ -67,7 +67,7 @@ AWAITED: tuple[tuple[int, int, int, int], ...] = (
 )
 
 #       UNKNOWN NOT_READY DISABLED READY SWITCHED_ON ENABLED QUICK_STOP REACTION FAULT
-RUNG = (-1,     -1,       0,       1,    2,          3,      -1,        -1,      -1)
-#      SAFE READY ENABLED QUICK_STOP: the highest rung that a goal asks for
-TOP = (0,   1,    3,      0)
+LEVEL = (-1,     -1,       0,       1,    2,          3,      -1,        -1,      -1)
+#      SAFE READY ENABLED QUICK_STOP: the highest level that a goal permits
+MAX_LEVEL = (0,   1,    3,      0)
 # fmt: on

@@ -1,7 +1,7 @@
-"""Objects of a drive that decide whether it may be armed: what they are, and who sets them.
+"""The drive objects that are checked before arming, with their types and access.
 
-Indices and types after CiA 301 and CiA 402; 0x2000 and up are makers' own (Nanotec and AMC manuals,
-Nanotec C5-E EDS). A drive may lack some: the configuration then says so, object by object.
+Indices and types after CiA 301 and CiA 402; 0x2000 to 0x5FFF are manufacturer-specific (Nanotec and
+AMC manuals, Nanotec C5-E EDS). A drive may lack some; its configuration then sets each to null.
 """
 
 from enum import IntEnum
@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 
 class Access(IntEnum):
-    """What is done with an object before arming."""
+    """How an object is accessed before arming."""
 
     SET = 0  # written, then read back
-    VERIFY = 1  # only read: the drive knows it, and it must agree with the configuration
-    PASSING = 2  # written on the way, overwritten by a later step, never read back
+    VERIFY = 1  # only read: the drive's value must agree with the configuration
+    TRANSIENT = 2  # written, overwritten by a later step, not read back
 
 
 class DriveObject(NamedTuple):
@@ -24,8 +24,8 @@ class DriveObject(NamedTuple):
     type: str  # as in pdo.TYPES
     name: str
     access: int  # `Access`
-    mask: int  # bits that count when read back; -1: all
-    guard: int  # 1: a protection that 0 would switch off
+    mask: int  # bits compared when read back; -1: all
+    guard: int  # 1: a protection, which 0 would disable
 
 
 _SET, _VERIFY = Access.SET, Access.VERIFY
@@ -46,7 +46,7 @@ OBJECTS = tuple(DriveObject(*row) for row in (
     (0x605D, 0x0, "i16", "halt_option",                 _SET,    -1,      1),
     (0x605E, 0x0, "i16", "fault_reaction_option",       _SET,    -1,      0),
     (0x6085, 0x0, "u32", "quick_stop_deceleration",     _SET,    -1,      1),
-    # How counts become motion: a wrong one moves the rig by a wrong factor, silently.
+    # Scale from counts to motion: a wrong value scales every motion without any error.
     (0x608F, 0x1, "u32", "encoder_increments",          _VERIFY, -1,      1),
     (0x608F, 0x2, "u32", "encoder_motor_revolutions",   _VERIFY, -1,      1),
     (0x6091, 0x1, "u32", "gear_motor_revolutions",      _SET,    -1,      1),
@@ -72,7 +72,7 @@ OBJECTS = tuple(DriveObject(*row) for row in (
     (0x6084, 0x0, "u32", "profile_deceleration",        _SET,    -1,      1),
     (0x2034, 0x0, "u32", "voltage_high_warning",        _SET,    -1,      1),  # Nanotec, mV
     (0x2035, 0x0, "u32", "voltage_low_warning",         _SET,    -1,      1),  # Nanotec, mV
-    # What scales the command.
+    # Scale of the command.
     (0x6075, 0x0, "u32", "rated_current",               _VERIFY, -1,      1),  # mA
     (0x6076, 0x0, "u32", "rated_torque",                _VERIFY, -1,      1),  # mN m
     (0x20D8, 0xC, "u16", "amc_peak_current",            _VERIFY, -1,      1),  # AMC Kp, 0.1 A
@@ -88,8 +88,8 @@ OBJECTS = tuple(DriveObject(*row) for row in (
 
 BY_NAME = {item.name: item for item in OBJECTS}
 
-# What every drive's configuration has to speak of, if only to say that the drive has it not.
-ALWAYS = frozenset((
+# Objects that every drive's configuration must contain: a value, or null if the drive lacks it.
+REQUIRED = frozenset((
     "device_type", "sync_cob_id", "heartbeat_consumer", "heartbeat_producer", "abort_connection",
     "quick_stop_option", "fault_reaction_option", "encoder_increments",
     "encoder_motor_revolutions", "gear_motor_revolutions", "gear_shaft_revolutions", "feed",

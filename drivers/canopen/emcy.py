@@ -1,6 +1,7 @@
-"""Emergency frames: what a node says when something is wrong with it.
+"""Emergency frames (EMCY): error reports of a node.
 
-Frame after CiA 301: u16 code, u8 error register (0x1001), 5 bytes of the maker, COB-ID 0x80 + node.
+Frame after CiA 301: u16 code, u8 error register (0x1001), 5 manufacturer-specific bytes, COB-ID
+0x80 + node.
 """
 
 import struct
@@ -11,7 +12,7 @@ from drivers.canopen.codec_error import CodecError, wrong_length
 BASE = 0x080
 _FRAME = struct.Struct("<HB5s")
 
-# CiA 301 classes by their high digits; a code of a maker that is not listed is named by its class.
+# CiA 301 classes by the high digits; an unlisted manufacturer's code gets the text of its class.
 CLASSES: tuple[tuple[int, int, str], ...] = (
     # mask   value   meaning
     (0xFF00, 0x0000, "error reset or no error"),
@@ -41,7 +42,7 @@ CLASSES: tuple[tuple[int, int, str], ...] = (
     (0xF000, 0xF000, "additional functions"),
 )
 
-# Codes that drives of this kind send, from their manuals and EDS files.
+# Codes of the supported drives, from their manuals and EDS files.
 CODES = {
     0x0000: "error reset",
     0x2310: "continuous over-current",
@@ -80,7 +81,7 @@ class Emergency(NamedTuple):
 
 
 def decode(cob_id: int, data: bytes) -> Emergency:
-    """The frame in words; CodecError for another COB-ID than 0x081 to 0x0FF or another length."""
+    """Return the decoded frame; CodecError unless 8 bytes with a COB-ID 0x081 to 0x0FF."""
     if not BASE < cob_id <= BASE + 127:
         raise CodecError(cob_id, "COB-ID 0x081 to 0x0ff", f"{cob_id:#05x}")
     if len(data) != _FRAME.size:
@@ -89,7 +90,7 @@ def decode(cob_id: int, data: bytes) -> Emergency:
 
 
 def meaning(code: int) -> str:
-    """What a code means, by the code itself or else by its class; every code has a text."""
+    """Return the text of a code, or else of its class; every code has a text."""
     if code in CODES:
         return CODES[code]
     for mask, value, text in CLASSES:
@@ -99,7 +100,7 @@ def meaning(code: int) -> str:
 
 
 def describe(emergency: Emergency) -> str:
-    """The frame for people: node, code, meaning, error register, maker's bytes."""
+    """Return a text for people: node, code, meaning, error register, manufacturer's bytes."""
     node, code, register, vendor = emergency
     bits = "+".join(name for bit, name in enumerate(REGISTER) if register >> bit & 1) or "clear"
     return (

@@ -1,7 +1,7 @@
-"""Homing (CiA 402 mode 6) as a handshake: raise the start bit, watch the outcome, name what failed.
+"""Handshake of homing (CiA 402 mode 6): raise the start bit, monitor the outcome, report failures.
 
-The drive homes while bit 4 of the controlword stands; its outcome is in statusword bits 10, 12 and
-13. An outcome left from an earlier homing is not believed: it has to change first.
+The drive homes while bit 4 of the controlword is set; its outcome is in statusword bits 10, 12 and
+13. An outcome left from an earlier homing does not count: it must change first.
 """
 
 from enum import IntEnum
@@ -15,7 +15,7 @@ MASK = 0x3400
 
 
 class Outcome(IntEnum):
-    """What the statusword says in mode 6."""
+    """Outcome of homing in the statusword of mode 6."""
 
     IN_PROGRESS = 0
     INTERRUPTED = 1  # or not started
@@ -23,7 +23,7 @@ class Outcome(IntEnum):
     HOMED = 3
     ERROR_MOVING = 4
     ERROR = 5
-    NONSENSE = 6  # homed and failed at once
+    CONTRADICTORY = 6  # homed and error bits both set
 
 
 OUTCOMES = {  # statusword & MASK
@@ -33,8 +33,8 @@ OUTCOMES = {  # statusword & MASK
     0x1400: Outcome.HOMED,
     0x2000: Outcome.ERROR_MOVING,
     0x2400: Outcome.ERROR,
-    0x3000: Outcome.NONSENSE,
-    0x3400: Outcome.NONSENSE,
+    0x3000: Outcome.CONTRADICTORY,
+    0x3400: Outcome.CONTRADICTORY,
 }
 
 _OUTCOMES = {bits: int(outcome) for bits, outcome in OUTCOMES.items()}
@@ -42,14 +42,14 @@ _IN_PROGRESS, _INTERRUPTED, _ATTAINED, _DRIVE_HOMED, *_ = (int(o) for o in Outco
 
 
 class Phase(IntEnum):
-    """Where the homing stands."""
+    """Phase of the homing."""
 
-    IDLE = 0  # nothing asked for
-    LOWERED = 1  # start bit low for a tick, so that there will be an edge
+    IDLE = 0  # no request
+    LOWERED = 1  # start bit low for a tick, so that an edge follows
     RAISED = 2  # start bit high, the drive has not answered yet
     MOVING = 3
     HOMED = 4
-    FAILED = 5  # halted; `State.failure` says why
+    FAILED = 5  # halted; see `State.failure`
 
 
 class Failure(IntEnum):
@@ -57,8 +57,8 @@ class Failure(IntEnum):
 
     NONE = 0
     NOT_ACTING = 1  # the drive was not, or ceased to be, enabled in mode 6
-    HALTED = 2  # we stopped it
-    DRIVE_ERROR = 3  # the drive says so
+    HALTED = 2  # halted by the host
+    DRIVE_ERROR = 3  # reported by the drive
     INTERRUPTED = 4  # the drive stopped on the way without an error
     LATE_START = 5  # no answer to the start bit
     LATE_END = 6
@@ -76,39 +76,39 @@ class Params(NamedTuple):
 
 
 class Inputs(NamedTuple):
-    """What came from the wire and what is wanted, this tick."""
+    """Received values and requests of this tick."""
 
     statusword: int
-    acting: int  # `cia402.Output.acting`: enabled, fresh, 0x6061 shows mode 6
-    request: int  # changes with every homing asked for
-    halt: int  # 1: stop where it is
+    acting: int  # `cia402.Output.acting`: enabled, fresh, 0x6061 displays mode 6
+    request: int  # changes with every request
+    halt: int  # 1: stop at the present position
 
 
 class State(NamedTuple):
-    """Memory of the handshake."""
+    """State of the handshake."""
 
     phase: int  # `Phase`
     failure: int  # `Failure`
     request: int  # the last one seen
-    before: int  # `Outcome` that was there before the edge
+    outcome_before: int  # `Outcome` before the edge
     ticks: int  # in this phase
 
 
 def start(request: int) -> State:
-    """Nothing asked for; requests that were counted before mean nothing."""
+    """Return the idle state; ``request``: number that has already been used."""
     return State(_IDLE, _NONE, request, _INTERRUPTED, 0)
 
 
 def outcome(statusword: int) -> int:
-    """The `Outcome` of a statusword in mode 6; every word has one."""
+    """Return the `Outcome` of any statusword in mode 6."""
     return _OUTCOMES[statusword & MASK]
 
 
 def _result(params: Params, state: State, now: int, ticks: int) -> tuple[int, int]:
-    """Phase and failure after what the drive says now, while the start bit stands."""
+    """Return phase and failure for the drive's present outcome while the start bit is set."""
     raised = state.phase == _RAISED
     moves = now in (_IN_PROGRESS, _ATTAINED)
-    if raised and not moves and now in (state.before, _INTERRUPTED):
+    if raised and not moves and now in (state.outcome_before, _INTERRUPTED):
         late = ticks > params.start_ticks
         return (_FAILED, _LATE_START) if late else (_RAISED, _NONE)
     if now == _DRIVE_HOMED:
@@ -123,7 +123,7 @@ def _result(params: Params, state: State, now: int, ticks: int) -> tuple[int, in
 
 
 def step(params: Params, state: State, inputs: Inputs) -> tuple[State, int]:
-    """One tick; returns the mode bits for the controlword."""
+    """Return the state after one tick and the mode bits for the controlword."""
     phase, failure, _, before, ticks = state
     now = outcome(inputs.statusword)
     ticks += 1
@@ -135,10 +135,10 @@ def step(params: Params, state: State, inputs: Inputs) -> tuple[State, int]:
         if ticks > 1:
             phase, before, ticks = _RAISED, now, 1
     elif phase in (_RAISED, _MOVING):
-        was = State(phase, failure, inputs.request, before, ticks)
-        after, failure = _result(params, was, now, ticks)
+        previous = State(phase, failure, inputs.request, before, ticks)
+        next_phase, failure = _result(params, previous, now, ticks)
         before = now if phase == _RAISED else before
-        phase, ticks = after, ticks if after == phase else 1
+        phase, ticks = next_phase, ticks if next_phase == phase else 1
     bits = START if phase in (_RAISED, _MOVING) else 0
     if phase == _FAILED or inputs.halt == 1:
         bits = HALT

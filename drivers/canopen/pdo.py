@@ -1,4 +1,4 @@
-"""Process data: which objects lie in which frame, said once, and packed by one compiled layout.
+"""Process data objects (PDO): their mapped entries, packed with one compiled layout.
 
 COB-IDs by the predefined connection set of CiA 301; little-endian, no padding, 8 bytes at most.
 """
@@ -34,13 +34,13 @@ class Layout(NamedTuple):
 
 
 class PdoError(ValueError):
-    """A PDO that cannot exist; names it and what is wrong."""
+    """An invalid PDO; names it and the problem."""
 
 
 CONTROLWORD = Entry(0x6040, 0, "u16", "controlword")
 STATUSWORD = Entry(0x6041, 0, "u16", "statusword")
 MODE = Entry(0x6060, 0, "i8", "mode of operation")
-MODE_SHOWN = Entry(0x6061, 0, "i8", "mode of operation display")
+MODE_DISPLAY = Entry(0x6061, 0, "i8", "mode of operation display")
 POSITION = Entry(0x6064, 0, "i32", "position actual value")
 TARGET_TORQUE = Entry(0x6071, 0, "i16", "target torque")
 TORQUE = Entry(0x6077, 0, "i16", "torque actual value")
@@ -51,22 +51,22 @@ ERROR_CODE = Entry(0x603F, 0, "u16", "error code")
 # A torque axis: 4 bytes out and 8 bytes back on every SYNC, the rest on a divider of it.
 AXIS_COMMAND = (CONTROLWORD, TARGET_TORQUE)
 AXIS_STATUS = (STATUSWORD, TORQUE, POSITION)
-AXIS_SLOW_STATUS = (MODE_SHOWN, ERROR_CODE)
+AXIS_SLOW_STATUS = (MODE_DISPLAY, ERROR_CODE)
 
-# A positioning actuator: together 11 bytes out, so two frames; the target is sent first, because
-# the controlword makes the drive take it.
+# A positioning actuator: 11 bytes out in total, so two frames; the target is sent first, because
+# the controlword makes the drive accept it.
 ACTUATOR_TARGET = (TARGET_POSITION, PROFILE_VELOCITY)
 ACTUATOR_COMMAND = (CONTROLWORD, MODE)
-ACTUATOR_STATUS = (STATUSWORD, MODE_SHOWN, POSITION)
+ACTUATOR_STATUS = (STATUSWORD, MODE_DISPLAY, POSITION)
 
 
 def rpdo_cob_id(number: int, node: int) -> int:
-    """COB-ID of a frame to the node: 0x200, 0x300, 0x400, 0x500 + node for RPDO 1 to 4."""
+    """Return the COB-ID of a frame to the node: 0x200, 0x300, 0x400, 0x500 + node, RPDO 1 to 4."""
     return _predefined("RPDO", 0x100, number, node)
 
 
 def tpdo_cob_id(number: int, node: int) -> int:
-    """COB-ID of a frame from the node: 0x180, 0x280, 0x380, 0x480 + node for TPDO 1 to 4."""
+    """Return the COB-ID of a frame from the node: 0x180, 0x280, 0x380, 0x480 + node (1 to 4)."""
     return _predefined("TPDO", 0x080, number, node)
 
 
@@ -79,7 +79,7 @@ def _predefined(kind: str, base: int, number: int, node: int) -> int:
 
 
 def size(entries: tuple[Entry, ...]) -> int:
-    """Bytes of a PDO with these entries; PdoError if there are none, too many, or of no type."""
+    """Return the bytes of a PDO; PdoError for no entries, too many, or an unknown type."""
     for entry in entries:
         if entry.type not in TYPES:
             raise PdoError(f"{entry.object:#06x}:{entry.sub} {entry.name}: no type {entry.type!r}")
@@ -91,7 +91,7 @@ def size(entries: tuple[Entry, ...]) -> int:
 
 
 def layout(cob_id: int, entries: tuple[Entry, ...]) -> Layout:
-    """The compiled layout of a PDO; raises PdoError for one that cannot be."""
+    """Return the compiled layout of a PDO; PdoError for an invalid one."""
     size(entries)
     if not 0x181 <= cob_id <= 0x57F:
         raise PdoError(f"COB-ID {cob_id:#05x} is not one of a PDO, 0x181 to 0x57f")
@@ -100,14 +100,14 @@ def layout(cob_id: int, entries: tuple[Entry, ...]) -> Layout:
     )
 
 
-def mapping_words(entries: tuple[Entry, ...]) -> tuple[int, ...]:
-    """The u32 that each sub-index of a mapping object (0x1600, 0x1A00) holds: index, sub, bits."""
+def mapping_entries(entries: tuple[Entry, ...]) -> tuple[int, ...]:
+    """Return the u32 of each sub-index of a mapping object (0x1600, 0x1A00): index, sub, bits."""
     size(entries)
     return tuple(e.object << 16 | e.sub << 8 | 8 * BYTES[e.type] for e in entries)
 
 
 def pack(pdo: Layout, *values: int) -> bytes:
-    """The frame's bytes; CodecError names the value that is not in its type's range."""
+    """Return the frame's bytes; CodecError names the value outside its type's range."""
     try:
         return pdo.packing.pack(*values)
     except struct.error:
@@ -132,7 +132,7 @@ def _fits(kind: str, value: int) -> bool:
 
 
 def unpack(pdo: Layout, data: bytes) -> tuple[int, ...]:
-    """The values in the order of the entries; CodecError for another length than agreed."""
+    """Return the values in the order of the entries; CodecError for a wrong length."""
     if len(data) != pdo.packing.size:
         raise wrong_length(pdo.cob_id, pdo.packing.size, len(data))
     return pdo.packing.unpack(data)

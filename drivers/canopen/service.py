@@ -1,8 +1,8 @@
-"""What is not done from the tick: NMT, SDO, emergencies and heartbeats, over a handle of its own.
+"""CAN service outside the tick: NMT, SDO, emergencies and heartbeats, on its own bus handle.
 
-A process beside the loop sets every node up before the loop starts (write, read back, compare,
-home), and watches the bus while it runs. Library: canopen for SDO and NMT; its CiA 402 profile is
-not used, because it can bring a drive up when it is told to take it down.
+An I/O process sets every node up before the loop starts (write, read back, compare, home), and
+monitors the bus while the loop runs. The library canopen serves SDO and NMT; its CiA 402 profile is
+not used, because it can enable a drive on a request to disable it.
 """
 
 import logging
@@ -18,51 +18,51 @@ import canopen
 from canopen.sdo.exceptions import SdoError
 
 from drivers.canopen import arming, cia402, emcy, heartbeat, homing
-from drivers.canopen.arming import Mismatch, Step
-from drivers.canopen.bus_off import BusOff
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.arming import Mismatch, SetupStep
+from drivers.canopen.bus_off import BusOffListener
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.codec_error import CodecError
 from drivers.canopen.drive_objects import Access
-from drivers.canopen.link import LinkError, hear_only, open_bus
+from drivers.canopen.link import LinkError, open_bus, set_receive_filter
 from drivers.canopen.pdo import BYTES, MAX_NODE
 from drivers.canopen.statusword import describe
 
-# A node that does not answer is told of by who asked; the library says it again for people.
+# This module reports nodes that do not answer; the library would log them a second time.
 logging.getLogger("canopen").setLevel(logging.CRITICAL)
 
-_SDO_PATIENCE = 0.5  # s for one answer; a node that is busy saving takes longer and is told so
+_SDO_TIMEOUT_S = 0.5  # s for one answer; a node that is saving parameters needs longer
 _PRE_OPERATIONAL, _OPERATIONAL = "PRE-OPERATIONAL", "OPERATIONAL"
-# What the library raises where a node refuses, is silent, or answers in too few bytes.
+# Errors of the library when a node refuses, does not answer, or answers in too few bytes.
 _NO_ANSWER = (SdoError, can.CanError, OSError, RuntimeError, struct.error)
 _NETWORK: Any = canopen.Network
 _NO_DICTIONARY: Any = canopen.ObjectDictionary  # objects are named by index here
 _READ_DEVICE_TYPE = b"\x40\x00\x10\x00\x00\x00\x00\x00"
-_SPACING, _PAUSE = 0.5e-3, 0.01  # s between two questions of a scan, and after one not taken
-_BESIDE = (emcy.BASE, 0x580, heartbeat.BASE)  # what a node sends beside process data
+_SPACING, _RETRY_PAUSE = 0.5e-3, 0.01  # s between two requests of a scan, and after a refused one
+_SERVICE_BASES = (emcy.BASE, 0x580, heartbeat.BASE)  # COB-IDs of a node other than process data
 _ENABLED = int(Goal.ENABLED)
-_HOME_PERIOD = 0.02  # s between two looks at a drive that homes: over SDO, so slow
-_CLOSING = 0.1  # s that the library's reader may take to see that it shall end
+_HOME_PERIOD = 0.02  # s between two polls of a homing drive: over SDO, so slow
+_READER_TIMEOUT = 0.1  # s within which the library's reader thread notices the end
 _HOMED, _FAILED = int(homing.Phase.HOMED), int(homing.Phase.FAILED)
 
 
 class ServiceError(OSError):
-    """A node that cannot be set up, named, with the reason."""
+    """A node cannot be set up; names node and reason."""
 
 
-class Health(NamedTuple):
-    """What is known of one node beside its process data."""
+class NodeStatus(NamedTuple):
+    """State of one node from its heartbeats and emergencies."""
 
-    nmt: int  # `heartbeat.Nmt`
-    heard: float  # s, monotonic, when its last heartbeat came; of the start if none did
-    boots: int  # how often it said that it started, since it was set up
-    code: int  # its last emergency, 0: none, or gone
-    register: int  # error register of that
-    emergencies: int  # how many it sent
+    nmt: int  # `heartbeat.NmtState`
+    last_heartbeat: float  # s, monotonic, arrival of the last heartbeat; before it, the start
+    boots: int  # number of boot messages since the watch began
+    code: int  # last emergency code, 0: none, or cleared
+    register: int  # error register of that emergency
+    emergencies: int  # number of emergencies
 
 
-class Identity(NamedTuple):
-    """What a node says of itself; None where it did not answer."""
+class NodeIdentity(NamedTuple):
+    """Identity objects of a node; None where it did not answer."""
 
     device_type: int | None  # 0x1000
     vendor: int | None  # 0x1018:1
@@ -76,45 +76,45 @@ class Identity(NamedTuple):
 class Service:
     """The service end of one bus. Its callbacks run in a thread of the library."""
 
-    def __init__(self, bus: Bus, patience: float = _SDO_PATIENCE) -> None:
-        """Open the bus; LinkError if it cannot be. ``patience``: s for one answer."""
+    def __init__(self, bus: BusSettings, timeout_s: float = _SDO_TIMEOUT_S) -> None:
+        """Open the bus; LinkError on failure. ``timeout_s``: s for one answer."""
         self._can: can.BusABC = open_bus(bus)
         self._network = _NETWORK()
         self._network.bus = self._can
-        self._network.NOTIFIER_CYCLE = _CLOSING
-        self._patience, self._bus_off = patience, BusOff()
+        self._network.NOTIFIER_CYCLE = _READER_TIMEOUT
+        self._timeout_s, self._bus_off = timeout_s, BusOffListener()
         self._network.connect()
         self._network.notifier.add_listener(self._bus_off)
         self._lock = threading.Lock()
-        self._watched: dict[int, heartbeat.Watch] = {}
-        self._health: dict[int, Health] = {}
+        self._watched: dict[int, heartbeat.HeartbeatWatch] = {}
+        self._health: dict[int, NodeStatus] = {}
         self._nodes: dict[int, Any] = {}
 
     def watch(self, node: int) -> None:
-        """Listen to heartbeats and emergencies of a node from now on."""
+        """Monitor heartbeats and emergencies of a node from now on."""
         now = time.monotonic()
         with self._lock:
             self._watched[node] = heartbeat.start(now)
-            self._health[node] = Health(int(heartbeat.Nmt.SILENT), now, 0, 0, 0, 0)
-        self._network.subscribe(heartbeat.BASE + node, self._beat)
-        self._network.subscribe(emcy.BASE + node, self._emergency)
+            self._health[node] = NodeStatus(int(heartbeat.NmtState.SILENT), now, 0, 0, 0, 0)
+        self._network.subscribe(heartbeat.BASE + node, self._on_heartbeat)
+        self._network.subscribe(emcy.BASE + node, self._on_emergency)
 
-    def narrow(self) -> None:
-        """No process data from now on: thousands a second make heartbeats late on a busy host."""
-        hear_only(self._can, [base + n for n in self._watched for base in _BESIDE])
+    def ignore_process_data(self) -> None:
+        """Filter out process data: thousands of frames a second delay heartbeats on a busy host."""
+        set_receive_filter(self._can, [base + n for n in self._watched for base in _SERVICE_BASES])
 
-    def set_up(self, node: int, steps: tuple[Step, ...]) -> tuple[Mismatch, ...]:
-        """Write the steps in PRE-OPERATIONAL and read all back; what is not as it must be.
+    def set_up(self, node: int, steps: tuple[SetupStep, ...]) -> tuple[Mismatch, ...]:
+        """Write the steps in PRE-OPERATIONAL, read all back, and return the mismatches.
 
-        ServiceError if the node does not answer at all, or the bus takes nothing.
+        ServiceError if the node does not answer at all, or the bus accepts no frames.
         """
         remote = self._remote(node)
-        self._tell(node, _PRE_OPERATIONAL)
+        self._set_nmt_state(node, _PRE_OPERATIONAL)
         if self.read(node, 0x1000, 0, "u32") is None:
             raise ServiceError(f"node {node} does not answer")
         for step in steps:
             if step.access != Access.VERIFY:
-                self._put(remote, step.object, step.sub, step.type, step.value)
+                self._write(remote, step.object, step.sub, step.type, step.value)
         answers = {
             (step.object, step.sub): self.read(node, step.object, step.sub, step.type)
             for step in arming.read_back(steps)
@@ -122,13 +122,13 @@ class Service:
         return arming.compare(steps, answers)
 
     def start(self, node: int) -> None:
-        """Let the node's process data go: OPERATIONAL; ServiceError if the bus does not take it."""
-        self._tell(node, _OPERATIONAL)
+        """Set the node OPERATIONAL, which starts process data; ServiceError if sending fails."""
+        self._set_nmt_state(node, _OPERATIONAL)
 
     def stop(self, node: int) -> None:
-        """Back to PRE-OPERATIONAL: no process data. Cannot raise: it is the end of a run."""
+        """Set the node PRE-OPERATIONAL: no process data. Cannot raise: it ends a run."""
         with suppress(ServiceError):
-            self._tell(node, _PRE_OPERATIONAL)
+            self._set_nmt_state(node, _PRE_OPERATIONAL)
 
     def home(
         self,
@@ -137,53 +137,56 @@ class Service:
         params: homing.Params,
         stopped: Callable[[], bool],
     ) -> None:
-        """Home a drive over SDO, once; ServiceError names what went wrong. Power is off after it.
+        """Home a drive over SDO, then remove its power; ServiceError names the failure.
 
-        One that says it has been homed since it was switched on is left as it is: its zero stands.
-        Ticks of ``machine`` and ``params`` are of 20 ms here. ``stopped``: give up and power off.
+        A drive that reports having been homed since it was switched on is left unchanged: its zero
+        is valid. Ticks of ``machine`` and ``params`` last 20 ms here. ``stopped``: returns True to
+        abort and remove the power.
         """
         remote = self._remote(node)
-        self._tell(node, _PRE_OPERATIONAL)
+        self._set_nmt_state(node, _PRE_OPERATIONAL)
         drive, handshake = cia402.start(0, 0), homing.start(0)
         failure, bits, acting = "no answer", 0, 0
-        self._put(remote, 0x6060, 0, "i8", homing.MODE)
+        self._write(remote, 0x6060, 0, "i8", homing.MODE)
         if self._is_homed(node):
             return
         try:
             while True:
                 statusword = self.read(node, 0x6041, 0, "u16")
-                shown = self.read(node, 0x6061, 0, "i8")
-                if statusword is None or shown is None:
+                mode_display = self.read(node, 0x6061, 0, "i8")
+                if statusword is None or mode_display is None:
                     break
-                drive, told = cia402.step(
+                drive, output = cia402.step(
                     machine,
                     drive,
-                    cia402.Inputs(statusword, 0.0, shown, homing.MODE, _ENABLED, 1, 0, bits, 0),
+                    cia402.Inputs(
+                        statusword, 0.0, mode_display, homing.MODE, _ENABLED, 1, 0, bits, 0
+                    ),
                 )
-                acting = told.acting
+                acting = output.acting
                 if drive.armed == 0:
                     failure = f"{describe(statusword)}; {cia402.explain(drive)}"
                     break
                 handshake, bits = homing.step(
                     params, handshake, homing.Inputs(statusword, acting, acting, 0)
                 )
-                self._put(remote, 0x6040, 0, "u16", told.controlword)
+                self._write(remote, 0x6040, 0, "u16", output.controlword)
                 if handshake.phase == _HOMED:
                     return
                 if handshake.phase == _FAILED:
                     failure = homing.Failure(handshake.failure).name.lower().replace("_", " ")
                     break
                 if stopped():
-                    failure = "given up"
+                    failure = "aborted"
                     break
                 time.sleep(_HOME_PERIOD)
         finally:
-            self._put(remote, 0x6040, 0, "u16", 0)
+            self._write(remote, 0x6040, 0, "u16", 0)
         raise ServiceError(f"node {node} did not home: {failure}")
 
     def _is_homed(self, node: int) -> bool:
-        """Whether the drive says so in homing mode, which it shows a little after it was asked."""
-        end = time.monotonic() + _SDO_PATIENCE
+        """Return True if the drive reports homed once it displays homing mode (after a delay)."""
+        end = time.monotonic() + _SDO_TIMEOUT_S
         while time.monotonic() < end:
             if self.read(node, 0x6061, 0, "i8") == homing.MODE:
                 word = self.read(node, 0x6041, 0, "u16")
@@ -192,16 +195,16 @@ class Service:
         return False
 
     def read(self, node: int, index: int, sub: int, kind: str) -> int | None:
-        """An object's value; None if the node does not answer, has it not, or of another size."""
+        """Return an object's value; None for no answer, a missing object or a wrong size."""
         try:
             data = self._remote(node).sdo.upload(index, sub)
         except _NO_ANSWER:
             return None
-        whole = len(data) == BYTES[kind]
-        return int.from_bytes(data, "little", signed=kind[0] == "i") if whole else None
+        has_expected_size = len(data) == BYTES[kind]
+        return int.from_bytes(data, "little", signed=kind[0] == "i") if has_expected_size else None
 
-    def identity(self, node: int) -> Identity:
-        """Who a node says it is."""
+    def identity(self, node: int) -> NodeIdentity:
+        """Return the identity of a node."""
         try:
             name = self._remote(node).sdo.upload(0x1008, 0).decode("ascii", "replace")
         except _NO_ANSWER:
@@ -210,65 +213,65 @@ class Service:
             self.read(node, 0x1018, sub, "u32") for sub in (1, 2, 3, 4)
         )
         kind, errors = self.read(node, 0x1000, 0, "u32"), self.read(node, 0x1001, 0, "u8")
-        return Identity(kind, vendor, product, revision, serial, name, errors)
+        return NodeIdentity(kind, vendor, product, revision, serial, name, errors)
 
-    def scan(self, patience: float, *, ask: bool = True) -> tuple[int, ...]:
-        """Node numbers that send, or answer a read of 0x1000, within ``patience`` seconds.
+    def scan(self, timeout_s: float, *, send_requests: bool = True) -> tuple[int, ...]:
+        """Return the nodes that send, or answer a read of 0x1000, within ``timeout_s`` seconds.
 
-        Without ``ask`` nothing is sent. LinkError if the bus does not take the questions.
+        Without ``send_requests`` no frame is sent. LinkError if the bus refuses the requests.
         """
         self._network.scanner.reset()
-        for node in range(1, MAX_NODE + 1) if ask else ():
-            self._question(node)
-        time.sleep(patience)
+        for node in range(1, MAX_NODE + 1) if send_requests else ():
+            self._send_read(node)
+        time.sleep(timeout_s)
         return tuple(sorted(self._network.scanner.nodes))
 
-    def _question(self, node: int) -> None:
-        """Ask one node for 0x1000; an adapter whose queue is full takes it a little later."""
-        until = time.monotonic() + _SDO_PATIENCE
+    def _send_read(self, node: int) -> None:
+        """Request 0x1000 of one node; retry while the adapter's queue is full."""
+        until = time.monotonic() + _SDO_TIMEOUT_S
         while True:
             try:
                 self._network.send_message(0x600 + node, _READ_DEVICE_TYPE)
             except (can.CanError, OSError) as error:
                 if time.monotonic() > until:
-                    raise LinkError(f"the bus takes no frames: {error}") from error
-                time.sleep(_PAUSE)
+                    raise LinkError(f"the bus accepts no frames: {error}") from error
+                time.sleep(_RETRY_PAUSE)
                 continue
             time.sleep(_SPACING)
             return
 
-    def health(self) -> dict[int, Health]:
-        """What is known of each watched node now; LinkError if the service became deaf."""
+    def health(self) -> dict[int, NodeStatus]:
+        """Return the state of each watched node; LinkError if the service no longer receives."""
         try:
-            self._network.check()  # the library's reader dies silently
+            self._network.check()  # the library's reader thread ends without notice
         except Exception as error:
-            raise LinkError(f"the CAN service is deaf: {error}") from error
-        if why := self._bus_off.explain():
-            raise LinkError(why)
+            raise LinkError(f"the CAN service receives no frames: {error}") from error
+        if reason := self._bus_off.explain():
+            raise LinkError(reason)
         with self._lock:
             return dict(self._health)
 
     def close(self) -> None:
-        """Give the bus back; cannot raise."""
-        with suppress(Exception):  # the library raises here whatever has killed its reader
+        """Close the bus; cannot raise."""
+        with suppress(Exception):  # the library raises here the error that ended its reader
             self._network.disconnect()
 
     def _remote(self, node: int) -> Any:
         if node not in self._nodes:
             remote = self._network.add_node(node, _NO_DICTIONARY())
-            remote.sdo.RESPONSE_TIMEOUT = self._patience
+            remote.sdo.RESPONSE_TIMEOUT = self._timeout_s
             self._nodes[node] = remote
         return self._nodes[node]
 
-    def _tell(self, node: int, state: str) -> None:
-        """Send an NMT command; ServiceError if the bus does not take it."""
+    def _set_nmt_state(self, node: int, state: str) -> None:
+        """Send an NMT command; ServiceError if the bus does not accept it."""
         try:
             self._remote(node).nmt.state = state
         except (can.CanError, OSError, RuntimeError) as error:
-            raise ServiceError(f"node {node} cannot be told {state}: {error}") from error
+            raise ServiceError(f"node {node}: cannot send NMT {state}: {error}") from error
 
-    def _put(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
-        """Write an object; a refusal shows when it is read back."""
+    def _write(self, remote: Any, index: int, sub: int, kind: str, value: int) -> bool:
+        """Write an object; reading it back shows a refusal."""
         data = value.to_bytes(BYTES[kind], "little", signed=kind[0] == "i")
         try:
             remote.sdo.download(index, sub, data)
@@ -276,25 +279,25 @@ class Service:
             return False
         return True
 
-    def _beat(self, cob_id: int, data: bytearray, stamp: float) -> None:
+    def _on_heartbeat(self, cob_id: int, data: bytearray, stamp: float) -> None:
         now = time.monotonic()
         try:
             node, nmt = heartbeat.decode(cob_id, bytes(data))
         except CodecError:
             return
         with self._lock:
-            watch = self._watched[node] = heartbeat.heard(self._watched[node], nmt, now)
+            watch = self._watched[node] = heartbeat.record(self._watched[node], nmt, now)
             self._health[node] = self._health[node]._replace(
-                nmt=watch.nmt, heard=watch.stamp, boots=watch.boots
+                nmt=watch.nmt, last_heartbeat=watch.stamp, boots=watch.boots
             )
 
-    def _emergency(self, cob_id: int, data: bytearray, stamp: float) -> None:
+    def _on_emergency(self, cob_id: int, data: bytearray, stamp: float) -> None:
         try:
-            said = emcy.decode(cob_id, bytes(data))
+            emergency = emcy.decode(cob_id, bytes(data))
         except CodecError:
             return
         with self._lock:
-            before = self._health[said.node]
-            self._health[said.node] = before._replace(
-                code=said.code, register=said.register, emergencies=before.emergencies + 1
+            before = self._health[emergency.node]
+            self._health[emergency.node] = before._replace(
+                code=emergency.code, register=emergency.register, emergencies=before.emergencies + 1
             )

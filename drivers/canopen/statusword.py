@@ -1,15 +1,15 @@
-"""What a CiA 402 drive says of itself: statusword 0x6041 in words.
+"""Decoding of the CiA 402 statusword 0x6041.
 
-Coding after CiA 402 as drive makers print it (Nanotec and AMC manuals agree, statusword 0x6041).
+Coding after CiA 402 as printed in drive manuals (Nanotec and AMC agree, statusword 0x6041).
 """
 
 from enum import IntEnum
 
 
 class DriveState(IntEnum):
-    """State of the drive's own machine."""
+    """State of the drive's state machine."""
 
-    UNKNOWN = 0  # no pattern of the table, or nothing fresh was heard
+    UNKNOWN = 0  # no pattern of the table matches, or no fresh statusword
     NOT_READY_TO_SWITCH_ON = 1
     SWITCH_ON_DISABLED = 2
     READY_TO_SWITCH_ON = 3
@@ -48,7 +48,7 @@ CODING: tuple[tuple[int, int, DriveState], ...] = (
 # fmt: on
 
 TARGET_REACHED = 1 << 10
-MODE_BIT_12 = 1 << 12  # cyclic modes: follows the command; profile position: set-point taken
+MODE_BIT_12 = 1 << 12  # cyclic modes: follows the command; profile position: set-point acknowledge
 MODE_BIT_13 = 1 << 13  # profile position: following error; homing: homing error
 
 BITS: tuple[tuple[int, str], ...] = (
@@ -73,12 +73,12 @@ _STATES = tuple(int(_coded(word)) for word in range(0x80))  # no mask reaches be
 
 
 def decode(statusword: int) -> int:
-    """The `DriveState` for any word at all; what the table does not list is UNKNOWN."""
+    """Return the `DriveState` of any statusword; UNKNOWN if the table lists no pattern for it."""
     return _STATES[statusword & 0x7F]
 
 
 def describe(statusword: int) -> str:
-    """The word for people: hexadecimal, state, and the bits that are set beside the state's."""
+    """Return the statusword for people: hexadecimal, state, and the other bits that are set."""
     name = DriveState(decode(statusword)).name.lower().replace("_", " ")
     return ", ".join(
         [f"{statusword:#06x} {name}", *(text for bit, text in BITS if statusword & bit)]

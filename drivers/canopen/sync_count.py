@@ -1,45 +1,45 @@
-"""Which SYNC a frame answers: counted, because process data carry neither a time nor a number.
+"""Matching of answers to SYNCs by counting, because process data carry neither time nor number.
 
 A device answers every SYNC (or every n-th) once and in order, so the n-th answer belongs to the
-n-th SYNC however late it comes: what was held up on its way, and then comes in a heap, is as old
-as it is. What a count cannot tell from an answer that is late is one that was lost. So when for a
-whole window no answer caught up with the SYNCs, the ones that are open are given up as lost; until
-then values are told older than they are, which is safe.
+n-th SYNC however late it arrives: answers that were delayed and arrive together get their true
+ages. Counting cannot distinguish a late answer from a lost one. So if for a whole window no answer
+catches up with the SYNCs, the open ones count as lost; until then the ages are too large, which is
+safe.
 """
 
 from typing import NamedTuple
 
-WINDOW = 128  # SYNCs in which an answer must have caught up, or what is open was lost
-OPEN = 256  # SYNCs whose moment is kept; the answer to an older one is as old as can be
-_NOTHING = -1  # no window has begun
+WINDOW = 128  # SYNCs within which an answer must catch up, else the open ones count as lost
+MAX_OPEN = 256  # SYNCs whose send time is stored; answers to older ones get the largest age
+_NO_WINDOW = -1  # no window has begun
 
 
-class Answers(NamedTuple):
-    """How far the answers of one kind (one COB-ID) have come."""
+class AnswerCount(NamedTuple):
+    """Progress of the answers with one COB-ID."""
 
-    answered: int  # number of the SYNC that the last one answers, from 1; 0: none has come
-    fewest: int  # SYNCs since that one, at the fewest in this window
-    until: int  # number of the SYNC that ends the window; -1: it begins with the next answer
-
-
-def start() -> Answers:
-    """Before the first answer."""
-    return Answers(0, 0, _NOTHING)
+    answered: int  # number of the SYNC that the last answer belongs to, from 1; 0: no answer yet
+    min_open: int  # smallest number of later SYNCs at an answer of this window
+    window_end: int  # number of the SYNC that ends the window; -1: the next answer begins one
 
 
-def take(before: Answers, each: int, latest: int) -> Answers:
-    """One answer more, of a device that answers every ``each``-th SYNC (1 or more).
+def start() -> AnswerCount:
+    """Return the state before the first answer."""
+    return AnswerCount(0, 0, _NO_WINDOW)
 
-    ``latest`` (0 or more) is the number of the last SYNC that it can be an answer to. The first one
-    counts as an answer to that, and so does one too many: nothing says how often a device answered
-    before it was listened to, or that a frame came twice.
+
+def record_answer(count: AnswerCount, divider: int, latest: int) -> AnswerCount:
+    """Return the state after one more answer of a device that answers every ``divider``-th SYNC.
+
+    ``divider`` >= 1; ``latest`` (0 or more) is the number of the last SYNC that it can answer. The
+    first answer counts as an answer to that SYNC, and so does a surplus one: a device may have
+    answered before we listened, or a frame may arrive twice.
     """
-    answered, fewest, until = before
-    number = min(answered + each, latest) if answered > 0 else latest
-    late = latest - number
-    if until == _NOTHING:
-        return Answers(number, late, latest + WINDOW)
-    fewest = min(fewest, late)
-    if latest < until:
-        return Answers(number, fewest, until)
-    return Answers(number + fewest, 0, _NOTHING)
+    answered, min_open, window_end = count
+    number = min(answered + divider, latest) if answered > 0 else latest
+    open_syncs = latest - number
+    if window_end == _NO_WINDOW:
+        return AnswerCount(number, open_syncs, latest + WINDOW)
+    min_open = min(min_open, open_syncs)
+    if latest < window_end:
+        return AnswerCount(number, min_open, window_end)
+    return AnswerCount(number + min_open, 0, _NO_WINDOW)

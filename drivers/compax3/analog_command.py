@@ -1,10 +1,10 @@
 """The +-10 V command of a servo drive: command -> volts and back, with offset, gain and clamp.
 
-    volts = offset + gain * command, held within [low, high]
+    volts = offset + gain * command, clamped to [low, high]
 
-The drive reads the voltage as speed or torque, whichever its configuration says; ``command`` is
+The drive interprets the voltage as speed or torque, depending on its configuration; ``command`` is
 that quantity in SI. A drive configured for 37.5 rev/s of the motor at 10 V has a gain of
-10 V / (2 pi 37.5 rad/s); what gain and offset really are is measured, not read from a label.
+10 V / (2 pi 37.5 rad/s); measure the actual gain and offset instead of using nominal ones.
 Source of the scale: the bench's thesis, eq. 3.1 and 3.2.
 """
 
@@ -13,47 +13,46 @@ from typing import NamedTuple
 
 from drivers.errors import CodecError
 
-_WHAT = "analog command"
+_SUBJECT = "analog command"
 
 
 class Params(NamedTuple):
-    """Calibration of one channel; make it with `calibrated`."""
+    """Calibration of one channel; `make_params` returns a checked one."""
 
-    offset: float  # V that command nothing
-    gain: float  # V per unit of the command, not 0; negative turns the direction
+    offset: float  # V at zero command
+    gain: float  # V per unit of the command, not 0; negative reverses the direction
     low: float  # V
     high: float  # V
 
 
 class Output(NamedTuple):
-    """What goes to the analog output."""
+    """Value for the analog output."""
 
     volts: float
-    saturated: int  # -1 held at low, +1 held at high, 0 as asked
+    saturated: int  # -1: clamped to low, +1: clamped to high, 0: not clamped
 
 
-def calibrated(offset: float, gain: float, low: float, high: float) -> Params:
-    """Checked parameters: all finite, gain not 0, and low < offset < high.
+def make_params(offset: float, gain: float, low: float, high: float) -> Params:
+    """Return checked parameters: all finite, gain not 0, and low < offset < high.
 
-    An offset outside the clamp would mean that the drive cannot be told to do nothing.
-    CodecError otherwise.
+    CodecError otherwise. With an offset outside the clamp, a zero command could not be sent.
     """
     if not all(math.isfinite(number) for number in (offset, gain, low, high)):
-        raise CodecError(_WHAT, "calibration", "finite numbers", (offset, gain, low, high))
+        raise CodecError(_SUBJECT, "calibration", "finite numbers", (offset, gain, low, high))
     if gain == 0.0 or not math.isfinite(1.0 / gain):
-        raise CodecError(_WHAT, "gain", "not 0", gain)
+        raise CodecError(_SUBJECT, "gain", "not 0", gain)
     if not low < offset < high:
-        raise CodecError(_WHAT, "offset", f"within {low} to {high} V", offset)
+        raise CodecError(_SUBJECT, "offset", f"within {low} to {high} V", offset)
     return Params(offset, gain, low, high)
 
 
 def to_volts(params: Params, command: float) -> Output:
-    """The voltage of a command, held within the clamp and flagged when it is held.
+    """Return the voltage of a command, clamped and flagged when clamped.
 
-    CodecError for NaN and infinity: `rest` is the voltage to send then, and the caller's to choose.
+    CodecError for NaN and infinity; the caller should then send `rest_voltage`.
     """
     if not math.isfinite(command):
-        raise CodecError(_WHAT, "command", "a finite number", command)
+        raise CodecError(_SUBJECT, "command", "a finite number", command)
     volts = params.offset + params.gain * command
     if volts < params.low:
         return Output(params.low, -1)
@@ -63,15 +62,15 @@ def to_volts(params: Params, command: float) -> Output:
 
 
 def to_command(params: Params, volts: float) -> float:
-    """The command that a voltage stands for, as for a read-back; CodecError when not finite."""
+    """Return the command for a voltage, for example a read-back; CodecError when not finite."""
     if not math.isfinite(volts):
-        raise CodecError(_WHAT, "volts", "a finite number", volts)
+        raise CodecError(_SUBJECT, "volts", "a finite number", volts)
     command = (volts - params.offset) / params.gain
     if not math.isfinite(command):
-        raise CodecError(_WHAT, "volts", "a voltage a finite command gives", volts)
+        raise CodecError(_SUBJECT, "volts", "a voltage a finite command gives", volts)
     return command
 
 
-def rest(params: Params) -> float:
-    """The voltage (V) that commands nothing: what a stop, an expiry and a refusal send."""
+def rest_voltage(params: Params) -> float:
+    """Return the voltage (V) at zero command, sent on a stop, an expiry and a refusal."""
     return params.offset

@@ -1,10 +1,10 @@
 """The objects of the Compax3 that the rig uses, its status and control words, and set-points.
 
-Numbers of the objects are those of the I12T11 and T30/T40 manuals. Which of them an I10T10 (the
-+-10 V drive) has, in which number format and in which unit, is not confirmed: a `Channel` says
-it for one rig, and the device must read each back before it is trusted. Velocity and torque
-set-points have no object that holds for all drives (a free array cell read by the drive's program,
-or the analog command), so they are channels without a default.
+The object numbers are those of the I12T11 and T30/T40 manuals. Which of them an I10T10 (the +-10 V
+drive) has, in which number format and unit, is not confirmed: an `ObjectChannel` defines it for one
+rig, and the device must read each back before it is used. No object for velocity or torque
+set-points is common to all drives (it is a free array cell read by the drive's program, or the
+analog command), so these channels have no default.
 """
 
 import math
@@ -18,7 +18,7 @@ from drivers.compax3.codec import (
     read_request,
     write_request,
 )
-from drivers.compax3.values import Form, decode_values, encode_value, is_plc
+from drivers.compax3.values import NumberFormat, decode_values, encode_value, is_plc
 from drivers.errors import CodecError
 
 SERIAL_NUMBER = Object(1, 4)
@@ -39,8 +39,8 @@ CURRENT_DEMAND, CURRENT_ACTUAL = Object(688, 1), Object(688, 2)
 STATUS_WORD = Object(1000, 3)
 CONTROL_WORD = Object(1100, 3)
 
-NO_ERROR = 1  # what LAST_ERROR reads when there is none; 0 is not a value it takes
-ERRORS = {
+NO_ERROR = 1  # value of LAST_ERROR without an error; it is never 0
+ERROR_NAMES = {
     NO_ERROR: "none",
     17168: "motor temperature",
     29472: "following error",
@@ -53,12 +53,12 @@ ERRORS = {
 POWERED_BIT, NOT_STOP_1_BIT, NOT_STOP_2_BIT = 0x0001, 0x0002, 0x4000
 POWER_OFF = 0  # stops and removes power
 ENABLED = POWERED_BIT | NOT_STOP_1_BIT | NOT_STOP_2_BIT
-# An error is acknowledged by a rising edge of the power bit, which also powers the axis: POWER_OFF
-# must be written before, and ENABLED after it is an explicit request of its own.
+# A rising edge of the power bit acknowledges an error and also powers the axis. So write POWER_OFF
+# first, and write ENABLED only on an explicit request.
 
 
 class Status(NamedTuple):
-    """The bits of status word 1 that the rig looks at, each 0 or 1."""
+    """The bits of status word 1 that the rig uses, each 0 or 1."""
 
     no_error: int
     position_reached: int
@@ -67,16 +67,16 @@ class Status(NamedTuple):
     homed: int
 
 
-class Channel(NamedTuple):
-    """How one quantity stands in one drive: fixed by the rig's configuration, proved by reading."""
+class ObjectChannel(NamedTuple):
+    """Object, format and scale of one quantity in one drive, from the rig's configuration."""
 
     target: Object
-    form: Form
+    number_format: NumberFormat
     per_unit: float  # drive units per SI unit, not 0; negative where the drive counts the other way
 
 
-def status(word: float) -> Status:
-    """The bits of a status word as read (0 to 65535); CodecError for what is no 16-bit word."""
+def decode_status(word: float) -> Status:
+    """Return the bits of a status word as read (0 to 65535); CodecError unless it is 16-bit."""
     if not (math.isfinite(word) and 0 <= word <= 0xFFFF and word == int(word)):
         raise CodecError("Compax3 status word", "value", "0 to 65535", word)
     bits = int(word)
@@ -84,38 +84,38 @@ def status(word: float) -> Status:
 
 
 def error_name(number: int) -> str:
-    """What an error number stands for, as far as public sources tell."""
-    return ERRORS.get(number, f"error {number} (see the drive's manual)")
+    """Return the text of an error number, as far as public sources list it."""
+    return ERROR_NAMES.get(number, f"error {number} (see the drive's manual)")
 
 
-def set_point(channel: Channel, value: float, address: int = NO_ADDRESS) -> bytes:
-    """The record that writes ``value`` (SI) through a channel; CodecError for NaN and overflow."""
+def encode_set_point(channel: ObjectChannel, value: float, address: int = NO_ADDRESS) -> bytes:
+    """Return the record that writes ``value`` (SI); CodecError for NaN and overflow."""
     scale = _scale(channel)
     raw = value * scale
-    if channel.form not in (Form.REAL48, Form.F32) and math.isfinite(raw):
+    if channel.number_format not in (NumberFormat.REAL48, NumberFormat.F32) and math.isfinite(raw):
         raw = float(round(raw))
-    data = encode_value(channel.form, raw)
-    return write_request(channel.target, data, address, int(is_plc(channel.form)))
+    data = encode_value(channel.number_format, raw)
+    return write_request(channel.target, data, address, int(is_plc(channel.number_format)))
 
 
-def ask(channels: tuple[Channel, ...], address: int = NO_ADDRESS) -> bytes:
-    """The record that asks for several quantities at once; their formats must be of one family."""
-    families = {is_plc(channel.form) for channel in channels}
+def encode_read(channels: tuple[ObjectChannel, ...], address: int = NO_ADDRESS) -> bytes:
+    """Return the record that reads several quantities; CodecError unless all DSP or all PLC."""
+    families = {is_plc(channel.number_format) for channel in channels}
     if len(families) != 1:
         raise CodecError("Compax3 request", "formats", "all DSP or all PLC", len(channels))
     objects = tuple(channel.target for channel in channels)
     return read_request(objects, address, int(families.pop()))
 
 
-def actual_values(channels: tuple[Channel, ...], record: Record) -> tuple[float, ...]:
-    """The SI values in the response to `ask` of the same channels; CodecError when it is none."""
+def decode_actual_values(channels: tuple[ObjectChannel, ...], record: Record) -> tuple[float, ...]:
+    """Return the SI values in a response to `encode_read` of these channels; else CodecError."""
     if record.kind is not Kind.RESPONSE:
         raise CodecError("Compax3 response", "kind", "RESPONSE", record.kind.name)
-    raw = decode_values(tuple(channel.form for channel in channels), record.data)
+    raw = decode_values(tuple(channel.number_format for channel in channels), record.data)
     return tuple(value / _scale(channel) for value, channel in zip(raw, channels, strict=True))
 
 
-def _scale(channel: Channel) -> float:
+def _scale(channel: ObjectChannel) -> float:
     if not math.isfinite(channel.per_unit) or abs(channel.per_unit) < 1e-12:
         raise CodecError("Compax3 channel", "scale", "a finite number, not 0", channel.per_unit)
     return channel.per_unit

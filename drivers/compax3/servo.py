@@ -1,228 +1,242 @@
-"""The conversation with a Compax3 servo drive: power, set-points by its own objects, actual values.
+"""The conversation with a Compax3 servo drive: power, set-points through objects, actual values.
 
-    opened -> named (`_?`) -> POWER_OFF written -> OFF -> [asked up] set-point 0, POWER_OFF,
-    ENABLED -> RISING -> status says so -> ON: set-point and actual values in turn
+    on_open -> identified (`_?`) -> POWER_OFF written -> OFF -> [enable request] POWER_OFF,
+    set-point 0, ENABLED -> ENABLING -> confirmed by the status -> ON: set-point and actual values
+    alternate
 
-Down from anywhere: an error, a set-point that is no number or is not renewed in time, a refusal,
-a status that is too old, a line that opened anew. Up only by a new request, and out of an error
-only with an acknowledgement before that request: the edge that powers the axis acknowledges, and
-where it does only that, a second one follows on the same request.
-A drive that hears nothing keeps its last set-point as far as is known: what must stop it when the
-cable breaks is the drive's own program or the hard-wired chain, not this.
+Disabled from any phase by: an error, a set-point that is not finite or not renewed in time, a
+refusal, a status that is too old, a port that was opened again. Enabled only by a new request, and
+out of an error only if `acknowledge` was called before that request: the edge that powers the axis
+acknowledges the error, and where it does no more than that, a second edge follows on the same
+request.
+As far as is known, a drive that receives nothing keeps its last set-point: if the cable breaks, the
+drive's own program or the hard-wired chain must stop it, not this class.
 """
 
 import math
 
 from drivers.compax3 import objects
-from drivers.compax3.codec import NO_ADDRESS, Kind, Record, refusal
+from drivers.compax3.codec import NO_ADDRESS, Kind, Record, error_number
 from drivers.compax3.requests import Requests
-from drivers.compax3.servo_signals import NOT_READ, Phase, Reading, Settings
+from drivers.compax3.servo_signals import NOT_READ, Phase, ServoReading, ServoSettings
 from drivers.errors import CodecError
 
-_NEVER = -1e9  # s, before any clock began
+_NEVER = -1e9  # s, earlier than any clock reading
 _OFF = float(objects.POWER_OFF)
 
 
 class Servo:
     """The conversation with one drive."""
 
-    def __init__(self, settings: Settings) -> None:
-        """CodecError for settings that no record can carry."""
-        if min(settings.limit, settings.expiry, settings.stale, settings.rising) <= 0.0:
+    def __init__(self, settings: ServoSettings) -> None:
+        """Check the settings and encode the fixed records; CodecError for invalid settings."""
+        if (
+            min(
+                settings.limit,
+                settings.set_point_timeout,
+                settings.max_status_age,
+                settings.enable_timeout,
+            )
+            <= 0.0
+        ):
             raise CodecError(settings.name, "limit and times", "above 0", settings)
         self._settings, self._address = settings, settings.address
         self._cyclic = (settings.status, *settings.actual)
-        self._question = objects.ask(self._cyclic, self._address)
-        self._error_question = objects.ask((settings.error,), self._address)
-        self._power_off = objects.set_point(settings.control, _OFF, self._address)
-        self._power_on = objects.set_point(settings.control, float(settings.enabled), self._address)
-        self._zero = objects.set_point(settings.set_point, 0.0, self._address)
-        who = settings.name
-        self.requests = Requests(who, self._address, settings.identity, settings.timing)
+        self._values_request = objects.encode_read(self._cyclic, self._address)
+        self._error_request = objects.encode_read((settings.error,), self._address)
+        self._power_off = objects.encode_set_point(settings.control, _OFF, self._address)
+        self._power_on = objects.encode_set_point(
+            settings.control, float(settings.enabled), self._address
+        )
+        self._zero = objects.encode_set_point(settings.set_point, 0.0, self._address)
+        name = settings.name
+        self.requests = Requests(name, self._address, settings.identity, settings.timing)
         self._phase = Phase.UNKNOWN
-        self._owed: list[bytes] = []  # writes to be acknowledged, in order
-        self._out = b""  # the message whose answer is awaited
-        self._asked = self._sampled = self._renewed = self._rose = _NEVER
-        self._status = objects.status(0)._replace(powerless=1)
+        self._pending_writes: list[bytes] = []  # writes not acknowledged yet, in order
+        self._outstanding = b""  # the request without an answer yet
+        self._requested_at = self._sample_time = self._commanded_at = self._enabled_at = _NEVER
+        self._status = objects.decode_status(0)._replace(powerless=1)
         self._values: tuple[float, ...] = (0.0,) * len(settings.actual)
         self._error = 0
-        self._wanted, self._enable, self._held = 0.0, 0, 0
-        self._acknowledged = False  # an error may be acknowledged by the next request
-        self._clearing = False  # this request acknowledges one, so it may still show
-        self._curious = False  # the error's number is to be read
-        self._written = False  # a set-point went out since the last look
-        self._why = ""
+        self._target, self._enable, self._limited = 0.0, 0, 0
+        self._acknowledged = False  # True: the next request may acknowledge an error
+        self._acknowledging = False  # True: this request acknowledges an error that may still show
+        self._error_unread = False  # True: the error's number must be read
+        self._set_point_sent = False  # True: a set-point was sent since the last values request
+        self._reason = ""
 
     def command(self, set_point: float, enable: int, now: float) -> None:
-        """Renew the set-point (SI); each time ``enable`` rises is one request to go up.
+        """Renew the set-point (SI); each rising edge of ``enable`` is one request to enable.
 
-        A set-point that is no number takes the drive down, beyond the limit it is cut.
+        A set-point that is not finite disables the drive; one beyond the limit is clamped.
         """
         limit = self._settings.limit
-        self._renewed = now
+        self._commanded_at = now
         rises, self._enable = enable == 1 and self._enable == 0, enable
         if not math.isfinite(set_point):
-            self._drop("")
-            self._why = f"set-point {set_point} is no number"
+            self._disable("")
+            self._reason = f"set-point {set_point} is not finite"
             return
-        self._wanted = max(-limit, min(set_point, limit))
-        self._held = 1 if self._wanted != set_point else 0
+        self._target = max(-limit, min(set_point, limit))
+        self._limited = 1 if self._target != set_point else 0
         if enable != 1:
-            self._drop("")
+            self._disable("")
         elif rises:
-            self._rise(now)
+            self._start_enabling(now)
 
     def acknowledge(self) -> None:
         """Permit the next request to acknowledge an error; it powers nothing by itself."""
         self._acknowledged = True
 
-    def opened(self, now: float) -> None:
-        """The line opened: the drive is taken down first, whatever it did."""
-        self._drop("the line opened anew")
-        self._phase, self._out = Phase.UNKNOWN, b""
-        self._owed = [self._power_off, self._zero]
-        self.requests.opened(now)
+    def on_open(self, now: float) -> None:
+        """Disable the drive first after the port was opened, whatever it did before."""
+        self._disable("the port was opened again")
+        self._phase, self._outstanding = Phase.UNKNOWN, b""
+        self._pending_writes = [self._power_off, self._zero]
+        self.requests.on_open(now)
 
-    def take(self, data: bytes, now: float) -> None:
-        """Bytes that came, split anyhow; call it with none when none came."""
-        self._watch(now)  # also while the line is closed
-        answer = self.requests.take(data, now)
+    def receive(self, data: bytes, now: float) -> None:
+        """Process received bytes, split anywhere; call it with none when none came."""
+        self._check_deadlines(now)  # also while the line is closed
+        answer = self.requests.receive(data, now)
         if answer is None:
             return
-        asked, self._out = self._out, b""
+        request, self._outstanding = self._outstanding, b""
         try:
-            self._understand(asked, answer)
+            self._process_answer(request, answer)
         except CodecError as error:
-            self.requests.doubt(now, str(error))
+            self.requests.distrust(now, str(error))
 
-    def speak(self, now: float) -> bytes:
-        """The one record to send now, in one write; mostly empty."""
-        self._watch(now)
-        # To a drive that has not given its name, nothing is written.
-        stops = self._owed[:1] == [self._power_off] and self.requests.name
-        said = self.requests.upkeep(now, self._power_off if stops else b"")
-        if not self.requests.known:
-            self._out = b""
-            return said
+    def next_message(self, now: float) -> bytes:
+        """Return the record to send now, in one write; often empty."""
+        self._check_deadlines(now)
+        # Never write to a drive that has not been identified.
+        stop_pending = self._pending_writes[:1] == [self._power_off] and self.requests.name
+        recovery = self.requests.recovery_message(now, self._power_off if stop_pending else b"")
+        if not self.requests.is_identified:
+            self._outstanding = b""
+            return recovery
         if self._phase is Phase.UNKNOWN:
             self._phase = Phase.OFF
-        if not self.requests.free:
+        if not self.requests.is_ready:
             return b""
-        self._out = self._next()
-        self._asked = now
-        return self.requests.ask(self._out, now)
+        self._outstanding = self._next_request()
+        self._requested_at = now
+        return self.requests.begin_request(self._outstanding, now)
 
-    def read(self, now: float) -> Reading:
-        """What is known at ``now`` (s)."""
-        return Reading(
+    def read(self, now: float) -> ServoReading:
+        """Return the last status and values with their age at ``now`` (s)."""
+        return ServoReading(
             self._values,
             1 - self._status.powerless,
             1 if self._phase is Phase.ON else 0,
             self._error,
-            self._held,
-            now - self._sampled,
+            self._limited,
+            now - self._sample_time,
             self._phase,
         )
 
     def explain(self, now: float) -> str:
-        """Why the drive is down or silent, for people; empty if it is neither unasked."""
-        said = []
-        if self.requests.trouble:
-            said.append(self.requests.trouble)
+        """Return why the drive is disabled or silent, for people; empty if it is not."""
+        problems = []
+        if self.requests.problem:
+            problems.append(self.requests.problem)
         if self._error:
             unread = self._error == NOT_READ
-            said.append("in error" if unread else objects.error_name(self._error))
-        if not said and now - self._sampled > self._settings.stale:
-            said.append(f"no status for {self._settings.stale:g} s")
-        if self._why:
-            said.append(self._why)
+            problems.append("in error" if unread else objects.error_name(self._error))
+        if not problems and now - self._sample_time > self._settings.max_status_age:
+            problems.append(f"no status for {self._settings.max_status_age:g} s")
+        if self._reason:
+            problems.append(self._reason)
         address = "" if self._address == NO_ADDRESS else f" (address {self._address})"
-        return f"{self._settings.name}{address}: {'; '.join(said)}" if said else ""
+        return f"{self._settings.name}{address}: {'; '.join(problems)}" if problems else ""
 
-    def _rise(self, now: float) -> None:
+    def _start_enabling(self, now: float) -> None:
         faulty = self._status.no_error == 0
-        if self._phase is not Phase.OFF or now - self._sampled > self._settings.stale:
-            self._why = "asked up without a fresh status"
+        if self._phase is not Phase.OFF or now - self._sample_time > self._settings.max_status_age:
+            self._reason = "enable requested without a fresh status"
         elif faulty and not self._acknowledged:
-            self._why = "asked up without an acknowledgement of the error"
+            self._reason = "enable requested without an acknowledgement of the error"
         else:
-            self._phase, self._rose, self._why = Phase.RISING, now, ""
-            self._clearing, self._acknowledged = faulty, False
-            self._owed = [self._power_off, self._zero, self._power_on]
+            self._phase, self._enabled_at, self._reason = Phase.ENABLING, now, ""
+            self._acknowledging, self._acknowledged = faulty, False
+            self._pending_writes = [self._power_off, self._zero, self._power_on]
 
-    def _drop(self, why: str) -> None:
-        """Take the drive down if it is up or on its way."""
-        if self._phase in (Phase.RISING, Phase.ON):
-            self._phase, self._why = Phase.OFF, why
-            self._owed = [self._power_off, self._zero]
+    def _disable(self, reason: str) -> None:
+        """Disable the drive if it is on or being enabled."""
+        if self._phase in (Phase.ENABLING, Phase.ON):
+            self._phase, self._reason = Phase.OFF, reason
+            self._pending_writes = [self._power_off, self._zero]
 
-    def _watch(self, now: float) -> None:
-        """Deadlines; whatever is over takes the drive down."""
+    def _check_deadlines(self, now: float) -> None:
+        """Disable the drive when a deadline has passed."""
         settings = self._settings
-        if self._phase not in (Phase.RISING, Phase.ON):
+        if self._phase not in (Phase.ENABLING, Phase.ON):
             return
-        if now - self._renewed > settings.expiry:
-            self._drop(f"set-point not renewed in {settings.expiry:g} s")
-        elif now - self._sampled > settings.stale:
-            self._drop(f"no status for {settings.stale:g} s")
-        elif self._phase is Phase.RISING and now - self._rose > settings.rising:
-            self._drop(f"not powered {settings.rising:g} s after the request")
+        if now - self._commanded_at > settings.set_point_timeout:
+            self._disable(f"set-point not renewed in {settings.set_point_timeout:g} s")
+        elif now - self._sample_time > settings.max_status_age:
+            self._disable(f"no status for {settings.max_status_age:g} s")
+        elif self._phase is Phase.ENABLING and now - self._enabled_at > settings.enable_timeout:
+            self._disable(f"not powered {settings.enable_timeout:g} s after the request")
 
-    def _next(self) -> bytes:
-        """What to ask or write: first what is owed, then set-point and status in turn."""
-        if self._owed:
-            return self._owed[0]
-        if self._curious:
-            return self._error_question
-        if self._phase is Phase.ON and not self._written:
-            self._written = True
-            return objects.set_point(self._settings.set_point, self._wanted, self._address)
-        self._written = False
-        return self._question
+    def _next_request(self) -> bytes:
+        """Return the next request: first pending writes, then set-point and values in turn."""
+        if self._pending_writes:
+            return self._pending_writes[0]
+        if self._error_unread:
+            return self._error_request
+        if self._phase is Phase.ON and not self._set_point_sent:
+            self._set_point_sent = True
+            return objects.encode_set_point(self._settings.set_point, self._target, self._address)
+        self._set_point_sent = False
+        return self._values_request
 
-    def _understand(self, asked: bytes, answer: Record) -> None:
-        refused = refusal(answer)
-        if asked == self._error_question:
-            self._curious = False
+    def _process_answer(self, request: bytes, answer: Record) -> None:
+        refused = error_number(answer)
+        if request == self._error_request:
+            self._error_unread = False
             if not refused:
-                (number,) = objects.actual_values((self._settings.error,), answer)
+                (number,) = objects.decode_actual_values((self._settings.error,), answer)
                 self._error = int(number) or NOT_READ
-        elif asked == self._question:
+        elif request == self._values_request:
             if refused:
-                self._why = f"actual values refused: {objects.error_name(refused)}"
+                self._reason = f"actual values refused: {objects.error_name(refused)}"
                 return
-            status, *values = objects.actual_values(self._cyclic, answer)
-            self._judge(objects.status(status))
-            self._sampled, self._values = self._asked, tuple(values)
+            status, *values = objects.decode_actual_values(self._cyclic, answer)
+            self._update_status(objects.decode_status(status))
+            self._sample_time, self._values = self._requested_at, tuple(values)
         elif answer.kind is not Kind.ACK and not refused:
             raise CodecError(self._settings.name, "answer to a write", "ACK", answer.kind.name)
         else:
-            if self._owed[:1] == [asked]:
-                del self._owed[0]
+            if self._pending_writes[:1] == [request]:
+                del self._pending_writes[0]
             if refused:
-                self._drop("")
-                what = "control word" if asked in (self._power_off, self._power_on) else "set-point"
-                self._why = f"{what} refused: {objects.error_name(refused)}"
+                self._disable("")
+                written = (
+                    "control word" if request in (self._power_off, self._power_on) else "set-point"
+                )
+                self._reason = f"{written} refused: {objects.error_name(refused)}"
 
-    def _judge(self, status: objects.Status) -> None:
-        """What a fresh status means for what was asked."""
+    def _update_status(self, status: objects.Status) -> None:
+        """Update phase and error after a fresh status."""
         self._status = status
-        if self._owed:
-            return  # it is from before
+        if self._pending_writes:
+            return  # the status is older than these writes
         if status.no_error == 1:
-            self._error, self._curious = 0, False
+            self._error, self._error_unread = 0, False
         elif self._error == 0:
-            self._error, self._curious = NOT_READ, True
+            self._error, self._error_unread = NOT_READ, True
         if self._phase is Phase.OFF:
             if status.powerless == 0:
-                self._owed = [self._power_off]  # it was told to be off, and is not yet
+                self._pending_writes = [self._power_off]  # commanded off, but still powered
         elif status.no_error == 0:
-            if not (self._phase is Phase.RISING and self._clearing):
-                self._drop("taken down by the drive's error")
+            if not (self._phase is Phase.ENABLING and self._acknowledging):
+                self._disable("disabled by the drive's error")
         elif status.powerless == 0:
             self._phase = Phase.ON
-        elif self._clearing:  # this drive's edge acknowledged and did not power: a second one
-            self._clearing = False
-            self._owed = [self._power_off, self._zero, self._power_on]
+        elif self._acknowledging:  # the edge acknowledged the error without powering: send another
+            self._acknowledging = False
+            self._pending_writes = [self._power_off, self._zero, self._power_on]
         elif self._phase is Phase.ON:
-            self._drop("the drive took its power off")
+            self._disable("the drive removed its power")

@@ -1,14 +1,14 @@
-"""What comes from a Compax3, byte by byte: binary records and ASCII lines, told apart.
+"""Parser of the byte stream from a Compax3, which mixes binary records and ASCII lines.
 
-A record starts with 05, 06 or 07, which never stand in a line; a line ends with a carriage return.
-A line counts only from a place where one can begin: the start, the end of the line before, the end
-of a record, a pause. After anything thrown away the rest of a line is thrown away too, because the
-tail of a number is a number.
+A record starts with 05, 06 or 07, which never occur in a line; a line ends with a carriage return.
+A line is accepted only where one can begin: at the start, after a line, after a record, after a
+pause. After dropped bytes the rest of a line is dropped too, because the tail of a number is a
+number.
 """
 
 from typing import NamedTuple
 
-from drivers.compax3.codec import REPLIES, Record, decode_record, kind_of, may_hold
+from drivers.compax3.codec import REPLIES, Record, allows_size, decode_record, record_kind
 from drivers.compax3.text import Reply, decode_line
 from drivers.errors import CodecError
 
@@ -18,25 +18,25 @@ Message = Record | Reply
 
 
 class State(NamedTuple):
-    """What is undecided yet, and how much has been thrown away so far."""
+    """Unparsed bytes, and error counts since the start."""
 
     pending: bytes
-    clean: int  # 1: a line may begin here
+    line_start: int  # 1: a line may begin here
     dropped: int  # bytes that belong to no message
-    bad_records: int  # those with a wrong check sum, or refused for their content
-    bad_lines: int  # those that end in a carriage return and are no reply, or are too long
+    bad_records: int  # records with a wrong checksum or invalid content
+    bad_lines: int  # lines that are no valid reply, or are too long
 
 
 def start() -> State:
-    """State of a line just opened."""
+    """Return the state of a line just opened."""
     return State(b"", 1, 0, 0, 0)
 
 
 def feed(state: State, data: bytes) -> tuple[State, list[Message]]:
-    """Take in the bytes that came; gives the messages they complete, in order.
+    """Return the new state and the messages that the received bytes complete, in order.
 
-    How the bytes are split over calls changes nothing. A false start code can hold back what
-    follows it until its length is filled: after 5 ms of silence call `pause`.
+    The result does not depend on how the bytes are split over calls. A false start code can delay
+    the bytes after it until its length is filled: call `flush_stalled` after 5 ms of silence.
     """
     buffer = state.pending + data
     messages: list[Message] = []
@@ -44,13 +44,13 @@ def feed(state: State, data: bytes) -> tuple[State, list[Message]]:
     at = 0
     while at < len(buffer):
         byte = buffer[at]
-        kind = kind_of(byte)
+        kind = record_kind(byte)
         if kind is not None and kind in REPLIES:
             if len(buffer) < at + 2:
                 break
             size = buffer[at + 1] + 1
             end = at + 2 + size + 2
-            if may_hold(kind, size):
+            if allows_size(kind, size):
                 if len(buffer) < end:
                     break
                 try:
@@ -84,15 +84,15 @@ def feed(state: State, data: bytes) -> tuple[State, list[Message]]:
     return State(buffer[at:], clean, dropped, bad_records, bad_lines), messages
 
 
-def pause(state: State) -> tuple[State, list[Message]]:
-    """The line has been silent for longer than a message has gaps (5 ms): give up on its head.
+def flush_stalled(state: State) -> tuple[State, list[Message]]:
+    """Discard an incomplete message after more than 5 ms of silence, the largest gap within one.
 
-    What stood behind a false start code comes out now; after it, a line may begin.
+    Returns the new state and the messages found behind a false start code. A line may begin next.
     """
     messages: list[Message] = []
     while state.pending:
-        held = state.pending
-        state = state._replace(pending=b"", clean=0, dropped=state.dropped + 1)
-        state, more = feed(state, held[1:])
+        stalled = state.pending
+        state = state._replace(pending=b"", line_start=0, dropped=state.dropped + 1)
+        state, more = feed(state, stalled[1:])
         messages += more
-    return state._replace(clean=1), messages
+    return state._replace(line_start=1), messages

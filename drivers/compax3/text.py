@@ -1,7 +1,7 @@
 """ASCII lines of the Compax3: requests, and the replies ``>``, ``!xxxx``, a value or a text.
 
-Lines carry no check sum: a flipped bit can turn one number into another. They are for
-identification and diagnostics; whatever steers the machine uses binary records.
+Lines carry no checksum: a flipped bit can turn one number into another. They serve identification
+and diagnostics; commands to the machine use binary records.
 Source: Compax3 manual 192-120100 N16 (I10T10), 5.2.2 ASCII record.
 """
 
@@ -15,26 +15,26 @@ from drivers.errors import CodecError
 
 CR = b"\r"
 IDENTIFY = "_?"  # answered by a text that begins with "Compax3"
-_WHAT = "Compax3 line"
+_SUBJECT = "Compax3 line"
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)")
 _HEX = re.compile(r"\$[0-9A-Fa-f]{1,12}")
 _ERROR = re.compile(r"![0-9A-Fa-f]{4}")
 _LARGEST = float(1 << 47)
 
 
-class Answer(IntEnum):
-    """What a reply says."""
+class ReplyKind(IntEnum):
+    """Kind of a reply."""
 
     ACCEPTED = 0  # ">"
     REFUSED = 1  # "!xxxx"
     VALUE = 2
-    TEXT = 3  # anything else that can be printed, such as the name of the drive
+    TEXT = 3  # any other printable text, such as the name of the drive
 
 
 class Reply(NamedTuple):
     """One line from the drive."""
 
-    answer: Answer
+    kind: ReplyKind
     code: int  # REFUSED: the error number; else 0
     value: float  # VALUE: the number, in the drive's own unit; else 0
     text: str  # the line without the star and the carriage return
@@ -42,61 +42,61 @@ class Reply(NamedTuple):
 
 
 def encode_line(command: str, address: int = NO_ADDRESS) -> bytes:
-    """A command with its carriage return, on RS485 with the address in front."""
+    """Return a command with its carriage return, on RS485 preceded by the address."""
     if not command or not all(0x20 <= ord(letter) <= 0x7E for letter in command):
-        raise CodecError(_WHAT, "command", "characters 20 to 7E", repr(command))
+        raise CodecError(_SUBJECT, "command", "characters 20 to 7E", repr(command))
     if address == NO_ADDRESS:
         return command.encode("ascii") + CR
     if not 0 <= address <= MAX_ADDRESS:
-        raise CodecError(_WHAT, "address", f"0 to {MAX_ADDRESS}", address)
+        raise CodecError(_SUBJECT, "address", f"0 to {MAX_ADDRESS}", address)
     return f"{address}{command}".encode("ascii") + CR
 
 
-def read_line(target: Object, address: int = NO_ADDRESS, separator: str = ".") -> bytes:
-    """The line that asks for an object.
+def encode_read_line(target: Object, address: int = NO_ADDRESS, separator: str = ".") -> bytes:
+    """Return the line that reads an object.
 
-    ``separator``: manuals from 2010 on write ``o680.5``, those of 2004 ``o680,5``; drives seen in
-    use take the point. Not confirmed for every firmware, hence a parameter.
+    ``separator``: manuals from 2010 on write ``o680.5``, those of 2004 ``o680,5``; the drives in
+    known use accept the point. Not confirmed for every firmware, hence a parameter.
     """
     return encode_line(f"o{target.number}{separator}{target.subindex}", address)
 
 
-def write_line(
+def encode_write_line(
     target: Object, value: float, address: int = NO_ADDRESS, separator: str = "."
 ) -> bytes:
-    """The line that writes an object; nine decimals at most, never an exponent.
+    """Return the line that writes an object; nine decimals at most, never an exponent.
 
-    CodecError for NaN, infinity and what no format of the drive can hold.
+    CodecError for NaN, infinity and a value that no format of the drive can hold.
     """
     if not (math.isfinite(value) and abs(value) < _LARGEST):
-        raise CodecError(_WHAT, "value", "a finite number below 2**47", value)
+        raise CodecError(_SUBJECT, "value", "a finite number below 2**47", value)
     digits = f"{value:.9f}".rstrip("0").rstrip(".")
     digits = "0" if digits == "-0" else digits
     return encode_line(f"o{target.number}{separator}{target.subindex}={digits}", address)
 
 
 def decode_line(line: bytes) -> Reply:
-    """The reply in a line without its carriage return; CodecError when it is none."""
+    """Return the reply in a line without its carriage return; CodecError for an invalid one."""
     if not line or not all(0x20 <= byte <= 0x7E for byte in line):
-        raise CodecError(_WHAT, "characters", "20 to 7E", line.hex(" ") or "none")
+        raise CodecError(_SUBJECT, "characters", "20 to 7E", line.hex(" ") or "none")
     text = line.decode("ascii")
     starred = 1 if text.startswith("*") else 0
     text = text[starred:].strip()
     if not text:
-        raise CodecError(_WHAT, "reply", "something after the star", repr(line))
+        raise CodecError(_SUBJECT, "reply", "something after the star", repr(line))
     if text.startswith(">"):
         if text != ">":
-            raise CodecError(_WHAT, "reply", "> alone", repr(text))
-        return Reply(Answer.ACCEPTED, 0, 0.0, text, starred)
+            raise CodecError(_SUBJECT, "reply", "> alone", repr(text))
+        return Reply(ReplyKind.ACCEPTED, 0, 0.0, text, starred)
     if text.startswith("!"):
         if not _ERROR.fullmatch(text):
-            raise CodecError(_WHAT, "error", "! and four hex digits", repr(text))
-        return Reply(Answer.REFUSED, int(text[1:], 16), 0.0, text, starred)
+            raise CodecError(_SUBJECT, "error", "! and four hex digits", repr(text))
+        return Reply(ReplyKind.REFUSED, int(text[1:], 16), 0.0, text, starred)
     if _HEX.fullmatch(text):
-        return Reply(Answer.VALUE, 0, float(int(text[1:], 16)), text, starred)
+        return Reply(ReplyKind.VALUE, 0, float(int(text[1:], 16)), text, starred)
     if _NUMBER.fullmatch(text):
         value = float(text)
         if not math.isfinite(value):
-            raise CodecError(_WHAT, "value", "a finite number", text)
-        return Reply(Answer.VALUE, 0, value, text, starred)
-    return Reply(Answer.TEXT, 0, 0.0, text, starred)
+            raise CodecError(_SUBJECT, "value", "a finite number", text)
+        return Reply(ReplyKind.VALUE, 0, value, text, starred)
+    return Reply(ReplyKind.TEXT, 0, 0.0, text, starred)

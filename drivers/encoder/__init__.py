@@ -1,1 +1,1 @@
-"""Absolute angle encoders: SSI words, the two-channel bridge that carries them, unwrapping."""
+"""Absolute angle encoders: SSI words, the two-channel bridge that sends them, unwrapping."""

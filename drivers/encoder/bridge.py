@@ -1,65 +1,65 @@
-"""The `wec-rig encoder bridge`: this project's own frame for two encoder words at one instant.
+"""Codec of the `wec-rig encoder bridge`: one frame with two SSI words latched at one instant.
 
-SSI cannot be read by a serial port, so a small processor clocks both encoders (motor and shaft) by
-one edge and sends what came as one frame, the moment of the edge included. No maker speaks this
-protocol; its byte table is docs/encoder_bridge.md.
+A serial port cannot read SSI, so a small processor clocks both encoders (motor and shaft) with the
+same edge and sends both words and the time of the edge as one frame. The protocol is this
+project's own; docs/encoder_bridge.md has its byte table.
 """
 
 import struct
 from typing import NamedTuple
 
 from drivers.checksums import crc16
-from drivers.encoder.ssi import BITS, Protocol
+from drivers.encoder.ssi import WORD_BITS, SsiProtocol
 from drivers.errors import CodecError
 
 SYNC = b"\xeb\x90"
 VERSION = 1
 SIZE = 26
 # Status bits; the others are 0.
-MOTOR_SILENT = 0x01  # its data line did not answer the clock: the word is no reading
+MOTOR_SILENT = 0x01  # the data line did not answer the clock: the word is invalid
 SHAFT_SILENT = 0x02
-LATE = 0x04  # a period was skipped since the frame before
-RESTARTED = 0x08  # first frame after the bridge's start: its time began anew
+LATE = 0x04  # the bridge skipped a period since the previous frame
+RESTARTED = 0x08  # first frame after the bridge's start: its clock restarted
 _STATUS = MOTOR_SILENT | SHAFT_SILENT | LATE | RESTARTED
 _LAYOUT = struct.Struct(">2sBBHQBBIIH")
 _SEQUENCES = 1 << 16
-_WHAT = "encoder bridge frame"
-_PROTOCOLS = {int(protocol): (protocol, 1 << BITS[protocol]) for protocol in Protocol}
+_SUBJECT = "encoder bridge frame"
+_PROTOCOLS = {int(protocol): (protocol, 1 << WORD_BITS[protocol]) for protocol in SsiProtocol}
 
 
 class Frame(NamedTuple):
-    """Both words, latched by one edge."""
+    """Both SSI words, latched by one edge."""
 
-    sequence: int  # 0 to 65535, one more each frame, wraps
-    status: int  # the bits above
-    time_us: int  # of the edge, on the bridge's clock; 64 bits do not wrap
-    motor_protocol: Protocol
+    sequence: int  # 0 to 65535, increments with each frame, wraps
+    status: int  # status bits, see above
+    time_us: int  # time of the edge on the bridge's clock; 64 bits do not wrap
+    motor_protocol: SsiProtocol
     motor_word: int
-    shaft_protocol: Protocol
+    shaft_protocol: SsiProtocol
     shaft_word: int
 
 
 class State(NamedTuple):
-    """What is undecided yet, and the counts of what went wrong so far."""
+    """Unparsed bytes, and error counts since the start."""
 
     pending: bytes
-    last: int  # sequence number of the last frame, -1 before the first
+    last_sequence: int  # sequence number of the last frame, -1 before the first
     dropped: int  # bytes that belong to no frame
-    bad_frames: int  # sync bytes that a check sum or content speaks against
-    missing: int  # frames that the sequence numbers say were sent and did not come
-    repeated: int  # frames with the number of the one before; not given out
-    backward: int  # frames with an earlier number: the bridge began anew and its first was lost
+    bad_frames: int  # sync bytes followed by a wrong checksum or invalid content
+    missing: int  # frames lost according to the sequence numbers
+    repeated: int  # frames with the previous sequence number; not returned
+    backward: int  # frames with an earlier number: the bridge restarted and its first was lost
 
 
 def encode(frame: Frame) -> bytes:
-    """The 26 bytes of a frame; CodecError for a field that does not fit."""
+    """Return the 26 bytes of a frame; CodecError for a field that does not fit."""
     for where, value, bits in (("sequence", frame.sequence, 16), ("time", frame.time_us, 64)):
         if not 0 <= value < 1 << bits:
-            raise CodecError(_WHAT, where, f"{bits} bits", hex(value))
+            raise CodecError(_SUBJECT, where, f"{bits} bits", hex(value))
     if not 0 <= frame.status <= _STATUS:
-        raise CodecError(_WHAT, "status", "bits 0 to 3", hex(frame.status))
-    _protocol("motor", frame.motor_protocol, frame.motor_word)
-    _protocol("shaft", frame.shaft_protocol, frame.shaft_word)
+        raise CodecError(_SUBJECT, "status", "bits 0 to 3", hex(frame.status))
+    _check_protocol("motor", frame.motor_protocol, frame.motor_word)
+    _check_protocol("shaft", frame.shaft_protocol, frame.shaft_word)
     body = _LAYOUT.pack(
         SYNC, VERSION, frame.status, frame.sequence, frame.time_us,
         frame.motor_protocol, frame.shaft_protocol, frame.motor_word, frame.shaft_word, 0,
@@ -68,51 +68,51 @@ def encode(frame: Frame) -> bytes:
 
 
 def decode(data: bytes) -> Frame:
-    """The frame that fills ``data`` exactly; CodecError for anything else."""
+    """Return the frame that fills ``data`` exactly; CodecError for anything else."""
     if len(data) != SIZE:
-        raise CodecError(_WHAT, "length", f"{SIZE} bytes", len(data))
-    sync, version, status, sequence, time_us, motor, shaft, motor_word, shaft_word, found = (
+        raise CodecError(_SUBJECT, "length", f"{SIZE} bytes", len(data))
+    sync, version, status, sequence, time_us, motor, shaft, motor_word, shaft_word, received = (
         _LAYOUT.unpack(data)
     )
     if sync != SYNC:
-        raise CodecError(_WHAT, "sync", SYNC.hex(" "), sync.hex(" "))
-    wanted = crc16(data[len(SYNC) : -2])
-    if found != wanted:
-        raise CodecError(_WHAT, "check sum", f"{wanted:04x}", f"{found:04x}")
+        raise CodecError(_SUBJECT, "sync", SYNC.hex(" "), sync.hex(" "))
+    expected = crc16(data[len(SYNC) : -2])
+    if received != expected:
+        raise CodecError(_SUBJECT, "check sum", f"{expected:04x}", f"{received:04x}")
     if version != VERSION:
-        raise CodecError(_WHAT, "version", str(VERSION), version)
+        raise CodecError(_SUBJECT, "version", str(VERSION), version)
     if status & ~_STATUS:
-        raise CodecError(_WHAT, "status", "bits 0 to 3", f"{status:02x}")
-    motor_protocol = _protocol("motor", motor, motor_word)
-    shaft_protocol = _protocol("shaft", shaft, shaft_word)
+        raise CodecError(_SUBJECT, "status", "bits 0 to 3", f"{status:02x}")
+    motor_protocol = _check_protocol("motor", motor, motor_word)
+    shaft_protocol = _check_protocol("shaft", shaft, shaft_word)
     return Frame(sequence, status, time_us, motor_protocol, motor_word, shaft_protocol, shaft_word)
 
 
 def start() -> State:
-    """State of a line just opened."""
+    """Return the state of a line just opened."""
     return State(b"", -1, 0, 0, 0, 0, 0)
 
 
 def feed(state: State, data: bytes) -> tuple[State, list[Frame]]:
-    """Take in the bytes that came; gives the frames they complete, in order.
+    """Return the new state and the frames that the received bytes complete, in order.
 
-    How the bytes are split over calls changes nothing. After a bad frame the search goes on at its
-    second byte, so noise that looks like a sync costs no frame behind it. A frame that says
-    RESTARTED is not held against the sequence number before it.
+    The result does not depend on how the bytes are split over calls. After a bad frame the search
+    continues at its second byte, so noise that looks like a sync loses no later frame. A frame with
+    RESTARTED set is not compared with the previous sequence number.
     """
     buffer = state.pending + data
     frames: list[Frame] = []
     _, last, dropped, bad_frames, missing, repeated, backward = state
     at = 0
     while True:
-        found = buffer.find(SYNC, at)
-        if found < 0:
-            # The last byte may be the first half of a sync.
+        sync_at = buffer.find(SYNC, at)
+        if sync_at < 0:
+            # The last byte may be the first byte of a sync.
             keep = 1 if buffer[at:].endswith(SYNC[:1]) else 0
             dropped += len(buffer) - at - keep
             at = len(buffer) - keep
             break
-        dropped, at = dropped + found - at, found
+        dropped, at = dropped + sync_at - at, sync_at
         if len(buffer) - at < SIZE:
             break
         try:
@@ -135,10 +135,10 @@ def feed(state: State, data: bytes) -> tuple[State, list[Frame]]:
     return State(buffer[at:], last, dropped, bad_frames, missing, repeated, backward), frames
 
 
-def _protocol(which: str, number: int, word: int) -> Protocol:
+def _check_protocol(which: str, number: int, word: int) -> SsiProtocol:
     protocol, limit = _PROTOCOLS.get(number, (None, 0))
     if protocol is None:
-        raise CodecError(_WHAT, f"{which} protocol", "1, 2, 4, 6 or 9", number)
+        raise CodecError(_SUBJECT, f"{which} protocol", "1, 2, 4, 6 or 9", number)
     if not 0 <= word < limit:
-        raise CodecError(_WHAT, f"{which} word", f"{BITS[protocol]} bits", hex(word))
+        raise CodecError(_SUBJECT, f"{which} word", f"{WORD_BITS[protocol]} bits", hex(word))
     return protocol

@@ -1,9 +1,9 @@
-"""What the encoder bridge says: two angles of many turns, each with its age on the host's clock.
+"""Reader of the encoder bridge: two multi-turn angles, each with its age on the host's clock.
 
-The bridge only speaks. A sample's age comes from its own time stamp, so a frame that waited in a
-buffer is as old as it is. Turns are counted on the bridge's time; when that began anew, the gap is
-taken from the host's clock, and if the machine could have turned too far meanwhile the angle is
-LOST and says so, until `begin_anew`.
+The bridge only sends. A sample's age is computed from its own time stamp, so a frame that waited
+in a buffer gets its true age. Turns are counted on the bridge's clock. When that clock restarts,
+the host's clock gives the length of the gap; if the shaft could have turned too far meanwhile,
+the angle has the quality LOST until `reset_turns`.
 """
 
 from enum import IntEnum
@@ -11,65 +11,65 @@ from typing import NamedTuple
 
 from drivers import clock_offset
 from drivers.encoder import bridge, ssi, unwrap
-from drivers.encoder.ssi import Protocol
+from drivers.encoder.ssi import SsiProtocol
 from drivers.errors import CodecError
 
-LEAP = 0.5  # s between the clocks that no delay explains: the bridge's clock was set anew
-_NEVER = -1e9  # s, before any clock began
+MAX_CLOCK_JUMP = 0.5  # s; a larger step between the clocks means that the bridge's clock restarted
+_NEVER = -1e9  # s, earlier than any clock reading
 _MICRO = 1e-6
-_AGAIN_US = 100_000  # a frame this little before the last one is an old one, no new clock
+_REPEAT_WINDOW_US = 100_000  # a frame at most this much older than the last is a repeated one
 
 
 class Quality(IntEnum):
-    """What became of the last word of an encoder."""
+    """Quality of the last word of an encoder."""
 
     GOOD = 0
-    NEVER = 1  # none has come
+    NEVER = 1  # no word received yet
     SILENT = 2  # the encoder did not answer its clock
-    OTHER_PROTOCOL = 3  # the bridge reads it in another protocol than agreed
-    INVALID = 4  # the encoder does not vouch for it, or parity or CRC speak against it
-    STUCK = 5  # its own time stamp did not move on with the bridge's time
-    JUMPED = 6  # not a count of one turn, back in time, or further than the speed allows
-    LOST = 7  # turns are not knowable any more
+    OTHER_PROTOCOL = 3  # the bridge reads it in another protocol than configured
+    INVALID = 4  # the encoder flags it as invalid, or its parity or CRC is wrong
+    STUCK = 5  # the encoder's time stamp did not advance with the bridge's clock
+    JUMPED = 6  # outside one turn, back in time, or further than the speed limit allows
+    LOST = 7  # the number of turns is unknown
 
 
-class Channel(NamedTuple):
+class EncoderChannel(NamedTuple):
     """One encoder."""
 
-    protocol: Protocol
-    turns: unwrap.Params
+    protocol: SsiProtocol
+    unwrap_params: unwrap.Params
     direction: float  # +1.0: the angle grows as the encoder counts, -1.0: against it
-    stamp_slack: int = 50  # us by which its own time stamp may differ from the bridge's
+    stamp_slack: int = 50  # us by which the encoder's time stamp may differ from the bridge's
 
 
-class Settings(NamedTuple):
+class BridgeSettings(NamedTuple):
     """One bridge."""
 
     name: str  # for people
-    motor: Channel
-    shaft: Channel
-    least_delay: float  # s from latching edge to the bytes being here, at best: line time, USB
+    motor: EncoderChannel
+    shaft: EncoderChannel
+    min_delay: float  # s from the latching edge to the received bytes, at least: line time, USB
     window: float  # s, of the clock comparison, > 0
-    silent: float  # s without a frame from which the bridge is called silent, > 0
+    silence_timeout: float  # s without a frame until the bridge counts as silent, > 0
 
 
-class Angle(NamedTuple):
-    """One encoder at the moment of its last accepted word."""
+class EncoderAngle(NamedTuple):
+    """Angle of one encoder at its last accepted word."""
 
     angle: float  # rad, turns included
-    age: float  # s, since it was latched; very large before the first
+    age: float  # s since the word was latched; very large before the first
     quality: Quality  # of the last word, accepted or not
-    refused: int  # words not accepted so far
+    rejected: int  # number of rejected words
 
 
-class Reading(NamedTuple):
-    """Both encoders; equal ages mean one edge, so their difference is the twist."""
+class BridgeReading(NamedTuple):
+    """Angles of both encoders; with equal ages (same edge) their difference is the twist."""
 
-    motor: Angle
-    shaft: Angle
+    motor: EncoderAngle
+    shaft: EncoderAngle
 
 
-_REFUSED = {
+_OUTCOME_QUALITY = {
     unwrap.Outcome.ACCEPTED: Quality.GOOD,
     unwrap.Outcome.JUMPED: Quality.JUMPED,
     unwrap.Outcome.OUT_OF_TURN: Quality.JUMPED,
@@ -79,55 +79,55 @@ _REFUSED = {
 
 
 class _Encoder:
-    """One of the two."""
+    """State of one of the two encoders."""
 
-    def __init__(self, channel: Channel, silent: int) -> None:
-        self._channel, self._silent = channel, silent
+    def __init__(self, channel: EncoderChannel, silent: int) -> None:
+        self._channel, self._silent_bit = channel, silent
         self._turns = unwrap.start()
         self._latched = _NEVER  # host time of the last accepted word
-        self._stamp = self._stamped = ssi.NOT_CARRIED  # the last stamp, and when (us) it was read
-        self.quality, self.refused = Quality.NEVER, 0
+        self._stamp = self._stamped = ssi.NOT_CARRIED  # last time stamp, and its bridge time (us)
+        self.quality, self.rejected = Quality.NEVER, 0
 
-    def begin_anew(self) -> None:
+    def reset_turns(self) -> None:
         self._turns, self._latched = unwrap.start(), _NEVER
         self.quality = Quality.NEVER
 
     def forget_stamp(self) -> None:
         self._stamp = ssi.NOT_CARRIED
 
-    def take(
-        self, status: int, protocol: Protocol, word: int, time_us: int, latched: float
+    def receive(
+        self, status: int, protocol: SsiProtocol, word: int, time_us: int, latched: float
     ) -> None:
-        self.quality = self._judge(status, protocol, word, time_us)
+        self.quality = self._evaluate(status, protocol, word, time_us)
         if self.quality is Quality.GOOD:
             self._latched = latched
         else:
-            self.refused += 1
+            self.rejected += 1
 
-    def read(self, now: float) -> Angle:
+    def read(self, now: float) -> EncoderAngle:
         channel = self._channel
-        turned = channel.direction * unwrap.angle(channel.turns, self._turns)
-        return Angle(turned, now - self._latched, self.quality, self.refused)
+        turned = channel.direction * unwrap.angle(channel.unwrap_params, self._turns)
+        return EncoderAngle(turned, now - self._latched, self.quality, self.rejected)
 
-    def _judge(self, status: int, protocol: Protocol, word: int, time_us: int) -> Quality:
+    def _evaluate(self, status: int, protocol: SsiProtocol, word: int, time_us: int) -> Quality:
         if self._turns.lost:
             return Quality.LOST
-        if status & self._silent:
+        if status & self._silent_bit:
             return Quality.SILENT
         if protocol is not self._channel.protocol:
             return Quality.OTHER_PROTOCOL
         reading = ssi.decode(protocol, word)
-        stuck = self._stuck(protocol, reading.stamp, time_us)
-        if not ssi.trusted(reading):
+        stuck = self._is_stuck(protocol, reading.stamp, time_us)
+        if not ssi.is_trusted(reading):
             return Quality.INVALID
         if stuck:
             return Quality.STUCK
         self._turns, outcome = unwrap.step(
-            self._channel.turns, self._turns, reading.position, time_us
+            self._channel.unwrap_params, self._turns, reading.position, time_us
         )
-        return _REFUSED[outcome]
+        return _OUTCOME_QUALITY[outcome]
 
-    def _stuck(self, protocol: Protocol, stamp: int, time_us: int) -> bool:
+    def _is_stuck(self, protocol: SsiProtocol, stamp: int, time_us: int) -> bool:
         if stamp == ssi.NOT_CARRIED:
             return False
         earlier, since = self._stamp, time_us - self._stamped
@@ -142,89 +142,93 @@ class _Encoder:
 class BridgeReader:
     """The conversation with one bridge."""
 
-    def __init__(self, settings: Settings) -> None:
-        """CodecError for times that are not above 0, or a direction that is not +-1."""
-        if not (settings.window > 0.0 and settings.silent > 0.0 and settings.least_delay >= 0.0):
+    def __init__(self, settings: BridgeSettings) -> None:
+        """Check the settings: CodecError unless times are above 0 and directions are +-1."""
+        if not (
+            settings.window > 0.0 and settings.silence_timeout > 0.0 and settings.min_delay >= 0.0
+        ):
             raise CodecError(settings.name, "times", "above 0", settings)
         for channel in (settings.motor, settings.shaft):
             if channel.direction not in (1.0, -1.0):
                 raise CodecError(settings.name, "direction", "1 or -1", channel.direction)
-        self.restarts = 0  # times that the bridge's clock began anew
-        self.repeated = 0  # frames that the line brought a second time; not used
+        self.restarts = 0  # restarts of the bridge's clock
+        self.repeated = 0  # frames received a second time; not used
         self._settings = settings
         self._stream = bridge.start()
         self._offset = clock_offset.start()
         self._motor = _Encoder(settings.motor, bridge.MOTOR_SILENT)
         self._shaft = _Encoder(settings.shaft, bridge.SHAFT_SILENT)
-        self._epoch = 0  # us, added to the bridge's time so that it never goes back
-        self._time = 0  # us, of the last frame, epoch included
+        self._epoch = 0  # us, added to the bridge's time so that it never decreases
+        self._time = 0  # us, time of the last frame, epoch included
         self._arrived = _NEVER  # host time of the last frame
 
     @property
-    def counts(self) -> bridge.State:
-        """What went wrong on the line so far: bytes dropped, frames bad, missing, repeated."""
+    def error_counts(self) -> bridge.State:
+        """Return the stream's state with its counts of dropped bytes, bad and missing frames."""
         return self._stream
 
-    def begin_anew(self) -> None:
-        """Count turns from the next words on: both angles begin within one turn again."""
-        self._motor.begin_anew()
-        self._shaft.begin_anew()
+    def reset_turns(self) -> None:
+        """Restart counting of turns: both angles begin within one turn at the next words."""
+        self._motor.reset_turns()
+        self._shaft.reset_turns()
 
-    def opened(self, now: float) -> None:
-        """The line opened: half a frame from before is void, the turns are not."""
+    def on_open(self, now: float) -> None:
+        """Discard a partial frame from before the port was opened; keep the turns."""
         self._stream = self._stream._replace(pending=b"")
 
-    def take(self, data: bytes, now: float) -> None:
-        """Bytes that came, split anyhow."""
+    def receive(self, data: bytes, now: float) -> None:
+        """Process received bytes, split anywhere."""
         if data:
             self._stream, frames = bridge.feed(self._stream, data)
             for frame in frames:
-                self._take(frame, now)
+                self._receive_frame(frame, now)
 
-    def speak(self, now: float) -> bytes:
-        """Nothing: the bridge is not spoken to."""
+    def next_message(self, now: float) -> bytes:
+        """Return no message: the bridge accepts no commands."""
         return b""
 
-    def read(self, now: float) -> Reading:
-        """What is known at ``now`` (s)."""
-        return Reading(self._motor.read(now), self._shaft.read(now))
+    def read(self, now: float) -> BridgeReading:
+        """Return the angles with their ages at ``now`` (s)."""
+        return BridgeReading(self._motor.read(now), self._shaft.read(now))
 
     def explain(self, now: float) -> str:
-        """Why there is no good angle, for people; empty if there are two."""
-        if now - self._arrived > self._settings.silent:
-            return f"{self._settings.name}: no frame for {self._settings.silent:g} s"
+        """Return why an angle is missing or bad, for people; empty if both are good."""
+        if now - self._arrived > self._settings.silence_timeout:
+            return f"{self._settings.name}: no frame for {self._settings.silence_timeout:g} s"
         pairs = (("motor", self._motor.quality), ("shaft", self._shaft.quality))
-        said = [
+        problems = [
             f"{which} encoder {quality.name.lower()}"
             for which, quality in pairs
             if quality is not Quality.GOOD
         ]
-        return f"{self._settings.name}: {', '.join(said)}" if said else ""
+        return f"{self._settings.name}: {', '.join(problems)}" if problems else ""
 
-    def _take(self, frame: bridge.Frame, now: float) -> None:
+    def _receive_frame(self, frame: bridge.Frame, now: float) -> None:
         device = frame.time_us * _MICRO
         known = self._offset.known
-        leap = now - clock_offset.on_host(self._offset, device) if known else 0.0
-        if frame.status & bridge.RESTARTED or not -LEAP <= leap <= LEAP:
+        clock_jump = now - clock_offset.to_host_time(self._offset, device) if known else 0.0
+        if frame.status & bridge.RESTARTED or not -MAX_CLOCK_JUMP <= clock_jump <= MAX_CLOCK_JUMP:
             self.restarts += 1 if known else 0
-            self._begin_clock(frame.time_us, now)
+            self._restart_clock(frame.time_us, now)
         elif known and frame.time_us + self._epoch < self._time:
-            if frame.time_us + self._epoch > self._time - _AGAIN_US:
+            if frame.time_us + self._epoch > self._time - _REPEAT_WINDOW_US:
                 self.repeated += 1
                 return
             self.restarts += 1
-            self._begin_clock(frame.time_us, now)
+            self._restart_clock(frame.time_us, now)
         self._offset = clock_offset.step(self._offset, self._settings.window, device, now)
         time_us = self._time = frame.time_us + self._epoch
         self._arrived = now
-        taken = min(now, clock_offset.on_host(self._offset, device) - self._settings.least_delay)
-        self._motor.take(frame.status, frame.motor_protocol, frame.motor_word, time_us, taken)
-        self._shaft.take(frame.status, frame.shaft_protocol, frame.shaft_word, time_us, taken)
+        latched = min(
+            now, clock_offset.to_host_time(self._offset, device) - self._settings.min_delay
+        )
+        self._motor.receive(frame.status, frame.motor_protocol, frame.motor_word, time_us, latched)
+        self._shaft.receive(frame.status, frame.shaft_protocol, frame.shaft_word, time_us, latched)
 
-    def _begin_clock(self, time_us: int, now: float) -> None:
-        """The bridge's clock is another one: go on where the host's says that we are."""
-        gone = max(0.0, now - self._arrived) if self._offset.known else 0.0
-        self._epoch = self._time + round(gone / _MICRO) - time_us
+    def _restart_clock(self, time_us: int, now: float) -> None:
+        """Restart the comparison with a new bridge clock; the host's clock bridges the gap."""
+        elapsed = max(0.0, now - self._arrived) if self._offset.known else 0.0
+        self._epoch = self._time + round(elapsed / _MICRO) - time_us
         self._offset = clock_offset.start()
         self._motor.forget_stamp()
         self._shaft.forget_stamp()

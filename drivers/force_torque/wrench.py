@@ -1,8 +1,8 @@
-"""Counts of a load cell -> newtons and newton metres.
+"""Conversion of load cell counts to newtons and newton metres.
 
-Makers' unit codes differ: the Net F/T box numbers its units from 1, the Axia console from 0, the
-Digital F/T's are not confirmed. The codes are therefore looked up by who knows the box, and the
-scaling here takes units by name.
+Unit codes differ between boxes: the Net F/T numbers its units from 1, the Axia console from 0, and
+those of the Digital F/T are not confirmed. So the codec of each box maps its codes to names, and
+the functions here take units by name.
 """
 
 import math
@@ -30,19 +30,19 @@ NEWTON_METRES = {
 NET_FT_FORCE_UNITS = ("lbf", "N", "klbf", "kN", "kgf", "gf")
 NET_FT_TORQUE_UNITS = ("lbf-in", "lbf-ft", "N-m", "N-mm", "kgf-cm", "kN-m")
 
-Six = tuple[float, float, float, float, float, float]
-Matrix = tuple[Six, Six, Six, Six, Six, Six]
+Vector6 = tuple[float, float, float, float, float, float]
+Matrix = tuple[Vector6, Vector6, Vector6, Vector6, Vector6, Vector6]
 
 
 class Scale(NamedTuple):
-    """SI per count; make it with `scale`."""
+    """SI per count; `make_scale` returns a checked one."""
 
     force: float  # N per count
     torque: float  # N m per count
 
 
 class Wrench(NamedTuple):
-    """Force and torque in the sensor's own frame, signs as the maker draws it."""
+    """Force and torque in the sensor's own frame, with the manufacturer's signs."""
 
     fx: float  # N
     fy: float  # N
@@ -52,8 +52,11 @@ class Wrench(NamedTuple):
     tz: float  # N m
 
 
-def scale(per_force: float, per_torque: float, force_unit: str, torque_unit: str) -> Scale:
-    """SI per count, from counts per unit and the units; CodecError for what is no such thing."""
+def make_scale(per_force: float, per_torque: float, force_unit: str, torque_unit: str) -> Scale:
+    """Return the scale (SI per count) from counts per unit and unit names.
+
+    CodecError for a count that is not above 0 or an unknown unit.
+    """
     for where, number in (("counts per force", per_force), ("counts per torque", per_torque)):
         if not (math.isfinite(number) and number > 0.0):
             raise CodecError("load cell scale", where, "a number above 0", number)
@@ -64,15 +67,15 @@ def scale(per_force: float, per_torque: float, force_unit: str, torque_unit: str
     return Scale(NEWTONS[force_unit] / per_force, NEWTON_METRES[torque_unit] / per_torque)
 
 
-def in_si(scaling: Scale, counts: Six) -> Wrench:
-    """Six counts, forces first, in SI."""
+def to_si(scaling: Scale, counts: Vector6) -> Wrench:
+    """Return the wrench (SI) of six counts, forces first."""
     fx, fy, fz, tx, ty, tz = counts
     force, torque = scaling
     return Wrench(fx * force, fy * force, fz * force, tx * torque, ty * torque, tz * torque)
 
 
-def calibrated(matrix: Matrix, gauges: Six, bias: Six) -> Six:
-    """Counts of force and torque: matrix times (gauges - bias), row by row."""
+def apply_calibration(matrix: Matrix, gauges: Vector6, bias: Vector6) -> Vector6:
+    """Return the counts of force and torque: matrix times (gauges - bias), row by row."""
     g0, g1, g2, g3, g4, g5 = (gauge - tare for gauge, tare in zip(gauges, bias, strict=True))
     r0, r1, r2, r3, r4, r5 = (
         a * g0 + b * g1 + c * g2 + d * g3 + e * g4 + f * g5 for a, b, c, d, e, f in matrix

@@ -1,6 +1,6 @@
-"""Modbus devices, TCP and RTU: register maps as data, lines that mind stale answers, devices.
+"""Modbus TCP and RTU: register maps as data, and lines that reject late answers.
 
-Not for the tick: an answer takes milliseconds. A poller process asks, the loop reads last value and
-age. The worst age is poll period + time-out, so an e-stop read this way is monitoring; the stop
-chain is hard-wired.
+Not for the tick: an answer takes milliseconds. A poller process sends the requests; the loop reads
+the last value and its age. The largest age is poll period + timeout, so an e-stop read this way is
+monitoring only; the stop chain is hard-wired.
 """

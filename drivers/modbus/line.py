@@ -1,10 +1,10 @@
-"""One Modbus line: requests in turn, each answered, refused or timed out; nothing stays hidden.
+"""One Modbus line: sequential requests, each of which returns an answer or raises `LineError`.
 
-RTU frames carry no transaction number: after one late answer every later request would be given
-the answer before it, for ever (measured with pymodbus 3.16). So after a time-out an RTU line falls
-quiet for longer than its slowest device answers, throws away what came, and believes the next
-answer only if it is of another length than the one that was missed. A line that is gone is opened
-again after a pause that doubles; meanwhile its requests fail at once.
+RTU frames carry no transaction number: after one late answer every later request would receive the
+answer to the request before it, for ever (measured with pymodbus 3.16). So after a timeout an RTU
+line waits for longer than its slowest device needs, discards the received bytes, and accepts the
+next answer only if its length differs from that of the missing answer. A lost line is opened again
+after a pause that doubles; until then its requests fail at once.
 """
 
 import logging
@@ -17,13 +17,13 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
 
 from drivers.errors import LinkError
-from drivers.modbus.registers import BITS, Block
+from drivers.modbus.registers import BIT_TABLES, RegisterBlock
 
-# What goes wrong is raised here, once; the library says it again for people.
+# This module raises every error; the library would log it a second time.
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
-_PULLED = (OSError, termios.error)  # what a port says that is no longer there
-EXCEPTIONS = {  # Modbus application protocol V1.1b3, section 7
+_PORT_ERRORS = (OSError, termios.error)  # raised by a port that no longer exists
+EXCEPTION_TEXTS = {  # Modbus application protocol V1.1b3, section 7
     1: "illegal function",
     2: "illegal address",
     3: "illegal value",
@@ -34,12 +34,12 @@ EXCEPTIONS = {  # Modbus application protocol V1.1b3, section 7
     10: "gateway has no path",
     11: "gateway got no answer",
 }
-MAKERS_OWN = "of the device's maker"
-_AGAIN = (5, 6)
-PAUSE_FIRST, PAUSE_MOST = 0.1, 5.0  # s between attempts to open a line
+VENDOR_SPECIFIC = "of the device's maker"
+_TEMPORARY = (5, 6)
+MIN_PAUSE, MAX_PAUSE = 0.1, 5.0  # s between attempts to open a line
 
 
-class Tcp(NamedTuple):
+class TcpSettings(NamedTuple):
     """A Modbus/TCP server."""
 
     host: str
@@ -47,7 +47,7 @@ class Tcp(NamedTuple):
     timeout: float  # s for one answer, > 0
 
 
-class Rtu(NamedTuple):
+class RtuSettings(NamedTuple):
     """A serial line with Modbus RTU units on it."""
 
     port: str
@@ -55,51 +55,51 @@ class Rtu(NamedTuple):
     parity: str  # N, E or O
     stop_bits: int
     timeout: float  # s for one answer, > 0
-    slowest: float  # s, in which the slowest unit has answered for certain
+    max_response_time: float  # s, upper bound of the slowest unit's response time
 
 
 class LineError(LinkError):
-    """A request without a good answer; names line, unit and address."""
+    """A request without a valid answer; names line, unit and address."""
 
 
-class SilentError(LineError):
-    """No answer in time."""
+class NoAnswerError(LineError):
+    """No answer within the timeout."""
 
 
-class RefusedError(LineError):
+class ExceptionResponseError(LineError):
     """The unit answered with an exception; `code` is its number."""
 
-    def __init__(self, said: str, code: int) -> None:
-        super().__init__(said)
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
         self.code = code
 
     @property
-    def passing(self) -> bool:
-        """Whether the unit asks to be asked again: it is there and well, but not now."""
-        return self.code in _AGAIN
+    def is_temporary(self) -> bool:
+        """Return True when the unit works but asks for the request to be repeated later."""
+        return self.code in _TEMPORARY
 
 
-class GoneError(LineError):
-    """The line is not open: device gone, connection refused, port in use."""
+class ClosedLineError(LineError):
+    """The line is not open: device removed, connection refused, port in use."""
 
 
 class Line:
-    """The one end of a line; one thread uses it."""
+    """The client end of a line; one thread uses it."""
 
     def __init__(
         self,
-        settings: Tcp | Rtu,
-        writable: Sequence[Block] = (),
+        settings: TcpSettings | RtuSettings,
+        writable: Sequence[RegisterBlock] = (),
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
-        """``writable``: the only registers that may ever be written."""
-        self.name = f"{settings.host}:{settings.port}" if isinstance(settings, Tcp) else (
+        """Store the settings; ``writable``: the only registers that `write` accepts."""
+        self.name = f"{settings.host}:{settings.port}" if isinstance(settings, TcpSettings) else (
             settings.port
         )  # fmt: skip
-        self.timeouts = self.opened = 0
-        self._rtu = settings if isinstance(settings, Rtu) else None
+        self.timeouts = self.open_count = 0
+        self._rtu = settings if isinstance(settings, RtuSettings) else None
         self._writable = frozenset(
             (block.unit, block.table, block.first + i)
             for block in writable
@@ -108,7 +108,7 @@ class Line:
         self._clock, self._sleep = clock, sleep
         self._client: Any = (
             ModbusTcpClient(settings.host, port=settings.port, timeout=settings.timeout, retries=0)
-            if isinstance(settings, Tcp)
+            if isinstance(settings, TcpSettings)
             else ModbusSerialClient(
                 settings.port,
                 baudrate=settings.baud,
@@ -119,122 +119,124 @@ class Line:
             )
         )
         self._open = False
-        self._pause, self._not_before = PAUSE_FIRST, clock()
-        self._missed = 0  # registers or bits that an answer still on its way may carry
+        self._pause, self._not_before = MIN_PAUSE, clock()
+        self._late_size = 0  # registers or bits of an answer that may still arrive
 
-    def read(self, block: Block) -> list[int]:
-        """The registers (bits as 0 and 1) of a block; LineError says what went wrong.
+    def read(self, block: RegisterBlock) -> list[int]:
+        """Return the registers of a block (bits as 0 and 1); LineError on any failure.
 
-        The answer is as long as asked for, or there is none.
+        The answer always has the requested size; another size is an error.
         """
-        what = f"{self.name}: unit {block.unit}, {block.table} {block.first}"
-        if self._missed and block.size == self._missed:
-            self._clear(block, what)
-        answer = self._ask(
-            what, block.size, _READS[block.table], block.first, count=block.size, unit=block.unit
+        where = f"{self.name}: unit {block.unit}, {block.table} {block.first}"
+        if self._late_size and block.size == self._late_size:
+            self._send_probe(block, where)
+        answer = self._request(
+            where, block.size, _READS[block.table], block.first, count=block.size, unit=block.unit
         )
-        found = answer.bits if block.table in BITS else answer.registers
-        whole = -(-block.size // 8) * 8 if block.table in BITS else block.size
-        if len(found) != whole:
-            self._silent(len(found))  # not ours: the late answer to a request before
-            raise SilentError(f"{what}: an answer of {len(found)}, not {whole}")
-        self._missed = 0
-        return [int(value) for value in found[: block.size]]
+        values = answer.bits if block.table in BIT_TABLES else answer.registers
+        expected = -(-block.size // 8) * 8 if block.table in BIT_TABLES else block.size
+        if len(values) != expected:
+            self._discard_late_answer(len(values))  # not ours: the late answer to a request before
+            raise NoAnswerError(f"{where}: answer has {len(values)} values, not {expected}")
+        self._late_size = 0
+        return [int(value) for value in values[: block.size]]
 
-    def write(self, block: Block, registers: Sequence[int]) -> None:
+    def write(self, block: RegisterBlock, registers: Sequence[int]) -> None:
         """Write a whole block; ValueError if it is not listed as writable, LineError as `read`."""
-        what = f"{self.name}: unit {block.unit}, {block.table} {block.first}"
+        where = f"{self.name}: unit {block.unit}, {block.table} {block.first}"
         for i in range(len(registers)):
             if (block.unit, block.table, block.first + i) not in self._writable:
-                raise ValueError(f"{what}: register {block.first + i} is not listed as writable")
+                raise ValueError(f"{where}: register {block.first + i} is not listed as writable")
         coils = block.table == "coil"
         call = "write_coils" if coils else "write_registers"
         values = [bool(value) for value in registers] if coils else list(registers)
-        answer = self._ask(what, 0, call, block.first, values, unit=block.unit)
+        answer = self._request(where, 0, call, block.first, values, unit=block.unit)
         echo = (answer.function_code, answer.address, getattr(answer, "count", -1))
         if echo != (_WRITES[block.table], block.first, len(registers)):
-            self._silent(0)  # not ours: the late answer to a request before
-            raise SilentError(f"{what}: an answer to something else")
+            self._discard_late_answer(0)  # not ours: the late answer to a request before
+            raise NoAnswerError(f"{where}: answer to another request")
 
     def close(self) -> None:
-        """Give the line back; cannot raise."""
+        """Close the line; cannot raise."""
         self._open = False
         try:
             self._client.close()
-        except (ModbusException, *_PULLED):
+        except (ModbusException, *_PORT_ERRORS):
             return
 
-    def _ask(self, what: str, length: int, call: str, *args: Any, unit: int, **kwargs: Any) -> Any:
-        self._ready(what)
+    def _request(
+        self, where: str, length: int, call: str, *args: Any, unit: int, **kwargs: Any
+    ) -> Any:
+        self._ensure_open(where)
         try:
             answer = getattr(self._client, call)(*args, device_id=unit, **kwargs)
         except ModbusIOException as error:
-            self._silent(length)
-            raise SilentError(f"{what}: {_short(error)}") from None
-        except (ModbusException, *_PULLED, ValueError, AttributeError) as error:
-            self._lose()
-            raise GoneError(f"{what}: {error}") from None
+            self._discard_late_answer(length)
+            raise NoAnswerError(f"{where}: {_short_text(error)}") from None
+        except (ModbusException, *_PORT_ERRORS, ValueError, AttributeError) as error:
+            self._close_lost()
+            raise ClosedLineError(f"{where}: {error}") from None
         if answer.isError():
             code = int(getattr(answer, "exception_code", 0))
-            name = EXCEPTIONS.get(code, MAKERS_OWN)
-            raise RefusedError(f"{what}: refused with exception {code}, {name}", code)
+            name = EXCEPTION_TEXTS.get(code, VENDOR_SPECIFIC)
+            raise ExceptionResponseError(f"{where}: refused with exception {code}, {name}", code)
         return answer
 
-    def _ready(self, what: str) -> None:
+    def _ensure_open(self, where: str) -> None:
         if self._open:
             return
         if self._clock() < self._not_before:
-            raise GoneError(f"{what}: not open, tried again in a moment")
+            raise ClosedLineError(f"{where}: line is closed; it is opened again after a pause")
         try:
             self._open = bool(self._client.connect())
-        except (ModbusException, *_PULLED, ValueError) as error:
-            self._lose()
-            raise GoneError(f"{what}: {error}") from None
+        except (ModbusException, *_PORT_ERRORS, ValueError) as error:
+            self._close_lost()
+            raise ClosedLineError(f"{where}: {error}") from None
         if not self._open:
-            self._lose()
-            raise GoneError(f"{what}: cannot be opened")
-        self.opened += 1
-        self._pause, self._missed = PAUSE_FIRST, 0
+            self._close_lost()
+            raise ClosedLineError(f"{where}: cannot be opened")
+        self.open_count += 1
+        self._pause, self._late_size = MIN_PAUSE, 0
 
-    def _lose(self) -> None:
+    def _close_lost(self) -> None:
         self.close()
         self._not_before = self._clock() + self._pause
-        self._pause = min(2.0 * self._pause, PAUSE_MOST)
+        self._pause = min(2.0 * self._pause, MAX_PAUSE)
 
-    def _clear(self, block: Block, what: str) -> None:
-        """Before a request whose answer could be mistaken: one that cannot, of another length."""
-        step = 8 if block.table in BITS else 1
+    def _send_probe(self, block: RegisterBlock, where: str) -> None:
+        """Send a request with an answer of another length than that of the late answer."""
+        step = 8 if block.table in BIT_TABLES else 1
         size = block.size - step if block.size > step else block.size + step
         probe = block._replace(size=size, values=())
         try:
             self.read(probe)
-        except RefusedError:
-            self._missed = 0  # an exception frame is an answer of its own length
+        except ExceptionResponseError:
+            self._late_size = 0  # an exception frame has a length of its own
 
-    def _silent(self, missed: int) -> None:
-        """No good answer came: let what is on its way arrive, and throw it away.
+    def _discard_late_answer(self, missed: int) -> None:
+        """After a missing answer: wait until a late one has arrived, and discard it.
 
-        TCP has transaction numbers, so there nothing can be mistaken; but pymodbus may have closed
-        the connection or not, and a fresh one is known.
+        TCP has transaction numbers, so a late answer does no harm there; but pymodbus may or may
+        not have closed the connection, and a new one is in a known state.
         """
         self.timeouts += 1
-        self._missed = missed
+        self._late_size = missed
         if self._rtu is None:
-            self._lose()
+            self._close_lost()
             return
-        self._sleep(self._rtu.slowest)
+        self._sleep(self._rtu.max_response_time)
         port = self._client.socket
         if port is not None:
             try:
                 port.reset_input_buffer()
-            except _PULLED:
-                self._lose()
+            except _PORT_ERRORS:
+                self._close_lost()
 
 
-def _short(error: Exception) -> str:
-    """What the library says, without its retries, which are none here."""
-    said = str(error)
-    return "no answer" if "No response" in said else said
+def _short_text(error: Exception) -> str:
+    """Return the library's message, without its text about retries (there are none here)."""
+    text = str(error)
+    return "no answer" if "No response" in text else text
 
 
 _WRITES = {"coil": 15, "holding": 16}  # function codes

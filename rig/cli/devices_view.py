@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from drivers.canopen import arming, emcy, statusword
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.heartbeat import NmtState
 from rig.execution.hardware.line_survey import LineSurvey, SurveyedValue, UnitSurvey
 from rig.execution.hardware.listen import BusActivity
 from rig.execution.hardware.survey import BusSurvey, NodeSurvey, RigSurvey, error_register_text
@@ -44,7 +44,7 @@ def _node_as_dict(node: NodeSurvey) -> dict[str, Any]:
         "node": node.node,
         "answers": node.answers,
         "identity": node.identity._asdict(),
-        "nmt": None if node.nmt is None else Nmt(node.nmt).name,
+        "nmt": None if node.nmt is None else NmtState(node.nmt).name,
         "heartbeat_age": node.heartbeat_age,
         "heartbeat_every": node.heartbeat_every,
         "error_code": code,
@@ -64,8 +64,8 @@ def _mismatch_as_dict(mismatch: arming.Mismatch) -> dict[str, Any]:
         "object": mismatch.object,
         "sub": mismatch.sub,
         "name": mismatch.name,
-        "expected": mismatch.wanted,
-        "actual": mismatch.got,
+        "expected": mismatch.expected,
+        "actual": mismatch.actual,
     }
 
 
@@ -87,7 +87,7 @@ def _unit_as_dict(unit: UnitSurvey, at: float) -> dict[str, Any]:
         "registers": unit.registers,
         "answers": unit.answers,
         "answered_in_s": unit.took,
-        "age": at - unit.asked if unit.answers else None,
+        "age": at - unit.request_time if unit.answers else None,
         "written_by_run": unit.written,
         "values": [value_as_dict(value) for value in unit.values],
         "trouble": unit.trouble,
@@ -128,7 +128,7 @@ def heard_as_dict(rig: str, heard: BusActivity) -> dict[str, Any]:
             "name": node.name,
             "node": node.node,
             "sends": node.sends,
-            "nmt": None if node.nmt is None else Nmt(node.nmt).name,
+            "nmt": None if node.nmt is None else NmtState(node.nmt).name,
             "heartbeat_age": node.heartbeat_age,
             "emergency": node.emergency,
         }
@@ -153,7 +153,7 @@ def render_heard(rig: str, heard: BusActivity) -> Group:
         table.add_column(name)
     for node in heard.nodes:
         age = "none" if node.heartbeat_age is None else f"{1e3 * node.heartbeat_age:.0f} ms ago"
-        state = "-" if node.nmt is None else Nmt(node.nmt).name.lower().replace("_", "-")
+        state = "-" if node.nmt is None else NmtState(node.nmt).name.lower().replace("_", "-")
         code = emcy.meaning(node.emergency) if node.emergency else "none"
         table.add_row(str(node.node), node.name, state, age, code)
     parts: list[Table | Text] = [title, table] if heard.nodes else [title]
@@ -200,7 +200,7 @@ def _hex_text(value: int | None) -> Text:
 def _nmt_text(node: NodeSurvey) -> Text:
     if node.nmt is None:
         return Text("not known: no heartbeat", NOTE_STYLE)
-    return Text(Nmt(node.nmt).name.lower().replace("_", "-"))
+    return Text(NmtState(node.nmt).name.lower().replace("_", "-"))
 
 
 def _heartbeat_text(node: NodeSurvey) -> Text:
@@ -273,9 +273,9 @@ def _unset_objects_text(node: NodeSurvey) -> Text:
 
 
 def _unset_object_text(mismatch: arming.Mismatch) -> str:
-    actual = "no answer" if mismatch.got is None else f"is {_count_text(mismatch.got)}"
+    actual = "no answer" if mismatch.actual is None else f"is {_count_text(mismatch.actual)}"
     index = f"{mismatch.object:#06x}:{mismatch.sub:02x}"
-    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.wanted)}, {actual}\n"
+    return f"  {index} {mismatch.name}: set to {_count_text(mismatch.expected)}, {actual}\n"
 
 
 def _count_text(value: int) -> str:
@@ -297,7 +297,7 @@ def render_line(line: LineSurvey, at: float) -> list[Table | Text]:
     for unit in line.units:
         took, age = Text("no answer", BAD_STYLE), Text("-", NOTE_STYLE)
         if unit.answers:
-            took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.asked:.2f} s")
+            took, age = Text(f"{1e3 * unit.took:.1f} ms"), Text(f"{at - unit.request_time:.2f} s")
         table.add_row(f"  {unit.unit}", unit.name, took, age, _unit_values(unit))
     return [head, table, Text("")]
 

@@ -9,8 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-from drivers.canopen.bus_settings import Bus
-from drivers.modbus.line import Rtu, Tcp
+from drivers.canopen.bus_settings import BusSettings
+from drivers.modbus.line import RtuSettings, TcpSettings
 from rig import cli
 from rig.cli.command_error import fail
 from rig.cli.console import table_console
@@ -42,7 +42,7 @@ def scan_can(
 ) -> int:
     """Print the nodes that answer, or that send by themselves, and return the exit code."""
     try:
-        bus = Bus(interface, channel, bit_rate, tuple(map(_parse_option, options)))
+        bus = BusSettings(interface, channel, bit_rate, tuple(map(_parse_option, options)))
     except ValueError as error:
         return fail("scan can", error, as_json=as_json)
     try:
@@ -122,7 +122,7 @@ def scan_modbus(
     return cli.OK if answering else cli.FAILED
 
 
-def _listen_can(bus: Bus, timeout: float, *, as_json: bool) -> int:
+def _listen_can(bus: BusSettings, timeout: float, *, as_json: bool) -> int:
     numbers = scan.listen_for_nodes(bus, timeout)
     if as_json:
         print(json.dumps({"status": "complete", "listened_only": True, "heard": list(numbers)}))
@@ -133,8 +133,8 @@ def _listen_can(bus: Bus, timeout: float, *, as_json: bool) -> int:
     return cli.OK if numbers else cli.FAILED
 
 
-def _wire_of(settings: Tcp | Rtu) -> Wire:
-    if isinstance(settings, Rtu):
+def _wire_of(settings: TcpSettings | RtuSettings) -> Wire:
+    if isinstance(settings, RtuSettings):
         return serial_wire("serial line", settings.port)
     return network_wire("Modbus/TCP server", "tcp", settings.host, settings.port)
 
@@ -152,17 +152,19 @@ def _parse_option(text: str) -> tuple[str, Any]:
         return name, value
 
 
-def _line_settings(address: str | None, line: SerialLine | None, timeout: float) -> Tcp | Rtu:
+def _line_settings(
+    address: str | None, line: SerialLine | None, timeout: float
+) -> TcpSettings | RtuSettings:
     if (address is None) == (line is None):
         raise ValueError("give either HOST:PORT or --serial PORT")
     if line is not None:
-        return Rtu(*line, timeout, _LATE_ANSWER_S)
+        return RtuSettings(*line, timeout, _LATE_ANSWER_S)
     host, _, port = (address or "").rpartition(":")
     if not host:
         host, port = address or "", "502"
     if not port.isdigit() or not 0 < int(port) < 1 << 16:
         raise ValueError(f"{address!r} is not HOST:PORT")
-    return Tcp(host, int(port), timeout)
+    return TcpSettings(host, int(port), timeout)
 
 
 def _node_table(nodes: tuple[scan.DetectedNode, ...]) -> Table:

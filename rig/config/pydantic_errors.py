@@ -168,12 +168,12 @@ def _unknown_key_message(model: type[BaseModel] | None, loc: KeyPath) -> str:
     return f"unknown key; known are {', '.join(dict.fromkeys(known))}"
 
 
-def _suggestion(word: object, known: Iterable[str]) -> str:
+def _suggestion(key: object, known: Iterable[str]) -> str:
     """Return a hint at the most similar known word; empty if none is similar."""
     names = list(known)
-    matches = [name for name in names if name.startswith(f"{word}_")]  # the unit is missing
-    matches = matches or difflib.get_close_matches(str(word), names, n=1, cutoff=_MIN_SIMILARITY)
-    return f"; did you mean {matches[0]}?" if matches and word is not None else ""
+    matches = [name for name in names if name.startswith(f"{key}_")]  # the unit is missing
+    matches = matches or difflib.get_close_matches(str(key), names, n=1, cutoff=_MIN_SIMILARITY)
+    return f"; did you mean {matches[0]}?" if matches and key is not None else ""
 
 
 def _length_message(item: dict[str, Any]) -> str:

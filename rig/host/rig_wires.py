@@ -5,7 +5,7 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import NamedTuple
 
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.bus_settings import BusSettings
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.bench_wiring import BenchWiring
@@ -53,7 +53,7 @@ def findings(host: Host, rig: AnyRigFile) -> list[Finding]:
         return [Finding(area_name, "wiring", text, "", Verdict.BAD, advice, REALTIME)]
     assert isinstance(rig.wiring, Wiring)
     can = rig.wiring.can
-    bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
+    bus = BusSettings(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
     limit = "at most 80 % in the worst case: the rest is for messages that do not come every tick"
     found = [
         Finding(area_name, "load of the CAN bus", f"{100 * load:.0f} %", limit, Verdict.GOOD),
@@ -95,7 +95,7 @@ def _backend(area_name: str, interface: str) -> Finding:
     return Finding(area_name, check, trouble, limit, Verdict.BAD, advice, REALTIME)
 
 
-def _can(host: Host, bus: Bus) -> _WireCheck:
+def _can(host: Host, bus: BusSettings) -> _WireCheck:
     value = f"{bus.interface} {bus.channel}"
     if bus.interface == "socketcan":
         trouble = wire_check.network_problem(bus.channel, host.root)

@@ -16,8 +16,8 @@ from controllers.signals import (
 from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
 from rig.realtime import cycle
 from sim_plant.signals import Actuation, Readings
-from sim_plant.wave_maker import Sea
-from sim_plant.wavebot import FREE, WaveBotState
+from sim_plant.wave_maker import WaveMakerState
+from sim_plant.wavebot import NO_HOIST, WaveBotState
 
 
 class CoupledState(NamedTuple):
@@ -26,7 +26,7 @@ class CoupledState(NamedTuple):
     tick: int
     loop: cycle.State
     plant: WaveBotState
-    sea: Sea
+    sea: WaveMakerState
     in_transit: tuple[Readings, ...]  # delayed readings for the loop, oldest first
     plant_input: Actuation  # last command
     new_input: int  # 1: ``plant_input`` arrived after the plant's last step
@@ -37,7 +37,7 @@ class CoupledState(NamedTuple):
 def without_hoist(state: WaveBotState) -> WaveBotState:
     """Return the same state with a constant hoist; the compiler then removes the hoist's code."""
     body, electric, stator, surge, passive, _, probes = state
-    return WaveBotState(body, electric, stator, surge, passive, FREE, probes)
+    return WaveBotState(body, electric, stator, surge, passive, NO_HOIST, probes)
 
 
 def sense(readings: Readings, age: float) -> Sense:

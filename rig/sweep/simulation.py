@@ -90,7 +90,9 @@ class CampaignSimulator:
             devices["sea"] = sea
         self.plant = Plant.model_validate(devices["plant"])
         self.dt = plan.dt
-        self.begin = begin = build_world(devices | {"compiled": False}, plan.dt).beginning()
+        self.begin = begin = build_world(
+            devices | {"compiled": False}, plan.dt
+        ).initial_conditions()
         self.params = wavebot_params(
             campaign.file, campaign.rig, campaign.limits, plan.segments, plan.setpoints,
             campaign.record,
@@ -98,7 +100,7 @@ class CampaignSimulator:
         self._realisations = list_realisations(plan.setpoints.realisation)
         elevation, heave, surge, onset, onset_ticks = begin.tables
         waves: Any = [Column(table) for table in (elevation, heave, surge)]
-        self.tables = wave_maker.Tables(waves[0], waves[1], waves[2], onset, onset_ticks)
+        self.tables = wave_maker.WaveMakerTables(waves[0], waves[1], waves[2], onset, onset_ticks)
         self._sensors, self.normals = interleaved(begin.params.sensors, begin.normals)
         self.constants = begin.params._replace(sensors=self._sensors)  # of the plant
         self.advance = compiled.load(KEPT_FIELDS)
@@ -137,14 +139,14 @@ class CampaignSimulator:
 
     def start(self, stator: float | None = None) -> CoupledState:
         """Return the state of loop and plant before the first tick."""
-        begin, state, line = self.begin, self.begin.state, self.begin.line
+        begin, state, line = self.begin, self.begin.state, self.begin.delay_line
         if stator is not None:
             initial = wavebot.initial(begin.params, float(stator), 0.0)
             state = initial._replace(probes=state.probes)
             reading = wavebot.sample(begin.params, state, 0, 0.0, begin.normals)
             line = (reading,) * len(line)
         loop = cycle.start(KIND, self.params, 0)
-        return CoupledState(0, loop, state, wave_maker.STILL, line, OFF, 0, _NO_SETTINGS, 0)
+        return CoupledState(0, loop, state, wave_maker.STILL_WATER, line, OFF, 0, _NO_SETTINGS, 0)
 
     def set_drive(self, settings: DriveSettings) -> wavebot.WaveBotParams:
         """Return the plant's constants for settings of the custom drive; ValueError if invalid."""
@@ -152,7 +154,7 @@ class CampaignSimulator:
             return self.constants
         scheme, voltage, period, tolerance, _, level = settings
         drive_settings = custom_drive.DriveSettings(scheme, voltage, period, tolerance, level)
-        custom_drive.check(drive_settings)
+        custom_drive.check_settings(drive_settings)
         return self.plant.build(drive_settings)._replace(sensors=self._sensors)
 
 

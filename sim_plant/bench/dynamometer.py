@@ -1,7 +1,7 @@
-"""The bench as one pure step, and what its sensors read of a state.
+"""The bench as one pure step, and its sensor readings.
 
-In a step: brake, drive, motor, shaft. The shaft is quasi-static: between gearbox and brake nothing
-has an inertia that matters at 1.5 s (transmission.follow).
+A step updates brake, drive, motor and shaft. The shaft is quasi-static: between gearbox and brake
+no inertia matters at a period of 1.5 s (transmission.follow).
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from sim_plant.bench.brake import BrakeParams, BrakeState
 from sim_plant.bench.gearbox import GearboxParams, GearboxState
 from sim_plant.bench.load_cell import LoadCellParams
 from sim_plant.bench.losses import DragParams
-from sim_plant.bench.motor import Held, MotorParams
+from sim_plant.bench.motor import MotorParams, ShaftLoad
 from sim_plant.bench.servo import ServoParams, ServoState
-from sim_plant.bench.signals import TORQUE, Actuation, Reading
+from sim_plant.bench.signals import TORQUE, Actuation, BenchReading
 from sim_plant.bench.transmission import TransmissionParams
 from sim_plant.drive import DriveParams, DriveState
 from sim_plant.sensors import Channel
@@ -34,23 +34,23 @@ from sim_plant.units import (
     Watt,
 )
 
-UNMOVED = 1.0e9  # N m: what a clamp holds
+CLAMP_TORQUE = 1.0e9  # N m: holding torque of a clamp
 
 
 class SensorParams(NamedTuple):
     """Encoders, currents, limit switch."""
 
-    motor_counts: CountPerRadian  # of the output
+    motor_counts: CountPerRadian  # per radian at the output
     motor_offset: Count
     shaft_counts: CountPerRadian
     shaft_offset: Count
     current: Channel
     brake_current: Channel
-    travel: Radian  # of the shaft to either side, where the limit switch opens
+    travel: Radian  # of the shaft in either direction before the limit switch opens
 
 
 class BenchParams(NamedTuple):
-    """Everything the step needs, real floats."""
+    """Parameters of the step, as floats."""
 
     drive: DriveParams
     servo: ServoParams
@@ -65,7 +65,7 @@ class BenchParams(NamedTuple):
 
 
 class BenchState(NamedTuple):
-    """Everything the step remembers."""
+    """State of the step."""
 
     drive: DriveState
     servo: ServoState
@@ -76,25 +76,25 @@ class BenchState(NamedTuple):
     shaft_angle: Radian
     shaft_velocity: RadianPerSecond  # mean over the last step
     shaft_torque: NewtonMetre  # through the load cell
-    friction: NewtonMetre  # of the gearbox, what it could hold in the last step
+    friction: NewtonMetre  # of the gearbox: largest friction torque in the last step
     power: Watt  # out of the shaft, mean over the last step
     drift: Ratio  # of the load cell
 
 
-class Moved(NamedTuple):
-    """The motor's side after a step."""
+class MotorStep(NamedTuple):
+    """State of the motor side after a step."""
 
     drive: DriveState
     servo: ServoState
     angle: Radian
     velocity: RadianPerSecond
-    friction: NewtonMetre  # of the gearbox, what it could hold
+    friction: NewtonMetre  # of the gearbox: largest friction torque
 
 
 def initial(params: BenchParams) -> BenchState:
-    """Give the bench at rest at angle 0 with all switched off, teeth in the middle of the gap."""
+    """Return the bench at rest at angle 0, switched off, the teeth in the middle of the gap."""
     return BenchState(
-        drive.at_rest(), servo.at_rest(params.servo), gearbox.FRESH, brake.initial(params.brake),
+        drive.initial(), servo.initial(params.servo), gearbox.INITIAL, brake.initial(params.brake),
         0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     )  # fmt: skip
 
@@ -110,104 +110,131 @@ def step(
 ) -> BenchState:
     """Advance the bench by dt under a latched actuation.
 
-    `fresh` is 1 if the actuation came since the last step; `stopped` is 1 while the hard-wired
+    `fresh` is 1 if the actuation arrived since the last step; `stopped` is 1 while the hard-wired
     stop chain is open: the drive's power stage is off. `normals` is the seeded table.
     """
-    held_by = brake.step(params.brake, state.brake, actuation.brake_current_a, dt)
-    held = _held(params, state, held_by.torque, actuation.locked)
-    moved = move_motor(params, state, held, actuation, fresh, stopped, normals, dt)
+    brake_state = brake.step(params.brake, state.brake, actuation.brake_current_a, dt)
+    shaft_load = _shaft_load(params, state, brake_state.torque, actuation.locked)
+    motor_step = move_motor(params, state, shaft_load, actuation, fresh, stopped, normals, dt)
     shaft = transmission.follow(
-        params.transmission, moved.angle, state.shaft_angle, held.forward, held.back
+        params.transmission,
+        motor_step.angle,
+        state.shaft_angle,
+        shaft_load.forward_friction,
+        shaft_load.backward_friction,
     )
-    load = transmission.torque(params.transmission, moved.angle - shaft)
-    turned = shaft - state.shaft_angle
-    way = moved.angle - state.motor_angle
+    load = transmission.torque(params.transmission, motor_step.angle - shaft)
+    shaft_travel = shaft - state.shaft_angle
+    motor_travel = motor_step.angle - state.motor_angle
     return BenchState(
-        moved.drive, moved.servo, gearbox.step(params.gearbox, state.gearbox, load, way, normals),
-        held_by, moved.angle, moved.velocity, shaft, turned / dt, load, moved.friction,
-        load * turned / dt, load_cell.drifted(params.load_cell, state.drift, dt),
+        motor_step.drive, motor_step.servo,
+        gearbox.step(params.gearbox, state.gearbox, load, motor_travel, normals), brake_state,
+        motor_step.angle, motor_step.velocity, shaft, shaft_travel / dt, load, motor_step.friction,
+        load * shaft_travel / dt, load_cell.drift_step(params.load_cell, state.drift, dt),
     )  # fmt: skip
 
 
 def move_motor(
     params: BenchParams,
     state: BenchState,
-    held: Held,
+    shaft_load: ShaftLoad,
     actuation: Actuation,
     fresh: Flag,
     stopped: Flag,
     normals: Sequence[float],
     dt: Second,
-) -> Moved:
-    """Advance drive and motor by dt against what holds the shaft's side."""
+) -> MotorStep:
+    """Advance drive and motor by dt against the load of the shaft side."""
     enable, mode, command, current, _, _ = actuation
     if stopped == 1 or abs(state.shaft_angle) > params.sensors.travel:
         enable = 0
     friction = gearbox.friction(params.gearbox, state.gearbox, state.shaft_torque)
-    set_point = servo.step(
+    servo_state = servo.step(
         params.servo, state.servo, command, state.drive.enabled, state.shaft_torque, normals, dt
     )
-    if mode != TORQUE and abs(command) < drive.ABSURD:
-        current = _current_of_velocity(params, state, held, set_point.wanted, friction, dt)
+    if mode != TORQUE and abs(command) < drive.MAX_PLAUSIBLE_CURRENT:
+        current = _velocity_loop_current(
+            params, state, shaft_load, servo_state.set_point, friction, dt
+        )
     elif mode != TORQUE:
-        current = command  # the drive refuses what is no number
-    most = motor.ceiling(params.motor, params.drive.current_limit, current, state.motor_velocity)
-    driven = drive.drive_step(params.drive, state.drive, current, enable, fresh, 1, 0, most, dt)
-    torque = params.motor.torque_per_current * driven.current
-    velocity = motor.moved(
-        params.motor, params.transmission, held, state.motor_velocity, torque, friction, dt
+        current = command  # the drive rejects a command that is not a number
+    max_current = motor.max_current(
+        params.motor, params.drive.current_limit, current, state.motor_velocity
+    )
+    drive_state = drive.drive_step(
+        params.drive, state.drive, current, enable, fresh, 1, 0, max_current, dt
+    )
+    torque = params.motor.torque_per_current * drive_state.current
+    velocity = motor.velocity_step(
+        params.motor, params.transmission, shaft_load, state.motor_velocity, torque, friction, dt
     )
     angle = state.motor_angle + velocity * dt
-    return Moved(driven, set_point, angle, velocity, friction)
+    return MotorStep(drive_state, servo_state, angle, velocity, friction)
 
 
-def _held(params: BenchParams, state: BenchState, torque: NewtonMetre, locked: Flag) -> Held:
-    """Give what opposes the motor in the step to come."""
-    ahead = state.motor_angle - state.shaft_angle
+def _shaft_load(
+    params: BenchParams, state: BenchState, torque: NewtonMetre, locked: Flag
+) -> ShaftLoad:
+    """Return the load that opposes the motor in the next step."""
+    deflection = state.motor_angle - state.shaft_angle
     if locked == 1:
-        return Held(ahead, UNMOVED, UNMOVED)
+        return ShaftLoad(deflection, CLAMP_TORQUE, CLAMP_TORQUE)
     speed = state.shaft_velocity
-    forward = torque + losses.forward(params.bearing, speed) + losses.forward(params.seal, speed)
-    back = torque + losses.back(params.bearing, speed) + losses.back(params.seal, speed)
-    return Held(ahead, forward, back)
+    forward = (
+        torque
+        + losses.forward_torque(params.bearing, speed)
+        + losses.forward_torque(params.seal, speed)
+    )
+    backward = (
+        torque
+        + losses.backward_torque(params.bearing, speed)
+        + losses.backward_torque(params.seal, speed)
+    )
+    return ShaftLoad(deflection, forward, backward)
 
 
-def _current_of_velocity(
+def _velocity_loop_current(
     params: BenchParams,
     state: BenchState,
-    held: Held,
-    wanted: RadianPerSecond,
+    shaft_load: ShaftLoad,
+    set_point: RadianPerSecond,
     friction: NewtonMetre,
     dt: Second,
 ) -> float:
-    """Give the current with which the velocity loop follows its set point, within its limit, A."""
-    now = state.motor_velocity
-    after = wanted + (now - wanted) * math.exp(-dt / params.servo.time_constant)
-    torque = motor.needed(params.motor, params.transmission, held, now, after, friction, dt)
+    """Return the current that makes the velocity loop follow its set point, within its limit, A."""
+    velocity = state.motor_velocity
+    next_velocity = set_point + (velocity - set_point) * math.exp(-dt / params.servo.time_constant)
+    torque = motor.required_torque(
+        params.motor, params.transmission, shaft_load, velocity, next_velocity, friction, dt
+    )
     current = torque / params.motor.torque_per_current
     return max(-params.drive.current_limit, min(current, params.drive.current_limit))
 
 
 def sample(
     params: BenchParams, state: BenchState, e_stop: Flag, tick: int, normals: Sequence[float]
-) -> Reading:
-    """Give what the sensors read at a state; `tick` is the clock of the noise table."""
-    chosen = params.sensors
-    carried = load_cell.wrench(params.load_cell, state.shaft_angle, state.shaft_torque)
-    told = load_cell.read(params.load_cell, carried, state.drift, tick, normals)
-    return Reading(
-        sensors.count(chosen.motor_counts, chosen.motor_offset, state.motor_angle),
-        sensors.count(chosen.shaft_counts, chosen.shaft_offset, state.shaft_angle),
-        sensors.measure(chosen.current, state.drive.current, tick, normals),
+) -> BenchReading:
+    """Return the sensor readings at a state; `tick` is the index of the noise table."""
+    sensor_params = params.sensors
+    load = load_cell.wrench(params.load_cell, state.shaft_angle, state.shaft_torque)
+    cell = load_cell.read(params.load_cell, load, state.drift, tick, normals)
+    return BenchReading(
+        sensors.encoder_count(
+            sensor_params.motor_counts, sensor_params.motor_offset, state.motor_angle
+        ),
+        sensors.encoder_count(
+            sensor_params.shaft_counts, sensor_params.shaft_offset, state.shaft_angle
+        ),
+        sensors.measure(sensor_params.current, state.drive.current, tick, normals),
         state.drive.enabled,
         state.drive.fault,
-        told.fx,
-        told.fy,
-        told.fz,
-        told.tx,
-        told.ty,
-        told.tz,
-        sensors.measure(chosen.brake_current, state.brake.current, tick, normals),
+        cell.fx,
+        cell.fy,
+        cell.fz,
+        cell.tx,
+        cell.ty,
+        cell.tz,
+        sensors.measure(sensor_params.brake_current, state.brake.current, tick, normals),
         e_stop,
-        1 if abs(state.shaft_angle) > chosen.travel else 0,
+        1 if abs(state.shaft_angle) > sensor_params.travel else 0,
     )

@@ -1,4 +1,4 @@
-"""Six-axis load cell: side loads that a test stand puts on it, cross-talk, drift, noise. Pure."""
+"""Six-axis load cell: side loads of the test stand, cross-talk, drift, noise. Pure."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from sim_plant import sensors
 from sim_plant.sensors import Channel
 from sim_plant.units import Newton, NewtonMetre, Radian, Ratio, Second
 
-Six = tuple[float, float, float, float, float, float]
+SixAxes = tuple[float, float, float, float, float, float]
 
 
 class LoadCellParams(NamedTuple):
-    """Errors of the cell; `cross_talk` is what is read of each unit of wrench, row by row."""
+    """Errors of the cell; `cross_talk` holds the reading per unit of wrench, row by row."""
 
-    cross_talk: tuple[Six, Six, Six, Six, Six, Six]
-    weight: Newton  # hanging at the cell: a force that turns in its axes
-    weight_arm: float  # m, from the cell: what the weight bends
+    cross_talk: tuple[SixAxes, SixAxes, SixAxes, SixAxes, SixAxes, SixAxes]
+    weight: Newton  # of the parts at the cell: a force that rotates in its axes
+    weight_arm: float  # m, lever of the weight for bending
     misalignment: Ratio  # bending moment per torque about the shaft
-    drift: Six  # level that the zeros drift to
+    drift: SixAxes  # final level of the zero drift
     drift_time: Second
     channels: tuple[Channel, Channel, Channel, Channel, Channel, Channel]
 
@@ -37,30 +37,30 @@ class Wrench(NamedTuple):
 
 
 def wrench(params: LoadCellParams, angle: Radian, torque: NewtonMetre) -> Wrench:
-    """Give what the cell carries at a shaft angle under a torque about the shaft."""
-    turned = angle if abs(angle) < 1.0e6 else 0.0
-    across, down = -math.sin(turned), -math.cos(turned)
+    """Return the wrench on the cell at a shaft angle under a torque about the shaft."""
+    bounded_angle = angle if abs(angle) < 1.0e6 else 0.0
+    sine, cosine = -math.sin(bounded_angle), -math.cos(bounded_angle)
     bending = params.misalignment * torque
     arm = params.weight_arm
     return Wrench(
-        params.weight * across,
-        params.weight * down,
+        params.weight * sine,
+        params.weight * cosine,
         0.0,
-        -arm * params.weight * down + bending,
-        arm * params.weight * across,
+        -arm * params.weight * cosine + bending,
+        arm * params.weight * sine,
         torque,
     )
 
 
-def drifted(params: LoadCellParams, share: Ratio, dt: Second) -> Ratio:
-    """Advance the share of the drift that has come about, 0 to 1, by dt."""
+def drift_step(params: LoadCellParams, share: Ratio, dt: Second) -> Ratio:
+    """Advance the completed fraction of the drift, 0 to 1, by dt."""
     return share + (1.0 - share) * min(dt / params.drift_time, 1.0)
 
 
 def read(
     params: LoadCellParams, load: Wrench, drift: Ratio, tick: int, normals: Sequence[float]
 ) -> Wrench:
-    """Give what the cell tells of a wrench at a tick."""
+    """Return the cell's reading of a wrench at a tick."""
     return Wrench(
         _axis(params, 0, load, drift, tick, normals),
         _axis(params, 1, load, drift, tick, normals),
@@ -80,6 +80,8 @@ def _axis(
     normals: Sequence[float],
 ) -> float:
     row = params.cross_talk[axis]
-    told = row[0] * load.fx + row[1] * load.fy + row[2] * load.fz
-    told += row[3] * load.tx + row[4] * load.ty + row[5] * load.tz
-    return sensors.measure(params.channels[axis], told + drift * params.drift[axis], tick, normals)
+    reading = row[0] * load.fx + row[1] * load.fy + row[2] * load.fz
+    reading += row[3] * load.tx + row[4] * load.ty + row[5] * load.tz
+    return sensors.measure(
+        params.channels[axis], reading + drift * params.drift[axis], tick, normals
+    )

@@ -1,7 +1,7 @@
-"""What rubs beside the brake, behind the load cell: the bearing and, if there is one, a seal. Pure.
+"""Friction of the bearing and of the optional seal behind the load cell. Pure.
 
-Both rub more in one direction than in the other and a little more at speed (OSWEC thesis, 3.2.2:
-less than 0.4 N m, counter-clockwise more than clockwise).
+The friction differs between the directions and grows slightly with speed (OSWEC thesis, 3.2.2:
+less than 0.4 N m, more counter-clockwise than clockwise).
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from sim_plant.units import NewtonMetre, NewtonMetreSecondPerRadian, RadianPerSe
 
 
 class DragParams(NamedTuple):
-    """Friction of one part."""
+    """Friction of one component."""
 
-    clockwise: NewtonMetre  # dry, as the shaft turns along positive angle
-    counter: NewtonMetre
+    clockwise: NewtonMetre  # dry friction for motion in positive direction
+    counterclockwise: NewtonMetre
     viscous: NewtonMetreSecondPerRadian
 
 
-def forward(params: DragParams, velocity: RadianPerSecond) -> NewtonMetre:
-    """Give the torque that motion along positive angle has to overcome, not negative."""
+def forward_torque(params: DragParams, velocity: RadianPerSecond) -> NewtonMetre:
+    """Return the friction torque against motion in positive direction, not negative."""
     return params.clockwise + params.viscous * abs(velocity)
 
 
-def back(params: DragParams, velocity: RadianPerSecond) -> NewtonMetre:
-    """Give the torque that motion along negative angle has to overcome, not negative."""
-    return params.counter + params.viscous * abs(velocity)
+def backward_torque(params: DragParams, velocity: RadianPerSecond) -> NewtonMetre:
+    """Return the friction torque against motion in negative direction, not negative."""
+    return params.counterclockwise + params.viscous * abs(velocity)

@@ -1,6 +1,7 @@
-"""Motor, rotor and gearbox as one inertia at the output, and what moves it. Pure.
+"""Motor, rotor and gearbox as one inertia at the output. Pure.
 
-One linearly implicit step: friction holds exactly, and no stiffness of the coupling makes it ring.
+The step is linearly implicit: friction holds exactly, and the step is stable for any stiffness of
+the coupling.
 """
 
 from __future__ import annotations
@@ -22,73 +23,83 @@ from sim_plant.units import (
 
 
 class MotorParams(NamedTuple):
-    """Constants at the gearbox output."""
+    """Parameters at the gearbox output."""
 
     inertia: KilogramSquareMetre
     viscous: NewtonMetreSecondPerRadian
     torque_per_current: NewtonMetrePerAmpere
-    top_speed: RadianPerSecond  # where the drive has no voltage left to drive it faster
+    top_speed: RadianPerSecond  # at which the drive's voltage is exhausted
 
 
-class Held(NamedTuple):
-    """What the shaft's side does to the motor in a step."""
+class ShaftLoad(NamedTuple):
+    """Load of the shaft side on the motor in a step."""
 
-    ahead: Radian  # deflection at its start
-    forward: NewtonMetre  # what dry friction behind the load cell holds, both not negative
-    back: NewtonMetre
+    deflection: Radian  # at the start of the step
+    forward_friction: NewtonMetre  # dry friction behind the load cell, both not negative
+    backward_friction: NewtonMetre
 
 
-def ceiling(params: MotorParams, limit: Ampere, asked: Ampere, speed: RadianPerSecond) -> Ampere:
-    """Give the most current that the drive's voltage allows: less in the last 5 % of the speed."""
-    if not asked * speed > 0.0:
+def max_current(
+    params: MotorParams, limit: Ampere, current: Ampere, speed: RadianPerSecond
+) -> Ampere:
+    """Return the current limit by the drive's voltage: reduced in the last 5 % of the speed."""
+    if not current * speed > 0.0:
         return limit  # braking
-    left = (params.top_speed - abs(speed)) / (0.05 * params.top_speed)
-    return limit * max(0.0, min(left, 1.0))
+    fraction = (params.top_speed - abs(speed)) / (0.05 * params.top_speed)
+    return limit * max(0.0, min(fraction, 1.0))
 
 
-def load_at(spring: TransmissionParams, held: Held, moved: Radian) -> NewtonMetre:
-    """Give the torque through the coupling after a movement: the spring's, or friction's."""
-    wound = transmission.torque(spring, held.ahead + moved)
-    return max(-held.back, min(wound, held.forward))
+def coupling_torque(
+    spring: TransmissionParams, shaft_load: ShaftLoad, travel: Radian
+) -> NewtonMetre:
+    """Return the torque through the coupling after a movement: the spring's, up to friction."""
+    spring_torque = transmission.torque(spring, shaft_load.deflection + travel)
+    return max(-shaft_load.backward_friction, min(spring_torque, shaft_load.forward_friction))
 
 
-def needed(
+def required_torque(
     params: MotorParams,
     spring: TransmissionParams,
-    held: Held,
-    now: RadianPerSecond,
-    after: RadianPerSecond,
+    shaft_load: ShaftLoad,
+    velocity: RadianPerSecond,
+    next_velocity: RadianPerSecond,
     friction: NewtonMetre,
     dt: Second,
 ) -> NewtonMetre:
-    """Give the motor torque that makes the velocity `after` of `now` within dt."""
-    inertial = params.inertia * (after - now) / dt + params.viscous * after
-    rubbing = friction if after > 0.0 else (-friction if after < 0.0 else 0.0)
-    return inertial + rubbing + load_at(spring, held, after * dt)
+    """Return the motor torque that changes `velocity` to `next_velocity` within dt."""
+    inertial_torque = (
+        params.inertia * (next_velocity - velocity) / dt + params.viscous * next_velocity
+    )
+    friction_torque = (
+        friction if next_velocity > 0.0 else (-friction if next_velocity < 0.0 else 0.0)
+    )
+    return (
+        inertial_torque + friction_torque + coupling_torque(spring, shaft_load, next_velocity * dt)
+    )
 
 
-def moved(
+def velocity_step(
     params: MotorParams,
     spring: TransmissionParams,
-    held: Held,
-    now: RadianPerSecond,
+    shaft_load: ShaftLoad,
+    velocity: RadianPerSecond,
     torque: NewtonMetre,
     friction: NewtonMetre,
     dt: Second,
 ) -> RadianPerSecond:
-    """Give the velocity after dt under a motor torque."""
-    before = load_at(spring, held, 0.0)
-    mass = params.inertia + dt * params.viscous
-    free = (params.inertia * now + dt * (torque - before)) / mass
-    way = free * dt
-    slope = 0.0  # of the load over the way that the motor would go
-    if abs(way) > 1.0e-12:
-        slope = (load_at(spring, held, way) - before) / way
-    mass += dt * dt * slope
-    push = params.inertia * now + dt * (torque - before)
-    rub = dt * friction
-    if push > rub:
-        return (push - rub) / mass
-    if push < -rub:
-        return (push + rub) / mass
+    """Return the velocity after dt under a motor torque."""
+    initial_load = coupling_torque(spring, shaft_load, 0.0)
+    effective_inertia = params.inertia + dt * params.viscous
+    free_velocity = (params.inertia * velocity + dt * (torque - initial_load)) / effective_inertia
+    free_travel = free_velocity * dt
+    slope = 0.0  # of the load over the free travel
+    if abs(free_travel) > 1.0e-12:
+        slope = (coupling_torque(spring, shaft_load, free_travel) - initial_load) / free_travel
+    effective_inertia += dt * dt * slope
+    impulse = params.inertia * velocity + dt * (torque - initial_load)
+    friction_impulse = dt * friction
+    if impulse > friction_impulse:
+        return (impulse - friction_impulse) / effective_inertia
+    if impulse < -friction_impulse:
+        return (impulse + friction_impulse) / effective_inertia
     return 0.0

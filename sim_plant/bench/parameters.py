@@ -1,7 +1,7 @@
-"""A bench's plant file: every number with its unit, its source and an allowed range.
+"""Schema of a bench's plant file: every number with its unit, its source and an allowed range.
 
-`BenchPlant.model_validate(mapping)` checks one merged mapping (`extends` is resolved before), and
-`BenchPlant.build()` turns it into the NamedTuples of the step. Nothing has a default.
+`BenchPlant.model_validate(mapping)` validates one merged mapping (`extends` is resolved before),
+and `BenchPlant.build()` converts it to the NamedTuples of the step. No key has a default.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from sim_plant.bench.motor import MotorParams
 from sim_plant.bench.servo import ServoParams
 from sim_plant.bench.transmission import TransmissionParams
 from sim_plant.drive import DriveParams
-from sim_plant.entries import Checked, Text
+from sim_plant.entries import StrictModel, Text
 from sim_plant.sensors import Channel
 
 
-class BenchPlant(Checked):
-    """A whole plant file of a bench."""
+class BenchPlant(StrictModel):
+    """A complete plant file of a bench."""
 
     name: Text
     drive: sections.Drive
@@ -38,7 +38,7 @@ class BenchPlant(Checked):
     sensors: sections.Sensors
 
     def build(self) -> BenchParams:
-        """Give the constants of the step as real floats."""
+        """Return the parameters of the step as floats."""
         return BenchParams(
             DriveParams(
                 float(self.drive.current_limit.value),
@@ -141,7 +141,7 @@ def _load_cell(file: sections.LoadCell) -> LoadCellParams:
         float(file.misalignment.value),
         tuple(float(level) for level in file.drift.value),  # type: ignore[arg-type]
         float(file.drift_time.value),
-        # strides differ so that no two channels share their noise
+        # The strides differ so that no two channels share their noise.
         (
             Channel(float(bias[0]), *force, 3, 20011),
             Channel(float(bias[1]), *force, 5, 40009),

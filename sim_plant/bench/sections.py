@@ -7,17 +7,26 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from sim_plant.entries import Checked, Count, Entry, Positive, Row, Size, Stiffness, Time
+from sim_plant.entries import (
+    Count,
+    Entry,
+    NonNegative,
+    Positive,
+    Stiffness,
+    StrictModel,
+    TableRow,
+    Time,
+)
 
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Switch = Annotated[int, Field(ge=0, le=1)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+SwitchValue = Annotated[int, Field(ge=0, le=1)]
 Angle = Annotated[float, Field(ge=0.0, le=10.0)]  # deg
 Level = Annotated[float, Field(ge=-1.0e3, le=1.0e3)]
-Six = Annotated[tuple[Level, Level, Level, Level, Level, Level], Field(strict=False)]
-Matrix = Annotated[tuple[Six, Six, Six, Six, Six, Six], Field(strict=False)]
+SixAxes = Annotated[tuple[Level, Level, Level, Level, Level, Level], Field(strict=False)]
+Matrix = Annotated[tuple[SixAxes, SixAxes, SixAxes, SixAxes, SixAxes, SixAxes], Field(strict=False)]
 
 
-class Drive(Checked):
+class Drive(StrictModel):
     """Command side of the servo drive."""
 
     current_limit: Entry[Positive, Literal["A"]]
@@ -26,7 +35,7 @@ class Drive(Checked):
     watchdog: Entry[Time, Literal["s"]]
 
 
-class VelocityLoop(Checked):
+class VelocityLoop(StrictModel):
     """Velocity loop and its analog input; at the gearbox output."""
 
     gain: Entry[Positive, Literal["rad/s/V"]]
@@ -35,7 +44,7 @@ class VelocityLoop(Checked):
     resolution: Entry[Annotated[float, Field(ge=0.0, le=0.1)], Literal["V"]]
     time_constant: Entry[Annotated[float, Field(gt=0.0, le=1.0)], Literal["s"]]
     cut_in: Entry[Annotated[float, Field(ge=0.0, le=1.0)], Literal["rad/s"]]
-    cut_in_spread: Entry[Share, Literal["1"]]
+    cut_in_spread: Entry[Fraction, Literal["1"]]
     cut_in_closing: Entry[Time, Literal["s"]]
     droop: Entry[Annotated[float, Field(ge=0.0, le=1.0)], Literal["rad/s"]]
     droop_speed: Entry[Positive, Literal["rad/s"]]
@@ -43,30 +52,30 @@ class VelocityLoop(Checked):
     load_window: Entry[Time, Literal["s"]]
 
 
-class Motor(Checked):
+class Motor(StrictModel):
     """Motor and rotor."""
 
     torque_constant: Entry[Positive, Literal["N m/A"]]
     gear_ratio: Entry[Positive, Literal["1"]]
     inertia: Entry[Annotated[float, Field(gt=0.0, le=1.0)], Literal["kg m2"]]
-    viscous: Entry[Size, Literal["N m s/rad"]]
+    viscous: Entry[NonNegative, Literal["N m s/rad"]]
     top_speed: Entry[Positive, Literal["rev/s"]]
 
 
-class Gearbox(Checked):
+class Gearbox(StrictModel):
     """Friction of the gearbox at its output."""
 
-    dry: Entry[Size, Literal["N m"]]
-    breakaway: Entry[Size, Literal["N m"]]
+    dry: Entry[NonNegative, Literal["N m"]]
+    breakaway: Entry[NonNegative, Literal["N m"]]
     settling: Entry[Annotated[float, Field(gt=0.0, le=10.0)], Literal["deg"]]
-    share_forward: Entry[Share, Literal["1"]]
-    share_back: Entry[Share, Literal["1"]]
-    spread_forward: Entry[Share, Literal["1"]]
-    spread_back: Entry[Share, Literal["1"]]
+    share_forward: Entry[Fraction, Literal["1"]]
+    share_back: Entry[Fraction, Literal["1"]]
+    spread_forward: Entry[Fraction, Literal["1"]]
+    spread_back: Entry[Fraction, Literal["1"]]
 
 
-class Transmission(Checked):
-    """Stiffnesses in series, gap, and how the gearbox settles."""
+class Transmission(StrictModel):
+    """Stiffnesses in series, gap, and settling of the gearbox."""
 
     gearbox_stiffness: Entry[Stiffness, Literal["N m/rad"]]
     coupling_stiffness: Entry[Stiffness, Literal["N m/rad"]]
@@ -78,27 +87,27 @@ class Transmission(Checked):
     soft_torque: Entry[Positive, Literal["N m"]]
 
 
-class Drag(Checked):
+class Drag(StrictModel):
     """Friction of a bearing or a seal."""
 
-    clockwise: Entry[Size, Literal["N m"]]
-    counter: Entry[Size, Literal["N m"]]
-    viscous: Entry[Size, Literal["N m s/rad"]]
+    clockwise: Entry[NonNegative, Literal["N m"]]
+    counter: Entry[NonNegative, Literal["N m"]]
+    viscous: Entry[NonNegative, Literal["N m s/rad"]]
 
 
-class Brake(Checked):
+class Brake(StrictModel):
     """Particle brake and its amplifier."""
 
-    fitted: Entry[Switch, Literal["0 or 1"]]
-    currents: Entry[Row, Literal["A"]]
-    torques: Entry[Row, Literal["N m"]]
+    fitted: Entry[SwitchValue, Literal["0 or 1"]]
+    currents: Entry[TableRow, Literal["A"]]
+    torques: Entry[TableRow, Literal["N m"]]
     half_width: Entry[Annotated[float, Field(ge=0.0, le=1.0)], Literal["A"]]
     current_limit: Entry[Positive, Literal["A"]]
     current_lag: Entry[Time, Literal["s"]]
     torque_lag: Entry[Time, Literal["s"]]
 
     @model_validator(mode="after")
-    def _is_a_curve(self) -> Brake:
+    def _check_curve(self) -> Brake:
         currents, torques = self.currents.value, self.torques.value
         if len(currents) != len(torques):
             raise ValueError(f"{len(currents)} brake currents but {len(torques)} torques")
@@ -109,23 +118,23 @@ class Brake(Checked):
         return self
 
 
-class LoadCell(Checked):
+class LoadCell(StrictModel):
     """Six-axis load cell; noise is the standard deviation of one sample."""
 
     cross_talk: Entry[Matrix, Literal["SI, fx fy fz tx ty tz by row"]]
-    weight: Entry[Size, Literal["N"]]
+    weight: Entry[NonNegative, Literal["N"]]
     weight_arm: Entry[Annotated[float, Field(ge=0.0, le=10.0)], Literal["m"]]
-    misalignment: Entry[Share, Literal["1"]]
-    bias: Entry[Six, Literal["SI, fx fy fz tx ty tz"]]
-    drift: Entry[Six, Literal["SI, fx fy fz tx ty tz"]]
+    misalignment: Entry[Fraction, Literal["1"]]
+    bias: Entry[SixAxes, Literal["SI, fx fy fz tx ty tz"]]
+    drift: Entry[SixAxes, Literal["SI, fx fy fz tx ty tz"]]
     drift_time: Entry[Annotated[float, Field(gt=0.0, le=1.0e6)], Literal["s"]]
-    force_noise: Entry[Size, Literal["N"]]
-    torque_noise: Entry[Size, Literal["N m"]]
-    force_resolution: Entry[Size, Literal["N"]]
-    torque_resolution: Entry[Size, Literal["N m"]]
+    force_noise: Entry[NonNegative, Literal["N"]]
+    torque_noise: Entry[NonNegative, Literal["N m"]]
+    force_resolution: Entry[NonNegative, Literal["N"]]
+    torque_resolution: Entry[NonNegative, Literal["N m"]]
 
 
-class Sensors(Checked):
+class Sensors(StrictModel):
     """Encoders, currents and the limit switch."""
 
     delay_ticks: Entry[Annotated[int, Field(ge=0, le=20)], Literal["tick"]]
@@ -133,8 +142,8 @@ class Sensors(Checked):
     motor_offset: Entry[Count, Literal["count"]]
     shaft_counts: Entry[Annotated[int, Field(ge=100, le=100_000_000)], Literal["count/rev"]]
     shaft_offset: Entry[Count, Literal["count"]]
-    current_noise: Entry[Size, Literal["A"]]
-    current_resolution: Entry[Size, Literal["A"]]
-    brake_current_noise: Entry[Size, Literal["A"]]
-    brake_current_resolution: Entry[Size, Literal["A"]]
+    current_noise: Entry[NonNegative, Literal["A"]]
+    current_resolution: Entry[NonNegative, Literal["A"]]
+    brake_current_noise: Entry[NonNegative, Literal["A"]]
+    brake_current_resolution: Entry[NonNegative, Literal["A"]]
     travel: Entry[Annotated[float, Field(gt=0.0, le=360.0)], Literal["deg"]]

@@ -1,7 +1,7 @@
-"""The words on the wires between a rig and the simulated bench.
+"""Signals on the wires between a rig and the simulated bench.
 
 Angles, velocities and torques are at the gearbox output; a positive torque of the motor on the
-shaft acts along positive angle, "clockwise" in the words of the OSWEC thesis.
+shaft acts in positive direction, "clockwise" in the OSWEC thesis.
 """
 
 from __future__ import annotations
@@ -26,37 +26,37 @@ VELOCITY, TORQUE = 0, 1
 
 
 class Actuation(NamedTuple):
-    """What the wires bring to the bench."""
+    """Commands from the control computer to the bench."""
 
-    enable: Flag  # 1: drive asked to be on
+    enable: Flag  # 1: drive enable is requested
     mode: Code  # 0 velocity loop, 1 torque loop
     command_v: Volt  # velocity command, +-10 V
-    current_a: Ampere  # motor current asked for in the torque loop
+    current_a: Ampere  # commanded motor current of the torque loop
     brake_current_a: Ampere  # brake amplifier
     locked: Flag  # 1: the shaft is clamped behind the load cell
 
 
-class Reading(NamedTuple):
-    """What the wires bring back: values sampled `delay_ticks` ticks ago."""
+class BenchReading(NamedTuple):
+    """Measurements from the bench: values sampled `delay_ticks` ticks ago."""
 
     motor_counts: Count  # motor encoder, unwrapped, with an arbitrary starting offset
-    shaft_counts: Count  # shaft encoder, the same
+    shaft_counts: Count  # shaft encoder, likewise
     current_a: Ampere  # motor
     enabled: Flag
-    fault: Code  # 0 none, 1 silence or an absurd command
+    fault: Code  # 0 none, 1 no command in time, or an implausible command
     fx: Newton  # load cell, in axes that turn with the shaft
     fy: Newton
     fz: Newton
     tx: NewtonMetre
     ty: NewtonMetre
-    tz: NewtonMetre  # about the shaft, positive as the motor's torque on the brake
+    tz: NewtonMetre  # about the shaft, positive like the motor's torque on the brake
     brake_current_a: Ampere
     e_stop: Flag  # 1: pressed
     limit_switch: Flag  # 1: the shaft is beyond its travel
 
 
-class Truth(NamedTuple):
-    """What no sensor sees, at the present tick."""
+class BenchTruth(NamedTuple):
+    """True state at the present tick."""
 
     motor_angle: Radian
     motor_velocity: RadianPerSecond
@@ -64,11 +64,11 @@ class Truth(NamedTuple):
     shaft_velocity: RadianPerSecond
     shaft_torque: NewtonMetre  # through the load cell
     motor_torque: NewtonMetre  # of the current, before the gearbox's friction
-    gear_friction: NewtonMetre  # what the gearbox takes, opposing the motor's motion
-    brake_torque: NewtonMetre  # what the brake can hold
+    gear_friction: NewtonMetre  # of the gearbox, opposing the motor's motion
+    brake_torque: NewtonMetre  # holding torque of the brake
     brake_power: Watt  # taken out of the shaft by brake, bearing and seal; never negative
     time: Second
 
 
 OFF = Actuation(0, VELOCITY, 0.0, 0.0, 0.0, 0)
-"""Nothing asked for: drive off, brake without current, shaft free."""
+"""No request: drive off, brake without current, shaft free."""

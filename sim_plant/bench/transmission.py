@@ -1,7 +1,7 @@
-"""Gearbox and coupling as a torsional spring with a gap: torque of a deflection and back. Pure.
+"""Gearbox and coupling as a torsional spring with a gap. Pure.
 
-Deflection is motor minus shaft. Over it the torque is zero in the gap, then rises softly while the
-teeth and bearings of the gearbox settle, then at the combined stiffness (OSWEC thesis, eq. 2.4):
+Deflection is motor minus shaft. The torque is zero in the gap, then rises softly while the teeth
+and bearings of the gearbox settle, then rises at the combined stiffness (OSWEC thesis, eq. 2.4):
 the piecewise-linear relation of its Fig. 2.9.
 """
 
@@ -13,41 +13,41 @@ from sim_plant.units import NewtonMetre, NewtonMetrePerRadian, Radian
 
 
 class TransmissionParams(NamedTuple):
-    """Torsion constants; the gap is `half_gap` to either side."""
+    """Torsion parameters; the gap is `half_gap` to either side."""
 
     stiffness: NewtonMetrePerRadian
     half_gap: Radian
-    soft_deflection: Radian  # what settling adds to the spring's own deflection
-    soft_torque: NewtonMetre  # where settling has ended
+    soft_deflection: Radian  # added by settling to the deflection of the spring
+    soft_torque: NewtonMetre  # at which settling has ended
 
 
 def combined_stiffness(
     coupling: NewtonMetrePerRadian, shaft: NewtonMetrePerRadian, gearbox: NewtonMetrePerRadian
 ) -> NewtonMetrePerRadian:
-    """Give the stiffness of three springs in series, N m/rad (OSWEC thesis, eq. 2.4)."""
+    """Return the stiffness of three springs in series, N m/rad (OSWEC thesis, eq. 2.4)."""
     return 1.0 / (1.0 / coupling + 1.0 / shaft + 1.0 / gearbox)
 
 
 def torque(params: TransmissionParams, deflection: Radian) -> NewtonMetre:
-    """Give the torque on the shaft of a deflection (motor minus shaft)."""
-    stiffness, half_gap, soft, end = params
-    wound = abs(deflection) - half_gap
-    if not wound > 0.0:
+    """Return the torque on the shaft for a deflection (motor minus shaft)."""
+    stiffness, half_gap, soft_deflection, soft_torque = params
+    excess = abs(deflection) - half_gap
+    if not excess > 0.0:
         return 0.0
-    softness = 1.0 / stiffness + soft / end
-    held = wound / softness
-    if held > end:
-        held = (wound - soft) * stiffness
-    return held if deflection > 0.0 else -held
+    softness = 1.0 / stiffness + soft_deflection / soft_torque
+    magnitude = excess / softness
+    if magnitude > soft_torque:
+        magnitude = (excess - soft_deflection) * stiffness
+    return magnitude if deflection > 0.0 else -magnitude
 
 
-def deflection(params: TransmissionParams, held: NewtonMetre) -> Radian:
-    """Give the deflection under a torque of either sign; for none, half the gap."""
-    stiffness, half_gap, soft, end = params
-    load = abs(held)
-    settled = soft * min(load / end, 1.0)
-    wound = half_gap + load / stiffness + settled
-    return wound if held >= 0.0 else -wound
+def deflection(params: TransmissionParams, load_torque: NewtonMetre) -> Radian:
+    """Return the deflection under a torque of either sign; for zero torque, half the gap."""
+    stiffness, half_gap, soft_deflection, soft_torque = params
+    load = abs(load_torque)
+    soft_part = soft_deflection * min(load / soft_torque, 1.0)
+    magnitude = half_gap + load / stiffness + soft_part
+    return magnitude if load_torque >= 0.0 else -magnitude
 
 
 def follow(
@@ -57,17 +57,17 @@ def follow(
     forward: NewtonMetre,
     back: NewtonMetre,
 ) -> Radian:
-    """Give where the shaft stands behind a motor: dry friction holds it, the spring moves it.
+    """Return the shaft angle for a motor angle: dry friction holds the shaft, the spring moves it.
 
-    `forward` and `back` (N m, not negative) are what friction holds against a positive and a
-    negative torque. The shaft's own inertia is left out: its torque is below 0.05 N m in a 1.5 s
+    `forward` and `back` (N m, not negative) are the friction torques against a positive and a
+    negative torque. The inertia of the shaft is neglected: its torque is below 0.05 N m in a 1.5 s
     oscillation of 20 degrees.
     """
-    ahead = motor - shaft
-    most = deflection(params, forward)
-    if ahead > most:
-        return motor - most
-    least = deflection(params, -back) if back > 0.0 else -params.half_gap
-    if ahead < least:
-        return motor - least
+    twist = motor - shaft
+    max_twist = deflection(params, forward)
+    if twist > max_twist:
+        return motor - max_twist
+    min_twist = deflection(params, -back) if back > 0.0 else -params.half_gap
+    if twist < min_twist:
+        return motor - min_twist
     return shaft

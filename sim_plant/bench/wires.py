@@ -1,30 +1,32 @@
-"""What stands between a rig and a plant on the bench's wires: latch, stop chain, delay line."""
+"""Interface of a plant on the bench's wires: command latch, stop chain, delay line."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import deque
 
-from sim_plant.bench.signals import OFF, Actuation, Reading
+from sim_plant.bench.signals import OFF, Actuation, BenchReading
 from sim_plant.units import Flag, Second, Tick
 
 
-class Wires(ABC):
-    """A plant that speaks the bench's words, moved only by advance(dt).
+class PlantInterface(ABC):
+    """Base of the plants with the bench's signals, advanced only by advance(dt).
 
-    Time order of tick k: sense() gives what was sampled at tick k - delay_ticks, actuate() latches
-    a command, advance(dt) moves to tick k + 1 under it. The drive drops out when commands cease.
+    Order of calls in tick k: sense() returns the sample of tick k - delay_ticks, actuate() latches
+    a command, advance(dt) steps to tick k + 1 under it. Without commands the drive goes into fault.
     """
 
-    def __init__(self, dt: Second, delay: Tick, still: Reading) -> None:
-        """`still` is what is read before the first tick."""
+    def __init__(self, dt: Second, delay: Tick, rest_reading: BenchReading) -> None:
+        """`rest_reading` is the reading before the first tick."""
         self._dt = dt
         self._actuation = OFF
         self._fresh: Flag = 0
-        self._pressed: Flag = 0
+        self._stop_pressed: Flag = 0
         self._tick: Tick = 0
         self.delay: Second = delay * dt  # age of a reading
-        self._line: deque[Reading] = deque([still] * (delay + 1), maxlen=delay + 1)
+        self._delay_line: deque[BenchReading] = deque(
+            [rest_reading] * (delay + 1), maxlen=delay + 1
+        )
 
     def actuate(self, actuation: Actuation) -> None:
         """Latch a command and reset its age."""
@@ -32,28 +34,28 @@ class Wires(ABC):
         self._fresh = 1
 
     def press_e_stop(self, pressed: bool = True) -> None:
-        """Open the hard-wired stop chain, or close it: the drive's power stage follows."""
-        self._pressed = 1 if pressed else 0
+        """Open the hard-wired stop chain, or close it; it controls the drive's power stage."""
+        self._stop_pressed = 1 if pressed else 0
 
     def advance(self, dt: float) -> None:
-        """Move one tick on. Raises ValueError for another dt than that of construction."""
+        """Advance by one tick. Raises ValueError for another dt than that of construction."""
         if dt != self._dt:
-            raise ValueError(f"this world ticks in {self._dt} s, not {dt} s")
+            raise ValueError(f"this world advances by {self._dt} s, got {dt} s")
         self._tick += 1
-        self._line.append(self._move())
+        self._delay_line.append(self._step_plant())
         self._fresh = 0
 
-    def sense(self) -> Reading:
-        """Give what came over the wires last."""
-        return self._line[0]
+    def sense(self) -> BenchReading:
+        """Return the last reading that has arrived."""
+        return self._delay_line[0]
 
     @abstractmethod
-    def _move(self) -> Reading:
-        """Move the plant to the present tick and sample it."""
+    def _step_plant(self) -> BenchReading:
+        """Advance the plant to the present tick and return its readings."""
 
 
-def checked(dt: Second) -> Second:
-    """Give the tick back. Raises ValueError for one outside (0, 2 ms]."""
+def check_tick(dt: Second) -> Second:
+    """Return the tick. Raises ValueError if it is outside (0, 2 ms]."""
     if not 0.0 < dt <= 0.002:
         raise ValueError(f"dt must be in (0, 0.002] s, got {dt}")
     return dt

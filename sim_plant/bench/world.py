@@ -1,4 +1,4 @@
-"""The bench's world: moved only by advance(dt). No clock, no I/O, seeded."""
+"""The bench's world, advanced only by advance(dt). No clock, no I/O, seeded."""
 
 from __future__ import annotations
 
@@ -7,58 +7,60 @@ import numpy as np
 from sim_plant.bench import dynamometer
 from sim_plant.bench.dynamometer import BenchParams, BenchState
 from sim_plant.bench.parameters import BenchPlant
-from sim_plant.bench.signals import OFF, Actuation, Reading, Truth
-from sim_plant.bench.stepper import Start, Stepper
-from sim_plant.bench.wires import Wires, checked
-from sim_plant.sensors import NORMALS
+from sim_plant.bench.signals import OFF, Actuation, BenchReading, BenchTruth
+from sim_plant.bench.stepper import Stepper, StepperInputs
+from sim_plant.bench.wires import PlantInterface, check_tick
+from sim_plant.sensors import NOISE_LENGTH
 from sim_plant.units import Count, Radian, Second
 
-__all__ = ["OFF", "Actuation", "BenchWorld", "Reading", "Stepper", "Truth"]
+__all__ = ["OFF", "Actuation", "BenchReading", "BenchTruth", "BenchWorld", "Stepper"]
 
 
-class BenchWorld(Wires):
+class BenchWorld(PlantInterface):
     """A dynamometer bench."""
 
     def __init__(
         self, plant: BenchPlant, *, dt: float, seed: int, stepper: type[Stepper] = Stepper
     ) -> None:
-        """Raises ValueError for a dt outside (0, 2 ms].
+        """Raise ValueError for a dt outside (0, 2 ms].
 
-        ``stepper`` may be another execution of the same step, equal to the bit.
+        ``stepper`` may be another execution of the same step with bitwise equal results.
         """
         self.params = plant.build()
-        normals = np.random.default_rng(seed).standard_normal(NORMALS).tolist()
-        start = Start(self.params, dynamometer.initial(self.params), normals, checked(dt))
+        normals = np.random.default_rng(seed).standard_normal(NOISE_LENGTH).tolist()
+        start = StepperInputs(
+            self.params, dynamometer.initial(self.params), normals, check_tick(dt)
+        )
         self._stepper = stepper(start)
         super().__init__(dt, plant.sensors.delay_ticks.value, self._stepper.reading(0, 0))
-        self._slipped: Count = 0
-        self._braking = True
+        self._slip_counts: Count = 0
+        self._brake_powered = True
 
     def slip_coupling(self, angle: Radian) -> None:
-        """Let the shaft slip in its coupling: its encoder stands ahead of the motor for good."""
-        self._slipped += round(self.params.sensors.shaft_counts * angle)
+        """Let the shaft slip in its coupling: its encoder stays ahead of the motor by `angle`."""
+        self._slip_counts += round(self.params.sensors.shaft_counts * angle)
 
-    def lose_brake(self, lost: bool = True) -> None:
-        """Take the brake's current away, whatever is asked for, or give it back."""
-        self._braking = not lost
+    def cut_brake_current(self, cut: bool = True) -> None:
+        """Set the brake's current to 0 whatever the command, or restore it."""
+        self._brake_powered = not cut
 
-    def truth(self) -> Truth:
-        """Give what no sensor sees, for tests and comparison with estimates."""
-        return true_state(self.params, self._stepper.state, self._tick * self._dt)
+    def truth(self) -> BenchTruth:
+        """Return the true state, for tests and comparison with estimates."""
+        return compute_truth(self.params, self._stepper.state, self._tick * self._dt)
 
-    def _move(self) -> Reading:
-        wires = self._actuation
-        if not self._braking:
-            wires = wires._replace(brake_current_a=0.0)
-        reading = self._stepper.advance(wires, self._fresh, self._pressed, self._tick)
-        if self._slipped:
-            reading = reading._replace(shaft_counts=reading.shaft_counts + self._slipped)
+    def _step_plant(self) -> BenchReading:
+        actuation = self._actuation
+        if not self._brake_powered:
+            actuation = actuation._replace(brake_current_a=0.0)
+        reading = self._stepper.advance(actuation, self._fresh, self._stop_pressed, self._tick)
+        if self._slip_counts:
+            reading = reading._replace(shaft_counts=reading.shaft_counts + self._slip_counts)
         return reading
 
 
-def true_state(params: BenchParams, state: BenchState, time: Second) -> Truth:
-    """Give what no sensor sees of a state."""
-    return Truth(
+def compute_truth(params: BenchParams, state: BenchState, time: Second) -> BenchTruth:
+    """Return the true quantities of a state."""
+    return BenchTruth(
         state.motor_angle,
         state.motor_velocity,
         state.shaft_angle,

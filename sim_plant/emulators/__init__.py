@@ -1,1 +1,1 @@
-"""Emulated devices: what stands on the far end of the wires, all on one simulated rig."""
+"""Emulated devices at the far end of the wires, all connected to one simulated rig."""

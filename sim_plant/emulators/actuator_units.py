@@ -1,10 +1,10 @@
-"""From turns of a motor to the units of its objects and to the stator it moves."""
+"""Conversions between motor turns, the units of the actuator's objects, and stator position."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant.emulators.cia402_node import DriveParams
+from sim_plant.emulators.cia402_node import Cia402Params
 from sim_plant.emulators.node_objects import Objects
 from sim_plant.units import Metre, Percent, Volt
 
@@ -12,49 +12,60 @@ TURNS_PER_MINUTE = 0x00B44700  # 60A9
 
 
 class ActuatorParams(NamedTuple):
-    """The mechanics, and what differs between makers."""
+    """Mechanics of the actuator, and properties that differ between manufacturers."""
 
-    drive: DriveParams = DriveParams(lowest=10.0, highest=51.5)  # supply, V
+    drive: Cia402Params = Cia402Params(min_voltage=10.0, max_voltage=51.5)  # supply, V
     metre_per_percent: Metre = 0.0015  # of the stator: 0.15 m per 100 %
-    lead: Metre = 0.005  # per turn of the actuator's shaft [NC]
-    gear: float = 25.0  # motor turns per shaft turn
-    increments: float = 2000.0  # of the encoder per motor turn
-    low: Percent = -93.0  # blocks, and limit switches that close there
-    high: Percent = 67.0
-    switch: Percent = 0.1  # from a block to where its switch opens
+    screw_lead: Metre = 0.005  # per turn of the actuator's shaft [NC]
+    gear_ratio: float = 25.0  # motor turns per shaft turn
+    encoder_increments: float = 2000.0  # of the encoder per motor turn
+    min_position: Percent = -93.0  # position of the end stops and of the limit switches
+    max_position: Percent = 67.0
+    switch_margin: Percent = 0.1  # distance from an end stop to where its switch opens
     supply: Volt = 48.0
     home_sign: int = 1  # after homing the position is home_sign times 607C [NC]
 
 
 class ActuatorUnits:
-    """The true mechanics beside what 608F, 6091 and 6092 say of them now."""
+    """Conversions by the true mechanics and by the present values of 608F, 6091 and 6092."""
 
     def __init__(self, actuator: ActuatorParams, objects: Objects) -> None:
-        self._own = actuator
+        self._params = actuator
         self._get = objects.get
 
-    def unit(self) -> float:
-        """Give user units per increment: 608F:2/608F:1 6091:2/6091:1 6092:1/6092:2 [C]."""
+    def user_units_per_increment(self) -> float:
+        """Return user units per increment: 608F:2/608F:1 6091:2/6091:1 6092:1/6092:2 [C]."""
         get = self._get
-        over = get(0x608F, 1) * get(0x6091, 1) * get(0x6092, 2)
-        under = get(0x608F, 2) * get(0x6091, 2) * get(0x6092, 1)
-        return under / over if over and under else 1.0
+        denominator = get(0x608F, 1) * get(0x6091, 1) * get(0x6092, 2)
+        numerator = get(0x608F, 2) * get(0x6091, 2) * get(0x6092, 1)
+        return numerator / denominator if denominator and numerator else 1.0
 
     def increments(self, percent: Percent) -> float:
-        """Give the true encoder's increments at a stator position."""
-        own = self._own
-        return percent * own.metre_per_percent / own.lead * own.gear * own.increments
+        """Return the increments of the true encoder at a stator position."""
+        params = self._params
+        return (
+            percent
+            * params.metre_per_percent
+            / params.screw_lead
+            * params.gear_ratio
+            * params.encoder_increments
+        )
 
     def percent(self, position: float, origin: float) -> Percent:
-        """Give the stator position at a position in user units, `origin` (increments) being 0."""
-        own = self._own
-        turns = (position / self.unit() + origin) / own.increments / own.gear
-        return turns * own.lead / own.metre_per_percent
+        """Return the stator position at a position in user units; `origin` (increments) is 0."""
+        params = self._params
+        turns = (
+            (position / self.user_units_per_increment() + origin)
+            / params.encoder_increments
+            / params.gear_ratio
+        )
+        return turns * params.screw_lead / params.metre_per_percent
 
     def speed(self, index: int, sub: int = 0) -> float:
-        """Give a speed or acceleration in user units per second (squared).
+        """Return a speed or acceleration in user units per second (squared).
 
-        60A9 says turns of the shaft per minute, or else user units per second [NC].
+        60A9 selects turns of the shaft per minute; any other value means user units per second
+        [NC].
         """
         value = float(self._get(index, sub))
         if self._get(0x60A9) != TURNS_PER_MINUTE:

@@ -1,4 +1,4 @@
-"""A task that lives as long as its emulator."""
+"""A background task that runs as long as its emulator."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ from collections.abc import Coroutine
 from typing import Any
 
 
-class Background:
-    """One task; that it failed is told to the loop's exception handler at once."""
+class BackgroundTask:
+    """One task; its failure is reported to the loop's exception handler at once."""
 
     def __init__(self) -> None:
-        """Nothing runs yet."""
+        """Create the object without a running task."""
         self._task: asyncio.Task[None] | None = None
 
-    def start(self, work: Coroutine[Any, Any, None]) -> None:
-        """Begin; a task that runs already goes on beside it no longer."""
+    def start(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Start the task; a task that is already running is cancelled."""
         if self._task is not None:
             self._task.cancel()
-        self._task = asyncio.create_task(work)
-        self._task.add_done_callback(_tell)
+        self._task = asyncio.create_task(coroutine)
+        self._task.add_done_callback(_report_failure)
 
     async def stop(self) -> None:
-        """End it, and wait until it has ended."""
+        """Cancel the task and wait until it has ended."""
         task, self._task = self._task, None
         if task is not None:
             task.cancel()
-            with contextlib.suppress(asyncio.CancelledError, Exception):  # told already
+            with contextlib.suppress(asyncio.CancelledError, Exception):  # reported already
                 await task
 
 
-def _tell(task: asyncio.Task[None]) -> None:
+def _report_failure(task: asyncio.Task[None]) -> None:
     if not task.cancelled() and (failure := task.exception()) is not None:
         context = {"message": "an emulator's task failed", "exception": failure, "task": task}
         task.get_loop().call_exception_handler(context)

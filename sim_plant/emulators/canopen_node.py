@@ -1,6 +1,6 @@
-"""An emulated CANopen node: SDO, NMT, heartbeat, EMCY, SYNC and PDO as CiA 301 has them.
+"""An emulated CANopen node: SDO, NMT, heartbeat, EMCY, SYNC and PDO by CiA 301.
 
-No threads: frames come from the hub, time from the schedule. The node_*.py beside are its parts.
+It has no threads: frames come from the hub, time from the schedule. Its parts are in node_*.py.
 """
 
 from __future__ import annotations
@@ -12,125 +12,127 @@ from typing import NamedTuple
 from sim_plant.emulators import node_errors, node_guard
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import CanHub
-from sim_plant.emulators.node_errors import Errors
-from sim_plant.emulators.node_exchange import Exchange
+from sim_plant.emulators.node_errors import NodeErrors
+from sim_plant.emulators.node_exchange import PdoExchange
 from sim_plant.emulators.node_faults import NODE_FAULTS, Fault, FaultList
 from sim_plant.emulators.node_guard import Deadlines
-from sim_plant.emulators.node_local import LocalSide
-from sim_plant.emulators.node_objects import Objects, device_file
+from sim_plant.emulators.node_local import LocalNodeAdapter
+from sim_plant.emulators.node_objects import Objects, load_dictionary
 from sim_plant.emulators.node_pdos import Pdos
-from sim_plant.emulators.node_port import Nmt, Port
+from sim_plant.emulators.node_port import NmtState, Port
 from sim_plant.emulators.node_storage import SIGNATURES, Storage
-from sim_plant.emulators.schedule import Appointment, Schedule
+from sim_plant.emulators.schedule import Schedule, ScheduledCall
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.units import Second
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
-ROUND: Second = 0.005  # between two looks at what changes slowly
+SLOW_PERIOD: Second = 0.005  # period of measuring slowly changing values
 
 
 class NodeParams(NamedTuple):
-    """What every node is told."""
+    """Parameters of every node."""
 
     node_id: int  # 1..127
     eds: Path
-    boot: Second = 0.05  # from power or reset to the boot-up message
-    pace: Second = 0.005  # between two looks at timers when no SYNC comes
-    cycle: Second = 0.0  # of the device's own measuring and acting; 0: with every SYNC
+    boot_delay: Second = 0.05  # from power or reset to the boot-up message
+    timer_period: Second = 0.005  # period of timer checks without SYNC
+    cycle_time: Second = 0.0  # of the device's own loop; 0: with every SYNC
     tpdo_delay: Second = 0.0  # from SYNC to synchronous TPDOs; real drives take 50 to 500 us
 
 
 class CanopenNode:
-    """A node on the hub. Subclasses are devices: they fill in `step`, `outputs` and the rest."""
+    """A node on the hub. Subclasses are devices: they override `step`, `apply_outputs` etc."""
 
     def __init__(
         self, params: NodeParams, hub: CanHub, schedule: Schedule, world: SharedWorld
     ) -> None:
         self.params = params
         self.world = world
-        dictionary = device_file(params.eds, params.node_id)
+        dictionary = load_dictionary(params.eds, params.node_id)
         self.objects = objects = Objects(dictionary)
         self.fault_list = FaultList()
         self.fault_list.add(*NODE_FAULTS)
-        self.active = self.fault_list.active  # faults now, with their numbers
+        self.active = self.fault_list.active  # active faults with their values
         self.port = Port(hub.join(self._receive), schedule, self.active)
-        self.errors = Errors(objects, schedule, self.port.emergency)
+        self.errors = NodeErrors(objects, schedule, self.port.send_emergency)
         self._schedule = schedule
-        self._local = LocalSide(params.node_id, dictionary, objects, schedule, self.port.basic)
-        self.pdos = Pdos(objects, lambda: self.port.nmt is Nmt.OPERATIONAL)
-        self.exchange = Exchange(self.pdos, self.errors, schedule, self.port.process)
-        self.exchange.delay = params.tpdo_delay
-        self._masters = Deadlines()
+        self._local = LocalNodeAdapter(
+            params.node_id, dictionary, objects, schedule, self.port.send_basic
+        )
+        self.pdos = Pdos(objects, lambda: self.port.nmt is NmtState.OPERATIONAL)
+        self.exchange = PdoExchange(self.pdos, self.errors, schedule, self.port.send_pdo)
+        self.exchange.tpdo_delay = params.tpdo_delay
+        self._heartbeats = Deadlines()
         self._sync_id = 0x80
-        self._wanted: set[int] = set()  # identifiers of frames for this node
+        self._accepted_ids: set[int] = set()  # identifiers of the frames for this node
         objects.hooks[0x1005, 0] = lambda value: self.pdos.invalidate()
-        for index, sub in objects.kinds:
+        for index, sub in objects.types:
             if index == 0x1016 and sub:
-                objects.hooks[index, sub] = lambda value: self._watch_masters()
+                objects.hooks[index, sub] = lambda value: self._configure_heartbeats()
         self.storage = Storage(objects)
         self._apply_faults()
-        self._stepped = self._looked = schedule.time()
-        self._next: Appointment | None = None
-        self._booting: Appointment | None = None
+        self._last_step = self._last_slow_measurement = schedule.time()
+        self._timer: ScheduledCall | None = None
+        self._boot_timer: ScheduledCall | None = None
 
-    # ---- what a device is made of -------------------------------------------------------------
+    # ---- methods that devices override -----------------------------------------------------------
 
     def step(self, now: Second, elapsed: Second) -> None:
-        """Move the device on: read the world, put objects, write the world."""
+        """Advance the device: read the world, set objects, write the world."""
 
-    def look_round(self) -> None:
-        """Measure what changes slowly: every 5 ms, and before an SDO request is answered."""
+    def measure_slow(self) -> None:
+        """Measure slowly changing values: every 5 ms, and before an SDO request is answered."""
 
-    def outputs(self) -> None:
-        """Let what was just written over the bus act."""
+    def apply_outputs(self) -> None:
+        """Apply the objects that were just written over the bus."""
 
-    def master_lost(self, code: int) -> None:
-        """React to a lost master, an NMT stop or a reset; `code` is the EMCY's, 0 if none."""
+    def on_master_lost(self, code: int) -> None:
+        """React to a lost master, an NMT stop or a reset; `code` is the EMCY code, 0 if none."""
 
     def in_fault(self) -> bool:
-        """Whether errors stay until they are reset by the master."""
+        """Return whether errors stay until the master resets them."""
         return False
 
-    def restarted(self) -> None:
-        """Forget everything but objects, as after power-on."""
+    def on_restart(self) -> None:
+        """Reset all state except objects, as after power-on."""
 
-    def fault_began(self, fault: Fault) -> None:
-        """Do what a device's own fault needs once."""
+    def on_fault(self, fault: Fault) -> None:
+        """Perform the one-time action of a device's own fault."""
 
     # ---- running ------------------------------------------------------------------------------
 
     def power_on(self) -> None:
-        """Start: the boot-up message comes after `boot`."""
+        """Start the node; the boot-up message follows after `boot_delay`."""
         self._reset(application=True)
-        if self._next is None:
-            self._keep_pace()
+        if self._timer is None:
+            self._on_timer()
 
     def power_off(self) -> None:
         """Leave the bus for good."""
-        self._local.quiet()
-        for appointment in (self._next, self._booting):
+        self._local.stop_heartbeat()
+        for appointment in (self._timer, self._boot_timer):
             if appointment is not None:
                 appointment.cancel()
-        self._next = None
+        self._timer = None
         self.port.leave()
 
     def faults(self) -> tuple[Fault, ...]:
-        """Give every fault this node can be given."""
+        """Return all faults of this node."""
         return self.fault_list.all()
 
     def inject(self, name: str, value: float | None = None) -> None:
-        """Give it a fault; `value` as the fault's text says. Raises ValueError for a wrong name."""
+        """Activate a fault with its `value`. Raises ValueError for an unknown name."""
         fault = self.fault_list.begin(name, value)
         if name == "node_reset":
             self._reset(application=True)
         elif name == "bus_off":
-            self._lost(0)
+            self._handle_lost_master(0)
         elif name == "powered_off":
             self._reset(application=True, boot=False)
         elif name == "babble":
             self.port.babble()
         self._apply_faults()
-        self.fault_began(fault)
+        self.on_fault(fault)
 
     def clear(self, name: str) -> None:
         """End a fault."""
@@ -139,19 +141,19 @@ class CanopenNode:
         if name == "powered_off":
             self._reset(application=True)
         elif name == "bus_off":
-            self.errors.pass_by(node_errors.BUS_OFF_RECOVERED)
+            self.errors.report_transient(node_errors.BUS_OFF_RECOVERED)
         self._apply_faults()
 
-    def deaf_objects(self) -> set[int]:
-        """Give the indices of objects whose writes are acknowledged and lost."""
+    def ignored_objects(self) -> set[int]:
+        """Return the indices of objects whose writes are acknowledged and ignored."""
         return {*SIGNATURES, int(self.active.get("write_ignored", 0.0))}
 
     def _apply_faults(self) -> None:
         active = self.active
-        self.exchange.shorter = int(active.get("tpdo_length", 0.0))
-        self.exchange.delay = active.get("tpdo_delay", self.params.tpdo_delay)
-        deaf = self.deaf_objects()
-        self.objects.deaf = {key for key in self.objects.kinds if key[0] in deaf}
+        self.exchange.missing_octets = int(active.get("tpdo_length", 0.0))
+        self.exchange.tpdo_delay = active.get("tpdo_delay", self.params.tpdo_delay)
+        ignored = self.ignored_objects()
+        self.objects.ignored = {key for key in self.objects.types if key[0] in ignored}
 
     # ---- frames -------------------------------------------------------------------------------
 
@@ -159,142 +161,142 @@ class CanopenNode:
         identifier, data, extended = frame
         if self.pdos.stale:
             self._reconfigure()
-        if identifier not in self._wanted:
+        if identifier not in self._accepted_ids:
             return
         nmt = self.port.nmt
-        if extended or nmt is Nmt.INITIALISING or self.port.cut:
+        if extended or nmt is NmtState.INITIALISING or self.port.is_off_bus:
             return
-        if nmt is Nmt.OPERATIONAL:
+        if nmt is NmtState.OPERATIONAL:
             if identifier == self._sync_id:
                 self._on_sync()
                 return
             map_ = self.pdos.receive.get(identifier)
             if map_ is not None:
-                self.exchange.arrived(map_, data, self._schedule.time())
-                self._heard_again(node_errors.RPDO_TIMEOUT)
-                self._let_act()
+                self.exchange.receive(map_, data, self._schedule.time())
+                self._clear_timeout_error(node_errors.RPDO_TIMEOUT)
+                self._act()
                 return
         if identifier == 0:
             self._on_nmt(data)
         elif 0x700 < identifier < 0x780:
-            self._masters.hear(identifier - 0x700, self._schedule.time())
-            self._heard_again(node_errors.HEARTBEAT_LOST)
-        elif identifier == self._local.request_id and nmt is not Nmt.STOPPED:
-            self._tick(thorough=True)
+            self._heartbeats.record_activity(identifier - 0x700, self._schedule.time())
+            self._clear_timeout_error(node_errors.HEARTBEAT_LOST)
+        elif identifier == self._local.request_id and nmt is not NmtState.STOPPED:
+            self._tick(full=True)
             self._local.request(data)
-            self._let_act()
+            self._act()
 
-    def _let_act(self) -> None:
-        self.outputs()
-        if self.exchange.eventful and self.port.nmt is Nmt.OPERATIONAL:
-            self.exchange.events(self._schedule.time())
+    def _act(self) -> None:
+        self.apply_outputs()
+        if self.exchange.has_event_tpdos and self.port.nmt is NmtState.OPERATIONAL:
+            self.exchange.send_events(self._schedule.time())
 
     def _on_sync(self) -> None:
-        """Sample and send, then let the RPDOs act that came before this SYNC."""
+        """Sample and send, then apply the RPDOs that arrived before this SYNC."""
         self._tick()
-        self.exchange.sampled(self._schedule.time())
-        if self.exchange.apply():
-            self.outputs()
+        self.exchange.send_synchronous(self._schedule.time())
+        if self.exchange.apply_pending():
+            self.apply_outputs()
 
     def _on_nmt(self, data: bytes) -> None:
         if len(data) < 2 or data[1] not in (0, self.params.node_id):
             return
         command = data[0]
         if command == START:
-            self._enter(Nmt.OPERATIONAL)
+            self._enter(NmtState.OPERATIONAL)
         elif command == STOP:
-            self.master_lost(0)
-            self._enter(Nmt.STOPPED)
+            self.on_master_lost(0)
+            self._enter(NmtState.STOPPED)
         elif command == ENTER_PRE_OPERATIONAL:
-            self._enter(Nmt.PRE_OPERATIONAL)
+            self._enter(NmtState.PRE_OPERATIONAL)
         elif command == RESET_NODE:
             self._reset(application=True)
         elif command == RESET_COMMUNICATION:
-            self.master_lost(0)
+            self.on_master_lost(0)
             self._reset(application=False)
 
-    def _enter(self, state: Nmt) -> None:
+    def _enter(self, state: NmtState) -> None:
         if state == self.port.nmt:
             return
         self.port.nmt = state
-        self._local.enter(state.name.replace("_", "-"))
-        if state is Nmt.OPERATIONAL:
+        self._local.set_state(state.name.replace("_", "-"))
+        if state is NmtState.OPERATIONAL:
             self._reconfigure()
             self.exchange.start()
 
     # ---- time ---------------------------------------------------------------------------------
 
-    def _keep_pace(self) -> None:
-        """Look at timers; all nodes of one pace do so at the same times."""
-        now, pace = self._schedule.time(), self.params.pace
-        due = pace * (math.floor(now / pace + 1.0e-6) + 1)
-        self._next = self._schedule.call_at(due, self._keep_pace)
+    def _on_timer(self) -> None:
+        """Check timers; all nodes with the same period do so at the same times."""
+        now, period = self._schedule.time(), self.params.timer_period
+        due = period * (math.floor(now / period + 1.0e-6) + 1)
+        self._timer = self._schedule.call_at(due, self._on_timer)
         if "powered_off" in self.active:
             return
-        if now - self._stepped >= 0.5 * pace:
+        if now - self._last_step >= 0.5 * period:
             self._tick()
-        if self.port.nmt is Nmt.OPERATIONAL:
+        if self.port.nmt is NmtState.OPERATIONAL:
             if self.pdos.stale:
                 self._reconfigure()
-            self.exchange.events(now)
+            self.exchange.send_events(now)
 
-    def _tick(self, thorough: bool = False) -> None:
+    def _tick(self, full: bool = False) -> None:
         now = self._schedule.time()
         self.world.catch_up()
-        if self._masters.missed(now):
-            self._lost(node_errors.HEARTBEAT_LOST)
-        if self.port.nmt is Nmt.OPERATIONAL and self.exchange.deadlines.missed(now):
-            self._lost(node_errors.RPDO_TIMEOUT)
-        if thorough or now >= self._looked + ROUND:
-            self._looked = now
-            self.look_round()
-        if thorough or now - self._stepped >= self.params.cycle:
-            self.step(now, now - self._stepped)
-            self._stepped = now
+        if self._heartbeats.pop_expired(now):
+            self._handle_lost_master(node_errors.HEARTBEAT_LOST)
+        if self.port.nmt is NmtState.OPERATIONAL and self.exchange.deadlines.pop_expired(now):
+            self._handle_lost_master(node_errors.RPDO_TIMEOUT)
+        if full or now >= self._last_slow_measurement + SLOW_PERIOD:
+            self._last_slow_measurement = now
+            self.measure_slow()
+        if full or now - self._last_step >= self.params.cycle_time:
+            self.step(now, now - self._last_step)
+            self._last_step = now
 
-    def _lost(self, code: int) -> None:
-        """React to a silent master: the device's way (6007), and NMT by 0x1029:01."""
+    def _handle_lost_master(self, code: int) -> None:
+        """React to a silent master: by the device's option code (6007), and NMT by 0x1029:01."""
         if code:
-            self.errors.occur(code)
-        self.master_lost(code)
+            self.errors.raise_error(code)
+        self.on_master_lost(code)
         behaviour = self.objects.get(0x1029, 1)
         if behaviour == 2:
-            self._enter(Nmt.STOPPED)
-        elif behaviour == 0 and self.port.nmt is Nmt.OPERATIONAL:
-            self._enter(Nmt.PRE_OPERATIONAL)
+            self._enter(NmtState.STOPPED)
+        elif behaviour == 0 and self.port.nmt is NmtState.OPERATIONAL:
+            self._enter(NmtState.PRE_OPERATIONAL)
 
-    def _heard_again(self, code: int) -> None:
+    def _clear_timeout_error(self, code: int) -> None:
         if code in self.errors.active and not self.in_fault():
-            self.errors.end(code)
+            self.errors.clear(code)
 
     def _reset(self, *, application: bool, boot: bool = True) -> None:
-        self.port.nmt = Nmt.INITIALISING
-        self._local.quiet()
-        self.storage.recall(all_of_them=application)
+        self.port.nmt = NmtState.INITIALISING
+        self._local.stop_heartbeat()
+        self.storage.restore(all_of_them=application)
         self.errors.active.clear()
         self.pdos.invalidate()
-        self._watch_masters()
-        self._masters.forget()
+        self._configure_heartbeats()
+        self._heartbeats.clear()
         self._apply_faults()
         if application:
-            self.restarted()
-        if self._booting is not None:
-            self._booting.cancel()
+            self.on_restart()
+        if self._boot_timer is not None:
+            self._boot_timer.cancel()
         if boot:
-            when = self._schedule.time() + self.params.boot
-            self._booting = self._schedule.call_at(when, self._boot)
+            when = self._schedule.time() + self.params.boot_delay
+            self._boot_timer = self._schedule.call_at(when, self._boot)
 
     def _boot(self) -> None:
         self._local.boot()
-        self.port.nmt = Nmt.PRE_OPERATIONAL
+        self.port.nmt = NmtState.PRE_OPERATIONAL
 
     def _reconfigure(self) -> None:
-        """Read anew what was written over SDO: PDOs, and which frames are for this node."""
+        """Read the configuration written over SDO: PDOs and identifiers of this node's frames."""
         self.exchange.configure()
         self._sync_id = self.objects.get(0x1005) & 0x7FF
-        self._wanted = {0, self._sync_id, self._local.request_id, *self.pdos.receive}
-        self._wanted.update(range(0x701, 0x780))
+        self._accepted_ids = {0, self._sync_id, self._local.request_id, *self.pdos.receive}
+        self._accepted_ids.update(range(0x701, 0x780))
 
-    def _watch_masters(self) -> None:
+    def _configure_heartbeats(self) -> None:
         entries = [self.objects.get(0x1016, sub) for sub in range(1, 128)]
-        self._masters.set(node_guard.consumers(entries))
+        self._heartbeats.set(node_guard.parse_consumers(entries))

@@ -1,4 +1,4 @@
-"""The state machine inside a CiA 402 drive: what controlwords, faults and lost masters do to it."""
+"""State machine of a CiA 402 drive: transitions by controlwords, faults and a lost master."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class State(IntEnum):
-    """The states; the value is the state's own bits of statusword 0x6041."""
+    """The states; the value is the state's bits in statusword 0x6041."""
 
     NOT_READY = 0x00
     SWITCH_ON_DISABLED = 0x40
@@ -20,7 +20,7 @@ class State(IntEnum):
 
 
 class Command(IntEnum):
-    """What a controlword asks for."""
+    """Commands of a controlword."""
 
     DISABLE_VOLTAGE = 0
     QUICK_STOP = 1
@@ -30,15 +30,15 @@ class Command(IntEnum):
 
 
 class Action(IntEnum):
-    """What the power stage does."""
+    """Action of the power stage."""
 
     OFF = 0
-    FOLLOW = 1  # the set-point of the mode
+    FOLLOW = 1  # follow the set-point of the mode
     SLOW_DOWN = 2  # ramp of 6084, torque ramp of 6087
     QUICK_STOP = 3  # ramp of 6085
 
 
-class Options(NamedTuple):
+class OptionCodes(NamedTuple):
     """The option codes."""
 
     quick_stop: int = 2  # 605A: 0 off; 1, 2 ramp, then SWITCH ON DISABLED; 5, 6 ramp and stay
@@ -50,9 +50,9 @@ class Options(NamedTuple):
 
 FAULT_RESET = 0x80
 HALT = 0x100
-STAY = 5  # quick stop codes from here on stay in QUICK STOP ACTIVE
+MIN_STAY_CODE = 5  # quick-stop codes from this one on stay in QUICK STOP ACTIVE
 
-# Transition numbers of CiA 402 beside each; 0, 1, 13, 14, 15 are not commanded by these words.
+# The comments give the transition numbers of CiA 402; 0, 1, 13, 14, 15 have no command here.
 TRANSITIONS: dict[tuple[State, Command], State] = {
     (State.SWITCH_ON_DISABLED, Command.SHUTDOWN): State.READY,  # 2
     (State.READY, Command.SWITCH_ON): State.SWITCHED_ON,  # 3
@@ -71,81 +71,81 @@ TRANSITIONS: dict[tuple[State, Command], State] = {
 }
 
 
-def asked(word: int) -> Command | None:
-    """Give what a controlword asks for by bits 7, 3, 2, 1, 0; None with bit 7 set."""
-    if word & FAULT_RESET:
+def decode_command(controlword: int) -> Command | None:
+    """Return the command in bits 7, 3, 2, 1, 0 of a controlword; None with bit 7 set."""
+    if controlword & FAULT_RESET:
         return None
-    if not word & 0x02:
+    if not controlword & 0x02:
         return Command.DISABLE_VOLTAGE
-    if not word & 0x04:
+    if not controlword & 0x04:
         return Command.QUICK_STOP
-    if not word & 0x01:
+    if not controlword & 0x01:
         return Command.SHUTDOWN
-    return Command.ENABLE_OPERATION if word & 0x08 else Command.SWITCH_ON
+    return Command.ENABLE_OPERATION if controlword & 0x08 else Command.SWITCH_ON
 
 
-class Machine:
-    """One drive's machine.
+class StateMachine:
+    """State machine of one drive.
 
-    It is strict: one transition a word, so 0x0F in READY TO SWITCH ON does nothing. While a ramp
-    runs the state stays what it was.
+    It is strict: one controlword makes at most one transition, so 0x0F in READY TO SWITCH ON has no
+    effect. The state does not change while a ramp runs.
     """
 
     def __init__(self) -> None:
         self.state = State.NOT_READY
-        self.options = Options()
-        self.word = 0  # last controlword
-        self.blocked = False  # the cause of a fault lasts: no reset
-        self.resets = 0  # faults reset so far
-        self._after: State | None = None  # where a slow-down ends
-        self._off = False  # fault reaction without a ramp
+        self.options = OptionCodes()
+        self.controlword = 0  # last controlword
+        self.fault_persists = False  # the cause of the fault is present: no reset
+        self.reset_count = 0  # number of fault resets
+        self._state_after_ramp: State | None = None  # state at the end of a slow-down
+        self._coasting = False  # fault reaction without a ramp
 
     @property
     def action(self) -> Action:
-        """What the power stage does now."""
+        """Present action of the power stage."""
         options = self.options
         if self.state is State.ENABLED:
-            if self._after is not None:
+            if self._state_after_ramp is not None:
                 return Action.SLOW_DOWN
-            if self.word & HALT:
+            if self.controlword & HALT:
                 return Action.QUICK_STOP if options.halt == 2 else Action.SLOW_DOWN
             return Action.FOLLOW
         if self.state is State.QUICK_STOP:
-            slow = options.quick_stop in (1, STAY)
+            slow = options.quick_stop in (1, MIN_STAY_CODE)
             return Action.SLOW_DOWN if slow else Action.QUICK_STOP
-        if self.state is State.FAULT_REACTION and not self._off:
+        if self.state is State.FAULT_REACTION and not self._coasting:
             return Action.SLOW_DOWN if options.fault_reaction == 1 else Action.QUICK_STOP
         return Action.OFF
 
-    def ready(self) -> None:
+    def finish_self_test(self) -> None:
         """Finish the self-test: transition 1."""
         if self.state is State.NOT_READY:
             self.state = State.SWITCH_ON_DISABLED
 
-    def control(self, word: int) -> None:
-        """Take a controlword. A fault is reset by a rising bit 7 alone, if its cause is gone."""
-        rising = word & ~self.word & FAULT_RESET
-        self.word = word
+    def apply_controlword(self, word: int) -> None:
+        """Apply a controlword. Only a rising bit 7 resets a fault, if its cause is gone."""
+        rising = word & ~self.controlword & FAULT_RESET
+        self.controlword = word
         if self.state is State.FAULT:
-            if rising and not self.blocked:
+            if rising and not self.fault_persists:
                 self.state = State.SWITCH_ON_DISABLED
-                self.resets += 1
+                self.reset_count += 1
             return
-        command = asked(word)
+        command = decode_command(word)
         if command is not None:
             self._perform(command)
 
-    def fault(self, *, coast: bool = False) -> None:
-        """Go to the fault reaction; `coast` cuts the power stage whatever 605E says."""
+    def enter_fault(self, *, coast: bool = False) -> None:
+        """Enter the fault reaction; `coast` switches the power stage off regardless of 605E."""
         if self.state in (State.FAULT, State.FAULT_REACTION):
             return
         powered = self.action is not Action.OFF
-        self._off = coast or not powered or self.options.fault_reaction == 0
-        self._after = None
+        self._coasting = coast or not powered or self.options.fault_reaction == 0
+        self._state_after_ramp = None
         self.state = State.FAULT_REACTION
 
     def abort_connection(self, option: int) -> bool:
-        """React to the loss of the master by option code 6007; say whether it is a fault.
+        """React to the loss of the master by option code 6007; return whether it is a fault.
 
         0 nothing, 1 fault, 2 disable voltage, 3 quick stop.
         """
@@ -156,29 +156,33 @@ class Machine:
         return option == 1
 
     def step(self, at_rest: bool) -> None:
-        """Let ramps end: `at_rest` says that nothing moves or pulls any more."""
+        """End ramps: `at_rest` means that motion and torque have ended."""
         if self.state is State.FAULT_REACTION:
-            if self._off or at_rest:
+            if self._coasting or at_rest:
                 self.state = State.FAULT
         elif self.state is State.QUICK_STOP:
-            if at_rest and self.options.quick_stop < STAY:
+            if at_rest and self.options.quick_stop < MIN_STAY_CODE:
                 self.state = State.SWITCH_ON_DISABLED
-        elif self._after is not None and at_rest:
-            self.state, self._after = self._after, None
+        elif self._state_after_ramp is not None and at_rest:
+            self.state, self._state_after_ramp = self._state_after_ramp, None
 
     def _perform(self, command: Command) -> None:
-        """Do a transition of the table, at once or at the end of a slow-down."""
+        """Perform a transition of the table, at once or at the end of a slow-down."""
         state, options = self.state, self.options
-        self._after = None
+        self._state_after_ramp = None
         target = TRANSITIONS.get((state, command))
         if target is None:
             return
-        if state is State.QUICK_STOP and target is State.ENABLED and options.quick_stop < STAY:
+        if (
+            state is State.QUICK_STOP
+            and target is State.ENABLED
+            and options.quick_stop < MIN_STAY_CODE
+        ):
             return
         if target is State.QUICK_STOP and options.quick_stop == 0:
             target = State.SWITCH_ON_DISABLED
         ramp = {Command.SHUTDOWN: options.shutdown, Command.SWITCH_ON: options.disable}
         if state is State.ENABLED and ramp.get(command) == 1:
-            self._after = target
+            self._state_after_ramp = target
         else:
             self.state = target

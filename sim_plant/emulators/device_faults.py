@@ -6,21 +6,23 @@ from collections.abc import Mapping
 
 
 class DeviceFaults:
-    """Which of a device's listed faults are on; all are off at first."""
+    """The faults of a device and which of them are on; all are off at first."""
 
-    def __init__(self, listed: Mapping[str, str]) -> None:
-        """`listed`: name of each fault and what the device does while it is on."""
-        self._listed = dict(listed)
+    def __init__(self, descriptions: Mapping[str, str]) -> None:
+        """`descriptions`: name of each fault, and the device's behaviour while it is on."""
+        self._descriptions = dict(descriptions)
         self._on: set[str] = set()
 
-    def listed(self) -> dict[str, str]:
-        """Give every fault this device can have: name and what is seen of it."""
-        return dict(self._listed)
+    def descriptions(self) -> dict[str, str]:
+        """Return every fault of this device: name and visible effect."""
+        return dict(self._descriptions)
 
     def switch(self, name: str, on: bool = True) -> None:
         """Switch one fault; raises ValueError for a name that is not listed."""
-        if name not in self._listed:
-            raise ValueError(f"no fault {name!r}; there are {', '.join(sorted(self._listed))}")
+        if name not in self._descriptions:
+            raise ValueError(
+                f"no fault {name!r}; there are {', '.join(sorted(self._descriptions))}"
+            )
         if on:
             self._on.add(name)
         else:
@@ -30,6 +32,6 @@ class DeviceFaults:
         """Switch all faults off."""
         self._on.clear()
 
-    def on(self, name: str) -> bool:
-        """Say whether a fault is on; False too for one this device does not have."""
+    def is_on(self, name: str) -> bool:
+        """Return whether a fault is on; False also for a fault that this device does not have."""
         return name in self._on

@@ -1,4 +1,4 @@
-"""The encoder bridge: clocks motor and shaft encoder by one edge and sends both in one frame.
+"""The encoder bridge: latches motor and shaft encoder by one edge and sends both in one frame.
 
 Source: docs/encoder_bridge.md (26 bytes, big-endian, CRC-16 polynomial 1021, start FFFF).
 """
@@ -18,20 +18,20 @@ from sim_plant.units import Count, Hertz, Radian, Second
 
 SYNC = b"\xeb\x90"
 VERSION = 1
-SIZE = 26
+FRAME_SIZE = 26
 MOTOR_SILENT, SHAFT_SILENT, SKIPPED, FIRST = 1 << 0, 1 << 1, 1 << 2, 1 << 3
 
 FAULTS = {
     "wrong_crc": "the check sum of every frame is wrong",
-    "silent": "no frame is sent; numbers and time run on",
-    "restarted": "number and time begin anew with every frame, as a bridge that resets",
-    "stuck_sequence": "the number of the frames stands still",
-    "wrong_version": "frames say they are of version 2",
+    "silent": "no frame is sent; numbers and time continue",
+    "restarted": "number and time restart with every frame, as in a bridge that resets",
+    "stuck_sequence": "the frame number does not change",
+    "wrong_version": "frames have version number 2",
 }
 
 
-class Angles(NamedTuple):
-    """What the encoders' shafts do at `time` on the source's own clock."""
+class ShaftAngles(NamedTuple):
+    """Angles of the encoder shafts at `time` on the source's own clock."""
 
     time: Second
     motor: Radian
@@ -39,7 +39,7 @@ class Angles(NamedTuple):
 
 
 def crc16(data: bytes) -> int:
-    """Give the frame's check sum: polynomial 1021, start FFFF, not reflected, no final xor."""
+    """Return the frame's check sum: polynomial 1021, start FFFF, not reflected, no final xor."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte << 8
@@ -49,25 +49,25 @@ def crc16(data: bytes) -> int:
 
 
 class BridgeSettings(NamedTuple):
-    """How a bridge is set."""
+    """Settings of a bridge."""
 
-    rate: Hertz = 1000.0  # 0: no edge but those of pulse(), for a source that moves in steps
-    start_us: int = 0  # its clock when it starts
+    rate: Hertz = 1000.0  # 0: edges only by pulse(), for a source that advances in steps
+    start_us: int = 0  # clock at the start
     first_number: int = 0
 
 
 class EncoderBridge(LineDevice):
-    """Both encoders and the line; a period that cannot be kept is skipped and said so."""
+    """Both encoders and the line; missed periods are skipped and flagged in the next frame."""
 
     def __init__(
         self,
         line: SerialLine,
-        read: Callable[[], Angles],
+        read: Callable[[], ShaftAngles],
         motor: Encoder,
         shaft: Encoder,
         settings: BridgeSettings | None = None,
     ) -> None:
-        """`read` gives both angles of one moment, and that moment: it stamps the frame."""
+        """`read` returns both angles at one instant and that time, which stamps the frame."""
         super().__init__(line)
         self.motor = motor
         self.shaft = shaft
@@ -77,53 +77,53 @@ class EncoderBridge(LineDevice):
         self._read = read
         self._number = self.settings.first_number
         self._flags = FIRST
-        self._origin: Second | None = None
-        self._last: Second = float("-inf")
+        self._time_origin: Second | None = None
+        self._last_time: Second = float("-inf")
 
     def pulse(self) -> None:
-        """Latch once and send."""
+        """Latch once and send the frame."""
         frame = self.latch()
         if frame is not None:
             self.line.send(frame)
 
     def skip(self, periods: Count = 1) -> None:
-        """Leave out periods: their numbers are not used, and the next frame says so."""
+        """Skip periods: their numbers stay unused, and the next frame has the SKIPPED flag."""
         self.skipped += periods
         self._number = self._number + periods & 0xFFFF
         self._flags |= SKIPPED
 
     def latch(self) -> bytes | None:
-        """Give one edge's frame; None where the source's time stands, or the bridge is silent."""
+        """Return the frame of one edge; None if the source's time stands still or it is silent."""
         angles = self._read()
-        if angles.time <= self._last:
+        if angles.time <= self._last_time:
             self.skip()
             return None
-        if self.faults.on("restarted") or self._origin is None:
-            self._origin = angles.time
+        if self.faults.is_on("restarted") or self._time_origin is None:
+            self._time_origin = angles.time
             self._number = self.settings.first_number
             self._flags = FIRST
-        self._last = angles.time
+        self._last_time = angles.time
         frame = self._frame(angles)
-        if not self.faults.on("stuck_sequence"):
+        if not self.faults.is_on("stuck_sequence"):
             self._number = self._number + 1 & 0xFFFF
-        if self.faults.on("silent"):
+        if self.faults.is_on("silent"):
             return None
         self._flags = 0
         return frame
 
-    def _frame(self, angles: Angles) -> bytes:
-        assert self._origin is not None
-        elapsed = angles.time - self._origin
+    def _frame(self, angles: ShaftAngles) -> bytes:
+        assert self._time_origin is not None
+        elapsed = angles.time - self._time_origin
         micros = self.settings.start_us + round(1.0e6 * elapsed)
-        moment = 1.0e-6 * micros  # the encoders' stamps are of the same clock
-        words = (self.motor.latch(angles.motor, moment), self.shaft.latch(angles.shaft, moment))
+        stamp = 1.0e-6 * micros  # the encoders' time stamps use the same clock
+        words = (self.motor.latch(angles.motor, stamp), self.shaft.latch(angles.shaft, stamp))
         silent = (MOTOR_SILENT, SHAFT_SILENT)
         flags = self._flags
         for word, bit in zip(words, silent, strict=True):
             flags |= bit if word is None else 0
         body = struct.pack(
             ">BBHQBBII",
-            VERSION + 1 if self.faults.on("wrong_version") else VERSION,
+            VERSION + 1 if self.faults.is_on("wrong_version") else VERSION,
             flags,
             self._number,
             micros,
@@ -131,12 +131,12 @@ class EncoderBridge(LineDevice):
             self.shaft.settings.protocol,
             *(word or 0 for word in words),
         )
-        crc = crc16(body) ^ (0xFFFF if self.faults.on("wrong_crc") else 0)
+        crc = crc16(body) ^ (0xFFFF if self.faults.is_on("wrong_crc") else 0)
         return SYNC + body + crc.to_bytes(2, "big")
 
-    async def _tend(self) -> None:
+    async def _poll_loop(self) -> None:
         if self.settings.rate <= 0.0:
-            return  # edges are those of pulse()
+            return  # edges come from pulse() only
         loop = asyncio.get_running_loop()
         period = 1.0 / self.settings.rate
         start, edges = loop.time(), 0

@@ -1,8 +1,8 @@
-"""The words an IncOder Midi Ultra answers its SSI clock with. Pure.
+"""SSI words of an IncOder Midi Ultra encoder. Pure.
 
-Source: Zettlex/Celera product guide MIDI ULTRA, protocols SSI1, SSI2, SSI4, SSI6, SSI9. That the
-parity of SSI2 is over the position alone, and a vendor's value of SSI6's check sum, are not
-confirmed. SSI7 and SSI8 are unknown and not built.
+Source: Zettlex/Celera product guide MIDI ULTRA, protocols SSI1, SSI2, SSI4, SSI6, SSI9. Not
+confirmed: that the parity of SSI2 covers the position alone, and a vendor's value of SSI6's check
+sum. SSI7 and SSI8 are unknown and not implemented.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from sim_plant.units import Count, Flag, Radian, Second
 
 LENGTHS: dict[int, Count] = {1: 24, 2: 24, 4: 32, 6: 32, 9: 32}  # bits of a word, by protocol
 STAMPED: dict[int, Second] = {4: 1.0e-5, 9: 1.0e-6}  # tick of the time stamp
-MOST_BITS = {1: 22, 2: 22, 4: 19, 6: 22, 9: 19}
+MAX_BITS = {1: 22, 2: 22, 4: 19, 6: 22, 9: 19}
 
 STEP, CREEP = 30.0, 10.0  # deg of the encoder's own shaft, deg/s
 
 FAULTS = {
-    "invalid": "the word says its position is not valid (PV 0; SSI2: alarm 1)",
+    "invalid": "the word marks its position as not valid (PV 0; SSI2: alarm 1)",
     "wrapped": "the position jumps by half a turn and stays there",
-    "reversed": "the position counts the other way from where it is",
+    "reversed": "the position counts in the opposite direction from its present value",
     "stepped": f"the position jumps by {STEP:g} deg and stays there",
     "creeping": f"the position drifts away by {CREEP:g} deg/s",
-    "stuck": "the position stands still, the time stamp goes on",
-    "frozen_word": "the same word comes again and again, time stamp included",
+    "stuck": "the position does not change, the time stamp continues",
+    "frozen_word": "the same word is repeated, time stamp included",
     "wrong_crc": "check sum (SSI6) or parity (SSI2) is wrong; other words carry none",
     "no_answer": "the encoder does not answer its clock",
-    "zero_moved": "the word says its zero is not the maker's (ZPD 0)",
+    "zero_moved": "the word marks its zero as not the manufacturer's (ZPD 0)",
 }
 
 
 class EncoderSettings(NamedTuple):
-    """How an encoder is made and mounted."""
+    """Type and mounting of an encoder."""
 
     protocol: int = 4  # 1, 2, 4, 6 or 9
     bits: Count = 19  # of one turn
@@ -44,7 +44,7 @@ class EncoderSettings(NamedTuple):
 
 
 def crc8(value: int) -> int:
-    """Give SSI6's check sum over 24 bits: polynomial 97, start 0, no final xor."""
+    """Return SSI6's check sum over 24 bits: polynomial 97, start 0, no final xor."""
     crc = 0
     for shift in (16, 8, 0):
         crc ^= value >> shift & 0xFF
@@ -53,48 +53,52 @@ def crc8(value: int) -> int:
     return crc
 
 
-def word(
+def encode_word(
     protocol: int,
     position: Count,
     *,
     valid: bool,
     zero: bool = True,
     stamp: int = 0,
-    ok: bool = True,
+    intact: bool = True,
 ) -> int:
-    """Give a word, first bit highest; `ok` False spoils parity or check sum.
+    """Return an SSI word, first bit highest; `intact` False falsifies parity or check sum.
 
     Raises ValueError for an unknown protocol or a position out of its range.
     """
     if protocol not in LENGTHS:
-        raise ValueError(f"no protocol SSI{protocol}; there are {sorted(LENGTHS)}")
-    if not 0 <= position < 1 << MOST_BITS[protocol]:
-        raise ValueError(f"position {position} does not fit SSI{protocol}")
+        raise ValueError(f"no protocol SSI{protocol}; available: {sorted(LENGTHS)}")
+    if not 0 <= position < 1 << MAX_BITS[protocol]:
+        raise ValueError(
+            f"position {position} does not fit SSI{protocol}, which has {MAX_BITS[protocol]} bits"
+        )
     if protocol == 2:
-        parity = position.bit_count() & 1 ^ (not ok)
+        parity = position.bit_count() & 1 ^ (not intact)
         return position << 2 | parity << 1 | (not valid)
     if protocol in STAMPED:
         return valid << 31 | zero << 30 | position << 11 | stamp & 0x7FF
     plain = valid << 23 | zero << 22 | position
     if protocol == 1:
         return plain
-    return (crc8(plain) ^ (not ok)) << 24 | plain
+    return (crc8(plain) ^ (not intact)) << 24 | plain
 
 
 class Encoder:
     """One encoder on a shaft, with its faults."""
 
     def __init__(self, settings: EncoderSettings | None = None) -> None:
-        """Raises ValueError for settings that do not go together."""
+        """Raise ValueError for an unknown protocol or too many bits."""
         self.settings = settings or EncoderSettings()
         self.faults = DeviceFaults(FAULTS)
-        word(self.settings.protocol, (1 << self.settings.bits) - 1, valid=True)
+        encode_word(self.settings.protocol, (1 << self.settings.bits) - 1, valid=True)
         self._position: Count | None = None
-        self._began: dict[str, tuple[Count, Second]] = {}  # position and time of faults that are on
+        self._fault_start: dict[
+            str, tuple[Count, Second]
+        ] = {}  # position and time at the start of active faults
         self._word: int | None = None
 
     def count(self, angle: Radian) -> Count:
-        """Give the count at an angle, 0 to 2^bits - 1; an angle that is not finite reads 0."""
+        """Return the count at an angle, 0 to 2^bits - 1; an angle that is not finite reads 0."""
         turn = 1 << self.settings.bits
         if not math.isfinite(angle):
             return 0
@@ -102,40 +106,40 @@ class Encoder:
         return (counts + self.settings.zero) % turn
 
     def latch(self, angle: Radian, time: Second) -> int | None:
-        """Give the word for an angle at a time of the encoder's clock; None: no answer."""
+        """Return the word for an angle at a time of the encoder's clock; None: no answer."""
         faults, settings = self.faults, self.settings
-        if faults.on("no_answer"):
+        if faults.is_on("no_answer"):
             return None
-        if faults.on("frozen_word") and self._word is not None:
+        if faults.is_on("frozen_word") and self._word is not None:
             return self._word
-        if not faults.on("stuck") or self._position is None:
-            self._position = self._moved(self.count(angle), time)
+        if not faults.is_on("stuck") or self._position is None:
+            self._position = self._apply_motion_faults(self.count(angle), time)
         position = self._position
-        if faults.on("wrapped"):
+        if faults.is_on("wrapped"):
             position = (position + (1 << settings.bits - 1)) % (1 << settings.bits)
         tick = STAMPED.get(settings.protocol)
-        self._word = word(
+        self._word = encode_word(
             settings.protocol,
             position,
-            valid=not faults.on("invalid") and math.isfinite(angle),
-            zero=settings.zero_is_makers == 1 and not faults.on("zero_moved"),
+            valid=not faults.is_on("invalid") and math.isfinite(angle),
+            zero=settings.zero_is_makers == 1 and not faults.is_on("zero_moved"),
             stamp=0 if tick is None else math.floor(time / tick + 1.0e-6),
-            ok=not faults.on("wrong_crc"),
+            intact=not faults.is_on("wrong_crc"),
         )
         return self._word
 
-    def _moved(self, position: Count, time: Second) -> Count:
-        """Give the count as the faults that move it have it."""
+    def _apply_motion_faults(self, position: Count, time: Second) -> Count:
+        """Return the count with the active motion faults applied."""
         turn = 1 << self.settings.bits
         for name in ("reversed", "stepped", "creeping"):
-            if not self.faults.on(name):
-                self._began.pop(name, None)
+            if not self.faults.is_on(name):
+                self._fault_start.pop(name, None)
                 continue
-            at, since = self._began.setdefault(name, (position, time))
+            start_position, start_time = self._fault_start.setdefault(name, (position, time))
             if name == "reversed":
-                position = 2 * at - position
+                position = 2 * start_position - position
             elif name == "stepped":
                 position += round(STEP / 360.0 * turn)
             else:
-                position += round(CREEP * (time - since) / 360.0 * turn)
+                position += round(CREEP * (time - start_time) / 360.0 * turn)
         return position % turn

@@ -1,4 +1,4 @@
-"""What an ATI six-axis transducer turns a wrench into: gage counts or scaled counts. Pure."""
+"""Calibration of an ATI six-axis transducer: wrench to gage counts or scaled counts. Pure."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from sim_plant.units import Count, Newton, NewtonMetre
 
-Six = tuple[float, float, float, float, float, float]
+SixAxes = tuple[float, float, float, float, float, float]
 NEWTON, NEWTON_METRE = 2, 3  # codes of the units
-REGISTERS = 169
+REGISTER_COUNT = 169
 
 
 class Wrench(NamedTuple):
@@ -25,8 +25,8 @@ class Wrench(NamedTuple):
     tz: NewtonMetre = 0.0
 
 
-# A full matrix with the cross-talk of a real transducer's order; every unit has its own.
-EXAMPLE: tuple[Six, ...] = (
+# A full matrix with cross-talk of a realistic size; every transducer has a matrix of its own.
+EXAMPLE_MATRIX: tuple[SixAxes, ...] = (
     (-14.0, 37.0, 984.0, -17880.0, -936.0, 17736.0),
     (-1140.0, 20460.0, 612.0, -10296.0, 444.0, -10188.0),
     (29760.0, 1056.0, 29592.0, 732.0, 30024.0, 1128.0),
@@ -39,10 +39,10 @@ EXAMPLE: tuple[Six, ...] = (
 class Calibration(NamedTuple):
     """One transducer's calibration; the ratings of a Mini58 vary and are parameters."""
 
-    matrix: tuple[Six, ...] = EXAMPLE  # counts per unit out of gage counts, gages G0 to G5
+    matrix: tuple[SixAxes, ...] = EXAMPLE_MATRIX  # scaled counts from gage counts, gages G0 to G5
     counts_per_force: Count = 1_000_000
     counts_per_torque: Count = 1_000_000
-    ratings: Six = (700.0, 700.0, 1700.0, 30.0, 30.0, 30.0)  # N, N m
+    ratings: SixAxes = (700.0, 700.0, 1700.0, 30.0, 30.0, 30.0)  # N, N m
     bias: tuple[int, ...] = (312, -145, 88, -420, 57, 263)  # gage counts without load
     gains: tuple[int, ...] = (512, 512, 512, 512, 512, 512)
     offsets: tuple[int, ...] = (32768, 32768, 32768, 32768, 32768, 32768)
@@ -53,33 +53,33 @@ class Calibration(NamedTuple):
 
 
 class Gages:
-    """Turns a wrench into six gage readings, as the transducer's electronics count them."""
+    """Converts a wrench to six gage readings, in counts of the transducer's electronics."""
 
     def __init__(self, calibration: Calibration) -> None:
-        """Raises numpy's LinAlgError for a matrix that cannot be inverted."""
+        """Raise numpy's LinAlgError for a singular matrix."""
         self.calibration = calibration
         units = [calibration.counts_per_force] * 3 + [calibration.counts_per_torque] * 3
         inverse = np.linalg.inv(np.asarray(calibration.matrix, dtype=np.float32).astype(float))
         self._rows: list[list[float]] = (inverse * np.asarray(units, dtype=float)).tolist()
 
     def read(self, wrench: Wrench) -> tuple[list[int], bool]:
-        """Give the six counts, and whether one of them is beyond its 16 bits."""
+        """Return the six counts, and whether one of them exceeds 16 bits."""
         counts = []
         saturated = False
         for row, bias in zip(self._rows, self.calibration.bias, strict=True):
             total = sum(rate * value for rate, value in zip(row, wrench, strict=True)) + bias
-            if not -32768.0 <= total <= 32767.0:  # not a number falls here too
+            if not -32768.0 <= total <= 32767.0:  # also for NaN
                 saturated = True
                 total = 32767.0 if total > 0.0 else -32768.0
             counts.append(round(total))
         return counts, saturated
 
 
-def block(calibration: Calibration) -> list[int]:
-    """Give the calibration as 169 registers, as function 3 reads them from 0x00E3.
+def calibration_registers(calibration: Calibration) -> list[int]:
+    """Return the calibration as 169 registers, as function 3 reads them from 0x00E3.
 
-    Source: ATI 9610-05-1030 (Digital F/T), calibration structure. What follows the offsets is not
-    known and reads 0; that each units code takes the low byte of a register is not confirmed.
+    Source: ATI 9610-05-1030 (Digital F/T), calibration structure. The content after the offsets is
+    unknown and reads 0; the position of the unit codes in their register is not confirmed.
     """
     texts = struct.pack(
         "8s32s4s20s",
@@ -101,5 +101,5 @@ def block(calibration: Calibration) -> list[int]:
         + struct.pack(">ii", calibration.counts_per_force, calibration.counts_per_torque)
         + struct.pack(">6H6H", *calibration.gains, *calibration.offsets)
     )
-    data += bytes(2 * REGISTERS - len(data))
-    return list(struct.unpack(f">{REGISTERS}H", data))
+    data += bytes(2 * REGISTER_COUNT - len(data))
+    return list(struct.unpack(f">{REGISTER_COUNT}H", data))

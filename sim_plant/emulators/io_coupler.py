@@ -2,7 +2,7 @@
 
 Source: WAGO 750 manuals, section MODBUS functions. Outputs are written from 0x0000 and read back
 from 0x0200, inputs are read from 0x0000; words and bits have their own address spaces; functions
-1 and 2, and 3 and 4, read the same. One word a channel: 7FFF is full scale.
+1 and 2, and 3 and 4, read the same. Each channel has one word: 7FFF is full scale.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from sim_plant.emulators import module_watchdog
-from sim_plant.emulators.modbus_pdu import RefusalError, Refused, Table
+from sim_plant.emulators.modbus_pdu import ExceptionCode, ModbusRefusalError, Table
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.module_watchdog import ModuleWatchdog, Status
 from sim_plant.units import Flag, Second
@@ -23,9 +23,9 @@ FULL_SCALE = 0x7FFF
 
 FAULTS = {
     "watchdog_off": "the watchdog does not start: its status stays 0",
-    "watchdog_dead": "the watchdog never exhausts, whatever its status says",
-    "outputs_stuck": "outputs stay as they are; what is read back is what was written",
-    "outputs_dead": "outputs are 0; what is read back is what was written",
+    "watchdog_dead": "the watchdog never expires, whatever its status",
+    "outputs_stuck": "outputs keep their values; the read-back shows the written values",
+    "outputs_dead": "outputs are 0; the read-back shows the written values",
 }
 
 
@@ -38,7 +38,7 @@ class AnalogOutput(NamedTuple):
 
 
 class DigitalInput(NamedTuple):
-    """One digital input and the fault that holds it."""
+    """One digital input and the fault that forces it."""
 
     channel: str
     fault: str  # name, as `estop_pressed`
@@ -46,7 +46,7 @@ class DigitalInput(NamedTuple):
 
 
 class CouplerSettings(NamedTuple):
-    """What is plugged into a coupler, in the order of its addresses."""
+    """Modules of a coupler, in the order of their addresses."""
 
     analog: tuple[AnalogOutput, ...] = ()
     inputs: tuple[DigitalInput, ...] = ()
@@ -55,7 +55,7 @@ class CouplerSettings(NamedTuple):
 
 
 class IoCoupler(ModbusUnit):
-    """Brings written outputs to the plant, and takes them back to 0 when its watchdog exhausts."""
+    """Applies written outputs to the plant, and sets them to 0 when its watchdog expires."""
 
     def __init__(
         self,
@@ -65,92 +65,92 @@ class IoCoupler(ModbusUnit):
         write: Callable[[str, float], None] | None = None,
         reply_delay: Second = 0.0,
     ) -> None:
-        """`read` gives levels by input channel; `write(channel, value)` gets every new output."""
-        held = {
+        """`read` returns levels by input channel; `write(channel, value)` receives new outputs."""
+        input_faults = {
             entry.fault: f"input {entry.channel} reads {entry.level}" for entry in settings.inputs
         }
-        super().__init__(faults={**FAULTS, **held}, reply_delay=reply_delay)
+        super().__init__(faults={**FAULTS, **input_faults}, reply_delay=reply_delay)
         self.settings = settings
         self.watchdog = ModuleWatchdog(settings.watchdog_unit)
         self._read = read or dict
         self._write = write or (lambda channel, value: None)
-        self._hang_up = False
-        for place in range(len(settings.analog)):
-            self.writable.add((Table.HOLDING, place))
-        for place in range(len(settings.outputs)):
-            self.writable.add((Table.COILS, place))
+        self._disconnect_pending = False
+        for channel_index in range(len(settings.analog)):
+            self.writable.add((Table.HOLDING, channel_index))
+        for channel_index in range(len(settings.outputs)):
+            self.writable.add((Table.COILS, channel_index))
         for address in range(module_watchdog.FIRST, module_watchdog.LAST + 1):
             self.writable.add((Table.HOLDING, address))
         self._write_both(Table.HOLDING, SIZES[0], 16 * len(settings.analog))
         for address in (*ERROR_LED, SIZES[1]):
             self._write_both(Table.HOLDING, address, 0)
-        self._zero()
-        self._show_watchdog()
+        self._zero_outputs()
+        self._update_watchdog_registers()
 
-    def run(self, now: Second) -> None:
-        """Watch the time since the host was last heard."""
-        if self.faults.on("watchdog_dead"):
+    def run_timers(self, now: Second) -> None:
+        """Check the time since the last request of the host."""
+        if self.faults.is_on("watchdog_dead"):
             return
-        if self.watchdog.run_out(now):
-            self._zero()
-            self._hang_up = self.watchdog.closes_sockets()
-            self._show_watchdog()
+        if self.watchdog.check_expired(now):
+            self._zero_outputs()
+            self._disconnect_pending = self.watchdog.closes_sockets()
+            self._update_watchdog_registers()
 
-    def hangs_up(self) -> bool:
-        """Say, once, that connections end because the watchdog exhausted and is set so."""
-        ended, self._hang_up = self._hang_up, False
-        return ended
+    def should_disconnect(self) -> bool:
+        """Return True once if connections must end because the watchdog expired and is set so."""
+        disconnect, self._disconnect_pending = self._disconnect_pending, False
+        return disconnect
 
     def measure(self, now: Second) -> None:
         """Read the inputs."""
         levels = self._read()
-        for place, (channel, fault, held) in enumerate(self.settings.inputs):
-            level = held if self.faults.on(fault) else int(levels.get(channel, 0))
-            self._write_both(Table.COILS, place, level)
+        for index, (channel, fault, fault_level) in enumerate(self.settings.inputs):
+            level = fault_level if self.faults.is_on(fault) else int(levels.get(channel, 0))
+            self._write_both(Table.COILS, index, level)
 
-    def heard(self, function: int) -> None:
-        """Renew the watchdog where it is set so."""
-        if not self.faults.on("watchdog_off"):
-            self.watchdog.heard(function, self.now)
-        self._show_watchdog()
+    def on_request(self, function: int) -> None:
+        """Renew the watchdog if it is configured to be renewed by this function."""
+        if not self.faults.is_on("watchdog_off"):
+            self.watchdog.on_request(function, self.now)
+        self._update_watchdog_registers()
 
-    def accept(self, table: Table, address: int, value: int) -> None:
-        """Take an output or a watchdog register."""
+    def accept_write(self, table: Table, address: int, value: int) -> None:
+        """Write an output or a watchdog register."""
         if table is Table.HOLDING and address >= module_watchdog.FIRST:
-            if not (address == module_watchdog.TRIGGER and self.faults.on("watchdog_off")):
+            if not (address == module_watchdog.TRIGGER and self.faults.is_on("watchdog_off")):
                 self.watchdog.write(address, value, self.now)
-            self._show_watchdog()
+            self._update_watchdog_registers()
             return
         if self.watchdog.status is Status.EXHAUSTED:
-            raise RefusalError(Refused.DEVICE_FAILURE)
+            raise ModbusRefusalError(ExceptionCode.DEVICE_FAILURE)
         if table is Table.COILS:
-            self._bring(self.settings.outputs[address], float(value))
+            self._set_output(self.settings.outputs[address], float(value))
         else:
             output = self.settings.analog[address]
             if value > FULL_SCALE and output.bipolar == 0:
-                raise RefusalError(Refused.ILLEGAL_VALUE)
+                raise ModbusRefusalError(ExceptionCode.ILLEGAL_VALUE)
             signed = value - 0x10000 if value > FULL_SCALE else value
-            self._bring(output.channel, output.full_scale * signed / FULL_SCALE)
+            self._set_output(output.channel, output.full_scale * signed / FULL_SCALE)
         self._write_both(table, READ_BACK + address, value)
 
-    def _bring(self, channel: str, value: float) -> None:
-        if not self.faults.on("outputs_stuck"):
-            self._write(channel, 0.0 if self.faults.on("outputs_dead") else value)
+    def _set_output(self, channel: str, value: float) -> None:
+        if not self.faults.is_on("outputs_stuck"):
+            self._write(channel, 0.0 if self.faults.is_on("outputs_dead") else value)
 
-    def _zero(self) -> None:
-        """Take all outputs back; no fault but a stuck output keeps them."""
-        for place, output in enumerate(self.settings.analog):
-            self._bring(output.channel, 0.0)
-            self._write_both(Table.HOLDING, READ_BACK + place, 0)
-        for place, channel in enumerate(self.settings.outputs):
-            self._bring(channel, 0.0)
-            self._write_both(Table.COILS, READ_BACK + place, 0)
+    def _zero_outputs(self) -> None:
+        """Set all outputs to 0; only the fault `outputs_stuck` prevents it."""
+        for index, output in enumerate(self.settings.analog):
+            self._set_output(output.channel, 0.0)
+            self._write_both(Table.HOLDING, READ_BACK + index, 0)
+        for index, channel in enumerate(self.settings.outputs):
+            self._set_output(channel, 0.0)
+            self._write_both(Table.COILS, READ_BACK + index, 0)
 
-    def _show_watchdog(self) -> None:
+    def _update_watchdog_registers(self) -> None:
         for address in range(module_watchdog.FIRST, module_watchdog.LAST + 1):
             self._write_both(Table.HOLDING, address, self.watchdog.read(address))
 
     def _write_both(self, table: Table, address: int, value: int) -> None:
-        other = Table.DISCRETE_INPUTS if table is Table.COILS else Table.INPUT
+        mirror = Table.DISCRETE_INPUTS if table is Table.COILS else Table.INPUT
         self.put(table, address, value)
-        self.put(other, address, value)
+        self.put(mirror, address, value)

@@ -1,21 +1,21 @@
-"""What every emulated device on a serial line has in common: it is there as long as its line."""
+"""Base class of the emulated devices on a serial line; a device exists as long as its line."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from sim_plant.emulators.background import Background
+from sim_plant.emulators.background import BackgroundTask
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.emulators.serial_line import SerialLine
 
 
 class LineDevice(ABC):
-    """A line and what the device does on it by itself."""
+    """A serial line and the device's own activity on it."""
 
     def __init__(self, line: SerialLine) -> None:
-        """`line` is offered with `start`."""
+        """`line` is opened by `start`."""
         self.line = line
-        self._work = Background()
+        self._task = BackgroundTask()
 
     @property
     def address(self) -> str:
@@ -28,15 +28,15 @@ class LineDevice(ABC):
         return self.line.link
 
     async def start(self) -> None:
-        """Offer the line and begin to work."""
+        """Open the line and start the device's task."""
         await self.line.start()
-        self._work.start(self._tend())
+        self._task.start(self._poll_loop())
 
     async def close(self) -> None:
-        """Take the line away."""
-        await self._work.stop()
+        """Stop the task and close the line."""
+        await self._task.stop()
         await self.line.close()
 
     @abstractmethod
-    async def _tend(self) -> None:
-        """Do what needs no request, until it is cancelled."""
+    async def _poll_loop(self) -> None:
+        """Perform the device's periodic work until cancelled."""

@@ -1,4 +1,4 @@
-"""The application layer of Modbus, device's side: one request to one answer.
+"""The application layer of a Modbus device: the answer to one request.
 
 Modbus application protocol V1.1b3: functions 1-6, 15, 16, 22, 23 and the exceptions.
 """
@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from enum import IntEnum
 from typing import Protocol
 
-MOST_WORDS_READ = 125
-MOST_WORDS_WRITTEN = 123
-MOST_BITS_READ = 2000
-MOST_BITS_WRITTEN = 1968
+MAX_REGISTERS_READ = 125
+MAX_REGISTERS_WRITTEN = 123
+MAX_BITS_READ = 2000
+MAX_BITS_WRITTEN = 1968
 
 
 class Table(IntEnum):
@@ -25,7 +25,7 @@ class Table(IntEnum):
     INPUT = 3
 
 
-class Refused(IntEnum):
+class ExceptionCode(IntEnum):
     """Exception codes."""
 
     ILLEGAL_FUNCTION = 1
@@ -36,54 +36,54 @@ class Refused(IntEnum):
     NO_ANSWER_BEHIND_GATEWAY = 11
 
 
-class RefusalError(Exception):
+class ModbusRefusalError(Exception):
     """A request that is answered by an exception code."""
 
-    def __init__(self, code: Refused) -> None:
-        """`code`: what the host is told."""
+    def __init__(self, code: ExceptionCode) -> None:
+        """`code`: exception code for the host."""
         super().__init__(code.name)
         self.code = code
 
 
 class Registers(Protocol):
-    """What a unit holds; addresses are those of the wire, from 0."""
+    """Registers of a unit; addresses are those on the wire, from 0."""
 
     def read(self, table: Table, first: int, count: int) -> Sequence[int]:
-        """Give `count` bits (0 or 1) or words; RefusalError where one is not defined."""
+        """Return `count` bits (0 or 1) or words. Raises ModbusRefusalError for undefined ones."""
         ...
 
     def write(self, table: Table, first: int, values: Sequence[int]) -> None:
-        """Take all values or none; RefusalError where one may not be written."""
+        """Write all values or none. Raises ModbusRefusalError if one may not be written."""
         ...
 
 
 READS = {1: Table.COILS, 2: Table.DISCRETE_INPUTS, 3: Table.HOLDING, 4: Table.INPUT}
 
 
-def exception(function: int, code: Refused) -> bytes:
-    """Give the exception answer to a function."""
+def exception(function: int, code: ExceptionCode) -> bytes:
+    """Return the exception response to a function."""
     return bytes((function | 0x80, code))
 
 
-def answer(unit: Registers, pdu: bytes) -> bytes:
-    """Give the answer to one request (function code and data, without address and check sum)."""
+def answer_request(unit: Registers, pdu: bytes) -> bytes:
+    """Return the answer to one request (function code and data, without address and check sum)."""
     function = pdu[0] if pdu else 0
     try:
-        return _answered(unit, function, pdu[1:])
-    except RefusalError as refusal:
+        return _execute(unit, function, pdu[1:])
+    except ModbusRefusalError as refusal:
         return exception(function, refusal.code)
     except struct.error:
-        return exception(function, Refused.ILLEGAL_VALUE)
+        return exception(function, ExceptionCode.ILLEGAL_VALUE)
 
 
-def _answered(unit: Registers, function: int, body: bytes) -> bytes:
+def _execute(unit: Registers, function: int, body: bytes) -> bytes:
     if function in READS:
         first, count = struct.unpack(">HH", body)
         return bytes((function,)) + _read(unit, READS[function], first, count)
     if function in (5, 6):
         first, value = struct.unpack(">HH", body)
         if function == 5:
-            _expect(value in (0x0000, 0xFF00))
+            _require_valid(value in (0x0000, 0xFF00))
             unit.write(Table.COILS, first, [value >> 15])
         else:
             unit.write(Table.HOLDING, first, [value])
@@ -102,17 +102,17 @@ def _answered(unit: Registers, function: int, body: bytes) -> bytes:
         first, count, target, amount, size = struct.unpack(">HHHHB", body[:9])
         _write(unit, Table.HOLDING, target, amount, size, body[9:])
         return bytes((function,)) + _read(unit, Table.HOLDING, first, count)
-    raise RefusalError(Refused.ILLEGAL_FUNCTION)
+    raise ModbusRefusalError(ExceptionCode.ILLEGAL_FUNCTION)
 
 
-def _expect(valid: bool) -> None:
+def _require_valid(valid: bool) -> None:
     if not valid:
-        raise RefusalError(Refused.ILLEGAL_VALUE)
+        raise ModbusRefusalError(ExceptionCode.ILLEGAL_VALUE)
 
 
 def _read(unit: Registers, table: Table, first: int, count: int) -> bytes:
     bits = table in (Table.COILS, Table.DISCRETE_INPUTS)
-    _expect(1 <= count <= (MOST_BITS_READ if bits else MOST_WORDS_READ))
+    _require_valid(1 <= count <= (MAX_BITS_READ if bits else MAX_REGISTERS_READ))
     values = unit.read(table, first, count)
     if not bits:
         return bytes((2 * count,)) + struct.pack(f">{count}H", *values)
@@ -123,9 +123,9 @@ def _read(unit: Registers, table: Table, first: int, count: int) -> bytes:
 
 def _write(unit: Registers, table: Table, first: int, count: int, size: int, data: bytes) -> None:
     if table is Table.COILS:
-        _expect(1 <= count <= MOST_BITS_WRITTEN and size == len(data) == (count + 7) // 8)
+        _require_valid(1 <= count <= MAX_BITS_WRITTEN and size == len(data) == (count + 7) // 8)
         packed = int.from_bytes(data, "little")
         unit.write(table, first, [packed >> place & 1 for place in range(count)])
     else:
-        _expect(1 <= count <= MOST_WORDS_WRITTEN and size == len(data) == 2 * count)
+        _require_valid(1 <= count <= MAX_REGISTERS_WRITTEN and size == len(data) == 2 * count)
         unit.write(table, first, struct.unpack(f">{count}H", data))

@@ -14,14 +14,18 @@ from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.serial_line import SerialLine
 from sim_plant.units import Count, Second
 
-TEND = 0.01  # s between two looks at the units' own timers
-LONGEST = 256  # bytes of one frame
-LENGTHS: Mapping[int, Count] = {**dict.fromkeys(range(1, 7), 8), 22: 10}
-COUNTED: Mapping[int, Count] = {15: 6, 16: 6, 23: 10}  # where these functions say their size
+POLL_PERIOD = 0.01  # s between two updates of the units' timers
+MAX_FRAME_LENGTH = 256  # bytes of one frame
+FRAME_LENGTHS: Mapping[int, Count] = {**dict.fromkeys(range(1, 7), 8), 22: 10}
+BYTE_COUNT_OFFSETS: Mapping[int, Count] = {
+    15: 6,
+    16: 6,
+    23: 10,
+}  # offset of the byte count in these functions
 
 
 def crc16(data: bytes) -> int:
-    """Give the check sum of an RTU frame: polynomial 8005 reflected, start FFFF."""
+    """Return the check sum of an RTU frame: polynomial 8005 reflected, start FFFF."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -30,75 +34,75 @@ def crc16(data: bytes) -> int:
     return crc
 
 
-def framed(address: int, pdu: bytes) -> bytes:
-    """Give the frame of an answer."""
+def encode_frame(address: int, pdu: bytes) -> bytes:
+    """Return the frame of an answer."""
     body = bytes((address,)) + pdu
     return body + crc16(body).to_bytes(2, "little")
 
 
 class RtuSettings(NamedTuple):
-    """How a line's units tell frames apart."""
+    """Framing of a line's units."""
 
-    # Real units take 3.5 characters of silence as the end; a host's adapter and a busy machine
-    # tear frames further apart than that, so silence that ends a frame is longer here.
+    # Real units end a frame after 3.5 characters of silence. A host's adapter and a busy machine
+    # leave longer gaps within frames, so the silence that ends a frame is longer here.
     silence: Second = 0.02
-    lengths: Mapping[int, Count] = LENGTHS  # whole frames, by function
+    lengths: Mapping[int, Count] = FRAME_LENGTHS  # bytes of a complete frame, by function
 
 
 class RtuReceiver:
-    """Finds requests in what arrives; a wrong check sum spoils all up to the next silence."""
+    """Extracts requests from received bytes; skips to the next silence after a wrong check sum."""
 
     def __init__(self, settings: RtuSettings) -> None:
-        """Nothing has arrived yet."""
+        """Create a receiver with an empty buffer."""
         self.settings = settings
-        self.bad: Count = 0  # frames with a wrong check sum
-        self.half: Count = 0  # frames that ended early
+        self.bad_frames: Count = 0  # frames with a wrong check sum
+        self.truncated_frames: Count = 0  # frames that ended early
         self._buffer = b""
-        self._spoilt = False
-        self._last: Second = float("-inf")
+        self._skipping = False
+        self._last_time: Second = float("-inf")
 
     def feed(self, data: bytes, now: Second) -> list[tuple[int, bytes]]:
-        """Give the requests that are complete now: address and PDU."""
-        if now - self._last > self.settings.silence:
-            self.half += 1 if self._buffer else 0
-            self._buffer, self._spoilt = b"", False
-        self._last = now
-        if self._spoilt:
+        """Return the requests that are complete now: address and PDU."""
+        if now - self._last_time > self.settings.silence:
+            self.truncated_frames += 1 if self._buffer else 0
+            self._buffer, self._skipping = b"", False
+        self._last_time = now
+        if self._skipping:
             return []
         self._buffer += data
         frames = []
-        while not self._spoilt and (size := self._size()) and len(self._buffer) >= size:
+        while not self._skipping and (size := self._frame_size()) and len(self._buffer) >= size:
             frame, self._buffer = self._buffer[:size], self._buffer[size:]
             if crc16(frame[:-2]) == int.from_bytes(frame[-2:], "little"):
                 frames.append((frame[0], frame[1:-2]))
             else:
-                self.bad += 1
-                self._buffer, self._spoilt = b"", True
+                self.bad_frames += 1
+                self._buffer, self._skipping = b"", True
         return frames
 
-    def _size(self) -> Count:
-        """Size of the frame that begins the buffer; 0 while it cannot be told."""
+    def _frame_size(self) -> Count:
+        """Return the size of the frame at the start of the buffer; 0 while it is unknown."""
         if len(self._buffer) < 2:
             return 0
         function = self._buffer[1]
-        if function in COUNTED:
-            place = COUNTED[function]
-            return place + self._buffer[place] + 3 if len(self._buffer) > place else 0
+        if function in BYTE_COUNT_OFFSETS:
+            offset = BYTE_COUNT_OFFSETS[function]
+            return offset + self._buffer[offset] + 3 if len(self._buffer) > offset else 0
         if function in self.settings.lengths:
             return self.settings.lengths[function]
-        return self._told_by_check_sum()
+        return self._size_by_check_sum()
 
-    def _told_by_check_sum(self) -> Count:
-        """A function nobody knows ends where its check sum fits, so it can be refused."""
-        for size in range(4, min(len(self._buffer), LONGEST) + 1):
-            body = self._buffer[:size]
-            if crc16(body[:-2]) == int.from_bytes(body[-2:], "little"):
+    def _size_by_check_sum(self) -> Count:
+        """Return the size at which the check sum fits: an unknown function can then be refused."""
+        for size in range(4, min(len(self._buffer), MAX_FRAME_LENGTH) + 1):
+            candidate = self._buffer[:size]
+            if crc16(candidate[:-2]) == int.from_bytes(candidate[-2:], "little"):
                 return size
-        return len(self._buffer) if len(self._buffer) >= LONGEST else 0
+        return len(self._buffer) if len(self._buffer) >= MAX_FRAME_LENGTH else 0
 
 
 class RtuLine(LineDevice):
-    """Units on one serial line. Nobody answers for an address that is not there."""
+    """Units on one serial line. Requests to other addresses are not answered."""
 
     def __init__(
         self,
@@ -106,7 +110,7 @@ class RtuLine(LineDevice):
         units: Mapping[int, ModbusUnit],
         settings: RtuSettings | None = None,
     ) -> None:
-        """`units` by their address, 1 to 247; address 0 is for all, and is not answered."""
+        """`units` by address, 1 to 247; address 0 is a broadcast and is not answered."""
         if not all(1 <= address <= 247 for address in units):
             raise ValueError(f"unit addresses are 1 to 247, got {sorted(units)}")
         super().__init__(line)
@@ -122,12 +126,12 @@ class RtuLine(LineDevice):
             elif address in self.units:
                 answer = self.units[address].serve(pdu, now)
                 if answer is not None:
-                    frame = framed(address, answer.pdu)
+                    frame = encode_frame(address, answer.pdu)
                     asyncio.get_running_loop().call_later(answer.delay, self.line.send, frame)
 
-    async def _tend(self) -> None:
+    async def _poll_loop(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             for unit in self.units.values():
                 unit.advance(loop.time())
-            await asyncio.sleep(TEND)
+            await asyncio.sleep(POLL_PERIOD)

@@ -1,4 +1,4 @@
-"""The emulated ATI Net F/T: RDT records over UDP, and the two services beside it.
+"""The emulated ATI Net F/T: RDT records over UDP, and its two TCP services.
 
 Source: ATI Net F/T manual, RDT interface (UDP 49152), TCP interface (49151), XML pages. The
 status code of a saturated gage is not confirmed: a parameter.
@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-from sim_plant.emulators.background import Background
+from sim_plant.emulators.background import BackgroundTask
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.ft_calibration import Calibration, Wrench
 from sim_plant.emulators.link_faults import LinkFaults
@@ -22,26 +22,26 @@ from sim_plant.units import Count, Hertz, Second
 HEADER = 0x1234
 STOP, REAL_TIME, BUFFERED, MULTI_UNIT, RESET_LATCH, BIAS = 0x00, 0x02, 0x03, 0x04, 0x41, 0x42
 INTERNAL_RATE = 7000.0  # Hz, of ft_sequence
-MOST_LATE = 64  # records sent at once after the process was held up; more are lost
-I32 = 0x7FFFFFFF
-TEND = 0.005  # s between two looks at what the link's faults hold
+MAX_BURST = 64  # most packets sent at once after a stall of the process; more are lost
+INT32_MAX = 0x7FFFFFFF
+POLL_PERIOD = 0.005  # s between two updates of the link's faults
 
 FAULTS = {
-    "saturated": "every axis reads its rating and the status says so",
-    "inverted": "every axis has the other sign",
+    "saturated": "every axis reads its rating and the status shows saturation",
+    "inverted": "every axis has the opposite sign",
     "status_error": "the status of every record is 80000000",
-    "silent": "nothing is sent; sequences run on",
-    "frozen_values": "the counts stand still, both sequences go on",
-    "stuck_sensor": "ft_sequence and the counts stand still, rdt_sequence goes on",
+    "silent": "nothing is sent; sequences continue",
+    "frozen_values": "the counts do not change, both sequences continue",
+    "stuck_sensor": "ft_sequence and the counts do not change, rdt_sequence continues",
     "short_records": "records end after 20 bytes",
-    "restarted": "the box forgets its stream once, as after a power dip",
-    "foreign_client": "another host has taken the stream: nothing is sent here",
+    "restarted": "the box loses its stream once, as after a power dip",
+    "foreign_client": "another host has taken over the stream: nothing is sent here",
     "ignores_bias": "the bias command does nothing",
 }
 
 
 class NetFtSettings(NamedTuple):
-    """How a box is set."""
+    """Settings of a box."""
 
     host: str = "127.0.0.1"
     port: int = 49152  # RDT; 0: a free one
@@ -54,7 +54,7 @@ class NetFtSettings(NamedTuple):
 
 
 class NetFt(asyncio.DatagramProtocol):
-    """The box: the last host that asks has the stream."""
+    """The box; the last requesting host receives the stream."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class NetFt(asyncio.DatagramProtocol):
         settings: NetFtSettings | None = None,
         link: LinkFaults | None = None,
     ) -> None:
-        """`read` gives the present wrench; `link` has the faults of each datagram."""
+        """`read` returns the present wrench; `link` has the faults of the datagrams."""
         self.settings = settings or NetFtSettings()
         self.faults = DeviceFaults(FAULTS)
         self.link = link or LinkFaults()
@@ -72,22 +72,22 @@ class NetFt(asyncio.DatagramProtocol):
         self._counts = [0] * 6
         self._status = 0
         self._client: tuple[str, int] | None = None
-        self._left: Count | None = None  # records still to send; None: endless
+        self._records_left: Count | None = None  # records still to send; None: endless
         self._per_packet: Count = 1
         self._sequence: Count = 0
         self._ticks: Count = 0  # of the sensor
-        self._sender = ("", 0)  # whose datagram came last
-        self._begin: Second = 0.0
+        self._sender = ("", 0)  # sender of the last datagram
+        self._stream_start: Second = 0.0
         self._origin: Second | None = None
         self._sent: Count = 0
         self._transport: asyncio.DatagramTransport | None = None
-        self._streaming = Background()
-        self._tending = Background()
+        self._stream_task = BackgroundTask()
+        self._poll_task = BackgroundTask()
         self.page = ConfigurationPage(self)
         self.tcp = TcpService(self)
 
     async def start(self) -> None:
-        """Open the three ports; raises OSError if one is taken."""
+        """Open the three ports. Raises OSError if one is in use."""
         settings = self.settings
         loop = asyncio.get_running_loop()
         self._origin = loop.time()
@@ -98,27 +98,27 @@ class NetFt(asyncio.DatagramProtocol):
         self.address = "{}:{}".format(*transport.get_extra_info("sockname")[:2])
         await self.tcp.start(settings.host, settings.tcp_port)
         await self.page.start(settings.host, settings.http_port)
-        self._streaming.start(self._stream())
-        self._tending.start(self._tend())
+        self._stream_task.start(self._stream())
+        self._poll_task.start(self._poll_loop())
 
     async def close(self) -> None:
         """Close all ports."""
-        await self._streaming.stop()
-        await self._tending.stop()
+        await self._stream_task.stop()
+        await self._poll_task.stop()
         if self._transport is not None:
             self._transport.close()
         self.tcp.close()
         self.page.close()
 
     def datagram_received(self, data: bytes, addr: tuple[str, int]) -> None:
-        """Take a datagram off the wire, through the link's faults."""
+        """Receive a datagram from the wire, through the link's faults."""
         loop = asyncio.get_running_loop()
         self._sender = addr
-        for at, piece in self.link.to_device.pass_on(data, loop.time()):
-            loop.call_at(at, self.take, piece, addr)
+        for at, piece in self.link.to_device.transmit(data, loop.time()):
+            loop.call_at(at, self.handle_request, piece, addr)
 
-    def take(self, data: bytes, sender: tuple[str, int]) -> None:
-        """Act on a request; anything else is ignored, as by the box."""
+    def handle_request(self, data: bytes, sender: tuple[str, int]) -> None:
+        """Execute a request; other datagrams are ignored, as by the box."""
         if len(data) != 8:
             return
         header, command, count = struct.unpack(">HHI", data)
@@ -128,54 +128,54 @@ class NetFt(asyncio.DatagramProtocol):
             self._client = None
         elif command in (REAL_TIME, BUFFERED, MULTI_UNIT):
             self._client = sender
-            self._left = count or None
+            self._records_left = count or None
             self._per_packet = self.settings.buffer if command == BUFFERED else 1
             self._sequence = self._sent = 0
-            self._begin = asyncio.get_running_loop().time()
+            self._stream_start = asyncio.get_running_loop().time()
         elif command == BIAS:
             self.bias()
 
     def bias(self) -> None:
-        """Take the present load as zero."""
-        if not self.faults.on("ignores_bias"):
+        """Set the present load as zero."""
+        if not self.faults.is_on("ignores_bias"):
             self._bias = [0] * 6
-            self._bias = self.sense()[0]
+            self._bias = self.counts_and_status()[0]
 
-    def sense(self) -> tuple[list[int], int]:
-        """Give the six counts, bias taken off, and the status."""
+    def counts_and_status(self) -> tuple[list[int], int]:
+        """Return the six counts minus bias, and the status."""
         faults, settings = self.faults, self.settings
-        if not (faults.on("frozen_values") or faults.on("stuck_sensor")):
-            sign = -1.0 if faults.on("inverted") else 1.0
+        if not (faults.is_on("frozen_values") or faults.is_on("stuck_sensor")):
+            sign = -1.0 if faults.is_on("inverted") else 1.0
             wrench = Wrench(*(sign * value for value in self._read()))
-            self._counts, self._status = self._counted(wrench)
-        status = self._status | (0x80000000 if faults.on("status_error") else 0)
-        if faults.on("saturated"):
+            self._counts, self._status = self._to_counts(wrench)
+        status = self._status | (0x80000000 if faults.is_on("status_error") else 0)
+        if faults.is_on("saturated"):
             wrench = Wrench(*settings.calibration.ratings)
-            self._counts, status = self._counted(wrench)[0], settings.saturation_status
+            self._counts, status = self._to_counts(wrench)[0], settings.saturation_status
         return [
-            max(-I32, min(count - bias, I32))
+            max(-INT32_MAX, min(count - bias, INT32_MAX))
             for count, bias in zip(self._counts, self._bias, strict=True)
         ], status
 
-    def record(self, at: Second) -> bytes:
-        """Give the next 36-byte record, due at a time of the loop."""
-        if not self.faults.on("stuck_sensor"):
+    def next_record(self, at: Second) -> bytes:
+        """Return the next 36-byte record, due at a time of the loop."""
+        if not self.faults.is_on("stuck_sensor"):
             self._ticks = int((at - (self._origin or at)) * INTERNAL_RATE)
         self._sequence = self._sequence + 1 & 0xFFFFFFFF
-        counts, status = self.sense()
+        counts, status = self.counts_and_status()
         ticks = self._ticks & 0xFFFFFFFF
         return struct.pack(">III6i", self._sequence, ticks, status, *counts)
 
-    def _counted(self, wrench: Wrench) -> tuple[list[int], int]:
+    def _to_counts(self, wrench: Wrench) -> tuple[list[int], int]:
         calibration = self.settings.calibration
         per_unit = [calibration.counts_per_force] * 3 + [calibration.counts_per_torque] * 3
         counts, status = [], 0
         for value, rating, scale in zip(wrench, calibration.ratings, per_unit, strict=True):
-            held = value if math.isfinite(value) else rating
-            if abs(held) > rating or not math.isfinite(value):
+            clamped = value if math.isfinite(value) else rating
+            if abs(clamped) > rating or not math.isfinite(value):
                 status = self.settings.saturation_status
-                held = math.copysign(rating, held)
-            counts.append(round(held * scale))
+                clamped = math.copysign(rating, clamped)
+            counts.append(round(clamped * scale))
         return counts, status
 
     async def _stream(self) -> None:
@@ -185,46 +185,50 @@ class NetFt(asyncio.DatagramProtocol):
             await asyncio.sleep(period)
             if self._client is None:
                 continue
-            due = int((loop.time() - self._begin) * self.settings.rate) - self._sent
+            due = int((loop.time() - self._stream_start) * self.settings.rate) - self._sent
             packets = due // self._per_packet
-            self._sent += max(packets - MOST_LATE, 0) * self._per_packet
-            for _ in range(min(packets, MOST_LATE)):
+            self._sent += max(packets - MAX_BURST, 0) * self._per_packet
+            for _ in range(min(packets, MAX_BURST)):
                 self._send_packet()
 
     def _send_packet(self) -> None:
-        size = self._per_packet if self._left is None else min(self._per_packet, self._left)
-        times = [self._begin + (self._sent + k) / self.settings.rate for k in range(size)]
-        data = b"".join(self.record(at) for at in times)
+        size = (
+            self._per_packet
+            if self._records_left is None
+            else min(self._per_packet, self._records_left)
+        )
+        times = [self._stream_start + (self._sent + k) / self.settings.rate for k in range(size)]
+        data = b"".join(self.next_record(at) for at in times)
         self._sent += self._per_packet
         client = self._client
-        if self._left is not None:
-            self._left -= size
-            if self._left == 0:
+        if self._records_left is not None:
+            self._records_left -= size
+            if self._records_left == 0:
                 self._client = None
-        if self.faults.on("restarted"):
+        if self.faults.is_on("restarted"):
             self._client, self._sequence = None, 0
             self.faults.switch("restarted", False)
             return
-        if client is None or self.faults.on("silent") or self.faults.on("foreign_client"):
+        if client is None or self.faults.is_on("silent") or self.faults.is_on("foreign_client"):
             return
-        self._send(data[:20] if self.faults.on("short_records") else data, client)
+        self._send(data[:20] if self.faults.is_on("short_records") else data, client)
 
     def _send(self, data: bytes, client: tuple[str, int]) -> None:
         loop = asyncio.get_running_loop()
-        for at, piece in self.link.to_host.pass_on(data, loop.time()):
-            loop.call_at(at, self._put, piece, client)
+        for at, piece in self.link.to_host.transmit(data, loop.time()):
+            loop.call_at(at, self._write_datagram, piece, client)
 
-    def _put(self, data: bytes, client: tuple[str, int]) -> None:
+    def _write_datagram(self, data: bytes, client: tuple[str, int]) -> None:
         if self._transport is not None and not self._transport.is_closing():
             self._transport.sendto(data, client)
 
-    async def _tend(self) -> None:
+    async def _poll_loop(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             client = self._client
-            for at, piece in self.link.to_host.due(loop.time()):
+            for at, piece in self.link.to_host.due_arrivals(loop.time()):
                 if client is not None:
-                    loop.call_at(at, self._put, piece, client)
-            for at, piece in self.link.to_device.due(loop.time()):
-                loop.call_at(at, self.take, piece, self._sender)
-            await asyncio.sleep(TEND)
+                    loop.call_at(at, self._write_datagram, piece, client)
+            for at, piece in self.link.to_device.due_arrivals(loop.time()):
+                loop.call_at(at, self.handle_request, piece, self._sender)
+            await asyncio.sleep(POLL_PERIOD)

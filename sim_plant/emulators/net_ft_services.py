@@ -1,4 +1,4 @@
-"""What a Net F/T box offers beside its stream: single readings over TCP, its settings as XML.
+"""Services of a Net F/T box besides its stream: single readings over TCP, settings as XML.
 
 Source: ATI Net F/T manual, TCP interface (20-byte requests) and XML pages (netftapi2.xml).
 """
@@ -22,7 +22,7 @@ UNIT_NAMES = ("N", "Nm")
 
 
 def scales(box: NetFt) -> list[int]:
-    """Give counts per 16-bit step, so that the rating of each axis fits."""
+    """Return counts per 16-bit step, chosen so that the rating of each axis fits."""
     calibration = box.settings.calibration
     per_unit = [calibration.counts_per_force] * 3 + [calibration.counts_per_torque] * 3
     return [
@@ -35,18 +35,18 @@ class BoxService(ABC):
     """One TCP port of the box."""
 
     def __init__(self, box: NetFt) -> None:
-        """`box` senses and has the settings."""
+        """`box` provides readings and settings."""
         self._box = box
         self._server: asyncio.Server | None = None
         self.address = ""
 
     async def start(self, host: str, port: int) -> None:
-        """Listen; port 0 takes a free one."""
+        """Listen; port 0 selects a free port."""
         self._server = await asyncio.start_server(self._serve, host, port)
         self.address = "{}:{}".format(*self._server.sockets[0].getsockname()[:2])
 
     def close(self) -> None:
-        """Listen no longer."""
+        """Stop listening."""
         if self._server is not None:
             self._server.close()
 
@@ -59,10 +59,10 @@ class TcpService(BoxService):
     """Single readings and the calibration."""
 
     def answer(self, request: bytes) -> bytes:
-        """Give the answer to a 20-byte request; empty for an unknown command."""
+        """Return the answer to a 20-byte request; empty for an unknown command."""
         box = self._box
         if request[0] == READ:
-            counts, status = box.sense()
+            counts, status = box.counts_and_status()
             steps = [
                 max(-32768, min(round(count / scale), 32767))
                 for count, scale in zip(counts, scales(box), strict=True)
@@ -91,10 +91,10 @@ class ConfigurationPage(BoxService):
     """The page /netftapi2.xml."""
 
     def text(self) -> str:
-        """Give the page."""
+        """Return the text of the page."""
         box = self._box
         calibration = box.settings.calibration
-        counts, status = box.sense()
+        counts, status = box.counts_and_status()
         entries = {
             "runstat": f"0x{status:08X}",
             "runft": ";".join(map(str, counts)),
@@ -120,11 +120,11 @@ class ConfigurationPage(BoxService):
         try:
             head = await reader.readuntil(b"\r\n\r\n")
             path = head.split(b" ")[1].split(b"?")[0] if head.count(b" ") > 1 else b""
-            known = head.startswith(b"GET ") and path == b"/netftapi2.xml"
-            body = self.text().encode() if known else b"not here"
-            result = "200 OK" if known else "404 Not Found"
+            found = head.startswith(b"GET ") and path == b"/netftapi2.xml"
+            body = self.text().encode() if found else b"not here"
+            status = "200 OK" if found else "404 Not Found"
             writer.write(
-                f"HTTP/1.1 {result}\r\nContent-Type: text/xml\r\nContent-Length: {len(body)}\r\n"
+                f"HTTP/1.1 {status}\r\nContent-Type: text/xml\r\nContent-Length: {len(body)}\r\n"
                 "Connection: close\r\n\r\n".encode()
                 + body
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from sim_plant.emulators import node_objects
-from sim_plant.emulators.node_objects import Key, Objects, Refused
+from sim_plant.emulators.node_objects import Key, Objects, SdoRefusedError
 from sim_plant.emulators.schedule import Schedule
 
 INVALID = 1 << 31
@@ -32,15 +32,15 @@ REGISTER = {0x2: 0x02, 0x3: 0x04, 0x4: 0x08, 0x8: 0x10, 0xF: 0x80}
 
 
 def register_bits(code: int) -> int:
-    """Give the bits of 0x1001 that an error sets: 0 generic, 1 current, 2 voltage, 3 temperature,
+    """Return the bits of 0x1001 that an error sets: 0 generic, 1 current, 2 voltage, 3 temperature,
     4 communication, 5 profile, 7 manufacturer."""
     if code >> 8 == 0x86:
         return 0x21
     return 0x01 | REGISTER.get(code >> 12, 0)
 
 
-class Errors:
-    """Which errors a node has now, and what it tells of them."""
+class NodeErrors:
+    """The active errors of a node, their EMCY messages and history."""
 
     def __init__(
         self, objects: Objects, schedule: Schedule, send: Callable[[int, bytes], None]
@@ -49,46 +49,46 @@ class Errors:
         self._objects = objects
         self._schedule = schedule
         self._send = send
-        self._free_at = 0.0
-        self._room = sum(1 for index, sub in objects.kinds if index == 0x1003 and sub > 0)
+        self._inhibit_end = 0.0
+        self._history_length = sum(1 for index, sub in objects.types if index == 0x1003 and sub > 0)
         objects.guards[0x1003] = self._guard_history
         objects.hooks[0x1003, 0] = lambda value: self.clear_history()
 
-    def occur(self, code: int, vendor: bytes = b"") -> None:
-        """Enter an error and send its EMCY, once until it is gone."""
+    def raise_error(self, code: int, vendor: bytes = b"") -> None:
+        """Set an error and send its EMCY, once until the error is cleared."""
         if code in self.active:
             return
         self.active.add(code)
-        history = [self._objects.get(0x1003, sub) for sub in range(1, self._room)]
-        count = min(self._objects.get(0x1003) + 1, self._room)
+        history = [self._objects.get(0x1003, sub) for sub in range(1, self._history_length)]
+        count = min(self._objects.get(0x1003) + 1, self._history_length)
         for sub, value in enumerate([code, *history], start=1):
             self._objects.put(0x1003, value, sub)
         self._objects.put(0x1003, count)
-        self._tell(code, vendor)
+        self._send_emcy(code, vendor)
 
-    def pass_by(self, code: int) -> None:
-        """Send the EMCY of something that is over as soon as it is noticed."""
-        self.occur(code)
+    def report_transient(self, code: int) -> None:
+        """Send the EMCY of an event that does not last."""
+        self.raise_error(code)
         self.active.discard(code)
         self._set_register()
 
-    def end(self, code: int) -> None:
-        """End one error; with the last one it tells so."""
+    def clear(self, code: int) -> None:
+        """Clear one error; after the last one send EMCY code 0."""
         self.active.discard(code)
         if self.active:
             self._set_register()
         else:
-            self._tell(0, b"")
+            self._send_emcy(0, b"")
 
-    def gone(self) -> None:
-        """End all errors and tell so, if there was one: EMCY code 0."""
+    def clear_all(self) -> None:
+        """Clear all errors; send EMCY code 0 if there was one."""
         if self.active:
             self.active.clear()
-            self._tell(0, b"")
+            self._send_emcy(0, b"")
 
     def clear_history(self) -> None:
-        """Forget what happened."""
-        for sub in range(self._room + 1):
+        """Clear the error history."""
+        for sub in range(self._history_length + 1):
             self._objects.put(0x1003, 0, sub)
 
     def _set_register(self) -> int:
@@ -98,7 +98,7 @@ class Errors:
         self._objects.put(0x1001, register)
         return register
 
-    def _tell(self, code: int, vendor: bytes) -> None:
+    def _send_emcy(self, code: int, vendor: bytes) -> None:
         data = code.to_bytes(2, "little") + bytes([self._set_register()])
         data += vendor[:5].ljust(5, b"\0")
         cob_id = self._objects.get(0x1014)
@@ -106,13 +106,13 @@ class Errors:
             return
         now = self._schedule.time()
         inhibit = self._objects.get(0x1015) * 1.0e-4
-        if now >= self._free_at:
-            self._free_at = now + inhibit
+        if now >= self._inhibit_end:
+            self._inhibit_end = now + inhibit
             self._send(cob_id & 0x7FF, data)
         else:
-            self._schedule.call_at(self._free_at, self._send, cob_id & 0x7FF, data)
-            self._free_at += inhibit
+            self._schedule.call_at(self._inhibit_end, self._send, cob_id & 0x7FF, data)
+            self._inhibit_end += inhibit
 
     def _guard_history(self, key: Key, value: int) -> None:
         if key[1] == 0 and value != 0:
-            raise Refused(node_objects.BAD_VALUE)
+            raise SdoRefusedError(node_objects.BAD_VALUE)

@@ -1,64 +1,66 @@
-"""When an emulated node's PDOs go and come: with SYNC, by event, by timer."""
+"""PDO exchange of an emulated node: with SYNC, by event, by timer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from sim_plant.emulators import node_errors
-from sim_plant.emulators.node_errors import Errors
+from sim_plant.emulators.node_errors import NodeErrors
 from sim_plant.emulators.node_guard import Deadlines
-from sim_plant.emulators.node_pdos import Map, Pdos
+from sim_plant.emulators.node_pdos import PdoMap, Pdos
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.units import Second
 
-SYNCHRONOUS = 240  # the largest type that goes with SYNC
+MAX_SYNCHRONOUS_TYPE = 240  # largest transmission type that is synchronous
 
 
-class Exchange:
+class PdoExchange:
     """PDO traffic of a node while it is OPERATIONAL."""
 
     def __init__(
-        self, pdos: Pdos, errors: Errors, schedule: Schedule, send: Callable[[int, bytes], None]
+        self, pdos: Pdos, errors: NodeErrors, schedule: Schedule, send: Callable[[int, bytes], None]
     ) -> None:
-        self.delay: Second = 0.0  # from SYNC to the TPDOs
-        self.shorter = 0  # octets missing from every TPDO: a fault
+        self.tpdo_delay: Second = 0.0  # from SYNC to the TPDOs
+        self.missing_octets = 0  # octets missing from every TPDO: a fault
         self.deadlines = Deadlines()
-        self.eventful = False  # some TPDO goes by event
+        self.has_event_tpdos = False  # some TPDO is event-driven
         self._pdos, self._errors = pdos, errors
         self._schedule, self._send = schedule, send
-        self._pending: dict[int, tuple[Map, bytes]] = {}
-        self._syncs: dict[int, int] = {}  # since the last TPDO, by number
-        self._sent: dict[int, tuple[bytes, Second]] = {}  # last data and time, by number
+        self._pending: dict[int, tuple[PdoMap, bytes]] = {}
+        self._sync_counts: dict[int, int] = {}  # since the last TPDO, by number
+        self._last_sent: dict[int, tuple[bytes, Second]] = {}  # last data and time, by number
 
     def start(self) -> None:
-        """Begin anew, as on entering OPERATIONAL: nothing pends, events count as changes."""
+        """Reset on entering OPERATIONAL: no RPDO is pending, every event TPDO counts as changed."""
         self._pending.clear()
-        self._syncs.clear()
-        self._sent.clear()
-        self.deadlines.forget()
+        self._sync_counts.clear()
+        self._last_sent.clear()
+        self.deadlines.clear()
 
     def configure(self) -> None:
-        """Take over a changed configuration."""
+        """Apply a changed configuration."""
         if self._pdos.refresh():
-            self.eventful = any(map_.type > SYNCHRONOUS for map_ in self._pdos.transmit)
+            self.has_event_tpdos = any(
+                map_.type > MAX_SYNCHRONOUS_TYPE for map_ in self._pdos.transmit
+            )
             maps = self._pdos.receive.values()
             self.deadlines.set({map_.number: map_.timer for map_ in maps})
 
-    def arrived(self, map_: Map, data: bytes, now: Second) -> None:
-        """Take an RPDO: at once, or with the next SYNC. A wrong length is an EMCY (CiA 301)."""
+    def receive(self, map_: PdoMap, data: bytes, now: Second) -> None:
+        """Apply an RPDO at once or with the next SYNC. A wrong length is an EMCY (CiA 301)."""
         if len(data) < map_.octets:
-            self._errors.pass_by(node_errors.PDO_TOO_SHORT)
+            self._errors.report_transient(node_errors.PDO_TOO_SHORT)
             return
         if len(data) > map_.octets:
-            self._errors.pass_by(node_errors.PDO_TOO_LONG)  # and its first bytes are used
-        self.deadlines.hear(map_.number, now)
-        if map_.type <= SYNCHRONOUS:
+            self._errors.report_transient(node_errors.PDO_TOO_LONG)  # its first bytes are used
+        self.deadlines.record_activity(map_.number, now)
+        if map_.type <= MAX_SYNCHRONOUS_TYPE:
             self._pending[map_.number] = map_, data[: map_.octets]
         else:
             self._pdos.unpack(map_, data[: map_.octets])
 
-    def apply(self) -> bool:
-        """Let the RPDOs act that came before this SYNC; say whether there were any."""
+    def apply_pending(self) -> bool:
+        """Apply the RPDOs that arrived before this SYNC; return whether there were any."""
         if not self._pending:
             return False
         pending = list(self._pending.values())
@@ -67,36 +69,36 @@ class Exchange:
             self._pdos.unpack(map_, data)
         return True
 
-    def sampled(self, now: Second) -> None:
-        """Send the TPDOs that are due with a SYNC, sampled now."""
+    def send_synchronous(self, now: Second) -> None:
+        """Send the synchronous TPDOs that are due with this SYNC, sampled now."""
         for map_ in self._pdos.transmit:
-            if map_.type > SYNCHRONOUS:
+            if map_.type > MAX_SYNCHRONOUS_TYPE:
                 continue
-            count = self._syncs.get(map_.number, 0) + 1
-            self._syncs[map_.number] = count
+            count = self._sync_counts.get(map_.number, 0) + 1
+            self._sync_counts[map_.number] = count
             if map_.type == 0:
-                data = self._pdos.packed(map_)
-                if self._sent.get(map_.number, (b"", 0.0))[0] != data:
-                    self._put(map_, data, now)
+                data = self._pdos.pack(map_)
+                if self._last_sent.get(map_.number, (b"", 0.0))[0] != data:
+                    self._send_tpdo(map_, data, now)
             elif count >= map_.type:
-                self._syncs[map_.number] = 0
-                self._put(map_, self._pdos.packed(map_), now)
+                self._sync_counts[map_.number] = 0
+                self._send_tpdo(map_, self._pdos.pack(map_), now)
 
-    def events(self, now: Second) -> None:
-        """Send the TPDOs of types 254 and 255 that changed or whose timer ran out."""
+    def send_events(self, now: Second) -> None:
+        """Send the TPDOs of types 254 and 255 that changed or whose timer expired."""
         for map_ in self._pdos.transmit:
-            if map_.type <= SYNCHRONOUS:
+            if map_.type <= MAX_SYNCHRONOUS_TYPE:
                 continue
-            last, at = self._sent.get(map_.number, (b"", float("-inf")))
-            data = self._pdos.packed(map_)
+            last, at = self._last_sent.get(map_.number, (b"", float("-inf")))
+            data = self._pdos.pack(map_)
             timed = map_.timer > 0.0 and now - at >= map_.timer
             if timed or (data != last and now - at >= map_.inhibit):
-                self._put(map_, data, now)
+                self._send_tpdo(map_, data, now)
 
-    def _put(self, map_: Map, data: bytes, now: Second) -> None:
-        self._sent[map_.number] = data, now
-        data = data[: max(0, len(data) - self.shorter)]
-        if self.delay > 0.0 and map_.type <= SYNCHRONOUS:
-            self._schedule.call_at(now + self.delay, self._send, map_.cob_id, data)
+    def _send_tpdo(self, map_: PdoMap, data: bytes, now: Second) -> None:
+        self._last_sent[map_.number] = data, now
+        data = data[: max(0, len(data) - self.missing_octets)]
+        if self.tpdo_delay > 0.0 and map_.type <= MAX_SYNCHRONOUS_TYPE:
+            self._schedule.call_at(now + self.tpdo_delay, self._send, map_.cob_id, data)
         else:
             self._send(map_.cob_id, data)

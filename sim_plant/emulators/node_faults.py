@@ -1,4 +1,4 @@
-"""Faults that an emulated node can be given while it runs: the list, and which are active."""
+"""Faults of an emulated node: the list, and the active ones."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ class Fault(NamedTuple):
 
     name: str
     effect: str  # what the device does
-    value: str = ""  # what its number means, with the unit; empty: it has none
+    value: str = ""  # meaning and unit of its value; empty: no value
     default: float = 0.0
-    once: bool = False  # happens and is over
+    once: bool = False  # an event, not a lasting state
 
 
 class FaultList:
-    """The faults a node knows, and those it has now with their numbers."""
+    """The faults of a node, and the active ones with their values."""
 
     def __init__(self) -> None:
         self.active: dict[str, float] = {}
         self._known: dict[str, Fault] = {}
 
     def add(self, *faults: Fault) -> None:
-        """Make faults known."""
+        """Add faults to the list."""
         self._known.update((fault.name, fault) for fault in faults)
 
     def all(self) -> tuple[Fault, ...]:
-        """Give all known faults."""
+        """Return all faults of the list."""
         return tuple(self._known.values())
 
     def begin(self, name: str, value: float | None) -> Fault:
-        """Make a fault active. Raises ValueError for an unknown name."""
+        """Activate a fault. Raises ValueError for an unknown name."""
         fault = self._known.get(name)
         if fault is None:
             raise ValueError(f"no fault {name!r}; there are {', '.join(sorted(self._known))}")
@@ -40,18 +40,21 @@ class FaultList:
         return fault
 
     def end(self, name: str) -> bool:
-        """End a fault; say whether it was active."""
+        """End a fault; return whether it was active."""
         return self.active.pop(name, None) is not None
 
 
 NODE_FAULTS = (
-    Fault("node_reset", "resets by itself, as after a brown-out: boot-up, defaults", once=True),
-    Fault("powered_off", "neither sends nor hears, and no power; boots when it ends"),
+    Fault("node_reset", "resets spontaneously, as after a brown-out: boot-up, defaults", once=True),
+    Fault("powered_off", "neither sends nor receives, power is off; boots when the fault ends"),
     Fault("silent", "sends neither heartbeat nor PDO nor EMCY; still answers SDO"),
     Fault("heartbeat_lost", "sends no heartbeat"),
     Fault("pdo_lost", "sends no PDO"),
     Fault("sdo_lost", "answers no SDO"),
-    Fault("bus_off", "its controller is off the bus: neither sends nor hears, and knows it"),
+    Fault(
+        "bus_off",
+        "its controller is off the bus: neither sends nor receives, and reports it afterwards",
+    ),
     Fault("tpdo_length", "its TPDOs are too short", "octets missing", 1.0),
     Fault("tpdo_delay", "its TPDOs are late after SYNC", "delay, s", 0.002),
     Fault("babble", "sends frames that mean nothing with a high priority", "frames/s", 2000.0),

@@ -1,7 +1,7 @@
-"""How an emulated node notices that its master is silent: heartbeats and RPDO deadlines.
+"""Detection of a silent master by an emulated node: heartbeats and RPDO deadlines.
 
-CiA 301: 0x1016 names nodes and their times, watched from their first heartbeat on; 0x140x:05 is the
-longest time between two RPDOs, watched from the first on [C].
+CiA 301: 0x1016 lists nodes and their timeouts, monitored from their first heartbeat on; 0x140x:05
+is the longest time between two RPDOs, monitored from the first on [C].
 """
 
 from __future__ import annotations
@@ -12,38 +12,42 @@ from sim_plant.units import Second
 
 
 class Deadlines:
-    """Who must be heard of within which time."""
+    """Timeouts of monitored sources."""
 
     def __init__(self) -> None:
-        self._allowed: dict[Hashable, Second] = {}
-        self._heard: dict[Hashable, Second] = {}
+        self._timeouts: dict[Hashable, Second] = {}
+        self._last_activity: dict[Hashable, Second] = {}
 
-    def set(self, allowed: dict[Hashable, Second]) -> None:
-        """Set who is watched; who was heard of before stays so."""
-        self._allowed = {who: time for who, time in allowed.items() if time > 0.0}
-        self._heard = {who: at for who, at in self._heard.items() if who in self._allowed}
+    def set(self, timeouts: dict[Hashable, Second]) -> None:
+        """Set the timeouts by source; the last activity of continuing sources is kept."""
+        self._timeouts = {source: timeout for source, timeout in timeouts.items() if timeout > 0.0}
+        self._last_activity = {
+            source: at for source, at in self._last_activity.items() if source in self._timeouts
+        }
 
-    def hear(self, who: Hashable, now: Second) -> None:
-        """Note a sign of life."""
-        if who in self._allowed:
-            self._heard[who] = now
+    def record_activity(self, source: Hashable, now: Second) -> None:
+        """Record activity of a source."""
+        if source in self._timeouts:
+            self._last_activity[source] = now
 
-    def forget(self) -> None:
-        """Watch nobody until heard of again."""
-        self._heard.clear()
+    def clear(self) -> None:
+        """Stop monitoring every source until its next activity."""
+        self._last_activity.clear()
 
-    def missed(self, now: Second) -> list[Hashable]:
-        """Give who has fallen silent, each once until heard of again."""
-        if not self._heard:
+    def pop_expired(self, now: Second) -> list[Hashable]:
+        """Return the sources whose timeout has expired, each once until its next activity."""
+        if not self._last_activity:
             return []
-        allowed = self._allowed
-        silent = [who for who, at in self._heard.items() if now - at > allowed[who]]
-        for who in silent:
-            del self._heard[who]
-        return silent
+        timeouts = self._timeouts
+        expired = [
+            source for source, at in self._last_activity.items() if now - at > timeouts[source]
+        ]
+        for source in expired:
+            del self._last_activity[source]
+        return expired
 
 
-def consumers(entries: list[int]) -> dict[Hashable, Second]:
-    """Give node and time of the entries of 0x1016: bits 23..16 node, 15..0 ms; 0 is none."""
+def parse_consumers(entries: list[int]) -> dict[Hashable, Second]:
+    """Return node and timeout of the entries of 0x1016: bits 23..16 node, 15..0 ms; 0 is unused."""
     pairs = [((value >> 16) & 0x7F, (value & 0xFFFF) * 1.0e-3) for value in entries]
     return {node: time for node, time in pairs if node and time}

@@ -1,4 +1,4 @@
-"""What `canopen`'s LocalNode does of an emulated node: SDO, boot-up, NMT word, heartbeat."""
+"""Parts of an emulated node that `canopen`'s LocalNode provides: SDO, boot-up, heartbeat."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from sim_plant.emulators.node_objects import Objects
 from sim_plant.emulators.schedule import Schedule
 
 
-class LocalSide:
-    """A LocalNode whose integer objects live in Objects."""
+class LocalNodeAdapter:
+    """A LocalNode whose integer objects are stored in Objects."""
 
     def __init__(
         self,
@@ -38,21 +38,21 @@ class LocalSide:
         self._node.nmt.state = "INITIALISING"
         self._node.nmt.state = "PRE-OPERATIONAL"
 
-    def enter(self, state: str) -> None:
-        """Let heartbeats tell an NMT state."""
+    def set_state(self, state: str) -> None:
+        """Set the NMT state that heartbeats report."""
         self._node.nmt.state = state
 
-    def quiet(self) -> None:
+    def stop_heartbeat(self) -> None:
         """Stop the heartbeat."""
         self._node.nmt.stop_heartbeat()
 
     def request(self, data: bytes) -> None:
-        """Answer an SDO request; one that is not 8 bytes long is none."""
+        """Answer an SDO request; data that is not 8 bytes long is ignored."""
         if len(data) != 8:
             return
         try:
             self._network.notify(self.request_id, bytearray(data), self._schedule.time())
-        except struct.error:  # it aborts a transfer that never began: no object to name
+        except struct.error:  # the library aborts a transfer that never began: no object to name
             return
 
     def _on_read(self, *, index: int, subindex: int, od: Any) -> int | None:
@@ -60,8 +60,8 @@ class LocalSide:
 
     def _on_write(self, *, index: int, subindex: int, od: Any, data: bytes) -> None:
         key = index, subindex
-        kind = self._objects.kinds.get(key)
-        if kind is not None:
-            value = int.from_bytes(data, "little", signed=kind.signed)
+        type_ = self._objects.types.get(key)
+        if type_ is not None:
+            value = int.from_bytes(data, "little", signed=type_.signed)
             self._objects.check(key, value)
             self._objects.write(key, value)

@@ -1,4 +1,4 @@
-"""What an emulated node's `canopen` parts send through: no bus, no threads."""
+"""Network object for `canopen` in an emulated node: no bus, no threads."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import canopen
 
-from sim_plant.emulators.schedule import Appointment, Schedule
+from sim_plant.emulators.schedule import Schedule, ScheduledCall
 from sim_plant.units import Second
 
 
 class NodeNetwork(canopen.Network):
-    """A network that hands every frame to a function and sends periodic ones by a schedule."""
+    """A network that passes every frame to a function and sends periodic frames by a schedule."""
 
     def __init__(self, send: Callable[[int, bytes], None], schedule: Schedule) -> None:
         super().__init__()
@@ -19,10 +19,10 @@ class NodeNetwork(canopen.Network):
         self._schedule = schedule
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Hand a frame on; `data` may be anything that makes bytes."""
+        """Pass a frame on; `data` may be any bytes-like object."""
         self._send(can_id, bytes(data))
 
-    def send_periodic(  # type: ignore[override]  # the library's own type wants a bus
+    def send_periodic(  # type: ignore[override]  # the library's own type needs a bus
         self, can_id: int, data: bytes, period: Second, remote: bool = False
     ) -> PeriodicFrame:
         """Send a frame every `period`, first after one period."""
@@ -30,7 +30,7 @@ class NodeNetwork(canopen.Network):
 
 
 class PeriodicFrame:
-    """A frame that is sent again and again, at absolute times, skipping those that are past."""
+    """A periodic frame, sent at absolute times; times that have passed are skipped."""
 
     def __init__(
         self,
@@ -43,11 +43,11 @@ class PeriodicFrame:
         self._send, self._schedule = send, schedule
         self._can_id, self._data, self._period = can_id, bytes(data), period
         self._due = schedule.time()
-        self._next: Appointment
+        self._next: ScheduledCall
         self._arm()
 
     def stop(self) -> None:
-        """Send no more."""
+        """Stop sending."""
         self._next.cancel()
 
     def update(self, data: bytes) -> None:

@@ -1,6 +1,6 @@
-"""The integer objects of one emulated CANopen node: their values, and who may write them.
+"""The integer objects of one emulated CANopen node: values and access rules.
 
-The file of a device (EDS) gives types, access, ranges and defaults; texts stay in it.
+The device file (EDS) defines types, access, ranges and defaults; strings are not copied from it.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ NOT_STORED = 0x08000020
 NOT_IN_THIS_STATE = 0x08000022
 
 
-class Refused(canopen.SdoAbortedError):
+class SdoRefusedError(canopen.SdoAbortedError):
     """A write that the device answers with an SDO abort code."""
 
 
-class Kind(NamedTuple):
-    """What the object dictionary says of an object."""
+class ObjectType(NamedTuple):
+    """Type of an object in the object dictionary."""
 
     octets: int
     signed: bool
@@ -44,51 +44,53 @@ class Kind(NamedTuple):
 
 
 class Objects:
-    """Values by (index, subindex), and what happens when one is written over the bus."""
+    """Values by (index, subindex), with guards and hooks for writes over the bus."""
 
     def __init__(self, dictionary: canopen.ObjectDictionary) -> None:
-        self.kinds: dict[Key, Kind] = {}
+        self.types: dict[Key, ObjectType] = {}
         self.values: dict[Key, int] = {}
-        self.guards: dict[int, Callable[[Key, int], None]] = {}  # by index; may raise Refused
+        self.guards: dict[
+            int, Callable[[Key, int], None]
+        ] = {}  # by index; may raise SdoRefusedError
         self.hooks: dict[Key, Callable[[int], None]] = {}  # after the value is stored
-        self.deaf: set[Key] = set()  # writes are acknowledged and lost
+        self.ignored: set[Key] = set()  # writes are acknowledged and ignored
         for variable in variables(dictionary):
             if variable.data_type in datatypes.INTEGER_TYPES:
                 key = variable.index, variable.subindex
-                self.kinds[key] = kind_of(variable)
+                self.types[key] = object_type(variable)
                 self.values[key] = int(variable.default or 0)
 
     def __getitem__(self, key: Key) -> int:
         return self.values[key]
 
     def get(self, index: int, subindex: int = 0) -> int:
-        """Give a value, 0 if the device has no such object."""
+        """Return a value, 0 if the device has no such object."""
         return self.values.get((index, subindex), 0)
 
     def put(self, index: int, value: int, subindex: int = 0) -> None:
-        """Set a value from inside the device, wrapped to its width; no hook, no guard."""
+        """Set a value from inside the device, wrapped to its width, without hook or guard."""
         key = index, subindex
-        kind = self.kinds.get(key)
-        if kind is not None:
-            inside = kind.low <= value <= kind.high
-            self.values[key] = value if inside else wrapped(value, kind)
+        type_ = self.types.get(key)
+        if type_ is not None:
+            in_range = type_.low <= value <= type_.high
+            self.values[key] = value if in_range else wrap_to_width(value, type_)
 
     def check(self, key: Key, value: int) -> None:
-        """Raise Refused if the device does not take a value over the bus."""
-        kind = self.kinds[key]
-        if not kind.writable:
-            raise Refused(READ_ONLY)
-        if value > kind.high:
-            raise Refused(TOO_HIGH)
-        if value < kind.low:
-            raise Refused(TOO_LOW)
+        """Raise SdoRefusedError if the device does not accept a value over the bus."""
+        type_ = self.types[key]
+        if not type_.writable:
+            raise SdoRefusedError(READ_ONLY)
+        if value > type_.high:
+            raise SdoRefusedError(TOO_HIGH)
+        if value < type_.low:
+            raise SdoRefusedError(TOO_LOW)
         guard = self.guards.get(key[0])
         if guard is not None:
             guard(key, value)
 
     def write(self, key: Key, value: int) -> None:
-        """Take a checked value from the bus, and do what follows from it."""
-        if key in self.deaf:
+        """Store a checked value from the bus and call its hook."""
+        if key in self.ignored:
             return
         self.values[key] = value
         hook = self.hooks.get(key)
@@ -96,20 +98,20 @@ class Objects:
             hook(value)
 
     def restore(self, values: dict[Key, int], low: int, high: int) -> None:
-        """Take the objects of an index range back to other values; no hooks."""
+        """Set the objects of an index range to other values, without hooks."""
         for key, value in values.items():
             if low <= key[0] <= high:
                 self.values[key] = value
 
 
 @functools.cache
-def device_file(eds: Path, node_id: int) -> canopen.ObjectDictionary:
-    """Give the object dictionary of a device file, read once; nobody changes it."""
+def load_dictionary(eds: Path, node_id: int) -> canopen.ObjectDictionary:
+    """Return the object dictionary of a device file, read once; it must not be changed."""
     return canopen.import_od(str(eds), node_id)
 
 
 def variables(dictionary: canopen.ObjectDictionary) -> Iterator[ODVariable]:
-    """Give every variable of a dictionary, subindices too."""
+    """Yield every variable of a dictionary, including subindices."""
     for entry in dictionary.values():
         if isinstance(entry, ODVariable):
             yield entry
@@ -117,12 +119,12 @@ def variables(dictionary: canopen.ObjectDictionary) -> Iterator[ODVariable]:
             yield from entry.values()
 
 
-def kind_of(variable: ODVariable) -> Kind:
-    """Give width, sign, access and range of an integer object."""
+def object_type(variable: ODVariable) -> ObjectType:
+    """Return width, sign, access and range of an integer object."""
     signed = variable.data_type in datatypes.SIGNED_TYPES
     width = len(variable)
     low, high = (-(1 << (width - 1)), (1 << (width - 1)) - 1) if signed else (0, (1 << width) - 1)
-    return Kind(
+    return ObjectType(
         width // 8,
         signed,
         variable.writable,
@@ -132,15 +134,15 @@ def kind_of(variable: ODVariable) -> Kind:
     )
 
 
-def rounded(value: float) -> int:
-    """Give the nearest integer, 0 for a value that is not finite."""
+def round_or_zero(value: float) -> int:
+    """Return the nearest integer, 0 for a value that is not finite."""
     return round(value) if math.isfinite(value) else 0
 
 
-def wrapped(value: int, kind: Kind) -> int:
-    """Give a value cut to the object's width, as a register does."""
-    width = 8 * kind.octets
+def wrap_to_width(value: int, type_: ObjectType) -> int:
+    """Return a value wrapped to the object's width, like a register."""
+    width = 8 * type_.octets
     value &= (1 << width) - 1
-    if kind.signed and value >> (width - 1):
+    if type_.signed and value >> (width - 1):
         value -= 1 << width
     return value

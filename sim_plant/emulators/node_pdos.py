@@ -1,7 +1,7 @@
 """Process data of an emulated node: mapping and communication parameters as written over SDO.
 
-CiA 301. RPDO n: 0x1400+n, 0x1600+n; TPDO n: 0x1800+n, 0x1A00+n. A COB-ID with bit 31 is off.
-Types: 0 with SYNC after a change, 1..240 with every n-th SYNC, 254 and 255 by event.
+CiA 301. RPDO n: 0x1400+n, 0x1600+n; TPDO n: 0x1800+n, 0x1A00+n. A COB-ID with bit 31 disables the
+PDO. Types: 0 with SYNC after a change, 1..240 with every n-th SYNC, 254 and 255 by event.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from sim_plant.emulators import node_objects
-from sim_plant.emulators.node_objects import Key, Objects, Refused
+from sim_plant.emulators.node_objects import Key, Objects, SdoRefusedError
 from sim_plant.units import Second
 
 OFF = 1 << 31
-LARGEST = 64  # bits
-PADDING = 0x20  # indices below are data types: mapped, they are gaps
+MAX_PDO_BITS = 64  # bits
+FIRST_OBJECT = 0x20  # smaller indices are data types: mapped, they are gaps
 
 
-class Field(NamedTuple):
+class MappedField(NamedTuple):
     """One mapped object in a PDO."""
 
     key: Key
@@ -27,13 +27,13 @@ class Field(NamedTuple):
     sign: int  # its sign bit, 0 if it has none
 
 
-class Map(NamedTuple):
-    """One PDO as it is configured now."""
+class PdoMap(NamedTuple):
+    """Present configuration of one PDO."""
 
     number: int  # from 0
     cob_id: int
     type: int
-    fields: tuple[Field, ...]
+    fields: tuple[MappedField, ...]
     octets: int
     inhibit: Second
     timer: Second  # event timer; of an RPDO its deadline; 0: none
@@ -43,75 +43,75 @@ class Pdos:
     """All PDOs of a node."""
 
     def __init__(self, objects: Objects, operational: Callable[[], bool]) -> None:
-        self.receive: dict[int, Map] = {}  # by COB-ID
-        self.transmit: list[Map] = []
+        self.receive: dict[int, PdoMap] = {}  # by COB-ID
+        self.transmit: list[PdoMap] = []
         self._objects = objects
         self._operational = operational
-        self.stale = True  # the configuration was written since it was read
-        kinds = objects.kinds
+        self.stale = True  # the configuration was written after it was read
+        types = objects.types
         for base in (0x1400, 0x1800):
-            for number in (n for n in range(64) if (base + n, 1) in kinds):
+            for number in (n for n in range(64) if (base + n, 1) in types):
                 objects.guards[base + number] = self._guard_communication
                 objects.guards[base + 0x200 + number] = self._guard_mapping
                 for index in (base + number, base + 0x200 + number):
-                    for sub in (s for s in range(65) if (index, s) in kinds):
+                    for sub in (s for s in range(65) if (index, s) in types):
                         objects.hooks[index, sub] = self._changed
 
     def refresh(self) -> bool:
-        """Read the configuration anew if it was written since; say whether it was."""
+        """Read the configuration if it was written since; return whether it was."""
         if not self.stale:
             return False
         self.stale = False
-        self.receive = {found.cob_id: found for found in self._maps(0x1400)}
+        self.receive = {map_.cob_id: map_ for map_ in self._maps(0x1400)}
         self.transmit = self._maps(0x1800)
         return True
 
     def invalidate(self) -> None:
-        """Have the configuration read anew at the next use."""
+        """Mark the configuration to be read at the next use."""
         self.stale = True
 
-    def packed(self, map_: Map) -> bytes:
-        """Give the data of a PDO from the objects' values."""
-        values, word = self._objects.values, 0
+    def pack(self, map_: PdoMap) -> bytes:
+        """Return the data of a PDO from the objects' values."""
+        values, payload = self._objects.values, 0
         for key, shift, mask, _ in map_.fields:
-            word |= (values[key] & mask) << shift
-        return word.to_bytes(map_.octets, "little")
+            payload |= (values[key] & mask) << shift
+        return payload.to_bytes(map_.octets, "little")
 
-    def unpack(self, map_: Map, data: bytes) -> None:
-        """Write what a PDO brings; a value the device refuses over SDO is passed over."""
-        word = int.from_bytes(data, "little")
+    def unpack(self, map_: PdoMap, data: bytes) -> None:
+        """Write the values of a PDO; a value that the device refuses over SDO is skipped."""
+        payload = int.from_bytes(data, "little")
         objects = self._objects
         for key, shift, mask, sign in map_.fields:
-            value = (word >> shift) & mask
+            value = (payload >> shift) & mask
             if value & sign:
                 value -= mask + 1
             try:
                 objects.check(key, value)
-            except Refused:
+            except SdoRefusedError:
                 continue
             objects.write(key, value)
 
     def _changed(self, value: int) -> None:
         self.stale = True
 
-    def _maps(self, base: int) -> list[Map]:
-        numbers = (n for n in range(64) if (base + n, 1) in self._objects.kinds)
-        found = (self._map(base, number) for number in numbers)
-        return [map_ for map_ in found if map_ is not None]
+    def _maps(self, base: int) -> list[PdoMap]:
+        numbers = (n for n in range(64) if (base + n, 1) in self._objects.types)
+        maps = (self._map(base, number) for number in numbers)
+        return [map_ for map_ in maps if map_ is not None]
 
-    def _map(self, base: int, number: int) -> Map | None:
+    def _map(self, base: int, number: int) -> PdoMap | None:
         objects = self._objects
         cob_id = objects.get(base + number, 1)
         if cob_id & OFF:
             return None
         fields, shift = [], 0
         for sub in range(1, objects.get(base + 0x200 + number) + 1):
-            key, width = entry(objects.get(base + 0x200 + number, sub))
-            if key[0] >= PADDING and key in objects.kinds:
-                sign = 1 << (width - 1) if objects.kinds[key].signed else 0
-                fields.append(Field(key, shift, (1 << width) - 1, sign))
+            key, width = parse_mapping_entry(objects.get(base + 0x200 + number, sub))
+            if key[0] >= FIRST_OBJECT and key in objects.types:
+                sign = 1 << (width - 1) if objects.types[key].signed else 0
+                fields.append(MappedField(key, shift, (1 << width) - 1, sign))
             shift += width
-        return Map(
+        return PdoMap(
             number,
             cob_id & 0x7FF,
             objects.get(base + number, 2),
@@ -123,37 +123,37 @@ class Pdos:
 
     def _guard_communication(self, key: Key, value: int) -> None:
         index, sub = key
-        was = self._objects.get(index, 1)
-        if sub == 1 and not was & OFF and not value & OFF and (was ^ value) & 0x7FF:
-            raise Refused(node_objects.BAD_VALUE)  # switch it off first
+        old_cob_id = self._objects.get(index, 1)
+        if sub == 1 and not old_cob_id & OFF and not value & OFF and (old_cob_id ^ value) & 0x7FF:
+            raise SdoRefusedError(node_objects.BAD_VALUE)  # it must be disabled first
         if sub == 2 and 240 < value < 254:
-            raise Refused(node_objects.BAD_VALUE)
-        if sub == 3 and not was & OFF and value != self._objects.get(index, 3):
-            raise Refused(node_objects.NOT_IN_THIS_STATE)
+            raise SdoRefusedError(node_objects.BAD_VALUE)
+        if sub == 3 and not old_cob_id & OFF and value != self._objects.get(index, 3):
+            raise SdoRefusedError(node_objects.NOT_IN_THIS_STATE)
 
     def _guard_mapping(self, key: Key, value: int) -> None:
-        """Mapping is written in PRE-OPERATIONAL, COB-ID off, count 0, entries, count."""
+        """Allow mapping writes in PRE-OPERATIONAL, in the order disable, 0, entries, count."""
         index, sub = key
         objects = self._objects
         if self._operational() or not objects.get(index - 0x200, 1) & OFF:
-            raise Refused(node_objects.NOT_IN_THIS_STATE)
+            raise SdoRefusedError(node_objects.NOT_IN_THIS_STATE)
         if sub == 0:
-            entries = [entry(objects.get(index, s)) for s in range(1, value + 1)]
-            if sum(width for _, width in entries) > LARGEST:
-                raise Refused(node_objects.TOO_LONG_FOR_PDO)
+            entries = [parse_mapping_entry(objects.get(index, s)) for s in range(1, value + 1)]
+            if sum(width for _, width in entries) > MAX_PDO_BITS:
+                raise SdoRefusedError(node_objects.TOO_LONG_FOR_PDO)
             return
         if objects.get(index) != 0:
-            raise Refused(node_objects.NOT_IN_THIS_STATE)
-        mapped, width = entry(value)
-        kind = objects.kinds.get(mapped)
-        if value == 0 or 0 < mapped[0] < PADDING:
+            raise SdoRefusedError(node_objects.NOT_IN_THIS_STATE)
+        mapped, width = parse_mapping_entry(value)
+        type_ = objects.types.get(mapped)
+        if value == 0 or 0 < mapped[0] < FIRST_OBJECT:
             return
-        if kind is None or not kind.mappable or width != 8 * kind.octets:
-            raise Refused(node_objects.NOT_MAPPABLE)
-        if index < 0x1800 and not kind.writable:
-            raise Refused(node_objects.NOT_MAPPABLE)
+        if type_ is None or not type_.mappable or width != 8 * type_.octets:
+            raise SdoRefusedError(node_objects.NOT_MAPPABLE)
+        if index < 0x1800 and not type_.writable:
+            raise SdoRefusedError(node_objects.NOT_MAPPABLE)
 
 
-def entry(value: int) -> tuple[Key, int]:
-    """Give the object and the bits of a mapping entry: index 16, subindex 8, length 8 bits."""
+def parse_mapping_entry(value: int) -> tuple[Key, int]:
+    """Return the object and the bits of a mapping entry: index 16, subindex 8, length 8 bits."""
     return (value >> 16, (value >> 8) & 0xFF), value & 0xFF

@@ -1,4 +1,4 @@
-"""What leaves an emulated node, by its NMT state and by the faults it has."""
+"""Sending side of an emulated node: its NMT state and active faults filter the frames."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import Station
 from sim_plant.emulators.schedule import Schedule
 
-BABBLE = 0x07F  # identifier of frames that mean nothing
+BABBLE_ID = 0x07F  # identifier of meaningless frames
 
 
-class Nmt(IntEnum):
-    """NMT states, as a heartbeat tells them."""
+class NmtState(IntEnum):
+    """NMT states with their codes in a heartbeat."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -24,42 +24,45 @@ class Port:
     """The sending side of a node."""
 
     def __init__(self, station: Station, schedule: Schedule, active: dict[str, float]) -> None:
-        self.nmt = Nmt.INITIALISING
+        self.nmt = NmtState.INITIALISING
         self._station = station
         self._schedule = schedule
         self._active = active
 
     @property
-    def cut(self) -> bool:
+    def is_off_bus(self) -> bool:
         """Whether the node is off the bus."""
         return "bus_off" in self._active or "powered_off" in self._active
 
-    def basic(self, can_id: int, data: bytes) -> None:
+    def send_basic(self, can_id: int, data: bytes) -> None:
         """Send SDO answers, boot-up and heartbeats."""
         active = self._active
         if can_id & 0x780 == 0x580:
-            lost = "sdo_lost" in active
+            suppressed = "sdo_lost" in active
         else:
-            lost = "silent" in active or "heartbeat_lost" in active
-        if not lost:
+            suppressed = "silent" in active or "heartbeat_lost" in active
+        if not suppressed:
             self._put(can_id, data)
 
-    def emergency(self, can_id: int, data: bytes) -> None:
+    def send_emergency(self, can_id: int, data: bytes) -> None:
         """Send an EMCY, not while STOPPED or booting."""
-        if self.nmt in (Nmt.OPERATIONAL, Nmt.PRE_OPERATIONAL) and "silent" not in self._active:
+        if (
+            self.nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
+            and "silent" not in self._active
+        ):
             self._put(can_id, data)
 
-    def process(self, can_id: int, data: bytes) -> None:
+    def send_pdo(self, can_id: int, data: bytes) -> None:
         """Send a PDO, in OPERATIONAL only."""
         active = self._active
-        if self.nmt is Nmt.OPERATIONAL and not ("silent" in active or "pdo_lost" in active):
+        if self.nmt is NmtState.OPERATIONAL and not ("silent" in active or "pdo_lost" in active):
             self._put(can_id, data)
 
     def babble(self) -> None:
-        """Send frames that mean nothing as long as the fault lasts."""
+        """Send meaningless frames while the fault is active."""
         rate = self._active.get("babble", 0.0)
         if rate > 0.0:
-            self._put(BABBLE, bytes(8))
+            self._put(BABBLE_ID, bytes(8))
             self._schedule.call_at(self._schedule.time() + 1.0 / rate, self.babble)
 
     def leave(self) -> None:
@@ -67,5 +70,5 @@ class Port:
         self._station.leave()
 
     def _put(self, can_id: int, data: bytes) -> None:
-        if not self.cut:
+        if not self.is_off_bus:
             self._station.send(Frame(can_id, data))

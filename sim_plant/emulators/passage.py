@@ -1,39 +1,42 @@
-"""One way of a link between a host and a device, where pieces arrive by calls."""
+"""Delivery of pieces by callback in one direction of a link between host and device."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
 
-from sim_plant.emulators.link_faults import Way
+from sim_plant.emulators.link_faults import LinkDirection
 from sim_plant.units import Second
 
 
-class Passage:
-    """Hands pieces on, through the way's faults; at once and whole while it has none."""
+class LinkRelay:
+    """Delivers pieces through a direction's faults; at once and unchanged without faults."""
 
     def __init__(
-        self, way: Way, loop: asyncio.AbstractEventLoop, arrive: Callable[[bytes], None]
+        self,
+        direction: LinkDirection,
+        loop: asyncio.AbstractEventLoop,
+        arrive: Callable[[bytes], None],
     ) -> None:
-        self._way = way
+        self._direction = direction
         self._loop = loop
         self._arrive = arrive
 
-    def hand(self, data: bytes) -> None:
-        """Hand over one piece."""
+    def send(self, data: bytes) -> None:
+        """Send one piece."""
         now = self._loop.time()
-        if self._way.quiet(now):
+        if self._direction.is_transparent(now):
             self._arrive(data)
         else:
-            self._all(self._way.pass_on(data, now), now)
+            self._deliver(self._direction.transmit(data, now), now)
 
-    def tend(self) -> None:
-        """Let come what the faults held; to be called often."""
+    def poll(self) -> None:
+        """Deliver pieces that the faults delayed; call it often."""
         now = self._loop.time()
-        if not self._way.quiet(now):
-            self._all(self._way.due(now), now)
+        if not self._direction.is_transparent(now):
+            self._deliver(self._direction.due_arrivals(now), now)
 
-    def _all(self, pieces: list[tuple[Second, bytes]], now: Second) -> None:
+    def _deliver(self, pieces: list[tuple[Second, bytes]], now: Second) -> None:
         for at, piece in pieces:
             if at <= now:
                 self._arrive(piece)

@@ -2,8 +2,9 @@
 
 Source: IM WT310-17EN, section 9 (functions 03, 04, 06; input registers, numbered from 1, one less
 on the wire: 0001-0012 status, 0101-0194, 0201-0294, 0301-0394 elements, 0401-0446 sum, 2001-2510
-output items; holding 0001-0010 control; float32, upper word first). Where exactly status, counter
-and control stand in their blocks, and the order within an element's, is not confirmed: parameters.
+output items; holding 0001-0010 control; float32, upper word first). Not confirmed, and therefore
+parameters: the positions of status, counter and control in their blocks, and the order in an
+element's block.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import math
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from sim_plant.emulators.modbus_pdu import RefusalError, Refused, Table
+from sim_plant.emulators.modbus_pdu import ExceptionCode, ModbusRefusalError, Table
 from sim_plant.emulators.modbus_unit import ModbusUnit, WordOrder
 from sim_plant.units import Ampere, Count, Hertz, Second, Volt, Watt
 
@@ -30,40 +31,40 @@ ORDER: tuple[Quantity, ...] = ("U", "I", "P", "S", "Q", "lambda", "phi", "fU", "
 ITEMS_1: tuple[tuple[Block, Quantity], ...] = tuple(("element_1", name) for name in ORDER)
 STATUS = (0, 12)
 CONTROL = (0, 10)
-NO_DATA = float("nan")  # what an item without a function reads (IM WT310-17EN shows NAN)
+NO_DATA = float("nan")  # reading of an item without a function (IM WT310-17EN shows NAN)
 
 FAULTS = {
     "over_range": "every value reads infinite, as an input beyond its range does",
-    "counter_stuck": "values go on, the update counter does not",
-    "stuck_values": "values stand still, the update counter goes on",
+    "counter_stuck": "values continue to change, the update counter does not",
+    "stuck_values": "values do not change, the update counter continues",
     "no_data": "every value reads not-a-number",
 }
 
 
-class Wiring(NamedTuple):
-    """What one element (or the sum of elements) has at its terminals."""
+class TerminalValues(NamedTuple):
+    """Quantities at the terminals of one element (or the sum of elements)."""
 
     voltage: Volt = 0.0
     current: Ampere = 0.0
-    power: Watt = 0.0  # sign as the rig's wiring gives it
+    power: Watt = 0.0  # sign by the rig's wiring
     frequency: Hertz = 0.0
 
 
 class Terminals(NamedTuple):
-    """What the analyser is connected to, at `time` on the source's own clock."""
+    """Inputs of the analyser at `time` on the source's own clock."""
 
     time: Second
-    element_1: Wiring = Wiring()
-    element_2: Wiring = Wiring()
-    element_3: Wiring = Wiring()
-    sum: Wiring = Wiring()
+    element_1: TerminalValues = TerminalValues()
+    element_2: TerminalValues = TerminalValues()
+    element_3: TerminalValues = TerminalValues()
+    sum: TerminalValues = TerminalValues()
 
 
 class AnalyserSettings(NamedTuple):
-    """How the analyser is set."""
+    """Settings of the analyser."""
 
-    update: Second = 0.1  # its own period; 0: the source has one, each new `time` is an update
-    lag: Second = 0.0  # from the end of an averaging period until its means can be read
+    update_period: Second = 0.1  # 0: the source has its own period, each new `time` is an update
+    lag: Second = 0.0  # from the end of an averaging period until its means are readable
     items: tuple[tuple[Block, Quantity], ...] = ITEMS_1  # as delivered
     word_order: WordOrder = "upper first"
     counter_register: int = 1  # among the status registers, on the wire; not confirmed
@@ -72,7 +73,7 @@ class AnalyserSettings(NamedTuple):
 
 
 class PowerAnalyser(ModbusUnit):
-    """Gives means over its own periods, late, with a counter that tells a new one from an old."""
+    """Publishes means over its own periods after a lag, with an update counter."""
 
     def __init__(
         self,
@@ -81,7 +82,7 @@ class PowerAnalyser(ModbusUnit):
         *,
         reply_delay: Second = 0.0,
     ) -> None:
-        """`read` gives the present values, or with `update` 0 the source's own last means."""
+        """`read` returns present values or, with `update_period` 0, the source's last means."""
         self.settings = settings or AnalyserSettings()
         super().__init__(
             faults=FAULTS,
@@ -92,8 +93,8 @@ class PowerAnalyser(ModbusUnit):
         self._read = read
         self._sums: list[Terminals] = []
         self._period: int | None = None
-        self._waiting: list[tuple[Second, Terminals]] = []
-        self._seen: Second | None = None
+        self._pending: list[tuple[Second, Terminals]] = []
+        self._last_time: Second | None = None
         self._start: Second | None = None
         self.updates: Count = 0
         self._published = Terminals(0.0)
@@ -103,70 +104,70 @@ class PowerAnalyser(ModbusUnit):
             self.put(Table.HOLDING, address, 0)
             self.writable.add((Table.HOLDING, address))
         for first, size in (*BLOCKS.values(), ITEMS):
-            for place in range(size):
-                self.put_float(Table.INPUT, first + 2 * place, NO_DATA)
+            for index in range(size):
+                self.put_float(Table.INPUT, first + 2 * index, NO_DATA)
         self._publish(Terminals(0.0), 0.0, count=0)
 
-    def accept(self, table: Table, address: int, value: int) -> None:
-        """Take a control word: hold, integration start and stop are 0 or 1 here."""
+    def accept_write(self, table: Table, address: int, value: int) -> None:
+        """Write a control word: hold, integration start and stop are 0 or 1 here."""
         if value > 1:
-            raise RefusalError(Refused.ILLEGAL_VALUE)
+            raise ModbusRefusalError(ExceptionCode.ILLEGAL_VALUE)
         self.put(table, address, value)
 
     def measure(self, now: Second) -> None:
-        """Average, and publish what is due."""
+        """Average, and publish the means that are due."""
         self._start = now if self._start is None else self._start
         present = self._read()
-        if self.settings.update <= 0.0:
-            if self._seen is None or present.time - self._seen > 1.0e-4:
-                self._seen = present.time
-                self._waiting.append((now + self.settings.lag, present))
+        if self.settings.update_period <= 0.0:
+            if self._last_time is None or present.time - self._last_time > 1.0e-4:
+                self._last_time = present.time
+                self._pending.append((now + self.settings.lag, present))
         else:
             self._average(present, now)
-        while self._waiting and self._waiting[0][0] <= now:
-            self._publish(self._waiting.pop(0)[1], now, count=1)
+        while self._pending and self._pending[0][0] <= now:
+            self._publish(self._pending.pop(0)[1], now, count=1)
 
     def _average(self, present: Terminals, now: Second) -> None:
-        period = math.floor(now / self.settings.update)
+        period = math.floor(now / self.settings.update_period)
         if self._period is not None and period != self._period and self._sums:
-            due = (self._period + 1) * self.settings.update + self.settings.lag
-            self._waiting.append((due, mean(self._sums)))
+            due = (self._period + 1) * self.settings.update_period + self.settings.lag
+            self._pending.append((due, mean(self._sums)))
             self._sums = []
         self._period = period
         self._sums.append(present)
 
     def _publish(self, values: Terminals, now: Second, *, count: Count) -> None:
         settings = self.settings
-        if self.faults.on("stuck_values"):
+        if self.faults.is_on("stuck_values"):
             values = self._published
         self._published = values
-        blocks = {block: self._struck(quantities(getattr(values, block))) for block in BLOCKS}
+        blocks = {block: self._apply_faults(quantities(getattr(values, block))) for block in BLOCKS}
         for block, (first, _) in BLOCKS.items():
-            for place, quantity in enumerate(settings.order):
-                self.put_float(Table.INPUT, first + 2 * place, blocks[block][quantity])
-        for place, (block, quantity) in enumerate(settings.items):
-            self.put_float(Table.INPUT, ITEMS[0] + 2 * place, blocks[block][quantity])
+            for index, quantity in enumerate(settings.order):
+                self.put_float(Table.INPUT, first + 2 * index, blocks[block][quantity])
+        for index, (block, quantity) in enumerate(settings.items):
+            self.put_float(Table.INPUT, ITEMS[0] + 2 * index, blocks[block][quantity])
         self.updates += count
-        if not self.faults.on("counter_stuck"):
+        if not self.faults.is_on("counter_stuck"):
             self.put(Table.INPUT, settings.counter_register, self.updates & 0xFFFF)
         clock = int(1000.0 * (now - (self._start or now))) & 0xFFFFFFFF
         self.put(Table.INPUT, settings.clock_register, clock >> 16)
         self.put(Table.INPUT, settings.clock_register + 1, clock & 0xFFFF)
 
-    def _struck(self, values: dict[Quantity, float]) -> dict[Quantity, float]:
-        if self.faults.on("no_data"):
+    def _apply_faults(self, values: dict[Quantity, float]) -> dict[Quantity, float]:
+        if self.faults.is_on("no_data"):
             return dict.fromkeys(values, NO_DATA)
-        if self.faults.on("over_range"):
+        if self.faults.is_on("over_range"):
             return dict.fromkeys(values, float("inf"))
         return values
 
 
-def quantities(wiring: Wiring) -> dict[Quantity, float]:
-    """Give what the analyser derives: V, A, W, V A, var, 1, degrees, Hz."""
-    voltage, current, power, frequency = wiring
+def quantities(terminal: TerminalValues) -> dict[Quantity, float]:
+    """Return the quantities that the analyser derives: V, A, W, V A, var, 1, degrees, Hz."""
+    voltage, current, power, frequency = terminal
     apparent = voltage * current
     factor = power / apparent if apparent > 0.0 else 0.0
-    held = max(-1.0, min(factor, 1.0))
+    clamped = max(-1.0, min(factor, 1.0))
     return {
         "U": voltage,
         "I": current,
@@ -174,19 +175,19 @@ def quantities(wiring: Wiring) -> dict[Quantity, float]:
         "S": apparent,
         "Q": math.sqrt(max(apparent * apparent - power * power, 0.0)),
         "lambda": factor,
-        "phi": math.degrees(math.acos(held)),
+        "phi": math.degrees(math.acos(clamped)),
         "fU": frequency,
         "fI": frequency,
     }
 
 
 def mean(samples: list[Terminals]) -> Terminals:
-    """Give the means of each quantity; the time is that of the last sample."""
-    size = len(samples)
+    """Return the means of each quantity; the time is that of the last sample."""
+    count = len(samples)
 
-    def of(block: Block) -> Wiring:
-        wirings: list[Wiring] = [getattr(sample, block) for sample in samples]
-        return Wiring(*(sum(values) / size for values in zip(*wirings, strict=True)))
+    def of(block: Block) -> TerminalValues:
+        terminals: list[TerminalValues] = [getattr(sample, block) for sample in samples]
+        return TerminalValues(*(sum(values) / count for values in zip(*terminals, strict=True)))
 
     last = samples[-1].time
     return Terminals(last, of("element_1"), of("element_2"), of("element_3"), of("sum"))

@@ -1,4 +1,4 @@
-"""A point that is led along a trapezoid of speed. Pure, in any unit of length."""
+"""Motion of a point with a trapezoidal velocity profile. Pure, in any unit of length."""
 
 from __future__ import annotations
 
@@ -7,40 +7,40 @@ from typing import NamedTuple
 
 
 class Motion(NamedTuple):
-    """Where the point is and how fast it goes."""
+    """Position and velocity of the point."""
 
     position: float
     velocity: float  # per second
 
 
-class Profile(NamedTuple):
-    """How it may move; all positive."""
+class MotionLimits(NamedTuple):
+    """Motion limits; all positive."""
 
     velocity: float  # per second
     acceleration: float  # per second²
     deceleration: float
 
 
-def towards(motion: Motion, target: float, profile: Profile, dt: float) -> Motion:
-    """Move on by dt towards a target, where it stands exactly at the end."""
+def step_towards(motion: Motion, target: float, limits: MotionLimits, dt: float) -> Motion:
+    """Advance by dt towards a target; the motion ends at rest exactly there."""
     position, velocity = motion
-    left = target - position
-    if dt <= 0.0 or (left == 0.0 and velocity == 0.0):
+    distance = target - position
+    if dt <= 0.0 or (distance == 0.0 and velocity == 0.0):
         return motion
-    fastest = min(profile.velocity, math.sqrt(2.0 * profile.deceleration * abs(left)))
-    wanted = math.copysign(fastest, left)
-    slowing = abs(wanted) < abs(velocity) or wanted * velocity < 0.0
-    reach = (profile.deceleration if slowing else profile.acceleration) * dt
-    velocity += max(-reach, min(reach, wanted - velocity))
-    if velocity * left > 0.0 and abs(velocity) * dt >= abs(left):
+    fastest = min(limits.velocity, math.sqrt(2.0 * limits.deceleration * abs(distance)))
+    target_velocity = math.copysign(fastest, distance)
+    slowing = abs(target_velocity) < abs(velocity) or target_velocity * velocity < 0.0
+    max_change = (limits.deceleration if slowing else limits.acceleration) * dt
+    velocity += max(-max_change, min(max_change, target_velocity - velocity))
+    if velocity * distance > 0.0 and abs(velocity) * dt >= abs(distance):
         return Motion(target, 0.0)
     return Motion(position + velocity * dt, velocity)
 
 
-def stopping(motion: Motion, deceleration: float, dt: float) -> Motion:
-    """Move on by dt, slowing down to a stop."""
+def step_to_stop(motion: Motion, deceleration: float, dt: float) -> Motion:
+    """Advance by dt, decelerating to a stop."""
     position, velocity = motion
-    after = math.copysign(max(0.0, abs(velocity) - deceleration * dt), velocity)
-    if after == 0.0:
-        after = 0.0
-    return Motion(position + 0.5 * (velocity + after) * dt, after)
+    next_velocity = math.copysign(max(0.0, abs(velocity) - deceleration * dt), velocity)
+    if next_velocity == 0.0:
+        next_velocity = 0.0
+    return Motion(position + 0.5 * (velocity + next_velocity) * dt, next_velocity)

@@ -10,11 +10,11 @@ from sim_plant.emulators.link_faults import LinkFaults
 
 
 class Emulator(Protocol):
-    """What every emulator offers, whatever it speaks; its `faults` are those of its devices."""
+    """Interface of every emulator, whatever its protocol; its `faults` are those of its devices."""
 
     @property
     def address(self) -> str:
-        """What a host opens: a path, or host and port."""
+        """Address for a host: a path, or host and port."""
         ...
 
     @property
@@ -23,19 +23,19 @@ class Emulator(Protocol):
         ...
 
     async def start(self) -> None:
-        """Be there."""
+        """Start the emulator and open its address."""
         ...
 
     async def close(self) -> None:
-        """Be gone."""
+        """Stop the emulator and close its address."""
         ...
 
 
 @asynccontextmanager
 async def running(emulators: Mapping[str, Emulator]) -> AsyncIterator[dict[str, str]]:
-    """Start all, give the address of each by name, and close all in the end, whatever happens."""
+    """Start all emulators, yield their addresses by name, and close all at the end in any case."""
     async with AsyncExitStack() as stack:
         for emulator in emulators.values():
-            stack.push_async_callback(emulator.close)  # also of one that starts by half
+            stack.push_async_callback(emulator.close)  # also if its start fails
             await emulator.start()
         yield {name: emulator.address for name, emulator in emulators.items()}

@@ -1,4 +1,4 @@
-"""When something is done: the part of an event loop that emulated devices need."""
+"""Timed calls: the part of an event loop that emulated devices need."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from typing import Any, Protocol
 from sim_plant.units import Second
 
 
-class Appointment(Protocol):
-    """A call to come."""
+class ScheduledCall(Protocol):
+    """A scheduled call."""
 
     def cancel(self) -> None:
-        """Take it back; harmless if it is past."""
+        """Cancel the call; no effect after its time."""
         ...
 
 
 class Schedule(Protocol):
-    """A clock (seconds, never back) and calls at its times. Every asyncio event loop is one."""
+    """A monotonic clock (seconds) and timed calls. Every asyncio event loop is a Schedule."""
 
     def time(self) -> Second:
-        """Give the time now."""
+        """Return the present time."""
         ...
 
-    def call_at(self, when: Second, callback: Callable[..., object], *args: Any) -> Appointment:
-        """Call once at a time, or soon if it is past."""
+    def call_at(self, when: Second, callback: Callable[..., object], *args: Any) -> ScheduledCall:
+        """Call once at a time, or soon if that time is past."""
         ...
 
 
 def precise_loop() -> asyncio.AbstractEventLoop:
-    """Give an event loop whose timers are good to some 0.1 ms.
+    """Return an event loop whose timers are accurate to about 0.1 ms.
 
     The default one (epoll) rounds every wait up to whole milliseconds: longer than a CAN frame, and
     too coarse for the bytes of a serial line. select() ends at file descriptor 1023.

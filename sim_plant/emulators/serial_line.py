@@ -1,4 +1,4 @@
-"""A serial line: a pseudo-terminal under a path of one's choice, paced as a wire would be."""
+"""A serial line: a pseudo-terminal under a chosen path, with the timing of a wire."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from sim_plant.emulators.background import Background
+from sim_plant.emulators.background import BackgroundTask
 from sim_plant.emulators.link_faults import LinkFaults
 from sim_plant.units import Count, Second
 
-TEND = 0.005  # s between two looks at what the link faults hold
+POLL_PERIOD = 0.005  # s between two updates of the link faults
 
 
-class LineSettings(NamedTuple):
-    """How a line is set; a pseudo-terminal itself knows no baud, so nothing checks the host's."""
+class SerialLineSettings(NamedTuple):
+    """Settings of a line; a pseudo-terminal has no baud rate, so the host's is not checked."""
 
-    path: Path  # a symbolic link made here; the host opens it
+    path: Path  # a symbolic link created here; the host opens it
     baud: int
     bits_per_byte: Count = 10  # 8N1: 10; 8E1 and 8N2: 11
     paced: bool = True  # False: bytes take no time
-    chunk: Count = 0  # bytes that reach the host at once; 0: a whole piece
-    echo: bool = False  # a two-wire RS-485 adapter that hears itself
+    chunk: Count = 0  # bytes that reach the host at once; 0: a complete piece
+    echo: bool = False  # a two-wire RS-485 adapter that receives its own bytes
 
     @property
     def byte_time(self) -> Second:
@@ -37,14 +37,14 @@ class LineSettings(NamedTuple):
 
 
 class Pacer:
-    """Lets pieces out in order, each when its last byte would have left the wire."""
+    """Releases pieces in order, each when its last byte would have left the wire."""
 
     def __init__(self, byte_time: Second, chunk: Count, out: Callable[[bytes], None]) -> None:
-        """`chunk` 0: pieces stay whole."""
+        """`chunk` 0: pieces are not divided."""
         self._byte_time = byte_time
         self._chunk = chunk
-        self._out = out
-        self._free = float("-inf")
+        self._write = out
+        self._free_at = float("-inf")
         self._queue: deque[tuple[Second, bytes]] = deque()
         self._timer: asyncio.TimerHandle | None = None
 
@@ -53,15 +53,15 @@ class Pacer:
         size = self._chunk or len(data)
         for start in range(0, len(data), max(size, 1)):
             part = data[start : start + size]
-            self._free = max(self._free, at) + len(part) * self._byte_time
-            self._queue.append((self._free, part))
+            self._free_at = max(self._free_at, at) + len(part) * self._byte_time
+            self._queue.append((self._free_at, part))
         if self._timer is None:
             self._pump()
 
     def clear(self) -> None:
-        """Forget what has not left yet."""
+        """Discard pieces that have not been released."""
         self._queue.clear()
-        self._free = float("-inf")
+        self._free_at = float("-inf")
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -71,30 +71,30 @@ class Pacer:
         loop = asyncio.get_running_loop()
         now = loop.time()
         while self._queue and self._queue[0][0] <= now:
-            self._out(self._queue.popleft()[1])
+            self._write(self._queue.popleft()[1])
         if self._queue and self._timer is None:
             self._timer = loop.call_at(self._queue[0][0], self._pump)
 
 
 class SerialLine:
-    """One end of a serial line; the host opens the other by its path, as often as it likes.
+    """One end of a serial line; the host may open the other end by its path repeatedly.
 
-    Bytes nobody reads are lost when the kernel's buffer is full, as in a UART, and counted.
+    Unread bytes are lost when the kernel's buffer is full, as in a UART, and counted.
     """
 
-    def __init__(self, settings: LineSettings, link: LinkFaults | None = None) -> None:
-        """Nothing is opened before start()."""
+    def __init__(self, settings: SerialLineSettings, link: LinkFaults | None = None) -> None:
+        """Create the line; start() opens it."""
         self.settings = settings
         self.link = link or LinkFaults()
-        self.lost: Count = 0  # bytes the host did not fetch in time
+        self.lost_bytes: Count = 0  # bytes that the host did not read in time
         self._receive: Callable[[bytes, Second], None] = lambda data, now: None
         self._fds: tuple[int, int] | None = None
-        self._tending = Background()
-        self._down = Pacer(settings.byte_time, 0, self._deliver)
-        self._up = Pacer(settings.byte_time, settings.chunk, self._write)
+        self._poll_task = BackgroundTask()
+        self._to_device = Pacer(settings.byte_time, 0, self._deliver)
+        self._to_host = Pacer(settings.byte_time, settings.chunk, self._write)
 
     def attach(self, receive: Callable[[bytes, Second], None]) -> None:
-        """Have `receive(data, now)` called with what the host sends; `now` is the loop's time."""
+        """Set the callback for bytes from the host: `receive(data, now)` with the loop's time."""
         self._receive = receive
 
     @property
@@ -103,58 +103,58 @@ class SerialLine:
         return str(self.settings.path)
 
     @property
-    def up(self) -> bool:
-        """Whether the line is there; not whether a host has it open."""
+    def is_present(self) -> bool:
+        """Whether the line exists; not whether a host has it open."""
         return self._fds is not None
 
     async def start(self) -> None:
-        """Offer the line. Raises FileExistsError if the path is taken by something else."""
-        self.bring_back()
-        self._tending.start(self._tend())
+        """Open the line. Raises FileExistsError if the path is a file of another kind."""
+        self.plug_in()
+        self._poll_task.start(self._poll_loop())
 
     async def close(self) -> None:
-        """Hang up for good and take the path away."""
-        await self._tending.stop()
-        self.hang_up()
+        """Close the line and remove its path."""
+        await self._poll_task.stop()
+        self.unplug()
 
     def send(self, data: bytes) -> None:
-        """Send bytes to the host, after what is already on the wire."""
+        """Send bytes to the host, after those already on the wire."""
         if self._fds is None:
             return
         now = asyncio.get_running_loop().time()
-        for at, piece in self.link.to_host.pass_on(data, now):
-            self._up.put(at, piece)
+        for at, piece in self.link.to_host.transmit(data, now):
+            self._to_host.put(at, piece)
 
-    def hang_up(self) -> None:
-        """Pull the adapter: the host's port fails, the path is gone, bytes under way are lost."""
+    def unplug(self) -> None:
+        """Unplug the adapter: the host's port fails, the path and bytes under way are lost."""
         if self._fds is None:
             return
         master, slave = self._fds
         self._fds = None
         asyncio.get_running_loop().remove_reader(master)
-        self._up.clear()
-        self._down.clear()
+        self._to_host.clear()
+        self._to_device.clear()
         with contextlib.suppress(FileNotFoundError):
             self.settings.path.unlink()
         os.close(slave)
         os.close(master)
 
-    def bring_back(self) -> None:
-        """Plug the adapter in again, under the same path; the host has to open it anew."""
+    def plug_in(self) -> None:
+        """Plug the adapter in again, under the same path; the host has to reopen it."""
         if self._fds is not None:
             return
         path = self.settings.path
         if path.exists() and not path.is_symlink():
-            raise FileExistsError(f"{path} is there and no symbolic link")
-        # The slave stays open here too: else the master fails whenever no host has it open.
+            raise FileExistsError(f"{path} exists and is not a symbolic link")
+        # The slave stays open here too; otherwise the master fails whenever no host has it open.
         master, slave = pty.openpty()
         tty.setraw(master)
         tty.setraw(slave)
         os.set_blocking(master, False)
-        fresh = path.with_name(f".{path.name}.new")
-        fresh.unlink(missing_ok=True)
-        fresh.symlink_to(os.ttyname(slave))
-        fresh.replace(path)
+        new_link = path.with_name(f".{path.name}.new")
+        new_link.unlink(missing_ok=True)
+        new_link.symlink_to(os.ttyname(slave))
+        new_link.replace(path)
         self._fds = master, slave
         asyncio.get_running_loop().add_reader(master, self._readable)
 
@@ -167,9 +167,9 @@ class SerialLine:
             return
         now = asyncio.get_running_loop().time()
         if self.settings.echo:
-            self._up.put(now, data)
-        for at, piece in self.link.to_device.pass_on(data, now):
-            self._down.put(at, piece)
+            self._to_host.put(now, data)
+        for at, piece in self.link.to_device.transmit(data, now):
+            self._to_device.put(at, piece)
 
     def _deliver(self, data: bytes) -> None:
         self._receive(data, asyncio.get_running_loop().time())
@@ -181,13 +181,13 @@ class SerialLine:
             written = os.write(self._fds[0], data)
         except (BlockingIOError, OSError):
             written = 0
-        self.lost += len(data) - written
+        self.lost_bytes += len(data) - written
 
-    def _forget_speed(self) -> None:
-        """Let the next host's settings differ from the last one's.
+    def _reset_speed(self) -> None:
+        """Reset the speed so that the next host's settings differ from the present ones.
 
-        A pseudo-terminal knows no parity, and the C library calls a setting of which nothing was
-        taken an error: the second host with 8E1 would fail where the first did not.
+        A pseudo-terminal has no parity, and the C library reports an error if no part of a setting
+        takes effect: the second host with 8E1 would fail where the first did not.
         """
         if self._fds is None:
             return
@@ -196,17 +196,17 @@ class SerialLine:
             attributes[4] = attributes[5] = termios.B50
             termios.tcsetattr(self._fds[1], termios.TCSANOW, attributes)
 
-    async def _tend(self) -> None:
+    async def _poll_loop(self) -> None:
         loop = asyncio.get_running_loop()
         while True:
             if self.link.disconnected:
-                self.hang_up()
+                self.unplug()
             else:
-                self.bring_back()
-                self._forget_speed()
+                self.plug_in()
+                self._reset_speed()
                 now = loop.time()
-                for at, piece in self.link.to_host.due(now):
-                    self._up.put(at, piece)
-                for at, piece in self.link.to_device.due(now):
-                    self._down.put(at, piece)
-            await asyncio.sleep(TEND)
+                for at, piece in self.link.to_host.due_arrivals(now):
+                    self._to_host.put(at, piece)
+                for at, piece in self.link.to_device.due_arrivals(now):
+                    self._to_device.put(at, piece)
+            await asyncio.sleep(POLL_PERIOD)

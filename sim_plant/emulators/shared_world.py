@@ -1,4 +1,4 @@
-"""One simulated rig under all emulated devices, moved in real time: WaveBot or bench."""
+"""One simulated rig (WaveBot or bench) behind all emulated devices, advanced in real time."""
 
 from __future__ import annotations
 
@@ -12,37 +12,37 @@ from sim_plant.signals import OFF, Actuation, Readings
 from sim_plant.units import Second, Tick
 from sim_plant.world import World
 
-BURST = 100  # ticks
+MAX_CATCH_UP = 100  # ticks
 
 
-class Moving(Protocol):
-    """What the worlds have in common."""
+class SteppedWorld(Protocol):
+    """Common interface of the worlds."""
 
     def actuate(self, actuation: Any, /) -> None:
         """Latch a command."""
         ...
 
     def advance(self, dt: float) -> None:
-        """Move one tick on."""
+        """Advance by one tick."""
         ...
 
 
-W = TypeVar("W", bound=Moving)
+W = TypeVar("W", bound=SteppedWorld)
 A = TypeVar("A")  # its Actuation
 
 
-class Shared(Generic[W, A]):
+class SharedSimulation(Generic[W, A]):
     """A world that all emulated devices of one process read and actuate.
 
-    Not thread-safe: one asyncio loop owns it. Each device writes only its own fields of the one
-    latched Actuation. A command stands until it is changed: the drives of the world never miss
-    one, so silence of the rig's side is for the emulated device's own watchdog to act upon.
+    Not thread-safe: one asyncio loop owns it. Each device writes only its own fields of the common
+    latched Actuation. A command holds until it is changed: the drives of the world receive it in
+    every tick, so the watchdogs of the emulated devices must detect silence of the rig.
     """
 
     def __init__(
-        self, world: W, rest: A, dt: Second, clock: Callable[[], Second], burst: Tick = BURST
+        self, world: W, rest: A, dt: Second, clock: Callable[[], Second], burst: Tick = MAX_CATCH_UP
     ) -> None:
-        """`dt` is the world's own, `rest` its command of nothing; `clock` never goes back.
+        """`dt` is the world's own, `rest` its command at rest; `clock` never decreases.
 
         Raises ValueError for a `burst`, the most ticks of one catch-up, below 1.
         """
@@ -50,9 +50,9 @@ class Shared(Generic[W, A]):
             raise ValueError(f"burst must be at least 1 tick, got {burst}")
         self.world = world
         self.dt = dt
-        self.ticks: Tick = 0  # done so far
-        self.late: Tick = 0  # done more than one tick after they were due
-        self.dropped: Tick = 0  # never done, as more than a burst was due: the world lost that time
+        self.ticks: Tick = 0  # executed so far
+        self.late_ticks: Tick = 0  # executed more than one tick late
+        self.dropped_ticks: Tick = 0  # skipped because more than a burst was due
         self.stopped = False
         self._clock = clock
         self._burst = burst
@@ -62,26 +62,26 @@ class Shared(Generic[W, A]):
 
     @property
     def time(self) -> Second:
-        """Simulated time done so far."""
+        """Simulated time so far."""
         return self.ticks * self.dt
 
     @property
     def actuation(self) -> A:
-        """What is latched now."""
+        """The latched command."""
         return self._actuation
 
     def start(self, at: Second) -> None:
-        """Let time begin at a moment of the clock, instead of with the first `catch_up`."""
+        """Set the clock time at which simulated time starts, instead of the first `catch_up`."""
         self._origin = at
 
     def catch_up(self) -> Tick:
-        """Do the whole ticks that are due by now, and give how many; time starts if it has not."""
+        """Execute the ticks that are due and return their number; the first call starts time."""
         now = self._clock()
         if self._origin is None:
             self._origin = now
         if self.stopped:
             return 0
-        due = math.floor((now - self._origin) / self.dt + 1.0e-6) - self.ticks - self.dropped
+        due = math.floor((now - self._origin) / self.dt + 1.0e-6) - self.ticks - self.dropped_ticks
         if due <= 0:
             return 0
         done = min(due, self._burst)
@@ -90,8 +90,8 @@ class Shared(Generic[W, A]):
             world.actuate(actuation)
             world.advance(dt)
         self.ticks += done
-        self.late += due - 1 if due <= self._burst else done
-        self.dropped += due - done
+        self.late_ticks += due - 1 if due <= self._burst else done
+        self.dropped_ticks += due - done
         return done
 
     def actuate(self, **changes: Any) -> None:
@@ -102,40 +102,45 @@ class Shared(Generic[W, A]):
         latched: Any = self._actuation
         self._actuation = latched._replace(**changes)
 
-    def renew(self, world: W) -> None:
-        """Go on with another world, and with no command; time and counts go on."""
+    def replace_world(self, world: W) -> None:
+        """Replace the world and reset the command; time and counts continue."""
         self.world = world
         self._actuation = self._rest
 
     def stop(self) -> None:
-        """Take every command away and let time stand still, for good."""
+        """Reset the command and stop time permanently."""
         self._actuation = self._rest
         self.stopped = True
 
 
-class SharedWorld(Shared[World, Actuation]):
+class SharedWorld(SharedSimulation[World, Actuation]):
     """A WaveBot in its basin."""
 
     def __init__(
-        self, world: World, dt: Second, clock: Callable[[], Second], *, burst: Tick = BURST
+        self, world: World, dt: Second, clock: Callable[[], Second], *, burst: Tick = MAX_CATCH_UP
     ) -> None:
         """See `Shared`."""
         super().__init__(world, OFF, dt, clock, burst)
 
     def readings(self) -> Readings:
-        """Give what the sensors read after the last tick done; does not catch up by itself."""
+        """Return the sensor readings after the last executed tick, without catching up."""
         return self.world.readings()
 
 
-class SharedBench(Shared[BenchWorld, bench.Actuation]):
+class SharedBench(SharedSimulation[BenchWorld, bench.Actuation]):
     """An OSWEC bench."""
 
     def __init__(
-        self, world: BenchWorld, dt: Second, clock: Callable[[], Second], *, burst: Tick = BURST
+        self,
+        world: BenchWorld,
+        dt: Second,
+        clock: Callable[[], Second],
+        *,
+        burst: Tick = MAX_CATCH_UP,
     ) -> None:
         """See `Shared`."""
         super().__init__(world, bench.OFF, dt, clock, burst)
 
-    def sense(self) -> bench.Reading:
-        """Give what the sensors read after the last tick done; does not catch up by itself."""
+    def sense(self) -> bench.BenchReading:
+        """Return the sensor readings after the last executed tick, without catching up."""
         return self.world.sense()

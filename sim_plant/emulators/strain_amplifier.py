@@ -1,8 +1,8 @@
 """A strain-gauge amplifier with up to nine channels on Modbus RTU, after the DY094.
 
-Source: requests printed by the maker, `01 03 03 00 00 02 C4 4F` (int32) and
-`01 03 01 00 00 02 C5 F7` (float32, high word first), 10 to 320 Hz. That the channels follow each
-other by two registers, and the scale of the int32, are not confirmed: parameters.
+Source: requests printed by the manufacturer, `01 03 03 00 00 02 C4 4F` (int32) and
+`01 03 01 00 00 02 C5 F7` (float32, high word first), 10 to 320 Hz. Not confirmed, and therefore
+parameters: the spacing of the channels by two registers, and the scale of the int32.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FAULTS = {
 
 
 class AmplifierSettings(NamedTuple):
-    """How an amplifier is set; values in the unit its source has (N or N m)."""
+    """Settings of an amplifier; values in the unit of its source (N or N m)."""
 
     rating: float  # beyond it a channel saturates
     rate: Hertz = 100.0  # 10 to 320
@@ -38,7 +38,7 @@ class AmplifierSettings(NamedTuple):
 
 
 class StrainAmplifier(ModbusUnit):
-    """Reads its channels at its own rate and holds them; holding registers only."""
+    """Samples its channels at its own rate and holds them; holding registers only."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class StrainAmplifier(ModbusUnit):
         *,
         reply_delay: Second = 0.0,
     ) -> None:
-        """`read` gives up to nine channels; those it does not give read 0."""
+        """`read` returns up to nine channels; missing channels read 0."""
         super().__init__(
             faults=FAULTS,
             word_order=settings.word_order,
@@ -56,37 +56,37 @@ class StrainAmplifier(ModbusUnit):
         )
         self.settings = settings
         self._read = read
-        self._sampled: int | None = None
-        self._drifting: Second | None = None
+        self._sample_period: int | None = None
+        self._drift_start: Second | None = None
         self.samples: Count = 0
 
     def measure(self, now: Second) -> None:
         """Take a sample if one is due."""
         period = math.floor(now * self.settings.rate)
-        if period == self._sampled:
+        if period == self._sample_period:
             return
-        self._sampled = period
+        self._sample_period = period
         self.samples += 1
-        given = tuple(self._read())
+        values = tuple(self._read())
         for channel in range(CHANNELS):
-            value = self._struck(given[channel] if channel < len(given) else 0.0, now)
+            value = self._apply_faults(values[channel] if channel < len(values) else 0.0, now)
             offset = self.settings.stride * channel
             self.put_float(Table.HOLDING, self.settings.float_register + offset, value)
             finite = math.isfinite(value)
             counts = round(value * self.settings.counts_per_unit) if finite else 0x7FFFFFFF
             self.put_int32(Table.HOLDING, self.settings.int_register + offset, counts)
 
-    def _struck(self, value: float, now: Second) -> float:
+    def _apply_faults(self, value: float, now: Second) -> float:
         rating = self.settings.rating
-        if not self.faults.on("drift"):
-            self._drifting = None
+        if not self.faults.is_on("drift"):
+            self._drift_start = None
         else:
-            self._drifting = now if self._drifting is None else self._drifting
-            value += 0.01 * rating * (now - self._drifting)
-        if self.faults.on("nan"):
+            self._drift_start = now if self._drift_start is None else self._drift_start
+            value += 0.01 * rating * (now - self._drift_start)
+        if self.faults.is_on("nan"):
             return float("nan")
-        if self.faults.on("saturated"):
+        if self.faults.is_on("saturated"):
             return rating
-        if self.faults.on("saturated_negative"):
+        if self.faults.is_on("saturated_negative"):
             return -rating
         return max(-rating, min(value, rating))

@@ -1,7 +1,8 @@
 """The emulated drive of heave or surge: cyclic synchronous torque on the world's motor.
 
-Two scalings of current: the maker's own (AMC: 6071 in DC2, 6077 in DC1, Kp in 20D8:0C) and per
-mille of rated torque (CiA 402: 6071, 6077 over 6076; rated torque goes with rated current 6075).
+Two scalings of current: the manufacturer's (AMC: 6071 in DC2, 6077 in DC1, Kp in 20D8:0C) and per
+mille of rated torque (CiA 402: 6071, 6077 over 6076; rated torque corresponds to rated current
+6075).
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from sim_plant.emulators.cia402_node import (
     LIMITED,
     MODE_12,
     Cia402Node,
-    DriveParams,
+    Cia402Params,
 )
 from sim_plant.emulators.node_faults import Fault
-from sim_plant.emulators.node_objects import rounded
+from sim_plant.emulators.node_objects import round_or_zero
 from sim_plant.emulators.schedule import Schedule
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.units import Ampere, Second, Volt
@@ -33,27 +34,27 @@ PLANT_FAULTS = {
     2: node_errors.DC_LINK_UNDER_VOLTAGE,
     3: node_errors.DC_LINK_OVER_VOLTAGE,
 }
-ALL_WELL = (0, 0, 0, 0, 0, 0, 0)
+NO_STATUS_BITS = (0, 0, 0, 0, 0, 0, 0)
 
 
 class Axis(Enum):
-    """Which motor of the world it drives; the value begins the names of its words."""
+    """Motor of the world that it drives; the value is the prefix of its signal names."""
 
     HEAVE = "heave"
     SURGE = "surge"
 
 
 class Scaling(Enum):
-    """What the raw numbers of current mean."""
+    """Meaning of the raw current values."""
 
     AMC = "DC1 and DC2 of Kp"
     RATED = "per mille of rated torque"
 
 
 class AnalogInput(NamedTuple):
-    """What hangs on one analog input."""
+    """Sensor on one analog input."""
 
-    reading: str  # field of the world's Readings
+    signal: str  # field of the world's Readings
     per_volt: float  # of its unit
 
 
@@ -61,25 +62,27 @@ LOAD_CELLS = (AnalogInput("force_lcb", 1000.0), AnalogInput("force_trs", 1000.0)
 
 
 class TorqueDriveParams(NamedTuple):
-    """What a torque drive is told beside its object dictionary."""
+    """Parameters of a torque drive besides its object dictionary."""
 
     axis: Axis
     scaling: Scaling
-    drive: DriveParams = DriveParams()
+    drive: Cia402Params = Cia402Params()
     analog: tuple[AnalogInput, ...] = LOAD_CELLS  # in the order of 201A:01, :02
-    bus_voltage: Volt = 150.0  # of a drive whose bus the world does not tell (surge)
+    bus_voltage: Volt = 150.0  # of a drive whose bus the world does not model (surge)
 
 
 TORQUE_FAULTS = (
-    Fault("wrong_kp", "20D8:0C and all its scaling are another drive's", "factor on Kp", 0.5),
+    Fault(
+        "wrong_kp", "20D8:0C and the scaling by it are those of another drive", "factor on Kp", 0.5
+    ),
     Fault("no_torque", "enabled, but no current flows"),
-    Fault("inverted_motor", "two of its phases are swapped: current and force have the other sign"),
-    Fault("encoder_reversed", "6064 counts the other way from where it is"),
+    Fault("inverted_motor", "two phases are swapped: current and force have the opposite sign"),
+    Fault("encoder_reversed", "6064 counts in the opposite direction from its present value"),
     Fault("encoder_step", "6064 is shifted at once", "counts", 4000.0),
     Fault("encoder_creep", "6064 drifts away", "counts/s", 400.0),
-    Fault("load_cell_saturated", "analog input 1 stands at its positive end"),
+    Fault("load_cell_saturated", "analog input 1 reads its positive limit"),
     Fault("load_cell_dead", "both analog inputs read 0 V"),
-    Fault("load_cell_inverted", "analog input 1 has the other sign"),
+    Fault("load_cell_inverted", "analog input 1 has the opposite sign"),
     Fault("limit_switch", "60FD: a limit switch is closed", "bit: 0 negative, 1 positive", 0.0),
 )
 
@@ -97,14 +100,14 @@ class TorqueDrive(Cia402Node):
     ) -> None:
         self.torque = torque
         name = torque.axis.value
-        self._command, self._enable = f"{name}_current", f"{name}_enable"
-        self._heave = torque.axis is Axis.HEAVE
+        self._current_field, self._enable_field = f"{name}_current", f"{name}_enable"
+        self._is_heave = torque.axis is Axis.HEAVE
         self.current: Ampere = 0.0  # commanded to the world
-        self._written: tuple[Ampere, int] = (0.0, 0)
-        self._limited = False
-        self._counts: int | None = None
-        self._turned_at = 0  # counts where the encoder was reversed
-        self._creeps_since: Second = 0.0
+        self._last_command: tuple[Ampere, int] = (0.0, 0)
+        self._is_limited = False
+        self._last_counts: int | None = None
+        self._reversal_counts = 0  # counts at which the encoder was reversed
+        self._creep_start: Second = 0.0
         super().__init__(params, torque.drive, hub, schedule, world)
         self.fault_list.add(*TORQUE_FAULTS)
 
@@ -116,44 +119,46 @@ class TorqueDrive(Cia402Node):
         return 0.1 * self.objects.get(0x20D8, 0xC)
 
     def raw_target(self, current: Ampere) -> int:
-        """Give 6071 of a current."""
+        """Return the value of 6071 for a current."""
         if self.torque.scaling is Scaling.AMC:
-            return rounded(current * 32768.0 / self.kp)
+            return round_or_zero(current * 32768.0 / self.kp)
         return self.raw_current(current)
 
-    def asked(self) -> Ampere:
-        """Give the current that 6071 (and 60B2) ask for, within the drive's own limits."""
+    def commanded_current(self) -> Ampere:
+        """Return the current that 6071 (and 60B2) command, within the drive's own limits."""
         get = self.objects.get
         if self.torque.scaling is Scaling.AMC:
             return get(0x6071) * self.kp / 32768.0
-        most = min(get(0x6072), get(0x6073))
-        wanted = get(0x6071) + get(0x60B2)
-        permille = max(-most, min(most, wanted))
-        self._limited = permille != wanted
+        limit = min(get(0x6072), get(0x6073))
+        target = get(0x6071) + get(0x60B2)
+        permille = max(-limit, min(limit, target))
+        self._is_limited = permille != target
         return permille * get(0x6075) * 1.0e-6
 
     def raw_current(self, current: Ampere) -> int:
-        """Give 6077 of a current."""
+        """Return the value of 6077 for a current."""
         if self.torque.scaling is Scaling.AMC:
-            return rounded(current * 8192.0 / self.kp)
-        return rounded(current * 1.0e6 / max(1, self.objects.get(0x6075)))
+            return round_or_zero(current * 8192.0 / self.kp)
+        return round_or_zero(current * 1.0e6 / max(1, self.objects.get(0x6075)))
 
-    # ---- a drive's part -------------------------------------------------------------------------
+    # ---- overridden methods of the drive ---------------------------------------------------------
 
     def measure(self, elapsed: Second) -> None:
-        """Put encoder, current, voltage, temperature and analog inputs."""
-        read, put, active = self.world.readings(), self.objects.put, self.active
-        heave = self._heave
-        counts = self._counted(read.heave_counts if heave else read.surge_counts)
-        current = read.heave_current if heave else read.surge_current
+        """Write encoder, current and analog inputs to the objects."""
+        readings, put, active = self.world.readings(), self.objects.put, self.active
+        heave = self._is_heave
+        counts = self._apply_encoder_faults(
+            readings.heave_counts if heave else readings.surge_counts
+        )
+        current = readings.heave_current if heave else readings.surge_current
         self.put_position(counts)
         if elapsed > 0.0:
-            if self._counts is not None:
-                self._put_velocity((counts - self._counts) / elapsed)
-            self._counts = counts
+            if self._last_counts is not None:
+                self._put_velocity((counts - self._last_counts) / elapsed)
+            self._last_counts = counts
         put(0x6077, self.raw_current(current))
         for sub, (reading, per_volt) in enumerate(self.torque.analog, start=1):
-            put(0x201A, analog(getattr(read, reading), per_volt), sub)
+            put(0x201A, analog(getattr(readings, reading), per_volt), sub)
         if "load_cell_saturated" in active:
             put(0x201A, FULL_SCALE, 1)
         elif "load_cell_dead" in active:
@@ -161,135 +166,139 @@ class TorqueDrive(Cia402Node):
             put(0x201A, 0, 2)
         elif "load_cell_inverted" in active:
             reading, per_volt = self.torque.analog[0]
-            put(0x201A, analog(-getattr(read, reading), per_volt), 1)
+            put(0x201A, analog(-getattr(readings, reading), per_volt), 1)
         put(0x6078, self.objects.values[0x6077, 0])
         put(0x60FD, 1 << int(active["limit_switch"]) if "limit_switch" in active else 0)
 
-    def look_round(self) -> None:
-        """Put voltage, temperature and the maker's status words."""
-        super().look_round()
-        self.objects.put(0x2021, round(self.seen_temperature() * 65536.0), 1)
-        volts = self.seen_voltage()
+    def measure_slow(self) -> None:
+        """Write voltage, temperature and the manufacturer's status words to the objects."""
+        super().measure_slow()
+        self.objects.put(0x2021, round(self.sensed_temperature() * 65536.0), 1)
+        volts = self.sensed_voltage()
         if self.torque.scaling is Scaling.AMC:
-            self._put_own(volts)
+            self._put_maker_objects(volts)
         else:
-            self.objects.put(0x6079, rounded(1000.0 * volts))
+            self.objects.put(0x6079, round_or_zero(1000.0 * volts))
 
     def act(self, elapsed: Second) -> None:
         """Command the world's motor: 0 A and off unless a mode and the machine say otherwise."""
         action = self.machine.action
         if action is Action.FOLLOW and self.mode == CYCLIC_TORQUE:
-            self.current = self.asked()
+            self.current = self.commanded_current()
         elif action is Action.SLOW_DOWN:
-            self.current = towards_zero(self.current, elapsed * self._slope())
-        else:  # a quick stop takes the torque away at once [NC]
+            self.current = towards_zero(self.current, elapsed * self._torque_slope())
+        else:  # a quick stop removes the torque at once [NC]
             self.current = 0.0
-        flowing = 0.0 if "no_torque" in self.active else self.current
+        motor_current = 0.0 if "no_torque" in self.active else self.current
         if "inverted_motor" in self.active:
-            flowing = -flowing
-        written = (flowing, 1 if action is not Action.OFF else 0)
-        if written != self._written:
-            self._written = written
-            self.world.actuate(**{self._command: flowing, self._enable: written[1]})
+            motor_current = -motor_current
+        command = (motor_current, 1 if action is not Action.OFF else 0)
+        if command != self._last_command:
+            self._last_command = command
+            self.world.actuate(
+                **{self._current_field: motor_current, self._enable_field: command[1]}
+            )
 
     def at_rest(self) -> bool:
-        """No current is asked for any more."""
+        """Return whether the commanded current is 0."""
         return self.current == 0.0
 
     def voltage(self) -> Volt:
-        """Heave has the world's bus, surge a stiff one."""
-        if self._heave:
+        """Return the voltage of the world's bus (heave) or of a stiff bus (surge)."""
+        if self._is_heave:
             return self.world.readings().bus_voltage
         return self.torque.bus_voltage
 
     def mode_bits(self) -> int:
-        """Give bit 11, current limited, and bit 12, the drive follows its set-point."""
-        read = self.world.readings()
-        enabled = read.heave_enabled if self._heave else read.surge_enabled
+        """Return bit 11, current limited, and bit 12, the drive follows its set-point."""
+        readings = self.world.readings()
+        enabled = readings.heave_enabled if self._is_heave else readings.surge_enabled
         follows = self.machine.action is Action.FOLLOW and self.mode == CYCLIC_TORQUE
-        limited = self._limited or (self._heave and read.drive_saturated)
+        limited = self._is_limited or (self._is_heave and readings.drive_saturated)
         return (MODE_12 if enabled and follows else 0) | (LIMITED if limited and follows else 0)
 
-    def cause(self) -> int:
-        """Give the fault of the world's own drive, if any."""
-        read = self.world.readings()
-        code = read.heave_fault if self._heave else read.surge_fault
+    def fault_code(self) -> int:
+        """Return the fault of the world's own drive, if any."""
+        readings = self.world.readings()
+        code = readings.heave_fault if self._is_heave else readings.surge_fault
         return PLANT_FAULTS[code] if code else 0
 
-    def fault_began(self, fault: Fault) -> None:
-        """Remember where and when the encoder began to go wrong."""
-        super().fault_began(fault)
-        read = self.world.readings()
+    def on_fault(self, fault: Fault) -> None:
+        """Store counts or time at the start of an encoder fault."""
+        super().on_fault(fault)
+        readings = self.world.readings()
         if fault.name == "encoder_reversed":
-            self._turned_at = read.heave_counts if self._heave else read.surge_counts
+            self._reversal_counts = (
+                readings.heave_counts if self._is_heave else readings.surge_counts
+            )
         elif fault.name == "encoder_creep":
-            self._creeps_since = self.world.time
+            self._creep_start = self.world.time
 
-    def restarted(self) -> None:
-        """Power-on: no current."""
-        self._counts = None
-        self._limited = False
-        super().restarted()
+    def on_restart(self) -> None:
+        """Reset to power-on: no current."""
+        self._last_counts = None
+        self._is_limited = False
+        super().on_restart()
 
     def _apply_faults(self) -> None:
         super()._apply_faults()
         nominal = self.storage.defaults.get((0x20D8, 0xC), 0)
         self.objects.put(0x20D8, round(nominal * self.active.get("wrong_kp", 1.0)), 0xC)
 
-    def _counted(self, counts: int) -> int:
-        """Give the encoder's counts as its faults have them."""
+    def _apply_encoder_faults(self, counts: int) -> int:
+        """Return the encoder's counts with its faults applied."""
         active = self.active
         if "encoder_reversed" in active:
-            counts = 2 * self._turned_at - counts
+            counts = 2 * self._reversal_counts - counts
         counts += int(active.get("encoder_step", 0.0))
         rate = active.get("encoder_creep", 0.0)
-        return counts + int(rate * (self.world.time - self._creeps_since))
+        return counts + int(rate * (self.world.time - self._creep_start))
 
-    def _slope(self) -> float:
-        """Give the torque slope 6087 (per mille of rated, or of peak, per second) in A/s."""
+    def _torque_slope(self) -> float:
+        """Return the torque slope 6087 (per mille of rated, or of peak, per second) in A/s."""
         amc = self.torque.scaling is Scaling.AMC
         rated = self.kp if amc else 1.0e-3 * self.objects.get(0x6075)
         return 1.0e-3 * rated * self.objects.get(0x6087)
 
     def _put_velocity(self, speed: float) -> None:
-        """Put 606C in counts/s, or in DS1: raw = counts/s 2^17 / (Ki Ks)."""
+        """Set 606C in counts/s, or in DS1: raw = counts/s 2^17 / (Ki Ks)."""
         if self.torque.scaling is Scaling.AMC:
             scale = self.objects.get(0x2032, 8) * self.objects.get(0x20D8, 0x24)
             speed *= 131072.0 / max(1, scale)
-        self.objects.put(0x606C, rounded(speed))
+        self.objects.put(0x606C, round_or_zero(speed))
 
-    def _put_own(self, volts: Volt) -> None:
-        """Put the maker's objects: bus voltage DV1 = V 2^14 / (1.05 Kov), currents, status."""
+    def _put_maker_objects(self, volts: Volt) -> None:
+        """Set the manufacturer's objects: bus voltage DV1 = V 2^14/(1.05 Kov), currents, status."""
         put = self.objects.put
         kov = 0.1 * self.objects.get(0x20D8, 9)
-        put(0x200F, rounded(min(65535.0, max(0.0, volts) * 16384.0 / (1.05 * kov))), 1)
+        put(0x200F, round_or_zero(min(65535.0, max(0.0, volts) * 16384.0 / (1.05 * kov))), 1)
         put(0x2010, self.objects.get(0x6077), 1)
         put(0x2010, self.raw_current(self.current), 2)
-        words = self._status_words() if self.errors.active else ALL_WELL
+        words = self._status_words() if self.errors.active else NO_STATUS_BITS
         for sub, word in enumerate(words, start=1):
             put(0x2002, word, sub)
             put(0x2003, self.objects.get(0x2003, sub) | word, sub)
 
     def _status_words(self) -> tuple[int, ...]:
-        """Give 2002:01..07. Which word tells what is the maker's, the bits here are not [NC]."""
-        found = self.errors.active
+        """Return 2002:01..07. The words are the manufacturer's, the bits are assumed [NC]."""
+        active = self.errors.active
         protection = (
-            (node_errors.OVER_CURRENT in found)
-            | (node_errors.DC_LINK_UNDER_VOLTAGE in found) << 1
-            | (node_errors.DC_LINK_OVER_VOLTAGE in found) << 2
-            | (node_errors.OVER_TEMPERATURE in found) << 3
+            (node_errors.OVER_CURRENT in active)
+            | (node_errors.DC_LINK_UNDER_VOLTAGE in active) << 1
+            | (node_errors.DC_LINK_OVER_VOLTAGE in active) << 2
+            | (node_errors.OVER_TEMPERATURE in active) << 3
         )
-        silent = {node_errors.HEARTBEAT_LOST, node_errors.RPDO_TIMEOUT} & found
-        return (0, protection, int(node_errors.SENSOR in found), int(bool(silent)), 0, 0, 0)
+        silent = {node_errors.HEARTBEAT_LOST, node_errors.RPDO_TIMEOUT} & active
+        return (0, protection, int(node_errors.SENSOR in active), int(bool(silent)), 0, 0, 0)
 
 
 def analog(value: float, per_volt: float) -> int:
-    """Give the raw value of an amplified sensor, held within +-10 V."""
-    return max(-FULL_SCALE - 1, min(FULL_SCALE, rounded(value * PER_VOLT / per_volt)))
+    """Return the raw value of an amplified sensor, limited to +-10 V."""
+    return max(-FULL_SCALE - 1, min(FULL_SCALE, round_or_zero(value * PER_VOLT / per_volt)))
 
 
 def towards_zero(value: float, reach: float) -> float:
-    """Give a value brought nearer to 0 by `reach`, exactly 0 at the end."""
+    """Return a value moved towards 0 by at most `reach`, without crossing 0."""
     if abs(value) <= reach:
         return 0.0
     return value - reach if value > 0.0 else value + reach

@@ -1,4 +1,4 @@
-"""A flap's plant file: a bench without brake, and the flap in its place."""
+"""Schema of a flap's plant file: a bench without brake, with the flap in its place."""
 
 from __future__ import annotations
 
@@ -9,29 +9,29 @@ from pydantic import Field, model_validator
 from sim_plant.bem import Bem
 from sim_plant.bench.losses import DragParams
 from sim_plant.bench.parameters import BenchPlant
-from sim_plant.bench.sections import Drag, Switch
-from sim_plant.entries import Checked, Entry, Positive, Size, Stiffness
+from sim_plant.bench.sections import Drag, SwitchValue
+from sim_plant.entries import Entry, NonNegative, Positive, Stiffness, StrictModel
 from sim_plant.flap import hydrodynamics
 from sim_plant.flap.body import FlapBodyParams
 from sim_plant.flap.oswec import FlapParams
 
 
-class Flap(Checked):
+class Flap(StrictModel):
     """The flap about its hinge."""
 
-    coupled: Entry[Switch, Literal["0 or 1"]]
+    coupled: Entry[SwitchValue, Literal["0 or 1"]]
     inertia: Entry[Positive, Literal["kg m2"]]
-    added_inertia_infinite: Entry[Size, Literal["kg m2"]]
+    added_inertia_infinite: Entry[NonNegative, Literal["kg m2"]]
     buoyancy: Entry[Stiffness, Literal["N m/rad"]]
-    viscous_linear: Entry[Size, Literal["N m s/rad"]]
-    viscous_quadratic: Entry[Size, Literal["N m s2/rad2"]]
+    viscous_linear: Entry[NonNegative, Literal["N m s/rad"]]
+    viscous_quadratic: Entry[NonNegative, Literal["N m s2/rad2"]]
     radiation_peak: Entry[Positive, Literal["N m s/rad"]]
     radiation_frequency: Entry[Positive, Literal["rad/s"]]
     radiation_width: Entry[Positive, Literal["rad/s"]]
     far_side: Drag
 
 
-class Water(Checked):
+class Water(StrictModel):
     """The flume."""
 
     depth: Entry[Annotated[float, Field(gt=0.0, le=100.0)], Literal["m"]]
@@ -39,19 +39,19 @@ class Water(Checked):
 
 
 class FlapPlant(BenchPlant):
-    """A whole plant file of a flap on its driveline."""
+    """A complete plant file of a flap on its driveline."""
 
     flap: Flap
     water: Water
 
     @model_validator(mode="after")
-    def _has_no_brake(self) -> FlapPlant:
+    def _check_no_brake(self) -> FlapPlant:
         if self.brake.fitted.value != 0:
-            raise ValueError("brake.fitted must be 0: the flap stands in the brake's place")
+            raise ValueError("brake.fitted must be 0: the flap replaces the brake")
         return self
 
     def build_flap(self) -> FlapParams:
-        """Give the constants of the step as real floats."""
+        """Return the parameters of the step as floats."""
         file = self.flap
         width, centre = file.radiation_width.value, file.radiation_frequency.value
         far = file.far_side
@@ -73,7 +73,7 @@ class FlapPlant(BenchPlant):
         )
 
     def coefficients(self) -> Bem:
-        """Give added inertia, damping and excitation over frequency."""
+        """Return added inertia, damping and excitation over frequency."""
         return hydrodynamics.coefficients(
             self.build_flap().body,
             float(self.flap.added_inertia_infinite.value),

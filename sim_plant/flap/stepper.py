@@ -1,17 +1,17 @@
-"""What moves the flap's state by one tick; another execution of the same step may stand in."""
+"""Interpreted execution of the flap's step; a compiled execution may replace it."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from sim_plant.bench.signals import Actuation, Reading
+from sim_plant.bench.signals import Actuation, BenchReading
 from sim_plant.flap import oswec
 from sim_plant.flap.oswec import FlapParams, FlapState
 from sim_plant.units import Flag, NewtonMetre, Second
 
 
-class Start(NamedTuple):
-    """All a stepper is made of."""
+class StepperInputs(NamedTuple):
+    """Constructor argument of a stepper."""
 
     params: FlapParams
     state: FlapState
@@ -20,20 +20,25 @@ class Start(NamedTuple):
 
 
 class Stepper:
-    """Moves the flap's state by one tick and samples its sensors; interpreted."""
+    """Interpreted stepper: advances the flap's state by one tick and samples its sensors."""
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: StepperInputs) -> None:
         self.params, self.state, self._normals, self._dt = start
 
     def advance(
-        self, actuation: Actuation, fresh: Flag, stopped: Flag, excitation: NewtonMetre, tick: int
-    ) -> Reading:
-        """Step to ``tick``, where the waves excite; give what sensors read there."""
+        self,
+        actuation: Actuation,
+        fresh: Flag,
+        stopped: Flag,
+        excitation: NewtonMetre,
+        tick: int,
+    ) -> BenchReading:
+        """Step to ``tick`` with the wave excitation moment there; return the sensor readings."""
         self.state = state = oswec.step(
             self.params, self.state, actuation, fresh, stopped, excitation, self._normals, self._dt
         )
         return oswec.sample(self.params, state, stopped, tick, self._normals)
 
-    def reading(self, stopped: Flag, tick: int) -> Reading:
-        """Give what the sensors read at the present state."""
+    def reading(self, stopped: Flag, tick: int) -> BenchReading:
+        """Return the sensor readings at the present state."""
         return oswec.sample(self.params, self.state, stopped, tick, self._normals)

@@ -325,7 +325,7 @@ def test_plot_as_a_command(runs: Path, tmp_path: Path) -> None:
         (["--surface", "kp", "speed"], "no column 'speed'"),
         (
             [*surface, "--left-out", "ki"],
-            "ki cannot be left out; what varies beside the axes: bus_",
+            "ki cannot be left out; besides the axes these vary: bus_",
         ),
         (
             [*surface, "--left-out", "bus_voltage=7"],

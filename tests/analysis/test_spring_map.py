@@ -290,7 +290,7 @@ def test_a_rig_refuses_other_calibrations_as_spring_map(tmp_path: Path) -> None:
         "\n".join(line for line in text.splitlines() if not line.startswith("stroke_m"))
     )
     rig = write_yaml(tmp_path / "rig.yaml", {"extends": wavebot, "spring_map": "m.yaml"})
-    with pytest.raises(ConfigError, match="0 strokes; allowed 3, one a station"):
+    with pytest.raises(ConfigError, match="0 strokes; allowed 3, one per station"):
         load(rig, RigFile)
 
 
@@ -308,7 +308,7 @@ def test_invalid_hoist_campaigns_are_refused(tmp_path: Path) -> None:
     grid = {"grid": [{"spring_n_per_m": 0, "kp_n_s_per_m": 0, "ki_n_per_m": 0}]}
     assert "the rows are the hoist's stations" in problems(matrix=grid)
     regular = {"kind": "regular", "amplitude_m": 0.1, "frequency_hz": 0.5}
-    assert "waves beside the hoist" in problems(sea=regular)
+    assert "a hoist needs calm water" in problems(sea=regular)
     wide = {"stations_percent": [-95, 7], "low_m": -0.3, "high_m": 0.3, "speed_m_per_s": 0.05}
     assert "allowed -93 .. 67 %" in problems(hoist=wide)
     quick = {"stations_percent": [7, 7], "low_m": -0.1, "high_m": 0.1, "speed_m_per_s": 0.1}

@@ -8,7 +8,7 @@ import pytest
 from rig.sweep.column import Column, prefetch
 from rig.sweep.noise import CHANNELS_PER_TICK, interleaved
 from rig.sweep.pages import PAGE_TICKS, flush_page
-from sim_plant.sensors import NORMALS, Channel, SensorParams, measure
+from sim_plant.sensors import NOISE_LENGTH, Channel, SensorParams, measure
 
 RNG = np.random.default_rng(3)
 
@@ -24,11 +24,19 @@ def sensors() -> SensorParams:
 
 
 def test_every_channel_reads_the_same_noise_in_every_tick() -> None:
-    normals = RNG.standard_normal(NORMALS).tolist()
+    normals = RNG.standard_normal(NOISE_LENGTH).tolist()
     channels_before = sensors()
     channels_after, table = interleaved(channels_before, normals)
-    ticks = [0, 1, 2, NORMALS - 1, NORMALS, 3 * NORMALS + 17, *RNG.integers(0, 10**8, 200).tolist()]
-    assert len(table) == NORMALS * CHANNELS_PER_TICK
+    ticks = [
+        0,
+        1,
+        2,
+        NOISE_LENGTH - 1,
+        NOISE_LENGTH,
+        3 * NOISE_LENGTH + 17,
+        *RNG.integers(0, 10**8, 200).tolist(),
+    ]
+    assert len(table) == NOISE_LENGTH * CHANNELS_PER_TICK
     for name, channel in channels_before._asdict().items():
         channel_after = getattr(channels_after, name)
         if not isinstance(channel, Channel):

@@ -133,8 +133,8 @@ def test_the_rows_of_a_killed_loop_are_counted(live: Live) -> None:
     assert live.killed.lost == 0
     assert 0.0 <= live.killed.seconds < 1.0
     figures = {one.name: one for one in crash.rehearsed_figures(crash.REAL, [live.killed])}
-    assert figures[f"{crash.REAL}, loop killed: time lost"].held
-    assert figures[f"{crash.REAL}: claims that failed"].held
+    assert figures[f"{crash.REAL}, loop killed: time lost"].target_met
+    assert figures[f"{crash.REAL}: claims that failed"].target_met
 
 
 def test_a_histogram_gives_percentiles() -> None:
@@ -190,14 +190,14 @@ def test_the_command_line_is_found() -> None:
 
 
 def test_a_figure_is_compared_by_its_median_or_its_worst_value() -> None:
-    assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0).held is True
-    assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0, judge="worst").held is False
-    assert figure("a", "x", [30.0, 40.0], at_least=31.0, judge="worst").held is False
-    assert figure("a", "%", 95.0, at_least=90.0, at_most=98.0).held is True
-    assert figure("a", "%", 99.0, at_least=90.0, at_most=98.0).held is False
+    assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0).target_met is True
+    assert figure("a", "s", [1.0, 2.0, 9.0], at_most=2.0, judge="worst").target_met is False
+    assert figure("a", "x", [30.0, 40.0], at_least=31.0, judge="worst").target_met is False
+    assert figure("a", "%", 95.0, at_least=90.0, at_most=98.0).target_met is True
+    assert figure("a", "%", 99.0, at_least=90.0, at_most=98.0).target_met is False
     assert figure("a", "%", 89.0, at_least=90.0, at_most=98.0).limit == ">= 90, <= 98"
-    assert figure("a", "%", 89.0, at_least=90.0, at_most=98.0).held is False
-    assert figure("a", "s", 1.0).held is None
+    assert figure("a", "%", 89.0, at_least=90.0, at_most=98.0).target_met is False
+    assert figure("a", "s", 1.0).target_met is None
     with pytest.raises(ValueError, match="no figure"):
         figure("a", "s", [float("nan")])
 
@@ -238,9 +238,9 @@ def test_a_result_is_printed_and_stored(
     assert run_with(fixed_result) == 0
     printed = capsys.readouterr().out
     assert "NO" in printed
-    assert "not held:\n  cycle: cost, 1.75 us" in printed
+    assert "targets missed:\n  cycle: cost, 1.75 us" in printed
     stored = json.loads((tmp_path / "cycle.json").read_text())
-    assert [Figure(**one).held for one in stored["figures"]] == [False, True]
+    assert [Figure(**one).target_met for one in stored["figures"]] == [False, True]
     table = (tmp_path / "README.md").read_text()
     assert "| cost | 1.75 | 1 - 2.50 | us | <= 1 | NO |" in table
     assert stored["host"]["kernel"] in table
@@ -252,7 +252,7 @@ def test_a_short_run_stores_nothing(
     assert run_with(fixed_result, "--short", "--json") == 0
     document = json.loads(capsys.readouterr().out)
     assert document["short"] is True
-    assert document["results"]["cycle"]["what"] == "a thing, short: True"
+    assert document["results"]["cycle"]["description"] == "a thing, short: True"
     assert list(tmp_path.iterdir()) == []
 
 
@@ -288,4 +288,4 @@ def test_the_host_is_described_without_its_name() -> None:
 
 def test_a_result_text_ends_with_its_notes() -> None:
     assert text(fixed_result(True)).endswith("note: by hand")
-    assert report.closing([]) == "every number that was measured is held"
+    assert report.closing([]) == "every target was met"

@@ -18,9 +18,9 @@ from benchmarks.support.fault_table import (
     REFUSED,
     UNDETECTED,
     Row,
-    gaps,
+    missing_rows,
     rows,
-    unsound,
+    table_errors,
 )
 from benchmarks.support.fault_walk import NO_RUN, Finding, wrong
 
@@ -62,7 +62,7 @@ def measure_rows(
     """Measure six rows, two of which have findings, with synthetic findings; return the names
     measured.
     """
-    faults.keep(rig, {row.name: faults.noted(row, expected_finding(row)) for row in SIX_ROWS[:2]})
+    faults.keep(rig, {row.name: faults.as_json(row, expected_finding(row)) for row in SIX_ROWS[:2]})
 
     def run(measurement: Measurement) -> list[str]:
         measured: list[str] = []
@@ -145,13 +145,13 @@ def test_the_page_lists_unmeasured_rows_and_the_hosts_of_the_others(
     findings = faults.measured(rig)
     text = page(rig, SIX_ROWS, findings)
     sentences = " ".join(text.split())
-    assert "2 of 6 rows are walked" in text
+    assert "2 of 6 rows are measured" in text
     assert f"2 on {findings[NAMES[0]]['date']}: {findings[NAMES[0]]['host']}." in sentences
     assert [line.count("| - |") for line in text.splitlines()].count(1) == 4
     assert "Not as the table" not in text
     wrong_one = {**findings[NAMES[1]], "as_due": False}
     unexpected = " ".join(page(rig, SIX_ROWS, {NAMES[1]: wrong_one}).split())
-    assert f"Not as the table has it: {NAMES[1]}." in unexpected
+    assert f"Result differs from the table: {NAMES[1]}." in unexpected
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -159,15 +159,15 @@ def test_a_table_is_sound_and_generates_its_page(name: str) -> None:
     """There are no findings for absent rows, and the page equals the generator's output."""
     fault_rig = RIGS[name]
     table, findings = fault_rig.rows(), faults.measured(fault_rig)
-    assert unsound(table) == []
+    assert table_errors(table) == []
     assert findings.keys() <= {row.name for row in table}
     assert fault_rig.page.read_text() == page(fault_rig, table, findings)
 
 
 def test_gaps_between_table_and_faults_are_reported_both_ways() -> None:
     faults_by_part = {"heave": {row.fault for row in SIX_ROWS} | {"tired"}}
-    assert gaps(SIX_ROWS, faults_by_part) == ["heave: tired: has no row"]
-    assert gaps(SIX_ROWS, {"heave": []})[0].endswith("there is no such fault")
+    assert missing_rows(SIX_ROWS, faults_by_part) == ["heave: tired: has no row"]
+    assert missing_rows(SIX_ROWS, {"heave": []})[0].endswith("there is no such fault")
 
 
 def read_table(tmp_path: Path, line: str) -> list[Row]:

@@ -164,5 +164,5 @@ def test_diff_names_the_command_for_outdated_products(
     old, new = (str(tmp_path / f"one_{version}.yaml") for version in (1, 2))
     write_products(run)
     _, out, _ = rig_here("calibration", "diff", old, new, "--runs", run.parent)
-    assert f"rig plot RUN --calibration {new} makes those of a run" in out
+    assert f"rig plot RUN --calibration {new} makes the new products of a run" in out
     assert "row 2: -5715 -> -4394.835 N/m (recorded -5715)" in out

@@ -84,8 +84,8 @@ def test_values_are_corrected_and_inverted() -> None:
     [
         (("-x", "1"), "no run number is known"),
         (("--run", "24"), "nothing to correct; give --value or --testlog"),
-        (("-x", "1", "--run", "abc"), "'abc' is no run; allowed as 24 or MASK4_024"),
-        (("-x", "1", "--date", "26.9.2023"), "'26.9.2023' is no date; allowed as 2023-09-26"),
+        (("-x", "1", "--run", "abc"), "'abc' is not a run; write 24 or MASK4_024"),
+        (("-x", "1", "--date", "26.9.2023"), "'26.9.2023' is not a date; write it as 2023-09-26"),
         (("-x", "nan", "--run", "24"), "nan is not a finite number"),
     ],
 )
@@ -109,7 +109,7 @@ def test_a_corrected_log_names_its_calibration(log: Path, tmp_path: Path) -> Non
     code, out, _ = rig("apply", NAME, "--testlog", log)
     assert code == 0
     assert "MASK4_024      -12000 ->      -9228 N/m\n" in out
-    assert "MASK4_062       -6152 ->      -6152 N/m  outside, unchanged" in out
+    assert "MASK4_062       -6152 ->      -6152 N/m  outside the valid range, unchanged" in out
     path = tmp_path / "rates.csv"
     assert rig("apply", NAME, "--testlog", log, "-o", path)[0] == 0
     known = open_history(CALIBRATIONS).find(NAME)

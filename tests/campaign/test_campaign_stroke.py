@@ -9,7 +9,7 @@ import pytest
 
 from rig.config import RigFile, load, load_mapping
 from sim_plant.parameters import Plant
-from sim_plant.stator_force import reversal
+from sim_plant.stator_force import force_reversal
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 RIG, _ = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)
@@ -18,7 +18,7 @@ PLANT = Plant.model_validate(load_mapping(CONFIGS / "plants" / "wavebot.yaml")[0
 
 def reversal_stroke(stator: float) -> float:
     """Return the heave (m) at which the simulated stator force changes sign; inf if never."""
-    return reversal(PLANT.stator, PLANT.spring, stator).stroke
+    return force_reversal(PLANT.stator, PLANT.spring, stator).stroke
 
 
 def test_every_stroke_ends_before_the_stator_force_reverses() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import synthetic_runs as synthetic
-from command_here import Done, rig
+from command_here import CompletedCommand, rig
 
 from rig.analysis.rows import INCOMPLETE
 from rig.realtime.sequence import Phase
@@ -41,7 +41,7 @@ def sound(tmp_path: Path) -> Path:
     return run_of(tmp_path / "sound")
 
 
-def json_of(done: Done) -> Any:
+def json_of(done: CompletedCommand) -> Any:
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_here import Done, rig
+from command_here import CompletedCommand, rig
 from made_once import made_once
 from mcap.reader import make_reader
 from rehearsing import write_yaml
@@ -56,7 +56,7 @@ def run(killed: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(killed, tmp_path / "runs" / killed.name))
 
 
-def json_of(done: Done) -> dict[str, Any]:
+def json_of(done: CompletedCommand) -> dict[str, Any]:
     assert done.stderr == ""
     report: dict[str, Any] = json.loads(done.stdout)
     return report

@@ -156,7 +156,7 @@ def test_a_held_real_time_lock_prevents_the_privileged_measurement(
         measurements.append(privileged)
         return WAKEUPS, ""
 
-    monkeypatch.setattr(timing, "hold", busy)
+    monkeypatch.setattr(timing, "acquire", busy)
     monkeypatch.setattr(timing, "_measure_wakeups", measure_wakeups)
     measured = timing.measure(DT, 0.1)
     assert measurements == [False]

@@ -171,7 +171,10 @@ def test_reasons_why_a_port_cannot_be_opened(
         ({"can": {"interface": "socketcan"}}, "over socketcand only"),
         ({"can": {"options": {"host": "10.0.0.1"}}}, "CAN: 10.0.0.1 is not"),
         ({"lines": {"io": {"host": "10.0.0.1"}}}, "line io: 10.0.0.1 is not"),
-        ({"lines": {"amplifiers": {"port": "/dev/serial/by-id/x"}}}, "not emulated"),
+        (
+            {"lines": {"amplifiers": {"port": "/dev/serial/by-id/x"}}},
+            "no emulated port can be created",
+        ),
     ],
 )
 def test_addresses_outside_this_host_cannot_be_emulated(

@@ -16,7 +16,7 @@ from controllers.signals import AxisSense, Estimate
 from drivers.canopen import cia402, scaling
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
-from drivers.canopen.torque_axis import Settings, TorqueAxis
+from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
 from rig.realtime import axis
 from rig.realtime.safety import RUN, Reason
 
@@ -32,7 +32,7 @@ Through = Callable[[int], int]  # number of pending statuses that arrive in a ti
 class Bus:
     """A line with a drive that answers each SYNC; its answers may be delayed."""
 
-    behind = False
+    has_backlog = False
 
     def __init__(self) -> None:
         self.time = 100.0
@@ -64,7 +64,9 @@ def tracking_error(
     ``blind``: every count is taken as that of the last tick, as if its age were unknown.
     """
     bus = Bus()
-    drive = TorqueAxis(Settings(NODE, MACHINE, scaling.CurrentScale(100.0, 0.01, 4000), 1.0))
+    drive = TorqueAxis(
+        TorqueAxisSettings(NODE, MACHINE, scaling.CurrentScale(100.0, 0.01, 4000), 1.0)
+    )
     cycle = BusCycle(bus, [drive], 127, 1.0)
     state, worst, reasons = axis.start(), 0.0, set[int]()
     for tick in range(ticks):

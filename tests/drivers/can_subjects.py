@@ -15,28 +15,27 @@ from drive_402 import PARAMS, Drive
 from drivers.canopen import profile_position as move
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
-from drivers.canopen.position_actuator import PositionActuator
-from drivers.canopen.position_actuator import Settings as ActuatorSettings
+from drivers.canopen.position_actuator import ActuatorSettings, PositionActuator
 from drivers.canopen.scaling import CurrentScale, PositionScale
-from drivers.canopen.torque_axis import Settings, TorqueAxis
+from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisSettings
 
 NODE, STEP = 5, 0.001
 WATCHDOG = 0.05  # s without a command after which the drive removes power by itself
 
 
-class SpoiltBus:
-    """A node and the bus before it; its position counts milliseconds."""
+class FaultyBus:
+    """A node and its bus; the node's position counts milliseconds."""
 
-    behind = False
+    has_backlog = False
 
     def __init__(self, profile: bool) -> None:
         self.time, self.fault, self.delay = 0.0, "none", 0.0
         self.drive = Drive()
         self._profile = profile
-        self.drive.shown = 1 if profile else 10
+        self.drive.mode_display = 1 if profile else 10
         self._random = random.Random(7)
-        self._coming: deque[tuple[float, Frame]] = deque()
-        self._word, self._told = 0, 0.0
+        self._in_transit: deque[tuple[float, Frame]] = deque()
+        self._controlword, self._commanded_at = 0, 0.0
         self.powered_off = False
 
     def now(self) -> float:
@@ -49,36 +48,36 @@ class SpoiltBus:
         if self.fault == "silent" or self.powered_off:
             return True
         if cob_id == 0x200 + NODE:
-            self._word, self._told = struct.unpack_from("<H", data)[0], self.time
+            self._controlword, self._commanded_at = struct.unpack_from("<H", data)[0], self.time
         elif cob_id == SYNC:
-            self._synced()
+            self._answer_sync()
         return True
 
     def drain(self) -> list[Frame]:
-        found = []
-        while self._coming and self._coming[0][0] <= self.time:
-            found.append(self._coming.popleft()[1])
-        return found
+        frames = []
+        while self._in_transit and self._in_transit[0][0] <= self.time:
+            frames.append(self._in_transit.popleft()[1])
+        return frames
 
     def power_cycle(self) -> None:
         self.drive.state = "NR"
 
     def tick(self) -> None:
         self.time += STEP
-        if self.time - self._told > WATCHDOG and self.drive.state == "OE":
+        if self.time - self._commanded_at > WATCHDOG and self.drive.state == "OE":
             self.drive.state = "SOD"
 
-    def _synced(self) -> None:
-        self.drive.tick(self._word)
+    def _answer_sync(self) -> None:
+        self.drive.tick(self._controlword)
         position = round(self.time * 1000.0)
         if self._profile:
-            status = struct.pack("<Hbi", self.drive.statusword, self.drive.shown, position)
+            status = struct.pack("<Hbi", self.drive.statusword, self.drive.mode_display, position)
         else:
             status = struct.pack("<Hhi", self.drive.statusword, 0, position)
-            self._carry(0x280 + NODE, struct.pack("<bH", self.drive.shown, 0))
-        self._carry(0x180 + NODE, status)
+            self._transmit(0x280 + NODE, struct.pack("<bH", self.drive.mode_display, 0))
+        self._transmit(0x180 + NODE, status)
 
-    def _carry(self, cob_id: int, data: bytes) -> None:
+    def _transmit(self, cob_id: int, data: bytes) -> None:
         at = self.time
         if self.fault in ("garbage", "babble"):
             data = self._random.randbytes(
@@ -87,42 +86,42 @@ class SpoiltBus:
             if self.fault == "babble":
                 for _ in range(10):
                     foreign = Frame(self._random.randrange(0x600, 0x700), b"\x00")
-                    self._coming.append((at, foreign))
+                    self._in_transit.append((at, foreign))
         elif self.fault == "split":
-            self._coming.append((at, Frame(cob_id, data[: self._random.randrange(len(data))])))
+            self._in_transit.append((at, Frame(cob_id, data[: self._random.randrange(len(data))])))
         elif self.fault == "late":
             at += self.delay
         elif self.fault == "half":
-            self._coming.append((at, Frame(cob_id, data[: len(data) // 2])))
+            self._in_transit.append((at, Frame(cob_id, data[: len(data) // 2])))
             self.powered_off = True
             return
-        self._coming.append((at, Frame(cob_id, data)))
+        self._in_transit.append((at, Frame(cob_id, data)))
 
 
 class CanSubject:
-    """What both have in common."""
+    """Base of both subjects."""
 
     name = ""
-    patience = 0.1
+    timeout_s = 0.1
     recovery = 1.0
     harmless = frozenset({"split"})
-    grain = 0.0011
-    blind = 0.02  # what is late for longer than `answers.WINDOW` is taken for what was lost before
+    resolution = 0.0011
+    undetectable_delay = 0.02  # a delay beyond `sync_count.WINDOW` counts as a loss
 
     def __init__(self, profile: bool) -> None:
-        self.bus = SpoiltBus(profile)
+        self.bus = FaultyBus(profile)
         self.enable = 0
 
     def run(self, seconds: float) -> float:
         for _ in range(round(seconds / STEP)):
             self.bus.tick()
-            self.turn()
+            self.step()
         return seconds
 
-    def turn(self) -> None:
+    def step(self) -> None:
         raise NotImplementedError
 
-    def spoil(self, fault: str) -> None:
+    def inject(self, fault: str) -> None:
         self.bus.fault, self.bus.delay = fault, 0.02
         if fault == "none" and self.bus.powered_off:
             self.bus.powered_off = False
@@ -130,16 +129,16 @@ class CanSubject:
             self.bus.power_cycle()
             self.bus.powered_off = True
 
-    def trouble(self) -> str:
+    def problem(self) -> str:
         raise NotImplementedError
 
-    def told(self) -> tuple[float, float]:
+    def ages(self) -> tuple[float, float]:
         raise NotImplementedError
 
-    def well(self) -> bool:
-        return self.told()[0] < 0.005 and self.bus.drive.state in ("SOD", "OE")
+    def is_well(self) -> bool:
+        return self.ages()[0] < 0.005 and self.bus.drive.state in ("SOD", "OE")
 
-    def ask_up(self) -> bool:
+    def request_enable(self) -> bool:
         self.enable = 0
         self.run(0.05)
         self.enable = 1
@@ -154,21 +153,23 @@ class TorqueAxisSubject(CanSubject):
 
     def __init__(self) -> None:
         super().__init__(profile=False)
-        self.axis = TorqueAxis(Settings(NODE, PARAMS, CurrentScale(100.0, 0.01, 10000), 0.05))
+        self.axis = TorqueAxis(
+            TorqueAxisSettings(NODE, PARAMS, CurrentScale(100.0, 0.01, 10000), 0.05)
+        )
         self.cycle = BusCycle(self.bus, [self.axis], 1, 0.1)
 
-    def turn(self) -> None:
+    def step(self) -> None:
         now = self.cycle.receive()
         self.cycle.send([self.axis.command(1.0, self.enable, now)])
 
-    def told(self) -> tuple[float, float]:
+    def ages(self) -> tuple[float, float]:
         reading = self.axis.read(self.bus.time)
         return reading.age, self.bus.time - reading.counts * 0.001
 
     def acting(self) -> int:
         return self.axis.read(self.bus.time).acting
 
-    def trouble(self) -> str:
+    def problem(self) -> str:
         return self.axis.explain()
 
 
@@ -185,17 +186,17 @@ class ActuatorSubject(CanSubject):
         )  # fmt: skip
         self.cycle = BusCycle(self.bus, [self.actuator], 1, 0.1)
 
-    def turn(self) -> None:
+    def step(self) -> None:
         now = self.cycle.receive()
         frames = self.actuator.command(0.0, 1, now) if self.enable else self.actuator.release(now)
         self.cycle.send(frames)
 
-    def told(self) -> tuple[float, float]:
+    def ages(self) -> tuple[float, float]:
         reading = self.actuator.read(self.bus.time)
         return reading.age, self.bus.time - reading.position
 
     def acting(self) -> int:
         return 1 if self.bus.drive.state == "OE" else 0
 
-    def trouble(self) -> str:
+    def problem(self) -> str:
         return self.actuator.explain()

@@ -1,9 +1,9 @@
-"""What any driver conversation must stand: a test it is put through, whatever device it speaks to.
+"""Conformance test of a driver conversation, independent of the device.
 
-A device is made to fall silent, to talk nonsense, to talk in pieces, to answer late, to break off
-in the middle, and to come back. After each the conversation must be in a state that it names, must
-have raised nothing but its own errors, must never tell an age below the true one, and must find
-back by itself; a drive stays down until it is asked up anew.
+The test injects faults: the device falls silent, sends invalid data, sends in pieces, answers late,
+breaks off within a message, and comes back. After each fault the conversation must report its
+state, must have raised nothing but its own errors, must never report an age below the true one, and
+must recover by itself; a drive stays disabled until a new request.
 """
 
 from __future__ import annotations
@@ -14,95 +14,95 @@ FAULTS = ("silent", "garbage", "babble", "split", "late", "half", "reconnect")
 
 
 class Subject(Protocol):
-    """One conversation with its device and the wire between; see `docs/drivers.md`."""
+    """One conversation, its device and the wire between them; see `docs/drivers.md`."""
 
     name: str
-    patience: float  # s after which silence must be named and every permission gone
-    recovery: float  # s in which it must be well again
-    harmless: frozenset[str]  # faults that it must not even notice
-    grain: float  # s by which the device's own value may be coarse
-    blind: float  # s of lateness that its protocol has no way to show
+    timeout_s: float  # s after which silence must be reported and every permission withdrawn
+    recovery: float  # s within which it must work again
+    harmless: frozenset[str]  # faults that must have no effect
+    resolution: float  # s, resolution of the device's value
+    undetectable_delay: float  # s of delay that its protocol cannot reveal
 
     def run(self, seconds: float) -> float:
-        """Let time pass, in steps short enough for the device; gives how much (s) did."""
+        """Advance time in steps short enough for the device; return the elapsed time (s)."""
         ...
 
-    def spoil(self, fault: str) -> None:
-        """Begin a fault of FAULTS; "none" ends it. "half": half a message, then a hang-up."""
+    def inject(self, fault: str) -> None:
+        """Start a fault of FAULTS; "none" ends it. "half": half a message, then a hang-up."""
         ...
 
-    def told(self) -> tuple[float, float]:
-        """The age (s) that the conversation tells, and the true one of the value it tells."""
+    def ages(self) -> tuple[float, float]:
+        """Return the age (s) that the conversation reports, and the true age of its value."""
         ...
 
-    def well(self) -> bool:
-        """Whether it gives fresh values and names no trouble."""
+    def is_well(self) -> bool:
+        """Return True if the values are fresh and no problem is reported."""
         ...
 
-    def trouble(self) -> str:
-        """What it names, empty for nothing."""
+    def problem(self) -> str:
+        """Return the reported problem, empty for none."""
         ...
 
     def acting(self) -> int:
-        """1: the device does what it is told by permission; 0, also of what cannot act."""
+        """Return 1 while the device follows commands; 0 otherwise, and if it cannot act."""
         ...
 
-    def ask_up(self) -> bool:
-        """Request what `acting` shows; False of a device that cannot act."""
+    def request_enable(self) -> bool:
+        """Request enabling; return False for a device that cannot act."""
         ...
 
     def close(self) -> None:
-        """Give back what was opened."""
+        """Close everything that was opened."""
         ...
 
 
-def make_well(subject: Subject, within: float) -> None:
-    """Run until it is well; AssertionError after so long."""
-    passed = 0.0
-    while passed < within:
-        passed += subject.run(subject.patience / 8)
+def run_until_well(subject: Subject, timeout_s: float) -> None:
+    """Run until the conversation works; AssertionError after ``timeout_s``."""
+    elapsed = 0.0
+    while elapsed < timeout_s:
+        elapsed += subject.run(subject.timeout_s / 8)
         check_age(subject)
-        if subject.well():
+        if subject.is_well():
             return
-    raise AssertionError(f"{subject.name} not well {within:g} s on: {subject.trouble()}")
+    raise AssertionError(f"{subject.name} does not work after {timeout_s:g} s: {subject.problem()}")
 
 
 def check_age(subject: Subject) -> None:
-    """An age may be told too great, never too small."""
-    told, true = subject.told()
-    assert told >= true - subject.grain - subject.blind, (
-        f"{subject.name} tells {told:g} s, it is {true:g} s"
+    """Assert that the reported age is not below the true one."""
+    reported, true = subject.ages()
+    assert reported >= true - subject.resolution - subject.undetectable_delay, (
+        f"{subject.name} reports an age of {reported:g} s, the true one is {true:g} s"
     )
 
 
-def conforms(subject: Subject, fault: str) -> None:
-    """AssertionError names what it does not stand."""
-    make_well(subject, 3.0 * subject.recovery)
-    acts = subject.ask_up()
-    if acts:
-        subject.run(subject.patience)
-        assert subject.acting() == 1, subject.trouble()
-    subject.spoil(fault)
-    ages, passed = [], 0.0
-    while passed < 2.5 * subject.patience:
-        passed += subject.run(subject.patience / 8)
+def check_conformance(subject: Subject, fault: str) -> None:
+    """Assert that the conversation handles one fault; AssertionError names the violation."""
+    run_until_well(subject, 3.0 * subject.recovery)
+    can_act = subject.request_enable()
+    if can_act:
+        subject.run(subject.timeout_s)
+        assert subject.acting() == 1, subject.problem()
+    subject.inject(fault)
+    ages, elapsed = [], 0.0
+    while elapsed < 2.5 * subject.timeout_s:
+        elapsed += subject.run(subject.timeout_s / 8)
         check_age(subject)
-        ages.append(subject.told()[0])
+        ages.append(subject.ages()[0])
         if fault in subject.harmless:
-            assert subject.well(), f"{subject.name} minds {fault}: {subject.trouble()}"
+            assert subject.is_well(), f"{subject.name} is affected by {fault}: {subject.problem()}"
     if fault in ("silent", "garbage", "half", "reconnect"):
-        assert not subject.well()
-        assert ages[-1] > subject.patience, f"{subject.name}: its age stood still"
+        assert not subject.is_well()
+        assert ages[-1] > subject.timeout_s, f"{subject.name}: its age did not grow"
         half = ages[len(ages) // 2 :]
         assert sorted(half) == half
         assert subject.acting() == 0
-        assert subject.trouble()
+        assert subject.problem()
     before = subject.acting()
-    subject.spoil("none")
-    make_well(subject, subject.recovery)
-    assert subject.acting() <= before, f"{subject.name} went up by itself"
-    if acts:
+    subject.inject("none")
+    run_until_well(subject, subject.recovery)
+    assert subject.acting() <= before, f"{subject.name} was enabled without a request"
+    if can_act:
         if subject.acting() == 0:
-            assert subject.ask_up()
-            subject.run(subject.patience)
-        assert subject.acting() == 1, subject.trouble()
+            assert subject.request_enable()
+            subject.run(subject.timeout_s)
+        assert subject.acting() == 1, subject.problem()

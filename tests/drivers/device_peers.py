@@ -1,6 +1,6 @@
 """The far end of each serial and UDP device, byte by byte, written from the manuals' layouts.
 
-What each measures grows with its own time, so what a driver tells shows when it was true.
+The measured value of each peer grows with its time, so a reading reveals its sample time.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ TURN = 1 << 19
 
 
 class Peer(Protocol):
-    """A device. `hear` gets what the host sent, `tick` passes time; both give what it sends."""
+    """A device: `receive` takes bytes of the host, `tick` advances time; both return its bytes."""
 
-    def hear(self, data: bytes, now: float) -> list[bytes]: ...
+    def receive(self, data: bytes, now: float) -> list[bytes]: ...
     def tick(self, now: float) -> list[bytes]: ...
     def power_cycle(self, now: float) -> None: ...
 
@@ -67,9 +67,9 @@ class Compax3Peer:
     def tick(self, now: float) -> list[bytes]:
         return []
 
-    def hear(self, data: bytes, now: float) -> list[bytes]:
+    def receive(self, data: bytes, now: float) -> list[bytes]:
         self._buffer += data
-        said: list[bytes] = []
+        answers: list[bytes] = []
         while self._buffer:
             start = self._buffer[0]
             if start & 0xF4 in (0xA4, 0xC4):
@@ -77,15 +77,15 @@ class Compax3Peer:
                     break
                 end = self._buffer[1] + 5
                 record, self._buffer = self._buffer[:end], self._buffer[end:]
-                said.append(self._answer(record, now))
+                answers.append(self._answer(record, now))
             elif b"\r" in self._buffer:
                 line, _, self._buffer = self._buffer.partition(b"\r")
                 if line.endswith(b"_?"):
-                    said.append(self.identity.encode() + b"\r")
+                    answers.append(self.identity.encode() + b"\r")
             else:
                 break
-        self.outstanding_at_once = max(self.outstanding_at_once, len(said))
-        return said
+        self.outstanding_at_once = max(self.outstanding_at_once, len(answers))
+        return answers
 
     def _record(self, start: int, data: bytes) -> bytes:
         body = bytes((start, len(data) - 1)) + data
@@ -142,12 +142,12 @@ class BridgePeer:
         self._due = 0.0
         self._sequence = 0
         self._began: float | None = None
-        self._held: tuple[int, int, int] | None = None
+        self._frozen_sample: tuple[int, int, int] | None = None
 
     def power_cycle(self, now: float) -> None:
         self._began, self._sequence, self.base = None, 0, 1234
 
-    def hear(self, data: bytes, now: float) -> list[bytes]:
+    def receive(self, data: bytes, now: float) -> list[bytes]:
         return []
 
     def tick(self, now: float) -> list[bytes]:
@@ -157,9 +157,9 @@ class BridgePeer:
         status = self.status
         if self._began is None:
             self._began, status = now, status | 0x08
-        said = [self.frame(now, status)]
+        frames = [self.frame(now, status)]
         self._sequence = (self._sequence + 1) & 0xFFFF
-        return said
+        return frames
 
     def frame(self, now: float, status: int = 0) -> bytes:
         time_us = self.base + round((now - (self._began or 0.0)) * (1.0 + self.drift) * 1e6)
@@ -167,10 +167,10 @@ class BridgePeer:
         shaft = math.floor(self.shaft * now / math.tau * TURN) % TURN
         stamp = time_us // 10 % 2048
         if self.frozen:
-            self._held = self._held or (motor, shaft, stamp)
-            motor, shaft, stamp = self._held
+            self._frozen_sample = self._frozen_sample or (motor, shaft, stamp)
+            motor, shaft, stamp = self._frozen_sample
         else:
-            self._held = None
+            self._frozen_sample = None
         head = struct.pack(">BBHQBB", 1, status, self._sequence, time_us, 4, 1)
         words = self.valid << 31 | 1 << 30 | motor << 11 | stamp, 1 << 23 | 1 << 22 | shaft
         body = head + struct.pack(">II", *words)
@@ -178,7 +178,7 @@ class BridgePeer:
 
 
 class DigitalFtPeer:
-    """An ATI Digital F/T: Modbus RTU until told to stream; gauge 0 counts milliseconds."""
+    """An ATI Digital F/T: Modbus RTU until the stream is started; gauge 0 counts milliseconds."""
 
     MATRIX = tuple(1.0 if row == column else 0.0 for row in range(6) for column in range(6))
 
@@ -188,10 +188,10 @@ class DigitalFtPeer:
         self.fault, self.gauges = 0, [0, 10, -20, 30, -40, 50]
         self.starts = 0
         self._due = 0.0
-        self._heard = b""
+        self._received = b""
 
     def power_cycle(self, now: float) -> None:
-        self.streaming, self._heard = False, b""
+        self.streaming, self._received = False, b""
 
     def block(self) -> bytes:
         """169 registers: 4 counts a unit of force, 8 a unit of torque."""
@@ -201,11 +201,11 @@ class DigitalFtPeer:
             *([0] * 12), *([0] * 12), *([0] * 6), b"", b"", b"",
         )  # fmt: skip
 
-    def hear(self, data: bytes, now: float) -> list[bytes]:
+    def receive(self, data: bytes, now: float) -> list[bytes]:
         if self.streaming:
-            self._heard += data
-            if len(self._heard) >= 14:
-                self.streaming, self._heard = False, b""
+            self._received += data
+            if len(self._received) >= 14:
+                self.streaming, self._received = False, b""
             return []
         if len(data) < 5 or modbus(data[:-2]) != data or data[0] != 10:
             return []
@@ -214,7 +214,7 @@ class DigitalFtPeer:
             part = self.block()[2 * (first - 0xE3) : 2 * (first - 0xE3 + count)]
             return [modbus(bytes((10, 3, 2 * count)) + part)]
         if data == bytes.fromhex("0A4655A39D"):
-            self.streaming, self._heard, self._due = True, b"", now + 0.02
+            self.streaming, self._received, self._due = True, b"", now + 0.02
             self.starts += 1
             return [modbus(bytes((10, 0x46, 1)))]
         return []
@@ -247,7 +247,7 @@ class NetFtPeer:
     def power_cycle(self, now: float) -> None:
         self.streaming, self.bias = False, 0
 
-    def hear(self, data: bytes, now: float) -> list[bytes]:
+    def receive(self, data: bytes, now: float) -> list[bytes]:
         header, command, _ = struct.unpack(">HHI", data)
         if header == 0x1234:
             self.requests.append(command)

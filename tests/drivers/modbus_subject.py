@@ -16,28 +16,30 @@ from pathlib import Path
 
 from device_peers import modbus
 
-from drivers.modbus.line import Line, LineError, Rtu
-from drivers.modbus.registers import Block, Value, checked
+from drivers.modbus.line import Line, LineError, RtuSettings
+from drivers.modbus.registers import RegisterBlock, RegisterValue, validated
 
 TIMEOUT, SLOWEST, LATE = 0.1, 0.15, 0.13
-BLOCK = checked(Block(1, "input", 0, 2, (Value("ms", 0, "u32", 0.001, 0.0, 1e9),)))
+BLOCK = validated(
+    RegisterBlock(1, "input", 0, 2, (RegisterValue("ms", 0, "u32", 0.001, 0.0, 1e9),))
+)
 
 
-class Slave:
-    """Answers with the milliseconds since its start in two registers; spoilt as told."""
+class FaultySlave:
+    """Answers with the milliseconds since its start in two registers; injects faults."""
 
     def __init__(self, path: Path) -> None:
         self.path, self.fault = path, "none"
-        self.began = time.monotonic()
+        self.started_at = time.monotonic()
         self._random = random.Random(3)
         self._lock = threading.Lock()
         self._fds: tuple[int, int] | None = None
         self._ended = False
-        self.come_back()
+        self.reopen()
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
-    def come_back(self) -> None:
+    def reopen(self) -> None:
         with self._lock:
             if self._fds is None:
                 self._fds = pty.openpty()
@@ -73,8 +75,8 @@ class Slave:
 
     def _answer(self, request: bytes) -> None:
         count = int.from_bytes(request[4:6], "big")
-        said = round((time.monotonic() - self.began) * 1000.0)
-        words = (said.to_bytes(4, "big") + bytes(2 * count))[: 2 * count]
+        milliseconds = round((time.monotonic() - self.started_at) * 1000.0)
+        words = (milliseconds.to_bytes(4, "big") + bytes(2 * count))[: 2 * count]
         reply = modbus(struct.pack(">BBB", 1, request[1], 2 * count) + words)
         fault = self.fault
         if fault == "silent":
@@ -96,21 +98,21 @@ class Slave:
 
 
 class ModbusSubject:
-    """One unit asked again and again."""
+    """One unit that is polled continuously."""
 
     name = "Modbus line"
-    patience = 0.4
+    timeout_s = 0.4
     recovery = 10.0
-    harmless: frozenset[str] = frozenset()  # the clock is the machine's, and that may be busy
-    grain = 0.002
-    blind = 0.0
+    harmless: frozenset[str] = frozenset()  # real time on a machine that may be busy
+    resolution = 0.002
+    undetectable_delay = 0.0
 
     def __init__(self) -> None:
         self._folder = tempfile.TemporaryDirectory()
-        self.slave = Slave(Path(self._folder.name) / "port")
-        self.line = Line(Rtu(str(self.slave.path), 19200, "N", 1, TIMEOUT, SLOWEST))
-        self._asked, self._value = -1e9, -1e9
-        self._trouble = "not asked yet"
+        self.slave = FaultySlave(Path(self._folder.name) / "port")
+        self.line = Line(RtuSettings(str(self.slave.path), 19200, "N", 1, TIMEOUT, SLOWEST))
+        self._requested_at, self._value = -1e9, -1e9
+        self._problem = "no request yet"
 
     def run(self, seconds: float) -> float:
         began = time.monotonic()
@@ -119,34 +121,34 @@ class ModbusSubject:
             try:
                 high, low = self.line.read(BLOCK)
             except LineError as error:
-                self._trouble = str(error)
+                self._problem = str(error)
             else:
-                self._asked, self._value = asked, (high << 16 | low) * 0.001
-                self._trouble = ""
+                self._requested_at, self._value = asked, (high << 16 | low) * 0.001
+                self._problem = ""
             time.sleep(0.005)
         return time.monotonic() - began
 
-    def spoil(self, fault: str) -> None:
+    def inject(self, fault: str) -> None:
         self.slave.fault = fault
         if fault == "reconnect":
             self.slave.hang_up()
         elif fault == "none":
-            self.slave.come_back()
+            self.slave.reopen()
 
-    def told(self) -> tuple[float, float]:
+    def ages(self) -> tuple[float, float]:
         now = time.monotonic()
-        return now - self._asked, now - self.slave.began - self._value
+        return now - self._requested_at, now - self.slave.started_at - self._value
 
-    def well(self) -> bool:
-        return self.told()[0] < 0.3 and not self._trouble
+    def is_well(self) -> bool:
+        return self.ages()[0] < 0.3 and not self._problem
 
-    def trouble(self) -> str:
-        return self._trouble
+    def problem(self) -> str:
+        return self._problem
 
     def acting(self) -> int:
         return 0
 
-    def ask_up(self) -> bool:
+    def request_enable(self) -> bool:
         return False
 
     def close(self) -> None:

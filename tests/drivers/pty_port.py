@@ -1,4 +1,4 @@
-"""A pty under a path of its own, that can be pulled and plugged; the test is its far end."""
+"""A pty at a fixed path that can be unplugged and plugged again; the test is its far end."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from device_peers import Peer
 
 
 class PtyPort:
-    """The far end; `pump` lets a peer answer what has come, and speak."""
+    """The far end; `pump` passes received bytes to a peer and sends its answers."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -40,15 +40,15 @@ class PtyPort:
         os.write(self._fds[0], data)
 
     def read(self, within: float = 0.0) -> bytes:
-        """What the host sent, as far as it has come by then."""
+        """Return the bytes of the host received within ``within`` seconds."""
         if self._fds is None or not select.select([self._fds[0]], [], [], within)[0]:
             return b""
         return os.read(self._fds[0], 4096)
 
     def pump(self, peer: Peer, now: float, by_byte: bool = False) -> None:
-        heard = self.read()
-        said = b"".join([*(peer.hear(heard, now) if heard else []), *peer.tick(now)])
-        if self._fds is None or not said:
+        received = self.read()
+        answer = b"".join([*(peer.receive(received, now) if received else []), *peer.tick(now)])
+        if self._fds is None or not answer:
             return
-        for piece in [said[i : i + 1] for i in range(len(said))] if by_byte else [said]:
+        for piece in [answer[i : i + 1] for i in range(len(answer))] if by_byte else [answer]:
             self.write(piece)

@@ -13,7 +13,7 @@ def pieces(data: bytes, cuts: Iterable[int]) -> list[bytes]:
 
 
 def drain(feed: Callable[..., Any], state: Any, parts: Iterable[bytes]) -> tuple[Any, list[Any]]:
-    """The state after all pieces, and everything that came out on the way."""
+    """Return the state after all pieces, and all messages found."""
     messages: list[Any] = []
     for part in parts:
         state, more = feed(state, part)

@@ -1,4 +1,4 @@
-"""Check sums against polynomial division by hand, and against the vectors of makers and catalogues.
+"""Checksums against polynomial division, and against published test vectors.
 
 The oracle divides one big integer by another, bit by bit; it shares no line with the code.
 """
@@ -13,7 +13,7 @@ from drivers import checksums
 
 
 def remainder(dividend: int, divisor: int) -> int:
-    """What is left of one polynomial over GF(2) after division by another."""
+    """Return the remainder of a division of polynomials over GF(2)."""
     while dividend.bit_length() >= divisor.bit_length():
         dividend ^= divisor << dividend.bit_length() - divisor.bit_length()
     return dividend
@@ -35,7 +35,7 @@ def test_crc16_of_the_catalogue() -> None:
 
 
 @given(st.binary(max_size=80))
-def test_crc16_of_data_and_its_sum_is_nothing(data: bytes) -> None:
+def test_crc16_of_data_and_its_crc_is_zero(data: bytes) -> None:
     assert checksums.crc16(data + checksums.crc16(data).to_bytes(2, "big")) == 0
 
 
@@ -75,13 +75,13 @@ def test_compax3_is_not_xmodem_and_leaves_no_zero() -> None:
 
 
 @given(st.binary(max_size=80))
-def test_modbus_is_a_division_seen_in_a_mirror(data: bytes) -> None:
+def test_modbus_is_a_reflected_division(data: bytes) -> None:
     message = int.from_bytes(bytes(mirrored(byte, 8) for byte in data), "big") << 16
     wanted = remainder(message ^ 0xFFFF << 8 * len(data), 0x18005)
     assert checksums.modbus_crc16(data) == mirrored(wanted, 16)
 
 
-def test_modbus_of_the_catalogue_and_of_a_maker() -> None:
+def test_modbus_of_the_catalogue_and_of_a_manufacturer() -> None:
     assert checksums.modbus_crc16(b"123456789") == 0x4B37
     assert checksums.modbus_crc16(bytes.fromhex("01 03 03 00 00 02")) == 0x4FC4  # sent C4 4F
 
@@ -92,6 +92,6 @@ def test_ssi6_is_a_division(word: int) -> None:
 
 
 @given(st.integers(0, 0xFFFFFF), st.integers(0, 23), st.integers(0, 23))
-def test_ssi6_sees_every_one_and_two_flipped_bits(word: int, a: int, b: int) -> None:
+def test_ssi6_detects_every_one_and_two_flipped_bits(word: int, a: int, b: int) -> None:
     flipped = word ^ 1 << a ^ (1 << b if a != b else 0)
     assert checksums.ssi6_crc8(flipped) != checksums.ssi6_crc8(word)

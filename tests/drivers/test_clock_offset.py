@@ -1,4 +1,4 @@
-"""Where a device's clock stands: never younger than true, and close, with drift and delays."""
+"""Clock offset with drift and delays: ages never too small, and close to the true ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WINDOW = 2.0
     st.floats(-1e6, 1e6),
     st.floats(0.001, 3.0),
 )
-def test_a_sample_is_never_told_later_than_it_came(
+def test_a_sample_time_is_never_after_its_arrival(
     delays: list[float], offset: float, period: float
 ) -> None:
     state = clock_offset.start()
@@ -23,7 +23,7 @@ def test_a_sample_is_never_told_later_than_it_came(
     for n, delay in enumerate(delays):
         taken = n * period
         state = clock_offset.step(state, WINDOW, taken - offset, taken + delay)
-        told = clock_offset.on_host(state, taken - offset)
+        told = clock_offset.to_host_time(state, taken - offset)
         assert told <= taken + delay + 1e-6
         assert told >= taken + smallest - 1e-6
 
@@ -33,7 +33,7 @@ def test_one_quick_message_is_enough() -> None:
     for n in range(1000):
         delay = 0.001 if n == 300 else 0.020 + 0.001 * (n % 7)
         state = clock_offset.step(state, WINDOW, 50.0 + n * 0.001, n * 0.001 + delay)
-    assert abs(clock_offset.on_host(state, 50.5) - 0.501) < 1e-9
+    assert abs(clock_offset.to_host_time(state, 50.5) - 0.501) < 1e-9
 
 
 def test_drift_is_followed_within_two_windows() -> None:
@@ -43,7 +43,7 @@ def test_drift_is_followed_within_two_windows() -> None:
         for n in range(60_000):
             taken = n * 0.001
             state = clock_offset.step(state, WINDOW, taken * (1.0 + drift), taken)
-            off = clock_offset.on_host(state, taken * (1.0 + drift)) - taken
+            off = clock_offset.to_host_time(state, taken * (1.0 + drift)) - taken
             worst_young, worst_old = max(worst_young, off), min(worst_old, off)
         assert worst_young < 1e-9  # the age is never told too small
         assert worst_old > -2.0 * WINDOW * 100e-6 - 1e-6
@@ -52,7 +52,7 @@ def test_drift_is_followed_within_two_windows() -> None:
 def test_after_a_long_silence_the_old_windows_count_no_more() -> None:
     state = clock_offset.step(clock_offset.start(), WINDOW, 0.0, 0.0)
     state = clock_offset.step(state, WINDOW, 100.0, 100.5)  # the clock lost half a second
-    assert clock_offset.on_host(state, 100.0) == 100.5
+    assert clock_offset.to_host_time(state, 100.0) == 100.5
     state = clock_offset.step(clock_offset.start(), WINDOW, 0.0, 0.0)
     state = clock_offset.step(state, WINDOW, 2.5, 3.0)  # the window before still counts
-    assert clock_offset.on_host(state, 2.5) == 2.5
+    assert clock_offset.to_host_time(state, 2.5) == 2.5

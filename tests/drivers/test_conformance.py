@@ -1,4 +1,4 @@
-"""Every driver conversation that there is, put through the conformance test."""
+"""The conformance test of every driver conversation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from can_subjects import ActuatorSubject, TorqueAxisSubject
-from conformance import FAULTS, Subject, conforms
+from conformance import FAULTS, Subject, check_conformance
 from modbus_subject import ModbusSubject
 from stream_subjects import BridgeSubject, DigitalSubject, NetSubject, ServoSubject
 
@@ -20,55 +20,55 @@ SUBJECTS: list[Callable[[], Subject]] = [
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("make", SUBJECTS)
-def test_a_conversation_stands(make: Callable[[], Subject], fault: str) -> None:
+def test_conversation_conforms(make: Callable[[], Subject], fault: str) -> None:
     subject = make()
     try:
-        conforms(subject, fault)
+        check_conformance(subject, fault)
     finally:
         subject.close()
 
 
-class YoungForEver(DigitalSubject):
-    """Tells an age of 0 whatever happens."""
+class ZeroAge(DigitalSubject):
+    """Always reports an age of 0."""
 
-    name = "one that lies"
+    name = "zero age"
 
-    def told(self) -> tuple[float, float]:
-        return 0.0, super().told()[1]
+    def ages(self) -> tuple[float, float]:
+        return 0.0, super().ages()[1]
 
 
-class Eager(ServoSubject):
-    """Asks up again by itself as soon as it may."""
+class SelfEnabling(ServoSubject):
+    """Requests enabling again by itself as soon as it can."""
 
-    name = "one that goes up by itself"
+    name = "self-enabling"
 
-    def each(self) -> None:
+    def before_step(self) -> None:
         if self.servo.read(self.now).phase is Phase.OFF:
             self.servo.command(2.5, 0, self.now)
         self.servo.command(2.5, 1, self.now)
 
 
-class Deaf(BridgeSubject):
-    """Does not come back."""
+class NeverRecovering(BridgeSubject):
+    """Does not recover."""
 
-    name = "one that stays away"
+    name = "never recovering"
     recovery = 1.0
 
-    def spoil(self, fault: str) -> None:
+    def inject(self, fault: str) -> None:
         if fault != "none":
-            super().spoil(fault)
+            super().inject(fault)
 
 
 @pytest.mark.parametrize(
-    ("make", "fault", "said"),
+    ("make", "fault", "message"),
     [
-        (YoungForEver, "silent", "one that lies tells 0 s"),
-        (Eager, "reconnect", "went up by itself"),
-        (Deaf, "silent", "not well 1 s on: bridge: no frame for 0.1 s"),
+        (ZeroAge, "silent", "zero age reports an age of 0 s"),
+        (SelfEnabling, "reconnect", "was enabled without a request"),
+        (NeverRecovering, "silent", "does not work after 1 s: bridge: no frame for 0.1 s"),
     ],
 )
-def test_one_that_does_not_conform_is_found(
-    make: Callable[[], Subject], fault: str, said: str
+def test_nonconforming_conversations_are_detected(
+    make: Callable[[], Subject], fault: str, message: str
 ) -> None:
-    with pytest.raises(AssertionError, match=said):
-        conforms(make(), fault)
+    with pytest.raises(AssertionError, match=message):
+        check_conformance(make(), fault)

@@ -1,4 +1,4 @@
-"""Well-formed nonsense: whatever a device says, a conversation raises nothing and tells numbers."""
+"""Well-formed invalid data: a conversation never raises and always reports finite numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import struct
 from device_peers import BridgePeer, Compax3Peer, DigitalFtPeer, ccitt, modbus
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from spoilt_port import STEP, SpoiltPort
+from spoilt_port import STEP, FaultyPort
 from stream_subjects import BRIDGE, DIGITAL, NET, SERVO
 
 from drivers.compax3.servo import Servo
@@ -26,12 +26,12 @@ REPLIES = st.one_of(
 
 @settings(max_examples=12)
 @given(st.lists(REPLIES, max_size=60), st.integers(0, 1))
-def test_a_servo_stands_any_answers(
+def test_a_servo_survives_any_answers(
     replies: list[bytes | tuple[int, bytes] | None], up: int
 ) -> None:
     class Mad(Compax3Peer):
-        def hear(self, data: bytes, now: float) -> list[bytes]:
-            said = super().hear(data, now)
+        def receive(self, data: bytes, now: float) -> list[bytes]:
+            said = super().receive(data, now)
             if now < 0.2 or not replies:
                 return said
             reply = replies.pop()
@@ -43,12 +43,12 @@ def test_a_servo_stands_any_answers(
             return [body + ccitt(body, 0, augmented=False).to_bytes(2, "big")]
 
     drive, servo = Mad(), Servo(SERVO)
-    port = SpoiltPort(drive)
+    port = FaultyPort(drive)
     exchange = Exchange(port, servo)
     for n in range(700):
         port.step()
         servo.command(1.0, up if n > 150 else 0, port.time)
-        exchange.turn()
+        exchange.step()
         reading = servo.read(port.time)
         assert all(math.isfinite(value) for value in reading.values)
         assert isinstance(servo.explain(port.time), str)
@@ -70,17 +70,17 @@ def test_a_servo_stands_any_answers(
         max_size=30,
     )
 )  # fmt: skip
-def test_a_bridge_reader_stands_any_frames(
+def test_a_bridge_reader_survives_any_frames(
     frames: list[tuple[int, int, int, tuple[int, int], int, float]],
 ) -> None:
     reader, now = BridgeReader(BRIDGE), 0.0
-    reader.opened(now)
+    reader.on_open(now)
     for status, number, time_us, (protocol, bits), word, gap in frames:
         now += gap
         cut = word >> (32 - bits)
         body = struct.pack(">BBHQBBII", 1, status, number, time_us, protocol, 1, cut, word >> 8)
         frame = b"\xeb\x90" + body + ccitt(body, 0xFFFF, augmented=True).to_bytes(2, "big")
-        reader.take(frame, now)
+        reader.receive(frame, now)
         for one in reader.read(now):
             assert math.isfinite(one.angle)
             assert one.age >= -1e-5
@@ -90,19 +90,19 @@ def test_a_bridge_reader_stands_any_frames(
 
 @settings(max_examples=30)
 @given(st.binary(min_size=338, max_size=338), st.lists(st.binary(max_size=60), max_size=20))
-def test_a_digital_box_may_tell_any_calibration(block: bytes, stream: list[bytes]) -> None:
+def test_a_digital_reader_survives_any_calibration(block: bytes, stream: list[bytes]) -> None:
     class Mad(DigitalFtPeer):
         def block(self) -> bytes:
             return block
 
     reader = DigitalReader(DIGITAL)
-    port = SpoiltPort(Mad())
+    port = FaultyPort(Mad())
     exchange = Exchange(port, reader)
     for n in range(400):
         port.step()
-        exchange.turn()
+        exchange.step()
         if n > 200 and stream:
-            reader.take(stream.pop(), port.time)
+            reader.receive(stream.pop(), port.time)
         assert all(math.isfinite(value) for value in reader.read(port.time).wrench)
     assert reader.read(port.time).phase is not Phase.STREAMING
     assert reader.explain(port.time)
@@ -110,13 +110,13 @@ def test_a_digital_box_may_tell_any_calibration(block: bytes, stream: list[bytes
 
 @settings(max_examples=30)
 @given(st.lists(st.tuples(st.binary(max_size=80), st.floats(0.0, 0.05)), max_size=40))
-def test_a_net_reader_stands_any_datagrams(datagrams: list[tuple[bytes, float]]) -> None:
+def test_a_net_reader_survives_any_datagrams(datagrams: list[tuple[bytes, float]]) -> None:
     reader, now = NetReader(NET), 0.0
-    reader.opened(now)
+    reader.on_open(now)
     for data, gap in datagrams:
         now += gap + STEP
-        reader.take(data[: len(data) // 36 * 36] if len(data) >= 36 else data, now)
-        reader.speak(now)
+        reader.receive(data[: len(data) // 36 * 36] if len(data) >= 36 else data, now)
+        reader.next_message(now)
         reading = reader.read(now)
         assert all(math.isfinite(value) for value in reading.wrench)
         assert reading.age >= -1e-9
@@ -125,19 +125,19 @@ def test_a_net_reader_stands_any_datagrams(datagrams: list[tuple[bytes, float]])
 
 @settings(max_examples=30)
 @given(st.lists(st.binary(max_size=300), max_size=20))
-def test_a_digital_box_may_answer_anything(answers: list[bytes]) -> None:
+def test_a_digital_reader_survives_any_answers(answers: list[bytes]) -> None:
     class Mad(DigitalFtPeer):
-        def hear(self, data: bytes, now: float) -> list[bytes]:
-            said = super().hear(data, now)
+        def receive(self, data: bytes, now: float) -> list[bytes]:
+            said = super().receive(data, now)
             if not answers:
                 return said
             answer = answers.pop()
             return [modbus(answer) if len(answer) % 2 else answer]
 
     reader = DigitalReader(DIGITAL)
-    port = SpoiltPort(Mad())
+    port = FaultyPort(Mad())
     exchange = Exchange(port, reader)
     while port.time < 0.5:
         port.step()
-        exchange.turn()
+        exchange.step()
         assert isinstance(reader.explain(port.time), str)

@@ -1,4 +1,4 @@
-"""The example of docs/drivers.md does what the page says: it stands the conformance test."""
+"""The example in docs/drivers.md passes the conformance test."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conformance import FAULTS, conforms
+from conformance import FAULTS, check_conformance
 from stream_subjects import StreamSubject
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "drivers.md"
@@ -22,7 +22,7 @@ class Peer:
     def tick(self, now: float) -> list[bytes]:
         return []
 
-    def hear(self, data: bytes, now: float) -> list[bytes]:
+    def receive(self, data: bytes, now: float) -> list[bytes]:
         body = b"%d %.4f" % (int(data[1:-1]), now)
         return [body + b" %02x\n" % (sum(body) & 0xFF)]
 
@@ -41,13 +41,13 @@ class Subject(StreamSubject):
         super().__init__(example()["Thermometer"]("bath"), Peer())
 
     def sample(self) -> tuple[float, float]:
-        value, age = self.talk.read(self.now)  # type: ignore[attr-defined]
+        value, age = self.conversation.read(self.now)  # type: ignore[attr-defined]
         return age, value if age < 1e6 else -1e9
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_the_example_stands(fault: str) -> None:
-    conforms(Subject(), fault)
+def test_the_example_conforms(fault: str) -> None:
+    check_conformance(Subject(), fault)
 
 
 def test_every_file_that_the_page_names_is_there() -> None:

@@ -1,4 +1,4 @@
-"""The serial link on ptys: it never waits, owns its port alone, and finds back after a hang-up."""
+"""The serial link on ptys: it never waits, owns its port, and recovers after a hang-up."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from pty_port import PtyPort
 
 from drivers import rs485_echo
 from drivers.errors import LinkError
-from drivers.serial_link import PAUSE_FIRST, PAUSE_MOST, SerialLink, Settings
+from drivers.serial_link import MAX_PAUSE, MIN_PAUSE, SerialLink, SerialSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 HOLD = """
 import sys
-from drivers.serial_link import SerialLink, Settings
-link = SerialLink(Settings("servo", sys.argv[1], 115200, "N", 1))
+from drivers.serial_link import SerialLink, SerialSettings
+link = SerialLink(SerialSettings("servo", sys.argv[1], 115200, "N", 1))
 link.open()
 print("open", flush=True)
 sys.stdin.read()
@@ -40,9 +40,9 @@ def port(tmp_path: Path) -> Iterator[PtyPort]:
     port.pull()
 
 
-def settings(port: PtyPort | str, **more: Any) -> Settings:
+def settings(port: PtyPort | str, **more: Any) -> SerialSettings:
     path = port if isinstance(port, str) else str(port.path)
-    return Settings("servo", path, 115200, "N", 1, **more)
+    return SerialSettings("servo", path, 115200, "N", 1, **more)
 
 
 def until(true: Callable[[], object], within: float = 5.0) -> bool:
@@ -59,23 +59,23 @@ def test_bytes_go_both_ways_and_are_counted(port: PtyPort) -> None:
     assert not link.is_open
     link.open()
     assert link.is_open
-    assert (link.opens, link.losses, link.trouble) == (1, 0, "")
+    assert (link.open_count, link.loss_count, link.problem) == (1, 0, "")
     assert link.send(b"question")
     assert port.read(1.0) == b"question"
     everything = bytes(range(256))
     port.write(everything)
     got = b""
     while len(got) < 256:
-        got += b"".join(link.take())
+        got += b"".join(link.receive())
     assert got == everything
     assert (link.received, link.sent, link.unsent) == (256, 8, 0)
     link.close()
 
 
-def test_an_empty_look_does_not_wait(port: PtyPort) -> None:
+def test_an_empty_receive_does_not_wait(port: PtyPort) -> None:
     link = SerialLink(settings(port))
     link.open()
-    best = min(_timed(link.take) for _ in range(50))
+    best = min(_timed(link.receive) for _ in range(50))
     assert best < 0.0005
     assert link.is_open
     link.close()
@@ -99,13 +99,13 @@ def test_a_port_of_another_process_is_refused_by_name_until_that_ends(port: PtyP
         link = SerialLink(settings(port))
         with pytest.raises(LinkError, match=f"^servo on {port.path}: in use by another process$"):
             link.open()
-        assert link.trouble == "in use by another process"
-        assert link.take() == []
+        assert link.problem == "in use by another process"
+        assert link.receive() == []
         assert not link.is_open
         holder.send_signal(signal.SIGKILL)
         holder.wait(5.0)
-        assert until(lambda: link.take() == [] and link.is_open)  # by itself
-        assert link.opens == 1
+        assert until(lambda: link.receive() == [] and link.is_open)  # by itself
+        assert link.open_count == 1
         link.close()
     finally:
         holder.kill()
@@ -132,23 +132,23 @@ def test_a_hang_up_closes_and_a_return_is_found(port: PtyPort, by: str) -> None:
     link.open()
     port.pull()
     if by == "look":
-        assert until(lambda: link.take() == [] and not link.is_open)
+        assert until(lambda: link.receive() == [] and not link.is_open)
     else:
         assert until(lambda: not link.send(b"x"))
         assert link.unsent >= 1
-    assert link.losses == 1
-    assert link.trouble.startswith("hung up")
+    assert link.loss_count == 1
+    assert link.problem.startswith("hung up")
     assert not link.send(b"x")
-    assert link.take() == []
+    assert link.receive() == []
     port.plug()
-    assert until(lambda: link.take() == [] and link.is_open)
-    assert (link.opens, link.losses, link.trouble) == (2, 1, "")
+    assert until(lambda: link.receive() == [] and link.is_open)
+    assert (link.open_count, link.loss_count, link.problem) == (2, 1, "")
     port.write(b"back")
-    assert until(lambda: b"".join(link.take()) == b"back")
+    assert until(lambda: b"".join(link.receive()) == b"back")
     link.close()
 
 
-def test_what_came_before_the_hang_up_is_not_made_up(port: PtyPort) -> None:
+def test_bytes_before_a_hang_up_are_returned_once(port: PtyPort) -> None:
     """Whatever the kernel still gives of it is given once, and the end is noticed."""
     link = SerialLink(settings(port))
     link.open()
@@ -156,7 +156,7 @@ def test_what_came_before_the_hang_up_is_not_made_up(port: PtyPort) -> None:
     port.pull()
     got = b""
     while link.is_open:
-        got += b"".join(link.take())
+        got += b"".join(link.receive())
     assert b"last words".startswith(got)
 
 
@@ -166,18 +166,18 @@ def test_the_pause_between_attempts_doubles() -> None:
     attempts = []
     for _ in range(3000):
         now[0] += 0.01
-        link.trouble = "untouched"
-        assert link.take() == []
-        if link.trouble != "untouched":
-            assert link.trouble == "there is no such port"
+        link.problem = "untouched"
+        assert link.receive() == []
+        if link.problem != "untouched":
+            assert link.problem == "there is no such port"
             attempts.append(now[0])
     gaps = [b - a for a, b in itertools.pairwise(attempts)]
-    wanted = [min(PAUSE_FIRST * 2**n, PAUSE_MOST) for n in range(len(gaps))]
+    wanted = [min(MIN_PAUSE * 2**n, MAX_PAUSE) for n in range(len(gaps))]
     assert len(gaps) > 7
     assert gaps == pytest.approx(wanted, abs=0.011)
 
 
-def test_a_port_that_is_none_names_device_and_port(tmp_path: Path) -> None:
+def test_a_missing_port_names_device_and_port(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"servo on /dev/there-is-none: there is no such port"):
         SerialLink(settings("/dev/there-is-none")).open()
     file = tmp_path / "file"
@@ -185,7 +185,7 @@ def test_a_port_that_is_none_names_device_and_port(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=f"servo on {file}: "):
         SerialLink(settings(str(file))).open()
     with pytest.raises(LinkError, match="servo on "):
-        SerialLink(Settings("servo", str(file), 115200, "X", 1)).open()
+        SerialLink(SerialSettings("servo", str(file), 115200, "X", 1)).open()
 
 
 def test_a_full_line_is_counted_not_waited_for(port: PtyPort) -> None:
@@ -200,7 +200,9 @@ def test_a_full_line_is_counted_not_waited_for(port: PtyPort) -> None:
     link.close()
 
 
-def test_the_port_is_set_as_asked(port: PtyPort, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_port_gets_the_configured_settings(
+    port: PtyPort, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A pty takes any setting, so what is asked for is all that can be seen."""
     seen: list[Any] = []
     made = serial.Serial
@@ -210,7 +212,7 @@ def test_the_port_is_set_as_asked(port: PtyPort, monkeypatch: pytest.MonkeyPatch
         return made(*args, **kwargs)
 
     monkeypatch.setattr(serial, "Serial", remember)
-    link = SerialLink(Settings("load cell", str(port.path), 1_250_000, "E", 2, rts_cts=1))
+    link = SerialLink(SerialSettings("load cell", str(port.path), 1_250_000, "E", 2, rts_cts=1))
     link.open()
     link.close()
     ((args, kwargs),) = seen
@@ -221,7 +223,7 @@ def test_the_port_is_set_as_asked(port: PtyPort, monkeypatch: pytest.MonkeyPatch
     }  # fmt: skip
 
 
-def test_low_latency_is_never_asked_of_a_pty(port: PtyPort) -> None:
+def test_low_latency_is_never_requested_of_a_pty(port: PtyPort) -> None:
     plain, quick = SerialLink(settings(port)), SerialLink(settings(port, low_latency=1))
     plain.open()
     assert plain.low_latency == "not asked for"
@@ -254,26 +256,26 @@ def test_low_latency_is_reported(
     link.close()
 
 
-def test_an_adapter_that_hears_itself_is_not_taken_for_an_answer(port: PtyPort) -> None:
+def test_an_echo_is_not_taken_for_an_answer(port: PtyPort) -> None:
     link = SerialLink(settings(port, echo=1))
     link.open()
     link.send(b"question")
     port.write(port.read(1.0) + b"answer")
     got = b""
     while b"answer" not in got:
-        got += b"".join(link.take())
+        got += b"".join(link.receive())
     assert got == b"answer"
     assert link.echoes_missed == 0
     link.close()
 
 
 @given(st.binary(min_size=1, max_size=12), st.binary(max_size=12), st.lists(st.integers(0, 24)))
-def test_an_echo_is_taken_out_however_it_is_cut(sent: bytes, said: bytes, cuts: list[int]) -> None:
-    state = rs485_echo.sent(rs485_echo.start(), sent)
+def test_an_echo_is_removed_however_it_is_split(sent: bytes, said: bytes, cuts: list[int]) -> None:
+    state = rs485_echo.record_sent(rs485_echo.start(), sent)
     data, got = sent + said, b""
     places = sorted({0, len(data), *(cut % (len(data) + 1) for cut in cuts)})
     for a, b in itertools.pairwise(places):
-        state, more = rs485_echo.strip(state, data[a:b])
+        state, more = rs485_echo.strip_echo(state, data[a:b])
         got += more
     assert got == said
     assert state == rs485_echo.start()
@@ -281,19 +283,19 @@ def test_an_echo_is_taken_out_however_it_is_cut(sent: bytes, said: bytes, cuts: 
 
 @given(st.binary(min_size=1, max_size=6), st.binary(min_size=1, max_size=12))
 def test_without_an_echo_no_byte_is_lost(sent: bytes, said: bytes) -> None:
-    state = rs485_echo.sent(rs485_echo.start(), sent)
+    state = rs485_echo.record_sent(rs485_echo.start(), sent)
     got = b""
     for byte in said:
-        state, more = rs485_echo.strip(state, bytes((byte,)))
+        state, more = rs485_echo.strip_echo(state, bytes((byte,)))
         got += more
     if said.startswith(sent):  # then it is an echo
         assert got == said[len(sent) :]
     else:
-        assert got + state.awaited[: state.matched] == said
-        assert state.missed == (0 if sent.startswith(said) else 1)
+        assert got + state.expected[: state.matched] == said
+        assert state.missed_echoes == (0 if sent.startswith(said) else 1)
 
 
-def test_an_open_port_is_given_back_with_bytes_still_in_it(port: PtyPort) -> None:
+def test_a_port_closes_with_unsent_bytes(port: PtyPort) -> None:
     link = SerialLink(settings(port))
     link.open()
     for _ in range(100):
@@ -302,5 +304,5 @@ def test_an_open_port_is_given_back_with_bytes_still_in_it(port: PtyPort) -> Non
     link.close()
     link.close()
     assert time.monotonic() - began < 1.0
-    assert link.trouble == "closed"
+    assert link.problem == "closed"
     assert os.path.exists(port.path)

@@ -1,4 +1,4 @@
-"""One question over TCP: answered, cut off, not answered, nobody there."""
+"""One request over TCP: answered, cut off, unanswered, refused."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from drivers.errors import LinkError
-from drivers.tcp_request import ask
+from drivers.tcp_request import send_request
 
 
 def served(*pieces: bytes, stay: bool = False) -> tuple[str, int]:
@@ -27,21 +27,21 @@ def served(*pieces: bytes, stay: bool = False) -> tuple[str, int]:
 
 
 def test_an_answer_in_parts_is_one() -> None:
-    assert ask("load cell", *served(b"ans", b"wer"), b"question", 6, 5.0) == b"answer"
+    assert send_request("load cell", *served(b"ans", b"wer"), b"question", 6, 5.0) == b"answer"
 
 
-def test_half_an_answer_is_none() -> None:
+def test_a_partial_answer_is_an_error() -> None:
     host, port = served(b"ans")
     with pytest.raises(LinkError, match=f"^load cell at {host}:{port}: hung up after 3 of 6 bytes"):
-        ask("load cell", host, port, b"question", 6, 5.0)
+        send_request("load cell", host, port, b"question", 6, 5.0)
 
 
-def test_silence_is_told_with_its_time() -> None:
+def test_silence_is_reported_with_its_timeout() -> None:
     with pytest.raises(LinkError, match=r"no answer in 0\.1 s"):
-        ask("load cell", *served(b"ans", stay=True), b"question", 6, 0.1)
+        send_request("load cell", *served(b"ans", stay=True), b"question", 6, 0.1)
 
 
 @pytest.mark.parametrize("port", [1, 70000])
-def test_nobody_there_is_told(port: int) -> None:
+def test_a_refused_connection_is_reported(port: int) -> None:
     with pytest.raises(LinkError, match=f"^load cell at 127.0.0.1:{port}: "):
-        ask("load cell", "127.0.0.1", port, b"question", 6, 1.0)
+        send_request("load cell", "127.0.0.1", port, b"question", 6, 1.0)

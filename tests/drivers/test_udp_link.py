@@ -1,4 +1,4 @@
-"""The UDP link on loopback: it never waits, hears its peer alone, and counts what is lost."""
+"""The UDP link on loopback: it never waits, accepts only its peer, and counts losses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from drivers.errors import LinkError
-from drivers.udp_link import PAUSE_FIRST, PAUSE_MOST, Settings, UdpLink
+from drivers.udp_link import MAX_PAUSE, MIN_PAUSE, UdpLink, UdpSettings
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def box() -> Iterator[socket.socket]:
 
 
 def link_to(box: socket.socket, buffer: int = 1 << 20) -> UdpLink:
-    link = UdpLink(Settings("load cell", "127.0.0.1", box.getsockname()[1], buffer))
+    link = UdpLink(UdpSettings("load cell", "127.0.0.1", box.getsockname()[1], buffer))
     link.open()
     return link
 
@@ -38,7 +38,7 @@ def until(true: Callable[[], object], within: float = 5.0) -> bool:
 
 def test_datagrams_come_whole_in_order_and_are_counted(box: socket.socket) -> None:
     link = link_to(box)
-    assert link.take() == []
+    assert link.receive() == []
     assert link.send(b"start")
     said, host = box.recvfrom(100)
     assert said == b"start"
@@ -46,7 +46,7 @@ def test_datagrams_come_whole_in_order_and_are_counted(box: socket.socket) -> No
     for one in wanted:
         box.sendto(one, host)
     got: list[bytes] = []
-    assert until(lambda: got.extend(link.take()) or len(got) == 10)
+    assert until(lambda: got.extend(link.receive()) or len(got) == 10)
     assert got == wanted
     assert (link.received, link.sent, link.dropped) == (55, 5, 0)
     assert link.buffer > 0
@@ -54,7 +54,7 @@ def test_datagrams_come_whole_in_order_and_are_counted(box: socket.socket) -> No
     assert not link.is_open
 
 
-def test_another_host_is_not_heard(box: socket.socket) -> None:
+def test_datagrams_of_another_host_are_ignored(box: socket.socket) -> None:
     link = link_to(box)
     link.send(b"start")
     _, host = box.recvfrom(100)
@@ -62,21 +62,21 @@ def test_another_host_is_not_heard(box: socket.socket) -> None:
         stranger.sendto(b"not for you", host)
     box.sendto(b"yes", host)
     got: list[bytes] = []
-    assert until(lambda: got.extend(link.take()) or got)
+    assert until(lambda: got.extend(link.receive()) or got)
     assert got == [b"yes"]
     link.close()
 
 
-def test_datagrams_that_found_no_room_are_counted(box: socket.socket) -> None:
+def test_dropped_datagrams_are_counted(box: socket.socket) -> None:
     link = link_to(box, buffer=4096)
     link.send(b"start")
     _, host = box.recvfrom(100)
     for _ in range(200):
         box.sendto(bytes(500), host)
-    got = link.take()
+    got = link.receive()
     assert 0 < len(got) < 200
     box.sendto(b"the next one says how many", host)
-    assert until(link.take)
+    assert until(link.receive)
     assert link.dropped == 200 - len(got)
     link.close()
 
@@ -86,7 +86,7 @@ def test_a_box_that_is_off_is_counted_and_may_come_later(box: socket.socket) -> 
     link = link_to(box)
     box.close()
     link.send(b"start")
-    assert until(lambda: link.take() == [] and link.refused)
+    assert until(lambda: link.receive() == [] and link.refused)
     assert link.is_open
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as again:
         again.bind(("127.0.0.1", port))
@@ -98,36 +98,36 @@ def test_a_box_that_is_off_is_counted_and_may_come_later(box: socket.socket) -> 
 
 @pytest.mark.parametrize("host", ["load-cell.local", "192.168.1", "", "127.0.0.1:5"])
 def test_only_addresses_in_numbers(host: str) -> None:
-    link = UdpLink(Settings("load cell", host, 49152))
+    link = UdpLink(UdpSettings("load cell", host, 49152))
     with pytest.raises(LinkError, match=f"^load cell at {host}:49152: "):
         link.open()
-    assert link.trouble
+    assert link.problem
     assert not link.send(b"x")
     assert link.unsent == 1
 
 
 def test_the_pause_between_attempts_doubles() -> None:
     now = [5.0]
-    link = UdpLink(Settings("load cell", "nowhere", 49152), clock=lambda: now[0])
+    link = UdpLink(UdpSettings("load cell", "nowhere", 49152), clock=lambda: now[0])
     attempts = []
     for _ in range(3000):
         now[0] += 0.01
-        link.trouble = ""
-        link.take()
-        if link.trouble:
+        link.problem = ""
+        link.receive()
+        if link.problem:
             attempts.append(now[0])
     gaps = [b - a for a, b in itertools.pairwise(attempts)]
-    wanted = [min(PAUSE_FIRST * 2**n, PAUSE_MOST) for n in range(len(gaps))]
+    wanted = [min(MIN_PAUSE * 2**n, MAX_PAUSE) for n in range(len(gaps))]
     assert len(gaps) > 7
     assert gaps == pytest.approx(wanted, abs=0.011)
 
 
-def test_a_look_takes_no_more_than_its_share(box: socket.socket) -> None:
+def test_one_receive_is_bounded(box: socket.socket) -> None:
     link = link_to(box)
     link.send(b"start")
     _, host = box.recvfrom(100)
     for _ in range(300):
         box.sendto(b"x", host)
-    assert until(lambda: len(link.take()) == 256)
-    assert until(lambda: len(link.take()) == 44)
+    assert until(lambda: len(link.receive()) == 256)
+    assert until(lambda: len(link.receive()) == 44)
     link.close()

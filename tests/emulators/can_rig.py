@@ -1,4 +1,4 @@
-"""A bus with emulated nodes: on a clock set by hand, or in real time for clients over TCP."""
+"""A bus with emulated nodes: on a manually advanced clock, or in real time for TCP clients."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Call:
         self.off = True
 
 
-class HandSchedule:
-    """A schedule that moves only when told to."""
+class ManualSchedule:
+    """A schedule whose time advances only by `run`."""
 
     def __init__(self) -> None:
         self.now = 100.0
@@ -69,16 +69,16 @@ class HandSchedule:
 
 
 @functools.cache
-def _made() -> World:
+def _shared_world() -> World:
     return world(**QUIET, sensors__delay_ticks=0)
 
 
 def still_world() -> World:
-    """A world at rest that shares its tables with others: made in no time."""
-    one = copy.copy(_made())
-    for name in ("_stepper", "_basin", "_line"):
-        setattr(one, name, copy.copy(getattr(one, name)))
-    return one
+    """Return a world at rest that shares its tables with the others; this is fast."""
+    copied = copy.copy(_shared_world())
+    for name in ("_stepper", "_basin", "_delay_line"):
+        setattr(copied, name, copy.copy(getattr(copied, name)))
+    return copied
 
 
 class Rig:
@@ -90,23 +90,25 @@ class Rig:
         self.hub = CanHub(schedule)
         self.world = SharedWorld(still_world(), DT, schedule.time)
         heave = TorqueDriveParams(Axis.HEAVE, Scaling.AMC)
-        aside = TorqueDriveParams(Axis.SURGE, surge)
-        rest = self.hub, schedule, self.world
-        self.heave = TorqueDrive(NodeParams(HEAVE, AMC), heave, *rest)
+        surge_params = TorqueDriveParams(Axis.SURGE, surge)
+        environment = self.hub, schedule, self.world
+        self.heave = TorqueDrive(NodeParams(HEAVE, AMC), heave, *environment)
         eds = RATED if surge is Scaling.RATED else AMC
-        self.surge = TorqueDrive(NodeParams(SURGE, eds), aside, *rest)
+        self.surge = TorqueDrive(NodeParams(SURGE, eds), surge_params, *environment)
         self.stator = StatorActuator(
-            NodeParams(STATOR, ACTUATOR, cycle=0.004), ActuatorParams(low=low), *rest
+            NodeParams(STATOR, ACTUATOR, cycle_time=0.004),
+            ActuatorParams(min_position=low),
+            *environment,
         )
         self.nodes: tuple[CanopenNode, ...] = (self.heave, self.surge, self.stator)
         for node in self.nodes:
             node.power_on()
 
 
-class Tap:
-    """A station on the bus that keeps what it hears and says what it is told."""
+class BusProbe:
+    """A station on the bus that records received frames and sends test frames."""
 
-    def __init__(self, rig: Rig, schedule: HandSchedule) -> None:
+    def __init__(self, rig: Rig, schedule: ManualSchedule) -> None:
         self.heard: list[Frame] = []
         self.schedule = schedule
         self.station = rig.hub.join(self.heard.append)
@@ -125,7 +127,7 @@ class Tap:
         self.send(0, bytes([command, node]))
 
     def write(self, node: int, index: int, sub: int, value: int, octets: int) -> int:
-        """SDO download, expedited; gives the abort code, 0 if it was taken."""
+        """Perform an expedited SDO download; return the abort code, 0 if it was accepted."""
         head = bytes([0x23 | (4 - octets) << 2, index & 0xFF, index >> 8, sub])
         self.send(
             0x600 + node, head + (value & 0xFFFFFFFF).to_bytes(4, "little")[:octets].ljust(4, b"\0")
@@ -149,37 +151,37 @@ class Tap:
             self.schedule.run(DT)
 
 
-def at_hand(**options: Any) -> tuple[Rig, Tap, HandSchedule]:
-    """A booted rig in PRE-OPERATIONAL on a clock set by hand."""
-    schedule = HandSchedule()
+def manual_rig(**options: Any) -> tuple[Rig, BusProbe, ManualSchedule]:
+    """Return a booted rig in PRE-OPERATIONAL on a manually advanced clock."""
+    schedule = ManualSchedule()
     rig = Rig(schedule, **options)
-    tap = Tap(rig, schedule)
+    tap = BusProbe(rig, schedule)
     schedule.run(0.1)
     return rig, tap, schedule
 
 
-def rpdo(word: int, target: int = 0) -> bytes:
+def rpdo(controlword: int, target: int = 0) -> bytes:
     """RPDO 1 of a torque drive: controlword, target torque."""
-    return word.to_bytes(2, "little") + target.to_bytes(2, "little", signed=True)
+    return controlword.to_bytes(2, "little") + target.to_bytes(2, "little", signed=True)
 
 
-def enable(tap: Tap, node: int, count: int = 5) -> None:
+def enable(tap: BusProbe, node: int, count: int = 5) -> None:
     """Bring a torque drive to OPERATION ENABLED in torque mode over RPDO 1, at 1 kHz."""
     assert tap.write(node, 0x6060, 0, 10, 1) == 0
-    for word in (0x00, 0x06, 0x07, 0x0F):
-        tap.cycle((0x200 + node, rpdo(word)), count=count)
+    for controlword in (0x00, 0x06, 0x07, 0x0F):
+        tap.cycle((0x200 + node, rpdo(controlword)), count=count)
 
 
-def waited(condition: Callable[[], object], patience: float = 10.0) -> None:
-    """Wait until something is so."""
-    end = time.monotonic() + patience
+def wait_until(condition: Callable[[], object], timeout: float = 10.0) -> None:
+    """Wait until a condition holds."""
+    end = time.monotonic() + timeout
     while not condition():
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "condition not met in time"
         time.sleep(0.005)
 
 
 class LiveRig:
-    """The rig in real time in a thread of its own, open to clients over TCP."""
+    """The rig in real time in its own thread, open to clients over TCP."""
 
     def __init__(self) -> None:
         self.loop = precise_loop()
@@ -203,7 +205,7 @@ class LiveRig:
         self.loop.close()
 
     def do(self, function: Callable[..., Any], *args: Any) -> Any:
-        """Call in the rig's thread and give the result."""
+        """Call a function in the rig's thread and return the result."""
 
         async def call() -> Any:
             return function(*args)

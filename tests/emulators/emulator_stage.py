@@ -1,4 +1,4 @@
-"""Emulators in a loop of their own thread, so that blocking clients can be their peers."""
+"""Emulators in an event loop in a thread of its own, for tests with blocking clients."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.schedule import precise_loop
-from sim_plant.emulators.serial_line import LineSettings, SerialLine
+from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 
 Result = TypeVar("Result")
 Kind = TypeVar("Kind", bound=Emulator)
@@ -33,7 +33,7 @@ class Stage:
         return emulator
 
     def line(self, name: str = "port", **settings: Any) -> SerialLine:
-        return SerialLine(LineSettings(self.folder / name, **{"baud": 115_200, **settings}))
+        return SerialLine(SerialLineSettings(self.folder / name, **{"baud": 115_200, **settings}))
 
     def do(self, call: Callable[[], Result]) -> Result:
         """Call in the loop's thread."""
@@ -55,7 +55,7 @@ class Stage:
 
 
 def until(true: Callable[[], object], within: float = 5.0) -> bool:
-    """Wait until something holds; generous, as machines are busy."""
+    """Wait until a condition holds; the time limit allows for busy machines."""
     end = time.monotonic() + within
     while not true():
         if time.monotonic() > end:

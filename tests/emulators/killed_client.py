@@ -1,4 +1,4 @@
-"""A host that feeds an output module's watchdog until it is killed: run by a test."""
+"""A host process, started by a test, that renews an output module's watchdog until it is killed."""
 
 from __future__ import annotations
 

@@ -8,14 +8,14 @@ from contextlib import contextmanager
 
 import canopen
 import pytest
-from can_rig import ACTUATOR, AMC, HEAVE, RATED, STATOR, SURGE, LiveRig, live, rpdo, waited
+from can_rig import ACTUATOR, AMC, HEAVE, RATED, STATOR, SURGE, LiveRig, live, rpdo, wait_until
 from canopen.profiles.p402 import BaseNode402
 
 
 @pytest.fixture(scope="module")
 def rig() -> Iterator[LiveRig]:
-    with live() as one:
-        yield one
+    with live() as live_rig:
+        yield live_rig
 
 
 @contextmanager
@@ -36,13 +36,13 @@ def test_sdo_nmt_and_heartbeat(rig: LiveRig) -> None:
         node = network.add_node(HEAVE, str(AMC))
         assert node.sdo[0x1008].raw == "Torque drive, AMC scaling"  # segmented
         assert node.sdo[0x1018][2].raw == 0
-        with pytest.raises(canopen.SdoAbortedError) as refused:
+        with pytest.raises(canopen.SdoAbortedError) as refusal:
             node.sdo[0x6041].raw = 1
-        assert refused.value.code == 0x06010002
+        assert refusal.value.code == 0x06010002
         node.sdo[0x1017].raw = 100
         assert node.nmt.wait_for_heartbeat(5.0) == "PRE-OPERATIONAL"
         node.nmt.state = "OPERATIONAL"
-        waited(lambda: node.nmt.wait_for_heartbeat(5.0) == "OPERATIONAL")
+        wait_until(lambda: node.nmt.wait_for_heartbeat(5.0) == "OPERATIONAL")
         node.nmt.state = "RESET"
         node.nmt.wait_for_bootup(5.0)
 
@@ -67,21 +67,21 @@ def test_pdo_mapping_and_process_data(rig: LiveRig) -> None:
         assert tpdo[0x6079].raw == 150000
         assert tpdo[0x6061].raw == 0
         assert node.tpdo[1].wait_for_reception(5.0) is not None
-        waited(lambda: node.tpdo[1][0x6041].raw & 0x6F == 0x21)
+        wait_until(lambda: node.tpdo[1][0x6041].raw & 0x6F == 0x21)
 
 
-def test_emergencies_are_heard(rig: LiveRig) -> None:
+def test_emergency_messages_reach_the_client(rig: LiveRig) -> None:
     with master(rig) as network:
         node = network.add_node(STATOR, str(ACTUATOR))
         rig.do(rig.rig.stator.inject, "over_temperature", 120.0)
-        waited(lambda: [entry.code for entry in node.emcy.active] == [0x4310])
+        wait_until(lambda: [entry.code for entry in node.emcy.active] == [0x4310])
         assert node.sdo[0x1001].raw == 0x09
         assert node.sdo[0x603F].raw == 0x4310
         rig.do(rig.rig.stator.clear, "over_temperature")
         time.sleep(0.05)
         node.sdo[0x6040].raw = 0x00
         node.sdo[0x6040].raw = 0x80
-        waited(lambda: node.emcy.active == [])
+        wait_until(lambda: node.emcy.active == [])
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_emergencies_are_heard(rig: LiveRig) -> None:
         (STATOR, ACTUATOR, "PROFILED POSITION"),
     ],
 )
-def test_a_foreign_master_brings_each_drive_to_operation_enabled(
+def test_independent_master_enables_each_drive(
     rig: LiveRig, number: int, eds: str, mode: str
 ) -> None:
     with master(rig) as network:
@@ -103,7 +103,7 @@ def test_a_foreign_master_brings_each_drive_to_operation_enabled(
         node.setup_402_state_machine()
         node.nmt.state = "OPERATIONAL"
         network.sync.start(0.01)
-        waited(lambda: node.statusword & 0x4F == 0x40)
+        wait_until(lambda: node.statusword & 0x4F == 0x40)
         node.op_mode = mode
         for _ in range(3):  # its own time-outs are shorter than this host's stalls
             try:
@@ -114,14 +114,14 @@ def test_a_foreign_master_brings_each_drive_to_operation_enabled(
         assert node.state == "OPERATION ENABLED"
         assert node.op_mode == mode
         rig.do(rig.rig.nodes[number - 1].inject, "drive_fault", 0x2310)
-        waited(node.is_faulted)
+        wait_until(node.is_faulted)
         node.reset_from_fault()
         assert node.state == "OPERATION ENABLED"
         assert [entry.code for entry in node.emcy.log] == [0x2310, 0]
 
 
 @pytest.mark.parametrize("by", ["heartbeat", "rpdo"])
-def test_a_client_that_falls_silent_leaves_no_current(rig: LiveRig, by: str) -> None:
+def test_silent_client_leaves_no_current(rig: LiveRig, by: str) -> None:
     silence = 0.4  # s allowed
     with master(rig) as network:
         node = network.add_node(HEAVE, str(AMC))
@@ -138,14 +138,14 @@ def test_a_client_that_falls_silent_leaves_no_current(rig: LiveRig, by: str) -> 
                 network.send_message(0x201, rpdo(word, 2000))
                 network.send_message(0x80, b"")
                 time.sleep(0.01)
-        since = time.monotonic()
+        began = time.monotonic()
         assert rig.do(lambda: rig.rig.world.readings().heave_current) == pytest.approx(6.1, abs=0.2)
         if by == "heartbeat":
-            while time.monotonic() < since + 0.2:
+            while time.monotonic() < began + 0.2:
                 network.send_message(0x201, rpdo(0x0F, 2000))
                 time.sleep(0.02)
-        waited(lambda: abs(rig.do(lambda: rig.rig.world.readings().heave_current)) < 0.1)
-        gone = time.monotonic() - since
-        assert gone < silence + 0.4, "the current was there for too long"
-        assert gone > silence - 0.1
+        wait_until(lambda: abs(rig.do(lambda: rig.rig.world.readings().heave_current)) < 0.1)
+        elapsed = time.monotonic() - began
+        assert elapsed < silence + 0.4, "the current was there for too long"
+        assert elapsed > silence - 0.1
         assert node.sdo[0x6041].raw & 0x4F == 0x40

@@ -1,4 +1,4 @@
-"""The hub: who gets what in which order, time on the wire, clients good, bad and slow."""
+"""The hub: delivery order, time on the wire, and valid, invalid and slow clients."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from collections.abc import Awaitable, Callable
 
 import can
 import pytest
-from can_rig import HandSchedule, live, waited
+from can_rig import ManualSchedule, live, wait_until
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -21,70 +21,70 @@ from sim_plant.emulators.can_hub import CanHub, Station
 from sim_plant.emulators.schedule import precise_loop
 
 
-def heard_by(hub: CanHub) -> tuple[Station, list[Frame]]:
+def join_recorder(hub: CanHub) -> tuple[Station, list[Frame]]:
     frames: list[Frame] = []
     return hub.join(frames.append), frames
 
 
-def test_all_but_the_sender_get_a_frame() -> None:
-    hub = CanHub(HandSchedule())
-    (one, by_one), (_, by_two), (_, by_three) = (heard_by(hub) for _ in range(3))
+def test_all_stations_but_the_sender_receive_a_frame() -> None:
+    hub = CanHub(ManualSchedule())
+    (one, frames_one), (_, frames_two), (_, frames_three) = (join_recorder(hub) for _ in range(3))
     one.send(Frame(0x181, b"\x01"))
-    assert by_one == []
-    assert by_two == by_three == [Frame(0x181, b"\x01")]
+    assert frames_one == []
+    assert frames_two == frames_three == [Frame(0x181, b"\x01")]
     one.leave()
     assert len(hub.stations) == 2
 
 
-def test_frames_that_wait_go_by_identifier_but_keep_a_senders_order() -> None:
-    schedule = HandSchedule()
+def test_arbitration_by_identifier_keeps_the_order_of_one_sender() -> None:
+    schedule = ManualSchedule()
     hub = CanHub(schedule, bit_rate=1_000_000)
-    (one, _), (two, _), (_, heard) = (heard_by(hub) for _ in range(3))
+    (one, _), (two, _), (_, received) = (join_recorder(hub) for _ in range(3))
     one.send(Frame(0x700, b""))  # wins, as nobody else waits yet
     for number in (0x201, 0x080):
         one.send(Frame(number, b""))
     for number in (0x185, 0x600):
         two.send(Frame(number, b""))
     schedule.run(0.01)
-    assert [frame.identifier for frame in heard] == [0x700, 0x185, 0x201, 0x080, 0x600]
+    assert [frame.identifier for frame in received] == [0x700, 0x185, 0x201, 0x080, 0x600]
 
 
 def test_time_on_the_wire_is_counted() -> None:
-    schedule = HandSchedule()
+    schedule = ManualSchedule()
     hub = CanHub(schedule, bit_rate=1_000_000)
-    (one, _), (_, heard) = heard_by(hub), heard_by(hub)
+    (one, _), (_, received) = join_recorder(hub), join_recorder(hub)
     one.send(Frame(0x80, b""))
     one.send(Frame(0x181, bytes(8)))
     schedule.run(54.0e-6)
-    assert heard == []
+    assert received == []
     schedule.run(2.0e-6)
-    assert len(heard) == 1
+    assert len(received) == 1
     schedule.run(135.0e-6)
-    assert len(heard) == 2
-    assert hub.busy == pytest.approx(190.0e-6)
-    assert hub.frames == 2
+    assert len(received) == 2
+    assert hub.busy_time == pytest.approx(190.0e-6)
+    assert hub.frame_count == 2
 
 
-def test_an_answer_within_a_delivery_is_delivered_after_it() -> None:
-    hub = CanHub(HandSchedule())
-    (one, by_one), (_, by_two) = heard_by(hub), heard_by(hub)
+def test_answer_during_a_delivery_follows_it() -> None:
+    hub = CanHub(ManualSchedule())
+    (one, frames_one), (_, frames_two) = join_recorder(hub), join_recorder(hub)
     echo: list[Station] = []
     echo.append(hub.join(lambda frame: echo[0].send(Frame(0x700, frame.data))))
     one.send(Frame(0x80, b"\x05"))
-    assert [frame.identifier for frame in by_two] == [0x80, 0x700]
-    assert by_one == [Frame(0x700, b"\x05")]
+    assert [frame.identifier for frame in frames_two] == [0x80, 0x700]
+    assert frames_one == [Frame(0x700, b"\x05")]
 
 
-def test_a_station_that_cannot_send_loses_frames_and_counts_them() -> None:
-    hub = CanHub(HandSchedule(), bit_rate=1_000_000)
-    one, _ = heard_by(hub)
-    for _ in range(can_hub.QUEUE + 11):
+def test_full_queue_discards_and_counts_frames() -> None:
+    hub = CanHub(ManualSchedule(), bit_rate=1_000_000)
+    one, _ = join_recorder(hub)
+    for _ in range(can_hub.QUEUE_LENGTH + 11):
         one.send(Frame(0x80, b""))
     assert one.overruns == 10
 
 
-def heard(bus: can.BusABC, identifier: int) -> bytes:
-    """What comes next under an identifier."""
+def received(bus: can.BusABC, identifier: int) -> bytes:
+    """Return the data of the next frame with an identifier."""
     while (frame := bus.recv(10.0)) is not None:
         if frame.arbitration_id == identifier:
             return bytes(frame.data)
@@ -106,26 +106,26 @@ def test_python_can_clients_of_several_processes_share_the_bus() -> None:
         command = [sys.executable, "-c", textwrap.dedent(other), str(rig.port)]
         with subprocess.Popen(command) as process:
             clients = rig.rig.hub.clients
-            waited(lambda: rig.do(lambda: len(clients) == 3 and all(c.raw for c in clients)))
+            wait_until(lambda: rig.do(lambda: len(clients) == 3 and all(c.raw for c in clients)))
             one.send(can.Message(arbitration_id=0x7E5, data=b"\x01\x02", is_extended_id=False))
-            assert heard(one, 0x123) == b"\x02\x01"
-            assert heard(two, 0x7E5) == b"\x01\x02"
-            assert heard(two, 0x123) == b"\x02\x01"
+            assert received(one, 0x123) == b"\x02\x01"
+            assert received(two, 0x7E5) == b"\x01\x02"
+            assert received(two, 0x123) == b"\x02\x01"
             assert process.wait(10.0) == 0
 
 
-async def talk(port: int, text: bytes) -> bytes:
+async def exchange_text(port: int, text: bytes) -> bytes:
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     assert await reader.readexactly(6) == b"< hi >"
     writer.write(text + b"< echo >")
-    got = b""
-    while not got.endswith(b"< echo >"):
-        got += await asyncio.wait_for(reader.read(4096), 5.0)
+    received_text = b""
+    while not received_text.endswith(b"< echo >"):
+        received_text += await asyncio.wait_for(reader.read(4096), 5.0)
     writer.close()
-    return got
+    return received_text
 
 
-def served(conversation: Callable[[CanHub, int], Awaitable[None]]) -> None:
+def run_served(conversation: Callable[[CanHub, int], Awaitable[None]]) -> None:
     async def run() -> None:
         hub = CanHub(asyncio.get_running_loop())
         _, port = await hub.serve()
@@ -150,9 +150,9 @@ def served(conversation: Callable[[CanHub, int], Awaitable[None]]) -> None:
 )
 def test_malformed_text_is_answered_by_an_error(text: bytes, answers: bytes) -> None:
     async def conversation(hub: CanHub, port: int) -> None:
-        assert await talk(port, text) == answers
+        assert await exchange_text(port, text) == answers
 
-    served(conversation)
+    run_served(conversation)
 
 
 @settings(max_examples=15, deadline=None, suppress_health_check=list(HealthCheck))
@@ -167,38 +167,38 @@ def test_malformed_text_is_answered_by_an_error(text: bytes, answers: bytes) -> 
         max_size=8,
     )
 )
-def test_nothing_a_client_says_harms_the_others(parts: list[bytes]) -> None:
+def test_malformed_text_does_not_affect_other_clients(parts: list[bytes]) -> None:
     async def conversation(hub: CanHub, port: int) -> None:
         for part in (b"".join(parts), b"< open can0 >" + b"".join(parts)):
             _, writer = await asyncio.open_connection("127.0.0.1", port)
             writer.write(part)
             await writer.drain()
             writer.transport.abort()
-        assert await talk(port, b"< open can0 >< send 7FF 0  >") == b"< ok >< echo >"
+        assert await exchange_text(port, b"< open can0 >< send 7FF 0  >") == b"< ok >< echo >"
 
-    served(conversation)
+    run_served(conversation)
 
 
-def test_a_client_that_does_not_read_is_dropped() -> None:
+def test_client_that_does_not_read_is_disconnected() -> None:
     async def conversation(hub: CanHub, port: int) -> None:
         slow = socket.create_connection(("127.0.0.1", port))
         slow.sendall(b"< open can0 >< rawmode >")
         await asyncio.sleep(0.1)
-        station, _ = heard_by(hub)
+        station, _ = join_recorder(hub)
         for _ in range(1000):
             for _ in range(1000):
                 station.send(Frame(0x181, bytes(8)))
             await asyncio.sleep(0)
-            if hub.slow:
+            if hub.dropped_clients:
                 break
-        assert hub.slow == 1
+        assert hub.dropped_clients == 1
         assert hub.clients == set()
         slow.close()
 
-    served(conversation)
+    run_served(conversation)
 
 
-def test_bus_errors_are_told_to_clients() -> None:
+def test_bus_errors_are_reported_to_clients() -> None:
     with live() as rig, rig.bus() as bus:
         rig.do(rig.rig.hub.report_error, 0x40)
         for _ in range(20):

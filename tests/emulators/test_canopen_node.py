@@ -1,10 +1,10 @@
-"""What every emulated node does by CiA 301: boot, SDO, NMT, heartbeat, PDOs, guards."""
+"""CiA 301 behaviour of every emulated node: boot, SDO, NMT, heartbeat, PDOs, guards."""
 
 from __future__ import annotations
 
 import canopen
 import pytest
-from can_rig import ACTUATOR, AMC, HEAVE, RATED, STATOR, Tap, at_hand, rpdo
+from can_rig import ACTUATOR, AMC, HEAVE, RATED, STATOR, BusProbe, manual_rig, rpdo
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,7 +14,7 @@ T1 = 0x180 + HEAVE
 STOPPED, OPERATIONAL, PRE_OPERATIONAL = 4, 5, 127
 
 
-def map_tpdo(tap: Tap, node: int, number: int, entries: list[int], **parameters: int) -> None:
+def map_tpdo(tap: BusProbe, node: int, number: int, entries: list[int], **parameters: int) -> None:
     """Configure a TPDO in the order of CiA 301: off, map, parameters, on."""
     comm, map_ = 0x17FF + number, 0x19FF + number
     cob_id = 0x80 + 0x100 * number + node
@@ -27,7 +27,7 @@ def map_tpdo(tap: Tap, node: int, number: int, entries: list[int], **parameters:
 
 
 @pytest.mark.parametrize("eds", [AMC, RATED, ACTUATOR])
-def test_the_device_files_are_read_without_a_loss(eds: str) -> None:
+def test_device_files_are_read_completely(eds: str) -> None:
     objects = Objects(canopen.import_od(str(eds), 5))
     assert objects.get(0x1000) & 0xFFFF == 402
     assert objects.get(0x1014) == 0x85
@@ -36,39 +36,39 @@ def test_the_device_files_are_read_without_a_loss(eds: str) -> None:
         for number in range(8):
             for sub in range(1, objects.get(base + number) + 1):
                 entry = objects.get(base + number, sub)
-                kind = objects.kinds[entry >> 16, entry >> 8 & 0xFF]
-                assert kind.mappable
-                assert entry & 0xFF == 8 * kind.octets
+                object_type = objects.types[entry >> 16, entry >> 8 & 0xFF]
+                assert object_type.mappable
+                assert entry & 0xFF == 8 * object_type.octets
 
 
-def test_defaults_of_the_actuator_as_its_maker_documents_them() -> None:
+def test_actuator_defaults_match_the_manual() -> None:
     objects = Objects(canopen.import_od(str(ACTUATOR), 0x7F))
     assert objects.get(0x6098) == 35
-    known = {
+    defaults = {
         0x2030: 50, 0x2034: 49677, 0x2035: 10000, 0x6065: 256, 0x6066: 100, 0x6067: 10,
         0x6072: 100, 0x6073: 1000, 0x607A: 4000, 0x6080: 30000, 0x6081: 500, 0x6083: 500,
         0x6085: 5000, 0x6087: 100, 0x609A: 500, 0x60A8: 0xFF410000, 0x60A9: 0x00B44700,
         0x6007: 1, 0x605A: 2, 0x605B: 1, 0x605C: 1, 0x605D: 1, 0x605E: 2, 0x1005: 0x80, 0x1017: 0,
     }  # fmt: skip
-    assert {index: objects.get(index) for index in known} == known
+    assert {index: objects.get(index) for index in defaults} == defaults
     assert (objects.get(0x608F, 1), objects.get(0x6099, 1), objects.get(0x6099, 2)) == (
         2000,
         50,
         10,
     )
-    assert not {0x6076, 0x6078, 0x6079} & {index for index, _ in objects.kinds}
+    assert not {0x6076, 0x6078, 0x6079} & {index for index, _ in objects.types}
 
 
-def test_boot_up_then_silence_until_told() -> None:
-    _, tap, schedule = at_hand()
+def test_boot_up_then_silence() -> None:
+    _, tap, schedule = manual_rig()
     assert sorted(frame.identifier for frame in tap.heard) == [0x701, 0x702, 0x703]
     assert {frame.data for frame in tap.heard} == {b"\0"}
     schedule.run(1.0)
     assert len(tap.heard) == 3
 
 
-def test_heartbeats_tell_the_nmt_state() -> None:
-    rig, tap, schedule = at_hand()
+def test_heartbeats_report_the_nmt_state() -> None:
+    rig, tap, schedule = manual_rig()
     assert tap.write(HEAVE, 0x1017, 0, 50, 2) == 0
     for command, state in ((0, PRE_OPERATIONAL), (1, OPERATIONAL), (2, STOPPED), (128, 127)):
         tap.nmt(command, HEAVE)
@@ -82,8 +82,8 @@ def test_heartbeats_tell_the_nmt_state() -> None:
     assert tap.heard == []
 
 
-def test_reset_node_restores_all_reset_communication_only_its_own() -> None:
-    _, tap, schedule = at_hand()
+def test_reset_node_and_reset_communication_restore_their_objects() -> None:
+    _, tap, schedule = manual_rig()
     tap.write(HEAVE, 0x6007, 0, 0, 2)
     for command, kept in ((130, 5000), (129, 10000)):
         tap.write(HEAVE, 0x1017, 0, 100, 2)
@@ -96,8 +96,8 @@ def test_reset_node_restores_all_reset_communication_only_its_own() -> None:
         assert tap.read(HEAVE, 0x6087) == kept
 
 
-def test_stored_parameters_survive_a_reset_and_can_be_taken_back() -> None:
-    _, tap, schedule = at_hand()
+def test_stored_parameters_survive_a_reset_and_can_be_restored() -> None:
+    _, tap, schedule = manual_rig()
     assert tap.write(HEAVE, 0x1010, 1, 0x12345678, 4) == 0x08000020
     for index, signature, expected in ((0x1010, 0x65766173, 77), (0x1011, 0x64616F6C, 10000)):
         tap.write(HEAVE, 0x6087, 0, 77, 4)
@@ -125,12 +125,12 @@ def test_stored_parameters_survive_a_reset_and_can_be_taken_back() -> None:
     ],
 )
 def test_sdo_refusals(index: int, sub: int, value: int, octets: int, abort: int) -> None:
-    _, tap, _ = at_hand()
+    _, tap, _ = manual_rig()
     assert tap.write(HEAVE, index, sub, value, octets) == abort
 
 
-def test_a_map_that_cannot_be_is_refused() -> None:
-    _, tap, _ = at_hand()
+def test_invalid_pdo_mapping_is_refused() -> None:
+    _, tap, _ = manual_rig()
     assert tap.write(HEAVE, 0x1A02, 1, 0x60640020, 4) == 0x08000022  # count is not 0
     assert tap.write(HEAVE, 0x1A02, 0, 0, 1) == 0
     assert tap.write(HEAVE, 0x1A02, 1, 0x10180120, 4) == 0x06040041  # not mappable
@@ -144,7 +144,7 @@ def test_a_map_that_cannot_be_is_refused() -> None:
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=20))
-def test_no_frame_harms_a_node(frames: list[tuple[int, bytes]]) -> None:
+def test_any_frame_leaves_the_node_working(frames: list[tuple[int, bytes]]) -> None:
     _, tap, schedule = SHARED
     for identifier, data in frames:
         tap.send(identifier, data)
@@ -156,12 +156,12 @@ def test_no_frame_harms_a_node(frames: list[tuple[int, bytes]]) -> None:
     assert tap.read(HEAVE, 0x1000) == 0x00020192
 
 
-SHARED = at_hand()
+SHARED = manual_rig()
 
 
 @pytest.mark.parametrize(("type_", "count"), [(1, 20), (2, 10), (7, 2), (240, 0)])
 def test_synchronous_tpdos_come_with_every_nth_sync(type_: int, count: int) -> None:
-    _, tap, _ = at_hand()
+    _, tap, _ = manual_rig()
     map_tpdo(tap, HEAVE, 1, [0x60410010, 0x60640020], type=type_)
     tap.nmt(1)
     tap.cycle(count=20)
@@ -170,7 +170,7 @@ def test_synchronous_tpdos_come_with_every_nth_sync(type_: int, count: int) -> N
 
 
 def test_type_0_comes_with_sync_after_a_change() -> None:
-    _, tap, _ = at_hand()
+    _, tap, _ = manual_rig()
     map_tpdo(tap, HEAVE, 1, [0x60410010], type=0)
     tap.nmt(1)
     tap.cycle(count=10)
@@ -180,7 +180,7 @@ def test_type_0_comes_with_sync_after_a_change() -> None:
 
 
 def test_event_tpdos_keep_their_inhibit_time_and_timer() -> None:
-    _, tap, schedule = at_hand()
+    _, tap, schedule = manual_rig()
     map_tpdo(tap, HEAVE, 1, [0x60410010], type=255, inhibit=500)
     map_tpdo(tap, HEAVE, 2, [0x60FD0020], type=254, timer=100)
     tap.nmt(1)
@@ -194,8 +194,8 @@ def test_event_tpdos_keep_their_inhibit_time_and_timer() -> None:
     assert len(tap.of(0x281)) == 10
 
 
-def test_tpdos_may_come_later_than_sync() -> None:
-    rig, tap, schedule = at_hand()
+def test_tpdo_delay_after_sync() -> None:
+    rig, tap, schedule = manual_rig()
     rig.heave.inject("tpdo_delay", 0.0003)
     tap.nmt(1)
     tap.send(0x80)
@@ -205,7 +205,7 @@ def test_tpdos_may_come_later_than_sync() -> None:
 
 
 def test_synchronous_rpdos_act_with_the_next_sync_others_at_once() -> None:
-    rig, tap, _ = at_hand()
+    rig, tap, _ = manual_rig()
     tap.nmt(1)
     tap.send(0x201, rpdo(0x06))
     assert rig.heave.objects.get(0x6040) == 0x06
@@ -219,14 +219,14 @@ def test_synchronous_rpdos_act_with_the_next_sync_others_at_once() -> None:
 
 
 def test_pdos_flow_in_operational_only() -> None:
-    rig, tap, _ = at_hand()
+    rig, tap, _ = manual_rig()
     tap.cycle((0x201, rpdo(0x06)), count=3)
     assert tap.of(T1) == []
     assert rig.heave.objects.get(0x6040) == 0
 
 
 def test_a_pdo_of_wrong_length_is_an_emergency() -> None:
-    rig, tap, _ = at_hand()
+    rig, tap, _ = manual_rig()
     tap.nmt(1)
     tap.send(0x201, "0600")
     assert tap.last(0x81) == bytes.fromhex("1082 11 0000000000")
@@ -242,8 +242,8 @@ def test_a_pdo_of_wrong_length_is_an_emergency() -> None:
 
 
 @pytest.mark.parametrize(("behaviour", "state"), [(0, PRE_OPERATIONAL), (1, 5), (2, STOPPED)])
-def test_a_silent_master_is_noticed_in_time(behaviour: int, state: int) -> None:
-    rig, tap, schedule = at_hand()
+def test_silent_master_is_detected_in_time(behaviour: int, state: int) -> None:
+    rig, tap, schedule = manual_rig()
     assert tap.write(STATOR, 0x1016, 1, 0x7F << 16 | 200, 4) == 0
     assert tap.write(STATOR, 0x1029, 1, behaviour, 1) == 0
     tap.nmt(1)
@@ -259,8 +259,8 @@ def test_a_silent_master_is_noticed_in_time(behaviour: int, state: int) -> None:
     assert tap.last(0x83)[:3] == bytes.fromhex("3081 11")
 
 
-def test_a_heartbeat_that_is_back_ends_the_error() -> None:
-    _, tap, schedule = at_hand()
+def test_returning_heartbeat_clears_the_error() -> None:
+    _, tap, schedule = manual_rig()
     tap.write(HEAVE, 0x6007, 0, 0, 2)
     tap.write(HEAVE, 0x1016, 1, 0x7F << 16 | 200, 4)
     tap.send(0x77F, "05")
@@ -271,8 +271,8 @@ def test_a_heartbeat_that_is_back_ends_the_error() -> None:
     assert tap.read(HEAVE, 0x1001) == 0
 
 
-def test_nothing_but_nmt_and_heartbeat_while_stopped() -> None:
-    _, tap, _ = at_hand()
+def test_only_nmt_and_heartbeat_while_stopped() -> None:
+    _, tap, _ = manual_rig()
     tap.write(HEAVE, 0x1017, 0, 100, 2)
     tap.nmt(2)
     tap.heard.clear()

@@ -1,6 +1,6 @@
-"""Our conversations over our links against the emulated devices: two readings of each manual.
+"""The drivers against the emulated devices: two independent implementations of each manual.
 
-Driver and emulator share no line of code, so what works here was understood the same way twice.
+Driver and emulator share no code, so these tests confirm that both interpret the manual equally.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ from emulator_stage import Stage
 
 from drivers.compax3 import objects, servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object
-from drivers.compax3.objects import Channel
+from drivers.compax3.objects import ObjectChannel
 from drivers.compax3.requests import Timing
 from drivers.compax3.servo import Servo
 from drivers.compax3.servo_signals import Phase
-from drivers.compax3.values import Form
+from drivers.compax3.values import NumberFormat
 from drivers.conversation import Exchange
 from drivers.encoder import bridge_reader, unwrap
 from drivers.encoder.bridge_reader import BridgeReader, Quality
-from drivers.encoder.ssi import Protocol
+from drivers.encoder.ssi import SsiProtocol
 from drivers.force_torque import digital_reader, net_ft, net_reader
 from drivers.force_torque.digital_reader import DigitalReader
 from drivers.force_torque.load import Phase as LoadPhase
 from drivers.force_torque.net_reader import NetReader
-from drivers.force_torque.wrench import scale
+from drivers.force_torque.wrench import make_scale
 from drivers.serial_link import SerialLink
-from drivers.serial_link import Settings as Port
-from drivers.tcp_request import ask
-from drivers.udp_link import Settings as Peer
+from drivers.serial_link import SerialSettings as Port
+from drivers.tcp_request import send_request
 from drivers.udp_link import UdpLink
+from drivers.udp_link import UdpSettings as Peer
 from sim_plant.emulators.compax3 import Compax3
 from sim_plant.emulators.compax3_drive import DriveInput
 from sim_plant.emulators.compax3_objects import Compax3Settings
 from sim_plant.emulators.digital_ft import DigitalFt, DigitalFtSettings
-from sim_plant.emulators.encoder_bridge import Angles, BridgeSettings, EncoderBridge
+from sim_plant.emulators.encoder_bridge import BridgeSettings, EncoderBridge, ShaftAngles
 from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
 from sim_plant.emulators.ft_calibration import Wrench
 from sim_plant.emulators.net_ft import NetFt, NetFtSettings
@@ -48,8 +48,8 @@ TURN = math.tau  # rad: the drive counts motor revolutions
 LOAD = Wrench(12.0, -4.5, 300.0, 0.25, -7.5, 11.0)
 
 
-class Table:
-    """A conversation over its link, until something holds."""
+class DriverSession:
+    """A driver's conversation over its link, run until a condition holds."""
 
     def __init__(self, link: SerialLink | UdpLink, talk: Any) -> None:
         self.link, self.talk = link, talk
@@ -58,12 +58,12 @@ class Table:
 
     def turn(self) -> float:
         self.each()
-        return self.exchange.turn()
+        return self.exchange.step()
 
     def until(self, true: Callable[[float], object], within: float = 10.0) -> None:
         end = time.monotonic() + within
         while not true(now := self.turn()):
-            assert now < end, self.talk.explain(now) or self.link.trouble
+            assert now < end, self.talk.explain(now) or self.link.problem
             time.sleep(0.001)
 
     def run(self, seconds: float) -> None:
@@ -71,21 +71,24 @@ class Table:
         self.until(lambda now: now > end)
 
 
-def raw(number: int, sub: int, form: Form = Form.INT24, per_unit: float = 1.0) -> Channel:
-    return Channel(Object(number, sub), form, per_unit)
+def channel(
+    number: int, sub: int, form: NumberFormat = NumberFormat.INT24, per_unit: float = 1.0
+) -> ObjectChannel:
+    return ObjectChannel(Object(number, sub), form, per_unit)
 
 
-def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_signals.Settings:
-    return servo_signals.Settings(
-        "servo", address, "Compax3", raw(1100, 3), enabled, raw(1000, 3), raw(550, 1),
-        raw(1901, 1, Form.REAL48, 1.0 / TURN),
-        (raw(680, 5, Form.REAL48, 1.0 / TURN), raw(681, 5, Form.REAL48, 1.0 / TURN)),
-        limit=20.0, expiry=BUSY, stale=1.0, rising=2.0, timing=Timing(BUSY, 0.05),
+def servo_settings(enabled: int, address: int = NO_ADDRESS) -> servo_signals.ServoSettings:
+    return servo_signals.ServoSettings(
+        "servo", address, "Compax3", channel(1100, 3), enabled, channel(1000, 3), channel(550, 1),
+        channel(1901, 1, NumberFormat.REAL48, 1.0 / TURN),
+        tuple(channel(index, 5, NumberFormat.REAL48, 1.0 / TURN) for index in (680, 681)),
+        limit=20.0, set_point_timeout=BUSY, max_status_age=1.0, enable_timeout=2.0,
+        timing=Timing(BUSY, 0.05),
     )  # fmt: skip
 
 
 class Drive:
-    """An emulated servo drive whose plant follows at once."""
+    """An emulated servo drive whose plant follows without delay."""
 
     def __init__(self, stage: Stage, enabled: int = objects.POWERED_BIT, **settings: Any) -> None:
         self.written: dict[str, float] = {}
@@ -98,7 +101,7 @@ class Drive:
         address = settings.get("address")
         self.servo = Servo(servo_settings(enabled, NO_ADDRESS if address is None else address))
         self.link = SerialLink(Port("servo", self.device.address, 115_200, "N", 1))
-        self.table = Table(self.link, self.servo)
+        self.table = DriverSession(self.link, self.servo)
         self.want, self.enable = 0.0, 0
         self.table.each = self._renew
 
@@ -122,7 +125,7 @@ class Drive:
 @pytest.mark.parametrize(
     ("active_low", "enabled"), [(0, objects.POWERED_BIT), (1, objects.ENABLED)]
 )
-def test_a_servo_drive_goes_up_follows_and_comes_down(
+def test_servo_drive_enables_follows_and_disables(
     stage: Stage, active_low: int, enabled: int
 ) -> None:
     drive = Drive(stage, enabled, stop_bits_active_low=active_low)
@@ -157,7 +160,7 @@ def test_a_servo_drives_error_is_named_and_acknowledged_on_request(stage: Stage)
 
 
 @pytest.mark.parametrize("fault", ["silent", "wrong_crc", "late_answers"])
-def test_a_servo_drive_that_cannot_be_heard_is_stopped(stage: Stage, fault: str) -> None:
+def test_servo_drive_without_valid_answers_is_stopped(stage: Stage, fault: str) -> None:
     drive = Drive(stage)
     drive.up(5.0)
     stage.do(lambda: drive.device.faults.switch(fault))
@@ -169,7 +172,7 @@ def test_a_servo_drive_that_cannot_be_heard_is_stopped(stage: Stage, fault: str)
     drive.link.close()
 
 
-def test_a_pulled_servo_line_comes_back_down(stage: Stage) -> None:
+def test_servo_drive_is_off_after_reconnection(stage: Stage) -> None:
     drive = Drive(stage)
     drive.up(5.0)
     stage.do(lambda: drive.device.line.link.switch("disconnect"))
@@ -178,7 +181,7 @@ def test_a_pulled_servo_line_comes_back_down(stage: Stage) -> None:
     drive.table.until(lambda _: drive.link.is_open)
     drive.table.until(lambda _: drive.written["enabled"] == 0.0)
     drive.table.until(drive.phase(Phase.OFF))
-    assert "the line opened anew" in drive.servo.explain(drive.link.now())
+    assert "the port was opened again" in drive.servo.explain(drive.link.now())
     drive.link.close()
 
 
@@ -196,19 +199,19 @@ class Bridge:
         )  # fmt: skip
         turns = unwrap.Params(1 << 19, 3.0, 32.0)  # half a turn takes a second
         self.reader = BridgeReader(
-            bridge_reader.Settings(
+            bridge_reader.BridgeSettings(
                 "bridge",
-                bridge_reader.Channel(Protocol.SSI4, turns, 1.0),
-                bridge_reader.Channel(Protocol.SSI6, turns, 1.0),
-                least_delay=0.0, window=2.0, silent=BUSY,
+                bridge_reader.EncoderChannel(SsiProtocol.SSI4, turns, 1.0),
+                bridge_reader.EncoderChannel(SsiProtocol.SSI6, turns, 1.0),
+                min_delay=0.0, window=2.0, silence_timeout=BUSY,
             )
         )  # fmt: skip
         self.link = SerialLink(Port("bridge", self.device.address, 460_800, "N", 1))
-        self.table = Table(self.link, self.reader)
+        self.table = DriverSession(self.link, self.reader)
 
-    def angles(self) -> Angles:
+    def angles(self) -> ShaftAngles:
         now = time.monotonic() - self.began
-        return Angles(now, 2.0 * now, 0.5 * now)
+        return ShaftAngles(now, 2.0 * now, 0.5 * now)
 
     def good(self, now: float) -> bool:
         reading = self.reader.read(now)
@@ -222,11 +225,11 @@ def test_both_encoders_over_the_bridge(stage: Stage) -> None:
     bridge.table.until(lambda now: now > first + 1.0 and bridge.good(now))
     now = bridge.link.now()
     motor, shaft = bridge.reader.read(now)
-    # Both angles belong to one moment, and it is as old as told or a little younger.
+    # Both angles belong to one instant, whose age is at most the reported age.
     moment = motor.angle / 2.0
     assert shaft.angle == pytest.approx(0.5 * moment, abs=5e-5)
     assert now - bridge.began - moment <= motor.age + 1e-3
-    assert bridge.reader.counts.bad_frames == 0
+    assert bridge.reader.error_counts.bad_frames == 0
     bridge.link.close()
 
 
@@ -250,7 +253,7 @@ def test_an_encoders_fault_is_named(stage: Stage, which: str, fault: str, qualit
     bridge.link.close()
 
 
-def test_a_bridge_that_starts_anew_keeps_the_turns(stage: Stage) -> None:
+def test_restarted_bridge_keeps_the_turn_count(stage: Stage) -> None:
     bridge = Bridge(stage)
     bridge.table.until(bridge.good)
     bridge.table.run(0.3)
@@ -263,7 +266,9 @@ def test_a_bridge_that_starts_anew_keeps_the_turns(stage: Stage) -> None:
     bridge.link.close()
 
 
-def digital(stage: Stage, load: Callable[[], Wrench] = lambda: LOAD) -> tuple[DigitalFt, Table]:
+def digital_session(
+    stage: Stage, load: Callable[[], Wrench] = lambda: LOAD
+) -> tuple[DigitalFt, DriverSession]:
     device = stage.show(
         DigitalFt(
             stage.line("cell", baud=1_250_000, bits_per_byte=11),
@@ -272,30 +277,37 @@ def digital(stage: Stage, load: Callable[[], Wrench] = lambda: LOAD) -> tuple[Di
         )
     )
     reader = DigitalReader(
-        digital_reader.Settings(
-            "load cell", "FT00000", "N", "N-m", 32767, quiet=0.1, answer=BUSY, silence=BUSY
+        digital_reader.DigitalFtSettings(
+            "load cell",
+            "FT00000",
+            "N",
+            "N-m",
+            32767,
+            quiet_time=0.1,
+            answer_timeout=BUSY,
+            silence_timeout=BUSY,
         )
     )
     link = SerialLink(Port("load cell", device.address, 1_250_000, "E", 1))
-    return device, Table(link, reader)
+    return device, DriverSession(link, reader)
 
 
-def near(wrench: Any, wanted: tuple[float, ...], within: float) -> bool:
-    return all(abs(a - b) < within for a, b in zip(wrench, wanted, strict=True))
+def is_near(wrench: Any, expected: tuple[float, ...], within: float) -> bool:
+    return all(abs(a - b) < within for a, b in zip(wrench, expected, strict=True))
 
 
-def test_the_digital_load_cell_tells_the_load(stage: Stage) -> None:
+def test_digital_load_cell_reads_the_load(stage: Stage) -> None:
     """Tared without load, for its gauges have a bias; a count is worth up to 0.06 N."""
     loads = [Wrench()]
-    device, table = digital(stage, lambda: loads[0])
+    device, table = digital_session(stage, lambda: loads[0])
     reader = table.talk
     table.until(lambda now: reader.read(now).age < 0.2)
     reader.tare(50)
-    table.until(lambda now: near(reader.read(now).wrench, Wrench(), 1e-6))
+    table.until(lambda now: is_near(reader.read(now).wrench, Wrench(), 1e-6))
     loads[0] = LOAD
-    table.until(lambda now: near(reader.read(now).wrench, LOAD, 0.1))
+    table.until(lambda now: is_near(reader.read(now).wrench, LOAD, 0.1))
     wrench = reader.read(table.link.now()).wrench
-    assert near(wrench[3:], LOAD[3:], 0.005)
+    assert is_near(wrench[3:], LOAD[3:], 0.005)
     assert reader.calibration.part == "SI-700-30"
     assert device.streaming
     assert reader.counts.searches == 0
@@ -303,8 +315,8 @@ def test_the_digital_load_cell_tells_the_load(stage: Stage) -> None:
 
 
 @pytest.mark.parametrize("fault", ["stream_stops", "wrong_sum"])
-def test_the_digital_load_cells_stream_is_started_anew(stage: Stage, fault: str) -> None:
-    device, table = digital(stage)
+def test_digital_load_cell_stream_is_restarted(stage: Stage, fault: str) -> None:
+    device, table = digital_session(stage)
     reader = table.talk
     table.until(lambda now: reader.read(now).age < 0.2)
     stage.do(lambda: device.faults.switch(fault))
@@ -316,8 +328,8 @@ def test_the_digital_load_cells_stream_is_started_anew(stage: Stage, fault: str)
     table.link.close()
 
 
-def test_a_saturated_digital_load_cell_says_so(stage: Stage) -> None:
-    device, table = digital(stage)
+def test_digital_load_cell_reports_saturation(stage: Stage) -> None:
+    device, table = digital_session(stage)
     reader = table.talk
     table.until(lambda now: reader.read(now).age < 0.2)
     stage.do(lambda: device.faults.switch("saturated"))
@@ -327,40 +339,40 @@ def test_a_saturated_digital_load_cell_says_so(stage: Stage) -> None:
 
 
 @pytest.fixture
-def net(stage: Stage) -> tuple[NetFt, Table]:
+def net(stage: Stage) -> tuple[NetFt, DriverSession]:
     box = stage.show(
         NetFt(lambda: LOAD, NetFtSettings(port=0, tcp_port=0, http_port=0, rate=500.0))
     )
     host, port = box.address.split(":")
     reader = NetReader(
-        net_reader.Settings(
-            "load cell", scale(1e6, 1e6, "N", "N-m"), net_ft.NET_FT_BITS, 0, 7000.0, 0.05, BUSY
+        net_reader.NetFtSettings(
+            "load cell", make_scale(1e6, 1e6, "N", "N-m"), net_ft.NET_FT_BITS, 0, 7000.0, 0.05, BUSY
         )
     )
-    return box, Table(UdpLink(Peer("load cell", host, int(port))), reader)
+    return box, DriverSession(UdpLink(Peer("load cell", host, int(port))), reader)
 
 
-def test_the_net_load_cell_tells_the_load(net: tuple[NetFt, Table]) -> None:
+def test_net_load_cell_reads_the_load(net: tuple[NetFt, DriverSession]) -> None:
     _, table = net
     reader = table.talk
     table.until(lambda now: reader.read(now).age < 0.2)
-    assert near(reader.read(table.link.now()).wrench, LOAD, 1e-5)
+    assert is_near(reader.read(table.link.now()).wrench, LOAD, 1e-5)
     table.run(0.2)
     reader.tare_box()
-    table.until(lambda now: near(reader.read(now).wrench, Wrench(), 1e-5))
+    table.until(lambda now: is_near(reader.read(now).wrench, Wrench(), 1e-5))
     assert (reader.missing, reader.repeated, reader.bad_datagrams) == (0, 0, 0)
     table.link.close()
 
 
-def test_the_net_load_cells_scale_is_the_boxs_own_word(net: tuple[NetFt, Table]) -> None:
+def test_net_load_cell_scale_is_that_of_the_box(net: tuple[NetFt, DriverSession]) -> None:
     host, port = net[0].tcp.address.split(":")
-    said = ask("load cell", host, int(port), net_ft.READ_CALIBRATION, 24, 5.0)
-    assert net_ft.decode_calibration(said) == scale(1e6, 1e6, "N", "N-m")
+    reply = send_request("load cell", host, int(port), net_ft.READ_CALIBRATION, 24, 5.0)
+    assert net_ft.decode_calibration(reply) == make_scale(1e6, 1e6, "N", "N-m")
 
 
 @pytest.mark.parametrize("fault", ["silent", "short_records", "foreign_client"])
-def test_the_net_load_cells_stream_is_started_anew(
-    stage: Stage, net: tuple[NetFt, Table], fault: str
+def test_net_load_cell_stream_is_restarted(
+    stage: Stage, net: tuple[NetFt, DriverSession], fault: str
 ) -> None:
     box, table = net
     reader = table.talk
@@ -374,7 +386,7 @@ def test_the_net_load_cells_stream_is_started_anew(
     table.link.close()
 
 
-def test_a_saturated_net_load_cell_says_so(stage: Stage, net: tuple[NetFt, Table]) -> None:
+def test_net_load_cell_reports_saturation(stage: Stage, net: tuple[NetFt, DriverSession]) -> None:
     box, table = net
     reader = table.talk
     table.until(lambda now: reader.read(now).age < 0.2)
@@ -385,7 +397,7 @@ def test_a_saturated_net_load_cell_says_so(stage: Stage, net: tuple[NetFt, Table
 
 
 def test_datagrams_that_the_network_drops_are_counted(
-    stage: Stage, net: tuple[NetFt, Table]
+    stage: Stage, net: tuple[NetFt, DriverSession]
 ) -> None:
     box, table = net
     reader = table.talk

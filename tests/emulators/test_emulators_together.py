@@ -23,7 +23,7 @@ from sim_plant.emulators.compax3 import Compax3
 from sim_plant.emulators.compax3_drive import DriveInput
 from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.digital_ft import DigitalFt
-from sim_plant.emulators.encoder_bridge import Angles, EncoderBridge
+from sim_plant.emulators.encoder_bridge import EncoderBridge, ShaftAngles
 from sim_plant.emulators.encoder_words import Encoder
 from sim_plant.emulators.ft_calibration import Wrench
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
@@ -33,7 +33,7 @@ from sim_plant.emulators.net_ft import NetFt, NetFtSettings
 from sim_plant.emulators.power_analyser import PowerAnalyser, Terminals
 from sim_plant.emulators.running import Emulator, running
 from sim_plant.emulators.schedule import precise_loop
-from sim_plant.emulators.serial_line import LineSettings, SerialLine
+from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
 LISTS = {
@@ -51,7 +51,7 @@ LISTS = {
 
 
 def line(path: Path, baud: int = 115_200) -> SerialLine:
-    return SerialLine(LineSettings(path, baud))
+    return SerialLine(SerialLineSettings(path, baud))
 
 
 def bench(folder: Path, outputs: dict[str, float]) -> dict[str, Emulator]:
@@ -79,7 +79,7 @@ def bench(folder: Path, outputs: dict[str, float]) -> dict[str, Emulator]:
         ),
         "encoders": EncoderBridge(
             line(folder / "encoders", 460_800),
-            lambda: Angles(clock(), 1.0, 2.0),
+            lambda: ShaftAngles(clock(), 1.0, 2.0),
             Encoder(),
             Encoder(),
         ),
@@ -91,7 +91,7 @@ def bench(folder: Path, outputs: dict[str, float]) -> dict[str, Emulator]:
 def test_a_bench_starts_and_leaves_nothing_behind(tmp_path: Path) -> None:
     outputs: dict[str, float] = {}
 
-    async def show() -> dict[str, str]:
+    async def start_all() -> dict[str, str]:
         async with running(bench(tmp_path, outputs)) as addresses:
             await asyncio.sleep(0.1)
             there = {path.name for path in tmp_path.iterdir()}
@@ -100,7 +100,7 @@ def test_a_bench_starts_and_leaves_nothing_behind(tmp_path: Path) -> None:
         return addresses
 
     loop = precise_loop()
-    addresses = loop.run_until_complete(show())
+    addresses = loop.run_until_complete(start_all())
     loop.close()
     assert addresses["drive"] == str(tmp_path / "drive")
     assert addresses["outputs"].startswith("127.0.0.1:")
@@ -108,8 +108,8 @@ def test_a_bench_starts_and_leaves_nothing_behind(tmp_path: Path) -> None:
     assert outputs["brake"] == outputs["velocity"] == outputs["enabled"] == 0.0
 
 
-def test_one_that_cannot_start_closes_the_others(tmp_path: Path) -> None:
-    async def show() -> None:
+def test_failed_start_closes_the_other_emulators(tmp_path: Path) -> None:
+    async def start_all() -> None:
         emulators = bench(tmp_path, {})
         (tmp_path / "ft").write_text("mine")
         async with running(emulators):
@@ -117,49 +117,49 @@ def test_one_that_cannot_start_closes_the_others(tmp_path: Path) -> None:
 
     loop = precise_loop()
     with pytest.raises(FileExistsError):
-        loop.run_until_complete(show())
+        loop.run_until_complete(start_all())
     loop.close()
     assert [path.name for path in tmp_path.iterdir()] == ["ft"]
 
 
-def test_an_emulator_that_fails_says_so(tmp_path: Path) -> None:
+def test_failing_emulator_is_reported(tmp_path: Path) -> None:
     def broken() -> DriveInput:
-        if told is None:
+        if failures is None:
             return DriveInput()
         raise ZeroDivisionError
 
-    told: list[object] | None = None
+    failures: list[object] | None = None
 
-    async def show() -> None:
-        nonlocal told
+    async def start_all() -> None:
+        nonlocal failures
         drive = Compax3(line(tmp_path / "drive"), broken, lambda channel, value: None)
         async with running({"drive": drive}):
-            told = []
+            failures = []
             asyncio.get_running_loop().set_exception_handler(
-                lambda loop, context: told.append(context["exception"])
+                lambda loop, context: failures.append(context["exception"])
             )
             await asyncio.sleep(0.05)
 
     loop = precise_loop()
-    loop.run_until_complete(show())
+    loop.run_until_complete(start_all())
     loop.close()
-    assert [type(failure) for failure in told or []] == [ZeroDivisionError]
+    assert [type(failure) for failure in failures or []] == [ZeroDivisionError]
 
 
 @pytest.mark.parametrize("device", LISTS)
-def test_every_fault_is_named_and_told(device: str) -> None:
-    for name, told in LISTS[device].items():
+def test_every_fault_has_a_name_and_a_description(device: str) -> None:
+    for name, failures in LISTS[device].items():
         assert name == name.lower()
         assert " " not in name
-        assert len(told) > 10, name
+        assert len(failures) > 10, name
 
 
 def test_faults_are_switched_by_name() -> None:
     faults = DeviceFaults(encoder_words.FAULTS)
-    assert faults.listed() == encoder_words.FAULTS
+    assert faults.descriptions() == encoder_words.FAULTS
     faults.switch("stuck")
-    assert (faults.on("stuck"), faults.on("invalid")) == (True, False)
+    assert (faults.is_on("stuck"), faults.is_on("invalid")) == (True, False)
     faults.clear()
-    assert not faults.on("stuck")
+    assert not faults.is_on("stuck")
     with pytest.raises(ValueError, match="gremlins"):
         faults.switch("gremlins")

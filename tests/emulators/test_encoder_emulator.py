@@ -1,4 +1,4 @@
-"""Encoder words and the bridge's frames: golden bytes, faults, and the stream on a line."""
+"""SSI words and the bridge's frames: golden bytes, faults, and the stream on a line."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from emulator_stage import Stage
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_plant.emulators.encoder_bridge import Angles, BridgeSettings, EncoderBridge
-from sim_plant.emulators.encoder_words import Encoder, EncoderSettings, crc8, word
-from sim_plant.emulators.serial_line import LineSettings, SerialLine
+from sim_plant.emulators.encoder_bridge import BridgeSettings, EncoderBridge, ShaftAngles
+from sim_plant.emulators.encoder_words import Encoder, EncoderSettings, crc8, encode_word
+from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 
 TURN = 2.0 * math.pi
 EXAMPLE = bytes.fromhex(  # docs/encoder_bridge.md
@@ -30,24 +30,27 @@ def test_the_check_sum_of_ssi6(plain: int, crc: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("made", "bits"),
+    ("device", "bits"),
     [
-        (word(1, 0x12345, valid=True), "1 1 0000010010001101000101"),
-        (word(2, 0b0111, valid=True), "0000000000000000000111 1 0"),
-        (word(2, 0b0110, valid=False), "0000000000000000000110 0 1"),
-        (word(4, 370085, valid=True, stamp=291), "1 1 1011010010110100101 00100100011"),
-        (word(9, 1, valid=False, zero=False, stamp=2049), "0 0 0000000000000000001 00000000001"),
-        (word(6, 0, valid=True), "01000111 1 1 0000000000000000000000"),
+        (encode_word(1, 0x12345, valid=True), "1 1 0000010010001101000101"),
+        (encode_word(2, 0b0111, valid=True), "0000000000000000000111 1 0"),
+        (encode_word(2, 0b0110, valid=False), "0000000000000000000110 0 1"),
+        (encode_word(4, 370085, valid=True, stamp=291), "1 1 1011010010110100101 00100100011"),
+        (
+            encode_word(9, 1, valid=False, zero=False, stamp=2049),
+            "0 0 0000000000000000001 00000000001",
+        ),
+        (encode_word(6, 0, valid=True), "01000111 1 1 0000000000000000000000"),
     ],
 )
-def test_words_bit_by_bit(made: int, bits: str) -> None:
-    assert made == int(bits.replace(" ", ""), 2)
+def test_ssi_words_bit_by_bit(device: int, bits: str) -> None:
+    assert device == int(bits.replace(" ", ""), 2)
 
 
 @pytest.mark.parametrize(("protocol", "position"), [(7, 0), (4, 1 << 19), (1, -1)])
-def test_words_that_do_not_exist(protocol: int, position: int) -> None:
+def test_invalid_ssi_words_are_refused(protocol: int, position: int) -> None:
     with pytest.raises(ValueError, match="SSI"):
-        word(protocol, position, valid=True)
+        encode_word(protocol, position, valid=True)
 
 
 @given(st.floats(-1.0e4, 1.0e4))
@@ -58,7 +61,7 @@ def test_counts_follow_the_angle(angle: float) -> None:
     assert -1.0e-9 <= rest < step + 1.0e-9
 
 
-def test_an_encoder_mounted_the_other_way() -> None:
+def test_encoder_with_reversed_mounting() -> None:
     encoder = Encoder(EncoderSettings(protocol=1, sign=-1, zero=100))
     assert encoder.count(0.0) == 100
     assert encoder.count(TURN / 4) == 100 - 2**17 + 2**19
@@ -81,13 +84,13 @@ def test_faults_of_an_encoder(fault: str, first: tuple[int, ...], second: tuple[
     encoder = Encoder()
     encoder.faults.switch(fault)
     for place, expected in enumerate((first, second)):
-        made = encoder.latch(place * 1024.5 * TURN / 2**19, 0.001 * place)
-        assert made is not None
-        assert (made >> 31, made >> 30 & 1, made >> 11 & 0x7FFFF, made & 0x7FF) == expected
+        device = encoder.latch(place * 1024.5 * TURN / 2**19, 0.001 * place)
+        assert device is not None
+        assert (device >> 31, device >> 30 & 1, device >> 11 & 0x7FFFF, device & 0x7FF) == expected
 
 
 @pytest.mark.parametrize("protocol", [2, 6])
-def test_a_wrong_check(protocol: int) -> None:
+def test_wrong_check_sum_or_parity(protocol: int) -> None:
     encoder = Encoder(EncoderSettings(protocol=protocol))
     good = encoder.latch(1.0, 0.0)
     encoder.faults.switch("wrong_crc")
@@ -101,7 +104,7 @@ def test_a_wrong_check(protocol: int) -> None:
 
 def bridge(read: object, line: SerialLine | None = None, **settings: object) -> EncoderBridge:
     return EncoderBridge(
-        line or SerialLine(LineSettings(Path("/nowhere/bridge"), 460_800)),
+        line or SerialLine(SerialLineSettings(Path("/nowhere/bridge"), 460_800)),
         read,  # type: ignore[arg-type]
         Encoder(EncoderSettings(protocol=4)),
         Encoder(EncoderSettings(protocol=1)),
@@ -112,16 +115,16 @@ def bridge(read: object, line: SerialLine | None = None, **settings: object) -> 
 def test_the_documents_example() -> None:
     """Frame 258 at 1 s: motor SSI4 count 370085, stamp 291; shaft SSI1 count 74565."""
     step = TURN / 2**19
-    now = [Angles(0.0, 0.0, 0.0)]
-    made = bridge(lambda: now[0], first_number=257, start_us=0)
-    made.latch()
-    now[0] = Angles(1.0, 370085.5 * step, 74565.5 * step)
-    frame = made.latch()
+    now = [ShaftAngles(0.0, 0.0, 0.0)]
+    device = bridge(lambda: now[0], first_number=257, start_us=0)
+    device.latch()
+    now[0] = ShaftAngles(1.0, 370085.5 * step, 74565.5 * step)
+    frame = device.latch()
     assert frame is not None
     stamp = 100_000 & 0x7FF  # 1 s in 10 us: an encoder's stamp runs free, the document's is 291
     motor = 0xED2D2800 | stamp
     body = EXAMPLE[2:16] + struct.pack(">I", motor) + EXAMPLE[20:24]
-    # binascii's CRC is the same polynomial, written by others
+    # binascii's CRC has the same polynomial and is independent
     assert frame == EXAMPLE[:2] + body + binascii.crc_hqx(body, 0xFFFF).to_bytes(2, "big")
     assert binascii.crc_hqx(EXAMPLE[2:24], 0xFFFF).to_bytes(2, "big") == EXAMPLE[24:]
 
@@ -135,38 +138,38 @@ def status(frame: bytes | None) -> tuple[int, int]:
 def test_flags_of_start_skipped_periods_and_silent_encoders() -> None:
     clock = [0.0]
 
-    def read() -> Angles:
+    def read() -> ShaftAngles:
         clock[0] += 0.001
-        return Angles(clock[0], 0.0, 0.0)
+        return ShaftAngles(clock[0], 0.0, 0.0)
 
-    made = bridge(read, first_number=65534)
-    assert status(made.latch()) == (8, 65534)
-    made.skip(2)
-    assert status(made.latch()) == (4, 1)
-    made.shaft.faults.switch("no_answer")
-    assert status(made.latch()) == (2, 2)
-    made.motor.faults.switch("no_answer")
-    assert status(made.latch()) == (3, 3)
-    clock[0] -= 0.001  # the source stands still
-    assert made.latch() is None
-    assert status(made.latch()) == (7, 5)
+    device = bridge(read, first_number=65534)
+    assert status(device.latch()) == (8, 65534)
+    device.skip(2)
+    assert status(device.latch()) == (4, 1)
+    device.shaft.faults.switch("no_answer")
+    assert status(device.latch()) == (2, 2)
+    device.motor.faults.switch("no_answer")
+    assert status(device.latch()) == (3, 3)
+    clock[0] -= 0.001  # the source's time does not advance
+    assert device.latch() is None
+    assert status(device.latch()) == (7, 5)
 
 
 @pytest.mark.parametrize(
-    ("fault", "place", "seen"),
+    ("fault", "place", "expected_byte"),
     [("wrong_version", 2, 2), ("stuck_sequence", 5, 0), ("restarted", 3, 8)],
 )
-def test_faults_of_the_bridge(fault: str, place: int, seen: int) -> None:
+def test_faults_of_the_bridge(fault: str, place: int, expected_byte: int) -> None:
     clock = iter(range(1, 100))
-    made = bridge(lambda: Angles(0.001 * next(clock), 0.0, 0.0))
-    made.faults.switch(fault)
-    made.latch()
-    frame = made.latch()
+    device = bridge(lambda: ShaftAngles(0.001 * next(clock), 0.0, 0.0))
+    device.faults.switch(fault)
+    device.latch()
+    frame = device.latch()
     assert frame is not None
-    assert frame[place] == seen
+    assert frame[place] == expected_byte
     assert binascii.crc_hqx(frame[2:24], 0xFFFF) == int.from_bytes(frame[24:], "big")
-    made.faults.switch("wrong_crc")
-    frame = made.latch()
+    device.faults.switch("wrong_crc")
+    frame = device.latch()
     assert frame is not None
     assert binascii.crc_hqx(frame[2:24], 0xFFFF) != int.from_bytes(frame[24:], "big")
 
@@ -175,12 +178,12 @@ def test_the_stream_on_a_line(stage: Stage) -> None:
     """At 500 Hz: whole frames, numbers and stamps that agree, and time that is the source's."""
     start = time.monotonic()
 
-    def read() -> Angles:
+    def read() -> ShaftAngles:
         now = time.monotonic() - start
-        return Angles(now, now, now / 15.0)
+        return ShaftAngles(now, now, now / 15.0)
 
-    made = stage.show(bridge(read, stage.line("bridge", baud=460_800, chunk=7), rate=500.0))
-    with serial.Serial(made.address, 460_800, timeout=5.0) as port:
+    device = stage.show(bridge(read, stage.line("bridge", baud=460_800, chunk=7), rate=500.0))
+    with serial.Serial(device.address, 460_800, timeout=5.0) as port:
         port.reset_input_buffer()
         data = port.read(26 * 101)
     begin = data.index(EXAMPLE[:3])
@@ -206,11 +209,11 @@ def test_the_stream_on_a_line(stage: Stage) -> None:
     assert [t // 10 & 0x7FF for t in times] == pytest.approx(stamps, abs=1)
 
 
-def test_a_silent_bridge_goes_on_counting() -> None:
+def test_silent_bridge_continues_counting() -> None:
     clock = iter(range(1, 100))
-    made = bridge(lambda: Angles(0.001 * next(clock), 0.0, 0.0))
-    assert status(made.latch()) == (8, 0)
-    made.faults.switch("silent")
-    assert made.latch() is None
-    made.faults.clear()
-    assert status(made.latch()) == (0, 2)
+    device = bridge(lambda: ShaftAngles(0.001 * next(clock), 0.0, 0.0))
+    assert status(device.latch()) == (8, 0)
+    device.faults.switch("silent")
+    assert device.latch() is None
+    device.faults.clear()
+    assert status(device.latch()) == (0, 2)

@@ -1,29 +1,29 @@
-"""A node that sends in the name of others: what the bus and the drive see of each of its faults."""
+"""A node that sends other nodes' frames: visible effects of each of its faults."""
 
 from __future__ import annotations
 
-from can_rig import DT, HEAVE, Tap, at_hand, enable, rpdo
+from can_rig import DT, HEAVE, BusProbe, enable, manual_rig, rpdo
 from test_canopen_node import map_tpdo
 
 from sim_plant.emulators.cia402 import State
 from sim_plant.emulators.foreign_node import CURRENT, ForeignNode
-from sim_plant.emulators.node_port import Nmt
+from sim_plant.emulators.node_port import NmtState
 
 RUN = 0x0F
 
 
-def follow(tap: Tap, foreign: ForeignNode, count: int, target: int = 0) -> None:
-    """Cycles of the rig's own master, half a millisecond before the foreign one's."""
+def follow(tap: BusProbe, foreign: ForeignNode, count: int, target: int = 0) -> None:
+    """Run cycles of the rig's own master, half a millisecond before those of the foreign node."""
     for _ in range(count):
         tap.send(0x200 + HEAVE, rpdo(RUN, target))
         tap.schedule.run(0.5 * DT)
-        foreign.tend()
+        foreign.poll()
         tap.schedule.run(0.5 * DT)
         tap.send(0x80)
 
 
 def test_each_fault_is_seen_and_ends() -> None:
-    rig, tap, schedule = at_hand()
+    rig, tap, schedule = manual_rig()
     foreign = ForeignNode(rig.heave, rig.hub, schedule)
     map_tpdo(tap, HEAVE, 1, [0x60410010, 0x60640020])
     tap.nmt(1)
@@ -63,5 +63,5 @@ def test_each_fault_is_seen_and_ends() -> None:
 
     foreign.faults.switch("nmt")
     follow(tap, foreign, 5)
-    assert rig.heave.port.nmt is Nmt.STOPPED
-    assert rig.surge.port.nmt is Nmt.OPERATIONAL
+    assert rig.heave.port.nmt is NmtState.STOPPED
+    assert rig.surge.port.nmt is NmtState.OPERATIONAL

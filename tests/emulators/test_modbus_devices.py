@@ -1,4 +1,4 @@
-"""Analyser, amplifier and coupler: their own clocks, their watchdog, their faults."""
+"""Analyser, amplifier and coupler: clocks, watchdog, faults."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from emulator_stage import Stage, until
 
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, IoCoupler
-from sim_plant.emulators.modbus_pdu import RefusalError, Table
+from sim_plant.emulators.modbus_pdu import ModbusRefusalError, Table
 from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.module_watchdog import ModuleWatchdog, Status
@@ -22,7 +22,7 @@ from sim_plant.emulators.power_analyser import (
     AnalyserSettings,
     PowerAnalyser,
     Terminals,
-    Wiring,
+    TerminalValues,
 )
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -34,7 +34,7 @@ def value(unit: ModbusUnit, table: Table, address: int) -> float:
 
 def moving(clock: list[float]) -> Terminals:
     """Power rises by 100 W each second."""
-    return Terminals(clock[0], Wiring(power=100.0 * clock[0]))
+    return Terminals(clock[0], TerminalValues(power=100.0 * clock[0]))
 
 
 def run(unit: ModbusUnit, clock: list[float], until_: float, step: float = 0.001) -> None:
@@ -43,9 +43,9 @@ def run(unit: ModbusUnit, clock: list[float], until_: float, step: float = 0.001
         unit.advance(clock[0])
 
 
-def test_the_analyser_gives_means_of_whole_periods_late() -> None:
+def test_analyser_publishes_delayed_period_means() -> None:
     clock = [0.0]
-    settings = AnalyserSettings(update=0.2, lag=0.05)
+    settings = AnalyserSettings(update_period=0.2, lag=0.05)
     unit = PowerAnalyser(lambda: moving(clock), settings)
     run(unit, clock, 1.04)
     assert value(unit, Table.INPUT, 104) == pytest.approx(100.0 * 0.7, abs=0.2)  # 0.6 to 0.8 s
@@ -54,45 +54,45 @@ def test_the_analyser_gives_means_of_whole_periods_late() -> None:
     assert value(unit, Table.INPUT, 104) == pytest.approx(100.0 * 0.9, abs=0.2)
     assert unit.read(Table.INPUT, 1, 1)[0] == counter + 1
     upper, lower = unit.read(Table.INPUT, 2, 2)
-    assert upper << 16 | lower == pytest.approx(1050, abs=3)  # ms of its own clock
+    assert upper << 16 | lower == pytest.approx(1050, abs=3)  # ms of the analyser's clock
 
 
-def test_a_source_with_its_own_periods_is_passed_on_once_each() -> None:
-    reading = [Terminals(0.0, Wiring(power=1.0))]
-    unit = PowerAnalyser(lambda: reading[0], AnalyserSettings(update=0.0))
+def test_each_period_of_the_source_is_published_once() -> None:
+    reading = [Terminals(0.0, TerminalValues(power=1.0))]
+    unit = PowerAnalyser(lambda: reading[0], AnalyserSettings(update_period=0.0))
     for k in range(10):
         unit.advance(0.01 * k)
     assert unit.updates == 1
-    reading[0] = Terminals(0.1, Wiring(power=2.0))
+    reading[0] = Terminals(0.1, TerminalValues(power=2.0))
     unit.advance(0.2)
     unit.advance(0.3)
     assert (unit.updates, value(unit, Table.INPUT, 104)) == (2, 2.0)
 
 
 @pytest.mark.parametrize(
-    ("fault", "seen"),
+    ("fault", "expected"),
     [("over_range", math.inf), ("no_data", math.nan), ("frozen_values", 0.0)],
 )
-def test_faults_of_the_analyser(fault: str, seen: float) -> None:
+def test_faults_of_the_analyser(fault: str, expected: float) -> None:
     clock = [0.0]
-    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update=0.1))
+    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update_period=0.1))
     unit.faults.switch(fault)
     run(unit, clock, 0.5)
-    assert value(unit, Table.INPUT, 104) == pytest.approx(seen, nan_ok=True)
+    assert value(unit, Table.INPUT, 104) == pytest.approx(expected, nan_ok=True)
 
 
 def test_a_stuck_counter() -> None:
     clock = [0.0]
-    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update=0.1))
+    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update_period=0.1))
     unit.faults.switch("counter_stuck")
     run(unit, clock, 0.35)
     assert unit.read(Table.INPUT, 1, 1) == [0]
     assert value(unit, Table.INPUT, 104) > 10.0
 
 
-def test_values_that_stand_still_under_a_counter_that_goes_on() -> None:
+def test_stuck_values_with_a_running_counter() -> None:
     clock = [0.0]
-    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update=0.1))
+    unit = PowerAnalyser(lambda: moving(clock), AnalyserSettings(update_period=0.1))
     run(unit, clock, 0.35)
     before = value(unit, Table.INPUT, 104)
     assert before > 10.0
@@ -105,15 +105,15 @@ def test_values_that_stand_still_under_a_counter_that_goes_on() -> None:
 def test_every_other_request_is_refused_as_busy() -> None:
     unit = StrainAmplifier(lambda: (1.0,), AmplifierSettings(2.0))
     unit.faults.switch("half_busy")
-    asked = bytes((3, 1, 0, 0, 2))
-    answers = [unit.serve(asked, 0.001 * k) for k in range(6)]
+    request = bytes((3, 1, 0, 0, 2))
+    answers = [unit.serve(request, 0.001 * k) for k in range(6)]
     codes = [answer.pdu[:2] if answer is not None else b"" for answer in answers]
     assert [code == bytes((0x83, 6)) for code in codes] == [False, True] * 3
 
 
 def test_swapped_words_of_a_known_voltage_are_not_plausible() -> None:
     unit = PowerAnalyser(
-        lambda: Terminals(0.0, Wiring(voltage=230.0)), AnalyserSettings(update=0.0)
+        lambda: Terminals(0.0, TerminalValues(voltage=230.0)), AnalyserSettings(update_period=0.0)
     )
     unit.advance(0.0)
     unit.faults.switch("swapped_words")
@@ -133,20 +133,20 @@ def test_an_amplifier_holds_between_its_samples() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "seen", "counts"),
+    ("fault", "expected", "counts"),
     [
         ("saturated", 100.0, 100_000),
         ("saturated_negative", -100.0, -100_000),
         ("nan", math.nan, 0x7FFFFFFF),
     ],
 )
-def test_faults_of_an_amplifier(fault: str, seen: float, counts: int) -> None:
+def test_faults_of_an_amplifier(fault: str, expected: float, counts: int) -> None:
     unit = StrainAmplifier(lambda: (3.0,), AmplifierSettings(rating=100.0))
     unit.faults.switch(fault)
     unit.advance(1.0)
-    assert value(unit, Table.HOLDING, 0x100) == pytest.approx(seen, nan_ok=True)
-    words = struct.pack(">HH", *unit.read(Table.HOLDING, 0x300, 2))
-    assert struct.unpack(">i", words)[0] == counts
+    assert value(unit, Table.HOLDING, 0x100) == pytest.approx(expected, nan_ok=True)
+    registers = struct.pack(">HH", *unit.read(Table.HOLDING, 0x300, 2))
+    assert struct.unpack(">i", registers)[0] == counts
 
 
 def test_a_load_beyond_the_rating_saturates() -> None:
@@ -167,44 +167,44 @@ def test_the_watchdogs_registers() -> None:
     dog = started()
     assert dog.read(0x1006) == Status.ACTIVE
     for address in (0x1000, 0x1001):
-        with pytest.raises(RefusalError):
+        with pytest.raises(ModbusRefusalError):
             dog.write(address, 9, 0.1)  # not while it runs
     dog.write(0x1003, 1, 0.4)  # the same value is no trigger
-    assert not dog.run_out(0.49)
-    assert dog.run_out(0.5)
-    assert not dog.run_out(0.6)
+    assert not dog.check_expired(0.49)
+    assert dog.check_expired(0.5)
+    assert not dog.check_expired(0.6)
     assert dog.read(0x1006) == Status.EXHAUSTED
     dog.write(0x1007, 1, 1.0)
     assert dog.read(0x1006) == Status.ACTIVE
     dog.write(0x1005, 0xAAAA, 1.1)
     dog.write(0x1005, 0x5555, 1.1)
     assert dog.read(0x1006) == Status.NOT_ACTIVE
-    assert not dog.run_out(99.0)
+    assert not dog.check_expired(99.0)
 
 
-def test_the_watchdog_is_fed_by_changes_and_by_masked_functions() -> None:
+def test_watchdog_is_renewed_by_changes_and_masked_functions() -> None:
     dog = ModuleWatchdog()
     dog.write(0x1003, 1, 0.0)
     assert dog.status is Status.NOT_ACTIVE  # no time is set
     dog.write(0x1000, 5, 0.0)
     dog.write(0x1001, 1 << 15, 0.0)
-    dog.heard(16, 0.0)
+    dog.on_request(16, 0.0)
     assert dog.status is Status.NOT_ACTIVE
     dog.write(0x1003, 2, 0.0)
-    dog.heard(16, 0.3)
-    dog.heard(3, 0.7)
-    assert not dog.run_out(0.79)
+    dog.on_request(16, 0.3)
+    dog.on_request(3, 0.7)
+    assert not dog.check_expired(0.79)
     assert dog.read(0x1004) == 2  # 0.2 s were left when it was fed
-    assert dog.run_out(0.8)
+    assert dog.check_expired(0.8)
 
 
-def test_the_other_watchdog_lives_on_any_request() -> None:
+def test_alternative_watchdog_is_renewed_by_any_request() -> None:
     dog = ModuleWatchdog()
     dog.write(0x1000, 2, 0.0)
     dog.write(0x100A, 1, 0.0)
-    dog.heard(3, 0.0)
-    assert dog.run_out(0.2)
-    dog.heard(3, 1.0)
+    dog.on_request(3, 0.0)
+    assert dog.check_expired(0.2)
+    dog.on_request(3, 1.0)
     assert dog.status is Status.ACTIVE
 
 
@@ -219,7 +219,7 @@ def wire(unit: IoCoupler, pdu: str, now: float) -> bytes:
     return reply.pdu
 
 
-def test_an_exhausted_module_refuses_outputs_until_it_is_restarted() -> None:
+def test_expired_module_refuses_outputs_until_restart() -> None:
     written: dict[str, float] = {}
     unit = module(written)
     for pdu in ("06 1000 0003", "06 1003 0001", "06 0000 7FFF", "05 0000 FF00"):
@@ -250,7 +250,7 @@ def test_faults_of_the_module(fault: str, status: int, brake: float) -> None:
     assert written["brake"] == brake
 
 
-def test_outputs_fall_when_the_host_is_killed(stage: Stage) -> None:
+def test_outputs_are_zeroed_when_the_host_is_killed(stage: Stage) -> None:
     written: dict[str, float] = {}
     fallen: list[float] = []
 
@@ -275,7 +275,7 @@ def test_outputs_fall_when_the_host_is_killed(stage: Stage) -> None:
     assert written["brake"] == 0.0
 
 
-def test_connections_end_with_the_watchdog_where_it_is_set_so(stage: Stage) -> None:
+def test_watchdog_closes_connections_if_configured(stage: Stage) -> None:
     unit = module({})
     server = stage.show(TcpUnits({1: unit}))
     with socket.create_connection((server.host, server.port), timeout=5.0) as host:
@@ -288,7 +288,7 @@ def test_connections_end_with_the_watchdog_where_it_is_set_so(stage: Stage) -> N
     assert unit.watchdog.status is Status.EXHAUSTED
 
 
-def test_stuck_outputs_are_read_back_as_if_they_had_moved() -> None:
+def test_stuck_outputs_read_back_the_written_values() -> None:
     written: dict[str, float] = {}
     unit = module(written)
     wire(unit, "06 0000 1000", 0.0)

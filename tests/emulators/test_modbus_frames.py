@@ -1,4 +1,4 @@
-"""Requests and answers byte by byte: makers' frames, the standard's examples, noise."""
+"""Requests and answers byte by byte: manufacturers' frames, examples of the standard, noise."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from emulator_stage import Stage
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_plant.emulators.modbus_pdu import Table, answer
-from sim_plant.emulators.modbus_rtu import RtuLine, RtuReceiver, RtuSettings, crc16, framed
+from sim_plant.emulators.modbus_pdu import Table, answer_request
+from sim_plant.emulators.modbus_rtu import RtuLine, RtuReceiver, RtuSettings, crc16, encode_frame
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -21,24 +21,24 @@ FLOAT_REQUEST = bytes.fromhex("01 03 01 00 00 02 C5 F7")
 
 
 def unit() -> ModbusUnit:
-    made = ModbusUnit()
+    device = ModbusUnit()
     for address, value in ((0x6B, 555), (0x6C, 0), (0x6D, 100), (4, 0x12)):
-        made.put(Table.HOLDING, address, value)
+        device.put(Table.HOLDING, address, value)
     for place in range(0x13, 0x13 + 19):
-        made.put(Table.COILS, place, 0xCD6B05 >> (23 - (place - 0x13)) & 1)
-    made.writable = {(Table.HOLDING, address) for address in (1, 2, 4)}
-    made.writable |= {(Table.COILS, address) for address in range(0x13, 0x1D)}
-    return made
+        device.put(Table.COILS, place, 0xCD6B05 >> (23 - (place - 0x13)) & 1)
+    device.writable = {(Table.HOLDING, address) for address in (1, 2, 4)}
+    device.writable |= {(Table.COILS, address) for address in range(0x13, 0x1D)}
+    return device
 
 
 @pytest.mark.parametrize("frame", [INT32_REQUEST, FLOAT_REQUEST])
-def test_the_makers_frames_are_requests(frame: bytes) -> None:
+def test_manufacturer_frames_are_valid_requests(frame: bytes) -> None:
     assert crc16(frame[:-2]).to_bytes(2, "little") == frame[-2:]
-    assert framed(frame[0], frame[1:-2]) == frame
+    assert encode_frame(frame[0], frame[1:-2]) == frame
     assert RtuReceiver(RtuSettings()).feed(frame, 0.0) == [(1, frame[1:-2])]
 
 
-def test_an_amplifier_answers_the_makers_frames() -> None:
+def test_amplifier_answers_the_manufacturer_frames() -> None:
     amplifier = StrainAmplifier(lambda: (12.5, -3.0), AmplifierSettings(rating=2000.0))
     for request, value in ((FLOAT_REQUEST, ">f"), (INT32_REQUEST, ">i")):
         reply = amplifier.serve(request[1:-2], 1.0)
@@ -56,10 +56,10 @@ def test_an_amplifier_answers_the_makers_frames() -> None:
         ("16 0004 00F2 0025", "16 0004 00F2 0025"),
         ("05 0013 FF00", "05 0013 FF00"),
         ("0F 0013 000A 02 CD 01", "0F 0013 000A"),
-        ("03 0070 0001", "83 02"),  # nothing there
-        ("03 006C 0003", "83 02"),  # half of it there
-        ("06 006B 0001", "86 02"),  # to be read only
-        ("10 0002 0002 04 000A 0102", "90 02"),  # one of two may be written: none is
+        ("03 0070 0001", "83 02"),  # undefined
+        ("03 006C 0003", "83 02"),  # partly undefined
+        ("06 006B 0001", "86 02"),  # read-only
+        ("10 0002 0002 04 000A 0102", "90 02"),  # one of two is read-only: none is written
         ("03 006B 0000", "83 03"),
         ("03 006B 007E", "83 03"),
         ("10 0001 0002 03 000A 01", "90 03"),
@@ -70,49 +70,51 @@ def test_an_amplifier_answers_the_makers_frames() -> None:
     ],
 )
 def test_the_standards_examples(request_: str, reply: str) -> None:
-    assert answer(unit(), bytes.fromhex(request_)).hex() == bytes.fromhex(reply).hex()
+    assert answer_request(unit(), bytes.fromhex(request_)).hex() == bytes.fromhex(reply).hex()
 
 
 def test_a_mask_write_changes_its_bits() -> None:
-    made = unit()
-    answer(made, bytes.fromhex("16 0004 00F2 0025"))
-    assert made.read(Table.HOLDING, 4, 1) == [0x17]  # the standard's own result
-    answer(made, bytes.fromhex("10 0002 0002 04 000A 0102"))
-    assert answer(made, bytes.fromhex("03 0002 0001")) == b"\x83\x02"  # refused: not even begun
+    device = unit()
+    answer_request(device, bytes.fromhex("16 0004 00F2 0025"))
+    assert device.read(Table.HOLDING, 4, 1) == [0x17]  # the standard's own result
+    answer_request(device, bytes.fromhex("10 0002 0002 04 000A 0102"))
+    assert (
+        answer_request(device, bytes.fromhex("03 0002 0001")) == b"\x83\x02"
+    )  # refused without a partial write
 
 
 def test_bits_are_packed_from_the_lowest() -> None:
-    made = unit()
-    answer(made, bytes.fromhex("0F 0013 000A 02 CD 01"))
-    assert answer(made, bytes.fromhex("01 0013 000A")) == bytes.fromhex("01 02 CD 01")
+    device = unit()
+    answer_request(device, bytes.fromhex("0F 0013 000A 02 CD 01"))
+    assert answer_request(device, bytes.fromhex("01 0013 000A")) == bytes.fromhex("01 02 CD 01")
 
 
-def test_frames_are_found_in_pieces_and_in_a_row() -> None:
+def test_frames_in_pieces_and_in_sequence() -> None:
     receiver = RtuReceiver(RtuSettings())
-    found = [
+    frames = [
         frame for k in range(8) for frame in receiver.feed(INT32_REQUEST[k : k + 1], 0.001 * k)
     ]
-    assert found == [(1, INT32_REQUEST[1:-2])]
+    assert frames == [(1, INT32_REQUEST[1:-2])]
     assert len(receiver.feed(INT32_REQUEST + FLOAT_REQUEST, 0.01)) == 2
 
 
-def test_noise_spoils_until_silence() -> None:
+def test_noise_is_skipped_until_silence() -> None:
     receiver = RtuReceiver(RtuSettings())
     assert receiver.feed(INT32_REQUEST[:-1] + b"\0" + FLOAT_REQUEST, 0.0) == []
-    assert receiver.bad == 1
+    assert receiver.bad_frames == 1
     assert receiver.feed(FLOAT_REQUEST, 0.01) == []
     assert len(receiver.feed(FLOAT_REQUEST, 0.05)) == 1
 
 
-def test_half_a_frame_is_forgotten_after_silence() -> None:
+def test_partial_frame_is_discarded_after_silence() -> None:
     receiver = RtuReceiver(RtuSettings())
     assert receiver.feed(INT32_REQUEST[:5], 0.0) == []
     assert len(receiver.feed(INT32_REQUEST, 0.1)) == 1
-    assert receiver.half == 1
+    assert receiver.truncated_frames == 1
 
 
-def test_a_function_nobody_knows_is_still_a_frame() -> None:
-    frame = framed(3, b"\x41\x01\x02\x03")
+def test_unknown_function_is_still_a_frame() -> None:
+    frame = encode_frame(3, b"\x41\x01\x02\x03")
     assert RtuReceiver(RtuSettings()).feed(frame, 0.0) == [(3, b"\x41\x01\x02\x03")]
 
 
@@ -136,7 +138,7 @@ def test_after_any_noise_and_silence_a_request_is_found(noise: list[tuple[bytes,
 
 
 @pytest.mark.parametrize(
-    ("fault", "words"),
+    ("fault", "expected_words"),
     [
         ("swapped_words", [0x0000, 0x4148]),
         ("half_words", [0x0000, 0x0000]),
@@ -145,40 +147,40 @@ def test_after_any_noise_and_silence_a_request_is_found(noise: list[tuple[bytes,
         ("busy", 6),
     ],
 )
-def test_faults_of_any_unit(fault: str, words: list[int] | int | None) -> None:
-    made = ModbusUnit()
-    made.put_float(Table.INPUT, 10, 12.5)
-    made.faults.switch(fault)
-    reply = made.serve(bytes.fromhex("04 000A 0002"), 0.0)
-    if words is None:
+def test_faults_of_any_unit(fault: str, expected_words: list[int] | int | None) -> None:
+    device = ModbusUnit()
+    device.put_float(Table.INPUT, 10, 12.5)
+    device.faults.switch(fault)
+    reply = device.serve(bytes.fromhex("04 000A 0002"), 0.0)
+    if expected_words is None:
         assert reply is None
-    elif isinstance(words, int):
+    elif isinstance(expected_words, int):
         assert reply is not None
-        assert reply.pdu == bytes((0x84, words))
+        assert reply.pdu == bytes((0x84, expected_words))
     else:
         assert reply is not None
-        assert list(struct.unpack(">HH", reply.pdu[2:])) == words
+        assert list(struct.unpack(">HH", reply.pdu[2:])) == expected_words
 
 
 def test_a_torn_float_mixes_two_readings() -> None:
-    made = ModbusUnit()
-    made.put_float(Table.INPUT, 0, 1.0 + 2.0**-20)
-    made.put_float(Table.INPUT, 0, -2.0)
-    made.faults.switch("torn_values")
-    data = struct.pack(">HH", *made.read(Table.INPUT, 0, 2))
+    device = ModbusUnit()
+    device.put_float(Table.INPUT, 0, 1.0 + 2.0**-20)
+    device.put_float(Table.INPUT, 0, -2.0)
+    device.faults.switch("torn_values")
+    data = struct.pack(">HH", *device.read(Table.INPUT, 0, 2))
     assert struct.unpack(">f", data)[0] == pytest.approx(-2.0 - 2.0**-19, rel=1e-12)
 
 
 def test_late_answers_are_late() -> None:
-    made = ModbusUnit(reply_delay=0.01, late_by=0.3)
-    made.faults.switch("late_answers")
-    reply = made.serve(b"\x03\0\0\0\x01", 0.0)
+    device = ModbusUnit(reply_delay=0.01, late_by=0.3)
+    device.faults.switch("late_answers")
+    reply = device.serve(b"\x03\0\0\0\x01", 0.0)
     assert reply is not None
     assert reply.delay == pytest.approx(0.31)
 
 
 def test_garbage_and_half_frames_on_the_line(stage: Stage) -> None:
-    """The maker's request is answered byte by byte, whatever came before it and a silence."""
+    """The manufacturer's request is answered after any noise followed by silence."""
     amplifier = StrainAmplifier(lambda: (12.5,), AmplifierSettings(rating=2000.0))
     line = stage.show(RtuLine(stage.line(chunk=3), {1: amplifier}))
     with serial.Serial(line.address, 115_200, timeout=3.0) as port:

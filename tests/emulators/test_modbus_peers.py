@@ -23,7 +23,7 @@ from sim_plant.emulators.power_analyser import (
     AnalyserSettings,
     PowerAnalyser,
     Terminals,
-    Wiring,
+    TerminalValues,
 )
 from sim_plant.emulators.strain_amplifier import AmplifierSettings, StrainAmplifier
 
@@ -35,12 +35,14 @@ FLOATS = ModbusTcpClient.DATATYPE.FLOAT32
 
 
 def terminals() -> Terminals:
-    return Terminals(1.0, Wiring(310.0, 2.5, -640.0, 0.0), sum=Wiring(200.0, 4.0, -700.0, 50.0))
+    return Terminals(
+        1.0, TerminalValues(310.0, 2.5, -640.0, 0.0), sum=TerminalValues(200.0, 4.0, -700.0, 50.0)
+    )
 
 
 def analyser() -> PowerAnalyser:
     items = (("sum", "P"), ("element_1", "P"), ("element_1", "U"))
-    return PowerAnalyser(terminals, AnalyserSettings(update=0.05, items=items))
+    return PowerAnalyser(terminals, AnalyserSettings(update_period=0.05, items=items))
 
 
 def coupler() -> IoCoupler:
@@ -106,7 +108,7 @@ def test_items_of_the_analyser(client: ModbusTcpClient, tcp: TcpUnits) -> None:
     ]
 
 
-def test_what_is_not_there_is_refused(client: ModbusTcpClient) -> None:
+def test_missing_registers_are_refused(client: ModbusTcpClient) -> None:
     assert client.read_input_registers(12, count=1, device_id=1).exception_code == 2
     assert client.read_input_registers(190, count=8, device_id=1).exception_code == 2
     assert client.write_register(2000, 1, device_id=1).exception_code == 2
@@ -125,7 +127,9 @@ def test_inputs_and_outputs_of_the_coupler(client: ModbusTcpClient, tcp: TcpUnit
     assert client.read_discrete_inputs(0, count=2, device_id=2).bits[:2] == [False, True]
     assert not client.write_registers(0, [0x4000, 0xC000], device_id=2).isError()
     assert client.read_holding_registers(0x200, count=2, device_id=2).registers == [0x4000, 0xC000]
-    assert client.write_register(0, 0x8000, device_id=2).exception_code == 3  # a current above 0
+    assert (
+        client.write_register(0, 0x8000, device_id=2).exception_code == 3
+    )  # unipolar output: negative codes are refused
     assert client.write_register(2, 1, device_id=2).exception_code == 2
     assert not client.write_coil(0, True, device_id=2).isError()
     assert client.read_coils(0x200, count=1, device_id=2).bits[0] is True
@@ -148,8 +152,8 @@ def test_two_units_on_one_line_and_none_on_the_third(stage: Stage) -> None:
         ) == [5.5]
 
 
-def test_a_late_answer_puts_a_naive_client_one_behind(stage: Stage) -> None:
-    """RTU has no transaction number: this is what a host's guard is there for."""
+def test_late_answer_shifts_the_answers_of_a_simple_client(stage: Stage) -> None:
+    """RTU has no transaction number, so hosts need a guard against late answers."""
     line = two_amplifiers(stage)
     line.units[1].late_by = 0.25
     line.units[1].faults.switch("late_answers")
@@ -160,7 +164,7 @@ def test_a_late_answer_puts_a_naive_client_one_behind(stage: Stage) -> None:
         assert until(lambda: client.socket.in_waiting >= 9)  # type: ignore[union-attr]
 
 
-def test_noise_on_the_line_costs_requests_and_is_over_with_it(stage: Stage) -> None:
+def test_line_noise_only_affects_requests_during_it(stage: Stage) -> None:
     line = two_amplifiers(stage)
     with serial_client(line, timeout=0.1) as client:
         line.link.switch("corrupt")
@@ -176,17 +180,15 @@ def test_noise_on_the_line_costs_requests_and_is_over_with_it(stage: Stage) -> N
 
         def reads() -> bool:
             try:
-                got = client.read_holding_registers(0x100, count=2, device_id=1)
+                response = client.read_holding_registers(0x100, count=2, device_id=1)
             except ModbusException:
                 return False
-            return not got.isError() and floats(client, got.registers) == [101.5]
+            return not response.isError() and floats(client, response.registers) == [101.5]
 
         assert until(reads)
 
 
-def test_a_cut_connection_comes_back_on_the_same_port(
-    client: ModbusTcpClient, tcp: TcpUnits
-) -> None:
+def test_cut_connection_returns_on_the_same_port(client: ModbusTcpClient, tcp: TcpUnits) -> None:
     tcp.link.switch("disconnect")
     assert until(lambda: not tcp.connections)
     with pytest.raises((ModbusException, OSError)):
@@ -216,10 +218,10 @@ def test_frozen_and_delayed_answers(client: ModbusTcpClient, tcp: TcpUnits) -> N
     assert time.monotonic() - start >= 0.2
 
 
-def test_nonsense_ends_a_connection_and_no_other(client: ModbusTcpClient, tcp: TcpUnits) -> None:
+def test_invalid_header_ends_only_its_connection(client: ModbusTcpClient, tcp: TcpUnits) -> None:
     with socket.create_connection((tcp.host, tcp.port), timeout=3.0) as other:
         other.sendall(b"GET / HTTP/1.1\r\n\r\n")
-        assert until(lambda: tcp.nonsense == 1)
+        assert until(lambda: tcp.bad_headers == 1)
     assert not client.read_input_registers(0, count=1, device_id=1).isError()
 
 

@@ -1,4 +1,4 @@
-"""The Net F/T: bytes of the manual, and two independent clients where they are installed."""
+"""The Net F/T: bytes of the manual, and two independent clients if installed."""
 
 from __future__ import annotations
 
@@ -59,12 +59,12 @@ def ask(host: socket.socket, command: int, count: int = 0) -> None:
     host.send(struct.pack(">HHI", 0x1234, command, count))
 
 
-def take(host: socket.socket) -> tuple[int, ...]:
+def receive_record(host: socket.socket) -> tuple[int, ...]:
     return struct.unpack(">III6i", host.recv(100))
 
 
-def quiet(host: socket.socket) -> bool:
-    """Nothing comes any more; what was under way is taken."""
+def wait_for_silence(host: socket.socket) -> bool:
+    """Return whether the stream has ended; packets under way are discarded."""
     host.settimeout(0.2)
     try:
         for _ in range(500):
@@ -78,19 +78,19 @@ def quiet(host: socket.socket) -> bool:
 
 def test_a_counted_request(host: socket.socket) -> None:
     ask(host, 2, 5)
-    records = [take(host) for _ in range(5)]
+    records = [receive_record(host) for _ in range(5)]
     assert [record[0] for record in records] == [1, 2, 3, 4, 5]
     assert all(list(record[3:]) == COUNTS and record[2] == 0 for record in records)
     ticks = [record[1] for record in records]
     assert ticks == sorted(ticks)
-    assert quiet(host)
+    assert wait_for_silence(host)
 
 
 def test_an_endless_stream_until_stop(host: socket.socket) -> None:
     ask(host, 2)
-    assert [take(host)[0] for _ in range(50)] == list(range(1, 51))
+    assert [receive_record(host)[0] for _ in range(50)] == list(range(1, 51))
     ask(host, 0)
-    assert quiet(host)
+    assert wait_for_silence(host)
 
 
 def test_a_buffered_stream(host: socket.socket) -> None:
@@ -103,30 +103,30 @@ def test_a_buffered_stream(host: socket.socket) -> None:
         assert after[1] - before[1] in (13, 14, 15)
 
 
-def test_the_last_who_asks_has_the_stream(host: socket.socket, box: NetFt) -> None:
+def test_last_requesting_host_receives_the_stream(host: socket.socket, box: NetFt) -> None:
     ask(host, 2)
-    take(host)
+    receive_record(host)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.settimeout(5.0)
         other.connect(place(box.address))
         ask(other, 2)
-        assert take(other)[0] == 1
-        assert quiet(host)
+        assert receive_record(other)[0] == 1
+        assert wait_for_silence(host)
 
 
-def test_bias_takes_the_load_off(host: socket.socket, load: Load) -> None:
+def test_bias_removes_the_load(host: socket.socket, load: Load) -> None:
     ask(host, 0x42)
     ask(host, 2, 1)
-    assert list(take(host)[3:]) == [0] * 6
+    assert list(receive_record(host)[3:]) == [0] * 6
     load.wrench = LOAD._replace(fz=310.0)
     ask(host, 2, 1)
-    assert list(take(host)[3:]) == [0, 0, 10_000_000, 0, 0, 0]
+    assert list(receive_record(host)[3:]) == [0, 0, 10_000_000, 0, 0, 0]
 
 
 def test_garbage_is_not_answered(host: socket.socket) -> None:
     for garbage in (b"", b"\x12\x34", bytes(8), bytes(100), struct.pack(">HHI", 0x1234, 0x99, 0)):
         host.send(garbage)
-    assert quiet(host)
+    assert wait_for_silence(host)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_faults_in_the_status(
 ) -> None:
     box.faults.switch(fault)
     ask(host, 2, 1)
-    record = take(host)
+    record = receive_record(host)
     assert record[2] == status
     assert list(record[3:]) == ([1_000_000 * n for n in counts] if counts else COUNTS)
 
@@ -149,33 +149,33 @@ def test_faults_in_the_status(
 def test_an_inverted_cell(host: socket.socket, box: NetFt) -> None:
     box.faults.switch("inverted")
     ask(host, 2, 1)
-    assert list(take(host)[3:]) == [-count for count in COUNTS]
+    assert list(receive_record(host)[3:]) == [-count for count in COUNTS]
 
 
-def test_a_stuck_sensor_and_a_frozen_one(host: socket.socket, box: NetFt, load: Load) -> None:
-    for fault, stands in (("stuck_sensor", True), ("frozen_values", False)):
+def test_stuck_sensor_and_frozen_values(host: socket.socket, box: NetFt, load: Load) -> None:
+    for fault, is_constant in (("stuck_sensor", True), ("frozen_values", False)):
         load.wrench = LOAD
         ask(host, 2, 1)
-        take(host)
+        receive_record(host)
         box.faults.switch(fault)
         load.wrench = Wrench()
         ask(host, 2, 3)
-        records = [take(host) for _ in range(3)]
+        records = [receive_record(host) for _ in range(3)]
         box.faults.clear()
         assert all(list(record[3:]) == COUNTS for record in records)
-        assert (records[0][1] == records[2][1]) is stands
+        assert (records[0][1] == records[2][1]) is is_constant
 
 
 def test_silence_short_records_and_a_restart(host: socket.socket, box: NetFt) -> None:
     box.faults.switch("silent")
     ask(host, 2)
-    assert quiet(host)
+    assert wait_for_silence(host)
     box.faults.clear()
     box.faults.switch("short_records")
     assert until(lambda: len(host.recv(100)) == 20)
     box.faults.clear()
     box.faults.switch("restarted")
-    assert quiet(host)
+    assert wait_for_silence(host)
 
 
 def test_lost_datagrams_are_gaps_in_the_sequence(host: socket.socket, box: NetFt) -> None:
@@ -186,7 +186,7 @@ def test_lost_datagrams_are_gaps_in_the_sequence(host: socket.socket, box: NetFt
     host.settimeout(0.3)
     with contextlib.suppress(TimeoutError):
         while True:
-            numbers.append(take(host)[0])
+            numbers.append(receive_record(host)[0])
     lost = 100 - len(numbers)
     assert lost == box.link.counts()["host.drop"] > 0
     assert numbers == sorted(numbers)
@@ -216,7 +216,7 @@ def test_the_settings_page(box: NetFt) -> None:
 
 
 def test_the_client_netft(stage: Stage, load: Load) -> None:
-    """PyPI NetFT knows one port only, so the box stands on a loopback address of its own."""
+    """PyPI NetFT supports one port only, so the box has a loopback address of its own."""
     netft = pytest.importorskip("NetFT", reason="PyPI NetFT is not installed: no such peer")
     settings = NetFtSettings(host="127.64.0.1", tcp_port=0, http_port=0)
     box = stage.show(NetFt(load, settings))
@@ -246,12 +246,12 @@ def test_the_client_pynetft(box: NetFt, load: Load) -> None:
         assert until(lambda: list(next(samples).force) == pytest.approx([1.0, 0.0, 0.0]))
 
 
-def test_a_foreign_client_and_a_bias_that_is_not_taken(host: socket.socket, box: NetFt) -> None:
+def test_foreign_client_and_ignored_bias(host: socket.socket, box: NetFt) -> None:
     box.faults.switch("ignores_bias")
     ask(host, 0x42)
     ask(host, 2, 1)
-    assert list(take(host)[3:]) == COUNTS
+    assert list(receive_record(host)[3:]) == COUNTS
     ask(host, 2)
-    take(host)
+    receive_record(host)
     box.faults.switch("foreign_client")
-    assert quiet(host)
+    assert wait_for_silence(host)

@@ -1,4 +1,4 @@
-"""Every fault of every emulated node: what the bus shows while it lasts, and that it ends."""
+"""Every fault of every emulated node: visible effect on the bus, and its end."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import pytest
-from can_rig import HEAVE, STATOR, SURGE, HandSchedule, Rig, Tap, at_hand, rpdo
+from can_rig import HEAVE, STATOR, SURGE, BusProbe, ManualSchedule, Rig, manual_rig, rpdo
 from test_canopen_node import map_tpdo
 
 from sim_plant.emulators.cia402 import State
@@ -19,17 +19,21 @@ class Bench(NamedTuple):
     """One node under test: mode set, OPERATION ENABLED, TPDO 1 with every SYNC, heartbeat 50 ms."""
 
     rig: Rig
-    tap: Tap
-    schedule: HandSchedule
+    tap: BusProbe
+    schedule: ManualSchedule
     node: Cia402Node
     number: int
 
     def listen(self, count: int = 120) -> dict[int, list[bytes]]:
-        """What the node sends during some cycles of 1 ms, by function code."""
+        """Return the node's frames during some cycles of 1 ms, by function code."""
         self.tap.heard.clear()
         self.tap.cycle(count=count)
-        own = [frame for frame in self.tap.heard if frame.identifier & 0x7F == self.number]
-        return {code: [f.data for f in own if f.identifier & 0x780 == code] for code in CODES}
+        frames_of_node = [
+            frame for frame in self.tap.heard if frame.identifier & 0x7F == self.number
+        ]
+        return {
+            code: [f.data for f in frames_of_node if f.identifier & 0x780 == code] for code in CODES
+        }
 
     def read(self, index: int, sub: int = 0) -> int:
         return self.tap.read(self.number, index, sub)
@@ -43,12 +47,12 @@ class Bench(NamedTuple):
         return bool(self.tap.of(0x580 + self.number))
 
     def emergency(self, code: int) -> bool:
-        """Whether the last EMCY tells a code, 603F too, and the drive stands in FAULT."""
-        told = self.tap.of(0x80 + self.number)[-1:]
+        """Return whether the last EMCY and 603F have a code and the drive is in FAULT."""
+        emergencies = self.tap.of(0x80 + self.number)[-1:]
         code_bytes = code.to_bytes(2, "little")
         return (
-            bool(told)
-            and told[0][:2] == code_bytes
+            bool(emergencies)
+            and emergencies[0][:2] == code_bytes
             and self.read(0x603F) == code
             and self.read(0x6041) & 0x4F == 0x08
         )
@@ -63,18 +67,18 @@ CODES = (0x080, 0x180, 0x580, 0x700)
 
 
 def bench(name: str) -> Bench:
-    rig, tap, schedule = at_hand()
-    one = Bench(rig, tap, schedule, getattr(rig, name), NAMES[name])
-    one.write(0x1017, 0, 50, 2)
-    map_tpdo(tap, one.number, 1, [0x60410010, 0x60640020])
-    one.write(0x6065, 0, 1000, 4)
-    one.write(0x6060, 0, 1 if name == "stator" else 10, 1)
+    rig, tap, schedule = manual_rig()
+    bench_under_test = Bench(rig, tap, schedule, getattr(rig, name), NAMES[name])
+    bench_under_test.write(0x1017, 0, 50, 2)
+    map_tpdo(tap, bench_under_test.number, 1, [0x60410010, 0x60640020])
+    bench_under_test.write(0x6065, 0, 1000, 4)
+    bench_under_test.write(0x6060, 0, 1 if name == "stator" else 10, 1)
     tap.nmt(1)
     schedule.run(0.02)
-    one.control(0x06, 0x07, 0x0F)
+    bench_under_test.control(0x06, 0x07, 0x0F)
     schedule.run(0.15)
-    assert one.node.machine.state is State.ENABLED
-    return one
+    assert bench_under_test.node.machine.state is State.ENABLED
+    return bench_under_test
 
 
 def silent(b: Bench) -> bool:
@@ -146,14 +150,14 @@ def inverted(b: Bench) -> bool:
     return current < -0.5 and b.read(0x6077) & 0x8000 != 0
 
 
-def counts_apart(b: Bench, cycles: int = 1) -> int:
-    """Counts that 6064 is beside those of the world."""
+def count_offset(b: Bench, cycles: int = 1) -> int:
+    """Return the difference of 6064 from the world's counts."""
     b.tap.cycle(count=cycles)
     read = b.rig.world.readings()
     return b.read(0x6064) - (read.heave_counts if b.number == HEAVE else read.surge_counts)
 
 
-def reversed_way(b: Bench) -> bool:
+def encoder_is_reversed(b: Bench) -> bool:
     before, there = b.read(0x6064), b.rig.world.readings().heave_counts
     b.rig.world.world.release(0.2)
     b.tap.cycle(count=50)
@@ -186,7 +190,7 @@ def homing_fails(b: Bench) -> bool:
 
 
 Sign = Callable[[Bench], bool]
-# fault -> what the bus shows
+# fault -> check of its visible effect
 SIGNS: dict[str, Sign] = {
     "node_reset": lambda b: b.listen()[0x700] == [b"\0"] and not b.rig.world.actuation.heave_enable,
     "powered_off": off,
@@ -211,9 +215,9 @@ SIGNS: dict[str, Sign] = {
     "wrong_kp": lambda b: b.read(0x20D8, 0xC) == 500,
     "no_torque": torque_missing,
     "inverted_motor": inverted,
-    "encoder_reversed": reversed_way,
-    "encoder_step": lambda b: counts_apart(b) == 4000,
-    "encoder_creep": lambda b: 35 < counts_apart(b, 100) < 60,
+    "encoder_reversed": encoder_is_reversed,
+    "encoder_step": lambda b: count_offset(b) == 4000,
+    "encoder_creep": lambda b: 35 < count_offset(b, 100) < 60,
     "load_cell_inverted": inverted_cell,
     "load_cell_saturated": lambda b: b.read(0x201A, 1) == 8191,
     "load_cell_dead": lambda b: b.read(0x201A, 1) == b.read(0x201A, 2) == 0,
@@ -223,20 +227,20 @@ SIGNS: dict[str, Sign] = {
     "homing_fails": homing_fails,
 }
 VALUES = {"write_ignored": 0x605A}
-# Where a fault has no sign: surge speaks CiA 402 units, and nothing moves surge or the stator here.
+# Faults without a visible effect: surge uses CiA 402 units; surge and stator do not move here.
 BLIND = {
     ("surge", "wrong_kp"),
     ("surge", "encoder_frozen"),
     ("surge", "encoder_reversed"),
     ("stator", "encoder_frozen"),
 }
-# Faults whose sign is there without the fault as well.
+# Faults whose effect is also visible without the fault.
 QUIET_WATER = {"load_cell_dead"}
 ONCE = {"node_reset", "drive_fault"}
 
 
 def cases() -> list[tuple[str, str]]:
-    rig, _, _ = at_hand()
+    rig, _, _ = manual_rig()
     return [(name, fault.name) for name in NAMES for fault in getattr(rig, name).faults()]
 
 
@@ -245,7 +249,7 @@ FIRST = {fault: name for name, fault in reversed(CASES)}  # a node that has it
 
 
 @pytest.mark.parametrize(("name", "fault"), CASES)
-def test_every_fault_of_every_node_has_its_sign(name: str, fault: str) -> None:
+def test_every_fault_of_every_node_is_visible(name: str, fault: str) -> None:
     sign = SIGNS[fault]
     if (name, fault) in BLIND:
         return
@@ -262,7 +266,7 @@ def test_every_fault_of_every_node_has_its_sign(name: str, fault: str) -> None:
     assert b.answers()
 
 
-def test_a_node_that_was_off_the_bus_says_so_and_does_not_run_on() -> None:
+def test_node_reports_bus_off_and_stays_stopped() -> None:
     b = bench("heave")
     b.tap.cycle((0x201, rpdo(0x0F, 2000)), count=20)
     assert b.rig.world.actuation.heave_current > 6.0
@@ -274,7 +278,7 @@ def test_a_node_that_was_off_the_bus_says_so_and_does_not_run_on() -> None:
     assert b.read(0x6041) & 0x4F == 0x08
 
 
-def test_power_off_takes_the_current_and_power_on_boots() -> None:
+def test_power_off_removes_the_current_and_power_on_boots() -> None:
     b = bench("heave")
     b.tap.cycle((0x201, rpdo(0x0F, 2000)), count=20)
     b.node.inject("powered_off")
@@ -287,14 +291,14 @@ def test_power_off_takes_the_current_and_power_on_boots() -> None:
 
 
 def test_unknown_faults_are_refused_by_name() -> None:
-    rig, _, _ = at_hand()
+    rig, _, _ = manual_rig()
     with pytest.raises(ValueError, match="no fault 'gremlin'; there are babble, bus_off"):
         rig.heave.inject("gremlin")
     rig.heave.clear("gremlin")
 
 
 def test_every_fault_is_described() -> None:
-    rig, _, _ = at_hand()
+    rig, _, _ = manual_rig()
     for node in rig.nodes:
         names = [fault.name for fault in node.faults()]
         assert len(names) == len(set(names))

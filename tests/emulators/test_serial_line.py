@@ -1,4 +1,4 @@
-"""The pseudo-terminal against pyserial: pace, chunks, echo, hang-up and return."""
+"""The pseudo-terminal against pyserial: timing, chunks, echo, unplugging and return."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sim_plant.emulators.serial_line import SerialLine
 
 
 class Parrot:
-    """Sends back what it gets, with a mark."""
+    """Returns received bytes with a mark."""
 
     def __init__(self, line: SerialLine) -> None:
         self.line = line
@@ -32,7 +32,7 @@ class Parrot:
         await self.line.close()
 
 
-def test_bytes_go_both_ways_and_clients_come_and_go(stage: Stage) -> None:
+def test_bytes_in_both_directions_for_several_clients(stage: Stage) -> None:
     parrot = stage.show(Parrot(stage.line()))
     for _ in range(3):
         with serial.Serial(parrot.address, 115_200, timeout=2.0, exclusive=True) as port:
@@ -42,8 +42,8 @@ def test_bytes_go_both_ways_and_clients_come_and_go(stage: Stage) -> None:
             assert port.read(6) == b">hello"
 
 
-def test_the_line_takes_its_time(stage: Stage) -> None:
-    """200 bytes there and 201 back at 9600 baud, 11 bits: 459 ms; never less."""
+def test_line_timing(stage: Stage) -> None:
+    """200 bytes there and 201 back at 9600 baud, 11 bits: 459 ms; never faster."""
     parrot = stage.show(Parrot(stage.line(baud=9600, bits_per_byte=11)))
     with serial.Serial(parrot.address, timeout=3.0) as port:
         start = time.monotonic()
@@ -58,18 +58,18 @@ def test_answers_come_in_chunks(stage: Stage) -> None:
     with serial.Serial(parrot.address, timeout=2.0) as port:
         port.write(b"0123456789")
         first = port.read(1) + port.read(port.in_waiting)
-        assert len(first) <= 8  # the whole takes 46 ms
+        assert len(first) <= 8  # the whole answer takes 46 ms
         assert first + port.read(11 - len(first)) == b">0123456789"
 
 
-def test_a_two_wire_adapter_hears_itself(stage: Stage) -> None:
+def test_two_wire_adapter_echo(stage: Stage) -> None:
     parrot = stage.show(Parrot(stage.line(echo=True)))
     with serial.Serial(parrot.address, timeout=2.0) as port:
         port.write(b"ab")
         assert port.read(5) == b"ab>ab"
 
 
-def test_hang_up_is_an_error_and_the_path_returns(stage: Stage) -> None:
+def test_unplugging_is_an_error_and_the_path_returns(stage: Stage) -> None:
     parrot = stage.show(Parrot(stage.line()))
     port = serial.Serial(parrot.address, timeout=2.0)
     parrot.link.switch("disconnect")
@@ -86,14 +86,14 @@ def test_hang_up_is_an_error_and_the_path_returns(stage: Stage) -> None:
         assert port.read(5) == b">back"
 
 
-def test_what_nobody_reads_is_lost_and_counted(stage: Stage) -> None:
+def test_unread_bytes_are_lost_and_counted(stage: Stage) -> None:
     parrot = stage.show(Parrot(stage.line(paced=False)))
     with serial.Serial(parrot.address, timeout=2.0):
         stage.do(lambda: parrot.line.send(bytes(100_000)))
-        assert until(lambda: parrot.line.lost > 50_000)
+        assert until(lambda: parrot.line.lost_bytes > 50_000)
 
 
-def test_a_path_that_is_a_file_is_not_taken(stage: Stage) -> None:
+def test_existing_file_is_not_replaced(stage: Stage) -> None:
     (stage.folder / "port").write_text("mine")
     with pytest.raises(FileExistsError):
         stage.show(Parrot(stage.line()))
@@ -110,8 +110,8 @@ def test_frozen_bytes_arrive_later(stage: Stage) -> None:
         assert port.read(2) == b">a"
 
 
-def test_a_host_with_parity_may_come_back(stage: Stage) -> None:
-    """The kernel takes no parity on a pseudo-terminal, and says so to whoever asks twice."""
+def test_host_with_parity_can_reopen_the_line(stage: Stage) -> None:
+    """The kernel ignores parity on a pseudo-terminal and reports an error at the second request."""
     parrot = stage.show(Parrot(stage.line(bits_per_byte=11)))
     for _ in range(3):
         with serial.Serial(parrot.address, 115_200, parity="E", timeout=2.0) as port:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from can_rig import HEAVE, SURGE, HandSchedule, Rig, Tap, at_hand, enable, rpdo
+from can_rig import HEAVE, SURGE, BusProbe, ManualSchedule, Rig, enable, manual_rig, rpdo
 from test_canopen_node import map_tpdo
 
 from sim_plant.emulators.cia402 import State
@@ -15,19 +15,19 @@ RUN = 0x0F
 T1, T2 = 0x180 + HEAVE, 0x180 + SURGE
 
 
-def running(node: int = HEAVE) -> tuple[Rig, Tap, HandSchedule]:
+def running(node: int = HEAVE) -> tuple[Rig, BusProbe, ManualSchedule]:
     """A drive in OPERATION ENABLED that has been following 0 A for 0.15 s."""
-    rig, tap, schedule = at_hand()
+    rig, tap, schedule = manual_rig()
     tap.nmt(1)
     enable(tap, node)
     tap.cycle((0x200 + node, rpdo(RUN)), count=150)
     return rig, tap, schedule
 
 
-def feedback(tap: Tap, identifier: int) -> tuple[int, int, int]:
+def feedback(tap: BusProbe, identifier: int) -> tuple[int, int, int]:
     """Statusword, current and position of TPDO 1."""
-    found: tuple[int, int, int] = struct.unpack("<Hhi", tap.last(identifier))
-    return found
+    values: tuple[int, int, int] = struct.unpack("<Hhi", tap.last(identifier))
+    return values
 
 
 def test_amc_set_point_and_feedback_of_one_current_differ_by_four() -> None:
@@ -62,7 +62,7 @@ def test_the_current_of_sync_n_acts_after_it() -> None:
 
 
 def test_torque_needs_state_mode_and_enabled_power_stage() -> None:
-    rig, tap, schedule = at_hand()
+    rig, tap, schedule = manual_rig()
     tap.nmt(1)
     for word in (0x06, 0x07, RUN):
         tap.cycle((0x201, rpdo(word, 3000)), count=3)
@@ -87,13 +87,13 @@ def test_disabling_ramps_the_torque_by_6087() -> None:
     rig, tap, _ = running(SURGE)
     tap.write(SURGE, 0x6087, 0, 2000, 4)  # 40 A/s
     tap.cycle((0x202, rpdo(RUN, 500)), count=10)
-    seen = []
+    currents = []
     for _ in range(300):
         tap.cycle((0x202, rpdo(0x07, 500)))
-        seen.append(rig.world.actuation.surge_current)
-    assert seen[0] == pytest.approx(10.0, abs=0.05)
-    assert seen[124] == pytest.approx(5.0, abs=0.1)
-    assert seen[-1] == 0.0
+        currents.append(rig.world.actuation.surge_current)
+    assert currents[0] == pytest.approx(10.0, abs=0.05)
+    assert currents[124] == pytest.approx(5.0, abs=0.1)
+    assert currents[-1] == 0.0
     assert rig.surge.machine.state is State.SWITCHED_ON
 
 
@@ -107,7 +107,7 @@ def test_disabling_ramps_the_torque_by_6087() -> None:
     ],
 )
 @pytest.mark.parametrize("by", ["heartbeat", "rpdo"])
-def test_a_silent_master_takes_the_current_away(
+def test_silent_master_removes_the_current(
     by: str, option: int, state: State, within: float | None
 ) -> None:
     rig, tap, schedule = running()
@@ -139,10 +139,10 @@ def test_a_silent_master_takes_the_current_away(
     tap.nmt(1)
     tap.cycle((0x201, rpdo(RUN, 2000)), count=20)
     if option:
-        assert rig.world.actuation[:2] == (0.0, 0), "nothing runs again by itself"
+        assert rig.world.actuation[:2] == (0.0, 0), "the drive must not restart by itself"
 
 
-def test_a_fault_is_told_reset_by_an_edge_and_stays_while_its_cause_does() -> None:
+def test_fault_is_reported_and_reset_by_an_edge_once_its_cause_is_gone() -> None:
     rig, tap, schedule = running()
     rig.heave.inject("bus_overvoltage", 420.0)
     schedule.run(0.02)
@@ -165,7 +165,7 @@ def test_a_fault_is_told_reset_by_an_edge_and_stays_while_its_cause_does() -> No
     assert feedback(tap, T1)[0] & 0x4F == 0x40
 
 
-def test_limits_of_torque_are_told() -> None:
+def test_torque_limits_are_reported() -> None:
     rig, tap, _ = running(SURGE)
     tap.write(SURGE, 0x6072, 0, 300, 2)
     tap.cycle((0x202, rpdo(RUN, 900)), count=20)
@@ -178,7 +178,7 @@ def test_limits_of_torque_are_told() -> None:
 
 
 def test_load_cells_on_the_analog_inputs_go_into_a_tpdo() -> None:
-    rig, tap, _ = at_hand()
+    rig, tap, _ = manual_rig()
     map_tpdo(tap, HEAVE, 2, [0x201A0110, 0x201A0210])
     tap.nmt(1)
     enable(tap, HEAVE)
@@ -201,7 +201,7 @@ def test_towards_zero_ends_at_zero() -> None:
     assert [towards_zero(v, 1.0) for v in (3.0, -3.0, 0.5, -1.0, 0.0)] == [2.0, -2.0, 0.0, 0.0, 0.0]
 
 
-def test_position_and_velocity_are_the_encoders() -> None:
+def test_position_and_velocity_from_the_encoder() -> None:
     rig, tap, schedule = running()
     tap.cycle((0x201, rpdo(RUN, 3000)), count=300)
     read = rig.world.readings()

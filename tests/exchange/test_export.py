@@ -140,7 +140,10 @@ def test_netcdf_and_csv(run: Path, tmp_path: Path) -> None:
     ("options", "message"),
     [
         (["--as", "mat"], "200 Hz does not divide its 100 Hz"),
-        (["--as", "mat", "--rate", "50", "-r", "1"], "--field and --row are for netcdf and csv"),
+        (
+            ["--as", "mat", "--rate", "50", "-r", "1"],
+            "--field and --row work with netcdf and csv only",
+        ),
         (["--as", "csv", "-f", "power.thermal"], "no field 'power.thermal'"),
         (["--as", "netcdf", "-r", "9"], "no row 9 in this run (rows: 0 to 4)"),
         (["--as", "netcdf", "--rate", "30"], "30 Hz does not divide its 100 Hz"),

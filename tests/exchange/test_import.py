@@ -191,7 +191,7 @@ def test_export_and_import_round_trip(tmp_path: Path) -> None:
         (lambda b: b.pop("heaveSignals"), REGULAR, "no heaveSignals.time: not the MASK4 structure"),
         (lambda b: b.pop("expCtrl"), REGULAR, "no expCtrl.runCounter in the file"),
         (lambda b: None, (), "the file does not hold the length of its rows"),
-        (lambda b: None, ("--frequency-hz", "0.5", "--irregular"), "says they are not"),
+        (lambda b: None, ("--frequency-hz", "0.5", "--irregular"), "give one of them"),
         (lambda b: None, (*REGULAR, "--periods", "9"), "18 s does not fit into the 15 s"),
         (lambda b: None, (*REGULAR, "--drive", "custom"), "no DC power of the custom drive"),
         (

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from benchmarks.support.fault_walk import Trigger, Watcher, when_free
-from benchmarks.support.process_faults import beside
+from benchmarks.support.process_faults import io_process_of
 from rig.execution.campaign import RunResult, run_campaign, wired_mode
 from rig.planning.campaign import Campaign, Plan
 from rig.processes.run_types import Snapshot
@@ -33,7 +33,7 @@ class Kill(Trigger):
 
     def __init__(self, stderr: str) -> None:
         def kill() -> float:
-            os.kill(beside(stderr), signal.SIGKILL)
+            os.kill(io_process_of(stderr), signal.SIGKILL)
             return time.monotonic()
 
         super().__init__(kill, 1.0)

@@ -36,7 +36,7 @@ COMMAND = Command(0, 0.0, 2.5, 0.0, 0.0, 1, 0, 30.0, 0.3, 0)
 class Bridge:
     """An encoder bridge whose port never has data."""
 
-    opens, is_open, trouble, name = 1, True, "", "encoder bridge"
+    open_count, is_open, problem, name = 1, True, "", "encoder bridge"
 
     def __init__(self) -> None:
         self.message: EncodersMessage | None = EncodersMessage(10, 20, time.monotonic())
@@ -48,16 +48,16 @@ class Bridge:
     def now(self) -> float:
         return time.monotonic()
 
-    def take(self, *_: Any) -> list[bytes]:
+    def receive(self, *_: Any) -> list[bytes]:
         return []
 
     def send(self, data: bytes) -> bool:
         return True
 
-    def opened(self, now: float) -> None:
+    def on_open(self, now: float) -> None:
         pass
 
-    def speak(self, now: float) -> bytes:
+    def next_message(self, now: float) -> bytes:
         return b""
 
     def explain(self, now: float) -> str:

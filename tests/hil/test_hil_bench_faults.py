@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.support.bench_fault_walk import BenchStage, bench_stage
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_table import Row, gaps
+from benchmarks.support.fault_table import Row, missing_rows
 from benchmarks.support.fault_walk import there, walk_fairly, wrong
 
 pytestmark = pytest.mark.realtime
@@ -39,4 +39,4 @@ def test_the_bench_reacts_to_faults_as_in_the_table(on: BenchStage, row: Row) ->
 
 
 def test_every_fault_of_the_bench_has_its_row(on: BenchStage) -> None:
-    assert gaps(TABLE, there(on)) == []
+    assert missing_rows(TABLE, there(on)) == []

@@ -28,7 +28,7 @@ from sim_plant.emulators.power_analyser import (
     AnalyserSettings,
     PowerAnalyser,
     Terminals,
-    Wiring,
+    TerminalValues,
 )
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -94,7 +94,7 @@ def poll_units(
     started = time.monotonic()
 
     def terminals() -> Terminals:
-        flow = Wiring(150.0, 2.0, -300.0, 0.0)
+        flow = TerminalValues(150.0, 2.0, -300.0, 0.0)
         return Terminals(time.monotonic() - started, flow, flow, flow, flow)
 
     units = FaultyUnits(

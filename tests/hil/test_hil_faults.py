@@ -10,7 +10,7 @@ import os
 import pytest
 
 from benchmarks.support.fault_rigs import RIGS
-from benchmarks.support.fault_table import Row, gaps
+from benchmarks.support.fault_table import Row, missing_rows
 from benchmarks.support.fault_walk import Finding, there, walk_fairly, wrong
 from benchmarks.support.wavebot_fault_walk import Stage
 from rig.execution.rehearsal.control_client import ControlError
@@ -29,7 +29,7 @@ def test_the_rig_reacts_to_faults_as_in_the_table(on: Stage, row: Row) -> None:
 
 
 def test_every_fault_of_every_device_has_its_row(on: Stage) -> None:
-    assert gaps(TABLE, there(on)) == []
+    assert missing_rows(TABLE, there(on)) == []
 
 
 def test_the_control_port_refuses_by_name(on: Stage) -> None:

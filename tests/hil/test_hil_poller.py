@@ -8,8 +8,8 @@ from typing import Any, cast
 
 import pytest
 
-from drivers.modbus.line import SilentError
-from drivers.modbus.registers import Block, Value
+from drivers.modbus.line import NoAnswerError
+from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.config.wiring import RegisterSetup
 from rig.execution.hardware.messages import OutputsMessage
 from rig.execution.hardware.modbus_poller import (
@@ -21,7 +21,7 @@ from rig.execution.hardware.modbus_poller import (
     next_turn_time,
 )
 
-BLOCK = Block(1, "coil", 0, 1, (Value("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
+BLOCK = RegisterBlock(1, "coil", 0, 1, (RegisterValue("wave_trigger", 0, "bit", 1.0, 0.0, 1.0),))
 
 
 class Slot:
@@ -36,12 +36,12 @@ class Slot:
 
 
 class Line:
-    opened = 1
+    open_count = 1
 
     def __init__(self) -> None:
         self.written: list[Any] = []
 
-    def write(self, block: Block, registers: Any) -> None:
+    def write(self, block: RegisterBlock, registers: Any) -> None:
         self.written.append(list(registers))
 
 
@@ -64,25 +64,27 @@ def test_an_expired_message_is_replaced_by_zeros() -> None:
 
 # --- values read from a unit
 
-VOLTS = Value("bus_voltage", 4, "f32", 1.0, 0.0, 1000.0)
-WATTS = tuple(Value(name, at, "f32", 1.0, -1e5, 1e5) for name, at in (("ac", 0), ("dc", 2)))
-ANALYSER = PolledBlock("analyser", Block(1, "input", 0, 6, (*WATTS, VOLTS)), True, 0.01, (), False)
+VOLTS = RegisterValue("bus_voltage", 4, "f32", 1.0, 0.0, 1000.0)
+WATTS = tuple(RegisterValue(name, at, "f32", 1.0, -1e5, 1e5) for name, at in (("ac", 0), ("dc", 2)))
+ANALYSER = PolledBlock(
+    "analyser", RegisterBlock(1, "input", 0, 6, (*WATTS, VOLTS)), True, 0.01, (), False
+)
 GOOD = (12.3, -4.5, 151.2)
 
 
 class Meter:
     """A line whose unit answers with these registers in turn; None: not at all."""
 
-    opened = 0
+    open_count = 0
 
     def __init__(self, answers: list[Any]) -> None:
         self._answers = iter(answers)
 
-    def read(self, block: Block) -> list[int]:
-        self.opened = 1
+    def read(self, block: RegisterBlock) -> list[int]:
+        self.open_count = 1
         answer = next(self._answers)
         if answer is None:
-            raise SilentError("unit 1: silent")
+            raise NoAnswerError("unit 1: silent")
         return list(answer)
 
 
@@ -190,11 +192,11 @@ class Coupler(Line):
         super().__init__()
         self.registers = {0x1006: running}
 
-    def write(self, block: Block, registers: Any) -> None:
+    def write(self, block: RegisterBlock, registers: Any) -> None:
         super().write(block, (block.first, *registers))
         self.registers[block.first] = registers[0]
 
-    def read(self, block: Block) -> list[int]:
+    def read(self, block: RegisterBlock) -> list[int]:
         return [self.registers[block.first]]
 
 

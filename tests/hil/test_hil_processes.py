@@ -18,9 +18,9 @@ from hil_processes import Kill, child_error_files, run_emulated
 
 from benchmarks.support.fault_walk import Trigger, power_gone, ran, when_free
 from benchmarks.support.live import LiveRun, running, wait_realtime_free, wait_until
-from benchmarks.support.process_faults import beside
+from benchmarks.support.process_faults import io_process_of
 from benchmarks.support.wavebot_fault_walk import Stage, campaign_file, checked
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.heartbeat import NmtState
 from rig.config.any_rig_file import load_rig
 from rig.execution.campaign import RunResult, run_campaign, wired_mode
 from rig.execution.hardware.listen import BusActivity, listen
@@ -53,7 +53,7 @@ def test_a_suspended_loop_leaves_the_drives_to_their_watchdog(on: Stage) -> None
     measured: dict[str, Any] = {}
 
     def suspend() -> float:
-        loop = beside("loop.stderr")
+        loop = io_process_of("loop.stderr")
         on.control.request("power")
         at = time.monotonic()
         os.kill(loop, signal.SIGSTOP)
@@ -125,7 +125,7 @@ def test_listening_is_possible_during_a_run(on: Stage) -> None:
     (found,) = activity
     assert (found.trouble, found.unexpected_nodes) == ((), ())
     assert [one.name for one in found.nodes] == ["heave", "surge", "stator"]
-    assert {one.nmt for one in found.nodes} == {Nmt.OPERATIONAL}  # set up by the run
+    assert {one.nmt for one in found.nodes} == {NmtState.OPERATIONAL}  # set up by the run
     assert result.outcome.reason == "PLAN_END"
     assert result.outcome.dropped == result.outcome.unsaved == 0
 

@@ -45,7 +45,7 @@ class Slot:
 class Bus:
     """The three nodes of a WaveBot; ``through(sync)``: nodes whose queued answers arrive."""
 
-    behind = False
+    has_backlog = False
 
     def __init__(self, through: Callable[[int], set[int]]) -> None:
         self.sent: list[int] = []
@@ -107,7 +107,11 @@ def no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_rig_file_sets_how_often_each_node_answers(config: WaveBotDeviceSettings) -> None:
-    assert (config.heave.slow_every, config.surge.slow_every, config.stator.every) == (20, 20, 10)
+    assert (config.heave.slow_divider, config.surge.slow_divider, config.stator.status_divider) == (
+        20,
+        20,
+        10,
+    )
 
 
 def test_the_warm_up_ends_with_a_sync_and_the_first_tick_finds_the_answers(

@@ -212,7 +212,7 @@ def test_the_command_writes_its_files(runs: dict[str, Path], tmp_path: Path) -> 
 
 def test_unusable_runs_and_options_are_refused(runs: dict[str, Path]) -> None:
     for arguments, expected in (
-        (("identify",), "no run named"),
+        (("identify",), "no run given"),
         (("identify", runs["waves"]), "no rows in calm water"),
         (("identify", runs["calm"], runs["sea"], "--probe", "probe_9"), "probe_1 | probe_2"),
         (("identify", runs["calm"], "--order", "5", "--no-pictures"), "allowed 2, 4, 6, 8"),

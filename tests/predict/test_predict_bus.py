@@ -43,7 +43,7 @@ def test_voltage_of_a_row(name: str, mean: float, swing: float) -> None:
     power, step = block_means(sampling_grid, mean + swing * np.cos(4.0 * np.pi * t / 2.0))
     assert step == pytest.approx(0.02)
     (predicted,) = simulate([BusInterval(predicted_bus, power, step, 20.0)])
-    state = bus.charged(sim_params)
+    state = bus.initial(sim_params)
     voltages = []
     for k in range(20_000):
         state = bus.bus_step(

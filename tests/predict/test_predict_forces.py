@@ -75,7 +75,7 @@ def test_losses_and_voltage_of_the_custom_drive(scheme: int, voltage: float) -> 
         current = force[0, i] / motor.newtons_per_ampere
         is_on = not (abs(v[0, i]) < 0.2 and abs(current) < 4.0)
         assert conducting[0, i] == is_on
-        ceiling = min(custom_drive.ceiling(sim_electrics.inverter, voltage, v[0, i]), 40.0)
+        ceiling = min(custom_drive.max_current(sim_electrics.inverter, voltage, v[0, i]), 40.0)
         granted = min(max(current, -ceiling), ceiling) * is_on
         assert limited[0, i] == pytest.approx(
             granted * motor.newtons_per_ampere, rel=1e-9, abs=1e-9

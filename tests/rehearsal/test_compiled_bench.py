@@ -11,8 +11,8 @@ from flap_files import flap
 from rig.execution.rehearsal.compiled_bench import CompiledFlapStepper, CompiledStepper
 from sim_plant import waves
 from sim_plant.bench.stepper import Stepper
-from sim_plant.bench.wires import Wires
-from sim_plant.bench.world import Actuation, Reading
+from sim_plant.bench.wires import PlantInterface
+from sim_plant.bench.world import Actuation, BenchReading
 from sim_plant.flap import stepper as flap_stepper
 
 TICKS = 6000
@@ -37,7 +37,7 @@ def actuation_at(k: int) -> Actuation:
     )
 
 
-def step(rig: Wires, k: int) -> Reading:
+def step(rig: PlantInterface, k: int) -> BenchReading:
     if not 5000 <= k < 5300:  # no commands in between
         rig.actuate(actuation_at(k))
     rig.press_e_stop(1500 <= k < 1600)

@@ -211,7 +211,7 @@ WAVES = {"wave_amplitude_m": 0.02, "period_s": 1.5}
         ("flap_rao", True, {**WAVES, "period_s": 1.0005}, "rows[0].period_s", "no whole number"),
         ("flap_rao", True, {**WAVES, "period_s": 0.4}, "rows[0].period_s", "too short for waves"),
         ("flap_free_decay", True, {"release_deg": 0.05, "period_s": 3}, "rows[0].release_deg",
-         "0.05 is where it rests; allowed 0.1 deg and further"),
+         "0.05 is the rest position; allowed angles from 0.1 deg"),
         ("flap_free_decay", True, {"release_deg": -41, "period_s": 3}, "rows[0].release_deg",
          "-41 is more than limits and rig allow; allowed below 40 deg"),
         ("flap_pto_sweep", False, WAVES, "rows[0]", "pto_damping_n_m_s_per_rad missing"),

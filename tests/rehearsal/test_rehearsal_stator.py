@@ -18,7 +18,7 @@ from rig.config.yaml_source import load_mapping
 from rig.realtime.safety import STOP_0, STOP_1
 from rig.recording.runs import open_run
 from sim_plant.parameters import Plant
-from sim_plant.stator_force import reversal
+from sim_plant.stator_force import force_reversal
 
 RIG = load(CONFIGS / "rigs" / "wavebot.yaml", RigFile)[0]
 FIELDS = [
@@ -91,7 +91,7 @@ def test_without_the_limit_the_force_reverses_where_the_report_shows_it(tmp_path
     assert sign_changes.size >= 4
     mapping, _ = load_mapping(CONFIGS / "plants" / "wavebot.yaml")
     params = Plant.model_validate(mapping).build()
-    expected = reversal(params.stator, params.spring, -13.0).stroke
+    expected = force_reversal(params.stator, params.spring, -13.0).stroke
     assert expected > 0.255
     np.testing.assert_allclose(sign_changes, expected, atol=0.003)
     assert (force[position < 0.25] > 0.0).all()

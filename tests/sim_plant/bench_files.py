@@ -1,4 +1,4 @@
-"""Bench plants, worlds and drives through a session's set points for the tests of the bench."""
+"""Bench plants, worlds and runs over a session's set points for the tests of the bench."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 def changed(name: str = "oswec_bench", **values: Any) -> BenchPlant:
-    """A plant with some values replaced: changed(brake__fitted=0)."""
+    """Return a plant with some values replaced: changed(brake__fitted=0)."""
     text = mapping(f"{name}.yaml")
     for path, value in values.items():
         section, field = path.split("__")
@@ -32,23 +32,25 @@ def changed(name: str = "oswec_bench", **values: Any) -> BenchPlant:
 def bench(
     name: str = "oswec_bench", seed: int = 1, *, stepper: type[Stepper] = Stepper, **values: Any
 ) -> BenchWorld:
-    """A bench at 1 kHz, interpreted unless told."""
+    """Return a bench at 1 kHz, interpreted by default."""
     return BenchWorld(changed(name, **values), dt=DT, seed=seed, stepper=stepper)
 
 
 class Run(NamedTuple):
-    """What a run gives, tick by tick, in time order."""
+    """Records of a run, tick by tick, in time order."""
 
-    motor: Floats  # rad, out of the counts, from the start
+    motor: Floats  # rad, from the counts, relative to the start
     shaft: Floats
-    torque: Floats  # N m, as read less what is read at rest
+    torque: Floats  # N m, reading minus the reading at rest
     command: Floats  # as sent
 
 
 def record(
-    world: BenchWorld, ticks: int, command: Callable[[int, BenchWorld], tuple[Actuation, float]]
+    world: BenchWorld,
+    ticks: int,
+    command: Callable[[int, BenchWorld], tuple[Actuation, float]],
 ) -> Run:
-    """Drive the world by a law of the tick; give what the encoders and the cell read."""
+    """Drive the world by a command law; return the encoder and load cell readings."""
     scale = world.params.sensors
     reading = world.sense()
     start, rows = (reading.motor_counts, reading.shaft_counts), []
@@ -68,7 +70,7 @@ def record(
 
 
 def brake_current(world: BenchWorld, torque: float) -> float:
-    """Current that holds a torque on the middle of the brake's branches, A."""
+    """Return the current for a holding torque midway between the brake's branches, A."""
     brake = world.params.brake
     return float(np.interp(torque, brake.torques, brake.currents))
 
@@ -82,12 +84,12 @@ def oscillate(
     """
     omega = 2.0 * math.pi / PERIOD
     peak = math.radians(amplitude_deg) * omega / world.params.servo.gain
-    seen = [world.sense().shaft_counts] * 15
+    counts = [world.sense().shaft_counts] * 15
     scale = world.params.sensors.shaft_counts
 
     def command(k: int, rig: BenchWorld) -> tuple[Actuation, float]:
-        seen.append(rig.sense().shaft_counts)
-        velocity = (seen[-1] - seen.pop(0)) / (15 * DT * scale)
+        counts.append(rig.sense().shaft_counts)
+        velocity = (counts[-1] - counts.pop(0)) / (15 * DT * scale)
         ramp = min(1.0, k * DT / PERIOD)
         volts = -peak * ramp * math.sin(omega * k * DT)
         current = brake_current(rig, damping * abs(velocity))
@@ -100,7 +102,7 @@ def oscillate(
 
 
 def detrended(angle: Floats) -> Floats:
-    """An angle over whole periods less its linear drift: the line through the periods' means.
+    """Return an angle over whole periods minus its drift, the line through the periods' means.
 
     A line fitted to the samples would also take up some of the sine, and with it of the phase.
     """
@@ -112,7 +114,7 @@ def detrended(angle: Floats) -> Floats:
 
 
 class Deflection(NamedTuple):
-    """What the OSWEC thesis makes of one driveline run."""
+    """Results of one driveline run as in the OSWEC thesis."""
 
     phase: float  # shift, % of the period
     amplitude: float  # difference, deg, half of peak to peak
@@ -142,7 +144,7 @@ def deflection(run: Run) -> Deflection:
 
 
 def idle(world: BenchWorld, ticks: int) -> None:
-    """Let time pass with all switched off."""
+    """Advance the world with everything switched off."""
     for _ in range(ticks):
         world.actuate(OFF)
         world.advance(DT)

@@ -1,4 +1,4 @@
-"""Frequency-domain oracle of the linear WaveBot, written apart from the plant's own step.
+"""Frequency-domain oracle of the linear WaveBot, independent of the plant's step.
 
 Phasors here are e^{+i omega t} (impedance convention, as the measured Z_i); BEM excitation is
 e^{-i omega t} and therefore conjugated. Force on the body, absorbed power negative.

@@ -27,11 +27,11 @@ SMOOTH = {
     "gearbox__spread_back": 0.0,
     "motor__viscous": 0.0,
 }
-"""No dry friction anywhere and no quadratic drag: what has a closed form."""
+"""No dry friction and no quadratic drag: the system has a closed form."""
 
 
 def changed(name: str = "oswec_flap", **values: Any) -> FlapPlant:
-    """A plant with some values replaced; None puts a section's friction to nothing."""
+    """Return a plant with some values replaced; None sets a section's friction to zero."""
     text = mapping(f"{name}.yaml")
     for path, value in values.items():
         *sections, field = path.split("__")
@@ -53,11 +53,11 @@ def flap(
     stepper: type[Stepper] = Stepper,
     **values: Any,
 ) -> FlapWorld:
-    """A flap at 1 kHz in calm water, interpreted unless told."""
+    """Return a flap at 1 kHz in calm water, interpreted by default."""
     plant = changed(name, **values)
     return FlapWorld(plant, sea or waves.calm(), dt=DT, seed=seed, stepper=stepper)
 
 
 def torque(current: float, *, locked: int = 0) -> Actuation:
-    """The motor's torque loop on."""
+    """Return an actuation with the motor's torque loop on."""
     return Actuation(1, 1, 0.0, current, 0.0, locked)

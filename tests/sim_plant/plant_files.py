@@ -10,7 +10,7 @@ from ruamel.yaml import YAML
 
 from sim_plant.bem import Bem, read_bem
 from sim_plant.parameters import Plant
-from sim_plant.prescribed import Profile
+from sim_plant.prescribed import MotionProfile
 from sim_plant.waves import Sea, calm
 from sim_plant.world import Actuation, Stepper, World
 
@@ -21,7 +21,7 @@ CAPYTAINE = Path(__file__).resolve().parent / "capytaine_heave.npz"  # by comput
 
 
 def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """Lay one mapping over another; an entry (a mapping with a value) is replaced whole."""
+    """Merge one mapping into another; an entry (a mapping with a value) is replaced completely."""
     out = dict(base)
     for key, value in over.items():
         below = out.get(key)
@@ -32,7 +32,7 @@ def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 
 def mapping(name: str) -> dict[str, Any]:
-    """Read a plant file and what it extends."""
+    """Read a plant file and the files it extends."""
     text: dict[str, Any] = YAML(typ="safe").load(PLANTS / name)
     below = text.pop("extends", None)
     return merged(mapping(below), text) if below else text
@@ -44,7 +44,7 @@ def plant(name: str = "wavebot") -> Plant:
 
 
 def changed(name: str = "wavebot", **values: Any) -> Plant:
-    """A plant with some values replaced: changed(spring__spring_effect=0.5)."""
+    """Return a plant with some values replaced: changed(spring__spring_effect=0.5)."""
     text = mapping(f"{name}.yaml")
     for path, value in values.items():
         *sections, field = path.split("__")
@@ -95,10 +95,10 @@ def world(
     dt: float = DT,
     device: bool = True,
     stepper: type[Stepper] = Stepper,
-    hoist: Profile | None = None,
+    hoist: MotionProfile | None = None,
     **values: Any,
 ) -> World:
-    """A world of a plant file with some values replaced, 1 ms, calm water unless told."""
+    """Return a world of a plant file with some values replaced; by default 1 ms and calm water."""
     chosen = changed(name, **values) if values else plant(name)
     return World(
         chosen,
@@ -114,7 +114,7 @@ def world(
 
 
 def command(current: float = 0.0, **more: float) -> Actuation:
-    """An actuation with the drive on, stator held and no waves, unless told."""
+    """Return an actuation; by default with the drive on, stator held and no waves."""
     fields: dict[str, Any] = {
         "heave_current": current,
         "heave_enable": 1,

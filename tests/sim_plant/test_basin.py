@@ -10,7 +10,7 @@ from plant_files import CAPYTAINE, DT, QUIET, bem, command, plant, world
 
 from rig.execution.rehearsal.compiled_plant import CompiledStepper
 from sim_plant import waves
-from sim_plant.basin import Basin, Probe, radiated, taps
+from sim_plant.basin import Basin, Probe, radiated_wave, radiation_filter
 from sim_plant.bem import excitation_at
 from sim_plant.sensors import Channel
 from sim_plant.world import Readings
@@ -19,8 +19,8 @@ PLACES = [(-4.0, 0.0), (0.0, 5.0), (3.0, -3.5)]
 G, RHO = 9.81, 1000.0
 
 
-def probes(read: Readings) -> tuple[float, float, float]:
-    return read.probe_1, read.probe_2, read.probe_3
+def probes(reading: Readings) -> tuple[float, float, float]:
+    return reading.probe_1, reading.probe_2, reading.probe_3
 
 
 def test_empty_basin_is_the_undisturbed_wave_at_each_place() -> None:
@@ -31,14 +31,14 @@ def test_empty_basin_is_the_undisturbed_wave_at_each_place() -> None:
     for tick in range(9000):
         rig.actuate(command(wave_trigger=1))
         rig.advance(DT)
-        read = rig.readings()
+        reading = rig.readings()
         if tick < 6000 or tick % 7:
             continue
-        # readings are those of this tick less one; the sample is probe_age older
-        sampled = tick * DT - read.probe_age
+        # readings are those of the previous tick; the sample is probe_age older
+        sampled = tick * DT - reading.probe_age
         assert sampled / 0.02 == pytest.approx(round(sampled / 0.02), abs=1e-6)
-        for (x, _), seen in zip(PLACES, probes(read), strict=True):
-            assert seen == pytest.approx(0.1 * math.cos(k * x - omega * sampled), abs=1e-9)
+        for (x, _), measured in zip(PLACES, probes(reading), strict=True):
+            assert measured == pytest.approx(0.1 * math.cos(k * x - omega * sampled), abs=1e-9)
 
 
 def test_an_irregular_sea_arrives_component_by_component() -> None:
@@ -52,23 +52,23 @@ def test_an_irregular_sea_arrives_component_by_component() -> None:
     np.testing.assert_allclose(there, expected, atol=1e-12)
 
 
-def test_a_probe_in_the_devices_place_reads_the_undisturbed_elevation() -> None:
+def test_probe_at_the_device_reads_the_undisturbed_elevation() -> None:
     place = {"basin__probe_2__x": 0.0, "basin__probe_2__y": 0.0}
     sea = waves.jonswap(0.127, 2.0, 3.3, 20.0, seed=5)
     rig = world(sea, device=False, sensors__delay_ticks=0, **place, **QUIET)
-    held = 0.0
+    last_elevation = 0.0
     for tick in range(1, 12000):
         rig.actuate(command(wave_trigger=1))
         rig.advance(DT)
-        read = rig.readings()
-        assert read.probe_2 == held  # the sample of tick k is on the wire at k + 1
+        reading = rig.readings()
+        assert reading.probe_2 == last_elevation  # the sample of tick k is on the wire at k + 1
         if tick % 20 == 0:
-            held = read.elevation
+            last_elevation = reading.elevation
     with pytest.raises(ValueError, match=r"3\.0 m or more"):
         world(sea, **place)
 
 
-def test_all_else_stands_still_in_the_empty_basin() -> None:
+def test_other_readings_are_constant_in_the_empty_basin() -> None:
     rig = world(waves.regular(0.127, 0.5), device=False)
     rows = []
     for k in range(3000):
@@ -79,11 +79,11 @@ def test_all_else_stands_still_in_the_empty_basin() -> None:
     fixed = [f for f in Readings._fields if len({getattr(r, f) for r in rows}) == 1]
     moving = {"elevation", "probe_1", "probe_2", "probe_3", "probe_age"}
     assert set(Readings._fields) - set(fixed) == moving
-    read = rows[0]
-    assert (read.heave_enabled, read.heave_fault, read.surge_fault) == (0, 0, 0)
-    assert (read.stator_arrived, read.stator_position, read.power_ac) == (1, -13.0, 0.0)
-    assert read.heave_counts == plant().sensors.encoder_offset.value
-    assert (read.power_dc, read.bus_voltage) == (30.0, pytest.approx(150.0, abs=0.1))
+    reading = rows[0]
+    assert (reading.heave_enabled, reading.heave_fault, reading.surge_fault) == (0, 0, 0)
+    assert (reading.stator_arrived, reading.stator_position, reading.power_ac) == (1, -13.0, 0.0)
+    assert reading.heave_counts == plant().sensors.encoder_offset.value
+    assert (reading.power_dc, reading.bus_voltage) == (30.0, pytest.approx(150.0, abs=0.1))
     assert all(math.isfinite(number) for row in rows[::100] for number in row)
 
 
@@ -93,9 +93,9 @@ def test_sampled_at_50_hz_and_held_with_its_age() -> None:
     for _ in range(1000):
         rig.actuate(command(wave_trigger=1))
         rig.advance(DT)
-        read = rig.readings()
-        samples.add(probes(read))
-        ages.add(round(read.probe_age / DT))
+        reading = rig.readings()
+        samples.add(probes(reading))
+        ages.add(round(reading.probe_age / DT))
     assert len(samples) in (50, 51)
     assert ages <= set(range(21))
     assert set(range(1, 21)) <= ages
@@ -105,18 +105,18 @@ def test_sampled_at_50_hz_and_held_with_its_age() -> None:
 def test_50_hz_at_any_tick(dt: float) -> None:
     sea = waves.recorded(np.sin(np.linspace(0, 2 * np.pi, 100)), 100 / (3000 * dt))
     rig = world(sea, device=False, dt=dt, **QUIET)
-    seen = 0
+    measured = 0
     last = None
     for _ in range(round(3.0 / dt)):
         rig.actuate(command(wave_trigger=1))
         rig.advance(dt)
         now = probes(rig.readings())
-        seen += now != last
+        measured += now != last
         last = now
-    assert seen == pytest.approx(150, abs=2)
+    assert measured == pytest.approx(150, abs=2)
 
 
-def test_noise_and_resolution_are_as_the_file_says() -> None:
+def test_noise_and_resolution_match_the_file() -> None:
     rig = world(device=False)
     rows = []
     for _ in range(40000):
@@ -131,7 +131,7 @@ def test_noise_and_resolution_are_as_the_file_says() -> None:
 
 
 def closed_form(frequency: float, radius: float) -> complex:
-    """Far-field elevation per velocity, e^{-i omega t}, written anew from energy flux."""
+    """Return the far-field elevation per velocity, e^{-i omega t}, derived from energy flux."""
     omega = 2 * math.pi * frequency
     damping = float(np.interp(frequency, bem().frequency, bem().damping))
     group = G / (2 * omega)
@@ -154,31 +154,31 @@ def heaving(frequency: float, seconds: float) -> tuple[list[complex], float]:
         rig.actuate(command(heave_enable=0))
         rig.advance(DT)
         if tick >= round(seconds / DT):
-            read = rig._line[-1]
-            sampled = (tick + 1) * DT - read.probe_age
-            turned += np.array(probes(read)) * np.exp(1j * omega * sampled)
+            reading = rig._delay_line[-1]
+            sampled = (tick + 1) * DT - reading.probe_age
+            turned += np.array(probes(reading)) * np.exp(1j * omega * sampled)
             velocity += rig.motion()[1] * np.exp(1j * omega * (tick + 1) * DT)
     return list(turned / velocity), abs(velocity) * 2 / window
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.4, 0.5, 0.65, 0.8, 1.0])
 def test_the_radiated_wave_is_the_closed_form(frequency: float) -> None:
-    """Magnitude and phase at all three probes within 2 %: 1 % of the filter, 1 % of holding."""
-    seen, velocity = heaving(frequency, 40.0)
+    """Magnitude and phase at all three probes within 2 %: 1 % by filter, 1 % by sampling."""
+    measured, velocity = heaving(frequency, 40.0)
     assert velocity == pytest.approx(0.05 * 2 * math.pi * frequency, rel=1e-3)
-    for (x, y), ratio in zip(PLACES, seen, strict=True):
-        wanted = closed_form(frequency, math.hypot(x, y))
-        # a held sample is seen up to 20 ms later than it was taken: taken back above by its age
-        assert abs(ratio / wanted - 1.0) <= 0.02
+    for (x, y), ratio in zip(PLACES, measured, strict=True):
+        reference = closed_form(frequency, math.hypot(x, y))
+        # a sample is held up to 20 ms: its age is compensated above
+        assert abs(ratio / reference - 1.0) <= 0.02
 
 
 @pytest.mark.parametrize("frequency", [0.4, 0.65, 1.0])
 def test_the_radiated_wave_carries_the_damping_power(frequency: float) -> None:
     """2 pi r (1/2 rho g |a|²) c_g = 1/2 B |v|² within 4 % (twice that of the amplitude)."""
-    seen, _ = heaving(frequency, 40.0)
+    measured, _ = heaving(frequency, 40.0)
     group = G / (4 * math.pi * frequency)
     damping = float(np.interp(frequency, bem().frequency, bem().damping))
-    for (x, y), ratio in zip(PLACES, seen, strict=True):
+    for (x, y), ratio in zip(PLACES, measured, strict=True):
         flux = 2 * math.pi * math.hypot(x, y) * 0.5 * RHO * G * abs(ratio) ** 2 * group
         assert flux == pytest.approx(0.5 * damping, rel=0.04)
 
@@ -187,34 +187,34 @@ def test_the_far_field_is_that_of_the_bem() -> None:
     """capytaine's free surface around the heaving hull, 2-8 m, complex.
 
     5 % where the probe is some waves away (beyond k r of 8 capytaine's tabulated Green function
-    itself wavers by 10 %), 20 % where the hull's own flow is still felt.
+    itself varies by 10 %), 20 % in the near field of the hull.
     """
     with np.load(CAPYTAINE) as file:
         frequency, radius = file["radiated_f_hz"], file["radius"]
         table = file["elevation_per_velocity"]
     for j, r in enumerate(radius):
-        wrong = np.abs(radiated(bem(), float(r), frequency) / table[:, j] - 1.0)
+        wrong = np.abs(radiated_wave(bem(), float(r), frequency) / table[:, j] - 1.0)
         waves_away = (2 * np.pi * frequency) ** 2 / G * r
         assert wrong[(waves_away > 1.9) & (waves_away < 8.0)].max() <= 0.05
         assert wrong[waves_away <= 1.9].max(initial=0.0) <= 0.20
 
 
-def test_the_filter_is_quiet_where_the_hull_is_not_moved() -> None:
+def test_filter_has_no_response_outside_the_band_of_motion() -> None:
     for radius in (3.0, 4.0, 8.0):
-        gains = taps(bem(), radius)
+        gains = radiation_filter(bem(), radius)
         f = np.linspace(0.0, 5.0, 501)
         response = np.abs(np.exp(-2j * np.pi * 0.1 * np.outer(f, np.arange(gains.size))) @ gains)
-        most = np.abs(radiated(bem(), radius, f)).max()
+        most = np.abs(radiated_wave(bem(), radius, f)).max()
         assert response[f > 1.5].max() <= 0.7 * most
 
 
-def test_it_is_causal_and_forgets() -> None:
-    """Nothing before a pulse of velocity, most of it seconds later, at last nothing again."""
+def test_filter_is_causal_and_of_finite_length() -> None:
+    """The response to a velocity pulse starts after it, is largest seconds later, and ends."""
     basin = Basin(
         waves.calm(), bem(), [Probe(8.0, 0.0)], Channel(0.0, 0.0, 0.0, 1, 0), [0.0] * 131072,
         dt=DT, device=True,
     )  # fmt: skip
-    seen = np.array([basin.sample(-1, 1.0, 1.0 if k == 100 else 0.0)[0] for k in range(2000)])
-    assert not seen[:100].any()
-    assert not seen[1300:].any()
-    assert np.sum(seen[100:150] ** 2) < 0.01 * np.sum(seen**2)
+    measured = np.array([basin.sample(-1, 1.0, 1.0 if k == 100 else 0.0)[0] for k in range(2000)])
+    assert not measured[:100].any()
+    assert not measured[1300:].any()
+    assert np.sum(measured[100:150] ** 2) < 0.01 * np.sum(measured**2)

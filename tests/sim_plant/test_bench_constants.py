@@ -1,4 +1,4 @@
-"""Torque and velocity constant as the OSWEC thesis takes them (chapter 3), on the simulated bench.
+"""Torque and velocity constant of the simulated bench, by the method of the OSWEC thesis (ch. 3).
 
 Motor and gearbox of the plant are fitted to these figures; the causes are the plant's choice.
 """
@@ -74,8 +74,8 @@ def test_ramps_are_straight_and_straighter_at_high_torque() -> None:
     assert quality[-1] > quality[0]
 
 
-def test_torque_lags_as_the_motor_backs_off() -> None:
-    """Stiction: at 0.8 of the peak current the shaft holds more on the way down than up."""
+def test_torque_lags_when_the_motor_reverses() -> None:
+    """Stiction: at 0.8 of the peak current the torque is larger on the way down than up."""
     amplitude = CURRENTS[-1]
     run = torque_run(amplitude)
     late = np.arange(len(run.command)) > round(TORQUE_PERIOD / 2 / DT)
@@ -102,43 +102,43 @@ def velocity_run(volts: float) -> Run:
 
 def velocity(run: Run) -> Floats:
     """Central difference over 15 samples."""
-    angle, found = detrended(run.motor), np.zeros(len(run.motor))
-    found[7:-7] = (angle[14:] - angle[:-14]) / (14 * DT)
-    return found
+    angle, constants = detrended(run.motor), np.zeros(len(run.motor))
+    constants[7:-7] = (angle[14:] - angle[:-14]) / (14 * DT)
+    return constants
 
 
-def slowing(volts: float) -> list[tuple[float, float]]:
+def falling_constants(volts: float) -> list[tuple[float, float]]:
     """Velocity constants of all quarters in which the command falls, either way."""
-    run, found = velocity_run(volts), []
+    run, constants = velocity_run(volts), []
     for sign in (1, -1):
         falling = (sign * np.gradient(run.command) < 0) & (sign * run.command > 0)
         falling[:7] = falling[-7:] = False
-        found += slopes(run.command, velocity(run), falling, 300)
-    return found
+        constants += slopes(run.command, velocity(run), falling, 300)
+    return constants
 
 
 def test_velocity_constant() -> None:
     """Mean 1.46 and 1.49 of the three fastest, both within 2 %; 2.8 % spread over those three."""
-    each = [[slope for slope, _ in slowing(volts)] for volts in VOLTS]
-    means = [np.mean(found) for found in each]
+    each = [[slope for slope, _ in falling_constants(volts)] for volts in VOLTS]
+    means = [np.mean(constants) for constants in each]
     assert np.mean(means) == pytest.approx(1.46, rel=0.02)
     assert np.mean(means[-3:]) == pytest.approx(1.49, rel=0.02)
     fastest = np.concatenate(each[-3:])
     assert 0.014 <= np.ptp(fastest) / fastest.mean() <= 0.045
-    assert means[0] < 0.92 * means[-1]  # low amplitudes come out low
+    assert means[0] < 0.92 * means[-1]  # low amplitudes give low constants
     assert np.all(np.diff(means) > 0)
     assert min(map(min, each)) > 1.1
     assert max(map(max, each)) < 1.54
 
 
 def test_velocity_constant_fits_better_at_high_speed() -> None:
-    quality = [np.mean([r2 for _, r2 in slowing(volts)]) for volts in VOLTS]
+    quality = [np.mean([r2 for _, r2 in falling_constants(volts)]) for volts in VOLTS]
     assert quality[0] < quality[-1]
     assert quality[-1] > 0.999
 
 
 def test_the_motor_cuts_in_late_only_without_load() -> None:
-    """Behind while it speeds up, as told while it slows down; under the brake as told both ways."""
+    """The motor lags when speeding up, not when slowing down; under the brake in neither case."""
     run = velocity_run(0.35)
     lag = 1.535 * run.command - velocity(run)
     rising = np.gradient(run.command) > 0

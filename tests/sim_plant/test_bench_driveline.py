@@ -26,7 +26,7 @@ TABLE = [  # 2.1: amplitude in deg, damping in N m s
 
 @functools.cache
 def table() -> list[Deflection]:
-    """All rows, three periods each: one is like the other."""
+    """Return all rows, three periods each; the periods are alike."""
     rows = []
     for amplitude, damping in TABLE:
         world = bench(stepper=CompiledStepper)
@@ -78,9 +78,9 @@ def test_two_rows_saturate_the_brake() -> None:
     assert saturated == [(15.0, 104.0), (20.0, 104.0)]
     assert peaks.max() < 96.0
     for (amplitude, damping), peak in zip(TABLE, peaks, strict=True):
-        asked = math.radians(amplitude) * 2 * math.pi / PERIOD * damping
-        if asked < 95:
-            assert peak == pytest.approx(asked, abs=2.5)  # bearing, half the branches, noise
+        peak_torque = math.radians(amplitude) * 2 * math.pi / PERIOD * damping
+        if peak_torque < 95:
+            assert peak == pytest.approx(peak_torque, abs=2.5)  # bearing, half the branches, noise
 
 
 def test_unloaded_amplitude_difference() -> None:

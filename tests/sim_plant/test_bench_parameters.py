@@ -1,4 +1,4 @@
-"""Bench plant files: those that ship are valid, and one bad file per rule is refused by name."""
+"""Bench plant files: the shipped ones are valid, and one bad file per rule is refused by name."""
 
 from __future__ import annotations
 
@@ -61,15 +61,15 @@ BAD: list[tuple[str, Any, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("path", "value", "said"), BAD)
-def test_one_bad_file_per_rule(path: str, value: Any, said: str) -> None:
+@pytest.mark.parametrize(("path", "value", "message"), BAD)
+def test_one_bad_file_per_rule(path: str, value: Any, message: str) -> None:
     text = copy.deepcopy(mapping("oswec_bench.yaml"))
     *sections, field = path.split(".")
     inner = text
     for section in sections:
         inner = inner[section]
     inner[field] = value
-    with pytest.raises(ValidationError, match=said) as refusal:
+    with pytest.raises(ValidationError, match=message) as refusal:
         BenchPlant.model_validate(text)
     assert len(refusal.value.errors()) == 1
 

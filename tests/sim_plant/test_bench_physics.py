@@ -1,4 +1,4 @@
-"""What the bench must obey whatever its numbers: torsion, backlash, energy, brake, cell, stops."""
+"""Properties of the bench for any parameters: torsion, backlash, energy, brake, cell, stops."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ def test_torsion_of_a_clamped_shaft() -> None:
     shaft = 77.2e9 * math.pi * 0.042**4 / (32 * 0.089)
     stiffness = 1 / (1 / 141.0e3 + 1 / shaft + 1 / 41.25e3)
     world = bench(stepper=CompiledStepper)
-    twist, held = [], []
+    twist, shaft_torques = [], []
     for current in (1.0, 2.0, 3.0, 4.0, 5.0):
         hold(world, torque(current), 600)
         truth = world.truth()
         twist.append(truth.motor_angle - truth.shaft_angle)
-        held.append(truth.shaft_torque)
-    assert held[0] > 9.4
-    assert np.polyfit(held, twist, 1)[0] == pytest.approx(1 / stiffness, rel=1e-6)
-    rest = np.array(twist) - np.array(held) / stiffness
+        shaft_torques.append(truth.shaft_torque)
+    assert shaft_torques[0] > 9.4
+    assert np.polyfit(shaft_torques, twist, 1)[0] == pytest.approx(1 / stiffness, rel=1e-6)
+    rest = np.array(twist) - np.array(shaft_torques) / stiffness
     assert rest == pytest.approx(math.radians(0.0228 + 0.034), rel=1e-6)  # gap and soft zone
 
 
@@ -91,7 +91,7 @@ def test_backlash_is_a_play_operator() -> None:
 
 
 def test_the_brake_never_gives_energy() -> None:
-    """Whatever is asked for: brake, bearing and seal only take, and hold no more than they can."""
+    """For any command, brake, bearing and seal only dissipate, within their holding torque."""
     draw = random.Random(3)
     world = bench(stepper=CompiledStepper, seal__clockwise=0.5, seal__counter=0.3)
     for _ in range(200):
@@ -107,7 +107,7 @@ def test_the_brake_never_gives_energy() -> None:
 
 
 def test_energy_of_a_driveline_run() -> None:
-    """The motor's work is what shaft, gearbox and rotor have taken, over whole periods to 0.5 %."""
+    """The motor's work equals that of shaft, gearbox and rotor over whole periods to 0.5 %."""
     world = bench(stepper=CompiledStepper)
     idle(world, 200)
     params, damping = world.params, 62.5
@@ -155,16 +155,16 @@ def test_two_branches_of_the_brake() -> None:
 
 
 def test_cross_talk_is_recovered_by_its_matrix() -> None:
-    """Six independent loads tell the matrix; its inverse gives the wrench of a run."""
+    """Six independent loads identify the matrix; its inverse recovers the wrench of a run."""
     params = bench(**QUIET).params.load_cell
     normals = [0.0] * 131072
     zero = np.array(load_cell.read(params, load_cell.Wrench(*[0.0] * 6), 0.0, 0, normals))
     loads = np.diag([50.0, 50.0, 50.0, 20.0, 20.0, 20.0])
-    told = np.array(
+    cell_readings = np.array(
         [load_cell.read(params, load_cell.Wrench(*row), 0.0, 0, normals) for row in loads]
     )
-    matrix = np.linalg.solve(loads, told - zero).T
-    assert np.abs(matrix - np.eye(6)).max() > 1e-3  # there is something to recover
+    matrix = np.linalg.solve(loads, cell_readings - zero).T
+    assert np.abs(matrix - np.eye(6)).max() > 1e-3  # the cross-talk is not negligible
     world = bench(stepper=CompiledStepper, load_cell__drift=[0.0] * 6, **QUIET)
     hold(world, torque(4.0), 800)
     reading, truth = world.sense(), world.truth()
@@ -172,10 +172,10 @@ def test_cross_talk_is_recovered_by_its_matrix() -> None:
     wrench = np.linalg.solve(matrix, raw - zero)
     carried = load_cell.wrench(params, truth.shaft_angle, truth.shaft_torque)
     np.testing.assert_allclose(wrench, carried, rtol=0.0, atol=1e-9)
-    assert abs(raw[0] - zero[0] - carried.fx) > 1.0  # N, that nobody applies
+    assert abs(raw[0] - zero[0] - carried.fx) > 1.0  # N, not applied
 
 
-def test_the_cell_drifts_as_told() -> None:
+def test_cell_drift_matches_the_file() -> None:
     world = bench(stepper=CompiledStepper, load_cell__drift_time=2.0, **QUIET)
     start = world.sense().fz
     hold(world, OFF, 2001)
@@ -183,14 +183,14 @@ def test_the_cell_drifts_as_told() -> None:
 
 
 def test_a_seed_repeats_and_another_differs() -> None:
-    def told(seed: int) -> list[float]:
+    def cell_readings(seed: int) -> list[float]:
         return oscillate(bench(seed=seed, stepper=CompiledStepper), 10, 42, 1).torque.tolist()
 
-    assert told(7) == told(7)
-    assert told(7) != told(8)
+    assert cell_readings(7) == cell_readings(7)
+    assert cell_readings(7) != cell_readings(8)
 
 
-def test_noise_of_the_cell_is_as_told() -> None:
+def test_cell_noise_matches_the_file() -> None:
     world = bench(stepper=CompiledStepper, load_cell__torque_resolution=0.0)
     read = []
     for _ in range(4000):
@@ -205,7 +205,7 @@ def running(world: BenchWorld) -> None:
     assert world.truth().shaft_velocity > 0.5
 
 
-def test_e_stop_takes_the_power_and_the_brake_the_motion() -> None:
+def test_e_stop_removes_power_and_the_brake_stops_the_motion() -> None:
     world = bench()
     running(world)
     world.press_e_stop()
@@ -218,7 +218,7 @@ def test_e_stop_takes_the_power_and_the_brake_the_motion() -> None:
     assert world.sense().enabled == 1
 
 
-def test_the_limit_switch_takes_the_power() -> None:
+def test_limit_switch_removes_power() -> None:
     world = bench(sensors__travel=10.0)
     hold(world, Actuation(1, 0, 0.5, 0.0, 0.1, 0), 800)
     reading = world.sense()
@@ -226,7 +226,7 @@ def test_the_limit_switch_takes_the_power() -> None:
     assert math.degrees(world.truth().shaft_angle) < 12.0
 
 
-def test_silence_and_nonsense_trip_the_drive() -> None:
+def test_missing_and_invalid_commands_trip_the_drive() -> None:
     world = bench()
     running(world)
     for _ in range(210):
@@ -252,9 +252,9 @@ def test_a_lost_brake_and_a_slipped_coupling_show_in_the_readings() -> None:
     after = world.sense()
     motor = (after.motor_counts - before.motor_counts) / ahead.motor_counts
     shaft = (after.shaft_counts - before.shaft_counts) / ahead.shaft_counts
-    assert math.degrees(shaft - motor) == pytest.approx(1.0, abs=0.2)  # gap and torsion beside it
+    assert math.degrees(shaft - motor) == pytest.approx(1.0, abs=0.2)  # plus gap and torsion
     assert after.brake_current_a == pytest.approx(0.5, abs=0.01)
-    world.lose_brake()
+    world.cut_brake_current()
     hold(world, Actuation(1, 0, 0.0, 0.0, 0.5, 0), 50)
     assert world.sense().brake_current_a == pytest.approx(0.0, abs=0.01)
     assert world.truth().brake_torque < 3.0
@@ -267,8 +267,8 @@ def test_the_motor_runs_no_faster_than_its_voltage_allows() -> None:
     assert 0.95 * 15.708 < world.truth().motor_velocity < 15.708
 
 
-def test_any_bench_keeps_to_the_laws() -> None:
-    """Other gaps, stiffnesses, inertias: everything stays finite, and nothing gives energy."""
+def test_any_bench_obeys_the_laws_of_physics() -> None:
+    """Random gaps, stiffnesses, inertias: everything stays finite and no part delivers energy."""
     draw = random.Random(5)
     for seed in range(6):
         world = bench(
@@ -283,8 +283,8 @@ def test_any_bench_keeps_to_the_laws() -> None:
         )
         for _ in range(10):
             volts, amps = draw.uniform(-1.0, 1.0), draw.uniform(-6.0, 6.0)
-            held, locked = draw.choice([0.0, 0.2, 1.0]), draw.choice([0, 0, 1])
-            actuation = Actuation(1, draw.randrange(2), volts, amps, held, locked)
+            shaft_torques, locked = draw.choice([0.0, 0.2, 1.0]), draw.choice([0, 0, 1])
+            actuation = Actuation(1, draw.randrange(2), volts, amps, shaft_torques, locked)
             for _ in range(150):
                 world.actuate(actuation)
                 world.advance(DT)
@@ -295,7 +295,7 @@ def test_any_bench_keeps_to_the_laws() -> None:
 
 
 def test_current_limit_holds_the_velocity_loop() -> None:
-    """A clamped shaft: the loop pushes with all it has, and no more."""
+    """A clamped shaft: the loop uses its full current limit and no more."""
     world = bench(stepper=CompiledStepper)
     hold(world, Actuation(1, 0, 3.0, 0.0, 0.0, 1), 400)
     truth = world.truth()
@@ -304,8 +304,8 @@ def test_current_limit_holds_the_velocity_loop() -> None:
     assert truth.motor_velocity == pytest.approx(0.0, abs=1e-3)
 
 
-def test_another_tick_than_agreed_is_refused() -> None:
-    with pytest.raises(ValueError, match="ticks in"):
+def test_other_tick_length_is_refused() -> None:
+    with pytest.raises(ValueError, match="advances by"):
         bench().advance(0.002)
     with pytest.raises(ValueError, match="dt must be"):
         BenchWorld(changed(), dt=0.01, seed=1)

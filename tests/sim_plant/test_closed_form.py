@@ -27,17 +27,17 @@ def test_decided_numbers(f: float, trs: float, lcb: float, ac: float, stroke: fl
     assert table.lcb == pytest.approx(lcb, abs=0.06)
     assert table.ac == pytest.approx(ac, abs=0.06)
     assert table.stroke == pytest.approx(stroke, abs=0.0005)
-    own = heave_response(params, bem(), f, 0.127, -2500.0, 0.0, 0.0)
-    assert own.lcb == pytest.approx(table.lcb, rel=0.003)
+    with_own_states = heave_response(params, bem(), f, 0.127, -2500.0, 0.0, 0.0)
+    assert with_own_states.lcb == pytest.approx(table.lcb, rel=0.003)
 
 
-def test_one_wave_is_a_spectrum_of_one_but_for_the_mean_current() -> None:
+def test_single_wave_equals_a_spectrum_except_for_the_mean_current() -> None:
     params = plant("wavebot_linear").build()
-    one = heave_response(params, bem(), 0.5, 0.127, -2500.0, 1000.0, 0.0)
-    two = heave_response(params, bem(), [0.5, 0.6], [0.127, 0.0], -2500.0, 1000.0, 0.0)
-    assert two.ac == pytest.approx(one.ac)
-    assert two.dc - one.dc == pytest.approx(
-        3.6 * one.current * (1 / math.sqrt(math.pi) - 2 / math.pi), abs=1e-9
+    single = heave_response(params, bem(), 0.5, 0.127, -2500.0, 1000.0, 0.0)
+    spectrum = heave_response(params, bem(), [0.5, 0.6], [0.127, 0.0], -2500.0, 1000.0, 0.0)
+    assert spectrum.ac == pytest.approx(single.ac)
+    assert spectrum.dc - single.dc == pytest.approx(
+        3.6 * single.current * (1 / math.sqrt(math.pi) - 2 / math.pi), abs=1e-9
     )
 
 

@@ -17,8 +17,8 @@ SET = DriveSettings(SVPWM, 75.0, 1.0e-4, 0.5, 15)
 PER_AMPERE = 76.9750217  # N/A
 
 
-def custom(settings: DriveSettings = SET, name: str = "wavebot_custom", **more: Any) -> World:
-    """A rig set as told, its bus charged to the set point."""
+def custom_world(settings: DriveSettings = SET, name: str = "wavebot_custom", **more: Any) -> World:
+    """Return a rig with these drive settings, its bus charged to the set point."""
     volts = {"drive__bus_voltage": settings.bus_voltage}
     rig = world(name=name, stepper=CompiledStepper, **QUIET, **volts, **more)
     rig.configure(settings)
@@ -48,12 +48,12 @@ def test_40_volts_saturate_near_0_27_metres_a_second() -> None:
     inverter = plant("wavebot_custom").build(SET._replace(bus_voltage=40.0)).electrics.inverter
     speeds = [0.001 * k for k in range(1, 400)]
     enough = [
-        v for v in speeds if custom_drive.ceiling(inverter, 40.0, v) >= 2500.0 * v / PER_AMPERE
+        v for v in speeds if custom_drive.max_current(inverter, 40.0, v) >= 2500.0 * v / PER_AMPERE
     ]
     assert max(enough) == pytest.approx(0.2625, abs=0.001)
-    assert custom_drive.ceiling(inverter, 40.0, -0.31) == 0.0
+    assert custom_drive.max_current(inverter, 40.0, -0.31) == 0.0
     sine = plant("wavebot_custom").build(SET._replace(scheme=SINE_TRIANGLE)).electrics.inverter
-    assert custom_drive.ceiling(sine, 75.0, 0.0) == pytest.approx(
+    assert custom_drive.max_current(sine, 75.0, 0.0) == pytest.approx(
         0.612 * 75.0 / 0.5 * math.sqrt(1.5)
     )
 
@@ -61,7 +61,7 @@ def test_40_volts_saturate_near_0_27_metres_a_second() -> None:
 def test_a_saturated_torque_is_flagged() -> None:
     """A hoist moves the hull at up to 0.35 m/s; 40 V cannot hold the current there, 150 V can."""
     for volts, limited in ((40.0, True), (150.0, False)):
-        rig = custom(SET._replace(bus_voltage=volts))
+        rig = custom_world(SET._replace(bus_voltage=volts))
         rig.prescribe(lambda t: (0.1 * math.sin(3.5 * t), 0.35 * math.cos(3.5 * t)))
         flagged = 0
         for _ in range(5000):
@@ -75,8 +75,8 @@ def test_a_saturated_torque_is_flagged() -> None:
         assert (flagged > 300) is limited
 
 
-def test_gated_off_there_is_no_torque_and_only_logic_is_fed() -> None:
-    rig = custom()
+def test_gated_off_drive_has_no_torque_and_only_logic_power() -> None:
+    rig = custom_world()
     for _ in range(300):
         rig.actuate(command(5.0))
         rig.advance(DT)
@@ -97,8 +97,8 @@ def test_gated_off_there_is_no_torque_and_only_logic_is_fed() -> None:
 
 
 @pytest.mark.parametrize("enabled", [0, 1])
-def test_the_dump_is_off_soon_with_the_supply_on_and_no_waves(enabled: int) -> None:
-    rig = custom(SET._replace(bus_voltage=150.0))
+def test_dump_turns_off_with_supply_and_without_waves(enabled: int) -> None:
+    rig = custom_world(SET._replace(bus_voltage=150.0))
     rig.configure(SET._replace(discharge_level=1))  # one resistor must bring 150 V down to 70 V
     dumping = []
     for _ in range(20000):
@@ -111,8 +111,8 @@ def test_the_dump_is_off_soon_with_the_supply_on_and_no_waves(enabled: int) -> N
     assert 66.0 < rig.readings().bus_voltage < 70.0
 
 
-def test_a_raised_set_point_is_followed_by_the_supply_without_a_trip() -> None:
-    rig = custom(SET._replace(bus_voltage=40.0))
+def test_raised_set_point_does_not_trip() -> None:
+    rig = custom_world(SET._replace(bus_voltage=40.0))
     for _ in range(500):
         rig.actuate(command())
         rig.advance(DT)
@@ -124,9 +124,9 @@ def test_a_raised_set_point_is_followed_by_the_supply_without_a_trip() -> None:
     assert rig.readings().bus_voltage == pytest.approx(142.0, abs=0.5)
 
 
-def test_dump_resistors_conduct_as_the_mask_says() -> None:
+def test_dump_resistors_follow_the_mask() -> None:
     for level, resistors in ((1, 1), (6, 2), (15, 4), (0, 0)):
-        rig = custom(SET._replace(bus_voltage=150.0, discharge_level=level))
+        rig = custom_world(SET._replace(bus_voltage=150.0, discharge_level=level))
         rig.configure(SET._replace(discharge_level=level))
         rig.actuate(command(heave_enable=0))
         rig.advance(DT)
@@ -138,28 +138,28 @@ def test_dump_resistors_conduct_as_the_mask_says() -> None:
 
 
 def damped(rig: World, seconds: float, trigger: int = 1) -> list[Any]:
-    """Run with Kp -2500; give the truth of every tick."""
-    seen = [rig.truth()]
+    """Run with Kp -2500; return the true state of every tick."""
+    history = [rig.truth()]
     for _ in range(round(seconds / DT)):
-        rig.actuate(command(-2500.0 / PER_AMPERE * seen[-1].velocity, wave_trigger=trigger))
+        rig.actuate(command(-2500.0 / PER_AMPERE * history[-1].velocity, wave_trigger=trigger))
         rig.advance(DT)
-        seen.append(rig.truth())
-    return seen
+        history.append(rig.truth())
+    return history
 
 
-def test_it_lives_on_the_waves_and_trips_cleanly_when_they_stop() -> None:
+def test_bus_is_sustained_by_waves_and_trips_without_them() -> None:
     """Supply off: an energetic sea keeps the bus up; calm water ends in undervoltage, code 2."""
-    rig = custom(name="wavebot_custom_islanded", sea=waves.regular(0.1, 0.4))
-    seen = damped(rig, 60.0)
+    rig = custom_world(name="wavebot_custom_islanded", sea=waves.regular(0.1, 0.4))
+    history = damped(rig, 60.0)
     assert rig.readings().heave_fault == 0
-    assert min(truth.bus.voltage for truth in seen[10000:]) > 69.0
-    assert seen[-1].bus.supplied == 0.0
-    assert seen[-1].bus.dumped > 500.0
+    assert min(truth.bus.voltage for truth in history[10000:]) > 69.0
+    assert history[-1].bus.supplied == 0.0
+    assert history[-1].bus.dumped > 500.0
     at_rest = damped(rig, 60.0, trigger=0)
     read = rig.readings()
     assert (read.heave_fault, read.heave_enabled, read.drive_conducting) == (2, 0, 0)
     assert abs(at_rest[-1].motor) < 1e-9
-    assert read.bus_voltage > 17.9  # the logic goes out too and leaves the rest alone
+    assert read.bus_voltage > 17.9  # the logic switches off too and stops discharging the bus
     for enable in (0, 1):
         for _ in range(200):
             rig.actuate(command(heave_enable=enable))
@@ -169,24 +169,24 @@ def test_it_lives_on_the_waves_and_trips_cleanly_when_they_stop() -> None:
 
 def test_without_dump_resistors_it_trips_on_overvoltage() -> None:
     settings = SET._replace(bus_voltage=180.0, discharge_level=0)
-    rig = custom(settings, name="wavebot_custom_islanded", sea=waves.regular(0.127, 0.4))
-    seen = damped(rig, 60.0)
+    rig = custom_world(settings, name="wavebot_custom_islanded", sea=waves.regular(0.127, 0.4))
+    history = damped(rig, 60.0)
     read = rig.readings()
     assert (read.heave_fault, read.heave_enabled) == (3, 0)
-    assert max(truth.bus.voltage for truth in seen) == pytest.approx(200.0, abs=0.1)
-    assert abs(seen[-1].motor) < 1e-9
+    assert max(truth.bus.voltage for truth in history) == pytest.approx(200.0, abs=0.1)
+    assert abs(history[-1].motor) < 1e-9
 
 
 @pytest.mark.parametrize("name", ["wavebot_custom", "wavebot_custom_islanded"])
 def test_the_bus_loses_no_energy(name: str) -> None:
-    """Stored = supplied - consumed - dumped, and consumed is the analyser's DC power, no more."""
-    rig = custom(name=name, sea=waves.regular(0.127, 0.4), drive__analyser_window=DT)
+    """Stored = supplied - consumed - dumped, and consumed is exactly the analyser's DC power."""
+    rig = custom_world(name=name, sea=waves.regular(0.127, 0.4), drive__analyser_window=DT)
     start = rig.truth().bus
     consumed = 0.0
     for k in range(30000):
         rig.actuate(command(-30.0 * rig.truth().velocity, wave_trigger=1, conducting=k % 3000 > 99))
         rig.advance(DT)
-        consumed += DT * rig._line[-1].power_dc
+        consumed += DT * rig._delay_line[-1].power_dc
     end = rig.truth().bus
     turnover = abs(end.consumed) + end.supplied + end.dumped
     gained = end.supplied - end.consumed - end.dumped
@@ -197,7 +197,7 @@ def test_the_bus_loses_no_energy(name: str) -> None:
 
 
 def test_settings_out_of_range_are_refused_by_name() -> None:
-    rig = custom()
+    rig = custom_world()
     with pytest.raises(ValueError, match=r"scheme 4 .* 0 to 3; bus_voltage 1\.0 .* 30 to 180"):
         rig.configure(DriveSettings(4, 1.0, 1.0e-4, 0.5, 15))
     for bad in ({"switching_period": 0.0}, {"hysteresis_tolerance": math.nan}):
@@ -216,5 +216,7 @@ def test_the_commercial_drive_has_no_settings() -> None:
     for _ in range(300):
         rig.actuate(command(5.0, conducting=0))
         rig.advance(DT)
-    assert rig.readings().heave_current == pytest.approx(5.0, rel=1e-6)  # it has no gate input
+    assert rig.readings().heave_current == pytest.approx(
+        5.0, rel=1e-6
+    )  # the commercial drive has no gate input
     assert rig.readings().drive_conducting == 1

@@ -34,7 +34,7 @@ def motion_matrix(params: FlapBodyParams) -> NDArray[np.float64]:
 
 
 def test_free_decay() -> None:
-    """0.2 rad let go: the modal solution to 2e-5, and with it frequency and damping.
+    """Release from 0.2 rad: the modal solution to 2e-5, thus frequency and damping.
 
     A leapfrog that starts at rest is half a tick late.
     """
@@ -88,7 +88,7 @@ def response(world: FlapWorld, cycles: list[int], repeat: float) -> NDArray[np.c
     return np.asarray(np.conj(turned / raised))
 
 
-DAMPED = {**SMOOTH, "flap__viscous_linear": 25.0}  # soon forgets its start
+DAMPED = {**SMOOTH, "flap__viscous_linear": 25.0}  # its initial transient decays quickly
 
 
 def expected(world: FlapWorld, plant: FlapPlant, frequency: NDArray[np.float64]) -> NDArray:
@@ -102,19 +102,19 @@ def test_response_to_regular_waves(frequency: float) -> None:
     """The free flap's response amplitude operator, complex, to 1e-3."""
     sea = waves.regular(0.05, frequency)
     world = flap(sea, "oswec_flap_free", stepper=CompiledFlapStepper, **DAMPED)
-    told = response(world, sea.cycles.tolist(), sea.repeat)
-    wanted = expected(world, changed("oswec_flap_free"), np.array([frequency]))
-    np.testing.assert_allclose(told, wanted, rtol=1e-3)
+    measured = response(world, sea.cycles.tolist(), sea.repeat)
+    expected_response = expected(world, changed("oswec_flap_free"), np.array([frequency]))
+    np.testing.assert_allclose(measured, expected_response, rtol=1e-3)
 
 
 def test_response_to_irregular_waves() -> None:
-    """Every line of an irregular sea is answered as a regular wave of its frequency."""
+    """The response to every line of an irregular sea equals that to a regular wave."""
     cycles, repeat = [5, 7, 11, 13, 17, 20], 20.0
     sea = waves.components(repeat, cycles, [0.01] * 6, [0.0, 1.0, 4.0, 2.0, 5.0, 3.0])
     world = flap(sea, "oswec_flap_free", stepper=CompiledFlapStepper, **DAMPED)
-    told = response(world, cycles, repeat)
-    wanted = expected(world, changed("oswec_flap_free"), np.array(cycles) / repeat)
-    np.testing.assert_allclose(told, wanted, rtol=1.5e-3)
+    measured = response(world, cycles, repeat)
+    expected_response = expected(world, changed("oswec_flap_free"), np.array(cycles) / repeat)
+    np.testing.assert_allclose(measured, expected_response, rtol=1.5e-3)
 
 
 STIFF = {
@@ -127,7 +127,7 @@ STIFF = {
 
 
 def absorbed(damping: float, frequency: float, amplitude: float) -> float:
-    """Mean power that the motor takes as a linear damper of its own angle, W."""
+    """Return the mean power that the motor absorbs as a linear damper of its own angle, W."""
     sea = waves.regular(amplitude, frequency)
     world = flap(sea, stepper=CompiledFlapStepper, **STIFF)
     world.make_waves(1)
@@ -180,7 +180,7 @@ def test_ideal_dampings_are_those_of_the_thesis() -> None:
         assert damping == pytest.approx(closed, rel=1e-12)
 
 
-def test_no_flap_of_its_kind_takes_more_than_its_capture_width() -> None:
+def test_absorbed_power_is_within_the_capture_width() -> None:
     """|X|²/(8 nu) of a cosine radiator is the power over lambda/pi of crest (Falnes)."""
     plant = changed()
     table = plant.coefficients()
@@ -202,16 +202,16 @@ def test_no_flap_of_its_kind_takes_more_than_its_capture_width() -> None:
     np.testing.assert_allclose(most / flux, 2 * np.pi / k / np.pi, rtol=1e-6)
 
 
-def test_radiation_only_takes() -> None:
+def test_radiation_is_passive() -> None:
     frequency = np.logspace(-3, 3, 400)
     assert np.all(hydrodynamics.radiation(changed().build_flap().body, frequency).real >= 0)
 
 
 def test_energy() -> None:
-    """In waves, the motor braking: what waves give is what water, seals and driveline take."""
+    """In waves with the motor braking: wave work equals the work of water, seals and driveline."""
     world = flap(waves.regular(0.05, 0.5))
     body, per_current = world.params.body, 18.0
-    gave = took = 0.0
+    gave = taken = 0.0
     world.make_waves(1)
     before = world.truth()
     for k in range(20000):
@@ -223,24 +223,24 @@ def test_energy() -> None:
             turned = line.shaft_angle - before.driveline.shaft_angle
             speed = turned / DT
             gave += after.excitation * turned
-            took -= before.radiation * turned
-            took += (body.viscous + body.quadratic * abs(speed)) * speed * turned
-            took -= line.shaft_torque * turned
-            took += (0.8 + 0.1 * abs(speed)) * abs(turned)  # far side
+            taken -= before.radiation * turned
+            taken += (body.viscous + body.quadratic * abs(speed)) * speed * turned
+            taken -= line.shaft_torque * turned
+            taken += (0.8 + 0.1 * abs(speed)) * abs(turned)  # far side
         before = after
-    assert gave == pytest.approx(took, rel=0.01)
+    assert gave == pytest.approx(taken, rel=0.01)
     assert gave > 1.0
 
 
-def test_the_seal_rubs_before_the_load_cell() -> None:
-    """The gearbox gives more than the cell reads while the flap moves, by bearing and seal."""
+def test_seal_friction_acts_before_the_load_cell() -> None:
+    """In motion, gearbox torque exceeds the cell's reading by bearing and seal friction."""
     plant = changed(gearbox__dry=0.0, gearbox__breakaway=0.0, motor__viscous=0.0)
     drag = plant.build_flap().driveline
     world = FlapWorld(plant, waves.calm(), dt=DT, seed=1)
     for _ in range(600):
         world.actuate(torque(1.2))
         world.advance(DT)
-    truth, through = world.truth().driveline, world._stepper.state.coupling
+    truth, through = world.truth().driveline, world._stepper.state.coupling_torque
     speed = truth.shaft_velocity
     lost = drag.bearing.clockwise + drag.seal.clockwise
     lost += (drag.bearing.viscous + drag.seal.viscous) * speed
@@ -256,7 +256,7 @@ def test_friction_holds_a_flap_that_is_nearly_upright() -> None:
     assert world.truth().driveline.shaft_angle == 0.01
 
 
-def test_a_clamped_flap_stands() -> None:
+def test_clamped_flap_does_not_move() -> None:
     world = flap(waves.regular(0.05, 0.5))
     world.make_waves(1)
     for _ in range(4000):
@@ -267,7 +267,7 @@ def test_a_clamped_flap_stands() -> None:
     assert line.shaft_torque > 25.0
 
 
-def test_e_stop_and_limit_switch_take_the_power() -> None:
+def test_e_stop_and_limit_switch_remove_power() -> None:
     world = flap(sensors__travel=8.0)
     for _ in range(2000):
         world.actuate(torque(3.0))
@@ -280,8 +280,8 @@ def test_e_stop_and_limit_switch_take_the_power() -> None:
     assert (world.sense().e_stop, world.sense().enabled) == (1, 0)
 
 
-def test_a_seed_repeats() -> None:
-    def told(seed: int) -> list[float]:
+def test_equal_seeds_give_equal_readings() -> None:
+    def measured(seed: int) -> list[float]:
         world = flap(waves.jonswap(0.1, 1.5, 3.3, 20.0, seed=2), seed=seed)
         world.make_waves(1)
         read = []
@@ -290,11 +290,11 @@ def test_a_seed_repeats() -> None:
             read.append(world.sense().tz)
         return read
 
-    assert told(1) == told(1)
-    assert told(1) != told(2)
+    assert measured(1) == measured(1)
+    assert measured(1) != measured(2)
 
 
-def test_waves_stop_at_once_and_start_anew() -> None:
+def test_waves_stop_at_once_and_restart() -> None:
     world = flap(waves.regular(0.05, 0.5))
     world.make_waves(1)
     for _ in range(3100):
@@ -307,7 +307,7 @@ def test_waves_stop_at_once_and_start_anew() -> None:
 
 
 @pytest.mark.parametrize(
-    ("section", "field", "value", "said"),
+    ("section", "field", "value", "message"),
     [
         ("brake", "fitted", 1, "brake.fitted must be 0"),
         ("flap", "inertia", 0.0, "inertia"),
@@ -316,9 +316,11 @@ def test_waves_stop_at_once_and_start_anew() -> None:
         ("water", "depth", 0.0, "depth"),
     ],
 )
-def test_bad_values_are_refused_by_name(section: str, field: str, value: float, said: str) -> None:
+def test_bad_values_are_refused_by_name(
+    section: str, field: str, value: float, message: str
+) -> None:
     text = mapping("oswec_flap.yaml")
     text[section][field] = {**text[section][field], "value": value}
-    with pytest.raises(ValidationError, match=said) as refusal:
+    with pytest.raises(ValidationError, match=message) as refusal:
         FlapPlant.model_validate(text)
     assert len(refusal.value.errors()) == 1

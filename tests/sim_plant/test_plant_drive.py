@@ -27,7 +27,7 @@ def test_enables_after_its_delay_and_follows_then() -> None:
     assert rig.readings().force_trs == pytest.approx(5.0 * 76.975, rel=1e-4)
 
 
-def test_silence_drops_the_drive_out_and_enable_off_clears_it() -> None:
+def test_missing_commands_fault_the_drive_until_enable_is_off() -> None:
     rig = world()
     for _ in range(300):
         rig.actuate(command(5.0))
@@ -41,7 +41,7 @@ def test_silence_drops_the_drive_out_and_enable_off_clears_it() -> None:
         rig.advance(DT)
     assert abs(rig.truth().motor) < 1e-3
     assert rig.readings().heave_enabled == 0
-    for _ in range(300):  # commands alone bring nothing back
+    for _ in range(300):  # commands alone do not clear the fault
         rig.actuate(command(5.0))
         rig.advance(DT)
     assert rig.readings().heave_fault == 1
@@ -53,7 +53,7 @@ def test_silence_drops_the_drive_out_and_enable_off_clears_it() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_no_number_no_torque(bad: float) -> None:
+def test_invalid_command_gives_no_torque(bad: float) -> None:
     rig = world()
     for current in [5.0] * 300 + [bad] * 50:
         rig.actuate(command(current))
@@ -62,13 +62,13 @@ def test_no_number_no_torque(bad: float) -> None:
     assert abs(rig.truth().motor) < 1e-6
 
 
-@pytest.mark.parametrize(("asked", "given"), [(100.0, 40.0), (-100.0, -40.0)])
-def test_current_saturates(asked: float, given: float) -> None:
+@pytest.mark.parametrize(("commanded", "limited"), [(100.0, 40.0), (-100.0, -40.0)])
+def test_current_saturates(commanded: float, limited: float) -> None:
     rig = world(**QUIET)
     for _ in range(200):
-        rig.actuate(command(asked))
+        rig.actuate(command(commanded))
         rig.advance(DT)
-    assert rig.readings().heave_current == pytest.approx(given, rel=1e-6)
+    assert rig.readings().heave_current == pytest.approx(limited, rel=1e-6)
 
 
 def test_losses() -> None:

@@ -1,4 +1,4 @@
-"""Plant files: the three that ship are valid, and one bad file per rule is refused by name."""
+"""Plant files: the three shipped ones are valid, and one bad file per rule is refused by name."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ SHIPPED = sorted(path.stem for path in PLANTS.glob("wavebot*.yaml"))
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_files_are_valid_and_build_floats(name: str) -> None:
     params = plant(name).build()
-    for part in (params.body, params.pto, params.surge.body, params.electrics.loop):
+    for part in (params.body, params.pto, params.surge.body, params.electrics.drive):
         assert all(type(number) is float for number in part)
     assert all(type(rate) is float for rate in params.spring.rates)
     assert (PLANTS / plant(name).bem).exists()
 
 
-def test_integers_are_numbers_too() -> None:
+def test_integers_are_accepted_as_numbers() -> None:
     text = mapping("wavebot.yaml")
     text["body"]["mass"]["value"] = 860
     assert type(Plant.model_validate(text).build().body.inertia) is float
@@ -79,23 +79,23 @@ def test_one_bad_file_per_rule(path: str, value: Any, loc: tuple[str, ...]) -> N
     inner[field] = value
     with pytest.raises(ValidationError) as refusal:
         Plant.model_validate(text)
-    found = [tuple(part for part in e["loc"] if part != "cots") for e in refusal.value.errors()]
-    assert found == [loc]
+    locations = [tuple(part for part in e["loc"] if part != "cots") for e in refusal.value.errors()]
+    assert locations == [loc]
 
 
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_custom"])
 def test_nothing_has_a_default(name: str) -> None:
-    whole = mapping(f"{name}.yaml")
-    for section in (s for s in whole if isinstance(whole[s], dict)):
-        for field in whole[section]:
-            text = copy.deepcopy(whole)
+    complete = mapping(f"{name}.yaml")
+    for section in (s for s in complete if isinstance(complete[s], dict)):
+        for field in complete[section]:
+            text = copy.deepcopy(complete)
             del text[section][field]
             with pytest.raises(ValidationError, match=r"Field required|Unable to extract tag"):
                 Plant.model_validate(text)
 
 
 @pytest.mark.parametrize(
-    ("path", "value", "said"),
+    ("path", "value", "message"),
     [
         ("drive.kind", "amc", "kind"),
         ("drive.scheme.value", "six_step", "scheme"),
@@ -113,13 +113,13 @@ def test_nothing_has_a_default(name: str) -> None:
         ("basin.probe_1.x.value", 1000.0, "probe_1"),
     ],
 )
-def test_bad_values_of_the_custom_plant(path: str, value: Any, said: str) -> None:
+def test_bad_values_of_the_custom_plant(path: str, value: Any, message: str) -> None:
     text = copy.deepcopy(mapping("wavebot_custom.yaml"))
     *sections, field = path.split(".")
     inner = text
     for section in sections:
         inner = inner[section]
     inner[field] = value
-    with pytest.raises(ValidationError, match=said) as refusal:
+    with pytest.raises(ValidationError, match=message) as refusal:
         Plant.model_validate(text)
     assert len(refusal.value.errors()) == 1

@@ -12,7 +12,7 @@ from sim_plant.bem import excitation_at, radiation_impedance, read_bem
 
 
 def zero_crossing(f: np.ndarray, reactance: np.ndarray) -> float:
-    """The last upward crossing, interpolated."""
+    """Return the last upward crossing, interpolated."""
     i = np.flatnonzero((reactance[:-1] < 0) & (reactance[1:] >= 0))[-1]
     return float(f[i] - reactance[i] * (f[i + 1] - f[i]) / (reactance[i + 1] - reactance[i]))
 
@@ -41,12 +41,12 @@ def test_added_mass_is_the_infinite_one() -> None:
 
 def test_npz_and_netcdf_are_the_same_hull() -> None:
     pytest.importorskip("h5py", reason="h5netcdf reads nothing without an HDF5 backend")
-    one, other = read_bem(PLANTS / "wavebot_bem.npz"), read_bem(PLANTS / "wavebot_bem.nc")
-    for a, b in zip(one, other, strict=True):
+    npz, netcdf = read_bem(PLANTS / "wavebot_bem.npz"), read_bem(PLANTS / "wavebot_bem.nc")
+    for a, b in zip(npz, netcdf, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
-def test_a_file_that_is_no_bem_is_refused(tmp_path) -> None:
+def test_invalid_bem_file_is_refused(tmp_path) -> None:
     np.savez(tmp_path / "empty.npz", f_hz=np.zeros(3))
     with pytest.raises(ValueError, match="no field"):
         read_bem(tmp_path / "empty.npz")
@@ -89,6 +89,6 @@ def test_natural_frequency(rate: float, expected: float) -> None:
 
 @pytest.mark.parametrize(("rate", "printed"), [(0.0, 0.65), (8340.0, 0.73), (-10013.0, 0.48)])
 def test_equation_3_1_with_its_own_mass(rate: float, printed: float) -> None:
-    """MASK4 report eq. 3.1 with the script's A = 646.17 kg: no one mass beats 0.011 Hz."""
+    """MASK4 report eq. 3.1 with the script's A = 646.17 kg: no mass is better than 0.011 Hz."""
     natural = np.sqrt((plant().body.hydrostatic.value + rate) / (860.0 + 646.17)) / (2 * np.pi)
     assert natural == pytest.approx(printed, abs=0.012)

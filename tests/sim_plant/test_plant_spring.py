@@ -13,7 +13,7 @@ from sim_plant.magnetic_spring import (
     StatorState,
     force,
     rotor_angle,
-    stator_at,
+    stator_at_rest,
     stator_step,
     table_rate,
 )
@@ -70,7 +70,7 @@ def test_between_and_beyond_the_stations() -> None:
 
 def travel(target: float, enable: int = 1, ticks: int = 20000) -> tuple[int, StatorState]:
     spring = plant().build().spring
-    state = stator_at(spring, -13.0)
+    state = stator_at_rest(spring, -13.0)
     for k in range(ticks):
         state = stator_step(spring, state, target, enable, DT)
         if state.arrived == 1:
@@ -82,7 +82,7 @@ def test_stator_travel_time() -> None:
     """40 % of 0.15 m per 100 % at 10 mm/s: 6 s, and arrival one tick at rest later."""
     ticks, state = travel(27.0)
     assert ticks * DT == pytest.approx(6.0, abs=0.003)
-    assert state == stator_at(plant().build().spring, 27.0)
+    assert state == stator_at_rest(plant().build().spring, 27.0)
     assert state.rate == -5715.0
 
 
@@ -92,7 +92,7 @@ def test_stator_never_arrives_beyond_its_ends(target: float) -> None:
 
 
 def test_stator_holds_when_disabled() -> None:
-    assert travel(27.0, enable=0, ticks=100)[1] == stator_at(
+    assert travel(27.0, enable=0, ticks=100)[1] == stator_at_rest(
         plant().build().spring, -13.0
     )._replace(arrived=0)
 

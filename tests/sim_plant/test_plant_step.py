@@ -52,7 +52,7 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
     hold = round(DT / dt)
     current = 0.0
     for k in range(round(seconds / dt)):
-        if k % hold == 0:  # commands are held over the tick, whatever the step
+        if k % hold == 0:  # commands hold over the tick for any step
             current = -2500.0 / 76.975 * state.body.velocity
             states.append(state)
         wires = Actuation(current, 1, 27.0, 0, 1, 0.0, 0, 1)
@@ -65,8 +65,8 @@ def row(params: WaveBotParams, dt: float, seconds: float) -> list[WaveBotState]:
 def test_integrator_error(name: str) -> None:
     """Position against 16 times finer steps: 3e-6 of the stroke, a quarter at half the step."""
     params = plant(name).build()
-    loop = params.electrics.loop._replace(enable_delay=0.0)
-    params = params._replace(electrics=params.electrics._replace(loop=loop))
+    loop = params.electrics.drive._replace(enable_delay=0.0)
+    params = params._replace(electrics=params.electrics._replace(drive=loop))
     steps = {part: [s.body.position for s in row(params, DT / part, 6.0)] for part in (1, 2, 16)}
     fine = np.array(steps[16])
     error = {part: np.max(np.abs(np.array(steps[part]) - fine)) for part in (1, 2)}
@@ -93,7 +93,7 @@ def test_energy_balance(name: str) -> None:
             turned += abs(done)
         before = after
     rate = rig.truth().spring_rate
-    reach, per_metre = rig.params.spring.reach, rig.params.spring.angle_per_metre
+    reach, per_metre = rig.params.spring.force_per_rate, rig.params.spring.angle_per_metre
     stored = 0.5 * rate * before.position**2
     if rig.params.spring.sine:
         stored = rate * reach * math.sin(per_metre * before.position) ** 2 / per_metre
@@ -105,7 +105,7 @@ def test_energy_balance(name: str) -> None:
 
 
 def test_free_decay() -> None:
-    """0.03 m let go, linear plant, drive off: the modal solution to 1e-5, frequency 0.654 Hz."""
+    """Release from 0.03 m, linear, drive off: the modal solution to 1e-5, frequency 0.654 Hz."""
     rig = world(name="wavebot_linear")
     rig.release(0.03)
     positions = [0.03]

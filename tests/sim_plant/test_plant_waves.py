@@ -29,7 +29,7 @@ def test_height_is_hs(hs: float, tp: float) -> None:
 def test_shape_has_the_moments_of_the_spectrum(tp: float, te: float) -> None:
     """m(-1), m0, m1 against a fine integral over the same band, and the known energy period.
 
-    The known one is of the whole spectrum: the cut at 2 Hz lengthens the shortest sea by 0.6 %.
+    The known period is that of the full spectrum: the cut at 2 Hz lengthens the shortest by 0.6 %.
     """
     sea = waves.jonswap(0.127, tp, 3.3, 300.0, seed=1)
     f = waves.frequencies(sea)
@@ -123,13 +123,13 @@ def test_refusals() -> None:
 
 def test_calm_and_seeds() -> None:
     assert not np.any(waves.tables(waves.calm(), bem(), DT).excitation)
-    one, two, other = (waves.jonswap(0.1, 2.0, 3.3, 60.0, seed) for seed in (1, 1, 2))
-    assert np.array_equal(one.amplitude, two.amplitude)
-    assert not np.array_equal(one.amplitude, other.amplitude)
+    sea, repeated, other = (waves.jonswap(0.1, 2.0, 3.3, 60.0, seed) for seed in (1, 1, 2))
+    assert np.array_equal(sea.amplitude, repeated.amplitude)
+    assert not np.array_equal(sea.amplitude, other.amplitude)
 
 
 def read_twe(name: str) -> np.ndarray:
-    """Probe SAA 01 of a basin record, m, 20 Hz (a reader of this test alone)."""
+    """Probe SAA 01 of a basin record, m, 20 Hz (a reader used only by this test)."""
     lines = reference(name).read_text().splitlines()
     first = next(i for i, line in enumerate(lines) if line.startswith("DATA:"))
     rows = [line.split("\t") for line in lines[first:] if line.strip()]
@@ -175,14 +175,14 @@ def test_components_are_the_listed_cosines() -> None:
 
 
 def test_a_component_is_a_regular_sea_of_its_frequency() -> None:
-    one = waves.tables(waves.components(2.0, [1], [0.127], [0.0]), bem(), DT)
+    tables = waves.tables(waves.components(2.0, [1], [0.127], [0.0]), bem(), DT)
     regular = waves.tables(waves.regular(0.127, 0.5), bem(), DT)
-    assert one.elevation.tobytes() == regular.elevation.tobytes()
-    assert one.excitation.tobytes() == regular.excitation.tobytes()
+    assert tables.elevation.tobytes() == regular.elevation.tobytes()
+    assert tables.excitation.tobytes() == regular.excitation.tobytes()
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"cycles": [2, 5]}, "three lists of one length"),
         ({"cycles": [], "amplitude_m": [], "phase_rad": []}, "three lists of one length"),
@@ -200,6 +200,6 @@ def test_a_component_is_a_regular_sea_of_its_frequency() -> None:
         ({"repeat_s": 4000.0}, "repeat must be"),
     ],
 )
-def test_components_that_are_none(change: dict[str, object], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_invalid_components_are_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         waves.components(**{**LINES, **change})

@@ -1,4 +1,4 @@
-"""Heave imposed by a hoist: tables, take-up, forces, release."""
+"""Heave imposed by a hoist: tables, blending, forces, release."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from plant_files import DT, QUIET, command, plant, world
 
-from sim_plant.prescribed import from_table, raised_and_lowered, taken_up
+from sim_plant.prescribed import blend_in, hoist_cycle_profile, table_profile
 
 
 def test_a_table_is_followed_point_by_point() -> None:
-    profile = from_table([0.0, 10.0, 30.0, 40.0], [0.0, 0.2, -0.2, -0.2])
+    profile = table_profile([0.0, 10.0, 30.0, 40.0], [0.0, 0.2, -0.2, -0.2])
     assert [profile(t) for t in (-1.0, 0.0, 40.0, 50.0)] == [(0.0, 0.0)] * 2 + [(-0.2, 0.0)] * 2
     assert profile(10.0) == (pytest.approx(0.2), pytest.approx(0.0))
     times = np.linspace(0.0, 40.0, 40001)
@@ -27,13 +27,13 @@ def test_a_table_is_followed_point_by_point() -> None:
     ("times", "positions"),
     [([0.0], [0.0]), ([0.0, 1.0], [0.0]), ([0.0, 0.0], [0.0, 1.0]), ([0.0, 1.0], [0.0, math.nan])],
 )
-def test_a_table_that_is_none(times: list[float], positions: list[float]) -> None:
+def test_invalid_motion_tables_are_refused(times: list[float], positions: list[float]) -> None:
     with pytest.raises(ValueError, match="motion table"):
-        from_table(times, positions)
+        table_profile(times, positions)
 
 
-def test_taking_up_is_smooth_from_any_motion() -> None:
-    profile = taken_up(lambda t: (0.3 * math.sin(t), 0.3 * math.cos(t)), -0.1, 0.2, 2.0)
+def test_blend_is_smooth_from_any_motion() -> None:
+    profile = blend_in(lambda t: (0.3 * math.sin(t), 0.3 * math.cos(t)), -0.1, 0.2, 2.0)
     assert profile(0.0) == (pytest.approx(-0.1), pytest.approx(0.2))
     times = np.linspace(0.0, 4.0, 40001)
     x, v = np.array([profile(float(t)) for t in times]).T
@@ -42,10 +42,10 @@ def test_taking_up_is_smooth_from_any_motion() -> None:
     assert profile(3.0) == (0.3 * math.sin(3.0), 0.3 * math.cos(3.0))
 
 
-def test_the_hull_goes_where_the_hoist_goes_and_sensors_read_on() -> None:
+def test_hull_follows_the_hoist_and_sensors_keep_measuring() -> None:
     """Spring map: slow sweep through the stroke, drive off; load cells against the plant file."""
     rig = world(stator__start=47.0, **QUIET)
-    sweep = from_table([0.0, 20.0, 60.0], [0.0, 0.3, -0.3])
+    sweep = table_profile([0.0, 20.0, 60.0], [0.0, 0.3, -0.3])
     rig.prescribe(sweep)
     for tick in range(60000):
         rig.actuate(command(heave_enable=0))
@@ -53,7 +53,7 @@ def test_the_hull_goes_where_the_hoist_goes_and_sensors_read_on() -> None:
         now = (tick + 1) * DT
         if now > 3.0 and tick % 500 == 0:
             x, v = sweep(now)
-            truth, read = rig.truth(), rig._line[-1]
+            truth, read = rig.truth(), rig._delay_line[-1]
             assert (truth.position, truth.velocity) == (pytest.approx(x), pytest.approx(v))
             friction = -(400.0 * v + 50.0 * math.tanh(v / 0.002))
             assert truth.friction == pytest.approx(friction, abs=1e-6)
@@ -68,8 +68,8 @@ def test_the_hull_goes_where_the_hoist_goes_and_sensors_read_on() -> None:
             assert counts / (20000 * 12.4666 / (2 * math.pi)) == pytest.approx(x, abs=2e-5)
 
 
-def test_the_hoist_bears_what_is_left_over() -> None:
-    """Held at 0.1 m in calm water it pulls what hydrostatics and spring push back."""
+def test_hoist_force_balances_the_remaining_forces() -> None:
+    """At 0.1 m in calm water the hoist force balances hydrostatics and spring."""
     rig = world(**QUIET)
     rig.prescribe(lambda t: (0.1, 0.0))
     for _ in range(30000):
@@ -80,7 +80,7 @@ def test_the_hoist_bears_what_is_left_over() -> None:
     assert truth.hoist == pytest.approx(24337.0 * 0.1 - truth.spring, rel=1e-3)
 
 
-def test_released_it_swings_on_from_where_it_is() -> None:
+def test_released_hull_continues_from_its_position() -> None:
     rig = world(name="wavebot_linear", **QUIET)
     rig.prescribe(lambda t: (0.05, 0.0))
     for _ in range(30000):
@@ -97,19 +97,19 @@ def test_released_it_swings_on_from_where_it_is() -> None:
     for _ in range(8000):
         other.advance(DT)
         free.append(other.truth().position)
-    # the radiation memory of the take-up has gone in 28 s: both are the same free decay
+    # the radiation memory of the blend has decayed after 28 s: both are the same free decay
     np.testing.assert_allclose(positions, free, atol=2e-5)
     assert rig.truth().hoist == 0.0
 
 
-def test_the_start_does_not_jerk_a_moving_hull() -> None:
+def test_start_is_smooth_for_a_moving_hull() -> None:
     rig = world(**QUIET)
     rig.release(0.1)
     for _ in range(300):
         rig.advance(DT)
     before = rig.truth()
     assert abs(before.velocity) > 0.1
-    rig.prescribe(from_table([0.0, 10.0], [0.0, 0.1]))
+    rig.prescribe(table_profile([0.0, 10.0], [0.0, 0.1]))
     velocities = [before.velocity]
     for _ in range(3000):
         rig.advance(DT)
@@ -117,10 +117,10 @@ def test_the_start_does_not_jerk_a_moving_hull() -> None:
     assert np.abs(np.diff(velocities)).max() / DT < 1.0  # m/s2
 
 
-def test_raised_and_lowered_for_ever() -> None:
+def test_periodic_hoist_cycle() -> None:
     """From zero upwards, at one speed between the turns, within the travel; 2 (travel/speed +
     turn/2) a cycle."""
-    profile = raised_and_lowered(-0.2, 0.3, 0.05, 1.0)
+    profile = hoist_cycle_profile(-0.2, 0.3, 0.05, 1.0)
     period = 2.0 * (0.5 / 0.05 + 0.5)
     assert profile(0.0) == (pytest.approx(0.0), pytest.approx(0.05))
     times = np.linspace(0.0, 2.0 * period, 84001)
@@ -135,13 +135,13 @@ def test_raised_and_lowered_for_ever() -> None:
 @pytest.mark.parametrize(
     "travel", [(0.1, 0.3, 0.05, 1.0), (-0.1, 0.1, 0.5, 1.0), (-0.1, 0.1, 0.0, 1.0)]
 )
-def test_no_way_to_raise_and_lower(travel: tuple[float, float, float, float]) -> None:
+def test_invalid_hoist_cycles_are_refused(travel: tuple[float, float, float, float]) -> None:
     with pytest.raises(ValueError, match="no way"):
-        raised_and_lowered(*travel)
+        hoist_cycle_profile(*travel)
 
 
 def test_a_hoist_moves_the_body_while_the_trigger_is_on() -> None:
-    profile = raised_and_lowered(-0.1, 0.1, 0.05, 0.5)
+    profile = hoist_cycle_profile(-0.1, 0.1, 0.05, 0.5)
     rig = world(hoist=profile, **QUIET)
     for _ in range(500):
         rig.advance(DT)

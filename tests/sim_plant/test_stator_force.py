@@ -10,8 +10,8 @@ import pytest
 from plant_files import DT, QUIET, changed, command, plant, world
 from test_plant_spring import STATIONS, TABLE_4_1
 
-from sim_plant.magnetic_spring import force, stator_at, table_rate, table_slope
-from sim_plant.stator_force import Reversal, axial_force, reversal, torque
+from sim_plant.magnetic_spring import force, stator_at_rest, table_rate, table_slope
+from sim_plant.stator_force import ForceReversal, axial_force, force_reversal, torque
 
 LEVER = 0.33047  # m/rad
 
@@ -27,13 +27,13 @@ class Spring(NamedTuple):
 
     def axial(self, angle: float, z: float) -> float:
         params = plant(self.name).build()
-        state = stator_at(params.spring, z / 0.0015)
+        state = stator_at_rest(params.spring, z / 0.0015)
         return axial_force(params.stator, state.rate, state.slope, angle)
 
 
-def reversal_at(station: float, name: str = "wavebot") -> Reversal:
+def reversal_at(station: float, name: str = "wavebot") -> ForceReversal:
     params = plant(name).build()
-    return reversal(params.stator, params.spring, station)
+    return force_reversal(params.stator, params.spring, station)
 
 
 @pytest.mark.parametrize("name", ["wavebot", "wavebot_linear", "wavebot_as_measured"])
@@ -49,7 +49,7 @@ def test_torque_and_axial_force_have_one_energy(name: str, station: float) -> No
 
 
 @pytest.mark.parametrize("station", [-53.0, -20.0, 7.0, 35.0])
-def test_they_are_the_derivatives_of_the_energy(station: float) -> None:
+def test_torque_and_force_are_derivatives_of_the_energy(station: float) -> None:
     """W(theta, z) = -1/2 Tp cos 2 theta + 10 integral |Tp| dz, differentiated numerically."""
     spring = Spring()
 
@@ -79,14 +79,14 @@ def test_the_slope_is_the_tables_central_difference() -> None:
     assert table_slope(spring, math.nan) == 0.0
 
 
-def test_it_reverses_at_45_degrees_where_there_is_no_torque() -> None:
+def test_force_reverses_at_45_degrees_where_the_torque_is_zero() -> None:
     """Tp is zero at -9.98 %: there the sign changes at 45 degrees exactly, 0.2596 m of heave."""
     spring = plant().build().spring
     zero = -13.0 + 20.0 * 490.9 / (490.9 + 2763.0)
     assert table_rate(spring, zero) == pytest.approx(0.0, abs=1e-9)
-    found = reversal_at(zero)
-    assert math.degrees(found.angle) == pytest.approx(45.0, abs=1e-6)
-    assert found.stroke == pytest.approx(0.2596, abs=1e-4)
+    result = reversal_at(zero)
+    assert math.degrees(result.angle) == pytest.approx(45.0, abs=1e-6)
+    assert result.stroke == pytest.approx(0.2596, abs=1e-4)
 
 
 @pytest.mark.parametrize(("station", "rate"), list(zip(STATIONS, TABLE_4_1, strict=True)))
@@ -94,19 +94,19 @@ def test_small_rates_reverse_beyond_45_degrees_and_large_ones_never(
     station: float, rate: float
 ) -> None:
     """MASK4 report (Sandia), Fig. 4-3: smaller-magnitude rates, at the extremes of motion."""
-    found = reversal_at(station)
+    result = reversal_at(station)
     spring = Spring()
     z = 0.0015 * station
     swept = [spring.axial(math.radians(a), z) for a in range(91)]
     if abs(rate) > 4800.0:
-        assert found.angle == found.stroke == math.inf
+        assert result.angle == result.stroke == math.inf
         assert min(swept) > 0.0
     else:
-        assert 45.0 < math.degrees(found.angle) < 70.0
-        assert spring.axial(found.angle, z) == pytest.approx(0.0, abs=1e-6)
-        assert spring.axial(found.angle - 0.01, z) > 0.0 > spring.axial(found.angle + 0.01, z)
+        assert 45.0 < math.degrees(result.angle) < 70.0
+        assert spring.axial(result.angle, z) == pytest.approx(0.0, abs=1e-6)
+        assert spring.axial(result.angle - 0.01, z) > 0.0 > spring.axial(result.angle + 0.01, z)
         # inside the travel of the rotor, outside the linear region
-        assert 0.231 < found.stroke < 0.66
+        assert 0.231 < result.stroke < 0.66
 
 
 def test_reversal_of_the_linear_spring() -> None:
@@ -124,7 +124,7 @@ def test_torque_is_the_springs_force_on_its_lever() -> None:
 
 
 def test_load_cells_read_torque_and_axial_force() -> None:
-    """Slew T/0.254; stator A + B, A with 55 %; with bias, noise and resolution as the file says."""
+    """Slew T/0.254; stator A + B, A with 55 %; with bias, noise and resolution of the file."""
     quiet = world(stator__start=27.0, **QUIET)
     quiet.release(0.15)
     quiet.advance(DT)
@@ -132,7 +132,7 @@ def test_load_cells_read_torque_and_axial_force() -> None:
     read, z = quiet.readings(), 0.0015 * 27.0
     spring, angle = Spring(), 0.15 / LEVER
     assert read.force_slew == pytest.approx(spring.torque(angle, z) / 0.254, rel=1e-4)
-    assert read.force_slew < 0.0  # a negative rate drives away from balance
+    assert read.force_slew < 0.0  # a negative rate pushes away from balance
     both = read.force_stator_a + read.force_stator_b
     assert both == pytest.approx(spring.axial(angle, z), rel=1e-4)
     assert read.force_stator_a == pytest.approx(0.55 * both)
@@ -155,22 +155,22 @@ def test_effect_scales_torque_and_axial_force_alike() -> None:
     whole, part = (changed(spring__spring_effect=effect).build() for effect in (1.0, 0.65))
     values = []
     for params in (whole, part):
-        state = stator_at(params.spring, 40.0)
+        state = stator_at_rest(params.spring, 40.0)
         values.append(axial_force(params.stator, state.rate, state.slope, 0.5))
     assert values[1] == pytest.approx(0.65 * values[0])
 
 
 def test_the_stator_force_follows_a_moving_stator() -> None:
-    """Across a station the slope changes, and with it the force, without a lost sample."""
+    """Across a table position the slope changes, and the force with it, without a lost sample."""
     rig = world(stator__start=5.0, **QUIET)
-    seen = []
+    samples = []
     for _ in range(2000):
         rig.actuate(command(heave_enable=0, stator_target=9.0, stator_enable=1))
         rig.advance(DT)
         read = rig.readings()
-        seen.append((read.stator_position, read.force_stator_a + read.force_stator_b))
-    for position, both in seen[::100]:
-        state = stator_at(rig.params.spring, position)
+        samples.append((read.stator_position, read.force_stator_a + read.force_stator_b))
+    for position, both in samples[::100]:
+        state = stator_at_rest(rig.params.spring, position)
         expected = axial_force(rig.params.stator, state.rate, state.slope, 0.0)
         assert both == pytest.approx(expected, rel=1e-4, abs=1.0)
-    assert seen[-1][0] == 9.0
+    assert samples[-1][0] == 9.0

@@ -1,6 +1,7 @@
-"""The surge axis in time: closed form, drive, energy, and what it does to heave.
+"""The surge axis in time: closed form, drive, energy, and its effect on heave.
 
-The plant mostly runs compiled, which gives the same bits (tests/rehearsal/test_compiled_plant).
+Most tests run the compiled plant; its results are bitwise equal (tests/rehearsal/
+test_compiled_plant).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def impedance(f_hz: float) -> complex:
 
 
 @pytest.mark.parametrize("frequency", [0.25, 0.4, 0.5, 0.8])
-def test_driven_by_its_motor_it_is_the_closed_form(frequency: float) -> None:
+def test_motor_driven_surge_matches_the_closed_form(frequency: float) -> None:
     """Sinusoidal current in calm water: complex v/F within 0.1 % of 1/Z, as in heave."""
     rig = world(stepper=CompiledStepper, **QUIET)
     periods = 4 / frequency
@@ -51,11 +52,11 @@ def test_driven_by_its_motor_it_is_the_closed_form(frequency: float) -> None:
     assert abs(measured * impedance(frequency) - 1) <= 1e-3
 
 
-def test_it_resonates_at_half_a_hertz() -> None:
+def test_surge_resonates_at_half_a_hertz() -> None:
     """1420 kg on 18.2 kN/m, with the BEM's added mass and with the five states of the plant."""
     f = np.linspace(0.4, 0.6, 2001)
-    own = np.array([impedance(x).imag for x in f])
-    assert f[np.argmin(np.abs(own))] == pytest.approx(0.50, abs=0.005)
+    own_reactance = np.array([impedance(x).imag for x in f])
+    assert f[np.argmin(np.abs(own_reactance))] == pytest.approx(0.50, abs=0.005)
     hull, file = surge_bem(), plant().surge
     table = np.interp(f, hull.frequency, radiation_impedance(hull).imag)
     omega = 2 * np.pi * f
@@ -67,7 +68,7 @@ def test_it_resonates_at_half_a_hertz() -> None:
     assert abs(f[np.argmin(np.abs(stiff))] - 0.50) > 0.05
 
 
-def test_waves_drive_it_as_the_closed_form_says() -> None:
+def test_wave_driven_surge_matches_the_closed_form() -> None:
     """Regular waves, drives off: surge amplitude |Fe| a / |Z| omega within 0.2 %."""
     rig = world(waves.regular(0.05, 0.4), stepper=CompiledStepper, **QUIET)
     positions = []
@@ -129,7 +130,7 @@ def test_energy_balance() -> None:
     assert abs(work - gained) <= 1e-5 * turned
 
 
-def test_the_guide_carries_what_the_hull_needs() -> None:
+def test_guide_force_accelerates_the_hull() -> None:
     """Motor + mooring - carriage inertia is also hull inertia - water forces."""
     rig = world(WAVE, stepper=CompiledStepper, **QUIET)
     params = rig.params.surge
@@ -142,16 +143,16 @@ def test_the_guide_carries_what_the_hull_needs() -> None:
     memory = hull.b1 * b.z2 + hull.b2 * b.z3 + hull.b3 * b.z4 + hull.b4 * b.z5
     water = truth.surge_excitation - memory - hull.viscous * b.velocity
     acceleration = (water - hull.hydrostatic * b.position) / hull.inertia
-    needed = (hull.inertia - params.carriage) * acceleration - water
-    assert truth.surge.guide == pytest.approx(needed, abs=1e-9 * abs(water) + 1e-6)
+    needed = (hull.inertia - params.carriage_mass) * acceleration - water
+    assert truth.surge.guide_force == pytest.approx(needed, abs=1e-9 * abs(water) + 1e-6)
     assert abs(needed) > 100.0
 
 
 def run(rig: World, surge_kp: float, ticks: int) -> list[Truth]:
-    """Heave Kp -2000, surge held with a gain (0: drive off); truth of every tick."""
-    seen = [rig.truth()]
+    """Run with heave Kp -2000 and a surge gain (0: drive off); return the truth of every tick."""
+    history = [rig.truth()]
     for _ in range(ticks):
-        last = seen[-1]
+        last = history[-1]
         rig.actuate(
             command(
                 -2000.0 / PER_AMPERE * last.velocity,
@@ -161,12 +162,12 @@ def run(rig: World, surge_kp: float, ticks: int) -> list[Truth]:
             )
         )
         rig.advance(DT)
-        seen.append(rig.truth())
-    return seen
+        history.append(rig.truth())
+    return history
 
 
-def heave(seen: list[Truth]) -> list[Any]:
-    return [(t.position, t.velocity, t.motor, t.friction) for t in seen]
+def heave(history: list[Truth]) -> list[Any]:
+    return [(t.position, t.velocity, t.motor, t.friction) for t in history]
 
 
 def test_surge_reaches_heave_by_guide_friction_alone() -> None:
@@ -179,21 +180,21 @@ def test_surge_reaches_heave_by_guide_friction_alone() -> None:
         assert (heave(one) == heave(other)) is same
 
 
-def test_surge_damping_buys_heave_power() -> None:
-    """At surge resonance: damping surge takes lateral force, thus dry friction, thus lost power.
+def test_surge_damping_increases_heave_power() -> None:
+    """At surge resonance, damping surge reduces lateral force, thus dry friction and lost power.
 
     What friction takes is 0.02 |F_lateral| |tanh| |v| more than without a guide, as logged.
     """
     taken, gained, force = {}, {}, {}
     for kp in (0.0, -2500.0):
-        seen = run(world(WAVE, stepper=CompiledStepper), kp, 40000)[20000:]
-        dry = [t.velocity * math.tanh(t.velocity / 0.002) for t in seen]
-        pairs = zip(seen, dry, strict=True)
-        taken[kp] = -np.mean([0.02 * abs(t.surge.guide) * d for t, d in pairs])
-        gained[kp] = np.mean([t.motor * t.velocity for t in seen])
-        force[kp] = max(abs(t.surge.guide) for t in seen)
-        whole = np.mean([t.friction * t.velocity for t in seen])
-        plain = -np.mean([400.0 * t.velocity**2 for t in seen]) - 50.0 * np.mean(dry)
+        history = run(world(WAVE, stepper=CompiledStepper), kp, 40000)[20000:]
+        dry = [t.velocity * math.tanh(t.velocity / 0.002) for t in history]
+        pairs = zip(history, dry, strict=True)
+        taken[kp] = -np.mean([0.02 * abs(t.surge.guide_force) * d for t, d in pairs])
+        gained[kp] = np.mean([t.motor * t.velocity for t in history])
+        force[kp] = max(abs(t.surge.guide_force) for t in history)
+        whole = np.mean([t.friction * t.velocity for t in history])
+        plain = -np.mean([400.0 * t.velocity**2 for t in history]) - 50.0 * np.mean(dry)
         assert whole - plain == pytest.approx(taken[kp], rel=1e-6)
     assert force[-2500.0] < 0.7 * force[0.0]
     assert gained[-2500.0] < gained[0.0] - 1.0  # W; absorbed is negative

@@ -1,4 +1,4 @@
-"""Surge coefficients: WAMIT, Haskind, the decided first values, the fit; heave computed anew."""
+"""Surge coefficients: WAMIT, Haskind, the decided first values, the fit; heave recomputed."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def at(hull: Bem, f: np.ndarray) -> np.ndarray:
 
 
 def test_surge_is_that_of_another_code() -> None:
-    """WAMIT within 2 % of each maximum; its water is shallower: 0.3 Hz feels the floor, 0.5 not."""
+    """WAMIT within 2 % of each maximum; its shallower water matters at 0.3 Hz, not at 0.5."""
     omega = 2 * np.pi / WAMIT[:, 0]
     theirs = np.array([1000.0 * WAMIT[:, 1], 1000.0 * omega * WAMIT[:, 2], 9806.65 * WAMIT[:, 3]])
     ours = at(surge_bem(), omega / (2 * np.pi))
@@ -47,7 +47,7 @@ def test_surge_is_that_of_another_code() -> None:
     assert surge_bem().added_mass_infinite == pytest.approx(154.93, rel=0.02)
 
 
-def test_first_values_are_of_a_hull_one_centimetre_deeper() -> None:
+def test_first_values_belong_to_a_hull_one_centimetre_deeper() -> None:
     """Within 7 % of each maximum: they were computed with all 0.17 m of the cylinder immersed.
 
     The heave file's hull (0.16 m immersed, 0.8561 m3) is kept, so that both axes are one hull.
@@ -106,7 +106,7 @@ def test_five_states_follow_the_bem() -> None:
     inside = (hull.frequency >= 0.2) & (hull.frequency <= 1.0)
     table = radiation_impedance(hull)[inside]
     error = np.abs(fit(hull.frequency[inside]) - table) / np.abs(table)
-    assert error.max() <= 0.001  # asked for: 0.005
+    assert error.max() <= 0.001  # required: 0.005
 
 
 def test_radiation_gives_no_energy() -> None:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.bus_settings import BusSettings
 from sim_plant.emulators.can_frame import Frame
 from sim_plant.emulators.can_hub import CanHub
 
@@ -22,7 +22,7 @@ NAME = os.environ.get("SOCKETCAN_TESTS", "")
 needs_kernel = pytest.mark.skipif(
     not NAME, reason="needs a virtual CAN interface of its own: make test-socketcan"
 )
-BUS = Bus("socketcan", NAME, 1_000_000, ())
+BUS = BusSettings("socketcan", NAME, 1_000_000, ())
 FRAME = struct.Struct("=IB3x8s")
 ERROR, REMOTE, EXTENDED = 0x2000_0000, 0x4000_0000, 0x8000_0000  # bits of the kernel's identifier
 BUS_OFF = 0x40

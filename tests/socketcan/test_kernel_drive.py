@@ -10,13 +10,13 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from can_rig import HEAVE, SURGE, LiveRig, live, waited
+from can_rig import HEAVE, SURGE, LiveRig, live, wait_until
 from canopen_drives import MACHINE, OWN, SLOW, axis_settings, drive_steps
 from kernel_can import BUS, NAME, HubBridge, needs_kernel, switch
 
 from drivers.canopen import arming, scaling
 from drivers.canopen.bus_cycle import BusCycle
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import Link, LinkError
 from drivers.canopen.service import Service, ServiceError
 from drivers.canopen.torque_axis import TorqueAxis
@@ -30,14 +30,14 @@ PATIENCE = 15.0  # s
 def far() -> Iterator[LiveRig]:
     with live() as rig:
         bridge = rig.do(lambda: HubBridge(rig.rig.hub, rig.loop))
-        waited(lambda: all(node.port.nmt == Nmt.PRE_OPERATIONAL for node in rig.rig.nodes))
+        wait_until(lambda: all(node.port.nmt == NmtState.PRE_OPERATIONAL for node in rig.rig.nodes))
         yield rig
         rig.do(bridge.close)
 
 
 @pytest.fixture
 def service(far: LiveRig) -> Iterator[Service]:
-    one = Service(BUS, patience=5.0)  # a slow kernel
+    one = Service(BUS, timeout_s=5.0)  # a slow kernel
     one.watch(HEAVE)
     yield one
     one.close()
@@ -56,9 +56,11 @@ class Cycle:
     def __init__(self) -> None:
         scale = scaling.amc_current(1000, 40.0)
         self.axis = TorqueAxis(
-            axis_settings(HEAVE, scale=scale, machine=MACHINE._replace(stale=0.9), slow_every=SLOW)
+            axis_settings(
+                HEAVE, scale=scale, machine=MACHINE._replace(max_status_age=0.9), slow_divider=SLOW
+            )
         )
-        self.link = Link(BUS, self.axis.each_sync)
+        self.link = Link(BUS, self.axis.sync_dividers)
         self.bus = BusCycle(self.link, [self.axis], OWN, 0.05)
 
     def until(self, true: Callable[[], object], current: float, enable: int) -> None:
@@ -85,11 +87,11 @@ class Cycle:
                 )
 
 
-def test_a_drive_is_set_up_read_back_and_told_apart(service: Service) -> None:
+def test_a_drive_is_set_up_read_back_and_compared(service: Service) -> None:
     assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
     wrong = service.set_up(HEAVE, tuple(drive_steps(HEAVE, encoder_increments=4096)))
-    assert arming.refusal(wrong) == (
-        "0x608f:01 encoder_increments: wanted 4096 (0x1000), got 20000 (0x4e20)"
+    assert arming.format_mismatches(wrong) == (
+        "0x608f:01 encoder_increments: expected 4096 (0x1000), got 20000 (0x4e20)"
     )
     assert service.identity(HEAVE).device_type == 0x00020192
     assert service.read(HEAVE, 0x5FFF, 0, "u32") is None
@@ -101,7 +103,7 @@ def test_nodes_are_found(service: Service) -> None:
     assert {HEAVE, SURGE} <= set(service.scan(1.0))
 
 
-def test_a_drive_goes_up_follows_and_goes_down(service: Service, cycle: Cycle) -> None:
+def test_a_drive_enables_follows_and_disables(service: Service, cycle: Cycle) -> None:
     assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
     service.start(HEAVE)
     axis, link = cycle.axis, cycle.link
@@ -109,7 +111,7 @@ def test_a_drive_goes_up_follows_and_goes_down(service: Service, cycle: Cycle) -
     cycle.until(lambda: abs(axis.read(link.now()).current - 5.0) < 0.2, 5.0, 1)
     cycle.until(lambda: not axis.read(link.now()).acting, 0.0, 0)
     cycle.until(lambda: abs(axis.read(link.now()).current) < 0.1, 0.0, 0)
-    assert (link.unsent, link.errors, axis.refused, cycle.bus.strange) == (0, 0, 0, 0)
+    assert (link.unsent, link.errors, axis.refused, cycle.bus.unexpected) == (0, 0, 0, 0)
 
 
 def test_heartbeats_and_emergencies_are_watched(
@@ -117,7 +119,7 @@ def test_heartbeats_and_emergencies_are_watched(
 ) -> None:
     assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
     service.start(HEAVE)
-    waited(lambda: service.health()[HEAVE].nmt == Nmt.OPERATIONAL)
+    wait_until(lambda: service.health()[HEAVE].nmt == NmtState.OPERATIONAL)
     axis, link = cycle.axis, cycle.link
     cycle.up()
     far.do(far.rig.heave.inject, "bus_overvoltage", 420.0)
@@ -137,9 +139,9 @@ def test_heartbeats_and_emergencies_are_watched(
     cycle.until(lambda: axis.read(link.now()).error == 0, 1.0, 1)
     assert axis.explain() == "FAULT", "down until it is asked for anew"
     service.stop(HEAVE)
-    waited(lambda: service.health()[HEAVE].nmt == Nmt.PRE_OPERATIONAL)
+    wait_until(lambda: service.health()[HEAVE].nmt == NmtState.PRE_OPERATIONAL)
     far.do(far.rig.heave.inject, "node_reset")
-    waited(lambda: service.health()[HEAVE].boots == 1)
+    wait_until(lambda: service.health()[HEAVE].boots == 1)
     far.do(far.rig.heave.clear, "node_reset")
 
 
@@ -152,14 +154,14 @@ def test_a_loop_that_falls_silent_loses_its_drive(
     axis, link = cycle.axis, cycle.link
     cycle.up()
     cycle.until(lambda: abs(axis.read(link.now()).current - 5.0) < 0.2, 5.0, 1)
-    waited(lambda: far.do(far.rig.world.readings).heave_current == 0.0)
-    waited(lambda: service.health()[HEAVE].code == 0x8130)
+    wait_until(lambda: far.do(far.rig.world.readings).heave_current == 0.0)
+    wait_until(lambda: service.health()[HEAVE].code == 0x8130)
 
 
 @pytest.mark.filterwarnings(
     "ignore::pytest.PytestUnhandledThreadExceptionWarning"
 )  # of the library
-def test_a_bus_that_goes_down_takes_the_permission_and_gives_it_back_only_when_asked(
+def test_a_bus_that_goes_down_ends_the_permission_until_requested(
     service: Service, cycle: Cycle
 ) -> None:
     assert service.set_up(HEAVE, tuple(drive_steps(HEAVE))) == ()
@@ -173,7 +175,7 @@ def test_a_bus_that_goes_down_takes_the_permission_and_gives_it_back_only_when_a
         switch(NAME, up=True)
     assert link.unsent > 0
     assert axis.explain() == "STALE"
-    with pytest.raises(LinkError, match=r"^the CAN service is deaf: .*Network is down"):
+    with pytest.raises(LinkError, match=r"^the CAN service receives no frames: .*Network is down"):
         service.health()
     cycle.until(lambda: axis.read(link.now()).age < 0.2, 1.0, 1)
     assert axis.read(link.now()).acting == 0

@@ -51,7 +51,7 @@ def test_frames_go_both_ways_and_keep_their_order(link: Link, far: Link) -> None
     assert (link.unsent, link.errors, far.unsent, far.errors) == (0, 0, 0, 0)
 
 
-def test_what_it_sends_itself_is_not_heard_but_others_here_hear_it(link: Link) -> None:
+def test_own_frames_are_excluded_but_other_local_sockets_receive_them(link: Link) -> None:
     twin = Link(BUS, {STATUS})
     assert link.send(STATUS, b"\x01")
     assert link.drain() == []
@@ -59,14 +59,14 @@ def test_what_it_sends_itself_is_not_heard_but_others_here_hear_it(link: Link) -
     twin.close()
 
 
-def test_the_kernel_keeps_out_what_is_not_wanted(link: Link) -> None:
+def test_the_kernel_filters_other_ids(link: Link) -> None:
     with raw_socket() as far:
         for identifier in (*range(0x181, 0x185), *range(0x187, 0x200)):
             far.send(identifier, b"\x01")
         far.send(STATUS | EXTENDED, b"\x02")
         far.send(STATUS | REMOTE, length=8)
         far.send(STATUS, b"\x03")
-    assert link.drain(most=2) == [Frame(STATUS, b"\x03")], "nothing else took a place"
+    assert link.drain(max_frames=2) == [Frame(STATUS, b"\x03")], "nothing else took a place"
 
 
 def test_error_frames_are_counted_and_are_no_data(link: Link) -> None:

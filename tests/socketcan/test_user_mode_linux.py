@@ -27,7 +27,7 @@ def test_the_status_is_the_commands_and_what_it_printed_is_shown(
         assert shown(one) == 0
 
 
-def test_a_guest_that_dies_at_its_work_has_failed() -> None:
+def test_a_guest_that_dies_during_its_command_has_failed() -> None:
     with guest(UP, "panic") as one:
         assert shown(one) == 1
 
@@ -38,12 +38,12 @@ def test_a_guest_that_fails_before_it_is_up_says_why(capsys: pytest.CaptureFixtu
     assert "OSError: mount" in capsys.readouterr().out
 
 
-def test_a_kernel_that_does_not_come_up_is_none() -> None:
+def test_a_kernel_that_does_not_boot_is_unavailable() -> None:
     with guest("no memory") as one, pytest.raises(NoKernelError, match="no memory"):
         shown(one)
 
 
-def test_a_kernel_without_its_modules_is_none(tmp_path: Path) -> None:
+def test_a_kernel_without_its_modules_is_unavailable(tmp_path: Path) -> None:
     program = tmp_path / "linux.uml"
     program.touch()
     assert kernel_in(program, tmp_path) is None
@@ -57,7 +57,7 @@ def test_a_kernel_without_its_modules_is_none(tmp_path: Path) -> None:
     assert kernel_in(tmp_path / "other", tmp_path) is None
 
 
-def test_that_it_did_not_run_is_said_loudly(
+def test_a_skipped_run_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))

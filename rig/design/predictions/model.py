@@ -193,7 +193,7 @@ def _excitation_spectrum(grid: Grid, repeats: Fraction, sea: Sea, bem: Bem) -> C
     ``repeats`` counts the sea's own periods in the period of the grid.
     """
     frequency = waves.frequencies(sea)
-    in_band = frequency <= waves.HIGHEST * (1.0 + 1.0e-12)
+    in_band = frequency <= waves.MAX_FREQUENCY * (1.0 + 1.0e-12)
     force = excitation_at(bem, frequency[in_band]) * sea.amplitude[in_band]
     cycles = sea.cycles[in_band] * repeats.numerator // repeats.denominator
     return spectrum_from_amplitudes(grid, cycles, force)

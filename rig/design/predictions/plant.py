@@ -72,7 +72,7 @@ def stator_start(plant: PlantModel) -> float:
 
 def current_loop(plant: PlantModel, axis: str) -> CurrentLoop:
     """Return the current loop of the heave or surge drive."""
-    loop = plant.params.electrics.loop if axis == "heave" else plant.params.surge.drive
+    loop = plant.params.electrics.drive if axis == "heave" else plant.params.surge.drive
     return CurrentLoop(loop.time_constant, loop.current_limit)
 
 
@@ -105,7 +105,9 @@ def spring(plant: PlantModel, stator: Sequence[float]) -> Spring:
     """Return the magnetic spring with its effective rate at each stator position (%)."""
     params = plant.params.spring
     rates = [magnetic_spring.table_rate(params, position) for position in stator]
-    return Spring(np.array(rates)[:, None], params.reach, params.angle_per_metre, params.sine)
+    return Spring(
+        np.array(rates)[:, None], params.force_per_rate, params.angle_per_metre, params.sine
+    )
 
 
 def friction(plant: PlantModel, lateral_force: Floats | None) -> Friction:
@@ -113,14 +115,14 @@ def friction(plant: PlantModel, lateral_force: Floats | None) -> Friction:
     pto = plant.params.pto
     size = np.array(pto.coulomb)
     if lateral_force is not None:
-        size = size + pto.guide * np.abs(lateral_force)
+        size = size + pto.guide_friction * np.abs(lateral_force)
     return Friction(size, pto.coulomb_velocity)
 
 
 def guide_force(plant: PlantModel, position: Floats, acceleration: Floats, force: Floats) -> Floats:
     """Return the lateral force on the heave guide, N (`sim_plant.surge.guide_force`)."""
     surge = plant.params.surge
-    return force - surge.body.hydrostatic * position - surge.carriage * acceleration
+    return force - surge.body.hydrostatic * position - surge.carriage_mass * acceleration
 
 
 def to_drive_settings(setting: RowSetting, scheme: int) -> DriveSettings:
@@ -223,7 +225,7 @@ def _electrics_params(
     plant: PlantModel, setting: RowSetting, scheme: int
 ) -> tuple[InverterParams, BusParams]:
     settings = to_drive_settings(setting, scheme)
-    params = building.electrics(plant.file.drive, plant.file.pto, settings)
+    params = building.electrics_params(plant.file.drive, plant.file.pto, settings)
     return params.inverter, params.bus
 
 

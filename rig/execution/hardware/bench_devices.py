@@ -36,7 +36,7 @@ class BenchDevices:
         self._encoders = encoders
         self._bridge = Exchange(encoders.link, encoders.conversation)
         self._slots = slots
-        self._rest = analog_command.rest(config.output)
+        self._rest = analog_command.rest_voltage(config.output)
 
     def warm_up(self, dt: float) -> None:
         """Wait for a fresh value of every device; OSError names those without one.
@@ -48,11 +48,11 @@ class BenchDevices:
         until = time.monotonic() + WARM_UP_TIMEOUT_S
         while True:
             self._release()
-            now = self._bridge.turn()
+            now = self._bridge.step()
             silent = [name for name in MAILBOX_INPUTS if self._silent(name, now)]
             encoders = self._encoders.read_message(now)
             if encoders is None or now - encoders.stamp > _MAX_WARM_UP_AGE_S:
-                why = self._encoders.conversation.explain(now) or self._encoders.link.trouble
+                why = self._encoders.conversation.explain(now) or self._encoders.link.problem
                 silent.insert(0, f"encoders ({why})")
             if not silent:
                 return
@@ -72,7 +72,7 @@ class BenchDevices:
         e_stop, limit_switch, panel_stamp = slots["inputs"].read()
         # A brake that no longer takes commands is as lost as one that gives no values.
         brake_stamp = min(brake_stamp, slots["analog_done"].read().stamp)
-        time_now = self._bridge.turn()
+        time_now = self._bridge.step()
         motor, shaft, encoder_stamp = self._encoders.read_message(time_now)
         return Sense(
             EncoderSense(motor, shaft, time_now - encoder_stamp),

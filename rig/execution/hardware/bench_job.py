@@ -76,7 +76,7 @@ def _device_settings(rig: BenchRigFile, wiring: BenchWiring, loop: Loop) -> Benc
     analog, servo = wiring.servo.analog, rig.servo
     output = analog_command.Params(0.0, 1.0, -servo.command_v, servo.command_v)
     if analog is not None:
-        output = analog_command.calibrated(
+        output = analog_command.make_params(
             analog.offset_v, analog.gain, analog.low_v, analog.high_v
         )
     return BenchDeviceSettings(

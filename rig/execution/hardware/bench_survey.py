@@ -104,7 +104,7 @@ def _survey_sending_device(survey: StreamSurvey, stream: streams.Stream) -> Stre
     now = _converse_until(stream.link, stream.conversation, fresh)
     message, trouble = stream.read_message(now), stream.conversation.explain(now)
     if message is None:
-        return survey._replace(trouble=trouble or stream.link.trouble)
+        return survey._replace(trouble=trouble or stream.link.problem)
     *values, stamp = message
     units = message_units(type(message))
     surveyed = tuple(
@@ -140,6 +140,6 @@ def _converse_until(
 ) -> float:
     """Converse until a condition holds or the survey times out; return the time."""
     exchange, until = Exchange(link, conversation), time.monotonic() + SURVEY_TIMEOUT_S
-    while not condition(now := exchange.turn()) and now < until:
+    while not condition(now := exchange.step()) and now < until:
         time.sleep(_PAUSE_S)
     return now

@@ -11,8 +11,8 @@ import time
 from typing import Any
 
 from drivers.canopen import cia402, homing
-from drivers.canopen.arming import Step, refusal
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.arming import SetupStep, format_mismatches
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 from rig.execution.hardware.messages import NodeHealth
@@ -32,7 +32,7 @@ def serve(job: dict[str, Any]) -> None:
     if refused := scheduling.acquire_for_io():
         report_event(event="message", text=f"no priority over other work: {refused}")
     interface, channel, bit_rate, options = config["bus"]
-    bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]
     try:
         service = Service(bus)
@@ -42,7 +42,7 @@ def serve(job: dict[str, Any]) -> None:
     try:
         try:
             facts = _set_up(service, nodes, ended)
-            service.narrow()
+            service.ignore_process_data()
             for node in nodes:
                 service.start(node["node"])
         except ServiceError as error:
@@ -71,10 +71,12 @@ def _set_up(service: Service, nodes: list[dict[str, Any]], stopped: Any) -> dict
     problems = []
     for node in nodes:
         service.watch(node["node"])
-        steps = tuple(Step(*step) for step in node["steps"])
+        steps = tuple(SetupStep(*step) for step in node["steps"])
         mismatches = service.set_up(node["node"], steps)
         if mismatches:
-            problems.append(f"{node['name']} (node {node['node']}):\n{refusal(mismatches)}")
+            problems.append(
+                f"{node['name']} (node {node['node']}):\n{format_mismatches(mismatches)}"
+            )
         values = {
             name: service.read(node["node"], index, sub, kind)
             for name, index, sub, kind in node["facts"]
@@ -107,7 +109,7 @@ def _post_health(service: Service, nodes: list[dict[str, Any]], slots: dict[str,
         slots[f"{node['name']}_health"].post(
             NodeHealth(
                 node_health.nmt,
-                node_health.heard,
+                node_health.last_heartbeat,
                 node_health.boots,
                 node_health.code,
                 node_health.emergencies,

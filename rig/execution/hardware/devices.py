@@ -17,11 +17,11 @@ from controllers.signals import (
     SpringSense,
 )
 from drivers.canopen import scaling
-from drivers.canopen.bus_cycle import BusCycle, Line
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.bus_cycle import BusCycle, FrameLink
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import Link
 from drivers.canopen.position_actuator import PositionActuator
-from drivers.canopen.torque_axis import Reading, TorqueAxis
+from drivers.canopen.torque_axis import TorqueAxis, TorqueAxisReading
 from rig.execution.hardware.messages import MESSAGE_TYPES, NodeHealth, OutputsMessage
 from rig.execution.hardware.settings import WaveBotDeviceSettings
 from rig.kinds.wavebot import Command, LoadSense, PowerSense, Sense, WaveSense
@@ -42,7 +42,7 @@ class WaveBotDevices:
     """All devices of a WaveBot on their wires."""
 
     def __init__(
-        self, config: WaveBotDeviceSettings, line: Line, slots: dict[str, Mailbox]
+        self, config: WaveBotDeviceSettings, line: FrameLink, slots: dict[str, Mailbox]
     ) -> None:
         self._config = config
         self._slots = slots
@@ -111,7 +111,7 @@ class WaveBotDevices:
             PowerSense(
                 analyser.ac, analyser.dc, analyser.bus_voltage, time_now - analyser.stamp
             ),
-            DriveSense(heave.acting, 1 if self._heave.held else 0, _NO_DUMP),
+            DriveSense(heave.acting, 1 if self._heave.limit_flags else 0, _NO_DUMP),
             ProbeSense(probes.probe_1, probes.probe_2, probes.probe_3, time_now - probes.stamp),
             _UNKNOWN_ELEVATION,
             PanelSense(panel.e_stop, panel.limit_switch, time_now - panel.stamp),
@@ -145,7 +145,7 @@ class WaveBotDevices:
     def close(self) -> None:
         self._bus.close()
 
-    def _axis_sense(self, reading: Reading, name: str) -> AxisSense:
+    def _axis_sense(self, reading: TorqueAxisReading, name: str) -> AxisSense:
         fault = _FAULTS.get(reading.error, _GENERAL_FAULT) if reading.error else 0
         health: NodeHealth | None = self._slots[f"{name}_health"].read()
         if fault == 0 and health is not None:
@@ -175,8 +175,8 @@ def connect(config: dict[str, Any], dt: float) -> WaveBotDevices:
         TorqueAxis(settings.surge),
         PositionActuator(settings.stator),
     )
-    sync_frames = frozenset[int]().union(*(node.each_sync for node in nodes))
-    bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    sync_frames = frozenset[int]().union(*(node.sync_dividers for node in nodes))
+    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     return WaveBotDevices(settings, Link(bus, sync_frames), slots)
 
 

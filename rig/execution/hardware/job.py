@@ -6,17 +6,17 @@ from typing import Any, NamedTuple
 from drivers.canopen import bus_load, cia402, homing, pdo, profile_position, scaling
 from drivers.canopen.arming import (
     SetupError,
-    Step,
+    SetupStep,
     heartbeat_consumer,
     parameter_steps,
     rpdo_steps,
     tpdo_steps,
 )
-from drivers.canopen.bus_settings import Bus, refusal
+from drivers.canopen.bus_settings import BusSettings, unsupported_rate
 from drivers.canopen.drive_objects import BY_NAME
-from drivers.canopen.position_actuator import Settings as ActuatorSettings
+from drivers.canopen.position_actuator import ActuatorSettings
 from drivers.canopen.torque_axis import TORQUE_MODE, layouts
-from drivers.canopen.torque_axis import Settings as AxisSettings
+from drivers.canopen.torque_axis import TorqueAxisSettings as AxisSettings
 from rig.config import RigFile
 from rig.config.wiring import SLOT_SIGNALS, Actuator, Deadlines, Drive, TorqueDrive, Wiring
 from rig.execution.hardware.modbus_lines import modbus_pollers
@@ -43,7 +43,7 @@ class WaveBotJob(NamedTuple):
 
     io_processes: tuple[IoProcess, ...]
     devices: dict[str, Any]  # for `rig.execution.hardware.devices.connect`: no facts, no mailboxes
-    load: bus_load.Load
+    load: bus_load.BusLoad
 
 
 class WiringError(ValueError):
@@ -56,12 +56,12 @@ def build_job(rig: RigFile) -> WaveBotJob:
     if wiring is None:
         raise WiringError(f"{rig.name} has no wiring: it can only be rehearsed")
     can = wiring.can
-    bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
-    problems = [text for text in (refusal(bus, rig.rate_hz),) if text]
-    load = bus_load.Load(0.0, 0.0, ())
+    bus = BusSettings(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
+    problems = [text for text in (unsupported_rate(bus, rig.rate_hz),) if text]
+    load = bus_load.BusLoad(0.0, 0.0, ())
     nodes: list[dict[str, Any]] = []
     try:
-        load = bus_load.admit(schedule(wiring, rig.rate_hz), can.bit_rate, rig.rate_hz)
+        load = bus_load.check_load(schedule(wiring, rig.rate_hz), can.bit_rate, rig.rate_hz)
     except bus_load.OverloadError as error:
         problems.append(str(error))
     for name, drive in (
@@ -125,7 +125,7 @@ def _node_setup(name: str, drive: Drive, wiring: Wiring, dt: float) -> dict[str,
     }
     if isinstance(drive, TorqueDrive):
         objects["mode_of_operation"] = TORQUE_MODE
-    steps: list[Step] = list(
+    steps: list[SetupStep] = list(
         parameter_steps({**objects, **drive.objects}, read_only=frozenset(drive.read_only))
     )
     if isinstance(drive, TorqueDrive):
@@ -176,7 +176,7 @@ def _power_machine(drive: Drive, tick: float) -> cia402.Params:
     params = cia402.Params(
         times.stale_s, int(drive.mode_first), int(drive.follows), 0, reset, limits
     )
-    problems = cia402.problems(params)
+    problems = cia402.find_problems(params)
     if problems:
         raise SetupError("; ".join(problems))
     return params
@@ -228,7 +228,7 @@ def _scaling_settings(drive: TorqueDrive, kt: float) -> dict[str, Any]:
     return {"kind": drive.scaling, "kt": kt, "limit": drive.current_limit_a}
 
 
-def _io_processes(wiring: Wiring, nodes: list[dict[str, Any]], bus: Bus) -> list[IoProcess]:
+def _io_processes(wiring: Wiring, nodes: list[dict[str, Any]], bus: BusSettings) -> list[IoProcess]:
     stator = wiring.stator
     timeout_s = _SETUP_TIMEOUT_S + (stator.homing_s if stator.homing else 0.0)
     health = tuple(f"{node['name']}_health" for node in nodes)

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple, get_type_hints
 
 from drivers.errors import CodecError
 from drivers.modbus import registers
-from drivers.modbus.line import Line, LineError, RefusedError
-from drivers.modbus.registers import Block
+from drivers.modbus.line import ExceptionResponseError, Line, LineError
+from drivers.modbus.registers import RegisterBlock
 from rig.execution.hardware.messages import MESSAGE_TYPES
 from rig.execution.hardware.modbus_poller import (
     BUSY_PAUSE_S,
@@ -36,7 +36,7 @@ class UnitSurvey(NamedTuple):
     registers: str
     answers: bool
     took: float  # s from request to answer
-    asked: float  # s, monotonic, time of the request
+    request_time: float  # s, monotonic, time of the request
     written: bool  # a run writes the block, so its content is no measurement
     values: tuple[SurveyedValue, ...]
     trouble: str
@@ -79,7 +79,7 @@ def survey_line(name: str, config: dict[str, Any]) -> LineSurvey:
                 line.close()
                 line = create_line(config, [])
             units.append(_survey_unit(line, polled_block))
-            if line.opened == 0:
+            if line.open_count == 0:
                 return survey._replace(trouble=units[-1].trouble)
     finally:
         line.close()
@@ -96,7 +96,9 @@ def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
     try:
         raw = _read_block(line, block)
     except LineError as error:
-        if polled_block.written and isinstance(error, RefusedError):  # its outputs cannot be read
+        if polled_block.written and isinstance(
+            error, ExceptionResponseError
+        ):  # its outputs cannot be read
             return survey._replace(answers=True, took=time.monotonic() - requested_at)
         return survey._replace(trouble=str(error).removeprefix(f"{line.name}: unit {block.unit}, "))
     survey = survey._replace(answers=True, took=time.monotonic() - requested_at)
@@ -106,7 +108,7 @@ def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
         numbers = registers.decode(block, raw, polled_block.high_word_first)
     except CodecError as error:
         return survey._replace(trouble=str(error))
-    implausible = registers.implausible(block, numbers)
+    implausible = registers.implausible_values(block, numbers)
     units = message_units(MESSAGE_TYPES[polled_block.name])
     values = tuple(
         SurveyedValue(value.name, number, units.get(value.name, ""), value.name not in implausible)
@@ -118,7 +120,7 @@ def _survey_unit(line: Line, polled_block: PolledBlock) -> UnitSurvey:
     )
 
 
-def _read_block(line: Line, block: Block) -> list[int]:
+def _read_block(line: Line, block: RegisterBlock) -> list[int]:
     """Return a block's registers; repeat the request while the unit is busy."""
     attempts = retry_while_busy(lambda: line.read(block))
     while True:

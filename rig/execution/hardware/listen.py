@@ -7,7 +7,7 @@ serial port belongs to one program, and network devices send only to a program t
 import time
 from typing import NamedTuple
 
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service
 from rig.config.any_rig_file import AnyRigFile
@@ -44,7 +44,7 @@ def listen(rig: AnyRigFile) -> BusActivity:
             (), (), ("none of the bench's wires can be listened to without sending",)
         )
     can = wiring.can
-    bus = Bus(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
+    bus = BusSettings(can.interface, can.channel, can.bit_rate, tuple(can.options.items()))
     if why := listening_problem(bus) or bus_problem(bus):
         return BusActivity((), (), (f"CAN: {why}",))
     nodes = {name: getattr(wiring, name).node for name in ("heave", "surge", "stator")}
@@ -55,7 +55,7 @@ def listen(rig: AnyRigFile) -> BusActivity:
     try:
         for node in nodes.values():
             service.watch(node)
-        sending = service.scan(LISTEN_S, ask=False)
+        sending = service.scan(LISTEN_S, send_requests=False)
         health, now = service.health(), time.monotonic()
     except LinkError as error:
         return BusActivity((), (), (f"CAN: {error}",))
@@ -65,7 +65,7 @@ def listen(rig: AnyRigFile) -> BusActivity:
     for name, node in nodes.items():
         node_health = health[node]
         beats = node_health.nmt >= 0
-        nmt, age = (node_health.nmt, now - node_health.heard) if beats else (None, None)
+        nmt, age = (node_health.nmt, now - node_health.last_heartbeat) if beats else (None, None)
         activity.append(NodeActivity(name, node, node in sending, nmt, age, node_health.code))
     silent = tuple(
         f"{one.name} (node {one.node}) sends nothing" for one in activity if not one.sends

@@ -20,8 +20,8 @@ from typing import Any, NamedTuple, TypeVar
 
 from drivers.errors import CodecError
 from drivers.modbus import registers
-from drivers.modbus.line import Line, LineError, RefusedError, Rtu, Tcp
-from drivers.modbus.registers import Block, Value
+from drivers.modbus.line import ExceptionResponseError, Line, LineError, RtuSettings, TcpSettings
+from drivers.modbus.registers import RegisterBlock, RegisterValue
 from rig.execution.hardware.messages import (
     ACKNOWLEDGEMENT_SUFFIX,
     MESSAGE_TYPES,
@@ -54,7 +54,7 @@ class PolledBlock(NamedTuple):
     """One block of the line."""
 
     name: str  # of its mailbox
-    block: Block
+    block: RegisterBlock
     high_word_first: bool
     period: float  # s
     register_setup: tuple[RegisterPreset, ...]
@@ -114,7 +114,7 @@ class _BlockTask:
 
     def _requests(self, line: Line, began: float) -> Generator[None, None, bool]:
         """Send all requests of one turn; yield while busy. Return False while not trusted yet."""
-        if self._prepared != line.opened or line.opened == 0:
+        if self._prepared != line.open_count or line.open_count == 0:
             yield from self._prepare(line)
         if self.polled.written:
             yield from retry_while_busy(lambda: self._write(line))
@@ -132,8 +132,8 @@ class _BlockTask:
                 found = yield from retry_while_busy(partial(line.read, block))
             if found != [value]:
                 raise CodecError(self.polled.name, f"register {block.first}", f"{value}", found[0])
-            opened = opened or line.opened  # a line reopened meanwhile needs the set-up again
-        self._prepared = opened or line.opened
+            opened = opened or line.open_count  # a line reopened meanwhile needs the set-up again
+        self._prepared = opened or line.open_count
 
     def _read(self, line: Line, began: float) -> Generator[None, None, bool]:
         """Read the block and post the values if the unit is trusted; else return False.
@@ -147,7 +147,7 @@ class _BlockTask:
         count = yield from self._read_count(line)
         raw = yield from retry_while_busy(lambda: line.read(block))
         values = registers.decode(block, raw, self.polled.high_word_first)
-        implausible = registers.implausible(block, values)
+        implausible = registers.implausible_values(block, values)
         if implausible:
             self._untrusted = TRUSTED_ANSWERS
             text = ", ".join(
@@ -173,7 +173,7 @@ class _BlockTask:
         if self.polled.counter is None:
             return None
         block = self.polled.block
-        counter = Block(block.unit, block.table, self.polled.counter, 1, ())
+        counter = RegisterBlock(block.unit, block.table, self.polled.counter, 1, ())
         return (yield from retry_while_busy(lambda: line.read(counter)))[0]
 
     def _write(self, line: Line) -> None:
@@ -196,8 +196,8 @@ def retry_while_busy(request: Callable[[], _Answer]) -> Generator[None, None, _A
     while True:
         try:
             return request()
-        except RefusedError as error:
-            if not error.passing or time.monotonic() > until:
+        except ExceptionResponseError as error:
+            if not error.is_temporary or time.monotonic() > until:
                 raise
         yield
 
@@ -207,18 +207,23 @@ def next_turn_time(now: float, period: float) -> float:
     return (math.floor((now - TURN_OFFSET_S) / period) + 1) * period + TURN_OFFSET_S
 
 
-def setup_blocks(polled: PolledBlock) -> list[tuple[Block, RegisterPreset]]:
+def setup_blocks(polled: PolledBlock) -> list[tuple[RegisterBlock, RegisterPreset]]:
     """Return a block of one register for each register of a unit's set-up, in their order."""
     unit = polled.block.unit
-    return [(Block(unit, "holding", setup.first, 1, ()), setup) for setup in polled.register_setup]
+    return [
+        (RegisterBlock(unit, "holding", setup.first, 1, ()), setup)
+        for setup in polled.register_setup
+    ]
 
 
 def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
     """Yield the blocks of a line from its configuration (`rig.execution.hardware.modbus_lines`)."""
     for settings in config["blocks"]:
-        values = tuple(Value(*value) for value in settings["values"])
-        block = registers.checked(
-            Block(settings["unit"], settings["table"], settings["first"], settings["size"], values)
+        values = tuple(RegisterValue(*value) for value in settings["values"])
+        block = registers.validated(
+            RegisterBlock(
+                settings["unit"], settings["table"], settings["first"], settings["size"], values
+            )
         )
         name = settings["name"]
         setup = tuple(RegisterPreset(*each) for each in settings["prepare"])
@@ -233,10 +238,10 @@ def parse_blocks(config: dict[str, Any]) -> Iterator[PolledBlock]:
         )
 
 
-def create_line(config: dict[str, Any], writable: list[Block]) -> Line:
+def create_line(config: dict[str, Any], writable: list[RegisterBlock]) -> Line:
     """Return the line, not open yet; ``writable``: the only blocks that may be written."""
     kind, settings = config["kind"], config["settings"]
-    return Line(Tcp(**settings) if kind == "tcp" else Rtu(**settings), writable)
+    return Line(TcpSettings(**settings) if kind == "tcp" else RtuSettings(**settings), writable)
 
 
 def poll(job: dict[str, Any]) -> None:

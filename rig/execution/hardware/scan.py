@@ -7,20 +7,20 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import LinkError
-from drivers.canopen.service import Identity, Service
+from drivers.canopen.service import NodeIdentity, Service
 from drivers.modbus.line import (
-    EXCEPTIONS,
-    MAKERS_OWN,
-    GoneError,
+    EXCEPTION_TEXTS,
+    VENDOR_SPECIFIC,
+    ClosedLineError,
+    ExceptionResponseError,
     Line,
     LineError,
-    RefusedError,
-    Rtu,
-    Tcp,
+    RtuSettings,
+    TcpSettings,
 )
-from drivers.modbus.registers import Block
+from drivers.modbus.registers import RegisterBlock
 from rig.execution.hardware.wire_check import (
     bus_problem,
     listening_problem,
@@ -35,7 +35,7 @@ class DetectedNode(NamedTuple):
     """One CAN node that answers or sends."""
 
     node: int
-    identity: Identity
+    identity: NodeIdentity
 
 
 class UnitResponse(NamedTuple):
@@ -47,7 +47,7 @@ class UnitResponse(NamedTuple):
     answer: str  # empty: none came
 
 
-def scan_nodes(bus: Bus, timeout_s: float) -> tuple[DetectedNode, ...]:
+def scan_nodes(bus: BusSettings, timeout_s: float) -> tuple[DetectedNode, ...]:
     """Return the nodes that answer within ``timeout_s``; LinkError if the bus is out of reach."""
     if why := bus_problem(bus):
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
@@ -58,7 +58,7 @@ def scan_nodes(bus: Bus, timeout_s: float) -> tuple[DetectedNode, ...]:
         service.close()
 
 
-def listen_for_nodes(bus: Bus, timeout_s: float) -> tuple[int, ...]:
+def listen_for_nodes(bus: BusSettings, timeout_s: float) -> tuple[int, ...]:
     """Return the nodes of a bus that send by themselves within ``timeout_s``; send nothing.
 
     LinkError if the bus is out of reach, or can only be opened by sending to its adapter.
@@ -67,41 +67,41 @@ def listen_for_nodes(bus: Bus, timeout_s: float) -> tuple[int, ...]:
         raise LinkError(f"CAN bus {bus.interface} {bus.channel}: {why}")
     service = Service(bus)
     try:
-        return service.scan(timeout_s, ask=False)
+        return service.scan(timeout_s, send_requests=False)
     finally:
         service.close()
 
 
 def scan_units(
-    settings: Tcp | Rtu, numbers: Sequence[int], register: int
+    settings: TcpSettings | RtuSettings, numbers: Sequence[int], register: int
 ) -> Iterator[UnitResponse]:
     """Read one holding register of each unit in turn; GoneError if the line cannot be opened."""
-    if isinstance(settings, Rtu):
+    if isinstance(settings, RtuSettings):
         if why := port_problem(settings.port):
-            raise GoneError(f"{settings.port} {why}")
+            raise ClosedLineError(f"{settings.port} {why}")
     elif why := tcp_problem(settings.host, settings.port):
-        raise GoneError(f"{settings.host}:{settings.port}: {why}")
+        raise ClosedLineError(f"{settings.host}:{settings.port}: {why}")
     line = Line(settings)
     try:
         for unit in numbers:
-            yield _request_register(line, Block(unit, "holding", register, 1, ()))
-            if isinstance(settings, Tcp):  # a silent unit costs the connection, and a pause
+            yield _request_register(line, RegisterBlock(unit, "holding", register, 1, ()))
+            if isinstance(settings, TcpSettings):  # a silent unit costs the connection, and a pause
                 line.close()
                 line = Line(settings)
     finally:
         line.close()
 
 
-def _request_register(line: Line, block: Block) -> UnitResponse:
+def _request_register(line: Line, block: RegisterBlock) -> UnitResponse:
     began = time.monotonic()
     answers, answer = True, ""
     try:
         (value,) = line.read(block)
         answer = f"register {block.first} reads {value} ({value:#06x})"
-    except RefusedError as error:
+    except ExceptionResponseError as error:
         answers = error.code not in _GATEWAY_EXCEPTIONS
-        answer = f"exception {error.code}, {EXCEPTIONS.get(error.code, MAKERS_OWN)}"
-    except GoneError:
+        answer = f"exception {error.code}, {EXCEPTION_TEXTS.get(error.code, VENDOR_SPECIFIC)}"
+    except ClosedLineError:
         raise
     except LineError:
         answers = False

@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from drivers.compax3 import objects
-from drivers.compax3.codec import refusal
+from drivers.compax3.codec import error_number
 from drivers.compax3.requests import Requests
 from drivers.errors import CodecError
 from rig.execution.hardware.streams import servo_settings
@@ -34,41 +34,43 @@ class ServoIdentification:
         )
         self._name = settings.name
         self._channels = (channels, (settings.error,))
-        self._requests = tuple(objects.ask(one, settings.address) for one in self._channels)
+        self._requests = tuple(objects.encode_read(one, settings.address) for one in self._channels)
         self._values: list[float] = []
         self._refused = ""
 
-    def opened(self, now: float) -> None:
+    def on_open(self, now: float) -> None:
         """Begin with the request for the drive's name."""
-        self.requests.opened(now)
+        self.requests.on_open(now)
         self._values = []
 
-    def take(self, data: bytes, now: float) -> None:
+    def receive(self, data: bytes, now: float) -> None:
         """Process an answer or a part of one."""
-        answer = self.requests.take(data, now)
+        answer = self.requests.receive(data, now)
         if answer is None:
             return
-        if code := refusal(answer):
+        if code := error_number(answer):
             self._refused = f"actual values refused: {objects.error_name(code)}"
             return
         try:
-            self._values += objects.actual_values(self._channels[1 if self._values else 0], answer)
+            self._values += objects.decode_actual_values(
+                self._channels[1 if self._values else 0], answer
+            )
             if len(self._values) == 3:
                 status_word, current, error = self._values
-                status = objects.status(status_word)
+                status = objects.decode_status(status_word)
                 self.identity = ServoIdentity(self.requests.name, status, current, int(error))
         except CodecError as error:
             self._values = []
-            self.requests.doubt(now, str(error))
+            self.requests.distrust(now, str(error))
 
-    def speak(self, now: float) -> bytes:
+    def next_message(self, now: float) -> bytes:
         """Return the next request."""
-        data = self.requests.upkeep(now, b"")
-        if data or not self.requests.free or self.identity is not None or self._refused:
+        data = self.requests.recovery_message(now, b"")
+        if data or not self.requests.is_ready or self.identity is not None or self._refused:
             return data
-        return self.requests.ask(self._requests[1 if self._values else 0], now)
+        return self.requests.begin_request(self._requests[1 if self._values else 0], now)
 
     def explain(self, now: float) -> str:
         """Return why there is no identity; empty if nothing is wrong."""
-        trouble = self.requests.trouble or self._refused
+        trouble = self.requests.problem or self._refused
         return f"{self._name}: {trouble}" if trouble else ""

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from drivers.canopen.position_actuator import Settings as ActuatorSettings
-from drivers.canopen.torque_axis import Settings as AxisSettings
+from drivers.canopen.position_actuator import ActuatorSettings
+from drivers.canopen.torque_axis import TorqueAxisSettings as AxisSettings
 
 
 class WaveBotDeviceSettings(NamedTuple):

@@ -52,14 +52,14 @@ def _wait_until_ready(
     """Converse until the device has sent a message; False after the time-out or at the end."""
     until = time.monotonic() + READY_TIMEOUT_S
     while not ended():
-        now = exchange.turn()
+        now = exchange.step()
         message = stream.read_message(now)
         if message is not None and now - message.stamp < MAX_READY_AGE_S:
             slot.post(message)
             report_event(event="ready")
             return True
         if now > until:
-            problem = stream.conversation.explain(now) or stream.link.trouble
+            problem = stream.conversation.explain(now) or stream.link.problem
             report_event(event="refused", why=f"{stream.link.name}: {problem}")
             return False
         time.sleep(PAUSE_S)
@@ -70,11 +70,11 @@ def _serve(stream: Stream, exchange: Exchange, slot: Mailbox, ended: EndConditio
     last_report, last_problem = -_REPORT_INTERVAL_S, ""
     while not ended():
         stream.forward_command(time.monotonic())
-        now = exchange.turn()
+        now = exchange.step()
         message = stream.read_message(now)
         if message is not None:
             slot.post(message)
-        problem = stream.link.trouble or stream.conversation.explain(now)
+        problem = stream.link.problem or stream.conversation.explain(now)
         if problem != last_problem and (not problem or now - last_report >= _REPORT_INTERVAL_S):
             report_event(event="message", text=problem or "the device works again")
             last_report, last_problem = now, problem
@@ -84,7 +84,7 @@ def _serve(stream: Stream, exchange: Exchange, slot: Mailbox, ended: EndConditio
 def _release(stream: Stream, exchange: Exchange) -> None:
     """Send the device the commands that release it before the line is closed."""
     until = time.monotonic() + RELEASE_S
-    while (now := exchange.turn()) < until and stream.link.is_open:
+    while (now := exchange.step()) < until and stream.link.is_open:
         stream.release(now)
         time.sleep(PAUSE_S)
 

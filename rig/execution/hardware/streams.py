@@ -10,20 +10,18 @@ from typing import Any, NamedTuple
 
 from drivers.compax3 import servo_signals
 from drivers.compax3.codec import NO_ADDRESS, Object
-from drivers.compax3.objects import Channel
+from drivers.compax3.objects import ObjectChannel
 from drivers.compax3.requests import Timing
 from drivers.compax3.servo import Servo
-from drivers.compax3.values import Form
+from drivers.compax3.values import NumberFormat
 from drivers.conversation import Conversation
 from drivers.encoder import bridge_reader, unwrap
 from drivers.encoder.bridge_reader import BridgeReader
-from drivers.encoder.ssi import Protocol
+from drivers.encoder.ssi import SsiProtocol
 from drivers.force_torque import net_ft, net_reader, wrench
 from drivers.force_torque.net_reader import NetReader
-from drivers.serial_link import SerialLink
-from drivers.serial_link import Settings as SerialSettings
-from drivers.udp_link import Settings as UdpSettings
-from drivers.udp_link import UdpLink
+from drivers.serial_link import SerialLink, SerialSettings
+from drivers.udp_link import UdpLink, UdpSettings
 from rig.execution.hardware.messages import (
     EncodersMessage,
     ServoMessage,
@@ -64,7 +62,7 @@ def encoder_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Strea
     """
     motor, shaft = settings["motor_counts"], settings["shaft_counts"]
     reader = BridgeReader(
-        bridge_reader.Settings(
+        bridge_reader.BridgeSettings(
             "encoder bridge",
             _encoder_channel(settings["motor"], motor),
             _encoder_channel(settings["shaft"], shaft),
@@ -89,10 +87,10 @@ def encoder_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Strea
     )
 
 
-def _encoder_channel(settings: dict[str, Any], counts: int) -> bridge_reader.Channel:
+def _encoder_channel(settings: dict[str, Any], counts: int) -> bridge_reader.EncoderChannel:
     turns = unwrap.Params(counts, settings["most_rad_per_s"], settings["slack_counts"])
-    return bridge_reader.Channel(
-        Protocol[settings["protocol"]], turns, float(settings["direction"])
+    return bridge_reader.EncoderChannel(
+        SsiProtocol[settings["protocol"]], turns, float(settings["direction"])
     )
 
 
@@ -127,10 +125,10 @@ def servo_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
     )
 
 
-def servo_settings(settings: dict[str, Any]) -> servo_signals.Settings:
+def servo_settings(settings: dict[str, Any]) -> servo_signals.ServoSettings:
     """Return the settings of the conversation with the drive."""
     torque = settings["loop"] == "torque"
-    return servo_signals.Settings(
+    return servo_signals.ServoSettings(
         "servo drive",
         drive_address(settings),
         settings["identity"],
@@ -153,19 +151,21 @@ def drive_address(settings: dict[str, Any]) -> int:
     return NO_ADDRESS if settings["address"] is None else int(settings["address"])
 
 
-def drive_channel(settings: dict[str, Any]) -> Channel:
+def drive_channel(settings: dict[str, Any]) -> ObjectChannel:
     """Return the object, format and scale of a quantity in the drive."""
-    return Channel(
-        Object(settings["index"], settings["sub"]), Form[settings["form"]], settings["per_unit"]
+    return ObjectChannel(
+        Object(settings["index"], settings["sub"]),
+        NumberFormat[settings["form"]],
+        settings["per_unit"],
     )
 
 
 def load_cell_stream(settings: dict[str, Any], slots: dict[str, Mailbox]) -> Stream:
     """Return the stream of the load cell; it begins with a stop of any earlier stream."""
     reader = NetReader(
-        net_reader.Settings(
+        net_reader.NetFtSettings(
             "load cell",
-            wrench.scale(
+            wrench.make_scale(
                 settings["counts_per_force"],
                 settings["counts_per_torque"],
                 settings["force_unit"],

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from drivers.canopen import arming, emcy, statusword
-from drivers.canopen.arming import Mismatch, Step
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.arming import Mismatch, SetupStep
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.drive_objects import Access
 from drivers.canopen.link import LinkError
-from drivers.canopen.service import Health, Identity, Service
+from drivers.canopen.service import NodeIdentity, NodeStatus, Service
 from rig.execution.hardware.job import WaveBotJob
 from rig.execution.hardware.line_survey import LineSurvey, survey_line, unit_troubles
 from rig.execution.hardware.wire_check import bus_problem
@@ -31,7 +31,7 @@ class NodeSurvey(NamedTuple):
     name: str
     node: int
     answers: bool
-    identity: Identity
+    identity: NodeIdentity
     nmt: int | None  # `heartbeat.Nmt` in its heartbeat; None: none came
     heartbeat_age: float | None  # s
     heartbeat_every: float | None  # s, 0x1017; 0: it sends none
@@ -53,7 +53,7 @@ class NodeSurvey(NamedTuple):
 class BusSurvey(NamedTuple):
     """The survey of the CAN bus."""
 
-    bus: Bus
+    bus: BusSettings
     load: float  # of a run, in the worst case, 0 to 1
     trouble: str  # why the bus is out of reach; empty: it is not
     nodes: tuple[NodeSurvey, ...]
@@ -97,7 +97,7 @@ def survey(job: WaveBotJob) -> RigSurvey:
 
 def _survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
     interface, channel, bit_rate, options = config["bus"]
-    bus = Bus(interface, channel, bit_rate, tuple((key, value) for key, value in options))
+    bus = BusSettings(interface, channel, bit_rate, tuple((key, value) for key, value in options))
     nodes = config["nodes"]
     absent = tuple(_silent_node(node_settings) for node_settings in nodes)
     if why := bus_problem(bus):
@@ -112,7 +112,7 @@ def _survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
         strangers = set(service.scan(SCAN_TIMEOUT_S)) - {
             node_settings["node"] for node_settings in nodes
         }
-        service.narrow()
+        service.ignore_process_data()
         found = [_survey_node(service, node_settings) for node_settings in nodes]
         _wait_for_heartbeats(service, found)
         health, now = service.health(), time.monotonic()
@@ -125,7 +125,7 @@ def _survey_bus(config: dict[str, Any], load: float) -> BusSurvey:
 
 
 def _silent_node(settings: dict[str, Any]) -> NodeSurvey:
-    unknown = Identity(None, None, None, None, None, None, None)
+    unknown = NodeIdentity(None, None, None, None, None, None, None)
     return NodeSurvey(
         settings["name"], settings["node"], False, unknown, None, None, None, None, None, 0, 0,
         (), (), ("does not answer",),
@@ -137,7 +137,7 @@ def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
     node, found = settings["node"], _silent_node(settings)
     if service.read(node, 0x1000, 0, "u32") is None:
         return found
-    steps = tuple(Step(*step) for step in settings["steps"])
+    steps = tuple(SetupStep(*step) for step in settings["steps"])
     verified_objects = arming.read_back(steps)
     answers = {
         (s.object, s.sub): service.read(node, s.object, s.sub, s.type) for s in verified_objects
@@ -162,7 +162,11 @@ def _survey_node(service: Service, settings: dict[str, Any]) -> NodeSurvey:
         if service.read(node, index, sub, kind) is None
     ]
     return found._replace(
-        trouble=(*_fault_texts(found), *arming.refusal(wrong).splitlines(), *missing_facts)
+        trouble=(
+            *_fault_texts(found),
+            *arming.format_mismatches(wrong).splitlines(),
+            *missing_facts,
+        )
     )
 
 
@@ -201,7 +205,7 @@ def _wait_for_heartbeats(service: Service, nodes: list[NodeSurvey]) -> None:
         time.sleep(_POLL_INTERVAL_S)
 
 
-def _with_health(found: NodeSurvey, health: Health, now: float) -> NodeSurvey:
+def _with_health(found: NodeSurvey, health: NodeStatus, now: float) -> NodeSurvey:
     heard = health.nmt >= 0
     trouble = list(found.trouble)
     if found.heartbeat_every and not heard:
@@ -210,7 +214,7 @@ def _with_health(found: NodeSurvey, health: Health, now: float) -> NodeSurvey:
         )
     return found._replace(
         nmt=health.nmt if heard else None,
-        heartbeat_age=now - health.heard if heard else None,
+        heartbeat_age=now - health.last_heartbeat if heard else None,
         emergency=health.code,
         trouble=tuple(trouble),
     )

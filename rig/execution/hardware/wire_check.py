@@ -7,12 +7,12 @@ import socket
 from contextlib import suppress
 from pathlib import Path
 
-from drivers.canopen.bus_settings import SOCKETCAND_PORT, Bus
+from drivers.canopen.bus_settings import SOCKETCAND_PORT, BusSettings
 
 _TCP_TIMEOUT_S = 1.0  # s for a TCP connection
 
 
-def bus_problem(bus: Bus) -> str:
+def bus_problem(bus: BusSettings) -> str:
     """Return why a CAN bus is out of reach, without opening it; empty if no reason is found.
 
     python-can itself would try to reach an absent socketcand for 10 s.
@@ -30,7 +30,7 @@ def bus_problem(bus: Bus) -> str:
     return ""
 
 
-def listening_problem(bus: Bus) -> str:
+def listening_problem(bus: BusSettings) -> str:
     """Return why a program cannot listen to a bus without sending on it; empty if it can."""
     if bus.interface in ("socketcan", "socketcand"):
         return ""

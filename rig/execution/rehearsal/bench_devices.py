@@ -6,7 +6,7 @@ from controllers.signals import PanelSense
 from rig.kinds.oswec_bench import BrakeSense, Command, EncoderSense, Sense, ServoSense, WrenchSense
 from sim_plant.bench.parameters import BenchPlant
 from sim_plant.bench.stepper import Stepper
-from sim_plant.bench.wires import Wires
+from sim_plant.bench.wires import PlantInterface
 from sim_plant.bench.world import OFF, Actuation, BenchWorld
 
 
@@ -16,7 +16,7 @@ class BenchDevices:
     `read` advances the world to the planned time of the tick, as for the WaveBot.
     """
 
-    def __init__(self, world: Wires, dt: float) -> None:
+    def __init__(self, world: PlantInterface, dt: float) -> None:
         self._world = world
         self._delay = world.delay
         self._dt = dt

@@ -82,8 +82,8 @@ class _DrivelineFaults:
 
     def apply(self, world: BenchWorld) -> None:
         """Apply the faults that are on to the world."""
-        world.lose_brake(self.faults.on("brake_lost"))
-        slips = self.faults.on("coupling_slips")
+        world.cut_brake_current(self.faults.is_on("brake_lost"))
+        slips = self.faults.is_on("coupling_slips")
         if slips and not self._slipped:
             world.slip_coupling(_SLIP_ANGLE)
         self._slipped = slips
@@ -195,7 +195,7 @@ class EmulatedBench:
         drive = self.servo.drive
         drive.error, drive.powered = drive.settings.errors.none, False
         self._input.volts = 0.0
-        self._world.renew(create_world())
+        self._world.replace_world(create_world())
         self._world.actuate(mode=self._mode, locked=self._locked)
 
 

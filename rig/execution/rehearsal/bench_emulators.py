@@ -11,7 +11,7 @@ from rig.kinds.oswec_bench.signals import VELOCITY
 from sim_plant.emulators.compax3 import Compax3
 from sim_plant.emulators.compax3_drive import TURN, DriveInput
 from sim_plant.emulators.compax3_objects import Compax3Settings
-from sim_plant.emulators.encoder_bridge import Angles, BridgeSettings, EncoderBridge
+from sim_plant.emulators.encoder_bridge import BridgeSettings, EncoderBridge, ShaftAngles
 from sim_plant.emulators.encoder_words import Encoder, EncoderSettings
 from sim_plant.emulators.ft_calibration import Calibration, Wrench
 from sim_plant.emulators.io_coupler import AnalogOutput, CouplerSettings, DigitalInput, IoCoupler
@@ -41,9 +41,9 @@ def create_bridge(rig: BenchRigFile, wiring: BridgeWiring, world: SharedBench) -
     per_motor = math.tau / motor.counts_per_revolution
     per_shaft = math.tau / shaft.counts_per_revolution
 
-    def angles() -> Angles:
+    def angles() -> ShaftAngles:
         sense = world.sense()
-        return Angles(
+        return ShaftAngles(
             world.time,
             wiring.motor.direction * per_motor * (sense.motor_counts + 0.5),
             wiring.shaft.direction * per_shaft * (sense.shaft_counts + 0.5),

@@ -19,7 +19,7 @@ from sim_plant.bench import (
     transmission,
 )
 from sim_plant.bench.dynamometer import BenchState
-from sim_plant.bench.signals import OFF, Actuation, Reading
+from sim_plant.bench.signals import OFF, Actuation, BenchReading
 from sim_plant.flap import body, oswec
 from sim_plant.flap import stepper as flap_stepper
 from sim_plant.flap.oswec import FlapState
@@ -69,8 +69,8 @@ class _CompiledStep:
         self.advance(*OFF, 0, 0, *([0.0] if extra else []), 0)
         self.put(start.state)
 
-    def advance(self, *actuation: float) -> Reading:
-        return tuple.__new__(Reading, self._code.advance(self._x, *actuation))
+    def advance(self, *actuation: float) -> BenchReading:
+        return tuple.__new__(BenchReading, self._code.advance(self._x, *actuation))
 
     def put(self, state: Any) -> None:
         self._state[:] = lifting.flatten(state)
@@ -82,7 +82,7 @@ class _CompiledStep:
 class CompiledStepper(stepper.Stepper):
     """A `Stepper` of the bench that runs compiled, on one array."""
 
-    def __init__(self, start: stepper.Start) -> None:
+    def __init__(self, start: stepper.StepperInputs) -> None:
         self._array = _CompiledStep(start, dynamometer, _BENCH_MODULES, "")
         super().__init__(start)
 
@@ -96,7 +96,7 @@ class CompiledStepper(stepper.Stepper):
     def state(self, state: BenchState) -> None:
         self._array.put(state)
 
-    def advance(self, actuation: Actuation, fresh: int, stopped: int, tick: int) -> Reading:
+    def advance(self, actuation: Actuation, fresh: int, stopped: int, tick: int) -> BenchReading:
         """Step to ``tick`` and return the sensors' readings there."""
         return self._array.advance(*actuation, fresh, stopped, tick)
 
@@ -104,7 +104,7 @@ class CompiledStepper(stepper.Stepper):
 class CompiledFlapStepper(flap_stepper.Stepper):
     """A `Stepper` of the flap that runs compiled, on one array."""
 
-    def __init__(self, start: flap_stepper.Start) -> None:
+    def __init__(self, start: flap_stepper.StepperInputs) -> None:
         self._array = _CompiledStep(start, oswec, (*_BENCH_MODULES, body, oswec), "excitation")
         super().__init__(start)
 
@@ -120,7 +120,7 @@ class CompiledFlapStepper(flap_stepper.Stepper):
 
     def advance(
         self, actuation: Actuation, fresh: int, stopped: int, excitation: float, tick: int
-    ) -> Reading:
+    ) -> BenchReading:
         """Step to ``tick`` with the waves' excitation and return the sensors' readings there."""
         return self._array.advance(*actuation, fresh, stopped, excitation, tick)
 
@@ -142,6 +142,6 @@ def _compile_step(
         normals=dt_index + 1 + len(lifting.flatten(params)),
         dt=dt_index,
         store="\n    ".join(lifting.pack_source(state, "state", "x")),
-        read="(" + ", ".join(f"read[{i}]" for i in range(len(Reading._fields))) + ")",
+        read="(" + ", ".join(f"read[{i}]" for i in range(len(BenchReading._fields))) + ")",
     )
     return lifting.load(f"{module.__name__.rsplit('.', 1)[-1]}_step", source, lifted)

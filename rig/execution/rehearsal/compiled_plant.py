@@ -24,8 +24,8 @@ from sim_plant import (
     wavebot,
 )
 from sim_plant.signals import OFF, Actuation, Readings
-from sim_plant.stepper import Start, Stepper
-from sim_plant.wavebot import STILL, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
+from sim_plant.stepper import Stepper, StepperInputs
+from sim_plant.wavebot import NO_EXCITATION, Excitation, Hoist, Probes, WaveBotParams, WaveBotState
 
 LIFTED_MODULES = (
     analyser, body, bus, cots_drive, custom_drive, drive, electrics, magnetic_spring, pto, sensors,
@@ -66,14 +66,14 @@ def unpack(x):
 class CompiledStepper(Stepper):
     """A `Stepper` that runs compiled, on one array."""
 
-    def __init__(self, start: Start) -> None:
+    def __init__(self, start: StepperInputs) -> None:
         state = lifting.flatten(start.state)
         constants = lifting.flatten(start.params)
-        moment = [*lifting.flatten(STILL), start.dt]
+        moment = [*lifting.flatten(NO_EXCITATION), start.dt]
         self._code = _compile_step(start)
         self._x = np.array([*state, *moment, *constants, *start.normals])
         self._state = self._x[: len(state)]
-        self._moment = self._x[len(state) : len(state) + len(STILL)]
+        self._moment = self._x[len(state) : len(state) + len(NO_EXCITATION)]
         first = len(state) + len(moment)
         self._constants = self._x[first : first + len(constants)]
         probes, hoist = len(Probes._fields), len(Hoist._fields)
@@ -83,7 +83,7 @@ class CompiledStepper(Stepper):
         super().__init__(start)
         # The first call of compiled code takes milliseconds, so it must not be in a tick.
         self.advance(OFF, 0, 0.0, 0.0, 0, 0.0)
-        self.state, self.excitation = start.state, STILL
+        self.state, self.excitation = start.state, NO_EXCITATION
 
     @property
     def params(self) -> WaveBotParams:
@@ -137,21 +137,21 @@ class CompiledStepper(Stepper):
         """Return the present heave position and velocity."""
         return float(self._state[0]), float(self._state[1])
 
-    def hold(self, hoist: Hoist) -> None:
+    def set_hoist(self, hoist: Hoist) -> None:
         """Impose heave in the following steps, or leave it free."""
         self._hoist[:] = hoist
 
-    def see(self, probes: Probes) -> None:
+    def set_probes(self, probes: Probes) -> None:
         """Set a new sample of the basin probes."""
         self._probes[:] = probes
 
 
-def _compile_step(start: Start) -> Any:
+def _compile_step(start: StepperInputs) -> Any:
     params, state = start.params, start.state
     names = lifting.tuple_types(params) | lifting.tuple_types(state) | {Actuation, Excitation}
     imports = [f"from {kind.__module__} import {kind.__name__}" for kind in names]
     after_state = len(lifting.flatten(state))
-    after_moment = after_state + len(STILL) + 1
+    after_moment = after_state + len(NO_EXCITATION) + 1
     store = [
         *lifting.pack_source(state, "state", "x"),
         *(f"x[{after_state + i}] = {name}" for i, name in enumerate(("heave", "surge"))),
@@ -161,7 +161,7 @@ def _compile_step(start: Start) -> Any:
         params=lifting.unpack_source(params, "x", after_moment),
         normals=after_moment + len(lifting.flatten(params)),
         state=lifting.unpack_source(state, "x"),
-        now=lifting.unpack_source(STILL, "x", after_state),
+        now=lifting.unpack_source(NO_EXCITATION, "x", after_state),
         dt=after_moment - 1,
         store="\n    ".join(store),
         read="(" + ", ".join(f"read[{i}]" for i in range(len(Readings._fields))) + ")",

@@ -12,7 +12,7 @@ from sim_plant import waves
 from sim_plant.bem import read_bem
 from sim_plant.custom_drive import DriveSettings
 from sim_plant.parameters import Plant
-from sim_plant.prescribed import Profile, raised_and_lowered
+from sim_plant.prescribed import MotionProfile, hoist_cycle_profile
 from sim_plant.waves import Sea
 from sim_plant.world import OFF, Actuation, Stepper, World
 
@@ -147,10 +147,10 @@ def build_world(config: dict[str, Any], dt: float) -> World:
     )
 
 
-def _hoist_profile(settings: dict[str, Any] | None) -> Profile | None:
+def _hoist_profile(settings: dict[str, Any] | None) -> MotionProfile | None:
     if settings is None:
         return None
-    return raised_and_lowered(
+    return hoist_cycle_profile(
         settings["low_m"], settings["high_m"], settings["speed_m_per_s"], settings["turn_s"]
     )
 

@@ -33,7 +33,7 @@ from sim_plant.emulators.power_analyser import (
     Quantity,
     Terminals,
 )
-from sim_plant.emulators.power_analyser import Wiring as Terminal
+from sim_plant.emulators.power_analyser import TerminalValues as Terminal
 from sim_plant.emulators.running import Emulator, running
 from sim_plant.emulators.shared_world import SharedWorld
 from sim_plant.emulators.stator_actuator import StatorActuator
@@ -123,7 +123,7 @@ class EmulatedWaveBot:
                 {**self.units, "foreign node": self.foreign},
                 links,
                 world,
-                lambda: world.renew(create_world()),
+                lambda: world.replace_world(create_world()),
                 {axis: partial(self._powered, axis) for axis in AXES},
                 self._report,
             )
@@ -143,8 +143,8 @@ class EmulatedWaveBot:
                 report_event(event="ready", facts={**fixed, **addresses})
                 while not ended.is_set():
                     self._world.catch_up()
-                    self.hub.tend()
-                    self.foreign.tend()
+                    self.hub.poll()
+                    self.foreign.poll()
                     self.control.update_power()
                     with suppress(TimeoutError):
                         await asyncio.wait_for(ended.wait(), 5 * self._world.dt)
@@ -160,7 +160,7 @@ class EmulatedWaveBot:
     def _report(self) -> dict[str, Any]:
         now = self._world.readings()
         return {
-            "frames": self.hub.frames,
+            "frames": self.hub.frame_count,
             "currents": {axis: getattr(now, f"{axis}_current") for axis in AXES},
         }
 
@@ -189,7 +189,7 @@ class EmulatedWaveBot:
             at = world.time - now.analyser_age
             return Terminals(at, element_1=dc, sum=Terminal(power=now.power_ac))
 
-        return PowerAnalyser(terminals, AnalyserSettings(update=0.0, items=_ANALYSER_ITEMS))
+        return PowerAnalyser(terminals, AnalyserSettings(update_period=0.0, items=_ANALYSER_ITEMS))
 
     def _amplifier(self, channels: Any, rating: float) -> StrainAmplifier:
         world = self._world

@@ -23,7 +23,7 @@ from sim_plant.emulators.device_faults import DeviceFaults
 from sim_plant.emulators.link_faults import FAULTS as LINK
 from sim_plant.emulators.link_faults import LinkFaults, Toward
 from sim_plant.emulators.modbus_unit import ModbusUnit
-from sim_plant.emulators.shared_world import Shared
+from sim_plant.emulators.shared_world import SharedSimulation
 
 # A CAN controller's check sum rejects every corrupted frame, and a babbling device on a bus is a
 # node.
@@ -47,7 +47,7 @@ class FaultTargets(NamedTuple):
     nodes: Mapping[str, CanopenNode]
     units: Mapping[str, HasFaults]
     links: Mapping[str, LinkFaults]
-    world: Shared[Any, Any]
+    world: SharedSimulation[Any, Any]
     restart_world: Callable[[], None]  # replace the present world by one at rest
     powered: Mapping[str, Callable[[], bool]]  # by motor: whether it has power
     report: Callable[[], dict[str, Any]]  # further values for the answer to "world"
@@ -101,7 +101,7 @@ class ControlServer:
         for name, unit in self._targets.units.items():
             listed[name] = {
                 fault: {"effect": effect, "value": ""}
-                for fault, effect in unit.faults.listed().items()
+                for fault, effect in unit.faults.descriptions().items()
             }
         for name in self._targets.links:
             listed[name] = {
@@ -178,8 +178,8 @@ class ControlServer:
         return {
             **self._targets.report(),
             "time": world.time,
-            "late": world.late,
-            "dropped": world.dropped,
+            "late": world.late_ticks,
+            "dropped": world.dropped_ticks,
             "actuation": world.actuation._asdict(),
             "nodes": {
                 name: {"state": node.port.nmt, "errors": sorted(map(int, node.errors.active))}

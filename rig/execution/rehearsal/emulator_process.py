@@ -15,7 +15,7 @@ from sim_plant.emulators.modbus_tcp import TcpUnits
 from sim_plant.emulators.modbus_unit import ModbusUnit
 from sim_plant.emulators.running import Emulator
 from sim_plant.emulators.schedule import precise_loop
-from sim_plant.emulators.serial_line import LineSettings, SerialLine
+from sim_plant.emulators.serial_line import SerialLine, SerialLineSettings
 
 
 class EmulatedDevices(Protocol):
@@ -70,7 +70,7 @@ def serial_line(port: str, baud: int, parity: str, stop_bits: int) -> SerialLine
     bits = 11 if parity != "N" or stop_bits == 2 else 10
     path = Path(port)
     path.parent.mkdir(parents=True, exist_ok=True)
-    return SerialLine(LineSettings(path, baud, bits), LinkFaults(seed=1))
+    return SerialLine(SerialLineSettings(path, baud, bits), LinkFaults(seed=1))
 
 
 def without_delay(config: dict[str, Any]) -> dict[str, Any]:

@@ -53,7 +53,7 @@ class FlapDevices(BenchDevices):
         if position is None:
             position = self._flap.truth().driveline.shaft_angle
         self._hand = position + max(-self._step, min(angle - position, self._step))
-        self._flap.place(self._hand)
+        self._flap.set_angle(self._hand)
 
 
 def stepper_type(compiled: bool) -> type[Stepper]:

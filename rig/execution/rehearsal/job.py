@@ -94,7 +94,11 @@ def requested_sea(campaign: Campaign) -> dict[str, Any]:
     )
     periods = round(sea.repeat / repeat)  # a recorded window may hold several
     frequency = waves.frequencies(sea)
-    kept = (sea.cycles % periods == 0) & (frequency >= waves.LOWEST) & (frequency <= waves.HIGHEST)
+    kept = (
+        (sea.cycles % periods == 0)
+        & (frequency >= waves.MIN_FREQUENCY)
+        & (frequency <= waves.MAX_FREQUENCY)
+    )
     return {
         "repeat_s": sea.repeat / periods,
         "cycles": (sea.cycles[kept] // periods).tolist(),
@@ -222,7 +226,7 @@ def _sea_problems(pieces: CampaignParts, bem: Bem | None) -> Iterator[Problem]:
             nearest = [(float(1 / f), f.denominator) for f in reversed(nearest_frequencies)]
         suggestions = [f"{one!r} {unit} (repeats after {repeat} s)" for one, repeat in nearest]
         message = (
-            f"{value!r} {unit} repeats on no whole second up to {waves.LONGEST_REPEAT} s; "
+            f"{value!r} {unit} repeats on no whole second up to {waves.MAX_REPEAT} s; "
             f"the nearest allowed are {' and '.join(suggestions)}"
         )
         yield locate.problem(("sea", key), value, message)
@@ -240,7 +244,7 @@ def _nearest_repeating(frequency: float) -> list[Fraction]:
     try:
         waves.regular(0.0, frequency)
     except ValueError:
-        seconds = range(1, waves.LONGEST_REPEAT + 1)
+        seconds = range(1, waves.MAX_REPEAT + 1)
         exact = Fraction(frequency)
         return [
             max(Fraction(math.floor(exact * length), length) for length in seconds),

@@ -50,7 +50,7 @@ def simulate_releases(values: dict[str, Any], seed: int) -> tuple[FlapParams, li
     releases = []
     for angle in ANGLES:
         world.actuate(OFF._replace(locked=1))
-        world.place(math.radians(angle))
+        world.set_angle(math.radians(angle))
         world.advance(DT)
         world.advance(DT)  # readings are one tick old
         world.actuate(OFF)
@@ -87,7 +87,7 @@ def test_the_constants_of_random_flaps_are_recovered() -> None:
         decay = flap_decay.fit_decay([flap_decay.prepare_release(each, DT) for each in angles])
         root, line = swinging_root(params), params.driveline
         sides = (line.bearing, line.seal, params.far_side)
-        dry = sum(0.5 * (one.clockwise + one.counter) for one in sides)
+        dry = sum(0.5 * (one.clockwise + one.counterclockwise) for one in sides)
         truths = (
             (decay.period, 2.0 * math.pi / root.imag),
             (decay.decay_rate, -root.real),

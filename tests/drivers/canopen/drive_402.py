@@ -1,4 +1,4 @@
-"""A CiA 402 drive in a few lines, for tests: transitions by their text, one word a tick."""
+"""A small CiA 402 drive for tests, with its transitions; one controlword per tick."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from drivers.canopen.cia402 import Deadlines, Inputs, Params
 from drivers.canopen.cia402_table import Goal
 from drivers.canopen.statusword import DriveState
 
-WORD = {
+STATUSWORD = {
     "NR": 0x0200, "SOD": 0x0250, "RTSO": 0x0231, "SO": 0x0233, "OE": 0x0237, "QSA": 0x0217,
     "FR": 0x021F, "F": 0x0218,
 }  # fmt: skip
@@ -17,8 +17,8 @@ WORD = {
 DEADLINES = Deadlines(0, 8, 4, 4, 4, 6, 5, 4, 4, 9, 4, 12)
 PARAMS = Params(0.005, mode_first=1, follows=0, resume=0, reset_ticks=2, deadlines=DEADLINES)
 QUIET = Inputs(
-    WORD["SOD"], 0.001, shown=10, mode=10, goal=Goal.ENABLED, arm=0, reset=0, mode_bits=0,
-    setpoint=123,
+    STATUSWORD["SOD"], 0.001, mode_display=10, mode=10, goal=Goal.ENABLED, arm=0, reset=0,
+    mode_bits=0, setpoint=123,
 )  # fmt: skip
 
 
@@ -27,7 +27,7 @@ class Drive:
 
     def __init__(self, state: str = "SOD", ramp: int = 3, holds: bool = False) -> None:
         self.state = state
-        self.shown = 10
+        self.mode_display = 10
         self.stuck = False
         self.ramp, self.holds = ramp, holds
         self.left = 0
@@ -36,7 +36,7 @@ class Drive:
 
     @property
     def statusword(self) -> int:
-        return WORD[self.state] | self.bits
+        return STATUSWORD[self.state] | self.bits
 
     def fault(self) -> None:
         self.state = "FR"
@@ -50,12 +50,12 @@ class Drive:
             if self.left <= 0:
                 self.state = "SOD"
                 return
-        after = self._obeyed(word, edge)
+        after = self._next_state(word, edge)
         if after == "QSA" != self.state:
             self.left = self.ramp
         self.state = after
 
-    def _obeyed(self, word: int, edge: int) -> str:
+    def _next_state(self, word: int, edge: int) -> str:
         state = self.state
         if state in ("NR", "FR"):
             return {"NR": "SOD", "FR": "F"}[state]
@@ -75,26 +75,28 @@ class Drive:
         return {"RTSO": "OE", "SO": "OE", "QSA": "OE" if self.holds else "QSA"}.get(state, state)
 
 
-class Rig:
-    """Machine and drive with one tick between what is sent and what is seen."""
+class DriveLoop:
+    """Master and drive with a delay of one tick between command and status."""
 
     def __init__(self, drive: Drive, params: Params = PARAMS) -> None:
         self.drive, self.params = drive, params
         self.state = cia402.start(0, 0)
-        self.out = cia402.Output(0, 0, 0, 0)
-        self.told = QUIET
-        self.words: list[int] = []
+        self.output = cia402.Output(0, 0, 0, 0)
+        self.inputs = QUIET
+        self.controlwords: list[int] = []
 
-    def run(self, ticks: int, **what: Any) -> Rig:
-        self.told = self.told._replace(**what)
+    def run(self, ticks: int, **changes: Any) -> DriveLoop:
+        self.inputs = self.inputs._replace(**changes)
         for _ in range(ticks):
-            now = self.told._replace(statusword=self.drive.statusword, shown=self.drive.shown)
-            self.drive.tick(self.out.controlword)
-            self.state, self.out = cia402.step(self.params, self.state, now)
-            self.words.append(self.out.controlword)
+            now = self.inputs._replace(
+                statusword=self.drive.statusword, mode_display=self.drive.mode_display
+            )
+            self.drive.tick(self.output.controlword)
+            self.state, self.output = cia402.step(self.params, self.state, now)
+            self.controlwords.append(self.output.controlword)
         return self
 
-    def up(self) -> Rig:
-        self.run(12, goal=Goal.ENABLED, arm=self.told.arm + 1)
-        assert self.out == (0x0F, 123, DriveState.OPERATION_ENABLED, 1)
+    def up(self) -> DriveLoop:
+        self.run(12, goal=Goal.ENABLED, arm=self.inputs.arm + 1)
+        assert self.output == (0x0F, 123, DriveState.OPERATION_ENABLED, 1)
         return self

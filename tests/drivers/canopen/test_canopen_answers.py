@@ -1,18 +1,18 @@
-"""Statuses are matched with SYNCs by counting: heaps, losses, copies and dividers."""
+"""Matching of statuses with SYNCs by counting: delays, losses, copies and dividers."""
 
 from __future__ import annotations
 
 from collections import deque
 
 import pytest
-from canopen_drives import OWN, FakeLine, axis_settings
+from canopen_drives import OWN, FakeLink, axis_settings
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.canopen import pdo, sync_count
 from drivers.canopen.bus_cycle import SYNC, BusCycle
 from drivers.canopen.link import Frame
-from drivers.canopen.sync_count import OPEN, WINDOW, Answers
+from drivers.canopen.sync_count import MAX_OPEN, WINDOW, AnswerCount
 from drivers.canopen.torque_axis import TorqueAxis, layouts
 
 NODE, DT = 5, 0.001
@@ -37,7 +37,7 @@ class Wire:
         found = []
         for _ in range(len(self.held) if count is None else min(count, len(self.held))):
             true = self.held.popleft()
-            self.state = sync_count.take(self.state, self.each, self.syncs)
+            self.state = sync_count.record_answer(self.state, self.each, self.syncs)
             found.append((self.state.answered, true))
         return found
 
@@ -48,13 +48,15 @@ class Wire:
 
 
 def test_the_first_answer_is_one_to_the_last_sync() -> None:
-    assert sync_count.take(sync_count.start(), 1, 7).answered == 7
-    assert sync_count.take(sync_count.start(), 1, 0).answered == 0  # to none: there was no SYNC yet
+    assert sync_count.record_answer(sync_count.start(), 1, 7).answered == 7
+    assert (
+        sync_count.record_answer(sync_count.start(), 1, 0).answered == 0
+    )  # to none: there was no SYNC yet
 
 
 @pytest.mark.parametrize("each", [1, 2, 10, 20])
 @pytest.mark.parametrize("held", [1, 60, 200])
-def test_a_heap_of_answers_is_as_old_as_it_is(each: int, held: int) -> None:
+def test_answers_arriving_together_have_their_true_ages(each: int, held: int) -> None:
     """Sixty milliseconds of a host that stood still come in one look, or in pieces."""
     wire = Wire(each)
     wire.settle()
@@ -108,10 +110,10 @@ def test_a_silence_longer_than_a_window_is_not_taken_for_a_loss() -> None:
 
 
 def test_copies_are_never_answers_to_a_sync_to_come() -> None:
-    state = Answers(0, 0, -1)
+    state = AnswerCount(0, 0, -1)
     for number in range(1, 500):
         for _ in range(2):
-            state = sync_count.take(state, 1, number)
+            state = sync_count.record_answer(state, 1, number)
             assert state.answered == number
 
 
@@ -120,7 +122,7 @@ def test_copies_are_never_answers_to_a_sync_to_come() -> None:
 
 class Bench:
     def __init__(self) -> None:
-        self.line = FakeLine()
+        self.line = FakeLink()
         self.axis = TorqueAxis(axis_settings(NODE))
         self.bus = BusCycle(self.line, [self.axis], OWN, 0.05)
         self.held: list[Frame] = []
@@ -129,7 +131,7 @@ class Bench:
     def tick(self, through: int | None = None) -> float:
         """A tick, with so many of the held answers let through; the age told, less the true one."""
         count = len(self.held) if through is None else through
-        self.line.coming, self.held = self.held[:count], self.held[count:]
+        self.line.incoming, self.held = self.held[:count], self.held[count:]
         now = self.bus.receive()
         self.bus.send([self.axis.command(0.0, 0, now)])
         counts = len(self.sampled) + 1
@@ -153,7 +155,7 @@ def test_the_answer_to_a_sync_too_long_ago_is_as_old_as_can_be() -> None:
     bench = Bench()
     for _ in range(20):
         bench.tick()
-    for _ in range(OPEN + 10):
+    for _ in range(MAX_OPEN + 10):
         bench.tick(0)
     bench.tick(1)
     assert bench.axis.read(bench.line.time).age > 1e6
@@ -166,11 +168,11 @@ def test_a_sync_that_the_bus_did_not_take_is_not_counted() -> None:
     bench = Bench()
     for _ in range(20):
         bench.tick()
-    bench.line.refuses = frozenset({SYNC})
+    bench.line.refused_ids = frozenset({SYNC})
     for _ in range(30):
         bench.tick(0)
         bench.held.pop()  # nobody was asked
-    bench.line.refuses = frozenset()
+    bench.line.refused_ids = frozenset()
     bench.tick()
     assert bench.axis.read(bench.line.time - DT).age == pytest.approx(31 * DT)
     bench.tick()

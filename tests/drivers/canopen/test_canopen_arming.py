@@ -1,4 +1,4 @@
-"""What is written, what is read back, and what keeps a drive from being armed."""
+"""Set-up steps, read-back, and the mismatches that prevent arming."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from drivers.canopen import pdo
 from drivers.canopen.arming import (
     Mismatch,
     SetupError,
-    Step,
+    SetupStep,
     compare,
+    format_mismatches,
     heartbeat_consumer,
     parameter_steps,
     read_back,
-    refusal,
     rpdo_steps,
     silent_tpdo_step,
     tpdo_steps,
 )
-from drivers.canopen.drive_objects import ALWAYS, BY_NAME, OBJECTS, Access
+from drivers.canopen.drive_objects import BY_NAME, OBJECTS, REQUIRED, Access
 
 VALUES: dict[str, int | None] = {
     "device_type": 402, "sync_cob_id": 0x80, "heartbeat_consumer": heartbeat_consumer(1, 300),
@@ -42,7 +42,7 @@ class Dictionary:
         for step in parameter_steps(VALUES):
             self.values[step.object, step.sub] = step.value
 
-    def write(self, step: Step) -> None:
+    def write(self, step: SetupStep) -> None:
         assert step.access != Access.VERIFY
         if step.object in (0x1600, 0x1A00):
             assert self.values[step.object - 0x200, 1] >> 31 == 1, "mapped while the PDO exists"
@@ -52,14 +52,14 @@ class Dictionary:
             assert self.values[step.object, 1] >> 31 == 1
         self.values[step.object, step.sub] = step.value
 
-    def follow(self, steps: tuple[Step, ...]) -> dict[tuple[int, int], int | None]:
+    def follow(self, steps: tuple[SetupStep, ...]) -> dict[tuple[int, int], int | None]:
         for step in steps:
             if step.access != Access.VERIFY:
                 self.write(step)
         return {(s.object, s.sub): self.values.get((s.object, s.sub)) for s in read_back(steps)}
 
 
-def all_steps() -> tuple[Step, ...]:
+def all_steps() -> tuple[SetupStep, ...]:
     return (
         *parameter_steps(VALUES),
         *rpdo_steps(1, RPDO, 1, 200),
@@ -71,14 +71,14 @@ def all_steps() -> tuple[Step, ...]:
 def test_a_drive_that_takes_everything_may_be_armed() -> None:
     steps = all_steps()
     assert compare(steps, Dictionary().follow(steps)) == ()
-    assert refusal(()) == ""
+    assert format_mismatches(()) == ""
 
 
 def test_a_pdo_is_remapped_in_order() -> None:
     got = [(f"{s.object:04x}:{s.sub}", s.value, s.access) for s in rpdo_steps(1, RPDO, 1, 200)]
     assert got == [
-        ("1400:1", 0x80000205, Access.PASSING),
-        ("1600:0", 0, Access.PASSING),
+        ("1400:1", 0x80000205, Access.TRANSIENT),
+        ("1600:0", 0, Access.TRANSIENT),
         ("1600:1", 0x60400010, Access.SET),
         ("1600:2", 0x60710010, Access.SET),
         ("1600:0", 2, Access.SET),
@@ -87,7 +87,7 @@ def test_a_pdo_is_remapped_in_order() -> None:
         ("1400:1", 0x205, Access.SET),
     ]
     got = [(f"{s.object:04x}:{s.sub}", s.value, s.access) for s in tpdo_steps(3, TPDO, 20)]
-    assert got[0] == ("1802:1", 0x80000185, Access.PASSING)
+    assert got[0] == ("1802:1", 0x80000185, Access.TRANSIENT)
     assert got[-2:] == [("1802:2", 20, Access.SET), ("1802:1", 0x185, Access.SET)]
     assert [s.object for s in tpdo_steps(3, TPDO, 20)][1:6] == [0x1A02] * 5
 
@@ -103,28 +103,31 @@ def test_only_the_last_word_on_an_object_is_read_back() -> None:
 
 
 @pytest.mark.parametrize("step", read_back(all_steps()), ids=lambda s: s.name)
-def test_every_object_can_keep_a_drive_from_being_armed(step: Step) -> None:
+def test_every_object_can_keep_a_drive_from_being_armed(step: SetupStep) -> None:
     steps = all_steps()
     answers = Dictionary().follow(steps)
     bit = 31 if step.name == "TPDO2 COB-ID" else 0
     answers[step.object, step.sub] = step.value ^ 1 << bit
     found = compare(steps, answers)
     assert found == (Mismatch(step.object, step.sub, step.name, step.value, step.value ^ 1 << bit),)
-    assert f"{step.object:#06x}:{step.sub:02x} {step.name}: wanted {step.value}" in refusal(found)
+    assert (
+        f"{step.object:#06x}:{step.sub:02x} {step.name}: expected {step.value}"
+        in format_mismatches(found)
+    )
     answers[step.object, step.sub] = None
-    assert "got no answer" in refusal(compare(steps, answers))
+    assert "no answer" in format_mismatches(compare(steps, answers))
     del answers[step.object, step.sub]
-    assert [m.got for m in compare(steps, answers)] == [None]
+    assert [m.actual for m in compare(steps, answers)] == [None]
 
 
-def test_a_wrong_gear_is_told_by_name() -> None:
+def test_a_wrong_gear_is_reported_by_name() -> None:
     steps = parameter_steps(VALUES)
     answers = Dictionary().follow(steps)
     answers[0x6091, 1] = 1
     answers[0x607D, 1] = 0
-    assert refusal(compare(steps, answers)).splitlines() == [
-        "0x6091:01 gear_motor_revolutions: wanted 25, got 1",
-        "0x607d:01 position_low: wanted -40000 (-0x9c40), got 0",
+    assert format_mismatches(compare(steps, answers)).splitlines() == [
+        "0x6091:01 gear_motor_revolutions: expected 25, got 1",
+        "0x607d:01 position_low: expected -40000 (-0x9c40), got 0",
     ]
 
 
@@ -163,10 +166,10 @@ def test_a_configuration_that_must_not_reach_a_drive(
         parameter_steps({**VALUES, **change})
 
 
-@pytest.mark.parametrize("name", sorted(ALWAYS))
-def test_what_has_to_be_spoken_of_may_be_absent_only_if_said_so(name: str) -> None:
+@pytest.mark.parametrize("name", sorted(REQUIRED))
+def test_required_objects_may_be_absent_only_if_null(name: str) -> None:
     without = {key: value for key, value in VALUES.items() if key != name}
-    with pytest.raises(SetupError, match=rf"{name}: (neither a value nor null)|one without"):
+    with pytest.raises(SetupError, match=rf"{name}: missing|one without"):
         parameter_steps(without)
     twin = {"position_low": "position_high", "position_high": "position_low"}
     absent = {name: None, **({twin[name]: None} if name in twin else {})}
@@ -174,14 +177,14 @@ def test_what_has_to_be_spoken_of_may_be_absent_only_if_said_so(name: str) -> No
     assert left == set(VALUES) - set(absent)
 
 
-def test_a_drive_may_know_better_than_to_be_told() -> None:
+def test_read_only_objects_are_verified() -> None:
     steps = parameter_steps(VALUES, read_only=frozenset({"feed"}))
     assert {s.name: s.access for s in steps}["feed"] == Access.VERIFY
     with pytest.raises(SetupError, match="fed: no such object"):
         parameter_steps(VALUES, read_only=frozenset({"fed"}))
 
 
-def test_numbers_that_no_pdo_has_are_refused() -> None:
+def test_invalid_pdo_numbers_are_refused() -> None:
     for call in (
         lambda: rpdo_steps(0, RPDO, 1, 200),
         lambda: rpdo_steps(513, RPDO, 1, 200),
@@ -200,7 +203,7 @@ def test_numbers_that_no_pdo_has_are_refused() -> None:
 
 def test_the_table_of_objects_is_one() -> None:
     assert len(BY_NAME) == len(OBJECTS) == len({(o.object, o.sub) for o in OBJECTS})
-    assert set(BY_NAME) >= ALWAYS
+    assert set(BY_NAME) >= REQUIRED
     assert {item.type for item in OBJECTS} <= set(pdo.TYPES)
     for item in OBJECTS:
         assert item.access in (Access.SET, Access.VERIFY)

@@ -1,4 +1,4 @@
-"""The loop's end of a bus: emptied in one look whatever else is on it, and never told too young."""
+"""The loop's link drains all its frames at once, and ages are never too small."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import can
 import pytest
 
 from drivers.canopen.bus_cycle import SYNC, BusCycle
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.link import Link
 
-WANTED, OTHER = 0x185, 0x07F
+COB_ID, OTHER = 0x185, 0x07F
 
 
 @pytest.fixture
 def line() -> Iterator[Link]:
-    link = Link(Bus("virtual", "link test", 1_000_000, ()), (WANTED,))
+    link = Link(BusSettings("virtual", "link test", 1_000_000, ()), (COB_ID,))
     yield link
     link.close()
 
@@ -32,42 +32,42 @@ def send(far: Any, cob_id: int, *data: int, extended: bool = False) -> None:
     far.send(can.Message(arbitration_id=cob_id, data=bytes(data), is_extended_id=extended))
 
 
-def test_frames_nobody_wants_do_not_end_a_look(line: Link, far: Any) -> None:
+def test_frames_of_other_ids_do_not_end_a_drain(line: Link, far: Any) -> None:
     for number in range(5):
         send(far, OTHER, 0, 0)
-        send(far, WANTED, number)
-        send(far, WANTED, 99, extended=True)
+        send(far, COB_ID, number)
+        send(far, COB_ID, 99, extended=True)
     assert [data[0] for _, data in line.drain()] == [0, 1, 2, 3, 4]
-    assert not line.behind
+    assert not line.has_backlog
     assert line.drain() == []
 
 
-def test_a_look_that_leaves_something_says_so(line: Link, far: Any) -> None:
+def test_an_incomplete_drain_reports_a_backlog(line: Link, far: Any) -> None:
     for _ in range(10):
         send(far, OTHER)
-    assert line.drain(most=4) == []
-    assert line.behind
+    assert line.drain(max_frames=4) == []
+    assert line.has_backlog
     line.drain()
-    assert not line.behind
+    assert not line.has_backlog
 
 
-class Listener:
-    """A node that notes when what it was given is said to be sampled."""
+class Recorder:
+    """A node that records the SYNC times passed to it."""
 
-    each_sync: ClassVar = {WANTED: 1}
+    sync_dividers: ClassVar = {COB_ID: 1}
 
     def __init__(self) -> None:
-        self.sampled: list[float] = []
+        self.sync_times: list[float] = []
 
-    def take(self, cob_id: int, data: bytes, sampled: float) -> None:
-        self.sampled.append(sampled)
+    def receive(self, cob_id: int, data: bytes, sampled: float) -> None:
+        self.sync_times.append(sampled)
 
 
 class Backlog:
-    """A line on which more comes than a look takes."""
+    """A link that receives more frames than one drain returns."""
 
     def __init__(self) -> None:
-        self.behind = False
+        self.has_backlog = False
         self.time = 0.0
         self.sent: list[int] = []
 
@@ -80,25 +80,25 @@ class Backlog:
         return True
 
     def drain(self) -> list[Any]:
-        return [(WANTED, b"")]
+        return [(COB_ID, b"")]
 
     def close(self) -> None:
         pass
 
 
-def test_frames_of_a_line_that_is_behind_grow_old() -> None:
-    line, listener = Backlog(), Listener()
+def test_frames_of_a_link_with_backlog_age() -> None:
+    line, listener = Backlog(), Recorder()
     cycle = BusCycle(line, (listener,), 127, 0.05)
     cycle.receive()
     cycle.send(())
-    line.behind = True
+    line.has_backlog = True
     answered = []
     for _ in range(4):
         cycle.receive()
         cycle.send(())
-        answered.append(cycle.synced)
-    assert len(set(listener.sampled[1:])) == 1  # as old as when it fell behind
-    line.behind = False
+        answered.append(cycle.last_sync_time)
+    assert len(set(listener.sync_times[1:])) == 1  # as old as when it fell behind
+    line.has_backlog = False
     cycle.receive()
-    assert listener.sampled[-1] == answered[-1]
+    assert listener.sync_times[-1] == answered[-1]
     assert SYNC in line.sent

@@ -1,4 +1,4 @@
-"""The power machine: its table, the permission, the fault reset, deadlines and the set-point."""
+"""The CiA 402 machine: table, permission, fault reset, deadlines and set-point."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from canopen.profiles import p402
-from drive_402 import DEADLINES, PARAMS, QUIET, WORD, Drive, Rig
+from drive_402 import DEADLINES, PARAMS, QUIET, STATUSWORD, Drive, DriveLoop
 
 from drivers.canopen import cia402
-from drivers.canopen.cia402 import Deadlines, Params, State, Why, explain
-from drivers.canopen.cia402_table import AWAITED, RUNG, WORDS, Awaited, Goal
+from drivers.canopen.cia402 import Deadlines, DisarmReason, Params, State, explain
+from drivers.canopen.cia402_table import AWAITED, CONTROLWORDS, LEVEL, Awaited, Goal
 from drivers.canopen.statusword import DriveState, decode
 
 UP = {0x06, 0x07, 0x0F}  # words that lead up from somewhere
@@ -30,13 +30,13 @@ PATHS = {
 }  # fmt: skip
 
 
-def test_the_table_means_its_words() -> None:
-    assert len(WORDS) == len(AWAITED) == len(RUNG) == len(DriveState)
+def test_the_table_reaches_its_goals() -> None:
+    assert len(CONTROLWORDS) == len(AWAITED) == len(LEVEL) == len(DriveState)
     for state in DriveState:
-        assert list(WORDS[state]) == [int(word, 16) for word in PATHS[state.name].split()]
+        assert list(CONTROLWORDS[state]) == [int(word, 16) for word in PATHS[state.name].split()]
 
 
-def test_every_awaited_transition_is_what_the_word_asks_of_a_drive() -> None:
+def test_every_awaited_transition_matches_its_controlword() -> None:
     """An obedient drive, told the table's words, ends where the goal says."""
     ends = {Goal.SAFE: "SOD", Goal.READY: "RTSO", Goal.ENABLED: "OE", Goal.QUICK_STOP: "SOD"}
     for begin, goal in itertools.product(("NR", "SOD", "RTSO", "SO", "OE", "QSA"), Goal):
@@ -46,7 +46,7 @@ def test_every_awaited_transition_is_what_the_word_asks_of_a_drive() -> None:
             state = decode(drive.statusword)
             if AWAITED[state][goal] == Awaited.NOTHING:
                 break
-            drive.tick(WORDS[state][goal])
+            drive.tick(CONTROLWORDS[state][goal])
         assert drive.state == ends[goal]
 
 
@@ -72,9 +72,9 @@ def test_an_independent_table_knows_every_step_of_every_way() -> None:
             down = (state.name, "SWITCH_ON_DISABLED")
             after = way.get(state.name, "SWITCH_ON_DISABLED" if goal == Goal.SAFE else "")
             if after and (state.name, after) in peer and state != DriveState.FAULT:
-                assert peer[state.name, after] == WORDS[state][goal], (state, goal)
+                assert peer[state.name, after] == CONTROLWORDS[state][goal], (state, goal)
             if AWAITED[state][goal] == Awaited.DISABLE_VOLTAGE:
-                assert peer[down] == WORDS[state][goal] == 0x00
+                assert peer[down] == CONTROLWORDS[state][goal] == 0x00
 
 
 def contexts() -> list[tuple[str, State, Params]]:
@@ -89,7 +89,7 @@ def contexts() -> list[tuple[str, State, Params]]:
 
 
 @pytest.mark.parametrize(("name", "state", "params"), contexts(), ids=lambda v: str(v)[:20])
-def test_no_statusword_leads_up_unless_asked(name: str, state: State, params: Params) -> None:
+def test_no_statusword_enables_without_request(name: str, state: State, params: Params) -> None:
     for goal in Goal:
         inputs = QUIET._replace(goal=int(goal), mode_bits=0xFFFF)
         for statusword in range(0x10000):
@@ -119,23 +119,23 @@ def test_no_statusword_leads_up_unless_asked(name: str, state: State, params: Pa
                 assert after.armed == 0
 
 
-def test_without_a_request_nothing_goes_up_whatever_the_goal() -> None:
+def test_without_a_request_no_goal_enables() -> None:
     for begin in ("SOD", "RTSO", "SO", "OE"):
-        rig = Rig(Drive(begin)).run(20, goal=Goal.ENABLED)
-        assert set(rig.words) == {0}
+        rig = DriveLoop(Drive(begin)).run(20, goal=Goal.ENABLED)
+        assert set(rig.controlwords) == {0}
         assert rig.drive.state == "SOD"
-        assert explain(rig.state) == "NOT_ASKED"
+        assert explain(rig.state) == "NOT_REQUESTED"
 
 
-def test_the_way_up_and_down() -> None:
-    rig = Rig(Drive("NR")).run(3, goal=Goal.SAFE).run(1, arm=1).run(2)
-    assert set(rig.words) == {0}
-    rig.words.clear()
+def test_enable_and_disable_sequence() -> None:
+    rig = DriveLoop(Drive("NR")).run(3, goal=Goal.SAFE).run(1, arm=1).run(2)
+    assert set(rig.controlwords) == {0}
+    rig.controlwords.clear()
     rig.run(12, goal=Goal.ENABLED)
-    assert [word for word, _ in itertools.groupby(rig.words)] == [0x06, 0x07, 0x0F]
-    assert rig.out.acting == 1
+    assert [word for word, _ in itertools.groupby(rig.controlwords)] == [0x06, 0x07, 0x0F]
+    assert rig.output.acting == 1
     assert explain(rig.state) == ""
-    rig.words.clear()
+    rig.controlwords.clear()
     assert rig.run(4, goal=Goal.READY).drive.state == "RTSO"
     assert rig.run(6, goal=Goal.ENABLED).drive.state == "OE"
     assert rig.run(4, goal=Goal.SAFE).drive.state == "SOD"
@@ -143,14 +143,15 @@ def test_the_way_up_and_down() -> None:
     assert rig.run(9, goal=Goal.ENABLED).drive.state == "OE"
 
 
-def test_a_request_that_cannot_be_granted_is_spent() -> None:
+def test_a_request_that_cannot_be_granted_is_discarded() -> None:
     """Neither a stale word, a fault, a quick stop nor a drive with power on lets it through."""
     start = cia402.start(0, 0)
     for what in (
         {"age": 0.0051}, {"age": -1e-9}, {"age": math.nan}, {"age": math.inf},
-        {"statusword": WORD["F"]}, {"statusword": WORD["FR"]}, {"statusword": WORD["NR"]},
-        {"statusword": WORD["OE"]}, {"statusword": WORD["SO"]}, {"statusword": WORD["RTSO"]},
-        {"statusword": WORD["QSA"]}, {"statusword": 0xFFFF}, {"goal": Goal.QUICK_STOP},
+        {"statusword": STATUSWORD["F"]}, {"statusword": STATUSWORD["FR"]},
+        {"statusword": STATUSWORD["NR"]}, {"statusword": STATUSWORD["OE"]},
+        {"statusword": STATUSWORD["SO"]}, {"statusword": STATUSWORD["RTSO"]},
+        {"statusword": STATUSWORD["QSA"]}, {"statusword": 0xFFFF}, {"goal": Goal.QUICK_STOP},
     ):  # fmt: skip
         state, out = one(start, arm=1, **what)
         assert (state.armed, out.controlword in (0, 2)) == (0, True)
@@ -163,18 +164,18 @@ def test_a_request_that_cannot_be_granted_is_spent() -> None:
 @pytest.mark.parametrize(
     ("what", "why"),
     [
-        ({"age": 0.0051}, Why.STALE),
-        ({"age": -0.001}, Why.STALE),
-        ({"age": math.nan}, Why.STALE),
-        ({"goal": Goal.QUICK_STOP}, Why.QUICK_STOP),
+        ({"age": 0.0051}, DisarmReason.STALE),
+        ({"age": -0.001}, DisarmReason.STALE),
+        ({"age": math.nan}, DisarmReason.STALE),
+        ({"goal": Goal.QUICK_STOP}, DisarmReason.QUICK_STOP),
     ],
 )
-def test_what_ends_the_permission_ends_it_for_good(what: dict[str, Any], why: Why) -> None:
-    rig = Rig(Drive()).up().run(1, **what)
-    assert (rig.out.setpoint, rig.out.acting, rig.state.why) == (0, 0, why)
-    rig.words.clear()
+def test_a_lost_permission_does_not_return(what: dict[str, Any], why: DisarmReason) -> None:
+    rig = DriveLoop(Drive()).up().run(1, **what)
+    assert (rig.output.setpoint, rig.output.acting, rig.state.reason) == (0, 0, why)
+    rig.controlwords.clear()
     rig.run(50, age=0.001, goal=Goal.ENABLED)
-    assert set(rig.words) == {0}
+    assert set(rig.controlwords) == {0}
     assert rig.drive.state == "SOD"
     rig.up()
 
@@ -182,62 +183,66 @@ def test_what_ends_the_permission_ends_it_for_good(what: dict[str, Any], why: Wh
 @pytest.mark.parametrize(
     ("state", "why"),
     [
-        ("F", Why.FAULT), ("FR", Why.FAULT), ("QSA", Why.DROPPED), ("SOD", Why.DROPPED),
-        ("RTSO", Why.DROPPED), ("SO", Why.DROPPED), ("NR", Why.DROPPED),
+        ("F", DisarmReason.FAULT), ("FR", DisarmReason.FAULT),
+        ("QSA", DisarmReason.DROPPED), ("SOD", DisarmReason.DROPPED),
+        ("RTSO", DisarmReason.DROPPED), ("SO", DisarmReason.DROPPED), ("NR", DisarmReason.DROPPED),
     ],
 )  # fmt: skip
-def test_a_drive_that_leaves_by_itself_stays_down(state: str, why: Why) -> None:
-    rig = Rig(Drive()).up()
+def test_a_drive_that_leaves_by_itself_stays_down(state: str, why: DisarmReason) -> None:
+    rig = DriveLoop(Drive()).up()
     rig.drive.state = state
     rig.run(1)
-    assert (rig.state.why, rig.out.controlword, rig.out.setpoint) == (why, 0, 0)
-    rig.words.clear()
+    assert (rig.state.reason, rig.output.controlword, rig.output.setpoint) == (why, 0, 0)
+    rig.controlwords.clear()
     rig.run(40)
-    assert set(rig.words) == {0}
-    assert rig.drive.state == ("F" if why == Why.FAULT else "SOD")
+    assert set(rig.controlwords) == {0}
+    assert rig.drive.state == ("F" if why == DisarmReason.FAULT else "SOD")
 
 
-def test_a_word_in_no_table_ends_the_permission() -> None:
-    rig = Rig(Drive()).up()
+def test_an_unknown_statusword_ends_the_permission() -> None:
+    rig = DriveLoop(Drive()).up()
     rig.drive.bits = 0x0048
     rig.run(1)
-    assert (rig.state.why, rig.out) == (Why.UNKNOWN_STATE, (0, 0, DriveState.UNKNOWN, 0))
+    assert (rig.state.reason, rig.output) == (
+        DisarmReason.UNKNOWN_STATE,
+        (0, 0, DriveState.UNKNOWN, 0),
+    )
 
 
-def test_a_fault_is_reset_by_one_edge_and_only_when_asked() -> None:
-    rig = Rig(Drive()).up()
+def test_a_fault_is_reset_by_one_edge_on_request_only() -> None:
+    rig = DriveLoop(Drive()).up()
     rig.drive.fault()
     rig.run(30)
     assert rig.drive.state == "F"
-    rig.words.clear()
+    rig.controlwords.clear()
     rig.run(10, reset=1)
-    assert rig.words[:4] == [0x00, 0x00, 0x80, 0x80]
-    assert set(rig.words[4:]) == {0x00}
-    assert (rig.drive.state, rig.state.armed, rig.state.why) == ("SOD", 0, Why.FAULT)
+    assert rig.controlwords[:4] == [0x00, 0x00, 0x80, 0x80]
+    assert set(rig.controlwords[4:]) == {0x00}
+    assert (rig.drive.state, rig.state.armed, rig.state.reason) == ("SOD", 0, DisarmReason.FAULT)
     rig.up()
 
 
-def test_a_reset_without_a_fault_is_spent() -> None:
-    rig = Rig(Drive()).up().run(3, reset=1)
-    assert rig.out.acting == 1
+def test_a_reset_without_a_fault_is_discarded() -> None:
+    rig = DriveLoop(Drive()).up().run(3, reset=1)
+    assert rig.output.acting == 1
     rig.drive.fault()
-    rig.words.clear()
+    rig.controlwords.clear()
     rig.run(20)
-    assert 0x80 not in rig.words
+    assert 0x80 not in rig.controlwords
 
 
 def test_a_reset_that_a_drive_ignores_is_named_and_may_be_repeated() -> None:
-    rig = Rig(Drive("F"))
+    rig = DriveLoop(Drive("F"))
     rig.drive.stuck = True
-    rig.run(2).words.clear()
+    rig.run(2).controlwords.clear()
     rig.run(20, reset=1)
-    assert rig.words.count(0x80) == PARAMS.reset_ticks
-    assert explain(rig.state) == "NOT_ASKED; FAULT_RESET took too long"
+    assert rig.controlwords.count(0x80) == PARAMS.reset_ticks
+    assert explain(rig.state) == "NOT_REQUESTED; FAULT_RESET took too long"
     rig.run(6, reset=2)
-    assert rig.words.count(0x80) == 2 * PARAMS.reset_ticks
-    rig.run(6, age=1.0).words.clear()  # never into the blue
+    assert rig.controlwords.count(0x80) == 2 * PARAMS.reset_ticks
+    rig.run(6, age=1.0).controlwords.clear()  # never into the blue
     rig.run(6, reset=3)
-    assert set(rig.words) == {0}
+    assert set(rig.controlwords) == {0}
 
 
 @pytest.mark.parametrize(
@@ -259,106 +264,106 @@ def test_every_transition_has_a_deadline_with_a_name(at: str, goal: Goal, awaite
     state = State(1, 0, 0, 0, 0, 0, -1, 0, 0)
     limit = DEADLINES[awaited]
     for tick in range(1, limit + 2):
-        state, out = one(state, statusword=WORD[at], goal=goal)
-        assert state.missed == (awaited if tick > limit else 0)
+        state, out = one(state, statusword=STATUSWORD[at], goal=goal)
+        assert state.missed_transition == (awaited if tick > limit else 0)
         if tick <= limit and at not in ("NR", "FR"):
-            assert out.controlword == WORDS[decode(WORD[at])][goal]
+            assert out.controlword == CONTROLWORDS[decode(STATUSWORD[at])][goal]
     assert (state.armed, out.controlword) == (0, 0)
     assert awaited.name in explain(state)
     if at in ("SOD", "RTSO", "SO"):
-        assert state.why == Why.LATE
+        assert state.reason == DisarmReason.LATE
 
 
 def test_a_quick_stop_that_the_drive_ignores_ends_without_voltage() -> None:
-    rig = Rig(Drive()).up()
+    rig = DriveLoop(Drive()).up()
     rig.drive.stuck = True
-    rig.words.clear()
+    rig.controlwords.clear()
     rig.run(20, goal=Goal.QUICK_STOP)
     n = DEADLINES.quick_stop
-    assert rig.words == [0x02] * n + [0x00] * (20 - n)
-    assert rig.state.missed == Awaited.QUICK_STOP
+    assert rig.controlwords == [0x02] * n + [0x00] * (20 - n)
+    assert rig.state.missed_transition == Awaited.QUICK_STOP
 
 
 def test_a_quick_stop_keeps_its_ramp() -> None:
-    rig = Rig(Drive(ramp=5)).up()
-    rig.words.clear()
+    rig = DriveLoop(Drive(ramp=5)).up()
+    rig.controlwords.clear()
     rig.run(12, goal=Goal.QUICK_STOP)
-    assert rig.words[:6] == [0x02] * 6
-    assert (rig.drive.state, rig.state.missed) == ("SOD", 0)
+    assert rig.controlwords[:6] == [0x02] * 6
+    assert (rig.drive.state, rig.state.missed_transition) == ("SOD", 0)
 
 
-def test_a_drive_that_holds_its_quick_stop_goes_on_only_when_asked() -> None:
-    rig = Rig(Drive(holds=True), PARAMS._replace(resume=1)).up().run(40, goal=Goal.QUICK_STOP)
-    assert (rig.drive.state, rig.state.missed) == ("QSA", 0)
+def test_a_drive_that_stays_in_quick_stop_resumes_only_on_request() -> None:
+    rig = DriveLoop(Drive(holds=True), PARAMS._replace(resume=1)).up().run(40, goal=Goal.QUICK_STOP)
+    assert (rig.drive.state, rig.state.missed_transition) == ("QSA", 0)
     rig.run(6, goal=Goal.QUICK_STOP, arm=9)
-    assert rig.out.controlword == 0x02
-    rig.words.clear()
+    assert rig.output.controlword == 0x02
+    rig.controlwords.clear()
     rig.up()
-    assert set(rig.words) == {0x0F}  # transition 16, not by way of no power
+    assert set(rig.controlwords) == {0x0F}  # transition 16, not by way of no power
     rig.run(9, goal=Goal.QUICK_STOP).run(3, goal=Goal.ENABLED)
     assert rig.drive.state == "SOD"
 
 
 def test_the_set_point_waits_for_the_mode() -> None:
     params = PARAMS._replace(mode_first=0)
-    rig = Rig(Drive(), params)
-    rig.drive.shown = 1
+    rig = DriveLoop(Drive(), params)
+    rig.drive.mode_display = 1
     rig.run(7, arm=1, mode_bits=0x170)
-    assert (rig.out, rig.drive.state) == ((0x10F, 0, DriveState.OPERATION_ENABLED, 0), "OE")
-    rig.drive.shown = 10
-    assert rig.run(1).out == (0x17F, 123, DriveState.OPERATION_ENABLED, 1)
-    rig.drive.shown = 6
-    assert rig.run(1).out == (0x10F, 0, DriveState.OPERATION_ENABLED, 0)
+    assert (rig.output, rig.drive.state) == ((0x10F, 0, DriveState.OPERATION_ENABLED, 0), "OE")
+    rig.drive.mode_display = 10
+    assert rig.run(1).output == (0x17F, 123, DriveState.OPERATION_ENABLED, 1)
+    rig.drive.mode_display = 6
+    assert rig.run(1).output == (0x10F, 0, DriveState.OPERATION_ENABLED, 0)
     rig.run(DEADLINES.mode)
-    assert (rig.state.why, rig.out.controlword) == (Why.LATE, 0)
+    assert (rig.state.reason, rig.output.controlword) == (DisarmReason.LATE, 0)
     assert explain(rig.state) == "MODE took too long"
 
 
 def test_the_power_stage_waits_for_the_mode() -> None:
-    rig = Rig(Drive())
-    rig.drive.shown = 0
+    rig = DriveLoop(Drive())
+    rig.drive.mode_display = 0
     rig.run(8, arm=1)
     assert (rig.drive.state, rig.state.armed) == ("SO", 1)
     rig.run(8)
     assert (rig.drive.state, explain(rig.state)) == ("SOD", "MODE took too long")
-    rig = Rig(Drive())
-    rig.drive.shown = 0
+    rig = DriveLoop(Drive())
+    rig.drive.mode_display = 0
     rig.run(20, arm=1, mode=0)  # no mode is no mode
     assert explain(rig.state) == "MODE took too long"
 
 
 def test_the_set_point_waits_for_bit_12_in_cyclic_modes() -> None:
     params = PARAMS._replace(follows=1)
-    rig = Rig(Drive(), params).run(7, arm=1)
-    assert (rig.drive.state, rig.out.setpoint) == ("OE", 0)
+    rig = DriveLoop(Drive(), params).run(7, arm=1)
+    assert (rig.drive.state, rig.output.setpoint) == ("OE", 0)
     rig.drive.bits = 0x1000
-    assert rig.run(1).out.setpoint == 123
+    assert rig.run(1).output.setpoint == 123
     rig.drive.bits = 0
-    assert rig.run(1).out.setpoint == 0
+    assert rig.run(1).output.setpoint == 0
     assert explain(rig.run(DEADLINES.follow).state) == "FOLLOW took too long"
-    rig = Rig(Drive(), params)
-    rig.drive.shown = 1
-    assert rig.run(12, arm=1, mode=1).out.acting == 1  # bit 12 means another thing here
+    rig = DriveLoop(Drive(), params)
+    rig.drive.mode_display = 1
+    assert rig.run(12, arm=1, mode=1).output.acting == 1  # bit 12 means another thing here
 
 
 def test_a_statusword_is_fresh_up_to_its_limit() -> None:
-    for age in (0.0, PARAMS.stale):
-        assert Rig(Drive()).up().run(3, age=age).out.acting == 1
+    for age in (0.0, PARAMS.max_status_age):
+        assert DriveLoop(Drive()).up().run(3, age=age).output.acting == 1
 
 
-def test_parameters_that_cannot_work_are_named() -> None:
-    assert cia402.problems(PARAMS) == ()
+def test_invalid_parameters_are_named() -> None:
+    assert cia402.find_problems(PARAMS) == ()
     bad = PARAMS._replace(
-        stale=math.nan, reset_ticks=0, deadlines=DEADLINES._replace(mode=0, fault_reset=0)
+        max_status_age=math.nan, reset_ticks=0, deadlines=DEADLINES._replace(mode=0, fault_reset=0)
     )
-    named = [text.split(":")[0] for text in cia402.problems(bad)]
+    named = [text.split(":")[0] for text in cia402.find_problems(bad)]
     assert named == ["stale", "reset_ticks", "fault_reset", "mode", "fault_reset"]
-    assert cia402.problems(PARAMS._replace(reset_ticks=6))
-    assert cia402.problems(PARAMS._replace(stale=0.0))
+    assert cia402.find_problems(PARAMS._replace(reset_ticks=6))
+    assert cia402.find_problems(PARAMS._replace(max_status_age=0.0))
     assert list(Deadlines._fields) == [awaited.name.lower() for awaited in Awaited]
 
 
 @pytest.mark.parametrize("goal", [-1, 4, 99])
-def test_a_goal_that_is_none_is_safe(goal: int) -> None:
-    rig = Rig(Drive()).up().run(4, goal=goal)
-    assert (rig.out.controlword, rig.drive.state) == (0, "SOD")
+def test_an_invalid_goal_is_safe(goal: int) -> None:
+    rig = DriveLoop(Drive()).up().run(4, goal=goal)
+    assert (rig.output.controlword, rig.drive.state) == (0, "SOD")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from drivers.canopen import emcy, heartbeat
 from drivers.canopen.codec_error import CodecError
-from drivers.canopen.heartbeat import Beat, Nmt
+from drivers.canopen.heartbeat import Heartbeat, NmtState
 
 
 def test_a_golden_emergency() -> None:
@@ -98,13 +98,17 @@ def test_refusals_name_what_was_expected(codec: Any, cob_id: int, length: int, t
 
 
 def test_heartbeats_as_an_independent_table_names_them() -> None:
-    names = {"INITIALISING": Nmt.BOOT, "STOPPED": Nmt.STOPPED, "OPERATIONAL": Nmt.OPERATIONAL,
-             "PRE-OPERATIONAL": Nmt.PRE_OPERATIONAL}  # fmt: skip
+    names = {
+        "INITIALISING": NmtState.BOOT,
+        "STOPPED": NmtState.STOPPED,
+        "OPERATIONAL": NmtState.OPERATIONAL,
+        "PRE-OPERATIONAL": NmtState.PRE_OPERATIONAL,
+    }
     wire = {number: names[name] for number, name in NMT_STATES.items() if name in names}
     assert set(wire.values()) == set(names.values())
     for byte in range(0x100):
         if byte in wire:
-            assert heartbeat.decode(0x705, bytes((byte,))) == Beat(5, wire[byte])
+            assert heartbeat.decode(0x705, bytes((byte,))) == Heartbeat(5, wire[byte])
             assert heartbeat.encode(byte) == bytes((byte,))
         else:
             with pytest.raises(CodecError):
@@ -112,27 +116,27 @@ def test_heartbeats_as_an_independent_table_names_them() -> None:
             with pytest.raises(CodecError):
                 heartbeat.encode(byte)
     with pytest.raises(CodecError):
-        heartbeat.encode(Nmt.SILENT)
+        heartbeat.encode(NmtState.SILENT)
 
 
-def test_a_node_that_never_speaks_is_lost_as_one_that_stops() -> None:
+def test_a_node_without_heartbeat_is_lost() -> None:
     watch = heartbeat.start(10.0)
-    assert heartbeat.lost(watch, 10.25, 0.25) == 0
-    assert heartbeat.lost(watch, 10.251, 0.25) == 1
-    watch = heartbeat.heard(watch, Nmt.OPERATIONAL, 20.0)
-    assert (watch.nmt, heartbeat.lost(watch, 20.25, 0.25)) == (Nmt.OPERATIONAL, 0)
-    assert heartbeat.lost(watch, 20.5, 0.25) == 1
+    assert heartbeat.is_lost(watch, 10.25, 0.25) == 0
+    assert heartbeat.is_lost(watch, 10.251, 0.25) == 1
+    watch = heartbeat.record(watch, NmtState.OPERATIONAL, 20.0)
+    assert (watch.nmt, heartbeat.is_lost(watch, 20.25, 0.25)) == (NmtState.OPERATIONAL, 0)
+    assert heartbeat.is_lost(watch, 20.5, 0.25) == 1
 
 
 @pytest.mark.parametrize("now", [math.nan, math.inf, -math.inf, 19.9])
-def test_a_time_that_cannot_be_counts_as_lost(now: float) -> None:
-    watch = heartbeat.heard(heartbeat.start(10.0), Nmt.OPERATIONAL, 20.0)
-    assert heartbeat.lost(watch, now, 0.25) == 1
-    assert heartbeat.lost(watch, 20.0, math.nan) == 1
+def test_an_invalid_time_counts_as_lost(now: float) -> None:
+    watch = heartbeat.record(heartbeat.start(10.0), NmtState.OPERATIONAL, 20.0)
+    assert heartbeat.is_lost(watch, now, 0.25) == 1
+    assert heartbeat.is_lost(watch, 20.0, math.nan) == 1
 
 
-def test_a_node_that_starts_anew_is_counted() -> None:
+def test_node_restarts_are_counted() -> None:
     watch = heartbeat.start(0.0)
-    for nmt in (Nmt.BOOT, Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL, Nmt.BOOT):
-        watch = heartbeat.heard(watch, nmt, 1.0)
+    for nmt in (NmtState.BOOT, NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL, NmtState.BOOT):
+        watch = heartbeat.record(watch, nmt, 1.0)
     assert watch.boots == 2

@@ -17,8 +17,8 @@ from drive_402 import Drive
 
 from drivers.canopen import arming, pdo
 from drivers.canopen.bus_cycle import BusCycle
-from drivers.canopen.bus_settings import Bus
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import Link
 from drivers.canopen.service import Service
 from drivers.canopen.torque_axis import TorqueAxis
@@ -27,7 +27,7 @@ durand = pytest.importorskip("durand", reason="durand is not installed: no forei
 scheduler = pytest.importorskip("durand.scheduler")
 
 NODE = 5
-BUS = Bus("virtual", "foreign", 1_000_000, ())
+BUS = BusSettings("virtual", "foreign", 1_000_000, ())
 
 
 class ForeignDrive:
@@ -97,20 +97,20 @@ def service(foreign: ForeignDrive) -> Iterator[Service]:
 
 def test_it_is_set_up_over_sdo_and_read_back(service: Service, foreign: ForeignDrive) -> None:
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
-    words = pdo.mapping_words(pdo.AXIS_STATUS)
+    words = pdo.mapping_entries(pdo.AXIS_STATUS)
     assert [foreign.od.read(0x1A00, sub) for sub in range(4)] == [3, *words]
     assert foreign.od.read(0x1800, 1) & 0x8000_07FF == 0x185
     assert service.identity(NODE).name == "a drive of another make"
     assert service.identity(NODE).vendor == 0
 
 
-def test_what_it_refuses_or_has_not_is_named(service: Service, foreign: ForeignDrive) -> None:
+def test_refused_and_missing_objects_are_named(service: Service, foreign: ForeignDrive) -> None:
     found = service.set_up(
         NODE, foreign_steps(NODE, rated_current=20_000, encoder_motor_revolutions=1)
     )
-    assert arming.refusal(found) == (
-        "0x608f:02 encoder_motor_revolutions: wanted 1, got no answer\n"
-        "0x6075:00 rated_current: wanted 20000 (0x4e20), got 10000 (0x2710)"
+    assert arming.format_mismatches(found) == (
+        "0x608f:02 encoder_motor_revolutions: expected 1, no answer\n"
+        "0x6075:00 rated_current: expected 20000 (0x4e20), got 10000 (0x2710)"
     )
 
 
@@ -118,7 +118,7 @@ def test_torque_goes_out_and_status_comes_back(service: Service, foreign: Foreig
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
     service.start(NODE)
     axis = TorqueAxis(axis_settings(NODE))
-    link = Link(BUS, axis.each_sync)
+    link = Link(BUS, axis.sync_dividers)
     bus = BusCycle(link, [axis], OWN, 0.05)
     asked: list[float] = [0.0, 0]
 
@@ -155,7 +155,7 @@ def test_its_heartbeats_and_emergencies_are_understood(
     def health(**wanted: Any) -> Callable[[], bool]:
         return lambda: wanted.items() <= service.health()[NODE]._asdict().items()
 
-    until(health(nmt=Nmt.OPERATIONAL), lambda: None)
+    until(health(nmt=NmtState.OPERATIONAL), lambda: None)
     assert service.health()[NODE].boots == 0
     foreign.node.emcy.set(0x3220, 0x05)
     until(health(code=0x3220, register=5, emergencies=1), lambda: None)
@@ -165,6 +165,6 @@ def test_its_heartbeats_and_emergencies_are_understood(
         far.send(can.Message(arbitration_id=0x80, is_extended_id=False))
     until(health(code=0x8210, emergencies=2), lambda: None)
     service.stop(NODE)
-    until(health(nmt=Nmt.PRE_OPERATIONAL), lambda: None)
+    until(health(nmt=NmtState.PRE_OPERATIONAL), lambda: None)
     foreign.node.nmt.reset()
     until(health(boots=1), lambda: None)

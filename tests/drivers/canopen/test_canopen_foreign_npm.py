@@ -18,8 +18,8 @@ from canopen_drives import OWN, axis_settings, foreign_steps, until
 
 from drivers.canopen import arming
 from drivers.canopen.bus_cycle import BusCycle
-from drivers.canopen.bus_settings import Bus
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import Link
 from drivers.canopen.service import Service
 from drivers.canopen.torque_axis import TorqueAxis
@@ -54,7 +54,7 @@ def modules() -> Path:
 
 
 @pytest.fixture(scope="module")
-def bus() -> Iterator[Bus]:
+def bus() -> Iterator[BusSettings]:
     environment = {**os.environ, "NODE_PATH": str(modules())}
     with subprocess.Popen(
         ["node", str(SCRIPT), str(NODE)],
@@ -64,13 +64,13 @@ def bus() -> Iterator[Bus]:
         assert drive.stdin is not None
         port = int(drive.stdout.readline())
         options = (("host", "127.0.0.1"), ("port", port), ("tcp_tune", True))
-        yield Bus("socketcand", "can0", 1_000_000, options)
+        yield BusSettings("socketcand", "can0", 1_000_000, options)
         drive.stdin.close()
         assert drive.wait(5.0) == 0
 
 
 @pytest.fixture
-def service(bus: Bus) -> Iterator[Service]:
+def service(bus: BusSettings) -> Iterator[Service]:
     one = Service(bus)
     one.watch(NODE)
     until(lambda: one.read(NODE, 0x1000, 0, "u32") is not None, lambda: None)
@@ -83,20 +83,20 @@ def test_it_is_set_up_over_sdo_and_what_it_refuses_is_named(service: Service) ->
     found = service.set_up(
         NODE, foreign_steps(NODE, rated_current=20_000, encoder_motor_revolutions=1)
     )
-    assert arming.refusal(found) == (
-        "0x608f:02 encoder_motor_revolutions: wanted 1, got no answer\n"
-        "0x6075:00 rated_current: wanted 20000 (0x4e20), got 10000 (0x2710)"
+    assert arming.format_mismatches(found) == (
+        "0x608f:02 encoder_motor_revolutions: expected 1, no answer\n"
+        "0x6075:00 rated_current: expected 20000 (0x4e20), got 10000 (0x2710)"
     )
     assert service.identity(NODE).name == "npm drive"
     assert service.read(NODE, 0x5FFF, 0, "u32") is None
 
 
-def test_torque_goes_out_and_status_comes_back(bus: Bus, service: Service) -> None:
+def test_torque_goes_out_and_status_comes_back(bus: BusSettings, service: Service) -> None:
     assert service.set_up(NODE, foreign_steps(NODE)) == ()
     service.start(NODE)
-    until(lambda: service.health()[NODE].nmt == Nmt.OPERATIONAL, lambda: None)
+    until(lambda: service.health()[NODE].nmt == NmtState.OPERATIONAL, lambda: None)
     axis = TorqueAxis(axis_settings(NODE))
-    link = Link(bus, axis.each_sync)
+    link = Link(bus, axis.sync_dividers)
     cycle = BusCycle(link, [axis], OWN, 0.05)
     asked: list[float] = [0.0, 0]
 
@@ -119,4 +119,4 @@ def test_torque_goes_out_and_status_comes_back(bus: Bus, service: Service) -> No
     finally:
         cycle.close()
     service.stop(NODE)
-    until(lambda: service.health()[NODE].nmt == Nmt.PRE_OPERATIONAL, lambda: None)
+    until(lambda: service.health()[NODE].nmt == NmtState.PRE_OPERATIONAL, lambda: None)

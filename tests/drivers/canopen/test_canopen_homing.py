@@ -36,10 +36,10 @@ def test_every_statusword_has_one_outcome_as_an_independent_table_says() -> None
     assert set(names) == set(Homing.STATES)
     for word in range(0x10000):
         peer = [name for name, (mask, bits) in Homing.STATES.items() if word & mask == bits]
-        assert homing.outcome(word) == (names[peer[0]] if peer else Outcome.NONSENSE)
+        assert homing.outcome(word) == (names[peer[0]] if peer else Outcome.CONTRADICTORY)
 
 
-def test_nothing_moves_before_it_is_asked_for() -> None:
+def test_no_motion_before_a_request() -> None:
     state, bits = walk([NOT_STARTED, MOVING, HOMED, 0xFFFF] * 5)
     assert set(bits) == {0}
     assert state.phase == Phase.IDLE
@@ -53,7 +53,7 @@ def test_a_homing_from_edge_to_end() -> None:
 
 
 @pytest.mark.parametrize("between", [MOVING, ATTAINED, NOT_STARTED])
-def test_an_old_outcome_is_not_believed(between: int) -> None:
+def test_an_old_outcome_is_ignored(between: int) -> None:
     state, bits = walk([HOMED] * 4, request=1)
     assert (state.phase, bits) == (Phase.RAISED, [0, 0x10, 0x10, 0x10])
     done, _ = walk([between, HOMED], state, request=1)
@@ -76,7 +76,7 @@ def test_an_old_outcome_is_not_believed(between: int) -> None:
         ([NOT_STARTED], {"halt": 1}, Failure.HALTED),
     ],
 )
-def test_what_fails_is_named_and_halts(words: list[int], what: Any, failure: Failure) -> None:
+def test_failures_are_named_and_halt(words: list[int], what: Any, failure: Failure) -> None:
     state, bits = walk(words, request=1, **what)
     assert (state.phase, state.failure, bits[-1]) == (Phase.FAILED, failure, HALT)
     state, bits = walk([HOMED] * 9, state, request=1)

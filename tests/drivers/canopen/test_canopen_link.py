@@ -14,11 +14,11 @@ import can
 import pytest
 
 from drivers.canopen import link as link_module
-from drivers.canopen.bus_settings import Bus, refusal
+from drivers.canopen.bus_settings import BusSettings, unsupported_rate
 from drivers.canopen.link import Frame, Link, LinkError
 
 STATUS, OTHER, STRANGE, COMMAND = 0x185, 0x186, 0x187, 0x205
-BUS = Bus("virtual", "link", 1_000_000, ())
+BUS = BusSettings("virtual", "link", 1_000_000, ())
 
 
 @pytest.fixture
@@ -38,10 +38,10 @@ def frame(identifier: int, data: bytes = b"", **flags: Any) -> can.Message:
     return can.Message(**{"is_extended_id": False, **flags}, arbitration_id=identifier, data=data)
 
 
-def drained(link: Link, count: int, patience: float = 5.0) -> list[Frame]:
-    """What comes until so many frames are there."""
+def drained(link: Link, count: int, timeout_s: float = 5.0) -> list[Frame]:
+    """Return the frames received until there are ``count``."""
     found: list[Frame] = []
-    end = time.monotonic() + patience
+    end = time.monotonic() + timeout_s
     while len(found) < count and time.monotonic() < end:
         found += link.drain()
     return found
@@ -60,7 +60,7 @@ def test_frames_go_both_ways(link: Link, far: can.BusABC) -> None:
     assert (link.unsent, link.errors) == (0, 0)
 
 
-def test_unwanted_frames_hide_nothing_behind_them(link: Link, far: can.BusABC) -> None:
+def test_frames_of_other_ids_hide_no_later_frame(link: Link, far: can.BusABC) -> None:
     far.send(frame(STRANGE))
     far.send(frame(STATUS, b"\x01"))
     far.send(frame(STRANGE))
@@ -68,7 +68,7 @@ def test_unwanted_frames_hide_nothing_behind_them(link: Link, far: can.BusABC) -
     assert link.drain() == [Frame(STATUS, b"\x01"), Frame(OTHER, b"\x02")]
 
 
-def test_what_is_no_data_frame_of_11_bits_is_not_taken(link: Link, far: can.BusABC) -> None:
+def test_only_11_bit_data_frames_are_returned(link: Link, far: can.BusABC) -> None:
     far.send(frame(STATUS, b"\x01", is_extended_id=True))
     far.send(frame(STATUS, is_remote_frame=True, dlc=8))
     far.send(frame(STATUS, b"\x02"))
@@ -83,9 +83,7 @@ def test_error_frames_are_counted(link: Link, far: can.BusABC) -> None:
 
 
 @pytest.mark.parametrize("identifier", [OTHER, STRANGE])
-def test_a_babbling_node_takes_its_bound_of_a_look(
-    identifier: int, link: Link, far: can.BusABC
-) -> None:
+def test_a_babbling_node_is_bounded_per_drain(identifier: int, link: Link, far: can.BusABC) -> None:
     for number in range(100):
         far.send(frame(identifier, bytes([number])))
     far.send(frame(STATUS))
@@ -93,10 +91,10 @@ def test_a_babbling_node_takes_its_bound_of_a_look(
     if identifier == OTHER:
         assert [one.data[0] for one in first] == list(range(64)), "oldest first, none lost"
     assert second[-1] == Frame(STATUS, b"")
-    assert link.drain(most=0) == []
+    assert link.drain(max_frames=0) == []
 
 
-def test_a_marked_frame_of_another_process_here_is_heard(link: Link) -> None:
+def test_a_marked_frame_of_another_local_process_is_received(link: Link) -> None:
     """A kernel's SocketCAN marks all that was sent on this host as if it were our own."""
     bus: Any = can.Bus(interface="virtual", channel="link", receive_own_messages=True)
     try:
@@ -107,7 +105,7 @@ def test_a_marked_frame_of_another_process_here_is_heard(link: Link) -> None:
         bus.shutdown()
 
 
-def test_a_bus_that_is_gone_is_counted_and_raises_nothing(link: Link) -> None:
+def test_a_lost_bus_is_counted_and_raises_nothing(link: Link) -> None:
     link.close()
     assert not link.send(COMMAND, b"")
     assert link.drain() == []
@@ -134,7 +132,7 @@ def test_whatever_an_interface_raises_is_counted(
 
 
 def unserved() -> int:
-    """A TCP port on which nobody listens."""
+    """Return a TCP port on which no server listens."""
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         port: int = one.getsockname()[1]
@@ -144,30 +142,30 @@ def unserved() -> int:
 @pytest.mark.parametrize(
     ("bus", "text"),
     [
-        (Bus("nonsense", "can0", 1, ()), "CAN bus nonsense can0: "),
-        (Bus("socketcan", "can99", 1, ()), "CAN bus socketcan can99: "),
-        (Bus("slcan", "/nowhere", 1_000_000, ()), "CAN bus slcan /nowhere: "),
-        (Bus("slcan", "", 1_000_000, ()), "CAN bus slcan : Must specify a serial port."),
-        (Bus("socketcand", "can0", 1, ()), "CAN bus socketcand can0: .*host"),
-        (Bus("pcan", "PCAN_USBBUS1", 1_000_000, ()), "CAN bus pcan PCAN_USBBUS1: "),
+        (BusSettings("nonsense", "can0", 1, ()), "CAN bus nonsense can0: "),
+        (BusSettings("socketcan", "can99", 1, ()), "CAN bus socketcan can99: "),
+        (BusSettings("slcan", "/nowhere", 1_000_000, ()), "CAN bus slcan /nowhere: "),
+        (BusSettings("slcan", "", 1_000_000, ()), "CAN bus slcan : Must specify a serial port."),
+        (BusSettings("socketcand", "can0", 1, ()), "CAN bus socketcand can0: .*host"),
+        (BusSettings("pcan", "PCAN_USBBUS1", 1_000_000, ()), "CAN bus pcan PCAN_USBBUS1: "),
     ],
 )
 @pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
-def test_a_bus_that_cannot_be_opened_is_named(bus: Bus, text: str) -> None:
+def test_a_bus_that_cannot_be_opened_is_named(bus: BusSettings, text: str) -> None:
     with pytest.raises(LinkError, match="^" + text):
         Link(bus, {STATUS})
 
 
 def test_slcan_is_refused_above_what_it_can_do() -> None:
-    bus = Bus("slcan", "/dev/ttyACM0", 1_000_000, ())
-    assert refusal(bus, 100.0) == ""
-    assert refusal(bus, 100.1) == (
+    bus = BusSettings("slcan", "/dev/ttyACM0", 1_000_000, ())
+    assert unsupported_rate(bus, 100.0) == ""
+    assert unsupported_rate(bus, 100.1) == (
         "slcan on /dev/ttyACM0 cannot be cycled at 100.1 Hz: an empty look at it takes 1.1 ms; "
         "at most 100 Hz"
     )
-    assert refusal(bus._replace(interface="socketcan"), 1000.0) == ""
+    assert unsupported_rate(bus._replace(interface="socketcan"), 1000.0) == ""
 
 
 class Adapter:
@@ -178,11 +176,11 @@ class Adapter:
         self.path = os.ttyname(near)
         self._near = near
 
-    def says(self, text: str) -> None:
+    def send_text(self, text: str) -> None:
         os.write(self.far, text.encode())
 
-    def told(self, enough: Callable[[str], object]) -> str:
-        """What it was told until that is enough."""
+    def received_text(self, enough: Callable[[str], object]) -> str:
+        """Return the text received until ``enough`` holds."""
         heard = ""
         while not enough(heard) and select.select([self.far], [], [], 5.0)[0]:
             heard += os.read(self.far, 1000).decode()
@@ -203,16 +201,19 @@ def adapter() -> Iterator[Adapter]:
 @pytest.fixture
 def serial_link(adapter: Adapter) -> Iterator[Link]:
     options = (("sleep_after_open", 0.0),)
-    one = Link(Bus("slcan", adapter.path, 1_000_000, options), {STATUS, OTHER})
-    assert adapter.told(lambda text: text.endswith("O\r")).replace("\r", " ").split()[-1] == "O"
+    one = Link(BusSettings("slcan", adapter.path, 1_000_000, options), {STATUS, OTHER})
+    assert (
+        adapter.received_text(lambda text: text.endswith("O\r")).replace("\r", " ").split()[-1]
+        == "O"
+    )
     yield one
     one.close()
 
 
 def test_slcan_carries_frames_over_a_serial_line(adapter: Adapter, serial_link: Link) -> None:
     assert serial_link.send(COMMAND, b"\x37\x02")
-    assert adapter.told(lambda text: "\r" in text) == "t20523702\r"
-    adapter.says("t18520102\rt1870\rT000001851FF\rr1858\rt1860\r")
+    assert adapter.received_text(lambda text: "\r" in text) == "t20523702\r"
+    adapter.send_text("t18520102\rt1870\rT000001851FF\rr1858\rt1860\r")
     assert drained(serial_link, 2) == [Frame(STATUS, b"\x01\x02"), Frame(OTHER, b"")]
 
 
@@ -220,7 +221,7 @@ def test_slcan_carries_frames_over_a_serial_line(adapter: Adapter, serial_link: 
 def test_slcan_text_that_is_no_frame_is_passed_over(
     text: str, adapter: Adapter, serial_link: Link
 ) -> None:
-    adapter.says(text + "t18510A\r")
+    adapter.send_text(text + "t18510A\r")
     assert drained(serial_link, 1)[-1] == Frame(STATUS, b"\x0a")
 
 
@@ -237,7 +238,7 @@ def test_a_serial_line_that_hangs_up_is_counted(adapter: Adapter, serial_link: L
 
 def test_multicast_gives_back_what_was_sent_and_the_link_keeps_it_out() -> None:
     pytest.importorskip("msgpack", reason="udp_multicast of python-can needs msgpack")
-    bus = Bus("udp_multicast", "239.74.163.2", 1_000_000, (("port", unserved()),))
+    bus = BusSettings("udp_multicast", "239.74.163.2", 1_000_000, (("port", unserved()),))
     link, far = Link(bus, {STATUS}), Link(bus, {COMMAND})
     try:
         if not link.send(COMMAND, b"\x01"):

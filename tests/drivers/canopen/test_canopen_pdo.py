@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.canopen import pdo
 from drivers.canopen.codec_error import CodecError
-from drivers.canopen.pdo import Entry, PdoError, layout, mapping_words, pack, unpack
+from drivers.canopen.pdo import Entry, PdoError, layout, mapping_entries, pack, unpack
 
 MAPS = {
     name: getattr(pdo, name)
@@ -36,8 +36,8 @@ def test_golden_frames() -> None:
     assert unpack(status, bytes.fromhex("37 12 fe ff ff ff ff ff")) == (0x1237, -2, -1)
     actuator = layout(0x305, pdo.ACTUATOR_TARGET)
     assert pack(actuator, -4000, 500).hex(" ") == "60 f0 ff ff f4 01 00 00"
-    assert mapping_words(pdo.AXIS_COMMAND) == (0x60400010, 0x60710010)
-    assert mapping_words(pdo.ACTUATOR_STATUS) == (0x60410010, 0x60610008, 0x60640020)
+    assert mapping_entries(pdo.AXIS_COMMAND) == (0x60400010, 0x60710010)
+    assert mapping_entries(pdo.ACTUATOR_STATUS) == (0x60410010, 0x60610008, 0x60640020)
 
 
 def test_predefined_cob_ids() -> None:
@@ -77,8 +77,8 @@ def test_a_value_out_of_range_is_named() -> None:
         ((Entry(0x2000, 1, "f32", "warmth"),), "0x2000:1 warmth: no type 'f32'"),
     ],
 )
-def test_what_is_no_pdo_is_refused(entries: tuple[Entry, ...], why: str) -> None:
-    for make in (lambda: layout(0x205, entries), lambda: mapping_words(entries)):
+def test_invalid_pdos_are_refused(entries: tuple[Entry, ...], why: str) -> None:
+    for make in (lambda: layout(0x205, entries), lambda: mapping_entries(entries)):
         with pytest.raises(PdoError, match=why):
             make()
 

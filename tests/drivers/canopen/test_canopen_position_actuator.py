@@ -1,4 +1,4 @@
-"""The actuator's conversation: moves that are made, halted or failed; none is tried by itself."""
+"""The actuator's conversation: completed, halted and failed moves; none repeats by itself."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 import pytest
-from canopen_drives import MACHINE, FakeLine, actuator_settings
+from canopen_drives import MACHINE, FakeLink, actuator_settings
 from drive_402 import Drive
 
 from drivers.canopen import pdo, scaling
@@ -14,7 +14,7 @@ from drivers.canopen import profile_position as move
 from drivers.canopen.bus_cycle import BusCycle
 from drivers.canopen.cia402_table import HALT
 from drivers.canopen.link import Frame
-from drivers.canopen.position_actuator import PositionActuator, Reading
+from drivers.canopen.position_actuator import ActuatorReading, PositionActuator
 from drivers.canopen.statusword import MODE_BIT_12, MODE_BIT_13, TARGET_REACHED
 
 NODE = 9
@@ -30,14 +30,14 @@ class Positioner(Drive):
 
     def __init__(self) -> None:
         super().__init__()
-        self.shown = move.MODE
+        self.mode_display = move.MODE
         self.counts = self.goal = 1000  # our 0
         self.taken: list[int] = []
         self.blocked = False
         self.deaf = False  # to new set-points
 
     def moved(self, word: int, target: int) -> None:
-        rising = word & ~self.last & move.NEW
+        rising = word & ~self.last & move.NEW_SET_POINT
         self.tick(word)
         if self.state != "OE":
             self.goal, self.bits = self.counts, 0
@@ -46,7 +46,7 @@ class Positioner(Drive):
             self.goal = target
             self.taken.append(target)
             self.bits |= MODE_BIT_12
-        if not word & move.NEW:
+        if not word & move.NEW_SET_POINT:
             self.bits &= ~MODE_BIT_12
         if not (word & HALT or self.blocked):
             left = self.goal - self.counts
@@ -59,8 +59,8 @@ class Bench:
     """A loop with one actuator."""
 
     def __init__(self) -> None:
-        self.line = FakeLine()
-        settings = actuator_settings(NODE)._replace(machine=MACHINE._replace(stale=0.1))
+        self.line = FakeLink()
+        settings = actuator_settings(NODE)._replace(machine=MACHINE._replace(max_status_age=0.1))
         self.actuator = PositionActuator(settings)
         self.bus = BusCycle(self.line, [self.actuator], 127, 1.0)
         self.drive = Positioner()
@@ -74,15 +74,17 @@ class Bench:
                 self.bus.send(self.actuator.release(now))
             else:
                 self.bus.send(self.actuator.command(target, enable, now))
-            self.word, mode = pdo.unpack(COMMAND, line.of(COMMAND.cob_id)[-1])
+            self.word, mode = pdo.unpack(COMMAND, line.frames_of(COMMAND.cob_id)[-1])
             assert mode == move.MODE
-            drive.moved(self.word, pdo.unpack(TARGET, line.of(TARGET.cob_id)[-1])[0])
+            drive.moved(self.word, pdo.unpack(TARGET, line.frames_of(TARGET.cob_id)[-1])[0])
             if not self.silent:
-                data = pdo.pack(STATUS, drive.statusword, drive.shown, drive.counts)
-                line.coming.append(Frame(STATUS.cob_id, data))
+                data = pdo.pack(STATUS, drive.statusword, drive.mode_display, drive.counts)
+                line.incoming.append(Frame(STATUS.cob_id, data))
             line.time += DT
 
-    def until(self, true: Callable[[Reading], object], target: float, enable: int = 1) -> None:
+    def until(
+        self, true: Callable[[ActuatorReading], object], target: float, enable: int = 1
+    ) -> None:
         for _ in range(300):
             if true(self.reading):
                 return
@@ -90,7 +92,7 @@ class Bench:
         raise AssertionError(f"in vain: {self.reading}, {self.actuator.explain()}")
 
     @property
-    def reading(self) -> Reading:
+    def reading(self) -> ActuatorReading:
         return self.actuator.read(self.line.now())
 
 
@@ -102,15 +104,15 @@ def bench() -> Bench:
     return one
 
 
-def arrived(reading: Reading) -> bool:
+def arrived(reading: ActuatorReading) -> bool:
     return reading.arrived == 1
 
 
-def failed(reading: Reading) -> bool:
+def failed(reading: ActuatorReading) -> bool:
     return reading.failed != 0
 
 
-def test_the_first_target_brings_it_up_and_it_goes_there_and_stands(bench: Bench) -> None:
+def test_the_first_target_enables_moves_and_arrives(bench: Bench) -> None:
     bench.until(arrived, 20.0)
     assert bench.reading.position == pytest.approx(20.0)
     assert bench.drive.taken == [3000]
@@ -122,14 +124,14 @@ def test_the_first_target_brings_it_up_and_it_goes_there_and_stands(bench: Bench
     assert bench.drive.taken == [3000, 500]
 
 
-def test_the_target_goes_out_before_the_word_that_offers_it(bench: Bench) -> None:
+def test_the_target_is_sent_before_its_controlword(bench: Bench) -> None:
     bench.until(arrived, 20.0)
     order = [frame.cob_id for frame in bench.line.sent if frame.cob_id in (0x209, 0x309)]
     assert order == [0x309, 0x209] * (len(order) // 2)
-    assert pdo.unpack(TARGET, bench.line.of(0x309)[0]) == (0, 50)
+    assert pdo.unpack(TARGET, bench.line.frames_of(0x309)[0]) == (0, 50)
 
 
-def test_a_target_on_the_way_is_taken_at_once(bench: Bench) -> None:
+def test_a_new_target_during_a_move_is_accepted_at_once(bench: Bench) -> None:
     bench.until(lambda reading: reading.position > 10.0, 60.0)
     bench.until(arrived, 5.0)
     assert bench.drive.taken == [7000, 1500]
@@ -152,7 +154,7 @@ def test_halt_stops_it_and_the_same_target_goes_on(bench: Bench) -> None:
     assert not bench.word & HALT
 
 
-def test_a_move_that_failed_is_not_tried_again_by_itself(bench: Bench) -> None:
+def test_a_failed_move_is_not_repeated_by_itself(bench: Bench) -> None:
     bench.drive.blocked = True
     bench.until(failed, 20.0)
     assert bench.reading.failed == move.Failure.LATE_ARRIVAL
@@ -165,7 +167,7 @@ def test_a_move_that_failed_is_not_tried_again_by_itself(bench: Bench) -> None:
     assert bench.drive.taken == [3000, 4000], "another target is"
 
 
-def test_a_failed_move_is_tried_again_after_a_halt(bench: Bench) -> None:
+def test_a_failed_move_is_repeated_after_a_halt(bench: Bench) -> None:
     bench.drive.deaf = True
     bench.until(failed, 20.0)
     assert bench.reading.failed == move.Failure.LATE_TAKEN
@@ -183,7 +185,7 @@ def test_a_following_error_ends_the_move(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("target", [math.nan, math.inf, -math.inf])
-def test_a_target_that_is_no_number_halts_and_is_not_sent(target: float, bench: Bench) -> None:
+def test_a_nan_target_halts_and_is_not_sent(target: float, bench: Bench) -> None:
     bench.tick(target, count=5)
     assert bench.drive.state == "SOD", "nor does it bring it up"
     bench.until(lambda reading: reading.position > 10.0, 60.0)
@@ -194,18 +196,18 @@ def test_a_target_that_is_no_number_halts_and_is_not_sent(target: float, bench: 
     bench.until(arrived, 60.0)
 
 
-def test_a_target_beyond_the_limits_is_held_there_and_is_not_reached(bench: Bench) -> None:
+def test_a_target_beyond_the_limits_is_clamped_and_not_reached(bench: Bench) -> None:
     bench.tick(500.0, count=200)
     assert bench.drive.counts == 9000
     assert bench.reading.position == pytest.approx(80.0)
     assert bench.reading.arrived == 0, "80 is not 500"
     assert bench.reading.failed == 0
-    assert bench.actuator.held == scaling.Held.SATURATED
+    assert bench.actuator.limit_flags == scaling.LimitFlag.SATURATED
     bench.until(arrived, 80.05)  # as near as the window
     assert bench.drive.taken[-1] == 9000
 
 
-def test_release_takes_the_power_off_and_the_next_target_asks_anew(bench: Bench) -> None:
+def test_release_removes_power_and_the_next_target_requests_it_again(bench: Bench) -> None:
     bench.until(arrived, 20.0)
     bench.tick(0.0, release=True, count=5)
     assert bench.drive.state == "SOD"
@@ -215,7 +217,7 @@ def test_release_takes_the_power_off_and_the_next_target_asks_anew(bench: Bench)
     assert bench.drive.taken == [3000, 3000]
 
 
-def test_a_drive_that_drops_is_not_brought_up_by_the_same_request(bench: Bench) -> None:
+def test_a_dropped_drive_is_not_enabled_by_the_same_request(bench: Bench) -> None:
     bench.until(lambda reading: reading.position > 10.0, 60.0)
     bench.drive.state = "SOD"
     bench.tick(60.0, count=100)
@@ -226,7 +228,7 @@ def test_a_drive_that_drops_is_not_brought_up_by_the_same_request(bench: Bench) 
     bench.until(arrived, 60.0)
 
 
-def test_a_silent_actuator_ages_and_stays_down_when_it_is_back(bench: Bench) -> None:
+def test_a_silent_actuator_ages_and_stays_disabled_on_return(bench: Bench) -> None:
     bench.until(arrived, 20.0)
     bench.silent = True
     bench.tick(20.0, count=20)
@@ -239,7 +241,7 @@ def test_a_silent_actuator_ages_and_stays_down_when_it_is_back(bench: Bench) -> 
     assert bench.reading.arrived == 0
 
 
-def test_a_fault_is_told(bench: Bench) -> None:
+def test_a_fault_is_reported(bench: Bench) -> None:
     bench.until(arrived, 20.0)
     bench.drive.fault()
     bench.tick(20.0, count=5)
@@ -250,7 +252,7 @@ def test_a_fault_is_told(bench: Bench) -> None:
 def test_frames_of_a_wrong_length_are_refused(bench: Bench) -> None:
     before = bench.actuator.read(0.0)
     for size in (0, 1, 6, 8):
-        bench.line.coming = [Frame(STATUS.cob_id, bytes(size))]
+        bench.line.incoming = [Frame(STATUS.cob_id, bytes(size))]
         bench.bus.receive()
     assert bench.actuator.refused == 4
     assert bench.actuator.read(0.0) == before

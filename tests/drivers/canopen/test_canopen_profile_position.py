@@ -12,7 +12,7 @@ from drivers.canopen import profile_position as pp
 from drivers.canopen.cia402_table import HALT
 from drivers.canopen.profile_position import Failure, Inputs, Params, Phase
 
-PARAMS = Params(window=10, stand_ticks=3, immediate=1, handshake_ticks=5, move_ticks=60)
+PARAMS = Params(window=10, settle_ticks=3, immediate=1, handshake_ticks=5, move_ticks=60)
 
 
 class Actuator:
@@ -44,13 +44,13 @@ class Bench:
         self.drive = Actuator(position)
         self.state = pp.start(0)
         self.out = pp.Output(0, 0)
-        self.told = Inputs(0, 0, acting=1, request=0, target=0, halt=0)
+        self.inputs = Inputs(0, 0, acting=1, request=0, target=0, halt=0)
         self.bits: list[int] = []
 
     def run(self, ticks: int, **what: Any) -> Bench:
-        self.told = self.told._replace(**what)
+        self.inputs = self.inputs._replace(**what)
         for _ in range(ticks):
-            now = self.told._replace(statusword=self.drive.word, position=self.drive.position)
+            now = self.inputs._replace(statusword=self.drive.word, position=self.drive.position)
             self.drive.tick(*self.out)
             self.state, self.out = pp.step(self.params, self.state, now)
             self.bits.append(self.out.mode_bits)
@@ -61,7 +61,7 @@ class Bench:
         return Phase(self.state.phase)
 
 
-def test_nothing_moves_before_it_is_asked_for() -> None:
+def test_no_motion_before_a_request() -> None:
     bench = Bench(position=4000).run(20)
     assert set(bench.bits) == {0}
     assert (bench.drive.position, bench.out.target) == (4000, 4000)
@@ -83,7 +83,7 @@ def test_a_new_target_on_the_way() -> None:
     assert (bench.phase, bench.drive.position, bench.drive.taken) == (Phase.ARRIVED, -300, 2)
 
 
-def test_reached_is_believed_only_where_it_was_told_to_be() -> None:
+def test_target_reached_counts_only_at_the_target() -> None:
     bench = Bench()
     bench.drive.blocked = True
     bench.run(8, request=1, target=1500)
@@ -139,7 +139,7 @@ def test_a_halt_before_any_move_stays_until_one_is_offered() -> None:
         ({"following": True}, Failure.FOLLOWING_ERROR),
     ],
 )
-def test_what_fails_is_named_and_halts(breaks: dict[str, Any], failure: Failure) -> None:
+def test_failures_are_named_and_halt(breaks: dict[str, Any], failure: Failure) -> None:
     bench = Bench()
     for name, value in breaks.items():
         setattr(bench.drive, name, value)
@@ -175,12 +175,12 @@ def test_the_target_is_offered_for_one_tick_and_no_longer() -> None:
     assert bench.run(1).out == (0x30, 500)
 
 
-def test_there_is_there_within_the_window_for_as_long_as_asked() -> None:
+def test_arrival_needs_the_window_for_the_settle_time() -> None:
     for gap, there in ((-11, False), (-10, True), (10, True), (11, False)):
         state = pp.State(Phase.MOVING, 0, 1, 500, 0, 0, 1)
         for tick in range(1, 6):
             state, _ = pp.step(PARAMS, state, Inputs(0x0637, 500 + gap, 1, 1, 0, 0))
-            assert (state.phase == Phase.ARRIVED) == (there and tick >= PARAMS.stand_ticks)
+            assert (state.phase == Phase.ARRIVED) == (there and tick >= PARAMS.settle_ticks)
     state = pp.State(Phase.MOVING, 0, 1, 500, 0, 0, 1)
     for word in [0x0637, 0x0637, 0x0237] * 5:  # near, but the drive does not keep saying so
         state, _ = pp.step(PARAMS, state, Inputs(word, 500, 1, 1, 0, 0))

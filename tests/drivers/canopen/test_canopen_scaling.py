@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.canopen import scaling
 from drivers.canopen.scaling import (
-    Held,
+    LimitFlag,
     ScalingError,
     amc_current,
     current_command,
@@ -21,7 +21,7 @@ from drivers.canopen.scaling import (
     position_scale,
     rated_current,
     rated_torque_current,
-    unwrapped,
+    unwrap_counts,
 )
 
 
@@ -44,8 +44,8 @@ def test_command_and_feedback_of_an_amc_drive_differ_by_four() -> None:
 
 def test_kp_is_in_tenths_of_an_ampere() -> None:
     assert current_command(amc_current(400, 40.0), 20.0) == (16384, 0)
-    assert current_command(amc_current(400, 40.0), 40.0) == (32767, Held.SATURATED)
-    assert current_command(amc_current(400, 30.0), 40.0) == (24576, Held.SATURATED)
+    assert current_command(amc_current(400, 40.0), 40.0) == (32767, LimitFlag.SATURATED)
+    assert current_command(amc_current(400, 30.0), 40.0) == (24576, LimitFlag.SATURATED)
 
 
 def test_per_mille_of_rated_torque_and_of_rated_current() -> None:
@@ -58,12 +58,12 @@ def test_per_mille_of_rated_torque_and_of_rated_current() -> None:
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_what_is_no_number_is_no_current(bad: float) -> None:
-    assert current_command(amc_current(400, 40.0), bad) == (0, Held.NOT_FINITE)
-    assert position_command(position_scale(-2.0, 7, -9, 9), bad) == (7, Held.NOT_FINITE)
+def test_nan_and_infinity_give_zero_current(bad: float) -> None:
+    assert current_command(amc_current(400, 40.0), bad) == (0, LimitFlag.NOT_FINITE)
+    assert position_command(position_scale(-2.0, 7, -9, 9), bad) == (7, LimitFlag.NOT_FINITE)
 
 
-def test_scales_that_cannot_be_are_refused_by_name() -> None:
+def test_invalid_scales_are_refused_by_name() -> None:
     for kp in (0, -1):
         with pytest.raises(ScalingError, match="20D8:0C"):
             amc_current(kp, 40.0)
@@ -98,11 +98,11 @@ def test_a_command_stays_within_its_limit_and_its_sign(
     assert -scale.raw_limit <= value <= scale.raw_limit <= 0x7FFF
     assert abs(value) / scale.raw_per_ampere <= limit * (1 + 1e-12)
     if not math.isfinite(current):
-        assert (value, held) == (0, Held.NOT_FINITE)
+        assert (value, held) == (0, LimitFlag.NOT_FINITE)
     elif held == 0:
         assert abs(value - current * scale.raw_per_ampere) <= 0.5
     else:
-        assert held == Held.SATURATED
+        assert held == LimitFlag.SATURATED
         assert value == math.copysign(scale.raw_limit, current)
 
 
@@ -110,8 +110,8 @@ def test_positions() -> None:
     scale = position_scale(-2000.0, 500, -10_000, 10_000)
     assert position_command(scale, 1.0) == (-1500, 0)
     assert position_feedback(scale, -1500) == 1.0
-    assert position_command(scale, 99.0) == (-10_000, Held.SATURATED)
-    assert position_command(scale, -1e308) == (10_000, Held.SATURATED)
+    assert position_command(scale, 99.0) == (-10_000, LimitFlag.SATURATED)
+    assert position_command(scale, -1e308) == (10_000, LimitFlag.SATURATED)
 
 
 @given(st.integers(-(2**31), 2**31 - 1), st.lists(st.integers(-(2**31) + 1, 2**31 - 1)))
@@ -119,9 +119,9 @@ def test_counts_go_on_where_the_register_wraps(begin: int, steps: list[int]) -> 
     true = seen = begin
     for way in steps:
         true += way
-        seen = unwrapped(seen, (true + 2**31) % 2**32 - 2**31)
+        seen = unwrap_counts(seen, (true + 2**31) % 2**32 - 2**31)
         assert seen == true
 
 
 def test_the_flags_are_of_one_bit_each() -> None:
-    assert [flag.value for flag in scaling.Held] == [1, 2]
+    assert [flag.value for flag in scaling.LimitFlag] == [1, 2]

@@ -1,4 +1,4 @@
-"""The service end against a node that answers late, wrongly, not at all, or again and again."""
+"""The CAN service against a node that answers late, wrongly, repeatedly or not at all."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ import pytest
 from canopen_drives import MACHINE, OWN, foreign_steps, until
 
 from drivers.canopen import arming, homing
-from drivers.canopen.arming import Step
-from drivers.canopen.bus_settings import Bus
+from drivers.canopen.arming import SetupStep
+from drivers.canopen.bus_settings import BusSettings
 from drivers.canopen.drive_objects import Access
-from drivers.canopen.heartbeat import Nmt
+from drivers.canopen.heartbeat import NmtState
 from drivers.canopen.link import LinkError
 from drivers.canopen.service import Service, ServiceError
 
 NODE = 5
-BUS = Bus("virtual", "service", 1_000_000, ())
+BUS = BusSettings("virtual", "service", 1_000_000, ())
 KIND, RIGID = (0x1000, 0), (0x608F, 1)
 ABORTED = struct.pack("<BHBI", 0x80, 0x1000, 0, 0x0602_0000)
 
 
 class Answers:
-    """A node that is nothing but its answers to SDO requests; expedited, mostly four bytes."""
+    """A node that only answers SDO requests; expedited, mostly four bytes."""
 
     def __init__(self) -> None:
         self.objects = {KIND: 402, RIGID: 20000}
@@ -88,16 +88,16 @@ def service(node: Answers) -> Iterator[Service]:
     one.close()
 
 
-def step(key: tuple[int, int], value: int, access: Access = Access.SET) -> Step:
-    return Step(*key, "u32", f"object {key[0]:#x}", value, access, -1)
+def step(key: tuple[int, int], value: int, access: Access = Access.SET) -> SetupStep:
+    return SetupStep(*key, "u32", f"object {key[0]:#x}", value, access, -1)
 
 
 def test_writing_is_read_back_and_a_write_that_did_nothing_is_named(
     service: Service, node: Answers
 ) -> None:
     steps = (step((0x6085, 0), 7), step(RIGID, 4096), step(KIND, 402, Access.VERIFY))
-    assert arming.refusal(service.set_up(NODE, steps)) == (
-        "0x608f:01 object 0x608f: wanted 4096 (0x1000), got 20000 (0x4e20)"
+    assert arming.format_mismatches(service.set_up(NODE, steps)) == (
+        "0x608f:01 object 0x608f: expected 4096 (0x1000), got 20000 (0x4e20)"
     )
     assert node.written == [(0x6085, 0, 7), (0x608F, 1, 4096)], "what is verified is not written"
     assert node.commands == [128]
@@ -106,11 +106,11 @@ def test_writing_is_read_back_and_a_write_that_did_nothing_is_named(
 def test_an_abort_is_no_answer_and_the_rest_is_still_done(service: Service, node: Answers) -> None:
     node.refused.add((0x6085, 0))
     found = service.set_up(NODE, (step((0x6085, 0), 7), step((0x6007, 0), 2)))
-    assert [(one.object, one.got) for one in found] == [(0x6085, None)]
+    assert [(one.object, one.actual) for one in found] == [(0x6085, None)]
     assert node.written == [(0x6007, 0, 2)]
 
 
-def test_a_node_that_answers_late_is_waited_for(service: Service, node: Answers) -> None:
+def test_a_late_answer_within_the_timeout_is_accepted(service: Service, node: Answers) -> None:
     node.late = 0.2
     assert service.set_up(NODE, (step((0x6007, 0), 2),)) == ()
 
@@ -149,7 +149,7 @@ def test_answers_of_a_wrong_length_or_meaning_are_none(
     assert service.health()[NODE].code == 0, "and the service lives"
 
 
-def test_an_object_of_another_size_is_not_believed(service: Service) -> None:
+def test_an_object_of_another_size_is_rejected(service: Service) -> None:
     assert service.read(NODE, *KIND, "u16") is None
     assert service.read(NODE, *KIND, "i32") == 402
 
@@ -158,13 +158,13 @@ def test_a_silent_node_keeps_its_age_and_a_restart_is_counted(
     service: Service, node: Answers
 ) -> None:
     before = service.health()[NODE]
-    assert (before.nmt, before.boots, before.code) == (Nmt.SILENT, 0, 0)
+    assert (before.nmt, before.boots, before.code) == (NmtState.SILENT, 0, 0)
     time.sleep(0.05)
-    assert service.health()[NODE].heard == before.heard
-    for state in (Nmt.BOOT, Nmt.PRE_OPERATIONAL, Nmt.OPERATIONAL, Nmt.BOOT):
+    assert service.health()[NODE].last_heartbeat == before.last_heartbeat
+    for state in (NmtState.BOOT, NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL, NmtState.BOOT):
         node.says(0x700 + NODE, bytes((state,)))
     until(lambda: service.health()[NODE].boots == 2, lambda: None)
-    assert service.health()[NODE].heard > before.heard
+    assert service.health()[NODE].last_heartbeat > before.last_heartbeat
 
 
 def test_frames_that_are_no_heartbeat_or_emergency_change_nothing(
@@ -183,7 +183,7 @@ def test_frames_that_are_no_heartbeat_or_emergency_change_nothing(
     assert set(service.health()) == {NODE}
 
 
-def test_a_bus_that_takes_nothing_is_named(
+def test_a_bus_that_accepts_no_frames_is_reported(
     service: Service, node: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object, **__: object) -> None:
@@ -191,7 +191,9 @@ def test_a_bus_that_takes_nothing_is_named(
 
     monkeypatch.setattr(service._can, "send", full)
     for act in (lambda: service.set_up(NODE, foreign_steps(NODE)), lambda: service.start(NODE)):
-        with pytest.raises(ServiceError, match=r"^node 5 cannot be told .*: Transmit buffer full$"):
+        with pytest.raises(
+            ServiceError, match=r"^node 5: cannot send NMT .*: Transmit buffer full$"
+        ):
             act()
     service.stop(NODE)
     assert service.read(NODE, *KIND, "u32") is None
@@ -199,7 +201,7 @@ def test_a_bus_that_takes_nothing_is_named(
         service.scan(0.02)
 
 
-def test_questions_wait_for_room_in_the_queue(
+def test_requests_wait_for_space_in_the_queue(
     service: Service, node: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     send, room = service._can.send, [0]
@@ -215,7 +217,7 @@ def test_questions_wait_for_room_in_the_queue(
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
-def test_a_reader_that_died_is_told_and_closing_raises_nothing(
+def test_a_dead_reader_is_reported_and_closing_raises_nothing(
     service: Service, node: Answers, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def dies(*_: object) -> None:
@@ -228,7 +230,7 @@ def test_a_reader_that_died_is_told_and_closing_raises_nothing(
         try:
             service.health()
         except LinkError as error:
-            return str(error) == "the CAN service is deaf: garbage"
+            return str(error) == "the CAN service receives no frames: garbage"
         return False
 
     until(deaf, lambda: None)
@@ -236,9 +238,7 @@ def test_a_reader_that_died_is_told_and_closing_raises_nothing(
     service.close()
 
 
-def test_a_controller_that_left_the_bus_is_told_and_does_not_come_back_by_itself(
-    service: Service, node: Answers
-) -> None:
+def test_bus_off_is_reported_and_persists(service: Service, node: Answers) -> None:
     def error(kind: int) -> None:
         node.bus.send(can.Message(arbitration_id=kind, data=bytes(8), is_error_frame=True))
 
@@ -262,11 +262,11 @@ def test_a_controller_that_left_the_bus_is_told_and_does_not_come_back_by_itself
     until(off, lambda: None)
     error(0x100)
     node.says(0x700 + NODE, b"\x05")
-    until(lambda: service._health[NODE].nmt == Nmt.OPERATIONAL, lambda: None)
+    until(lambda: service._health[NODE].nmt == NmtState.OPERATIONAL, lambda: None)
     assert off()
 
 
-def test_a_drive_that_falls_silent_while_it_homes_is_named_and_told_to_be_off(
+def test_a_drive_silent_during_homing_is_reported_and_disabled(
     service: Service, node: Answers
 ) -> None:
     node.objects |= {(0x6041, 0): 0x0250}
@@ -276,7 +276,7 @@ def test_a_drive_that_falls_silent_while_it_homes_is_named_and_told_to_be_off(
     assert node.written[-1] == (0x6040, 0, 0)
 
 
-def test_a_drive_that_is_homed_is_left_as_it_is(service: Service, node: Answers) -> None:
+def test_a_homed_drive_is_left_unchanged(service: Service, node: Answers) -> None:
     """A second run must not want to see an outcome change that stands since the first."""
     node.objects |= {(0x6041, 0): 0x1640, (0x6061, 0): homing.MODE}
     node.sizes |= {(0x6041, 0): 2, (0x6061, 0): 1}
@@ -286,4 +286,4 @@ def test_a_drive_that_is_homed_is_left_as_it_is(service: Service, node: Answers)
 
 def test_a_bus_that_is_not_there_is_named() -> None:
     with pytest.raises(LinkError, match=r"^CAN bus slcan /nowhere: "):
-        Service(Bus("slcan", "/nowhere", 1_000_000, ()))
+        Service(BusSettings("slcan", "/nowhere", 1_000_000, ()))

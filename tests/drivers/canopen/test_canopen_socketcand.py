@@ -1,4 +1,4 @@
-"""The socketcand bus against a server of few words: what is wanted comes, however it is cut."""
+"""The socketcand bus against a minimal server: frames arrive however the stream is split."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.canopen import socketcand_bus
-from drivers.canopen.bus_settings import Bus
-from drivers.canopen.link import _GONE, LinkError, hear_only, open_bus
+from drivers.canopen.bus_settings import BusSettings
+from drivers.canopen.link import _BUS_ERRORS, LinkError, open_bus, set_receive_filter
 from drivers.canopen.socketcand_bus import SocketcandBus
 
 FRAMES = (b"< frame 705 1.5 05 >", b"< frame 185 1.6 AABB >", b"< frame 585 1.7 4300100092010200 >")
 
 
 class Server:
-    """It greets, and then sends what it is told to."""
+    """Greets, and then sends the given bytes."""
 
     def __init__(self, *answers: Sequence[bytes]) -> None:
         """``answers``: pieces that are sent for connecting, open and rawmode, if not the usual."""
@@ -66,7 +66,7 @@ def server() -> Iterator[Server]:
 @pytest.fixture
 def bus(server: Server) -> Iterator[can.BusABC]:
     options = (("host", "127.0.0.1"), ("port", server.port), ("tcp_tune", True))
-    one = open_bus(Bus("socketcand", "can0", 1_000_000, options))
+    one = open_bus(BusSettings("socketcand", "can0", 1_000_000, options))
     yield one
     one.shutdown()
 
@@ -76,12 +76,12 @@ def heard(bus: can.BusABC, count: int) -> list[tuple[int, bytes]]:
     return [(one.arbitration_id, bytes(one.data)) for one in found if one is not None]
 
 
-def test_everything_comes_until_it_is_narrowed(server: Server, bus: can.BusABC) -> None:
+def test_all_frames_arrive_until_filtered(server: Server, bus: can.BusABC) -> None:
     server.send(b"".join(FRAMES))
     assert heard(bus, 3) == [
         (0x705, b"\x05"), (0x185, b"\xaa\xbb"), (0x585, bytes.fromhex("4300100092010200")),
     ]  # fmt: skip
-    hear_only(bus, (0x705, 0x585))
+    set_receive_filter(bus, (0x705, 0x585))
     server.send(b"".join(FRAMES) * 2)
     assert [one for one, _ in heard(bus, 4)] == [0x705, 0x585] * 2
     assert bus.recv(0.0) is None
@@ -89,7 +89,7 @@ def test_everything_comes_until_it_is_narrowed(server: Server, bus: can.BusABC) 
 
 @pytest.mark.parametrize("cut", range(1, len(FRAMES[0]) + len(FRAMES[1])))
 def test_a_frame_may_come_in_two_pieces(server: Server, bus: can.BusABC, cut: int) -> None:
-    hear_only(bus, (0x705, 0x585))
+    set_receive_filter(bus, (0x705, 0x585))
     data = b"".join(FRAMES)
     server.send(data[:cut])
     first = heard(bus, 1) if cut >= len(FRAMES[0]) else [] if bus.recv(0.01) is None else [(0, b"")]
@@ -97,8 +97,8 @@ def test_a_frame_may_come_in_two_pieces(server: Server, bus: can.BusABC, cut: in
     assert [one for one, _ in first + heard(bus, 2 - len(first))] == [0x705, 0x585]
 
 
-def test_an_error_frame_is_heard_when_it_is_narrowed(server: Server, bus: can.BusABC) -> None:
-    hear_only(bus, (0x705,))
+def test_error_frames_pass_the_filter(server: Server, bus: can.BusABC) -> None:
+    set_receive_filter(bus, (0x705,))
     server.send(b"< error 20000040 1.5 >" + FRAMES[0])
     message = bus.recv(2.0)
     assert message is not None
@@ -119,7 +119,7 @@ def test_text_without_end_is_not_kept(server: Server, bus: can.BusABC) -> None:
         assert bus.recv(0.001) is None
     server.send(b">" + FRAMES[0])
     assert heard(bus, 1) == [(0x705, b"\x05")]
-    assert len(bus._rest) <= 256  # type: ignore[attr-defined]
+    assert len(bus._buffer) <= 256  # type: ignore[attr-defined]
 
 
 PIECES = st.sampled_from(
@@ -133,8 +133,8 @@ def test_no_text_raises_anything_but_what_the_link_counts(
 ) -> None:
     bus = object.__new__(SocketcandBus)
     bus._ids = wanted
-    with suppress(*_GONE):
-        made = bus._message(b"".join(pieces))
+    with suppress(*_BUS_ERRORS):
+        made = bus._decode_message(b"".join(pieces))
         assert made is None or made.is_error_frame or wanted is None or made.arbitration_id == 0x705
 
 
@@ -144,7 +144,7 @@ EARLY = b"< frame 705 0.1 05 >"
 
 def opened(server: Server) -> can.BusABC:
     options = (("host", "127.0.0.1"), ("port", server.port), ("tcp_tune", True))
-    return open_bus(Bus("socketcand", "can0", 1_000_000, options))
+    return open_bus(BusSettings("socketcand", "can0", 1_000_000, options))
 
 
 @pytest.mark.parametrize(
@@ -178,8 +178,8 @@ def test_frames_before_an_answer_are_not_taken_for_it(
     [
         ((HI, (b"< error could not open bus >",)), "refuses < open can0 >: could not open bus"),
         ((HI, OK, (EARLY, b"< error unknown command >")), "refuses < rawmode >: unknown command"),
-        ((HI, OK, (b"< nonsense >",)), "answers < rawmode > by '< nonsense >', not '< ok >'"),
-        (((b"SSH-2.0-OpenSSH_9.2" * 20,),), "answers connecting by 'SSH-2.0-OpenSSH_9.2"),
+        ((HI, OK, (b"< nonsense >",)), "answers < rawmode > with '< nonsense >', not '< ok >'"),
+        (((b"SSH-2.0-OpenSSH_9.2" * 20,),), "answers connecting with 'SSH-2.0-OpenSSH_9.2"),
     ],
 )
 def test_an_answer_that_is_an_error_is_named(
@@ -192,7 +192,7 @@ def test_an_answer_that_is_an_error_is_named(
 
 
 def test_a_server_that_ends_or_says_nothing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(socketcand_bus, "ANSWER", 0.3)
+    monkeypatch.setattr(socketcand_bus, "ANSWER_TIMEOUT", 0.3)
     silent = Server(HI, ())
     with pytest.raises(LinkError, match=re.escape("no answer to < open can0 > in 0.3 s")):
         opened(silent)

@@ -76,7 +76,7 @@ def test_states_have_plain_twins_in_their_order() -> None:
     ]  # fmt: skip
 
 
-def test_words_for_people() -> None:
+def test_statusword_texts() -> None:
     assert describe(0x1637) == (
         "0x1637 operation enabled, voltage enabled, remote, target reached, mode bit 12"
     )

@@ -14,14 +14,14 @@ from drivers.compax3.codec import (
     Kind,
     Object,
     Record,
+    allows_size,
     decode_record,
     encode_record,
-    may_hold,
+    error_number,
     read_request,
-    refusal,
     write_request,
 )
-from drivers.compax3.values import Form, decode_value, decode_values, encode_value
+from drivers.compax3.values import NumberFormat, decode_value, decode_values, encode_value
 from drivers.errors import CodecError
 
 # Printed in every manual of the series, 192-120100 page 157 among them.
@@ -32,7 +32,7 @@ ACK = bytes.fromhex("06 01 00 00 BA 87")
 
 
 def sized(kind: Kind) -> st.SearchStrategy[bytes]:
-    lengths = st.integers(1, 256).filter(lambda size: may_hold(kind, size))
+    lengths = st.integers(1, 256).filter(lambda size: allows_size(kind, size))
     if kind is Kind.ACK:
         return st.just(b"\x00\x00")
     return lengths.flatmap(lambda size: st.binary(min_size=size, max_size=size))
@@ -46,34 +46,34 @@ def records(draw: st.DrawFn) -> Record:
     return Record(kind, address, draw(st.integers(0, int(request))), draw(sized(kind)))
 
 
-def test_a_read_is_the_manuals() -> None:
+def test_read_request_equals_manual_example() -> None:
     assert read_request((Object(680, 5),), address=3) == READ_680_5
     assert decode_record(READ_680_5) == Record(Kind.READ, 3, 0, bytes.fromhex("02A805"))
 
 
-def test_a_write_is_the_manuals() -> None:
-    value = encode_value(Form.REAL48, 2350.0)
+def test_write_request_equals_manual_example() -> None:
+    value = encode_value(NumberFormat.REAL48, 2350.0)
     assert write_request(Object(1901, 1), value, address=2) == WRITE_1901_1
     assert decode_record(WRITE_1901_1).data[3:] == value
 
 
-def test_a_response_is_the_manuals() -> None:
+def test_response_equals_manual_example() -> None:
     record = decode_record(RESPONSE)
     assert record == Record(Kind.RESPONSE, NO_ADDRESS, 0, bytes.fromhex("FFFFFFFFFE2D"))
-    assert decode_value(Form.REAL48, record.data) == -467 / 2**24
+    assert decode_value(NumberFormat.REAL48, record.data) == -467 / 2**24
     assert encode_record(record) == RESPONSE
 
 
-def test_an_acknowledgement_is_the_manuals() -> None:
+def test_ack_equals_manual_example() -> None:
     assert decode_record(ACK) == Record(Kind.ACK, NO_ADDRESS, 0, b"\x00\x00")
     assert encode_record(decode_record(ACK)) == ACK
-    assert refusal(decode_record(ACK)) == 0
+    assert error_number(decode_record(ACK)) == 0
 
 
-def test_a_refusal_carries_its_number() -> None:
+def test_nak_carries_error_number() -> None:
     nak = encode_record(Record(Kind.NAK, NO_ADDRESS, 0, b"\x73\x20"))
     assert nak[:4] == bytes.fromhex("07 01 73 20")
-    assert refusal(decode_record(nak)) == 29472
+    assert error_number(decode_record(nak)) == 29472
 
 
 def test_without_an_address_no_address_byte_is_sent() -> None:
@@ -85,11 +85,11 @@ def test_the_plc_bit_is_bit_three() -> None:
     assert write_request(Object(1100, 3), b"\x40\x03", address=7, plc=1)[:2] == b"\xcd\x07"
 
 
-def test_several_objects_are_asked_for_at_once() -> None:
+def test_one_request_reads_several_objects() -> None:
     asked = read_request((Object(680, 5), Object(681, 5), Object(1000, 3)))
     assert asked[:11] == bytes.fromhex("A4 08 02A805 02A905 03E803")
     data = bytes.fromhex("000001800000 FFFFFF 000064")
-    forms = (Form.REAL48, Form.INT24, Form.INT24)
+    forms = (NumberFormat.REAL48, NumberFormat.INT24, NumberFormat.INT24)
     assert decode_values(forms, data) == (1.5, -1.0, 100.0)
     with pytest.raises(CodecError, match="12 bytes"):
         decode_values(forms, data[:-1])
@@ -149,7 +149,7 @@ def test_objects_beyond_the_width_are_refused() -> None:
 
 
 @given(records())
-def test_there_and_back(record: Record) -> None:
+def test_round_trip(record: Record) -> None:
     assert decode_record(encode_record(record)) == record
 
 
@@ -160,7 +160,7 @@ def test_any_bytes_decode_or_are_refused(data: bytes) -> None:
 
 
 @given(records(), st.data())
-def test_a_flipped_bit_is_seen(record: Record, data: st.DataObject) -> None:
+def test_a_flipped_bit_is_detected(record: Record, data: st.DataObject) -> None:
     sent = bytearray(encode_record(record))
     bit = data.draw(st.integers(0, 8 * len(sent) - 1))
     sent[bit // 8] ^= 1 << bit % 8

@@ -8,7 +8,7 @@ from stream_pieces import drain, pieces
 
 from drivers.compax3 import stream
 from drivers.compax3.codec import NO_ADDRESS, Kind, Record, encode_record
-from drivers.compax3.text import Answer, Reply, decode_line
+from drivers.compax3.text import Reply, ReplyKind, decode_line
 
 RESPONSE = bytes.fromhex("05 05 FF FF FF FF FE 2D 07 B4")
 ACK = bytes.fromhex("06 01 00 00 BA 87")
@@ -46,18 +46,18 @@ def run(*parts: bytes) -> tuple[stream.State, list[stream.Message]]:
 
 def test_both_kinds_come_out_in_order() -> None:
     state, messages = run(b"*12.5\r" + ACK + b">\r" + RESPONSE)
-    answers = [m.kind if isinstance(m, Record) else m.answer for m in messages]
-    assert answers == [Answer.VALUE, Kind.ACK, Answer.ACCEPTED, Kind.RESPONSE]
+    answers = [message.kind for message in messages]
+    assert answers == [ReplyKind.VALUE, Kind.ACK, ReplyKind.ACCEPTED, Kind.RESPONSE]
     assert state == stream.start()
 
 
-def test_a_line_feed_after_the_return_is_nothing() -> None:
+def test_a_line_feed_after_the_return_is_ignored() -> None:
     state, messages = run(b"1\r\n2\r\n")
     assert [m.value for m in messages if isinstance(m, Reply)] == [1.0, 2.0]
     assert state == stream.start()
 
 
-def test_the_tail_of_a_broken_number_is_no_number() -> None:
+def test_the_tail_of_a_broken_number_is_rejected() -> None:
     state, messages = run(b"12\x80.5\r" + b"7\r")
     assert [m.value for m in messages if isinstance(m, Reply)] == [7.0]
     assert state.dropped == 5
@@ -65,14 +65,14 @@ def test_the_tail_of_a_broken_number_is_no_number() -> None:
 
 def test_a_line_that_is_no_reply_is_counted() -> None:
     state, messages = run(b"!12\r>\r")
-    assert [m.answer for m in messages if isinstance(m, Reply)] == [Answer.ACCEPTED]
+    assert [m.kind for m in messages if isinstance(m, Reply)] == [ReplyKind.ACCEPTED]
     assert (state.bad_lines, state.dropped) == (1, 3)
 
 
-def test_a_line_without_end_is_not_kept() -> None:
+def test_an_endless_line_is_dropped() -> None:
     state, messages = run(*[b"9" * 50] * 1000, b"\r>\r")
     assert len(state.pending) <= stream.MAX_LINE
-    assert [m.answer for m in messages if isinstance(m, Reply)] == [Answer.ACCEPTED]
+    assert [m.kind for m in messages if isinstance(m, Reply)] == [ReplyKind.ACCEPTED]
     assert (state.bad_lines, state.dropped) == (1, 50_000)
 
 
@@ -85,25 +85,25 @@ def test_a_record_with_a_flipped_bit_is_counted_and_the_next_comes() -> None:
     assert state.dropped == len(RESPONSE)
 
 
-def test_a_false_start_holds_back_until_the_pause() -> None:
+def test_a_false_start_delays_messages_until_the_pause() -> None:
     state, messages = run(b"\x05\xf0" + ACK)  # 241 data bytes are promised
     assert messages == []
-    state, messages = stream.pause(state)
+    state, messages = stream.flush_stalled(state)
     assert messages == [Record(Kind.ACK, NO_ADDRESS, 0, b"\x00\x00")]
     assert (state.pending, state.dropped) == (b"", 2)
 
 
 def test_after_a_pause_half_a_line_is_gone_and_a_new_one_may_begin() -> None:
     state, _ = run(b"12")
-    state, messages = stream.pause(state)
+    state, messages = stream.flush_stalled(state)
     assert messages == []
     _, messages = stream.feed(state, b"3\r")
     assert [m.value for m in messages if isinstance(m, Reply)] == [3.0]
 
 
-def test_a_pause_between_messages_is_nothing() -> None:
+def test_a_pause_between_messages_has_no_effect() -> None:
     state, _ = run(ACK)
-    assert stream.pause(state) == (state, [])
+    assert stream.flush_stalled(state) == (state, [])
 
 
 @given(st.lists(reply_records | lines, max_size=6), st.lists(st.integers(0, 2000), max_size=8))
@@ -121,7 +121,7 @@ def test_splits_have_no_effect_on_any_bytes(drawn: st.DataObject, cuts: list[int
     data = drawn.draw(mixed)
     whole = drain(stream.feed, stream.start(), [data])
     assert drain(stream.feed, stream.start(), pieces(data, cuts)) == whole
-    paused, _ = stream.pause(whole[0])
+    paused, _ = stream.flush_stalled(whole[0])
     assert paused.pending == b""
 
 
@@ -144,7 +144,7 @@ def test_records_come_through_noise_that_holds_no_start_code(
 @given(st.binary(max_size=300), reply_records)
 def test_after_any_noise_and_a_pause_the_next_record_comes(data: bytes, record: Record) -> None:
     state, _ = drain(stream.feed, stream.start(), [data])
-    state, _ = stream.pause(state)
+    state, _ = stream.flush_stalled(state)
     state, messages = stream.feed(state, encode_record(record))
     assert messages == [record]
 
@@ -164,7 +164,7 @@ def test_every_byte_is_accounted_for(data: bytes) -> None:
 def test_only_replies_are_looked_for() -> None:
     """A request that comes back (echo of a two-wire adapter) is the link's to take off."""
     state, messages = run(bytes.fromhex("A5 03 02 02 A8 05 E1 46") + ACK)
-    state, more = stream.pause(state)
+    state, more = stream.flush_stalled(state)
     assert [m for m in messages + more if isinstance(m, Record)] == [
         Record(Kind.ACK, NO_ADDRESS, 0, b"\x00\x00")
     ]

@@ -1,4 +1,4 @@
-"""A drive that answers later than it may is never taken for one that answers in time."""
+"""Late answers of a drive are never accepted as answers in time."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ ANSWER, STEP = 0.1, 0.001  # s
 def asked_for(seconds: float, late: float, lost: frozenset[int] = frozenset()) -> Requests:
     """A line on which every `_?` is answered ``late`` s later, but for those that are lost."""
     line = Requests("servo", NO_ADDRESS, "C3", Timing(ANSWER, 0.02))
-    line.opened(0.0)
+    line.on_open(0.0)
     due: list[float] = []
     said = 0
     for tick in range(round(seconds / STEP)):
         now = tick * STEP
         come = NAME if due and due[0] <= now else b""
         del due[: 1 if come else 0]
-        line.take(come, now)
-        if line.known:
+        line.receive(come, now)
+        if line.is_identified:
             break
-        if line.upkeep(now, b""):
+        if line.recovery_message(now, b""):
             if said not in lost:
                 due.append(now + late)
             said += 1
@@ -32,18 +32,18 @@ def asked_for(seconds: float, late: float, lost: frozenset[int] = frozenset()) -
 
 
 @pytest.mark.parametrize("late", [0.102, 0.115, 0.125, 0.24, 0.5, 0.99, 1.5, 3.0])
-def test_names_that_come_too_late_are_not_believed(late: float) -> None:
+def test_late_identification_is_rejected(late: float) -> None:
     line = asked_for(10.0, late)
-    assert not line.known
+    assert not line.is_identified
     assert line.name == ""
-    assert line.trouble == "answers, but later than 0.1 s"
+    assert line.problem == "answers, but later than 0.1 s"
 
 
 @pytest.mark.parametrize("late", [0.0, 0.01, 0.09])
-def test_a_name_in_time_is_believed_at_once(late: float) -> None:
-    assert asked_for(0.05 + late, late).known
+def test_identification_in_time_is_accepted(late: float) -> None:
+    assert asked_for(0.05 + late, late).is_identified
 
 
-def test_a_question_that_was_lost_is_written_off() -> None:
+def test_a_lost_request_expires() -> None:
     """A silence of ten times `answer`, and one question more."""
-    assert asked_for(16 * ANSWER, 0.01, frozenset({0, 1, 2})).known
+    assert asked_for(16 * ANSWER, 0.01, frozenset({0, 1, 2})).is_identified

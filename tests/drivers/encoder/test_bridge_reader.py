@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 from device_peers import BridgePeer
-from spoilt_port import STEP, SpoiltPort
+from spoilt_port import STEP, FaultyPort
 from stream_subjects import BRIDGE
 
 from drivers.conversation import Exchange
 from drivers.encoder.bridge_reader import BridgeReader, Quality
-from drivers.encoder.ssi import Protocol
+from drivers.encoder.ssi import SsiProtocol
 from drivers.errors import CodecError
 
 
@@ -20,7 +20,7 @@ class Bench:
     def __init__(self, **changes: Any) -> None:
         self.peer = BridgePeer()
         self.reader = BridgeReader(BRIDGE._replace(**changes))
-        self.port = SpoiltPort(self.peer)
+        self.port = FaultyPort(self.peer)
         self.exchange = Exchange(self.port, self.reader)
 
     @property
@@ -38,7 +38,7 @@ class Bench:
     def run(self, seconds: float) -> Bench:
         for _ in range(round(seconds / STEP)):
             self.port.step()
-            self.exchange.turn()
+            self.exchange.step()
         return self
 
 
@@ -54,23 +54,23 @@ def test_both_angles_run_over_many_turns() -> None:
     assert bench.reader.explain(bench.now) == ""
 
 
-def test_before_the_first_frame_nothing_is_known() -> None:
+def test_before_the_first_frame_ages_are_very_large() -> None:
     bench = Bench()
     assert bench.motor.quality is Quality.NEVER
     assert bench.motor.age > 1e8
     assert bench.reader.explain(0.0) == "bridge: no frame for 0.1 s"
-    assert bench.reader.speak(0.0) == b""
+    assert bench.reader.next_message(0.0) == b""
 
 
-def test_what_waited_in_a_buffer_is_as_old_as_it_is() -> None:
+def test_buffered_frames_have_their_true_age() -> None:
     bench = Bench().run(1.0)
     late = b"".join(b"".join(bench.peer.tick(bench.now + n * 0.002)) for n in range(1, 21))
-    bench.reader.take(late, bench.now + 0.2)  # 20 frames that wait until 0.16 s after the last
+    bench.reader.receive(late, bench.now + 0.2)  # 20 frames that wait until 0.16 s after the last
     assert bench.reader.read(bench.now + 0.2).motor.age == pytest.approx(0.16, abs=0.003)
 
 
-def test_the_least_delay_is_added_to_every_age() -> None:
-    plain, added = Bench().run(1.0), Bench(least_delay=0.004).run(1.0)
+def test_the_min_delay_is_added_to_every_age() -> None:
+    plain, added = Bench().run(1.0), Bench(min_delay=0.004).run(1.0)
     assert added.motor.age == pytest.approx(plain.motor.age + 0.004, abs=1e-9)
 
 
@@ -92,9 +92,7 @@ def test_a_drifting_clock_changes_no_age() -> None:
         ({"frozen": True}, Quality.STUCK),
     ],
 )
-def test_a_word_that_is_none_is_named_and_grows_old(
-    change: dict[str, Any], quality: Quality
-) -> None:
+def test_an_invalid_word_is_reported_and_ages(change: dict[str, Any], quality: Quality) -> None:
     bench = Bench().run(1.0)
     before = bench.motor
     for name, value in change.items():
@@ -104,7 +102,7 @@ def test_a_word_that_is_none_is_named_and_grows_old(
     assert after.quality is quality
     assert after.angle == pytest.approx(before.angle, abs=0.01)
     assert after.age >= 0.045
-    assert after.refused >= 20
+    assert after.rejected >= 20
     assert f"motor encoder {quality.name.lower()}" in bench.reader.explain(bench.now)
     assert bench.shaft.quality is Quality.GOOD  # the other goes on
     bench.peer.valid, bench.peer.status, bench.peer.frozen = 1, 0, False
@@ -121,14 +119,14 @@ def test_a_jump_is_refused() -> None:
     assert bench.motor.angle == pytest.approx(3.0, abs=0.02)
 
 
-def test_another_protocol_than_agreed_is_not_read() -> None:
-    motor = BRIDGE.motor._replace(protocol=Protocol.SSI9)
+def test_another_protocol_than_configured_is_rejected() -> None:
+    motor = BRIDGE.motor._replace(protocol=SsiProtocol.SSI9)
     bench = Bench(motor=motor).run(0.1)
     assert bench.motor.quality is Quality.OTHER_PROTOCOL
     assert bench.shaft.quality is Quality.GOOD
 
 
-def test_a_silence_of_half_a_turn_loses_the_turns_until_begun_anew() -> None:
+def test_a_silence_of_half_a_turn_loses_the_turns_until_reset() -> None:
     bench = Bench().run(1.0)
     bench.port.fault = "silent"
     bench.run(0.3)
@@ -137,7 +135,7 @@ def test_a_silence_of_half_a_turn_loses_the_turns_until_begun_anew() -> None:
     bench.run(0.1)
     assert bench.motor.quality is bench.shaft.quality is Quality.LOST
     assert bench.motor.age > 0.39
-    bench.reader.begin_anew()
+    bench.reader.reset_turns()
     bench.run(0.1)
     motor = bench.motor
     assert motor.quality is Quality.GOOD
@@ -156,12 +154,12 @@ def test_a_short_silence_loses_nothing() -> None:
     bench.run(0.1)
     assert bench.motor.quality is Quality.GOOD
     assert bench.motor.angle == pytest.approx(3.0 * (bench.now - bench.motor.age), abs=2e-5)
-    assert bench.reader.counts.missing >= 49
+    assert bench.reader.error_counts.missing >= 49
 
 
 @pytest.mark.parametrize("first_comes", [True, False])
 @pytest.mark.parametrize("base", [0, 60_000_000])
-def test_a_bridge_that_starts_anew_goes_on_with_the_turns(first_comes: bool, base: int) -> None:
+def test_a_bridge_restart_keeps_the_turns(first_comes: bool, base: int) -> None:
     """Its clock begins anywhere; with or without its first frame, which says so."""
     bench = Bench().run(5.0)
     bench.peer.power_cycle(bench.now)
@@ -175,13 +173,13 @@ def test_a_bridge_that_starts_anew_goes_on_with_the_turns(first_comes: bool, bas
     assert bench.motor.angle == pytest.approx(3.0 * (bench.now - bench.motor.age), abs=2e-5)
 
 
-def test_frames_that_come_twice_are_not_new() -> None:
+def test_repeated_frames_are_ignored() -> None:
     bench = Bench().run(1.0)
     frames = [b"".join(bench.peer.tick(bench.now + n * 0.002)) for n in range(1, 4)]
     later = bench.now + 0.008
-    bench.reader.take(b"".join(frames), later)
+    bench.reader.receive(b"".join(frames), later)
     angle, age = bench.reader.read(later).motor[:2]
-    bench.reader.take(b"".join(frames[:2]), later + 0.01)
+    bench.reader.receive(b"".join(frames[:2]), later + 0.01)
     assert bench.reader.repeated == 2
     assert bench.reader.restarts == 0
     assert bench.reader.read(later + 0.01).motor[:2] == pytest.approx((angle, age + 0.01))
@@ -191,11 +189,11 @@ def test_frames_that_come_twice_are_not_new() -> None:
     "wrong",
     [
         {"window": 0.0},
-        {"silent": 0.0},
-        {"least_delay": -0.001},
+        {"silence_timeout": 0.0},
+        {"min_delay": -0.001},
         {"motor": BRIDGE.motor._replace(direction=0.5)},
     ],
 )
-def test_settings_that_cannot_be_are_refused(wrong: dict[str, Any]) -> None:
+def test_invalid_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(CodecError):
         BridgeReader(BRIDGE._replace(**wrong))

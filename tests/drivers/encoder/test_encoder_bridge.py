@@ -25,14 +25,14 @@ from drivers.encoder.bridge import (
     feed,
     start,
 )
-from drivers.encoder.ssi import BITS, Protocol
+from drivers.encoder.ssi import WORD_BITS, SsiProtocol
 from drivers.errors import CodecError
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "encoder_bridge.md").read_text()
 EXAMPLE = bytes.fromhex(re.findall(r"^EB 90 .*$", PAGE, re.MULTILINE)[0])
-GOLDEN = Frame(258, 0, 1_000_000, Protocol.SSI4, 0xED2D2923, Protocol.SSI1, 0x00C12345)
+GOLDEN = Frame(258, 0, 1_000_000, SsiProtocol.SSI4, 0xED2D2923, SsiProtocol.SSI1, 0x00C12345)
 
-protocols = st.sampled_from(list(Protocol))
+protocols = st.sampled_from(list(SsiProtocol))
 
 
 @st.composite
@@ -43,9 +43,9 @@ def frames(draw: st.DrawFn, sequence: int | None = None) -> Frame:
         draw(st.integers(0, 7 if sequence is not None else 15)),
         draw(st.integers(0, 2**64 - 1)),
         motor,
-        draw(st.integers(0, (1 << BITS[motor]) - 1)),
+        draw(st.integers(0, (1 << WORD_BITS[motor]) - 1)),
         shaft,
-        draw(st.integers(0, (1 << BITS[shaft]) - 1)),
+        draw(st.integers(0, (1 << WORD_BITS[shaft]) - 1)),
     )
 
 
@@ -88,7 +88,7 @@ def test_the_table_of_the_page_lays_out_the_same_bytes(frame: Frame) -> None:
 
 
 @given(frames())
-def test_there_and_back(frame: Frame) -> None:
+def test_round_trip(frame: Frame) -> None:
     assert decode(encode(frame)) == frame
     assert len(encode(frame)) == SIZE
 
@@ -109,7 +109,7 @@ def test_any_bytes_decode_or_are_refused(data: bytes) -> None:
         (20, 1, "shaft word"),  # 24 bits in SSI1
     ],
 )
-def test_content_that_means_nothing_is_refused_by_name(at: int, byte: int, where: str) -> None:
+def test_invalid_content_is_refused_by_name(at: int, byte: int, where: str) -> None:
     body = bytearray(EXAMPLE[2:-2])
     body[at - 2] = byte
     with pytest.raises(CodecError, match=where):
@@ -153,7 +153,7 @@ noise = st.lists(st.sampled_from([b"\xeb", b"\x90", b"\xeb\x90", b"\x00", b"\x55
 
 
 @given(noise | st.binary(max_size=60), trains, noise, st.lists(st.integers(0, 1000), max_size=8))
-def test_noise_costs_no_frame_behind_it(
+def test_noise_loses_no_later_frame(
     before: bytes, sent: tuple[Frame, ...], between: bytes, cuts: list[int]
 ) -> None:
     data = before + between.join(map(encode, sent)) + bytes(SIZE)
@@ -199,7 +199,7 @@ def test_a_repeated_frame_is_not_given_out() -> None:
     assert (state.repeated, state.missing) == (1, 0)
 
 
-def test_a_bridge_that_began_anew() -> None:
+def test_a_bridge_that_restarted() -> None:
     fresh = encode(GOLDEN._replace(sequence=0, status=RESTARTED))
     state, got = feed(start(), numbered(500) + fresh + numbered(1))
     assert len(got) == 3
@@ -217,7 +217,7 @@ def test_a_corrupt_frame_is_missing_and_bad() -> None:
     assert (state.missing, state.bad_frames, state.dropped) == (1, 1, SIZE)
 
 
-def test_nothing_piles_up() -> None:
+def test_pending_bytes_are_bounded() -> None:
     state = start()
     for _ in range(100):
         state, _ = feed(state, b"\xeb\x90\x01" * 50)

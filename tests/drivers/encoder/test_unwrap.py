@@ -92,7 +92,7 @@ def test_a_pause_too_long_loses_the_turns_even_if_the_count_looks_near() -> None
     assert state.position == 100
 
 
-def test_what_is_no_count_of_a_turn_is_refused() -> None:
+def test_counts_outside_a_turn_are_refused() -> None:
     state, outcomes = run(PARAMS, [(TURN, 0), (-1, 0), (5, 0), (TURN, 1000)])
     refused = Outcome.OUT_OF_TURN
     assert outcomes == [refused, refused, Outcome.ACCEPTED, refused]

@@ -15,12 +15,12 @@ from drivers.errors import CodecError
 from drivers.force_torque.digital_ft_calibration import (
     BLOCK_SIZE,
     FIRST_REGISTER,
-    MOST_REGISTERS,
+    MAX_REGISTERS,
     REGISTERS,
+    calibration_scale,
     decode_calibration,
-    decode_registers,
-    read_registers,
-    scaling,
+    decode_read,
+    encode_read,
 )
 
 MATRIX = tuple(tuple(float(10 * row + column) + 0.5 for column in range(6)) for row in range(6))
@@ -52,21 +52,21 @@ def sealed(body: bytes) -> bytes:
 
 
 def test_requests_are_golden() -> None:
-    assert read_registers(FIRST_REGISTER, 125) == sealed(bytes.fromhex("0A 03 00E3 007D"))
+    assert encode_read(FIRST_REGISTER, 125) == sealed(bytes.fromhex("0A 03 00E3 007D"))
     # The same request at another unit and place, as printed by another maker.
-    assert read_registers(0x0300, 2, unit=1) == bytes.fromhex("01 03 03 00 00 02 C4 4F")
+    assert encode_read(0x0300, 2, unit=1) == bytes.fromhex("01 03 03 00 00 02 C4 4F")
     for first, count in ((0, 0), (0, 126), (-1, 5), (65535, 2)):
         with pytest.raises(CodecError, match="range"):
-            read_registers(first, count)
+            encode_read(first, count)
 
 
 def test_the_block_is_read_in_two_parts() -> None:
     data = block()
     assert len(data) == BLOCK_SIZE == 338
-    half = 2 * MOST_REGISTERS
+    half = 2 * MAX_REGISTERS
     replies = [sealed(bytes([10, 3, len(part)]) + part) for part in (data[:half], data[half:])]
-    counts = (MOST_REGISTERS, REGISTERS - MOST_REGISTERS)
-    joined = b"".join(decode_registers(n, r) for n, r in zip(counts, replies, strict=True))
+    counts = (MAX_REGISTERS, REGISTERS - MAX_REGISTERS)
+    joined = b"".join(decode_read(n, r) for n, r in zip(counts, replies, strict=True))
     assert joined == data
 
 
@@ -84,7 +84,7 @@ def test_the_block_is_read_in_two_parts() -> None:
 )
 def test_another_answer_is_refused_by_name(reply: bytes, where: str) -> None:
     with pytest.raises(CodecError, match=where):
-        decode_registers(1, reply)
+        decode_read(1, reply)
 
 
 def test_every_field_is_where_it_belongs() -> None:
@@ -98,7 +98,7 @@ def test_every_field_is_where_it_belongs() -> None:
     assert (read.per_force, read.per_torque) == (1_000_000, 500_000)
     assert read.gains == (100, 101, 102, 103, 104, 105)
     assert read.offsets == (200, 201, 202, 203, 204, 205)
-    assert scaling(read, "N", "N-m") == (1e-6, 2e-6)
+    assert calibration_scale(read, "N", "N-m") == (1e-6, 2e-6)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_every_field_is_where_it_belongs() -> None:
         ({"user": b""}, "length"),
     ],
 )
-def test_a_block_that_makes_no_sense_is_refused(changes: dict[str, bytes], where: str) -> None:
+def test_an_invalid_block_is_refused(changes: dict[str, bytes], where: str) -> None:
     with pytest.raises(CodecError, match=where):
         decode_calibration(block(**changes))
 
@@ -126,4 +126,4 @@ def test_any_block_decodes_or_is_refused(data: bytes) -> None:
 @given(st.integers(1, 125), st.binary(max_size=260) | st.binary(max_size=260).map(sealed))
 def test_any_reply_decodes_or_is_refused(count: int, reply: bytes) -> None:
     with contextlib.suppress(CodecError):
-        assert len(decode_registers(count, reply)) == 2 * count
+        assert len(decode_read(count, reply)) == 2 * count

@@ -12,25 +12,25 @@ from stream_pieces import drain, pieces
 
 from drivers.errors import CodecError
 from drivers.force_torque.digital_ft import (
-    DONE,
     LOCK,
     SAMPLE_SIZE,
     START_STREAM,
     STORAGE,
     STREAM,
+    SUCCESS,
     UNLOCK,
     Sample,
     State,
-    command,
-    confirm,
+    check_reply,
     decode_sample,
+    encode_command,
+    encode_jam,
     encode_sample,
     feed,
-    jam,
-    saturated,
+    is_checksum_valid,
+    saturated_gauges,
     start,
     start_at_sample,
-    sum_holds,
 )
 
 # Gauges 1, -2, 3, -4, 5, -6 in matrix order; on the wire 1 3 5 -2 -4 -6, sum 0x5F9 -> 79.
@@ -58,24 +58,30 @@ def wire(sent: list[Sample]) -> bytes:
 
 
 def test_commands_are_golden() -> None:
-    assert command(STREAM, START_STREAM) == bytes.fromhex("0A 46 55 A3 9D")
-    assert command(STORAGE, UNLOCK)[:3] == bytes.fromhex("0A 6A AA")
-    assert command(STORAGE, LOCK)[:3] == bytes.fromhex("0A 6A 18")
+    assert encode_command(STREAM, START_STREAM) == bytes.fromhex("0A 46 55 A3 9D")
+    assert encode_command(STORAGE, UNLOCK)[:3] == bytes.fromhex("0A 6A AA")
+    assert encode_command(STORAGE, LOCK)[:3] == bytes.fromhex("0A 6A 18")
 
 
-def test_only_the_yes_to_this_command_is_one() -> None:
-    yes = command(STREAM, DONE)
-    confirm(STREAM, yes)
-    for bad in (b"", yes[:-1], yes + b"\x00", command(STORAGE, DONE), command(STREAM, 0)):
+def test_only_the_reply_to_this_command_confirms_it() -> None:
+    yes = encode_command(STREAM, SUCCESS)
+    check_reply(STREAM, yes)
+    for bad in (
+        b"",
+        yes[:-1],
+        yes + b"\x00",
+        encode_command(STORAGE, SUCCESS),
+        encode_command(STREAM, 0),
+    ):
         with pytest.raises(CodecError, match="reply"):
-            confirm(STREAM, bad)
+            check_reply(STREAM, bad)
 
 
 def test_a_jam_is_long_enough() -> None:
-    assert len(jam()) == 14
-    assert len(jam(40)) == 40
+    assert len(encode_jam()) == 14
+    assert len(encode_jam(40)) == 40
     with pytest.raises(CodecError, match="14"):
-        jam(13)
+        encode_jam(13)
 
 
 def test_a_sample_is_golden_and_its_gauges_in_order() -> None:
@@ -86,9 +92,9 @@ def test_a_sample_is_golden_and_its_gauges_in_order() -> None:
 
 
 @given(samples)
-def test_there_and_back(sample: Sample) -> None:
+def test_round_trip(sample: Sample) -> None:
     data = encode_sample(sample)
-    assert sum_holds(data)
+    assert is_checksum_valid(data)
     assert decode_sample(data) == sample
 
 
@@ -103,7 +109,7 @@ def test_one_flipped_bit_is_seen_unless_it_is_a_bytes_highest(sample: Sample, bi
     """128 is nothing to a 7-bit sum: the top bit of each byte is not protected."""
     data = bytearray(encode_sample(sample))
     data[bit // 8] ^= 1 << bit % 8
-    assert sum_holds(bytes(data)) == (bit % 8 == 7)
+    assert is_checksum_valid(bytes(data)) == (bit % 8 == 7)
 
 
 def test_what_is_no_count_is_not_encoded() -> None:
@@ -113,8 +119,8 @@ def test_what_is_no_count_is_not_encoded() -> None:
 
 
 def test_saturated_gauges_are_named_by_their_bits() -> None:
-    assert saturated(Sample((0, 32767, -32768, 32766, 0, -32767), 0), 32767) == 0b100110
-    assert saturated(Sample((0, 0, 0, 0, 0, 0), 0), 30000) == 0
+    assert saturated_gauges(Sample((0, 32767, -32768, 32766, 0, -32767), 0), 32767) == 0b100110
+    assert saturated_gauges(Sample((0, 0, 0, 0, 0, 0), 0), 30000) == 0
 
 
 @given(st.lists(samples, max_size=8), st.lists(st.integers(0, 500), max_size=8))
@@ -127,7 +133,9 @@ def test_after_the_answer_every_sample_comes_however_split(
 
 
 @given(st.integers(0, 2**32), st.integers(0, 12), st.lists(st.integers(0, 900), max_size=8))
-def test_from_anywhere_in_a_sample_the_place_is_found(seed: int, cut: int, cuts: list[int]) -> None:
+def test_the_boundary_is_found_from_anywhere_in_a_sample(
+    seed: int, cut: int, cuts: list[int]
+) -> None:
     sent = noisy(60, seed)
     state, got = drain(feed, start(), pieces(wire(sent)[cut:], cuts))
     assert state.locked == 1
@@ -159,7 +167,7 @@ def test_lost_bytes_cost_a_few_samples_and_give_no_wrong_one(seed: int, at: int,
     assert state.locked == 1
 
 
-def test_a_force_that_never_changes_is_found_by_its_old_place() -> None:
+def test_a_constant_force_is_found_at_its_old_boundary() -> None:
     """Its bytes repeat exactly, so other places may hold the sum for ever."""
     still = Sample((10, 20, 30, 40, 50, 60), 0)
     data = bytearray(wire([still] * 40))
@@ -178,7 +186,7 @@ def test_two_corrupt_samples_near_each_other_cost_what_lies_between() -> None:
     assert state.dropped == 3 * SAMPLE_SIZE
 
 
-def test_where_several_places_fit_none_is_believed() -> None:
+def test_ambiguous_boundaries_are_rejected() -> None:
     state, got = feed(start(), bytes(13 * 50))  # a dead bus: every place holds the sum
     assert got == []
     assert state.locked == 0

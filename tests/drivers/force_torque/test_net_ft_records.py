@@ -14,27 +14,27 @@ from stream_pieces import drain
 from drivers.errors import CodecError
 from drivers.force_torque.net_ft import (
     AXIA_BITS,
-    MOST_RECORDS,
+    MAX_RECORDS,
     NET_FT_BITS,
     RDT_PORT,
     READ_CALIBRATION,
     TCP_PORT,
     Command,
-    Faults,
     Record,
     Request,
     State,
+    StatusFaults,
+    counts_as_floats,
     decode_calibration,
     decode_record,
     decode_request,
+    decode_status,
     encode_record,
     encode_request,
-    faults,
     feed,
-    floats,
     start,
 )
-from drivers.force_torque.wrench import in_si
+from drivers.force_torque.wrench import to_si
 
 u32, i32 = st.integers(0, 2**32 - 1), st.integers(-(2**31), 2**31 - 1)
 records = st.builds(Record, u32, u32, u32, st.tuples(i32, i32, i32, i32, i32, i32))
@@ -70,7 +70,7 @@ def test_a_record_is_golden() -> None:
 
 
 @given(records)
-def test_there_and_back(record: Record) -> None:
+def test_round_trip(record: Record) -> None:
     assert decode_record(encode_record(record)) == record
 
 
@@ -86,14 +86,14 @@ def test_any_bytes_are_a_request_or_refused(data: bytes) -> None:
         assert encode_request(decode_request(data)) == data
 
 
-def test_what_does_not_fit_is_not_encoded() -> None:
+def test_fields_out_of_range_are_not_encoded() -> None:
     with pytest.raises(CodecError, match="count"):
         encode_request(Request(Command.START, 2**32))
     with pytest.raises(CodecError, match="fields"):
         encode_record(GOLDEN._replace(status=-1))
 
 
-def test_records_in_order_are_given_out() -> None:
+def test_records_in_order_are_returned() -> None:
     state, got = drain(feed, start(), numbered(1, 2, 3))
     assert [record.rdt_sequence for record in got] == [1, 2, 3]
     assert state == State(3, 0, 0, 0)
@@ -113,14 +113,14 @@ def test_gaps_are_counted_exactly_and_over_the_wrap() -> None:
     assert feed(start(), numbered(3)[0])[0].missing == 2
 
 
-def test_repeated_and_overtaken_records_are_not_given_out() -> None:
+def test_repeated_and_overtaken_records_are_dropped() -> None:
     state, got = drain(feed, start(), numbered(1, 3, 3, 2, 4))
     assert [record.rdt_sequence for record in got] == [1, 3, 4]
-    assert (state.repeated, state.missing, state.last) == (2, 1, 4)
+    assert (state.repeated, state.missing, state.last_sequence) == (2, 1, 4)
 
 
 @given(st.sets(st.integers(1, 300), min_size=1))
-def test_given_out_and_missing_add_up(numbers: set[int]) -> None:
+def test_returned_and_missing_records_add_up(numbers: set[int]) -> None:
     state, got = drain(feed, start(), numbered(*sorted(numbers)))
     assert len(got) == len(numbers)
     assert state.missing == max(numbers) - len(numbers)
@@ -135,16 +135,16 @@ def test_any_datagrams_are_records_or_counted(datagrams: list[bytes]) -> None:
     assert all(a.rdt_sequence != b.rdt_sequence for a, b in pairwise(got))
 
 
-def test_a_datagram_that_is_none_of_the_boxs_is_counted() -> None:
-    many = b"".join(numbered(*range(1, MOST_RECORDS + 2)))
+def test_an_invalid_datagram_is_counted() -> None:
+    many = b"".join(numbered(*range(1, MAX_RECORDS + 2)))
     state, got = drain(feed, start(), [b"", GOLDEN_BYTES[:-1], GOLDEN_BYTES + b"\x00", many])
     assert got == []
     assert state.bad_datagrams == 4
 
 
 def test_a_full_datagram_is_taken() -> None:
-    state, got = feed(start(), b"".join(numbered(*range(1, MOST_RECORDS + 1))))
-    assert len(got) == MOST_RECORDS
+    state, got = feed(start(), b"".join(numbered(*range(1, MAX_RECORDS + 1))))
+    assert len(got) == MAX_RECORDS
     assert state.bad_datagrams == 0
 
 
@@ -154,20 +154,20 @@ def test_ports_are_the_boxs() -> None:
 
 @pytest.mark.parametrize("bit", range(32))
 def test_each_status_bit_means_what_the_tables_say(bit: int) -> None:
-    net, axia = faults(NET_FT_BITS, 1 << bit), faults(AXIA_BITS, 1 << bit)
-    assert net == Faults(1, int(bit == 17), int(bit in (8, 9)))
-    assert axia == Faults(1, int(bit in (27, 30)), int(bit == 2))
+    net, axia = decode_status(NET_FT_BITS, 1 << bit), decode_status(AXIA_BITS, 1 << bit)
+    assert net == StatusFaults(1, int(bit == 17), int(bit in (8, 9)))
+    assert axia == StatusFaults(1, int(bit in (27, 30)), int(bit == 2))
 
 
 def test_status_words() -> None:
-    assert faults(NET_FT_BITS, 0) == Faults(0, 0, 0)
-    assert faults(NET_FT_BITS, 0x80020000) == Faults(1, 1, 0)
-    assert faults(NET_FT_BITS, 0x80000200) == Faults(1, 0, 1)
-    assert faults(NET_FT_BITS, 0x80010000) == Faults(1, 0, 0)
+    assert decode_status(NET_FT_BITS, 0) == StatusFaults(0, 0, 0)
+    assert decode_status(NET_FT_BITS, 0x80020000) == StatusFaults(1, 1, 0)
+    assert decode_status(NET_FT_BITS, 0x80000200) == StatusFaults(1, 0, 1)
+    assert decode_status(NET_FT_BITS, 0x80010000) == StatusFaults(1, 0, 0)
     lenient = NET_FT_BITS._replace(harmless=0x80010000)
-    assert faults(lenient, 0x80010000) == Faults(0, 0, 0)
-    assert faults(AXIA_BITS, 0xC0000000) == Faults(1, 1, 0)
-    assert faults(AXIA_BITS, 0x80000004) == Faults(1, 0, 1)
+    assert decode_status(lenient, 0x80010000) == StatusFaults(0, 0, 0)
+    assert decode_status(AXIA_BITS, 0xC0000000) == StatusFaults(1, 1, 0)
+    assert decode_status(AXIA_BITS, 0x80000004) == StatusFaults(1, 0, 1)
 
 
 def calibration(magic: int = 0x1234, force: int = 2, torque: int = 3, per: int = 10**6) -> bytes:
@@ -177,11 +177,11 @@ def calibration(magic: int = 0x1234, force: int = 2, torque: int = 3, per: int =
 def test_counts_become_newtons_by_the_boxs_own_calibration() -> None:
     assert len(READ_CALIBRATION) == 20
     assert READ_CALIBRATION[0] == 1
-    wrench = in_si(decode_calibration(calibration()), floats(GOLDEN))
+    wrench = to_si(decode_calibration(calibration()), counts_as_floats(GOLDEN))
     assert (wrench.fx, wrench.fy, wrench.tx) == pytest.approx((1.0, -1e-6, -2e-6))
-    feet = in_si(decode_calibration(calibration(torque=2)), floats(GOLDEN))
+    feet = to_si(decode_calibration(calibration(torque=2)), counts_as_floats(GOLDEN))
     assert feet.tx == pytest.approx(-2e-6 * 1.3558179483314004)
-    pounds = in_si(decode_calibration(calibration(force=1)), floats(GOLDEN))
+    pounds = to_si(decode_calibration(calibration(force=1)), counts_as_floats(GOLDEN))
     assert pounds.fx == pytest.approx(4.4482216152605)
 
 

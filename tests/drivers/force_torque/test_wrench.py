@@ -17,11 +17,11 @@ from drivers.force_torque.wrench import (
     NEWTONS,
     Matrix,
     Scale,
-    Six,
+    Vector6,
     Wrench,
-    calibrated,
-    in_si,
-    scale,
+    apply_calibration,
+    make_scale,
+    to_si,
 )
 
 cell = st.floats(-1e6, 1e6)
@@ -35,25 +35,25 @@ UNIT: Matrix = (
     (0.0, 0.0, 0.0, 0.0, 1.0, 0.0),
     (0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
 )
-ZERO: Six = (0.0,) * 6
+ZERO: Vector6 = (0.0,) * 6
 
 
 @given(matrices, sixes, sixes)
-def test_a_full_matrix_is_a_product(matrix: Matrix, gauges: Six, bias: Six) -> None:
+def test_a_full_matrix_is_a_product(matrix: Matrix, gauges: Vector6, bias: Vector6) -> None:
     wanted = np.array(matrix) @ (np.array(gauges) - np.array(bias))
-    assert np.allclose(calibrated(matrix, gauges, bias), wanted, rtol=1e-9, atol=1e-3)
+    assert np.allclose(apply_calibration(matrix, gauges, bias), wanted, rtol=1e-9, atol=1e-3)
 
 
 @given(sixes)
-def test_the_tare_of_a_load_is_nothing(gauges: Six) -> None:
-    assert calibrated(UNIT, gauges, gauges) == ZERO
-    assert calibrated(UNIT, gauges, ZERO) == gauges
+def test_a_tared_load_reads_zero(gauges: Vector6) -> None:
+    assert apply_calibration(UNIT, gauges, gauges) == ZERO
+    assert apply_calibration(UNIT, gauges, ZERO) == gauges
 
 
 def test_counts_become_newtons_and_newton_metres() -> None:
-    scaling = scale(1_000_000.0, 1_000_000.0, "N", "N-m")
+    scaling = make_scale(1_000_000.0, 1_000_000.0, "N", "N-m")
     counts = (1_500_000.0, -2_000_000.0, 0.0, 250_000.0, -1.0, 3_000_000.0)
-    assert in_si(scaling, counts) == pytest.approx(Wrench(1.5, -2.0, 0.0, 0.25, -1e-6, 3.0))
+    assert to_si(scaling, counts) == pytest.approx(Wrench(1.5, -2.0, 0.0, 0.25, -1e-6, 3.0))
 
 
 def test_units_are_what_their_definitions_say() -> None:
@@ -64,7 +64,7 @@ def test_units_are_what_their_definitions_say() -> None:
     assert NEWTON_METRES["lbf-ft"] == pytest.approx(pound * gravity * foot, rel=1e-15)
     assert NEWTON_METRES["lbf-in"] == pytest.approx(pound * gravity * foot / 12.0, rel=1e-15)
     assert NEWTON_METRES["kgf-cm"] == pytest.approx(gravity / 100.0, rel=1e-15)
-    assert scale(10.0, 5.0, "kN", "N-mm") == Scale(100.0, 0.0002)
+    assert make_scale(10.0, 5.0, "kN", "N-mm") == Scale(100.0, 0.0002)
 
 
 def test_the_boxs_codes_count_from_one() -> None:
@@ -85,8 +85,8 @@ def test_the_boxs_codes_count_from_one() -> None:
         (1.0, 1.0, ("N", "Nm"), "torque unit"),
     ],
 )
-def test_what_is_no_scale_is_refused(
+def test_invalid_scales_are_refused(
     force: float, torque: float, units: tuple[str, str], where: str
 ) -> None:
     with pytest.raises(CodecError, match=where):
-        scale(force, torque, *units)
+        make_scale(force, torque, *units)

@@ -17,8 +17,14 @@ from typing import Any
 import pytest
 
 from drivers.modbus import registers
-from drivers.modbus.line import Line, RefusedError, Rtu, SilentError, Tcp
-from drivers.modbus.registers import Block, Value
+from drivers.modbus.line import (
+    ExceptionResponseError,
+    Line,
+    NoAnswerError,
+    RtuSettings,
+    TcpSettings,
+)
+from drivers.modbus.registers import RegisterBlock, RegisterValue
 
 UNIT, SIZE = 7, 32
 VALUES = (151.25, -0.3, 6.02e4)
@@ -131,10 +137,12 @@ class Cable:
             os.close(fd)
 
 
-def block(table: str, first: int, size: int, kind: str = "f32", unit: int = UNIT) -> Block:
-    step = registers.REGISTERS[kind]
-    values = tuple(Value(f"value_{i}", step * i, kind, 1.0, -1e6, 1e6) for i in range(size // step))
-    return registers.checked(Block(unit, table, first, size, values))
+def block(table: str, first: int, size: int, kind: str = "f32", unit: int = UNIT) -> RegisterBlock:
+    step = registers.REGISTER_COUNT[kind]
+    values = tuple(
+        RegisterValue(f"value_{i}", step * i, kind, 1.0, -1e6, 1e6) for i in range(size // step)
+    )
+    return registers.validated(RegisterBlock(unit, table, first, size, values))
 
 
 WRITABLE = (block("coil", 0, 3, "bit"), block("holding", 8, 4), block("holding", SIZE, 2))
@@ -149,7 +157,7 @@ def server() -> Iterator[TcpServer]:
 
 @pytest.fixture
 def line(server: TcpServer) -> Iterator[Line]:
-    one = Line(Tcp("127.0.0.1", server.port, 3.0), WRITABLE)
+    one = Line(TcpSettings("127.0.0.1", server.port, 3.0), WRITABLE)
     yield one
     one.close()
 
@@ -177,7 +185,7 @@ def test_bits(server: TcpServer, line: Line) -> None:
     assert line.read(block("coil", 0, 3, "bit")) == [1, 0, 1]
 
 
-def test_what_is_written_is_what_it_understands(server: TcpServer, line: Line) -> None:
+def test_written_values_arrive(server: TcpServer, line: Line) -> None:
     line.write(WRITABLE[1], registers.encode(WRITABLE[1], (-12.5, 0.1), True))
     held = server.held.contents.tab_registers
     for i, value in ((8, -12.5), (10, 0.1)):
@@ -185,12 +193,12 @@ def test_what_is_written_is_what_it_understands(server: TcpServer, line: Line) -
         assert LIB.modbus_get_float(words) == pytest.approx(value, rel=1e-7)
 
 
-def test_what_it_has_not_it_refuses(line: Line) -> None:
+def test_missing_registers_are_refused(line: Line) -> None:
     for ask in (
         lambda: line.read(block("holding", SIZE - 1, 2)),
         lambda: line.write(WRITABLE[2], [1, 2]),
     ):
-        with pytest.raises(RefusedError) as told:
+        with pytest.raises(ExceptionResponseError) as told:
             ask()
         assert told.value.code == 2  # illegal data address
     assert line.read(block("holding", 0, 2)) == [0, 0]
@@ -200,7 +208,7 @@ def test_rtu_and_a_unit_that_is_not_there() -> None:
     cable = Cable()
     theirs, ours = cable.ends
     server = Server(LIB.modbus_new_rtu(theirs.encode(), 115_200, c_char(b"N"), 8, 1))
-    line = Line(Rtu(ours, 115_200, "N", 1, 1.0, 0.2))
+    line = Line(RtuSettings(ours, 115_200, "N", 1, 1.0, 0.2))
     try:
         assert LIB.modbus_connect(server._context) == 0
         serving = threading.Thread(target=server.serve, daemon=True)
@@ -210,7 +218,7 @@ def test_rtu_and_a_unit_that_is_not_there() -> None:
         for _ in range(3):
             found = registers.decode(asked, line.read(asked), True)
             assert found == pytest.approx(VALUES, rel=1e-7)
-        with pytest.raises(SilentError):
+        with pytest.raises(NoAnswerError):
             line.read(block("holding", 0, 6, unit=9))
         assert registers.decode(asked, line.read(asked), True) == pytest.approx(VALUES, rel=1e-7)
     finally:

@@ -14,15 +14,22 @@ from contextlib import contextmanager
 
 import pytest
 
-from drivers.modbus.line import GoneError, Line, RefusedError, Rtu, SilentError, Tcp
-from drivers.modbus.registers import Block, Value, checked
+from drivers.modbus.line import (
+    ClosedLineError,
+    ExceptionResponseError,
+    Line,
+    NoAnswerError,
+    RtuSettings,
+    TcpSettings,
+)
+from drivers.modbus.registers import RegisterBlock, RegisterValue, validated
 
-ANY = (Value("x", 0, "u16", 1.0, 0.0, 65535.0),)
+ANY = (RegisterValue("x", 0, "u16", 1.0, 0.0, 65535.0),)
 TIMEOUT, SLOWEST = 0.15, 0.4
 
 
-def block(first: int, size: int, table: str = "holding", unit: int = 1) -> Block:
-    return checked(Block(unit, table, first, size, ANY))
+def block(first: int, size: int, table: str = "holding", unit: int = 1) -> RegisterBlock:
+    return validated(RegisterBlock(unit, table, first, size, ANY))
 
 
 def crc(data: bytes) -> bytes:
@@ -79,9 +86,9 @@ class Slave:
 
 
 @contextmanager
-def rtu(*writable: Block) -> Iterator[tuple[Slave, Line]]:
+def rtu(*writable: RegisterBlock) -> Iterator[tuple[Slave, Line]]:
     slave = Slave()
-    line = Line(Rtu(slave.port, 19200, "N", 1, TIMEOUT, SLOWEST), writable)
+    line = Line(RtuSettings(slave.port, 19200, "N", 1, TIMEOUT, SLOWEST), writable)
     try:
         yield slave, line
     finally:
@@ -89,15 +96,17 @@ def rtu(*writable: Block) -> Iterator[tuple[Slave, Line]]:
         slave.close()
 
 
-def test_registers_come_as_asked() -> None:
+def test_registers_are_read_as_requested() -> None:
     with rtu() as (_, line):
         assert line.read(block(7, 3)) == [7, 8, 9]
         assert line.read(block(40, 1, "input")) == [40]
 
 
-def test_a_refusal_is_told_with_its_code_and_the_line_goes_on() -> None:
+def test_an_exception_response_carries_its_code_and_the_line_continues() -> None:
     with rtu() as (_, line):
-        with pytest.raises(RefusedError, match=r"unit 1, holding 1000: refused .* 2") as error:
+        with pytest.raises(
+            ExceptionResponseError, match=r"unit 1, holding 1000: refused .* 2"
+        ) as error:
             line.read(block(1000, 2))
         assert error.value.code == 2
         assert line.read(block(1, 2)) == [1, 2]
@@ -112,13 +121,13 @@ def test_a_late_answer_is_never_taken_for_a_new_one(late: float) -> None:
     with rtu() as (slave, line):
         assert line.read(block(0, 4)) == [0, 1, 2, 3]
         slave.delays = [late]
-        with pytest.raises(SilentError):
+        with pytest.raises(NoAnswerError):
             line.read(block(100, 4))
         got = []
         for first in (200, 300, 400, 500, 600, 700):
             try:
                 got.append((first, line.read(block(first, 4))))
-            except SilentError:
+            except NoAnswerError:
                 continue
         for first, registers in got:
             assert registers == [first, first + 1, first + 2, first + 3]
@@ -129,12 +138,12 @@ def test_a_late_answer_is_no_acknowledgement_of_a_write() -> None:
     target = block(10, 2)
     with rtu(target) as (slave, line):
         slave.delays = [0.6]
-        with pytest.raises(SilentError):
+        with pytest.raises(NoAnswerError):
             line.read(block(100, 4))
         for _ in range(4):
             try:
                 line.write(target, [1, 2])
-            except SilentError:
+            except NoAnswerError:
                 continue
             break
         assert slave.requests[-1][1] == 16
@@ -150,30 +159,30 @@ def test_only_listed_registers_are_written() -> None:
         assert len(slave.requests) == 1
 
 
-def test_a_port_is_one_owners() -> None:
+def test_a_port_has_one_owner() -> None:
     with rtu() as (slave, line):
         assert line.read(block(1, 1)) == [1]
-        other = Line(Rtu(slave.port, 19200, "N", 1, TIMEOUT, SLOWEST))
-        with pytest.raises(GoneError):
+        other = Line(RtuSettings(slave.port, 19200, "N", 1, TIMEOUT, SLOWEST))
+        with pytest.raises(ClosedLineError):
             other.read(block(1, 1))
 
 
-def test_a_line_that_is_gone_is_tried_again_after_a_growing_pause() -> None:
+def test_a_lost_line_is_reopened_after_a_growing_pause() -> None:
     now = [0.0]
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    line = Line(Tcp("127.0.0.1", port, 0.2), clock=lambda: now[0], sleep=lambda _: None)
+    line = Line(TcpSettings("127.0.0.1", port, 0.2), clock=lambda: now[0], sleep=lambda _: None)
     attempts = 0
     for _ in range(2000):
         now[0] += 0.01
-        with pytest.raises(GoneError) as error:
+        with pytest.raises(ClosedLineError) as error:
             line.read(block(1, 1))
-        attempts += "in a moment" not in str(error.value)
+        attempts += "opened again after a pause" not in str(error.value)
     # 20 s: after 0.1, 0.2, 0.4 ... 5 s and then every 5 s; without a pause it would be 2000.
     assert 7 <= attempts <= 12
 
 
-def test_a_tcp_line_finds_back_when_its_server_returns() -> None:
+def test_a_tcp_line_recovers_when_its_server_returns() -> None:
     def serve(server: socket.socket) -> None:
         peer, _ = server.accept()
         with peer:
@@ -183,13 +192,13 @@ def test_a_tcp_line_finds_back_when_its_server_returns() -> None:
                 peer.sendall(data[:4] + struct.pack(">H", len(said)) + said)
 
     with socket.create_server(("127.0.0.1", 0)) as server:
-        line = Line(Tcp("127.0.0.1", server.getsockname()[1], 0.3))
+        line = Line(TcpSettings("127.0.0.1", server.getsockname()[1], 0.3))
         thread = threading.Thread(target=serve, args=(server,))
         thread.start()
         assert line.read(block(3, 2)) == [3, 4]
         assert line.read(block(5, 2)) == [5, 6]
         thread.join()
-        with pytest.raises((SilentError, GoneError)):
+        with pytest.raises((NoAnswerError, ClosedLineError)):
             line.read(block(5, 2))
         thread = threading.Thread(target=serve, args=(server,))
         thread.start()
@@ -197,10 +206,10 @@ def test_a_tcp_line_finds_back_when_its_server_returns() -> None:
         while not found and time.monotonic() < until:
             try:
                 found = line.read(block(7, 1))
-            except (SilentError, GoneError):
+            except (NoAnswerError, ClosedLineError):
                 time.sleep(0.05)
         assert found == [7]
         assert line.read(block(7, 1)) == [7]
         thread.join()
-        assert line.opened >= 2
+        assert line.open_count >= 2
         line.close()

@@ -13,14 +13,14 @@ from pymodbus.client import ModbusTcpClient
 
 from drivers.errors import CodecError
 from drivers.modbus.registers import (
-    REGISTERS,
-    Block,
-    MapError,
-    Value,
-    checked,
+    REGISTER_COUNT,
+    RegisterBlock,
+    RegisterMapError,
+    RegisterValue,
     decode,
     encode,
-    implausible,
+    implausible_values,
+    validated,
 )
 
 PEER = {
@@ -33,9 +33,11 @@ PEER = {
 WORDS = st.lists(st.integers(0, 0xFFFF), min_size=2, max_size=2)
 
 
-def one(kind: str, low: float = -1e39, high: float = 1e39, scale: float = 1.0) -> Block:
-    return checked(
-        Block(1, "holding", 0, REGISTERS[kind], (Value("x", 0, kind, scale, low, high),))
+def one(kind: str, low: float = -1e39, high: float = 1e39, scale: float = 1.0) -> RegisterBlock:
+    return validated(
+        RegisterBlock(
+            1, "holding", 0, REGISTER_COUNT[kind], (RegisterValue("x", 0, kind, scale, low, high),)
+        )
     )
 
 
@@ -43,7 +45,7 @@ def one(kind: str, low: float = -1e39, high: float = 1e39, scale: float = 1.0) -
 def test_every_kind_is_read_as_pymodbus_reads_it(
     kind: str, words: list[int], high_first: bool
 ) -> None:
-    words = words[: REGISTERS[kind]]
+    words = words[: REGISTER_COUNT[kind]]
     order: Any = "big" if high_first else "little"
     theirs = ModbusTcpClient.convert_from_registers(words, PEER[kind], word_order=order)
     (ours,) = decode(one(kind), words, high_first)
@@ -52,7 +54,7 @@ def test_every_kind_is_read_as_pymodbus_reads_it(
 
 @given(st.sampled_from(sorted(PEER)), WORDS, st.booleans())
 def test_what_was_read_is_written_back(kind: str, words: list[int], high_first: bool) -> None:
-    words = words[: REGISTERS[kind]]
+    words = words[: REGISTER_COUNT[kind]]
     block = one(kind)
     (value,) = decode(block, words, high_first)
     if math.isfinite(value):
@@ -64,10 +66,13 @@ def test_what_was_read_is_written_back(kind: str, words: list[int], high_first: 
 
 def test_the_strain_amplifiers_example() -> None:
     """DY094: int32 of two registers, float32 high word first; 12.5 is 0x41480000."""
-    block = checked(
-        Block(
+    block = validated(
+        RegisterBlock(
             1, "holding", 0, 4,
-            (Value("raw", 0, "i32", 0.5, -1e9, 1e9), Value("force", 2, "f32", 1.0, -1e4, 1e4)),
+            (
+                RegisterValue("raw", 0, "i32", 0.5, -1e9, 1e9),
+                RegisterValue("force", 2, "f32", 1.0, -1e4, 1e4),
+            ),
         )
     )  # fmt: skip
     assert decode(block, [0xFFFF, 0xFFFE, 0x4148, 0x0000], True) == (-1.0, 12.5)
@@ -75,23 +80,23 @@ def test_the_strain_amplifiers_example() -> None:
     assert decode(block, [0xFFFE, 0xFFFF, 0x0000, 0x4148], False) == (-1.0, 12.5)
 
 
-def test_a_swapped_float_cannot_be() -> None:
+def test_a_swapped_float_is_implausible() -> None:
     """A power between -2000 and 2000 W whose halves are swapped is mostly out of all range."""
     block = one("f32", -2000.0, 2000.0)
     caught = total = 0
     for watts in (-51.3, -3.07, 7.25, 230.5, 1499.0, -0.37, 50.02):
         high, low = struct.unpack(">HH", struct.pack(">f", watts))
-        assert implausible(block, decode(block, [high, low], True)) == ()
+        assert implausible_values(block, decode(block, [high, low], True)) == ()
         swapped = decode(block, [low, high], True)
-        caught += bool(implausible(block, swapped)) or abs(swapped[0]) < 1e-30
+        caught += bool(implausible_values(block, swapped)) or abs(swapped[0]) < 1e-30
         total += 1
     assert caught >= total - 2
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 3000.0, -3000.0])
-def test_what_cannot_be_is_neither_believed_nor_written(bad: float) -> None:
+def test_implausible_values_are_neither_accepted_nor_written(bad: float) -> None:
     block = one("f32", -2000.0, 2000.0)
-    assert implausible(block, [bad]) == ("x",)
+    assert implausible_values(block, [bad]) == ("x",)
     with pytest.raises(CodecError, match="-2000 to 2000"):
         encode(block, [bad], True)
 
@@ -104,7 +109,7 @@ def test_nothing_but_a_codec_error_leaves_the_decoder(registers: list[int]) -> N
         assert len(registers) != 2 or not all(0 <= r <= 0xFFFF for r in registers)
 
 
-def test_a_half_answer_is_none() -> None:
+def test_a_partial_answer_is_rejected() -> None:
     with pytest.raises(CodecError, match="2 registers, got 1"):
         decode(one("f32"), [0x4148], True)
 
@@ -116,12 +121,12 @@ def test_a_half_answer_is_none() -> None:
         ({"unit": 248}, "unit numbers are 0 to 247"),
         ({"size": 126}, "126 of them cannot be read at once"),
         ({"first": 65535}, "cannot be read at once"),
-        ({"values": (Value("x", 1, "f32", 1.0, 0.0, 1.0),)}, "x lies outside the block"),
-        ({"values": (Value("x", 0, "bit", 1.0, 0.0, 1.0),)}, "no 'bit' in holding"),
-        ({"values": (Value("x", 0, "u16", 0.0, 0.0, 1.0),)}, "scale 0.0"),
-        ({"values": (Value("x", 0, "u16", 1.0, 2.0, 1.0),)}, "2.0..1.0"),
+        ({"values": (RegisterValue("x", 1, "f32", 1.0, 0.0, 1.0),)}, "x lies outside the block"),
+        ({"values": (RegisterValue("x", 0, "bit", 1.0, 0.0, 1.0),)}, "no 'bit' in holding"),
+        ({"values": (RegisterValue("x", 0, "u16", 0.0, 0.0, 1.0),)}, "scale 0.0"),
+        ({"values": (RegisterValue("x", 0, "u16", 1.0, 2.0, 1.0),)}, "2.0..1.0"),
     ],
 )
-def test_a_map_that_cannot_be_is_refused(change: dict[str, Any], said: str) -> None:
-    with pytest.raises(MapError, match=said):
-        checked(one("f32")._replace(**change))
+def test_invalid_register_maps_are_refused(change: dict[str, Any], said: str) -> None:
+    with pytest.raises(RegisterMapError, match=said):
+        validated(one("f32")._replace(**change))

@@ -14,10 +14,12 @@ BIN := $(VENV)/bin
 UV_VERSION := 0.13.8
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-fast test-long test-socketcan lint bench bench-batch clean constraints
+.PHONY: help setup run wheel test test-fast test-long test-socketcan lint bench bench-batch clean \
+  constraints
 
 help:
 	@echo "make run    rehearse the default campaign on the simulated WaveBot; results in runs/"
+	@echo "make wheel  build the package that pip installs; result in dist/"
 	@echo "make test   lint, types, import contracts, and all tests except most of the long ones"
 	@echo "make test-fast   lint and the tests that take at most a few seconds (3 min)"
 	@echo "make test-long   lint and all tests"
@@ -45,6 +47,14 @@ $(VENV)/.ready: pyproject.toml constraints.txt
 
 run: setup
 	$(BIN)/rig run configs/campaigns/default.yaml
+
+wheel: setup
+	@if [ -x $(BIN)/uv ]; then \
+	  $(BIN)/uv build --quiet --wheel --build-constraint constraints.txt; \
+	else \
+	  $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .; \
+	fi
+	@ls dist/*.whl
 
 lint: setup
 	$(BIN)/ruff check .

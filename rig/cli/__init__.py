@@ -26,7 +26,18 @@ from rig.cli import (  # fmt: skip
     twoport,
 )
 from rig.cli.interrupts import InterruptibleGroup
-from rig.cli.options import RUNS, IncompleteRows, Json, ReadBy, Rig, Run, Runs, Sim
+from rig.cli.options import (  # fmt: skip
+    CAMPAIGN_HELP,
+    RUNS,
+    WIRED_RIG_HELP,
+    IncompleteRows,
+    Json,
+    ReadBy,
+    Rig,
+    Run,
+    Runs,
+    Sim,
+)
 
 OK, FAILED, BAD_INPUT, STOPPED, FAULT, LOST = options.CODES
 
@@ -50,7 +61,7 @@ were lost."""
 
 @app.command(epilog=_RUN_CODES)
 def run(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")],
+    campaign: Annotated[Path, typer.Argument(help=CAMPAIGN_HELP)],
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Use the real clock, not the fastest possible pace.")
     ] = False,
@@ -71,7 +82,9 @@ def run(
 
 @app.command(epilog=_RUN_CODES)
 def bench(
-    session: Annotated[Path, typer.Argument(help="Session file (YAML).")],
+    session: Annotated[
+        Path, typer.Argument(help="Session file (YAML), or the name of a shipped session.")
+    ],
     realtime: Annotated[
         bool, typer.Option("--realtime", help="Use the real clock, not the fastest possible pace.")
     ] = False,
@@ -92,7 +105,10 @@ def bench(
 
 @app.command()
 def check(
-    campaign: Annotated[Path, typer.Argument(help="Campaign or session file (YAML).")],
+    campaign: Annotated[
+        Path,
+        typer.Argument(help="Campaign or session: file (YAML), or the name of a shipped one."),
+    ],
     rows: Annotated[
         bool, typer.Option("--rows", help="Show every row, not only those nearest to a limit.")
     ] = False,
@@ -115,7 +131,7 @@ Exit codes: 0 ended by Ctrl-C; 1 an address is in use, or the devices failed; 2 
 
 @app.command(epilog=_SIM_CODES)
 def sim(
-    rig: Annotated[Path, typer.Argument(help="Rig file (YAML) with wiring.")],
+    rig: Annotated[Path, typer.Argument(help=WIRED_RIG_HELP)],
     campaign: Annotated[
         Path | None,
         typer.Option("--campaign", help="Campaign that defines the sea (default: calm water)."),
@@ -137,7 +153,7 @@ rig's wires is in use; 2 bad input."""
 
 @app.command(epilog=_DEVICES_CODES)
 def devices(
-    rig: Annotated[Path, typer.Argument(help="Rig file (YAML) with wiring.")],
+    rig: Annotated[Path, typer.Argument(help=WIRED_RIG_HELP)],
     objects: Annotated[
         bool, typer.Option("--objects", help="Also list every object that a run will set.")
     ] = False,
@@ -211,6 +227,35 @@ def recover(
     from rig.cli.recover import main
 
     sys.exit(main(run, runs, output, as_json=json))
+
+
+@app.command()
+def campaigns(json: Json = False) -> None:
+    """List the shipped campaigns, bench sessions and rigs, whose names stand for their files."""
+    from rig.cli.campaigns import main
+
+    sys.exit(main(as_json=json))
+
+
+@app.command()
+def copy(
+    name: Annotated[
+        str, typer.Argument(help="Shipped campaign, session or rig; see `rig campaigns`.")
+    ],
+    to: Annotated[Path, typer.Option("--to", help="Folder to write to.")] = Path(),
+    keep_existing: Annotated[
+        bool, typer.Option("--keep-existing", help="Leave files that exist as they are.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Copy a shipped campaign, session or rig, and all files that it refers to, for editing.
+
+    The files keep their folders (campaigns, rigs, limits, plants), so that
+    they refer to each other. The command never overwrites a file.
+    """
+    from rig.cli.copy_command import main
+
+    sys.exit(main(name, to, keep_existing=keep_existing, as_json=json))
 
 
 @app.command("runs")

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig import cli
 from rig.cli.command_error import fail
+from rig.cli.input_files import SESSIONS, input_file, rig_file
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.cli.session_progress import SessionProgress
+from rig.config.shipped_files import UnknownNameError
 from rig.execution.hardware.job import WiringError
 from rig.execution.rehearsal.bench_job import session_problems
 from rig.execution.session import rehearsal_mode, session_task, wired_mode
@@ -38,7 +40,10 @@ def examine_session(path: Path, rig: Path | None = None) -> SessionReport:
 
 def main(path: Path, runs: Path, options: BenchOptions, *, as_json: bool) -> int:
     """Check, run and analyse a session, print the result, and return the exit code."""
-    report = examine_session(path, options.rig)
+    try:
+        report = examine_session(input_file(path, SESSIONS), rig_file(options.rig))
+    except UnknownNameError as error:
+        return fail("bench", error, as_json=as_json)
     if report.session is None or report.plan is None:
         return print_errors(report, as_json=as_json)
     session, plan = report.session, report.plan

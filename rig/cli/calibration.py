@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-FOLDER = Path("configs/calibrations")
+from rig.cli.options import CALIBRATIONS, Calibrations
 
 app = typer.Typer(
     name="calibration",
@@ -14,14 +14,13 @@ app = typer.Typer(
     help="List, show, apply and compare versioned corrections of recorded values.",
 )
 
-Folder = Annotated[Path, typer.Option("--calibrations", help="Folder of calibration files.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")]
 CalibrationName = Annotated[str, typer.Argument(help="NAME, NAME@VERSION, or a calibration file.")]
 TestLog = Annotated[Path | None, typer.Option("--testlog", help="Test log (xlsx).")]
 
 
 @app.command("list")
-def list_command(folder: Folder = FOLDER, json: Json = False) -> None:
+def list_command(folder: Calibrations = CALIBRATIONS, json: Json = False) -> None:
     """List all calibrations with their versions; commands use the newest version by default."""
     from rig.cli.calibration_commands import list_all
 
@@ -29,7 +28,7 @@ def list_command(folder: Folder = FOLDER, json: Json = False) -> None:
 
 
 @app.command()
-def show(name: CalibrationName, folder: Folder = FOLDER, json: Json = False) -> None:
+def show(name: CalibrationName, folder: Calibrations = CALIBRATIONS, json: Json = False) -> None:
     """Show one version of a calibration and the versions before it."""
     from rig.cli.calibration_commands import show as main
 
@@ -57,7 +56,7 @@ def apply(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="CSV to write with --testlog.")
     ] = None,
-    folder: Folder = FOLDER,
+    folder: Calibrations = CALIBRATIONS,
     json: Json = False,
 ) -> None:
     """Correct values, or all values of a test log; the command never changes the record."""
@@ -75,7 +74,7 @@ def diff(
     new: CalibrationName,
     testlog: TestLog = None,
     runs: Annotated[Path | None, typer.Option("--runs", help="Folder of runs to search.")] = None,
-    folder: Folder = FOLDER,
+    folder: Calibrations = CALIBRATIONS,
     json: Json = False,
 ) -> None:
     """List what a new calibration version changes: runs, rows, values, and outdated products."""

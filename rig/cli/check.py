@@ -6,6 +6,9 @@ from pathlib import Path
 
 from rig.cli import BAD_INPUT, OK
 from rig.cli.check_view import CheckView
+from rig.cli.command_error import fail
+from rig.cli.input_files import CAMPAIGNS, SESSIONS, input_file, rig_file
+from rig.config.shipped_files import UnknownNameError
 from rig.design.predictions import predict
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import CheckReport, check_campaign
@@ -23,6 +26,10 @@ def examine(path: Path, rig: Path | None = None) -> CheckReport:
 
 def main(path: Path, rig: Path | None = None, *, every_row: bool, as_json: bool) -> int:
     """Print the report, and return the exit code (0: the campaign or session can run)."""
+    try:
+        path, rig = input_file(path, CAMPAIGNS, SESSIONS), rig_file(rig)
+    except UnknownNameError as error:
+        return fail("check", error, as_json=as_json)
     if is_session(path):
         from rig.cli.bench import examine_session, show
 

@@ -14,6 +14,7 @@ from rig.cli.command_error import fail
 from rig.cli.console import table_console
 from rig.cli.devices_view import as_dict, heard_as_dict, render, render_heard
 from rig.cli.file_problems import INPUT_ERRORS, refuse
+from rig.cli.input_files import RIGS, input_file
 from rig.config.any_rig_file import AnyRigFile, load_rig
 from rig.config.bench_rig_file import BenchRigFile
 from rig.config.rig_file import RigFile
@@ -32,7 +33,7 @@ def main(path: Path, *, only_listen: bool, objects: bool, as_json: bool) -> int:
     The code is 0 if all devices answer and agree with the rig file.
     """
     try:
-        rig, _ = load_rig(path)
+        rig, _ = load_rig(input_file(path, RIGS))
         survey_wires = (
             _bench_survey(rig) if isinstance(rig, BenchRigFile) else _wavebot_survey(rig, objects)
         )

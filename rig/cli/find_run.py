@@ -39,10 +39,11 @@ def find_calibrations(names: list[str]) -> "list[CalibrationVersion]":
     """Return calibrations by file or name; raises the same errors as `rig calibration show`."""
     if not names:
         return []
-    from rig.cli.calibration import FOLDER
     from rig.cli.calibration_commands import find_calibration
+    from rig.cli.options import CALIBRATIONS, calibrations_folder
 
-    return [find_calibration(name, FOLDER) for name in names]
+    folder = calibrations_folder(CALIBRATIONS)
+    return [find_calibration(name, folder) for name in names]
 
 
 def _names(paths: list[Path]) -> str:

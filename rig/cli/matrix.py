@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from rig.cli.options import CALIBRATIONS, Calibrations
+
 
 class Style(StrEnum):
     """Rig family whose gain-matrix format the file has."""
@@ -65,9 +67,7 @@ def command(
     run: Annotated[
         str | None, Option("--run", help="Run that used the matrix, for --calibration.")
     ] = None,
-    calibrations: Annotated[
-        Path, Option("--calibrations", help="Folder of calibration files.")
-    ] = Path("configs/calibrations"),
+    calibrations: Calibrations = CALIBRATIONS,
     step: Annotated[
         float | None, Option("--step-s", help="GainTstep = numPeriods * wavePeriod, s.")
     ] = None,

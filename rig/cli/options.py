@@ -10,11 +10,34 @@ WHICH_RUN = "A run's folder or MCAP file, its id, its campaign (the newest run o
 Run = Annotated[Path, typer.Argument(help=WHICH_RUN)]
 Runs = Annotated[Path, typer.Option("--runs", help="Folder that holds the runs.")]
 RUNS: Path = Path("runs")
+CAMPAIGN_HELP = "Campaign file (YAML), or the name of a shipped campaign."
+WIRED_RIG_HELP = "Rig with wiring: file (YAML), or the name of a shipped rig."
 Rig = Annotated[
-    Path | None, typer.Option("--rig", help="Rig file (YAML), replaces that of the campaign.")
+    Path | None,
+    typer.Option("--rig", help="Rig file (YAML) or shipped rig, replaces that of the campaign."),
 ]
 Sim = Annotated[
     bool, typer.Option("--sim", help="Emulate the devices at the far end of the rig's wires.")
+]
+CALIBRATIONS = Path("configs/calibrations")
+
+
+def calibrations_folder(folder: Path) -> Path:
+    """Return the folder of calibration files; the shipped one where the default does not exist."""
+    if folder != CALIBRATIONS or folder.exists():
+        return folder
+    from rig.config.shipped_files import shipped_folder
+
+    return shipped_folder() / "calibrations"
+
+
+Calibrations = Annotated[
+    Path,
+    typer.Option(
+        "--calibrations",
+        callback=calibrations_folder,
+        help="Folder of calibration files; where the default does not exist, the shipped ones.",
+    ),
 ]
 _READ_BY = "Apply this calibration: NAME, NAME@VERSION or a file; one per quantity."
 ReadBy = Annotated[list[str] | None, typer.Option("--calibration", help=_READ_BY)]

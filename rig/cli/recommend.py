@@ -76,12 +76,15 @@ def main(
     from rig.cli import calibration_dates
     from rig.cli.file_problems import INPUT_ERRORS, refuse
     from rig.cli.find_run import find_run
+    from rig.cli.input_files import CAMPAIGNS, input_file
     from rig.design.recommend import report
     from rig.design.recommend.recommendation import RecommendOptions, recommend
 
     assert isinstance(options, RecommendOptions)
     try:
         paths = [find_run(name, runs) for name in run_names]
+        if options.campaign is not None:
+            options = options._replace(campaign=input_file(options.campaign, CAMPAIGNS))
         first_run = paths[0] if paths[0].is_dir() else paths[0].parent
         folder = output.parent if output else first_run / "recommendation"
         recommendation = recommend(paths, options, folder)

@@ -13,6 +13,7 @@ from rig.analysis.rows import COMPLETE
 from rig.cli.console import table_console
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
+from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.execution.rehearsal.job import problems
 from rig.planning.campaign import open_campaign
 from rig.recording.runs import RunError
@@ -41,8 +42,10 @@ def main(run_name: Path, options: ReplayOptions, *, as_json: bool) -> int:
     console = Console(stderr=True, highlight=False)
     try:
         run = find_run(run_name, options.runs)
-        campaign = open_campaign(options.campaign, problems)
-        model = open_campaign(options.model, problems) if options.model else None
+        campaign = open_campaign(input_file(options.campaign, CAMPAIGNS), problems)
+        model = (
+            open_campaign(input_file(options.model, CAMPAIGNS), problems) if options.model else None
+        )
         with console.status("compiling or reading the compiled loop ...") as status:
 
             def show_progress(done: int, of: int) -> None:

@@ -9,9 +9,11 @@ from rig import cli
 from rig.cli import command_error
 from rig.cli.check import examine, print_errors
 from rig.cli.command_error import fail
+from rig.cli.input_files import CAMPAIGNS, input_file, rig_file
 from rig.cli.progress import Progress
 from rig.cli.run_end import exit_code, print_folder, row_as_json
 from rig.config.problems import Problem
+from rig.config.shipped_files import UnknownNameError
 from rig.execution.campaign import rehearsal_mode, run_campaign, wired_mode
 from rig.execution.hardware.job import WiringError
 from rig.execution.task import ExecutionMode, RunResult
@@ -31,7 +33,10 @@ class RunOptions(NamedTuple):
 
 def main(path: Path, runs: Path, options: RunOptions, *, as_json: bool) -> int:
     """Check, run and analyse a campaign, print the result, and return the exit code."""
-    report = examine(path, options.rig)
+    try:
+        report = examine(input_file(path, CAMPAIGNS), rig_file(options.rig))
+    except UnknownNameError as error:
+        return fail("run", error, as_json=as_json)
     if report.campaign is None or report.plan is None:
         return print_errors(report, as_json=as_json)
     campaign, plan = report.campaign, report.plan

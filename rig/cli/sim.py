@@ -12,6 +12,7 @@ from types import FrameType
 from rig import cli
 from rig.cli.command_error import fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
+from rig.cli.input_files import CAMPAIGNS, RIGS, SESSIONS, input_file
 from rig.cli.sim_view import emulated_devices, show
 from rig.config.any_rig_file import AnyRigFile
 from rig.config.bench_rig_file import BenchRigFile
@@ -68,12 +69,14 @@ def main(path: Path, campaign: Path | None, *, as_json: bool) -> int:
 
 def _open_devices(path: Path, campaign: Path | None) -> tuple[AnyRigFile, IoProcess, str]:
     """Return the rig, the process that emulates its devices, and their setting in words."""
+    path = input_file(path, RIGS)
     if campaign is None:
         rig, devices = load_standalone(path)
         bench = isinstance(rig, BenchRigFile)
         return rig, devices, "a bench at rest, its servo drive set up for velocity" if bench else (
             "calm water"
         )  # fmt: skip
+    campaign = input_file(campaign, CAMPAIGNS, SESSIONS)
     if is_session(campaign):
         from rig.execution.rehearsal.bench_emulation import emulator_process
         from rig.execution.rehearsal.bench_job import session_problems

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.cli.options import RUNS, IncompleteRows, Json, Run, Runs
+from rig.cli.options import CALIBRATIONS, RUNS, Calibrations, IncompleteRows, Json, Run, Runs
 
 if TYPE_CHECKING:
     import xarray
@@ -21,9 +21,7 @@ def command(
         str,
         typer.Option(help="Name of the calibration; an existing one gets its next version."),
     ] = "spring_map",
-    calibrations: Annotated[
-        Path, typer.Option("--calibrations", help="Folder of calibration files.")
-    ] = Path("configs/calibrations"),
+    calibrations: Calibrations = CALIBRATIONS,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder to write to (default: the run's).")
     ] = None,

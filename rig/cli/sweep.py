@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from rig.cli.options import CAMPAIGN_HELP
+
 EXIT_CODES = """\
 Exit codes: 0 every case gave its rows; 1 some cases could not run, or the result could not be \
 written; 2 bad input; 3 interrupted (run the same command again to continue)."""
@@ -15,7 +17,7 @@ _ADDRESS = r"(tcp|tls)://[^/\s]+:\d{1,5}"
 
 
 def command(
-    campaign: Annotated[Path, typer.Argument(help="Campaign file (YAML).")],
+    campaign: Annotated[Path, typer.Argument(help=CAMPAIGN_HELP)],
     over: Annotated[
         list[str] | None,
         typer.Option(

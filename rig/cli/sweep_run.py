@@ -15,6 +15,7 @@ from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
+from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
@@ -59,7 +60,11 @@ def main(path: Path, options: SweepOptions, *, as_json: bool) -> int:
                 f"--measured {measured}: a run of the bench has no campaign rows; name another run"
             )
         opened = sweep.open_sweep(
-            path, options.parameters, options.sweeps, sequential=options.sequential, lead_in=lead_in
+            input_file(path, CAMPAIGNS),
+            options.parameters,
+            options.sweeps,
+            sequential=options.sequential,
+            lead_in=lead_in,
         )
     except (*INPUT_ERRORS, RunError) as error:
         return refuse("sweep", error, as_json=as_json)

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig import cli
+from rig.cli.options import CALIBRATIONS, Calibrations
 
 if TYPE_CHECKING:
     from rig.interop.legacy.testlog import Entry, RunLog
     from rig.recording.calibration import CalibratedValue, CalibrationVersion
-
-CALIBRATIONS = Path("configs/calibrations")
 
 
 def command(
@@ -24,9 +23,7 @@ def command(
         ),
     ],
     run: Annotated[int | None, typer.Option("--run", help="Show only this run, in full.")] = None,
-    calibrations: Annotated[
-        Path, typer.Option("--calibrations", help="Folder of calibration files.")
-    ] = CALIBRATIONS,
+    calibrations: Calibrations = CALIBRATIONS,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """Read the log of a test: list its runs, the links between them, and every irregularity."""

@@ -17,7 +17,14 @@ from rig.sweep.cache_folder import cache_root
 
 AREA = "software"
 DISTRIBUTION = "wec-rig"
-PINS = Path(__file__).resolve().parents[2] / "constraints.txt"
+_PACKAGE = Path(__file__).resolve().parents[1]
+_SOURCE_PINS = _PACKAGE.with_name("constraints.txt")
+PINS = _SOURCE_PINS if _SOURCE_PINS.is_file() else _PACKAGE / "constraints.txt"
+REINSTALL = (
+    "`make clean setup`"
+    if PINS == _SOURCE_PINS
+    else f"`python -m pip install --constraint {PINS} {DISTRIBUTION}`"
+)
 _CALLS = 20_000
 _CALL_GOOD, _CALL_BAD = 250e-9, 1000e-9  # s; 141 ns come with a tick of 20 to 40 us
 _REQUIRED = re.compile(r"([A-Za-z0-9._-]+)\s*>=\s*([0-9.]+)")
@@ -43,7 +50,7 @@ def _build() -> Finding:
         return Finding(AREA, check, f"{version}, optimised", limit, Verdict.GOOD)
     if not arguments:
         return Finding(AREA, check, f"{version}, build unknown", limit, Verdict.UNKNOWN)
-    advice = "`make clean setup` selects the fastest interpreter on the PATH"
+    advice = "use a Python built so; `make clean setup` selects the fastest one on the PATH"
     return Finding(AREA, check, f"{version}, not optimised", limit, Verdict.WARNING, advice)
 
 
@@ -105,9 +112,7 @@ def check_required(requirements: list[str] | None) -> Finding:
             wrong.append(f"{name} {installed} is older than {least}")
     if not wrong:
         return Finding(AREA, check, f"all {count} installed", limit, Verdict.GOOD)
-    return Finding(
-        AREA, check, "; ".join(wrong), limit, Verdict.BAD, "`make clean setup`", ALL_USES
-    )
+    return Finding(AREA, check, "; ".join(wrong), limit, Verdict.BAD, REINSTALL, ALL_USES)
 
 
 def check_pinned(path: Path) -> Finding:
@@ -131,7 +136,7 @@ def check_pinned(path: Path) -> Finding:
     value = ", ".join(other[:_MAX_LISTED]) + (
         f" and {len(other) - _MAX_LISTED} more" * (len(other) > _MAX_LISTED)
     )
-    return Finding(AREA, check, value, limit, Verdict.WARNING, "`make clean setup`")
+    return Finding(AREA, check, value, limit, Verdict.WARNING, REINSTALL)
 
 
 def _cache() -> Finding:
@@ -146,7 +151,7 @@ def _cache() -> Finding:
         with tempfile.TemporaryFile(dir=existing):
             pass
     except ImportError as error:
-        return Finding(AREA, check, str(error), limit, Verdict.BAD, "`make clean setup`", ALL_USES)
+        return Finding(AREA, check, str(error), limit, Verdict.BAD, REINSTALL, ALL_USES)
     except OSError as error:
         value = f"{folder}: {error.strerror or error}"
         advice = "set XDG_CACHE_HOME to a writable folder"

@@ -2,10 +2,10 @@
 
 import json
 import subprocess
-import sys
 from typing import Any, NamedTuple
 
 from rig.host.finding import ALL_USES, REALTIME, Finding, Verdict, forbidden_uses, grade
+from rig.module_process import module_command
 from rig.processes.wire_locks import REALTIME_WIRE, acquire
 from rig.recording.runs.create import BusyError
 
@@ -55,7 +55,7 @@ def _measure_wakeups(
     dt: float, seconds: float, *, privileged: bool, locks: tuple[int, ...] = ()
 ) -> tuple[dict[str, Any] | None, str]:
     request = json.dumps({"dt": dt, "seconds": seconds, "privileged": privileged})
-    command = [sys.executable, "-m", "rig.host.wake"]
+    command = module_command("rig.host.wake")
     try:
         process = subprocess.run(
             command,

@@ -8,6 +8,7 @@ import time
 from ctypes.util import find_library
 
 from rig.host.finding import Finding, Host, Verdict, grade
+from rig.host.software import REINSTALL
 
 AREA = "wires"
 _CAN_DEVICE = 280  # ARPHRD_CAN, in /sys/class/net/*/type
@@ -109,7 +110,7 @@ def _backends() -> Finding:
     good = [name for name in _BACKENDS if name not in bad]
     value = ", ".join(good) + (f"; not {', '.join(bad)}" if bad else "")
     verdict = Verdict.GOOD if good else Verdict.WARNING
-    advice = "" if good else "`make clean setup`"
+    advice = "" if good else REINSTALL
     return Finding(AREA, check, value, limit, verdict, advice, (), {"good": good, "bad": bad})
 
 

@@ -4,11 +4,12 @@ import json
 import queue
 import signal
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
 from typing import IO, Any
+
+from rig.module_process import module_command
 
 
 class Child:
@@ -20,7 +21,7 @@ class Child:
         self._errors = errors
         with errors.open("ab") as sink:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", module],
+                module_command(module),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=sink,

@@ -8,12 +8,12 @@ and waits for it. In every case it writes the ring's counters to the run's folde
 import json
 import os
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from rig.module_process import module_command
 from rig.realtime.loop import LoopResult
 from rig.realtime.safety import Reason
 from rig.recording.folder_watch import current_folder, save_to_rescue_folder, write_progress
@@ -130,7 +130,7 @@ class LastLogger:
         fds = tuple(fd for fd in (self._request["ring"], self._request["folder"]) if fd >= 0)
         with (folder / "logger.stderr").open("ab") as errors:
             process = subprocess.Popen(
-                [sys.executable, "-m", "rig.recording.logger"],
+                module_command("rig.recording.logger"),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=errors,

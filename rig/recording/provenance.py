@@ -1,5 +1,6 @@
 """Code version and host of a run."""
 
+import json
 import os
 import platform
 import subprocess
@@ -8,17 +9,24 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-_ROOT = Path(__file__).resolve().parents[2]
+_ROOT = Path(__file__).resolve().parents[2]  # source tree, or site-packages
+_BUILD_SOURCE = Path(__file__).resolve().parents[1] / "source.json"  # by hatch_build.py
 _PACKAGES = ("numpy", "scipy", "filterpy", "mcap", "pydantic", "ruamel.yaml", "xarray")
 
 
 def describe_code() -> dict[str, Any]:
-    """Return version, git commit (empty outside a checkout) and whether it has local changes."""
-    commit = _git("rev-parse", "HEAD")
+    """Return version, git commit of the code, and whether the code had local changes.
+
+    An installed package knows the commit from which it was built (empty if it was built without
+    git); ``installed`` distinguishes it from a checkout, which may have changed since.
+    """
+    checkout = (_ROOT / ".git").exists() and (_ROOT / "pyproject.toml").is_file()
+    commit, dirty = _checked_out_commit() if checkout else _built_commit()
     return {
         "version": metadata.version("wec-rig"),
         "git": commit,
-        "dirty": bool(commit and _git("status", "--porcelain", "--untracked-files=no")),
+        "dirty": dirty,
+        "installed": not checkout,
         "python": platform.python_version(),
         "packages": {name: metadata.version(name) for name in _PACKAGES},
     }
@@ -36,6 +44,21 @@ def describe_host() -> dict[str, Any]:
         "memory_bytes": pages,
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
     }
+
+
+def _checked_out_commit() -> tuple[str, bool]:
+    """Return the commit of the checkout, and whether tracked files differ from it."""
+    commit = _git("rev-parse", "HEAD")
+    return commit, bool(commit and _git("status", "--porcelain", "--untracked-files=no"))
+
+
+def _built_commit() -> tuple[str, bool]:
+    """Return the commit from which the package was built, and whether files differed from it."""
+    try:
+        source = json.loads(_BUILD_SOURCE.read_text(encoding="utf-8"))
+        return str(source["git"]), bool(source["dirty"])
+    except (OSError, ValueError, KeyError):
+        return "", False
 
 
 def _git(*arguments: str) -> str:

@@ -9,10 +9,10 @@ import asyncio
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.config import RigFile
+from rig.config.shipped_files import shipped_folder
 from rig.config.wiring import Actuator, Registers, TorqueDrive
 from rig.execution.rehearsal.addresses import occupied_addresses, unreachable_addresses
 from rig.execution.rehearsal.devices import build_world
@@ -46,7 +46,7 @@ from sim_plant.world import World
 if TYPE_CHECKING:
     from rig.planning.campaign.files import Campaign
 
-EDS_FOLDER = Path(__file__).resolve().parents[3] / "configs" / "devices"
+EDS_FOLDER = shipped_folder() / "devices"
 AMC_EDS, RATED_EDS, ACTUATOR_EDS = (
     EDS_FOLDER / f"{name}.eds"
     for name in ("amc_torque_drive", "cia402_torque_drive", "nanotec_actuator")

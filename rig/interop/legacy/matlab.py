@@ -13,6 +13,7 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rig.module_process import module_command
 from rig.regular_file import MAX_RECORD_BYTES, open_regular
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _run_reader(arguments: list[str], data: bytes, seconds: float) -> bytes:
     """Run this module as a process on a file and return its standard output."""
     try:
         process = subprocess.run(
-            [sys.executable, "-m", __name__, *arguments],
+            module_command(__name__, *arguments),
             input=data,
             capture_output=True,
             timeout=seconds,

@@ -1,0 +1,114 @@
+"""Files that wec-rig ships (campaigns, sessions, rigs and their input files), and their names.
+
+The source tree keeps them in `configs/`, a wheel in `rig/configs/`. Programs only read them: an
+installation may be read-only.
+"""
+
+import re
+from importlib import resources
+from pathlib import Path
+from typing import NamedTuple
+
+CAMPAIGNS, SESSIONS, RIGS = "campaigns", "sessions", "rigs"
+KINDS = {CAMPAIGNS: "campaign", SESSIONS: "session", RIGS: "rig"}
+"""Folders whose files have names for the command line, and the noun for one such file."""
+
+_SUFFIX = ".yaml"
+_SENTENCE_END = re.compile(r"(?<=\.)\s+(?=[A-Z])")
+
+
+class UnknownNameError(ValueError):
+    """No file or no single shipped file has the given name; the message lists the names."""
+
+
+class ShippedFile(NamedTuple):
+    """A shipped campaign, session or rig."""
+
+    kind: str  # a key of KINDS
+    name: str
+    path: Path
+
+    @property
+    def qualified_name(self) -> str:
+        """Name with the kind, which is unique: campaigns/irregular."""
+        return f"{self.kind}/{self.name}"
+
+
+def shipped_folder() -> Path:
+    """Return the folder of the shipped files."""
+    installed = Path(str(resources.files("rig"))) / "configs"
+    return installed if installed.is_dir() else installed.parents[1] / "configs"
+
+
+def shipped_files(*kinds: str) -> list[ShippedFile]:
+    """Return the shipped files of some kinds, by kind and name."""
+    folder = shipped_folder()
+    return [
+        ShippedFile(kind, path.stem, path)
+        for kind in kinds
+        for path in sorted((folder / kind).glob(f"*{_SUFFIX}"))
+    ]
+
+
+def find_shipped(name: str, *kinds: str) -> ShippedFile:
+    """Return the shipped file of a name or KIND/NAME.
+
+    Raises `UnknownNameError` with the names of the shipped files of ``kinds`` if none has the name,
+    or with the full names if files of several kinds have it.
+    """
+    shipped = shipped_files(*kinds)
+    matches = [one for one in shipped if name in (one.name, one.qualified_name)]
+    if len(matches) > 1:
+        full_names = " or ".join(one.qualified_name for one in matches)
+        nouns = " and a ".join(KINDS[one.kind] for one in matches)
+        raise UnknownNameError(f"{name}: name of a shipped {nouns}; write {full_names}")
+    if not matches:
+        raise UnknownNameError(_no_match_text(name, shipped, kinds))
+    return matches[0]
+
+
+def find_file(name: Path, *kinds: str) -> Path | ShippedFile:
+    """Return the file that a person names: ``name`` itself if it is a path, or a shipped file.
+
+    An existing file comes first. Any other text with a suffix or a folder is a path, too, except
+    KIND/NAME of a shipped file. Raises `UnknownNameError` as `find_shipped` does.
+    """
+    if name.exists() and not name.is_dir():
+        return name
+    try:
+        return find_shipped(str(name), *kinds)
+    except UnknownNameError:
+        if len(name.parts) != 1 or name.suffix or name.is_dir():
+            return name
+        raise
+
+
+def local_copies(shipped: ShippedFile) -> list[Path]:
+    """Return files in the current folder that look like edited copies of a shipped file."""
+    file = f"{shipped.name}{_SUFFIX}"
+    candidates = [Path(file), Path(shipped.kind, file)]
+    return [path for path in candidates if path.is_file() and not path.samefile(shipped.path)]
+
+
+def title(path: Path) -> str:
+    """Return the first sentence of the comment at the head of a file, without its full stop."""
+    lines = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if not line.startswith("#"):
+            break
+        lines.append(line.removeprefix("#").strip())
+    return _SENTENCE_END.split(" ".join(lines), maxsplit=1)[0].removesuffix(".")
+
+
+def _no_match_text(name: str, shipped: list[ShippedFile], kinds: tuple[str, ...]) -> str:
+    """Return that nothing has the name, where it may be found instead, and the names there are."""
+    lines = [f"{name}: no such file here, and no shipped {' or '.join(KINDS[k] for k in kinds)}"]
+    with_suffix = Path(f"{name}{_SUFFIX}")
+    if with_suffix.is_file():
+        lines[0] += f"; {with_suffix} is here: write the whole file name"
+    others = [one for one in shipped_files(*KINDS) if one.name == name and one.kind not in kinds]
+    lines += [f"there is a shipped {KINDS[one.kind]} {one.qualified_name}" for one in others]
+    for kind in kinds:
+        names = ", ".join(one.name for one in shipped if one.kind == kind)
+        lines.append(f"shipped {kind}: {names or 'none'}")
+    return "\n".join(lines)

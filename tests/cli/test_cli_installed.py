@@ -1,0 +1,240 @@
+"""A wheel in a virtual environment of its own does everything in an empty folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_once import made_once
+from wired_rig import ended, free_ports, ready
+
+ROOT = Path(__file__).resolve().parents[2]
+UV = Path(sys.executable).with_name("uv")
+CONSTRAINTS = str(ROOT / "constraints.txt")
+
+pytestmark = [pytest.mark.slow, pytest.mark.long]
+
+
+def command(*arguments: object) -> str:
+    """Run a command and return its output; a failure shows what it printed."""
+    done = subprocess.run(list(map(str, arguments)), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{arguments}\n{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+def build(folder: Path) -> None:
+    """Build the wheel of the tree."""
+    if UV.is_file():
+        command(UV, "build", "--quiet", "--wheel", "--build-constraint", CONSTRAINTS,
+                "--out-dir", folder, ROOT)  # fmt: skip
+    else:
+        command(sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", folder, ROOT)
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The wheel of the tree."""
+    (path,) = made_once(tmp_path_factory, "wheel", build).glob("*.whl")
+    return path
+
+
+class Installation:
+    """A virtual environment with the wheel, and an empty folder in which its commands run."""
+
+    def __init__(self, environment: Path, folder: Path) -> None:
+        self.folder = folder
+        self.program = environment / "bin" / "rig"
+        (self.site,) = environment.glob("lib/python*/site-packages")
+        self.variables = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
+
+    def start(self, *arguments: object) -> subprocess.Popen[str]:
+        """Start `rig ARGUMENTS` in the folder."""
+        return subprocess.Popen(
+            [str(self.program), *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=self.folder,
+            env=self.variables,
+        )
+
+    def rig(self, *arguments: object, code: int = 0) -> str:
+        """Run `rig ARGUMENTS` to its end and return its output."""
+        process = self.start(*arguments)
+        out, err = process.communicate(timeout=600)
+        assert process.returncode == code, f"{arguments}\n{out}\n{err}"
+        return out
+
+    def json(self, *arguments: object) -> Any:
+        """Run `rig ARGUMENTS --json` and return what it printed."""
+        return json.loads(self.rig(*arguments, "--json"))
+
+    def files(self) -> dict[Path, tuple[int, int]]:
+        """Return size and time of every installed file but compiled Python."""
+        return {
+            path: (path.stat().st_size, path.stat().st_mtime_ns)
+            for path in self.site.rglob("*")
+            if path.is_file() and path.suffix != ".pyc"
+        }
+
+
+@pytest.fixture(scope="module")
+def environment(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A virtual environment with the wheel and what it requires, in the tested versions."""
+    folder = tmp_path_factory.mktemp("installed") / "venv"
+    if UV.is_file():
+        command(UV, "venv", "--quiet", "--python", sys.executable, folder)
+        install = (UV, "pip", "install", "--quiet", "--python", folder / "bin" / "python")
+    else:
+        command(sys.executable, "-m", "venv", folder)
+        install = (folder / "bin" / "python", "-m", "pip", "install", "--quiet")
+    command(*install, "--constraint", CONSTRAINTS, wheel)
+    return folder
+
+
+@pytest.fixture
+def installed(environment: Path, tmp_path: Path) -> Iterator[Installation]:
+    """The installation; a command that writes into it fails its test."""
+    installation = Installation(environment, tmp_path)
+    before = installation.files()
+    yield installation
+    assert installation.files() == before
+
+
+def test_wheel_holds_the_packages_and_their_data_alone(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    packages = {"controllers", "drivers", "rig", "sim_plant"}
+    tops = {name.split("/")[0] for name in names}
+    assert {top for top in tops if not top.endswith(".dist-info")} == packages
+    assert {f"{package}/py.typed" for package in packages} <= set(names)
+    shipped = {name.removeprefix("rig/") for name in names if name.startswith("rig/configs/")}
+    expected = {
+        path.relative_to(ROOT).as_posix()
+        for path in (ROOT / "configs").rglob("*")
+        if path.is_file() and path.suffix not in (".py", ".pyc")
+    }
+    assert shipped == expected
+    assert "rig/constraints.txt" in names
+
+
+def test_wheel_names_its_program_and_its_commit(wheel: Path) -> None:
+    archive = zipfile.ZipFile(wheel)
+    (entry_points,) = (n for n in archive.namelist() if n.endswith("entry_points.txt"))
+    assert b"rig = rig.__main__:main" in archive.read(entry_points)
+    if (ROOT / ".git").exists():
+        head = command("git", "-C", ROOT, "rev-parse", "HEAD").strip()
+        assert json.loads(archive.read("rig/source.json"))["git"] == head
+
+
+def test_names_lists_and_copies(installed: Installation) -> None:
+    assert "campaigns" in installed.rig("--help")
+    listed = installed.json("campaigns")
+    assert Path(listed["folder"]) == installed.site / "rig" / "configs"
+    assert {"default", "quick"} <= {one["name"] for one in listed["campaigns"]}
+    assert not [one for kind in ("campaigns", "sessions", "rigs") for one in listed[kind]
+                if one["problem"]]  # fmt: skip
+    assert installed.json("check", "default")["rows"] == 66
+    assert "default" in installed.rig("check", "default")
+    assert installed.json("calibration", "list")
+    assert installed.json("runs") == []
+    assert "nothing: no such file here" in installed.start("run", "nothing").communicate()[1]
+    assert list(installed.folder.iterdir()) == []
+    for name in ("csv_matrix", "recorded", "mask4_run_139", "irregular_online", "spring_map"):
+        copied = installed.json("copy", name, "--to", name)
+        assert installed.json("check", copied["file"])["ok"]
+
+
+def test_rehearsal_reports_the_installed_code(installed: Installation) -> None:
+    ended_run = installed.json("run", "quick")
+    assert ended_run["status"] == "complete"
+    folder = installed.folder / ended_run["folder"]
+    assert (folder / "surfaces.png").is_file()
+    code = json.loads((folder / "code.json").read_text())
+    source = json.loads((installed.site / "rig" / "source.json").read_text())
+    assert code["installed"]
+    assert (code["git"], code["dirty"]) == (source["git"], source["dirty"])
+    assert installed.json("show", "last")["optima"]
+    assert installed.json("replay", "last")["same"]
+
+
+def test_edited_copy_runs_among_files_that_hide_modules(installed: Installation) -> None:
+    """The user's own scripts may have the names of modules."""
+    for name in ("signal.py", "drivers.py", "logging.py"):
+        (installed.folder / name).write_text("raise SystemExit(7)\n")
+    installed.rig("copy", "quick")
+    campaign = installed.folder / "campaigns" / "quick.yaml"
+    campaign.write_text(campaign.read_text().replace("name: quick", "name: mine"))
+    ended_run = installed.json("run", "campaigns/quick.yaml")
+    assert ended_run["status"] == "complete"
+    assert ended_run["folder"].endswith("_mine")
+
+
+def test_bench_session(installed: Installation) -> None:
+    ended_run = installed.json("bench", "driveline_short")
+    assert ended_run["status"] == "complete"
+    assert (installed.folder / ended_run["folder"] / "calibration.yaml").is_file()
+
+
+def test_sweep(installed: Installation) -> None:
+    result = installed.json("sweep", "default", "--over", "sea.amplitude_m=0.05,0.1")
+    assert result["rows"] == {"complete": 132}
+    assert (installed.folder / result["result"]).is_file()
+
+
+def wired_copy(installed: Installation) -> str:
+    """Return the name of a rig file on free ports, after a copy of the shipped one."""
+    installed.rig("copy", "wavebot_hil")
+    ports = free_ports()
+    pseudo_terminal = installed.folder / "amplifiers"
+    rig = f"""\
+        extends: rigs/wavebot_hil.yaml
+        name: Wires of a test
+        wiring:
+          can: {{options: {{host: 127.0.0.1, port: {ports.can}, tcp_tune: true}}}}
+          lines:
+            analyser: {{port: {ports.analyser}, timeout_s: 0.5}}
+            io: {{port: {ports.io}, timeout_s: 0.5}}
+            amplifiers: {{port: {pseudo_terminal}}}
+        limits: limits/wavebot_hil.yaml
+        plant: plants/wavebot.yaml
+        """
+    (installed.folder / "rig.yaml").write_text(rig)
+    return "rig.yaml"
+
+
+def test_emulated_devices_answer(installed: Installation) -> None:
+    rig = wired_copy(installed)
+    sim = installed.start("sim", rig, "--json")
+    try:
+        assert ready(sim)["status"] == "ready"
+        assert installed.rig("devices", rig).rstrip().endswith("their settings are correct.")
+    finally:
+        code, _, errors = ended(sim, signal.SIGINT)
+    assert code == 0, errors
+
+
+@pytest.mark.realtime
+def test_campaign_on_emulated_devices(installed: Installation) -> None:
+    rig = wired_copy(installed)
+    (installed.folder / "one_row.yaml").write_text(
+        """\
+        name: one_row
+        rig: rigs/wavebot.yaml
+        sea: {kind: regular, amplitude_m: 0.05, frequency_hz: 0.5}
+        start: {lead_in_s: 5}
+        timing: {settle_s: 2, interval_s: 6}
+        matrix:
+          list:
+            - {spring_n_per_m: 490.9, kp_n_s_per_m: -2000, ki_n_per_m: 0}
+        """
+    )
+    ended_run = installed.json("run", "one_row.yaml", "--rig", rig, "--sim")
+    assert ended_run["status"] == "complete"

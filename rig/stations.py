@@ -26,6 +26,10 @@ class Station(NamedTuple):
     force: str = ""  # log field of the force whose constant offset `power_NAME_demeaned` removes
     shown: bool = False  # in pictures by default
 
+    def uses(self, signal: str) -> bool:
+        """Return whether the formula contains a signal."""
+        return signal in re.findall(r"\w+", self.formula)
+
 
 def as_records(stations: Iterable[Station]) -> list[dict[str, Any]]:
     """Return stations as JSON values, as in a run's plan."""
@@ -47,6 +51,11 @@ def find(stations: Sequence[Station], name: str) -> Station:
             return station
     allowed = ", ".join(each.alias or each.name for each in stations)
     raise ValueError(f"unknown station {name!r}; allowed {allowed}")
+
+
+def station_names(stations: Iterable[Station]) -> list[str]:
+    """Return the names of stations, in their order."""
+    return [station.name for station in stations]
 
 
 def shown(stations: Iterable[Station]) -> tuple[Station, ...]:

@@ -26,6 +26,11 @@ class Station(NamedTuple):
     force: str = ""  # log field of the force whose constant offset `power_NAME_demeaned` removes
     shown: bool = False  # in pictures by default
 
+    @property
+    def name_in_text(self) -> str:
+        """Name in a sentence, e.g. "mechanical power"."""
+        return self.alias or self.heading
+
     def uses(self, signal: str) -> bool:
         """Return whether the formula contains a signal."""
         return signal in re.findall(r"\w+", self.formula)
@@ -49,8 +54,13 @@ def find(stations: Sequence[Station], name: str) -> Station:
     for station in stations:
         if name in (station.name, station.alias):
             return station
-    allowed = ", ".join(each.alias or each.name for each in stations)
+    allowed = ", ".join(option_names(stations))
     raise ValueError(f"unknown station {name!r}; allowed {allowed}")
+
+
+def option_names(stations: Iterable[Station]) -> list[str]:
+    """Return the names of stations on the command line: the alias where a station has one."""
+    return [station.alias or station.name for station in stations]
 
 
 def station_names(stations: Iterable[Station]) -> list[str]:

@@ -43,7 +43,7 @@ def main(run_name: Path, runs: Path, options: PlotOptions, *, as_json: bool) -> 
 def _draw(run: Path, options: PlotOptions) -> list[Path]:
     from rig.analysis.report import products_folder, write_products
     from rig.analysis.rows import MEAN_POSITION_ALARM, row_table
-    from rig.analysis.traces import DEFAULT_FIELDS, write_traces
+    from rig.analysis.traces import write_traces
 
     traces = bool(options.fields or options.rows)
     surface = bool(options.surface or options.left_out or options.stations)
@@ -67,7 +67,7 @@ def _draw(run: Path, options: PlotOptions) -> list[Path]:
         if calibrations:
             raise ValueError("fields over time show recorded values; leave out --calibration")
         picture = options.output or folder / "traces.png"
-        return [write_traces(run, picture, options.fields or DEFAULT_FIELDS, options.rows or None)]
+        return [write_traces(run, picture, options.fields, options.rows or None)]
     incomplete = options.incomplete_rows
     return write_products(run, MEAN_POSITION_ALARM, calibrations, incomplete_rows=incomplete)
 

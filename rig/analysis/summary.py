@@ -178,7 +178,7 @@ def as_json(summary: Summary) -> dict[str, Any]:
     """Return the summary as JSON data in W, N/m, %, N*s/m; an unknown error is null."""
     best = [
         {
-            "power": optimum.kind,
+            "power": optimum.station.name,
             "rows": list(optimum.point.rows),
             "spring_rate_n_per_m": optimum.point.spring_rate,
             "stator_percent": optimum.point.stator,
@@ -246,7 +246,7 @@ def _result_lines(summary: Summary) -> list[str]:
         point, power = optimum.point, phrases.format_power(optimum.power, optimum.error)
         kp, ki = phrases.format_signed(point.kp), phrases.format_signed(point.ki)
         lines.append(
-            f"  {phrases.POWER_NAMES[optimum.kind]:<32} {power:>16}"
+            f"  {optimum.station.label:<32} {power:>16}"
             f"   Kp {kp:>6}  Ki {ki:>6}   {phrases.spring_text(point.spring_rate, point.stator)}"
             + (f"   {optimum.caveat}" if optimum.caveat else "")
         )

@@ -11,21 +11,28 @@ from rich.text import Text
 
 from rig.cli.console import WIDTH, table_console
 from rig.config.problems import Problem
-from rig.design.predictions import Prediction, RowPrediction, Travel, tightest
+from rig.design.predictions import (
+    PREDICTED_STATIONS,
+    Prediction,
+    RowPrediction,
+    Travel,
+    tightest,
+)
 from rig.planning.campaign import CheckReport
 from rig.planning.campaign.check import format_duration
+from rig.stations import shown
 
 ROWS_SHOWN = 8  # without --rows
 MAX_SPRING_RATES = 12
 MAX_WARNINGS = 10
-_STATIONS = (("mech 1", "power_mechanical_1"), ("AC", "power_ac"), ("DC", "power_dc"))
 _HIGH_SHARE = 0.75  # of a limit; the view colours values from here on
 _LEADING_COLUMNS = (("row", ""), ("spring", "N/m"), ("Kp", "N s/m"), ("Ki", "N/m"))
 _RESULT_COLUMNS = (
-    ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"), ("mech 1", "W"), ("mech 2", "W"),
-    ("AC", "W"), ("DC", "W"),
+    ("x", "m"), ("i", "A"), ("rms", "A"), ("surge", "m"),
+    *((station.heading, "W") for station in PREDICTED_STATIONS),
 )  # fmt: skip
-_OPTIONAL_COLUMNS = ("surge", "rms", "mech 2", "mech 1")  # dropped in this order until all fits
+_OPTIONAL_COLUMNS = ("surge", "rms", *(s.heading for s in reversed(PREDICTED_STATIONS) if s.force))
+"""Dropped in this order until all fits; the electrical stations stay."""
 _UNLIMITED_WIDTH = 10_000  # columns
 _VARYING_COLUMNS = {  # shown only where their values change from row to row
     "km": ("Km", "kg"),
@@ -82,9 +89,10 @@ class CheckView:
         )
         for name, unit in (("spring", "N/m"), ("rows", ""), ("x peak", "m"), ("i peak", "A")):
             table.add_column(f"{name}\n{unit}", justify="right", no_wrap=True)
-        stations = _STATIONS if self._console.width >= WIDTH else _STATIONS[1:]
-        for name, _ in stations:
-            table.add_column(f"best {name}\n", justify="right", no_wrap=True)
+        stations = shown(PREDICTED_STATIONS)
+        stations = stations if self._console.width >= WIDTH else stations[1:]
+        for station in stations:
+            table.add_column(f"best {station.heading}\n", justify="right", no_wrap=True)
         groups = _by_spring_rate(forecast.rows)
         for rate, rows in groups[:MAX_SPRING_RATES]:
             allowed = [row for row in rows if row.row.point not in refused]
@@ -93,7 +101,7 @@ class CheckView:
                 str(len(rows)),
                 _range_text([row.predicted.position_peak for row in rows], ".3f"),
                 _range_text([row.predicted.current_peak for row in rows], ".1f"),
-                *(_best_text(allowed, field) for _, field in stations),
+                *(_best_text(allowed, f"power_{station.name}") for station in stations),
             )
         self._console.print()
         self._console.print(table)
@@ -194,10 +202,7 @@ def _cells(prediction: RowPrediction) -> dict[str, str]:
         "i": f"{predicted.current_peak:.1f}",
         "rms": f"{predicted.current_rms:.1f}",
         "surge": f"{predicted.surge_position_peak:.3f}",
-        "mech 1": f"{predicted.power_mechanical_1:.1f}",
-        "mech 2": f"{predicted.power_mechanical_2:.1f}",
-        "AC": f"{predicted.power_ac:.1f}",
-        "DC": f"{predicted.power_dc:.1f}",
+        **{s.heading: f"{getattr(predicted, f'power_{s.name}'):.1f}" for s in PREDICTED_STATIONS},
     }
 
 

@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rig import cli
-from rig.analysis.phrases import POWER_NAMES, format_power
+from rig.analysis.phrases import format_power
 from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
+from rig.kinds.wavebot.stations import STATIONS
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
+from rig.stations import find, station_names
 from rig.sweep import executors, result_cache, sweep
 from rig.sweep.cases import LEAD_IN
 from rig.sweep.journal import JOURNAL_FILE as CASES
@@ -184,13 +186,15 @@ def _result_as_dict(
         "pictures": [str(picture) for picture in pictures],
         "rows": dict(zip(names.tolist(), counts.tolist(), strict=True)),
         "failed": reasons,
-        "best": {kind: best for kind in POWER_NAMES if (best := _best_row(table, kind))},
+        "best": {
+            name: best for name in station_names(STATIONS) if (best := _best_row(table, name))
+        },
     }
 
 
-def _best_row(table: "xarray.Dataset", kind: str) -> dict[str, Any]:
+def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
     """Return the row with the least power (negative is absorbed), with all its inputs."""
-    name = f"power_{kind}"
+    name = f"power_{station}"
     if name not in table or not np.isfinite(table[name].values).any():
         return {}
     power = table[name].where(table["state"] == "complete")
@@ -211,12 +215,11 @@ def _print_result(result: dict[str, Any]) -> None:
         run_text = f"the cases took {result['running_s']:.1f} s of it, {rate:.0f} times real time"
     print(f"{rows} in {result['seconds']:.1f} s; {run_text}")
     print("Best rows (negative power is absorbed)")
-    for kind, best in result["best"].items():
+    for name, best in result["best"].items():
         inputs = (f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
                   for key, value in best.items() if key != "power_w")  # fmt: skip
-        print(
-            f"  {POWER_NAMES[kind]:<32} {format_power(best['power_w']):>10}   {', '.join(inputs)}"
-        )
+        label, power = find(STATIONS, name).label, format_power(best["power_w"])
+        print(f"  {label:<32} {power:>10}   {', '.join(inputs)}")
     for reason in result["failed"][:_MAX_REASONS]:
         print(f"failed: {reason}", file=sys.stderr)
     if len(result["failed"]) > _MAX_REASONS:

@@ -3,11 +3,13 @@
 from pathlib import Path
 from typing import Any
 
+from rig import stations
 from rig.execution.hardware import job as hardware
 from rig.execution.rehearsal import emulation, job
 from rig.execution.task import ExecutionMode, RunResult, Task, View, run_task
 from rig.kinds.wavebot import KIND
 from rig.kinds.wavebot.build import newtons_per_ampere, wavebot_params
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.processes.wire_locks import wires_in
@@ -87,6 +89,7 @@ def _plan_record(campaign: Campaign, plan: Plan) -> dict[str, Any]:
         "sea": sea.model_dump(mode="json") | {"words": sea.description()},
         "reference": _reference_record(campaign),
         "hoist": _hoist_record(campaign),
+        "stations": stations.as_records(STATIONS),
         "spring_moves": plan.spring_moves,
         "duration_s": plan.duration,
     }

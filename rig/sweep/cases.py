@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rig.analysis.rows import NOT_RUN, reduce_window
 from rig.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
 from rig.sweep import InterruptedSweepError
@@ -151,7 +152,9 @@ def row_results(
     """
     results = {}
     for window in simulation:
-        results[window.row] = reduce_window(window, period_ticks)  # the last attempt counts
+        results[window.row] = reduce_window(
+            window, period_ticks, STATIONS
+        )  # the last attempt counts
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
     return [
         {

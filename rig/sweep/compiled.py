@@ -22,6 +22,7 @@ from controllers import (
     signals,
     station_keeping,
 )
+from rig import stations as station_table
 from rig.execution.rehearsal.compiled_plant import LIFTED_MODULES as PLANT
 from rig.kinds.wavebot import signals as wavebot_signals
 from rig.kinds.wavebot import tare
@@ -35,12 +36,13 @@ from sim_plant import wave_maker
 
 _CONTROL: tuple[ModuleType, ...] = (
     biquads, blocks, drive_gating, estimator, impedance, magnetic_spring, open_loop, position_hold,
-    station_keeping, average, axis, limits, power, safety, sequence, tare,
-    *(sys.modules[f"rig.kinds.wavebot.{name}"] for name in ("check", "kind", "state", "stations")),
+    station_keeping, average, axis, limits, safety, sequence, tare,
+    *(sys.modules[f"rig.kinds.wavebot.{name}"]
+      for name in ("check", "kind", "power_checks", "state", "stations")),
 )  # fmt: skip
 LIFTED = (*_CONTROL, *PLANT, wave_maker, plant_coupling, pages, cycle)
-TYPE_MODULES = (signals, wavebot_signals, plant_signals, column, noise)
-"""Modules that are not lifted, but whose types compiled code contains."""
+TYPE_MODULES = (signals, wavebot_signals, plant_signals, column, noise, power, station_table)
+"""Modules that are not lifted, but whose types or generated functions compiled code contains."""
 
 _SOURCE = '''"""Generated: ticks of loop and plant together."""
 

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.rows import NOT_RUN, SETTINGS, UNITS
+from rig.analysis.rows import NOT_RUN, SETTINGS, STATIONS_ATTRIBUTE, column_units
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
+from rig.stations import as_records
 from rig.sweep.cases import Cases, Outcome, single_row_campaign
 from rig.sweep.parameters import CAMPAIGN_KEYS, parameter_unit
 
@@ -58,13 +60,13 @@ def build_dataset(
             )
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
-    data = {}
+    data, units_by_column = {}, column_units(STATIONS)
     for key, flat in columns.items():
         values = flat.reshape(shape)
         if key in SETTINGS and (planned := _planned_setting(values, key, cases.rows)) is not None:
             coords[key] = xarray.Variable("row", planned, _units(SETTINGS[key]))
         else:
-            data[key] = xarray.Variable(dims, values, _units(UNITS.get(key, "")))
+            data[key] = xarray.Variable(dims, values, _units(units_by_column.get(key, "")))
     return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
 
 
@@ -150,6 +152,7 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
         "campaign": campaign.file.name,
         "sea": campaign.file.sea.description(),
         "sequential": int(cases.request.sequential),
+        STATIONS_ATTRIBUTE: json.dumps(as_records(STATIONS)),
         "config": resolved_config(campaign),
         "code_version": code["version"],
         "code_git": code["git"],

@@ -9,12 +9,13 @@ import numpy.typing as npt
 
 from controllers.signals import DriveSettings
 from rig.analysis import quality
-from rig.analysis.rows import FIELDS, LOGGED_SETTINGS
+from rig.analysis.rows import LOGGED_SETTINGS, required_fields
 from rig.analysis.windows import REQUIRED_FIELDS, Window
 from rig.execution.rehearsal import job
 from rig.execution.rehearsal.devices import build_world
 from rig.kinds.wavebot import KIND, Setpoints, WaveBotRow
 from rig.kinds.wavebot.build import index_realisations, list_realisations, wavebot_params
+from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, Plan
 from rig.realtime import cycle
 from rig.realtime.loop import LINGER_TICKS
@@ -39,7 +40,7 @@ KEPT_FIELDS = tuple(
         [
             *REQUIRED_FIELDS,
             "time",
-            *FIELDS,
+            *required_fields(STATIONS),
             *LOGGED_SETTINGS.values(),
             *quality.required_fields(_LOG_FIELDS),
             *_WAVES,

@@ -10,12 +10,12 @@ import xarray
 from between_points import interpolator
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis import labels, panel
 from rig.analysis.labels import BY_NAME, column
 from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
-from rig.analysis.rows import POWERS
 from rig.analysis.slices import (
     KI,
     KP,
@@ -53,7 +53,7 @@ def rows(settings: list[dict[str, float]], power: Any, error: float = 0.5) -> xa
     for kind in POWERS:
         columns[f"power_{kind}"] = [each[kind] for each in powers]
         columns[f"power_{kind}_se"] = [error] * len(settings)
-    attributes = {"campaign": "three", "run": "r1", "mode": "hil"}
+    attributes = {"campaign": "three", "run": "r1", "mode": "hil", **STATIONS_ATTRIBUTES}
     return xarray.Dataset(
         {name: ("row", np.array(list(values))) for name, values in columns.items()},
         None,
@@ -164,7 +164,9 @@ def drive_power(at: dict[str, float]) -> dict[str, float]:
 
 
 def test_columns_that_make_no_difference_have_no_best_value() -> None:
-    optima = {best.kind: best for best in find_optima(rows(drive_settings(), drive_power, 0.005))}
+    optima = {
+        best.station.name: best for best in find_optima(rows(drive_settings(), drive_power, 0.005))
+    }
     assert {kind: best.without_effect for kind, best in optima.items()} == {
         "mechanical_1": ("bus_voltage", "switching_period"),
         "mechanical_2": ("bus_voltage", "switching_period"),
@@ -322,11 +324,11 @@ def test_default_view() -> None:
 @pytest.mark.parametrize("kinds", [("dc",), ("mechanical_2", "ac", "dc")])
 def test_slices_are_drawn(tmp_path: Path, kinds: tuple[str, ...]) -> None:
     table = missing(0, 5)
-    picture = imread(write_sliced(table, tmp_path / "a.png", SPRING_RATE, KP, kinds=kinds))
+    picture = imread(write_sliced(table, tmp_path / "a.png", SPRING_RATE, KP, names=kinds))
     assert picture.std() > 0.05
     lines = table.isel(row=[i for i, each in enumerate(three_springs()) if each["ki"] == 0.0])
-    assert imread(write_sliced(lines, tmp_path / "b.png", kinds=kinds)).std() > 0.02
-    assert imread(write_sliced(table.isel(row=[]), tmp_path / "c.png", kinds=kinds)).std() > 0.01
+    assert imread(write_sliced(lines, tmp_path / "b.png", names=kinds)).std() > 0.02
+    assert imread(write_sliced(table.isel(row=[]), tmp_path / "c.png", names=kinds)).std() > 0.01
     with pytest.raises(ValueError, match="cannot be both axes"):
         write_sliced(table, tmp_path / "d.png", KP, KP)
 

@@ -13,10 +13,10 @@ import xarray
 from hoisted_runs import STATIONS, UnknownSpring, draw_spring, run_spring_mapping
 from rehearsing import CONFIGS, write_yaml
 from rig_command import rig_here
-from synthetic_runs import Row, Shape, plan_json, run_rows, write_run
+from synthetic_runs import POWERS, Row, Shape, plan_json, run_rows, write_run
 
 from rig.analysis.report import summarise_run, write_products
-from rig.analysis.rows import POWERS, row_table
+from rig.analysis.rows import row_table
 from rig.analysis.spring_map import passes
 from rig.analysis.spring_map.files import write_calibration
 from rig.analysis.spring_map.passes import FIT_HALF_ANGLE, Samples

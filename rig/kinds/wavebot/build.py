@@ -22,7 +22,7 @@ from rig.config.rig_file import Axis, RigFile, Stop
 from rig.design.estimator import design
 from rig.design.impedance import design as design_zc
 from rig.kinds import wavebot
-from rig.kinds.wavebot import stations
+from rig.kinds.wavebot import power_checks
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
 from rig.planning.campaign.reference import ReferenceRecord, force_table
 from rig.planning.campaign.set_points import drive_settings
@@ -165,7 +165,7 @@ def wavebot_params(
                 panel_age_stop=bounds.loop.panel_age_stop_s,
                 tare_span_stop=bounds.tare.position_span_stop_m,
             ),
-            stations=_stations(campaign, rig, bounds.power, dt),
+            power_checks=_power_checks(campaign, rig, bounds.power, dt),
             setpoints=index_realisations(setpoints, realisations),
         ),
     )
@@ -195,10 +195,10 @@ def _axis(motor: Axis, bounds: AxisLimits, stop: Stop, dt: float) -> axis.Params
     )
 
 
-def _stations(
+def _power_checks(
     campaign: CampaignFile, rig: RigFile, bounds: PowerLimits, dt: float
-) -> stations.Params:
-    return stations.Params(
+) -> power_checks.Params:
+    return power_checks.Params(
         absorbs=1 if campaign.uses_gains_only else 0,
         fast_weight=average.weight_of_tick(bounds.time_s, dt),
         fed_stop=bounds.fed_stop_w,

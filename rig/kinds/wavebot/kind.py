@@ -11,7 +11,7 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import Demand, DriveCommand, Reference
-from rig.kinds.wavebot import stations, tare
+from rig.kinds.wavebot import power_checks, stations, tare
 from rig.kinds.wavebot.check import check
 from rig.kinds.wavebot.signals import Command, Motion, Sense, TickSignals, WaveBotRow
 from rig.kinds.wavebot.state import (
@@ -28,7 +28,7 @@ from rig.kinds.wavebot.state import (
     start,
     zeros_in_use,
 )
-from rig.realtime import axis, cycle, power, safety
+from rig.realtime import axis, cycle, safety
 from rig.realtime.safety import OFF, RUN
 from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
@@ -64,7 +64,7 @@ def control(
     dt: float,
 ) -> tuple[State, Command, TickSignals]:
     """Compute a tick's state, commands within limits, and row signals from the set point."""
-    heave, laws, surge, spring, tare_state, station_power, stations_state, active_setpoint = state
+    heave, laws, surge, spring, tare_state, station_power, checks_state, active_setpoint = state
     heave_sense, surge_sense, load, _, analyser, drive_sense, _, _, _ = sense
     heave_motion, surge_motion = motion
     _, phase, _, wave_clock = plan
@@ -109,15 +109,25 @@ def control(
     zero = tare_state.zeros
     ac, dc, _, _ = analyser
     lcb, trs = load.lcb - zero.lcb, load.trs - zero.trs
-    station_power = power.step(station_power, lcb, trs, heave_motion.velocity, ac, dc, phase)
-    stations_state = stations.step(
-        params.stations, stations_state, record, heave.fade_share, saturated, lcb, trs, ac, mode
+    station_power = stations.step(
+        station_power,
+        lcb=lcb,
+        trs=trs,
+        slew=load.slew - zero.slew,
+        force=record.command.force,
+        velocity=heave_motion.velocity,
+        surge_force=surge_record.command.force,
+        surge_velocity=surge_motion.velocity,
+        ac=ac,
+        dc=dc,
+        phase=phase,
+    )
+    checks_state = power_checks.step(
+        params.power_checks, checks_state, record, heave.fade_share, saturated, lcb, trs, ac, mode
     )
     waves = 1 if wave_clock >= 0.0 else 0
     return (
-        State(
-            heave, laws, surge, spring, tare_state, station_power, stations_state, active_setpoint
-        ),
+        State(heave, laws, surge, spring, tare_state, station_power, checks_state, active_setpoint),
         Command(record.command, surge_record.command, spring.command, drive, waves),
         (record, surge_record, reference, station_power, zero),
     )

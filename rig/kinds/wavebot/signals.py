@@ -22,8 +22,8 @@ from controllers.signals import (
     Volt,
     Watt,
 )
-from rig.kinds.wavebot import tare
-from rig.realtime import axis, cycle, power, safety
+from rig.kinds.wavebot import stations, tare
+from rig.realtime import axis, cycle, safety
 
 
 class LoadSense(NamedTuple):
@@ -98,7 +98,7 @@ class WaveBotRow(NamedTuple):
     drive_sense: DriveSense
     drive_command: DriveCommand
     power_sense: PowerSense
-    power: power.Power
+    power: stations.Power
     tare: tare.Zeros
     probes: ProbeSense
     wave: WaveSense
@@ -126,4 +126,4 @@ class Setpoints(NamedTuple):
 
 
 # The WaveBot's own part of a row, computed in the tick: heave, surge, reference, power, zeros.
-TickSignals = tuple[axis.Record, axis.Record, Reference, power.Power, tare.Zeros]
+TickSignals = tuple[axis.Record, axis.Record, Reference, stations.Power, tare.Zeros]

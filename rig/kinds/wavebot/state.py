@@ -13,9 +13,9 @@ from controllers import (
     station_keeping,
 )
 from controllers.signals import AxisSense, DriveCommand, DriveSettings, Gains
-from rig.kinds.wavebot import stations, tare
+from rig.kinds.wavebot import power_checks, stations, tare
 from rig.kinds.wavebot.signals import Setpoints
-from rig.realtime import axis, power
+from rig.realtime import axis
 
 
 class SurgeUse(IntEnum):
@@ -69,7 +69,7 @@ class Params(NamedTuple):
     surge_hold: position_hold.Params
     spring: magnetic_spring.Params
     limits: Limits
-    stations: stations.Params
+    power_checks: power_checks.Params
     setpoints: Setpoints
 
 
@@ -104,8 +104,8 @@ class State(NamedTuple):
     surge: axis.State
     spring: magnetic_spring.State
     tare: tare.State
-    power: power.Power
-    stations: stations.State
+    power: stations.Power
+    power_checks: power_checks.State
     active_setpoint: ActiveSetpoint
 
 
@@ -130,8 +130,8 @@ def start(params: Params) -> State:
         axis.start(),
         magnetic_spring.start(),
         tare.start(),
-        power.start(),
         stations.start(),
+        power_checks.start(),
         ActiveSetpoint(-1, none, none, 0.0, 0, 0.0, math.inf, resting),
     )
 

@@ -13,10 +13,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rig.kinds.wavebot.stations import STATIONS
 from rig.recording import process_identity
 from rig.recording.row_schema import CLOCK_RECORD, START_KEY
 from rig.recording.runs.mcap_file import FileContents, RunError, scan
 from rig.regular_file import MAX_TABLE_BYTES, read_regular
+from rig.stations import Station, from_records
 
 MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
@@ -97,6 +99,15 @@ class RunInfo(NamedTuple):
             return str(recorded or "")
         moment = datetime.fromtimestamp(int(nanoseconds) // 10**9, UTC)
         return moment.strftime("%Y-%m-%dT%H:%M:%SZ")
+
+    @property
+    def stations(self) -> tuple[Station, ...]:
+        """The power stations in the plan, in the order of the flow of power.
+
+        Runs recorded before 2027 do not list them: they have those of the WaveBot.
+        """
+        listed = self.plan.get("stations")
+        return STATIONS if listed is None else from_records(listed)
 
     def config_number(self, *keys: str) -> float | None:
         """Return a number of the configuration by its keys, outermost first; None without one."""

@@ -120,7 +120,7 @@ def lifted(made: Model) -> Callable[[int], tuple[float, ...]]:
 
     def run(ticks: int) -> tuple[float, ...]:
         found: tuple[float, ...] = walk(
-            made.params, supplied, law, impedance.start(), made.gains, made.per_ampere, made.table,
+            made.params, supplied, law, impedance.start(law), made.gains, made.per_ampere, made.table,
             made.start, made.target, made.dt, ticks,
         )  # fmt: skip
         return found

@@ -137,7 +137,7 @@ def _compile(opened: sweep.Sweep) -> None:
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if compiled.is_compiled(KEPT_FIELDS):
+    if compiled.is_compiled(KEPT_FIELDS, opened.campaign.law):
         timer.start()
     else:
         print_notice()

@@ -62,6 +62,24 @@ def lift(modules: Iterable[ModuleType]) -> None:
                 register_jitable(forceinline=True)(function)
 
 
+def lift_closures(function: Any) -> None:
+    """Make a function and the functions that it holds in its closure callable from compiled code.
+
+    Their modules belong to the ``modules`` of `load`, because closures have no source of their own.
+    """
+    if function in _lifted_closures:
+        return
+    _lifted_closures.add(function)
+    for cell in function.__closure__ or ():
+        if inspect.isfunction(cell.cell_contents) and cell.cell_contents.__name__ != "<lambda>":
+            lift_closures(cell.cell_contents)
+    if function.__closure__ or function.__module__ not in sys.modules:
+        register_jitable(forceinline=True)(function)
+
+
+_lifted_closures: set[Any] = set()
+
+
 def load(
     name: str, source: str, modules: Iterable[ModuleType], type_modules: Iterable[ModuleType] = ()
 ) -> ModuleType:

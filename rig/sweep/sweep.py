@@ -174,7 +174,7 @@ def _digest(request: SweepRequest, campaigns: Iterable[Campaign]) -> str:
     )
     for campaign in campaigns:  # separately: two files may have been swapped
         files = [(file.role, file.sha256) for file in campaign_inputs(campaign)]
-        digest.update(json.dumps(files).encode())
+        digest.update(json.dumps([files, campaign.law.name, campaign.law.sha256]).encode())
     digest.update(_code_digest())
     return digest.hexdigest()[:12]
 

@@ -19,16 +19,18 @@ from law_lifting import same_bits
 from rehearsing import CONFIGS, write_campaign, write_yaml
 
 import rig
+from rig.config.law_settings import IMPEDANCE
 from rig.execution.rehearsal.devices import PlantDevices
 from rig.kinds.wavebot import KIND
 from rig.realtime import cycle
 from rig.realtime.safety import RUN, STOP_0, Mode, Reason
 from rig.sweep import lifting, plant_coupling
 from rig.sweep.column import Column
-from rig.sweep.compiled import LIFTED, TYPE_MODULES
+from rig.sweep.compiled import TYPE_MODULES, lifted_modules
 from rig.sweep.pages import PAGE_TICKS
 from rig.sweep.simulation import KEPT_FIELDS, CampaignSimulator
 
+LIFTED = lifted_modules(IMPEDANCE)
 QUICK = {
     "sea": {"kind": "regular", "amplitude_m": 0.127, "frequency_hz": 0.5},
     "tare": {"duration_s": 1},
@@ -272,7 +274,9 @@ def test_cache_folder_depends_on_every_compiled_source(monkeypatch: Any) -> None
 
 PRINT_CACHE_FOLDER = """
 from rig.sweep import lifting
-from rig.sweep.compiled import LIFTED, TYPE_MODULES
+from rig.config.law_settings import IMPEDANCE
+from rig.sweep.compiled import TYPE_MODULES, lifted_modules
+LIFTED = lifted_modules(IMPEDANCE)
 print(lifting.cache_folder("x", (*LIFTED, *TYPE_MODULES)))
 """
 

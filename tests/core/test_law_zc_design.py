@@ -59,7 +59,8 @@ def test_the_sections_are_the_bilinear_transform(zc: Polynomials) -> None:
 def test_a_sine_through_the_law_shows_zc(zc: Polynomials, f_hz: float) -> None:
     """Amplitude and phase of the force per velocity, tick by tick, within the stated tolerance."""
     sections = design(*zc, DT)
-    law, state = impedance.Params(0.0, sections), impedance.start(sections)
+    law = impedance.Params(0.0, sections)
+    state = impedance.start(law)
     settle, period = 25.0, round(1.0 / f_hz / DT)  # s, of the slowest pole, 0.3 rad/s; ticks
     first = math.ceil(settle / DT / period) * period
     total = 0j
@@ -123,7 +124,11 @@ REFUSED = {
     "integrator": (([1.0], [1.0, 0.0]), DT, "not stable: poles at 0+0j rad/s"),
     "growing": (([1.0], [1.0, -1.0]), DT, "not stable: poles at 1+0j rad/s"),
     "swinging": (([1.0], [1.0, 0.0, 4.0]), DT, "not stable"),
-    "all but an integrator": (([1.0], [1.0, 1e-14]), DT, "the damping of a pole is lost in rounding"),
+    "all but an integrator": (
+        ([1.0], [1.0, 1e-14]),
+        DT,
+        "the damping of a pole is lost in rounding",
+    ),
     "huge": (([1e300], [1e-300, 1.0]), DT, "not finite"),
     "slow ticks": (([1.0], [1.0, 0.1, 40.0]), 0.02, "differs from Z_c(j omega) by 15.3 % at 1.01"),
     "no period": (([1.0], [1.0, 1.0]), 0.0, "the period is 0 s"),

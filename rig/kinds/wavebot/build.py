@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
+from typing import Any
 
 from controllers import (
     drive_gating,
     estimator,
-    impedance,
     magnetic_spring,
     open_loop,
     position_hold,
@@ -15,7 +15,8 @@ from controllers import (
 )
 from controllers.biquads import Biquad
 from controllers.signals import Modulation
-from rig.config.campaign_file import CampaignFile, HeaveLawSettings
+from rig.config.campaign_file import CampaignFile
+from rig.config.law_settings import IMPEDANCE, LawSettings
 from rig.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.config.reference import MultisineReference
 from rig.config.rig_file import Axis, RigFile, Stop
@@ -24,6 +25,7 @@ from rig.design.impedance import design as design_zc
 from rig.kinds import wavebot
 from rig.kinds.wavebot import stations
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
+from rig.laws import Law
 from rig.planning.campaign.reference import ReferenceRecord, force_table
 from rig.planning.campaign.set_points import drive_settings
 from rig.realtime import average, axis, cycle, limits, safety
@@ -67,9 +69,23 @@ def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     )
 
 
-def zc_sections(law: HeaveLawSettings, dt: float) -> tuple[Biquad, ...]:
-    """Return Z_c(s) of the heave law as biquads for a period ``dt`` (s); ValueError if invalid."""
-    zc = law.zc
+def law_params(law: Law, settings: LawSettings, ramp: float, dt: float) -> Any:
+    """Return the Params of a heave law for a gain ramp and a period (s).
+
+    Raises ValueError for settings that do not fit together.
+    """
+    params = law.module.params(settings.values(law.parameters), ramp, dt)
+    if law.module is not IMPEDANCE.module:
+        return params
+    return params._replace(sections=zc_sections(settings, dt))
+
+
+def zc_sections(settings: LawSettings, dt: float) -> tuple[Biquad, ...]:
+    """Return Z_c(s) as biquads for a period ``dt`` (s); ValueError if invalid.
+
+    It is empty for a law without Z_c.
+    """
+    zc = getattr(settings, "zc", None)
     return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
@@ -128,7 +144,7 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
-            heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
+            heave_law=law_params(campaign.heave_law, campaign.law, rig.heave.gain_ramp_s, dt),
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
             reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),

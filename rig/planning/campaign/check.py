@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from rig.config.campaign_file import CampaignFile
+from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path
 from rig.planning.campaign.files import Campaign, ExtraCheck, no_extra_check, open_campaign
 from rig.planning.campaign.plan import Plan, build_plan
@@ -61,12 +62,14 @@ class CheckReport(NamedTuple):
     prediction: CampaignPrediction | None = None
     validity_warnings: tuple[Problem, ...] = ()  # calibrations not valid on the given day
     unused_rows: tuple[Problem, ...] = ()  # lines of a gain matrix after its end mark
+    law_warnings: tuple[Problem, ...] = ()  # about the heave law
+    not_predicted: str = ""  # why the rows cannot be predicted; empty otherwise
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
         """Warnings about a campaign that can nevertheless be run."""
         predicted = self.prediction.warnings if self.prediction is not None else ()
-        return (*self.unused_rows, *self.validity_warnings, *predicted)
+        return (*self.unused_rows, *self.validity_warnings, *self.law_warnings, *predicted)
 
     @property
     def ok(self) -> bool:
@@ -141,6 +144,7 @@ class CheckReport(NamedTuple):
             ("sea", f"{file.sea.description()}{seed}"),
             *([] if file.reference is None else [("reference", file.reference.description())]),
             *([] if file.hoist is None else [("hoist", file.hoist.description())]),
+            *_law_line(campaign),
             ("rows", rows),
             ("measured", f"{measured}, {planned.phases.measure:.6g} s in total"),
             (
@@ -199,13 +203,22 @@ def check_campaign(
         return CheckReport(path, error.problems, None, None)
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     out_of_date = validity_warnings(campaign, day) if day is not None else ()
-    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate)
+    unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, campaign.law)
     prediction = predictor(campaign, planned)
     if prediction is not None and prediction.refused:
         return CheckReport(
             path, prediction.refused, None, None, prediction, out_of_date, unused_rows
         )
     return CheckReport(path, (), campaign, planned, prediction, out_of_date, unused_rows)
+
+
+def _law_line(campaign: Campaign) -> list[tuple[str, str]]:
+    """Return the line about the law; none for the default, which most campaigns have."""
+    law = campaign.law
+    if law.name == DEFAULT_LAW and not law.is_file:
+        return []
+    origin = display_path(Path(law.path)) if law.is_file else law.origin
+    return [("law", f"{law.name} ({origin}, sha256 {law.sha256[:12]})")]
 
 
 def _window(file: CampaignFile) -> tuple[int, float]:
@@ -241,6 +254,8 @@ def format_duration(seconds: float) -> str:
 
 def _power_sign_text(campaign: Campaign) -> str:
     """Return in how many points energy fed into the body stops the rig (`POWER_SIGN`)."""
+    if campaign.file.zc_law is None:
+        return f"not monitored: the sign of the power is known of the law {DEFAULT_LAW} only"
     if not campaign.file.uses_gains_only:
         return "not monitored: Z_c or the reference may feed energy into the body"
     points = campaign.points

@@ -13,7 +13,7 @@ from functools import lru_cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.analysis.rows import NOT_RUN, reduce_window
+from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
 from rig.config.campaign_file import CampaignFile
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
 from rig.planning.campaign.windows import repeat_period
@@ -154,11 +154,8 @@ def row_results(
         results[window.row] = reduce_window(window, period_ticks)  # the last attempt counts
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
     return [
-        {
-            **results.get(row.row, not_run),
-            "stator": row.stator_position,
-            **row.setting._asdict(),
-        }
+        own_settings(results.get(row.row, not_run), ())
+        | {"stator": row.stator_position, **row.setting._asdict()}
         for row in planned.rows
     ]
 

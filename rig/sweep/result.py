@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from rig.analysis.rows import NOT_RUN, SETTINGS, UNITS
+from rig.analysis import run_columns
+from rig.analysis.rows import NOT_RUN, UNITS
 from rig.config import ranges
 from rig.config.campaign_file import CampaignFile
+from rig.config.columns import columns_with_law
 from rig.planning.campaign import Campaign, CampaignRow, resolved_config
 from rig.planning.campaign.windows import repeat_period
 from rig.recording import provenance
@@ -59,12 +61,14 @@ def build_dataset(
     for key in ("point", "repetition"):
         coords[key] = xarray.Variable("row", [getattr(row, key) for row in cases.rows])
     data = {}
+    matrix_columns = columns_with_law(campaign.law.columns)
+    settings = {"stator": "%"} | {each.name: each.unit for each in matrix_columns}
     for key, flat in columns.items():
         values = flat.reshape(shape)
-        if key in SETTINGS and (planned := _planned_setting(values, key, cases.rows)) is not None:
-            coords[key] = xarray.Variable("row", planned, _units(SETTINGS[key]))
+        if key in settings and (planned := _planned_setting(values, key, cases.rows)) is not None:
+            coords[key] = xarray.Variable("row", planned, _units(settings[key]))
         else:
-            data[key] = xarray.Variable(dims, values, _units(UNITS.get(key, "")))
+            data[key] = xarray.Variable(dims, values, _units((UNITS | settings).get(key, "")))
     return xarray.Dataset(data, coords, _attributes(cases, campaign, name))
 
 
@@ -151,6 +155,7 @@ def _attributes(cases: Cases, campaign: Campaign, name: str) -> dict[str, Any]:
         "sea": campaign.file.sea.description(),
         "sequential": int(cases.request.sequential),
         "config": resolved_config(campaign),
+        **run_columns.attributes(columns_with_law(campaign.law.columns)),
         "code_version": code["version"],
         "code_git": code["git"],
         "sweep_parameters": json.dumps(

@@ -1,6 +1,7 @@
 """The run summary as one A4 page."""
 
 import textwrap
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -246,4 +247,4 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
 
 def _gain_text(value: float) -> str:
     """Return a gain as text; empty for a law without it."""
-    return phrases.format_signed(value) if value == value else ""
+    return phrases.format_signed(value) if isfinite(value) else ""

@@ -17,7 +17,7 @@ from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
 from rig.analysis.rows import POWERS
 from rig.analysis.run_columns import column_named
-from rig.config.columns import Column
+from rig.config.columns import OTHER_COLUMNS, Column
 
 KP, KI, SPRING_RATE = (column_named(name) for name in ("kp", "ki", "spring_rate"))
 _VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal
@@ -154,6 +154,14 @@ def stator_by_spring_rate(matrix: Matrix) -> dict[float, float]:
     return dict(sorted(stators.items(), reverse=True))
 
 
+def law_axes(matrix: Matrix) -> tuple[Column, Column]:
+    """Return the axes of a matrix at one spring rate: Ki and Kp, or its law's first two columns."""
+    if {KI, KP} <= set(matrix.columns):
+        return KI, KP
+    first, *rest = matrix.columns[1:]
+    return first, next((each for each in rest if each not in OTHER_COLUMNS), SPRING_RATE)
+
+
 def find_optima(table: xarray.Dataset) -> list[Optimum]:
     """Return the measured point that absorbs most, for each station and spring rate.
 
@@ -163,7 +171,7 @@ def find_optima(table: xarray.Dataset) -> list[Optimum]:
     """
     matrix = gain_matrix(table)
     slices = (
-        slice_matrix(matrix, kind, KI, KP, {"spring_rate": rate})
+        slice_matrix(matrix, kind, *law_axes(matrix), {"spring_rate": rate})
         for kind in POWERS
         for rate in stator_by_spring_rate(matrix)
     )

@@ -27,7 +27,15 @@ from rig.analysis.points import (
     levels,
     varied_columns,
 )
-from rig.analysis.slices import KI, KP, Slice, project_matrix, slice_matrix, stator_by_spring_rate
+from rig.analysis.slices import (
+    KI,
+    KP,
+    Slice,
+    law_axes,
+    project_matrix,
+    slice_matrix,
+    stator_by_spring_rate,
+)
 from rig.config.columns import Column
 
 KINDS = ("mechanical_1", "ac", "dc")  # stations shown by default
@@ -57,9 +65,9 @@ def default_view(matrix: Matrix) -> View:
         return View(KI, KP, True)
     by_name = {column.name: column for column in matrix.columns}
     ranked = sorted(names, key=lambda name: -len(levels(matrix, name)))
-    others = [KP.name, *by_name] if has_gains else list(by_name)
-    x, y, *_ = (*ranked, *(name for name in others if name not in ranked))
-    return View(by_name[x], by_name[y], False)
+    others = [KP.name] if has_gains else [each.name for each in law_axes(matrix)]
+    x, y, *_ = (*ranked, *(name for name in (*others, *by_name) if name not in ranked))
+    return View(by_name[x], by_name[y], not ranked)
 
 
 def panel_columns(table: xarray.Dataset) -> int:

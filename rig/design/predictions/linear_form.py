@@ -15,7 +15,7 @@ import numpy as np
 
 from controllers.signals import Gains
 from rig.config.campaign_file import CampaignFile
-from rig.kinds.wavebot.build import law_params
+from rig.kinds.wavebot.law_params import law_params
 from rig.planning.campaign.set_points import RowSetting
 
 _OMEGA = np.linspace(0.3, 13.0, 9)  # rad/s, of waves of 0.05 .. 2 Hz

@@ -31,8 +31,8 @@ from rig.kinds.wavebot.build import (
     list_realisations,
     newtons_per_ampere,
     reference_table,
-    zc_sections,
 )
+from rig.kinds.wavebot.law_params import zc_sections
 from rig.planning.campaign import Campaign
 from rig.planning.campaign.set_points import RowSetting, drive_settings, row_setting
 from sim_plant import waves

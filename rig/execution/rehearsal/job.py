@@ -21,7 +21,8 @@ from rig.config.reference import AnyReference, Reference
 from rig.config.sea import AnySea, CalmSea, JonswapSea, RegularSea
 from rig.config.yaml_source import KeyPath
 from rig.execution.rehearsal.devices import build_sea
-from rig.kinds.wavebot.build import estimator_params, law_params
+from rig.kinds.wavebot.build import estimator_params
+from rig.kinds.wavebot.law_params import law_params
 from rig.laws import LawError
 from rig.planning.campaign.designed_sea import DesignedSea, design_sea
 from rig.planning.campaign.elevation import Elevation

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import Any
 
 from controllers import (
     drive_gating,
@@ -13,19 +12,16 @@ from controllers import (
     position_hold,
     station_keeping,
 )
-from controllers.biquads import Biquad
 from controllers.signals import Modulation
 from rig.config.campaign_file import CampaignFile
-from rig.config.law_settings import IMPEDANCE, LawSettings
 from rig.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.config.reference import MultisineReference
 from rig.config.rig_file import Axis, RigFile, Stop
 from rig.design.estimator import design
-from rig.design.impedance import design as design_zc
 from rig.kinds import wavebot
 from rig.kinds.wavebot import stations
+from rig.kinds.wavebot.law_params import law_params
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
-from rig.laws import Law
 from rig.planning.campaign.reference import ReferenceRecord, force_table
 from rig.planning.campaign.set_points import drive_settings
 from rig.realtime import average, axis, cycle, limits, safety
@@ -67,26 +63,6 @@ def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     return _cached_estimator_design(
         scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt
     )
-
-
-def law_params(law: Law, settings: LawSettings, ramp: float, dt: float) -> Any:
-    """Return the Params of a heave law for a gain ramp and a period (s).
-
-    Raises ValueError for settings that do not fit together.
-    """
-    params = law.module.params(settings.values(law.parameters), ramp, dt)
-    if law.module is not IMPEDANCE.module:
-        return params
-    return params._replace(sections=zc_sections(settings, dt))
-
-
-def zc_sections(settings: LawSettings, dt: float) -> tuple[Biquad, ...]:
-    """Return Z_c(s) as biquads for a period ``dt`` (s); ValueError if invalid.
-
-    It is empty for a law without Z_c.
-    """
-    zc = getattr(settings, "zc", None)
-    return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
 def reference_table(

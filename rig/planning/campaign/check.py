@@ -10,6 +10,7 @@ from rig.config.campaign_file import CampaignFile
 from rig.config.law_settings import DEFAULT_LAW
 from rig.config.problems import ConfigError, Problem, display_path
 from rig.planning.campaign.files import Campaign, ExtraCheck, no_extra_check, open_campaign
+from rig.planning.campaign.law_trial import trial_problems
 from rig.planning.campaign.plan import Plan, build_plan
 from rig.planning.campaign.points import unused_row_warnings
 from rig.planning.campaign.validity import validity_warnings
@@ -114,7 +115,10 @@ class CheckReport(NamedTuple):
             count = len(self.problems)
             lines = [problem.text() for problem in self.problems]
             return "\n".join([*lines, f"{count} problem{'s' if count != 1 else ''}"])
-        lines = [f"{label:9} {text}" for label, text in self.summary_lines() + self.input_files()]
+        entries = self.summary_lines() + self.input_files()
+        if self.not_predicted:
+            entries.append(("predicted", f"nothing: {self.not_predicted}"))
+        lines = [f"{label:9} {text}" for label, text in entries]
         return "\n".join([*lines, *(f"warning: {warning.text()}" for warning in self.warnings)])
 
     def summary_lines(self) -> list[tuple[str, str]]:
@@ -177,6 +181,7 @@ class CheckReport(NamedTuple):
             "problems": [problem.as_dict() for problem in self.problems],
             **self.summary(),
             **(self.prediction.as_dict() if self.prediction is not None else {}),
+            **({"not_predicted": self.not_predicted} if self.not_predicted else {}),
             "warnings": [warning.as_dict() for warning in self.warnings],
         }
         return json.dumps(report, ensure_ascii=False, allow_nan=False)
@@ -204,6 +209,9 @@ def check_campaign(
     planned = build_plan(campaign.file, campaign.rig, campaign.points)
     out_of_date = validity_warnings(campaign, day) if day is not None else ()
     unused_rows = unused_row_warnings(campaign.file.matrix, campaign.locate, campaign.law)
+    failed_trials = tuple(trial_problems(campaign, planned))
+    if failed_trials:
+        return CheckReport(path, failed_trials, None, None)
     prediction = predictor(campaign, planned)
     if prediction is not None and prediction.refused:
         return CheckReport(

@@ -143,7 +143,7 @@ def _law_problems(pieces: CampaignParts) -> Iterator[Problem]:
         law = find_law(campaign.mapping, campaign.locate)
         given = campaign.mapping.get("law", {})
         mapping = {"use": given} if isinstance(given, str) else given
-        settings = law_model(law).model_validate(mapping, strict=True)
+        settings = law_model(law).model_validate(mapping)
         ramp = pieces.heave.gain_ramp_s if pieces.heave is not None else _DEFAULT_RAMP_S
         try:
             law_params(law, settings, ramp, 1.0 / rate)

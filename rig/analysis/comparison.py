@@ -24,7 +24,7 @@ from rig.analysis.matching import (
 )
 from rig.analysis.points import Matrix, Point, Setting, gain_matrix
 from rig.analysis.rows import INCOMPLETE, row_table
-from rig.config.columns import COLUMNS
+from rig.analysis.run_columns import column_named, known_columns
 from rig.recording.runs.folder import RunInfo, run_info
 from rig.stations import Station
 
@@ -190,7 +190,8 @@ def joint_setting(matched: MatchedPoints, pair: Pair) -> Setting:
     for column in matched.one_sided:
         if pair.a.setting.get(column.name, 0.0) == 0.0 and column.name in pair.b.setting:
             merged[column.name] = pair.b.setting[column.name]
-    return {c.name: merged[c.name] for c in COLUMNS if c.name in names and c.name in merged}
+    order = {each.name: i for i, each in enumerate(known_columns())}
+    return {name: merged[name] for name in sorted(names, key=order.__getitem__) if name in merged}
 
 
 def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
@@ -200,7 +201,7 @@ def describe_pair(matched: MatchedPoints, pair: Pair) -> str:
     if not offsets:
         return text
     steps = (
-        f"{labels.BY_NAME[name].label} by {labels.format_quantity(labels.BY_NAME[name], step)}"
+        f"{column_named(name).label} by {labels.format_quantity(column_named(name), step)}"
         for name, step in offsets.items()
     )
     return f"{text} (B differs in {', '.join(steps)})"

@@ -19,6 +19,7 @@ from rig.analysis.comparison import (
 from rig.analysis.differences import shorten
 from rig.analysis.matching import MatchedPoints
 from rig.analysis.points import Point, error_source
+from rig.analysis.run_columns import column_named
 from rig.stations import station_names
 
 _MAX_DIFFERENCES = 12  # listed in the text, for each group
@@ -78,9 +79,9 @@ def _settings_lines(comparison: Comparison) -> list[str]:
 
 def _matching_lines(comparison: Comparison) -> list[str]:
     matched = comparison.matched
-    by_name = labels.BY_NAME
     bounds = ", ".join(
-        f"{by_name[name].label} within {labels.format_quantity(by_name[name], value).lstrip('+')}"
+        f"{column_named(name).label} within "
+        f"{labels.format_quantity(column_named(name), value).lstrip('+')}"
         for name, value in comparison.tolerances.items()
     )
     criterion = f" by {bounds}" if bounds else ": no column varies that both runs have"

@@ -28,6 +28,7 @@ from scipy import stats
 
 from rig.analysis.points import Matrix, row_settings, stations_of, varied_columns
 from rig.analysis.rows import COMPLETE
+from rig.analysis.run_columns import table_columns
 from rig.config.columns import REQUIRED_COLUMNS, Column
 from rig.stations import Station, find
 
@@ -252,7 +253,7 @@ def compute_effects(
     )
     columns = [
         c
-        for c in varied_columns(Matrix((), settings_used))
+        for c in varied_columns(Matrix((), settings_used, columns=table_columns(table)))
         if all(c.name in each for each in settings_used)
     ]
     if not columns or len(complete) < len(columns) + 1:

@@ -1,6 +1,7 @@
 """The run summary as one A4 page."""
 
 import textwrap
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -127,8 +128,8 @@ def _best_points(figure: Figure, summary: Summary, top: float) -> float:
             phrases.format_power(optimum.power, optimum.error),
             phrases.format_signed(optimum.point.spring_rate),
             phrases.format_signed(optimum.point.stator),
-            phrases.format_signed(optimum.point.kp),
-            phrases.format_signed(optimum.point.ki),
+            _gain_text(optimum.point.kp),
+            _gain_text(optimum.point.ki),
             optimum.caveat,
         )
         for i, (x, cell, side) in enumerate(zip(positions, cells, alignments, strict=True)):
@@ -243,3 +244,8 @@ def write_page(summary: Summary, table: xarray.Dataset, folder: Path) -> list[Pa
     picture.save(figure, png, 130.0)
     picture.save(figure, pdf, 100.0, metadata={"Title": title})
     return [pdf, png]
+
+
+def _gain_text(value: float) -> str:
+    """Return a gain as text; empty for a law without it."""
+    return phrases.format_signed(value) if isfinite(value) else ""

@@ -8,6 +8,7 @@ import numpy as np
 import xarray
 
 from rig.analysis.rows import COMPLETE, STATIONS_ATTRIBUTE, standard_error
+from rig.analysis.run_columns import table_columns
 from rig.config.columns import COLUMNS, Column
 from rig.stations import Station, from_records, station_names
 
@@ -46,6 +47,7 @@ class Matrix(NamedTuple):
     points: tuple[Point, ...]  # measured points, in the order of the campaign
     planned: tuple[Setting, ...]  # every set point of the campaign, measured or not
     stations: tuple[Station, ...] = ()  # of the points' powers, in the order of the flow of power
+    columns: tuple[Column, ...] = COLUMNS  # of the run
 
 
 def stations_of(table: xarray.Dataset) -> tuple[Station, ...]:
@@ -61,7 +63,7 @@ def agrees(setting: Setting, fixed: Setting) -> bool:
 def varied_columns(matrix: Matrix) -> list[Column]:
     """Return the columns that take more than one value in the campaign."""
     columns = []
-    for column in COLUMNS:
+    for column in matrix.columns:
         values = {setting[column.name] for setting in matrix.planned if column.name in setting}
         if len(values) > 1:
             columns.append(column)
@@ -79,7 +81,8 @@ def row_settings(table: xarray.Dataset) -> list[Setting]:
     The set point of a run without a plan is a mean over its log. It is rounded to nine digits, so
     that rounding errors do not split one point into two.
     """
-    columns = {c.name: table[c.name].values.tolist() for c in COLUMNS if c.name in table}
+    names = (column.name for column in table_columns(table))
+    columns = {name: table[name].values.tolist() for name in names if name in table}
     return [
         {
             name: float(f"{values[index]:.9g}") + 0.0  # there is no -0
@@ -97,7 +100,7 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
     """
     stations = stations_of(table)
     if "state" not in table or table.sizes["row"] == 0:
-        return Matrix((), (), stations)
+        return Matrix((), (), stations, table_columns(table))
     columns: dict[str, Any] = {str(name): table[name].values for name in table.variables}
     settings = row_settings(table)
     planned: dict[tuple[tuple[str, float], ...], Setting] = {}
@@ -126,7 +129,7 @@ def gain_matrix(table: xarray.Dataset) -> Matrix:
         )
         for rows in members.values()
     )
-    return Matrix(points, tuple(planned.values()), stations)
+    return Matrix(points, tuple(planned.values()), stations, table_columns(table))
 
 
 def error_source(points: Iterable[Point]) -> str:

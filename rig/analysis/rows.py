@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rig.analysis import calibrated, quality
+from rig.analysis import calibrated, quality, run_columns
 from rig.analysis.calibrated import RECORDED
+from rig.analysis.run_columns import plan_columns
 from rig.analysis.windows import (
     ALL_TICKS_MISSING,
     Window,
@@ -23,7 +24,7 @@ from rig.analysis.windows import (
     planned_ticks,
     read_windows,
 )
-from rig.config.columns import COLUMNS
+from rig.config.columns import COLUMNS, Column
 from rig.realtime.limits import LimitFlag, WarningFlag
 from rig.recording.calibration import CalibrationVersion
 from rig.recording.runs import reader
@@ -240,12 +241,16 @@ def row_table(
         entry = reduce_window(window, period_ticks, stations)
         # A later attempt replaces an earlier one.
         measured[window.row] = entry if incomplete_rows else _withhold_means(entry, window, units)
+    columns = plan_columns(run_facts.plan)
+    setting_names = ("stator", *(column.name for column in columns))
     state = reading.state(run)
     lost_rows = missing_rows(run_facts.plan, measured, state)
     table = [
         calibrated.correct_row(
             corrections,
-            _merge_plan(measured.get(row), planned.get(row, {}), row, units, row in lost_rows),
+            _merge_plan(
+                measured.get(row), planned.get(row, {}), row, units, row in lost_rows, setting_names
+            ),
         )
         for row in sorted({*planned, *measured})
     ]
@@ -254,7 +259,7 @@ def row_table(
             off_zero = abs(row_entry[f"{axis}position_mean"]) > mean_position_alarm
             row_entry[f"{axis}position_alarm"] = int(off_zero and row_entry["state"] == COMPLETE)
     _add_repetition_errors(table, stations)
-    dataset = _build_dataset(table, run_facts, units, period)
+    dataset = _build_dataset(table, run_facts, units, period, columns)
     attributes = {
         "record": state.description,
         "record_state": json.dumps(state.as_dict()),
@@ -280,6 +285,7 @@ def _merge_plan(
     row: int,
     units: dict[str, str],
     lost: bool,
+    setting_names: Sequence[str],
 ) -> dict[str, Any]:
     if measured is None:
         texts = {"state": NOT_RUN, "incomplete_reason": ""}
@@ -287,13 +293,22 @@ def _merge_plan(
         texts |= {"limits": "", "warned": ""}
         counts = dict.fromkeys(_COUNTS, 0)
         measured = {"row": row, **counts, **texts, **dict.fromkeys(units, float("nan"))}
-    entry = {**measured, "point": int(planned.get("point", row))}
+    entry = own_settings(measured, setting_names) | {"point": int(planned.get("point", row))}
     entry["repetition"] = int(planned.get("repetition", 0))
-    for name in SETTINGS:
+    for name in setting_names:
         value = planned.get(name, planned.get(f"{name}_position"))
         if value is not None:
             entry[name] = float(value)
     return entry
+
+
+def own_settings(entry: dict[str, Any], setting_names: Sequence[str]) -> dict[str, Any]:
+    """Return a row without the settings that its run does not have, and with those it has.
+
+    A log has gains of every law; they are set points of the impedance law only.
+    """
+    kept = {name: value for name, value in entry.items() if name not in SETTINGS}
+    return kept | {name: entry.get(name, float("nan")) for name in setting_names}
 
 
 def _modulation(config: dict[str, Any]) -> dict[str, str]:
@@ -309,17 +324,24 @@ def _modulation(config: dict[str, Any]) -> dict[str, str]:
 
 _COUNTS = ("attempt", "samples", "lost_ticks", "ticks_expected", "ticks_missing", "tare_samples",
            "periods")  # fmt: skip
-_ORDER = ["row", "point", "repetition", "state", *SETTINGS]
+_ORDER = ["row", "point", "repetition", "state", "spring_rate", "stator"]
 
 
 def _build_dataset(
-    table: list[dict[str, Any]], run_facts: RunInfo, units: dict[str, str], period: float | None
+    table: list[dict[str, Any]],
+    run_facts: RunInfo,
+    units: dict[str, str],
+    period: float | None,
+    columns: tuple[Column, ...],
 ) -> "xarray.Dataset":
     import xarray  # noqa: PLC0415 - a second that sweeps and lists need not pay
 
     names = list(table[0]) if table else ["row"]
-    names = [n for n in _ORDER if n in names] + [n for n in names if n not in _ORDER]
-    columns = {
+    units = units | {column.name: column.unit for column in columns}
+    order = [*_ORDER, *(column.name for column in columns)]
+    order = list(dict.fromkeys(order))
+    names = [n for n in order if n in names] + [n for n in names if n not in order]
+    variables = {
         name: xarray.Variable(
             "row",
             np.array([row[name] for row in table]),
@@ -328,6 +350,7 @@ def _build_dataset(
         for name in names
     }
     attributes = run_facts.attributes() | _modulation(run_facts.config)
+    attributes |= run_columns.attributes(columns)
     if period:
         attributes["wave_period_s"] = period
-    return xarray.Dataset(columns, attrs=attributes)
+    return xarray.Dataset(variables, attrs=attributes)

@@ -12,13 +12,14 @@ import numpy as np
 import xarray
 from scipy.stats import chi2
 
-from rig.analysis.labels import BY_NAME, format_quantity
+from rig.analysis.labels import format_quantity
 from rig.analysis.mesh import XY, spans_surface
 from rig.analysis.points import Matrix, Point, Setting, agrees, gain_matrix, levels, varied_columns
-from rig.config.columns import Column
+from rig.analysis.run_columns import column_named
+from rig.config.columns import OTHER_COLUMNS, Column
 from rig.stations import Station, find
 
-KP, KI, SPRING_RATE = BY_NAME["kp"], BY_NAME["ki"], BY_NAME["spring_rate"]
+KP, KI, SPRING_RATE = (column_named(name) for name in ("kp", "ki", "spring_rate"))
 _VALUE_TOLERANCE = 1e-6  # relative; values closer than this are equal
 _STEP_TOLERANCE = 0.01  # relative to the step; steps closer than this are equal
 NEGLIGIBLE_SHARE = 0.01  # of the power; smaller differences are irrelevant
@@ -152,6 +153,14 @@ def stator_by_spring_rate(matrix: Matrix) -> dict[float, float]:
     return dict(sorted(stators.items(), reverse=True))
 
 
+def law_axes(matrix: Matrix) -> tuple[Column, Column]:
+    """Return the axes of a matrix at one spring rate: Ki and Kp, or its law's first two columns."""
+    if {KI, KP} <= set(matrix.columns):
+        return KI, KP
+    first, *rest = matrix.columns[1:]
+    return first, next((each for each in rest if each not in OTHER_COLUMNS), SPRING_RATE)
+
+
 def find_optima(table: xarray.Dataset) -> list[Optimum]:
     """Return the measured point that absorbs most, for each station and spring rate.
 
@@ -161,7 +170,7 @@ def find_optima(table: xarray.Dataset) -> list[Optimum]:
     """
     matrix = gain_matrix(table)
     slices = (
-        slice_matrix(matrix, station.name, KI, KP, {"spring_rate": rate})
+        slice_matrix(matrix, station.name, *law_axes(matrix), {"spring_rate": rate})
         for station in matrix.stations
         for rate in stator_by_spring_rate(matrix)
     )
@@ -204,7 +213,7 @@ def _campaign_value(matrix: Matrix, name: str, value: float) -> float:
         if isclose(each, value, rel_tol=_VALUE_TOLERANCE, abs_tol=1e-12)
     ]
     if campaign_levels and not matching:
-        column, digits = BY_NAME[name], 9
+        column, digits = column_named(name), 9
         available = ", ".join(format_quantity(column, each, digits) for each in campaign_levels)
         shown = format_quantity(column, value, digits)
         raise ValueError(f"{column.label} {shown} is not in the campaign; allowed {available}")

@@ -17,7 +17,6 @@ from matplotlib.figure import FigureBase
 
 from rig import stations
 from rig.analysis import labels, panel, phrases, picture
-from rig.analysis.labels import BY_NAME
 from rig.analysis.picture import DARK
 from rig.analysis.points import (
     Matrix,
@@ -29,7 +28,15 @@ from rig.analysis.points import (
     levels,
     varied_columns,
 )
-from rig.analysis.slices import KI, KP, Slice, project_matrix, slice_matrix, stator_by_spring_rate
+from rig.analysis.slices import (
+    KI,
+    KP,
+    Slice,
+    law_axes,
+    project_matrix,
+    slice_matrix,
+    stator_by_spring_rate,
+)
 from rig.config.columns import Column
 
 NO_POINTS = Matrix((), ())
@@ -52,10 +59,15 @@ def default_view(matrix: Matrix) -> View:
     """
     names = [column.name for column in varied_columns(matrix)]
     gains = {"kp", "ki"} & set(names)
-    if len(gains) == 2 or (gains and set(names) <= {*gains, "spring_rate"}) or not names:
+    has_gains = {KI, KP} <= set(matrix.columns)
+    all_by_gains = (gains and set(names) <= {*gains, "spring_rate"}) or not names
+    if has_gains and (len(gains) == 2 or all_by_gains):
         return View(KI, KP, True)
+    by_name = {column.name: column for column in matrix.columns}
     ranked = sorted(names, key=lambda name: -len(levels(matrix, name)))
-    return View(BY_NAME[ranked[0]], BY_NAME[ranked[1]] if len(ranked) > 1 else KP, False)
+    others = [KP.name] if has_gains else [each.name for each in law_axes(matrix)]
+    x, y, *_ = (*ranked, *(name for name in (*others, *by_name) if name not in ranked))
+    return View(by_name[x], by_name[y], not ranked)
 
 
 def panel_columns(table: xarray.Dataset) -> int:

@@ -82,9 +82,13 @@ class Progress(RunPanel):
         if row == NO_ROW:
             return f"- of {count}   {phase}"
         setting = self._plan.rows[row].setting
+        gains = "   ".join(
+            f"{each.label} {getattr(setting, each.name):g} {each.unit.replace('*', ' ')}"
+            for each in self._plan.law.columns
+            if each.default is None
+        )
         return (
-            f"{row} ({row + 1} of {count})   {phase}   Kp {setting.kp:g} N s/m   "
-            f"Ki {setting.ki:g} N/m   spring {setting.spring_rate:g} N/m"
+            f"{row} ({row + 1} of {count})   {phase}   {gains}   spring {setting.spring_rate:g} N/m"
         )
 
     def _power_text(self, snapshot: Snapshot) -> str:

@@ -11,12 +11,14 @@ import numpy as np
 
 from rig import cli
 from rig.analysis.phrases import format_power
+from rig.analysis.run_columns import table_columns
 from rig.cli import calibration_dates
 from rig.cli.command_error import error_text, fail
 from rig.cli.file_problems import INPUT_ERRORS, refuse
 from rig.cli.find_run import find_run
 from rig.cli.input_files import CAMPAIGNS, input_file
 from rig.cli.sweep_progress import SweepProgress
+from rig.config.columns import OTHER_COLUMNS
 from rig.kinds.wavebot.stations import STATIONS
 from rig.recording.runs import RunError, run_info
 from rig.recording.runs.create import BusyError
@@ -28,6 +30,8 @@ from rig.sweep.result import FAILED
 
 if TYPE_CHECKING:
     import xarray
+
+    from rig.config.columns import Column
 
 _COMPILE_NOTICE = "compiling the loop, about a minute, once on this machine ..."
 _COMPILE_NOTICE_DELAY_S = 8.0  # reading the loop from the cache takes 1 to 2 s
@@ -144,7 +148,7 @@ def _compile(opened: sweep.Sweep) -> None:
         _COMPILE_NOTICE_DELAY_S, print_notice
     )  # a law of another structure is compiled even with a cache
     timer.daemon = True
-    if compiled.is_compiled(KEPT_FIELDS):
+    if compiled.is_compiled(KEPT_FIELDS, opened.campaign.law):
         timer.start()
     else:
         print_notice()
@@ -202,9 +206,17 @@ def _best_row(table: "xarray.Dataset", station: str) -> dict[str, Any]:
         return {}
     place: Any = power.argmin(...)
     row: Any = table.isel(place)
-    inputs = [*map(str, table.sizes), *(key for key in ("spring_rate", "kp", "ki") if key in row)]
+    inputs = [
+        *map(str, table.sizes),
+        *(each.name for each in table_columns(table) if _is_gain(each, row)),
+    ]
     values = {key: row[key].values.item() for key in inputs}
     return {"power_w": row[name].values.item(), **values}
+
+
+def _is_gain(column: "Column", row: Any) -> bool:
+    """Return whether a row has a column that describes its set point; Km, mostly 0, does not."""
+    return column.name in row and column not in OTHER_COLUMNS and column.name != "km"
 
 
 def _print_result(result: dict[str, Any]) -> None:

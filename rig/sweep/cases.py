@@ -13,7 +13,7 @@ from functools import lru_cache
 from threading import Lock
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rig.analysis.rows import NOT_RUN, reduce_window
+from rig.analysis.rows import NOT_RUN, own_settings, reduce_window
 from rig.config.campaign_file import CampaignFile
 from rig.kinds.wavebot.stations import STATIONS
 from rig.planning.campaign import Campaign, CampaignRow, Plan, build_plan
@@ -157,11 +157,8 @@ def row_results(
         )  # the last attempt counts
     not_run = {"state": NOT_RUN, "incomplete_reason": f"run stopped: {simulation.reason.name}"}
     return [
-        {
-            **results.get(row.row, not_run),
-            "stator": row.stator_position,
-            **row.setting._asdict(),
-        }
+        own_settings(results.get(row.row, not_run), ())
+        | {"stator": row.stator_position, **row.setting._asdict()}
         for row in planned.rows
     ]
 

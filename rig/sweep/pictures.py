@@ -19,8 +19,10 @@ from rig.analysis.mesh import XY
 from rig.analysis.picture import ACCENT, DARK, MUTED
 from rig.analysis.points import Matrix, gain_matrix, stations_of
 from rig.analysis.rows import COMPLETE, row_table
+from rig.analysis.run_columns import known_columns
 from rig.analysis.surfaces import NO_POINTS, write_surfaces
 from rig.config import ranges
+from rig.config.columns import OTHER_COLUMNS
 from rig.config.problems import format_number
 from rig.stations import shown, station_names
 
@@ -153,8 +155,10 @@ def _compare_run(run: Path, rows: xarray.Dataset) -> MeasuredRun:
 
 
 def _gains_key(setting: dict[str, float]) -> tuple[float, ...]:
-    """Return the gains of a row, which every matrix has."""
-    return tuple(setting.get(name, 0.0) for name in ("spring_rate", "kp", "ki", "km"))
+    """Return spring rate and the law's columns of a row."""
+    others = {column.name for column in OTHER_COLUMNS}
+    names = (column.name for column in known_columns() if column.name not in others)
+    return tuple(setting.get(name, 0.0) for name in names)
 
 
 def _base_value(table: xarray.Dataset, name: str) -> float | None:

@@ -13,9 +13,9 @@ from matplotlib.image import imread
 from synthetic_runs import POWERS, STATIONS_ATTRIBUTES
 
 from rig.analysis import labels, panel
-from rig.analysis.labels import BY_NAME, column
 from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
+from rig.analysis.run_columns import column, column_named
 from rig.analysis.slices import (
     KI,
     KP,
@@ -138,7 +138,7 @@ def test_more_columns_are_sliced_together() -> None:
     assert slice_.sliced == {"spring_rate": -2763.0, "bus_voltage": 60.0, "switching_period": 2e-4}
     assert len(slice_.points) == 9
     drive = slice_matrix(
-        matrix, "ac", BY_NAME["switching_period"], BY_NAME["bus_voltage"], {"kp": -1000.0}
+        matrix, "ac", column_named("switching_period"), column_named("bus_voltage"), {"kp": -1000.0}
     )
     assert (drive.fixed, len(drive.points)) == ({"kp": -1000.0}, 4)
     # By spring rate, the best point's neighbours are those that differ in Kp and Ki alone.
@@ -173,7 +173,7 @@ def test_columns_that_make_no_difference_have_no_best_value() -> None:
         "ac": ("bus_voltage", "switching_period", "velocity_threshold"),
         "dc": (),
     }
-    axes = BY_NAME["bus_voltage"], BY_NAME["switching_period"]
+    axes = column_named("bus_voltage"), column_named("switching_period")
     matrix = gain_matrix(rows(drive_settings(), drive_power, 0.005))
     slices = {kind: slice_matrix(matrix, kind, *axes) for kind in ("mechanical_1", "ac", "dc")}
     remarks_of = {
@@ -368,12 +368,12 @@ def test_scattered_matrix_shows_every_point(tmp_path: Path) -> None:
 
 def test_column_labels() -> None:
     period = column("switching_period_s")
-    assert period is BY_NAME["switching_period"]
+    assert period is column_named("switching_period")
     assert labels.axis_label(period) == "switching period, µs"
     assert labels.format_setting(period, 50e-6) == "switching period 50 µs"
-    assert labels.format_quantity(BY_NAME["discharge_level"], 15.0) == "15"
+    assert labels.format_quantity(column_named("discharge_level"), 15.0) == "15"
     assert labels.format_quantity(KP, -2500.0) == "−2500 N·s/m"
-    assert labels.format_number(BY_NAME["velocity_threshold"], 0.05) == "0.05"
+    assert labels.format_number(column_named("velocity_threshold"), 0.05) == "0.05"
     assert labels.format_number(SPRING_RATE, 490.9) == "+491"
     with pytest.raises(KeyError, match="no column 'speed'; allowed spring_rate, kp"):
         column("speed")

@@ -113,6 +113,11 @@ def open_on_twin(path: Path, plant: Path) -> Campaign:
         return load_mapping(plant if key == "plant" else file, place, key, inline)
 
     campaign = open_campaign(path, problems, load=load)
+    if campaign.file.zc_law is None:
+        message = (
+            f"gains are recommended for the impedance law only; {campaign.law.name} is another law"
+        )
+        raise ConfigError([campaign.locate.problem(("law",), campaign.law.name, message)])
     for key, wrong in (
         (("sea", "kind"), campaign.file.sea.kind == "calm"),
         (("reference",), campaign.file.reference is not None),

@@ -7,22 +7,20 @@ from functools import lru_cache
 from controllers import (
     drive_gating,
     estimator,
-    impedance,
     magnetic_spring,
     open_loop,
     position_hold,
     station_keeping,
 )
-from controllers.biquads import Biquad
 from controllers.signals import Modulation
-from rig.config.campaign_file import CampaignFile, HeaveLawSettings
+from rig.config.campaign_file import CampaignFile
 from rig.config.limits_file import AxisLimits, LimitsFile, PowerLimits
 from rig.config.reference import MultisineReference
 from rig.config.rig_file import Axis, RigFile, Stop
 from rig.design.estimator import design
-from rig.design.impedance import design as design_zc
 from rig.kinds import wavebot
 from rig.kinds.wavebot import power_checks
+from rig.kinds.wavebot.law_params import law_params
 from rig.kinds.wavebot.state import ReferenceAxis, SurgeUse
 from rig.planning.campaign.reference import ReferenceRecord, force_table
 from rig.planning.campaign.set_points import drive_settings
@@ -65,12 +63,6 @@ def estimator_params(motor: Axis, dt: float) -> estimator.Params:
     return _cached_estimator_design(
         scale, motor.encoder_noise_counts, motor.jerk_density_m2_per_s5, dt
     )
-
-
-def zc_sections(law: HeaveLawSettings, dt: float) -> tuple[Biquad, ...]:
-    """Return Z_c(s) of the heave law as biquads for a period ``dt`` (s); ValueError if invalid."""
-    zc = law.zc
-    return () if zc is None else design_zc(zc.numerator, zc.denominator, dt)
 
 
 def reference_table(
@@ -128,7 +120,7 @@ def wavebot_params(
         lost_ticks_stop=bounds.loop.lost_ticks_stop,
         rig=wavebot.Params(
             heave=_axis(rig.heave, bounds.heave, rig.stop, dt),
-            heave_law=impedance.Params(rig.heave.gain_ramp_s, zc_sections(campaign.law, dt)),
+            heave_law=law_params(campaign.heave_law, campaign.law, rig.heave.gain_ramp_s, dt),
             reference=open_loop.Params(forces, rig.heave.gain_ramp_s, table_count),
             reference_axis=int(_AXES[campaign.reference.axis if campaign.reference else "heave"]),
             gate=drive_gating.Params(drive.current_threshold_a if drive else 0.0, 0.0),

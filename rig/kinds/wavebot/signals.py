@@ -1,6 +1,6 @@
 """The signals of a WaveBot: senses and commands of a tick, its log row, its set points."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controllers.signals import (
     AxisCommand,
@@ -109,9 +109,7 @@ class WaveBotRow(NamedTuple):
 class Setpoints(NamedTuple):
     """Table of set points by columns, all of one length; a plan segment holds its row's index."""
 
-    kp: tuple[float, ...]  # N*s/m
-    ki: tuple[float, ...]  # N/m
-    km: tuple[float, ...]  # kg
+    law: Any  # of the heave law: NamedTuple of its columns (`rig.kinds.wavebot.law_columns`)
     reference_scale: tuple[float, ...]
     realisation: tuple[int, ...]  # index of the reference in its table
     spring_rate: tuple[float, ...]  # N/m

@@ -24,6 +24,7 @@ MCAP = "run.mcap"
 RECOVERED = "run.recovered.mcap"  # replaces a damaged run.mcap
 STATUS = "run.json"
 CONFIG = "config.json"
+LAW_SOURCE = "law.py"  # of a law that was given by its file
 _ABANDONED = "its supervisor is gone and wrote no end status: `rig recover` finishes it"
 _PART = re.compile(re.escape(MCAP) + r"\.part(\d+)")
 
@@ -89,6 +90,7 @@ class RunInfo(NamedTuple):
     host: dict[str, Any]
     timing: dict[str, Any]
     metadata: dict[str, dict[str, str]]
+    law_source: bytes = b""  # of a law that was given by its file
 
     @property
     def started_utc(self) -> str:
@@ -186,7 +188,13 @@ def run_info(
         host=read("host.json"),
         timing=read("timing.json"),
         metadata=metadata,
+        law_source=attached.get(LAW_SOURCE) or _read_bytes(path / LAW_SOURCE),
     )
+
+
+def _read_bytes(path: Path) -> bytes:
+    """Return the bytes of a file; none if there is no such file."""
+    return read_regular(path, MAX_TABLE_BYTES) if path.is_file() else b""
 
 
 class RunListEntry(NamedTuple):
@@ -243,7 +251,12 @@ def _quick_info(path: Path) -> RunInfo:
         mode=_mode(status),
         campaign=str(status.get("campaign") or _campaign(_read_json(path / CONFIG))),
         status=status,
-        **{name: {} for name in ("config", "plan", "code", "host", "timing", "metadata")},
+        config={},
+        plan={},
+        code={},
+        host={},
+        timing={},
+        metadata={},
     )
 
 

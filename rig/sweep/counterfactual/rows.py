@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.stats import t as student
 
-from rig.analysis.rows import COMPLETE, SETTINGS, row_table
+from rig.analysis.rows import COMPLETE, row_table
+from rig.analysis.run_columns import known_columns
 from rig.analysis.windows import Window, read_windows
 from rig.design.predictions.device import build_device_model
 from rig.execution.rehearsal import job
@@ -295,7 +296,8 @@ def _powers(result: dict[str, Any]) -> dict[str, float]:
 
 def _setting(row: dict[str, Any]) -> dict[str, float]:
     """Return the settings of a row, without those that its drive does not have."""
-    values = {name: float(row[name]) for name in SETTINGS}
+    names = ("stator", *(each.name for each in known_columns()))
+    values = {name: float(row[name]) for name in names if name in row}
     return {name: value for name, value in values.items() if not math.isnan(value)}
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +117,22 @@ def test_replay_has_the_same_bits_and_needs_no_file(run: Path, example: Path) ->
         assert out.startswith("no diff: ")
     finally:
         law.write_text(text)
+
+
+def test_run_of_a_law_that_is_not_installed_is_shown(run: Path, tmp_path: Path) -> None:
+    """Its columns come from the record; only a replay needs the law."""
+    copy = tmp_path / run.name
+    shutil.copytree(run, copy)
+    config = json.loads((copy / "config.json").read_text())
+    config["law"] |= {"name": "gone", "file": False}
+    config["campaign"]["law"]["use"] = "gone"
+    (copy / "config.json").write_text(json.dumps(config))
+    program = "import sys; from rig.cli import app; app(sys.argv[1:])"
+    for arguments in (["show", copy], ["plot", copy, "--surface", "c1", "c0"]):
+        subprocess.run([sys.executable, "-c", program, *map(str, arguments)], check=True)
+    code, _, err = rig_here("replay", copy)
+    assert code != 0
+    assert "no law 'gone' is registered" in err
 
 
 @pytest.mark.slow  # compiles the loop

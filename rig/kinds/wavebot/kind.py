@@ -37,7 +37,7 @@ from rig.realtime.sequence import TARE, WAIT_DRIVE, WAIT_STATOR
 
 def observe(params: Params, state: State, sense: Sense, periods: int, dt: float) -> Motion:
     """Return the estimated motion of both axes relative to the zeros in use."""
-    heave, surge, _, _, _, _, _, _, _ = sense
+    heave, surge = sense.heave, sense.surge
     heave_zero, surge_zero = zeros_in_use(params, state, heave, surge)
     return (
         axis.observe(params.heave, state.heave, heave, heave_zero, periods, dt),
@@ -85,7 +85,6 @@ def row(
 ) -> WaveBotRow:
     """Return the tick's log row."""
     heave, surge, reference, station_power, zero = signals
-    _, _, load, spring_sense, analyser, drive_sense, probes, wave, panel = sense
     _, _, spring, drive, _ = command
     return WaveBotRow(
         tick,
@@ -96,17 +95,17 @@ def row(
         heave,
         surge,
         reference,
-        load,
-        spring_sense,
+        sense.load,
+        sense.spring,
         spring,
-        drive_sense,
+        sense.drive,
         drive,
-        analyser,
+        sense.power,
         station_power,
         zero,
-        probes,
-        wave,
-        panel,
+        sense.probes,
+        sense.wave,
+        sense.panel,
         tick,
     )
 
@@ -203,8 +202,9 @@ def kind_with_law(module: Any) -> cycle.Kind:
         dt: float,
     ) -> tuple[State, Command, TickSignals]:
         """Compute a tick's state, commands within limits, and row signals from the set point."""
-        heave, laws, surge, spring, tare_state, station_power, checks_state, active_setpoint = state
-        heave_sense, surge_sense, load, _, analyser, drive_sense, _, _, _ = sense
+        heave, surge, tare_state = state.heave, state.surge, state.tare
+        laws, active_setpoint = state.laws, state.active_setpoint
+        load, analyser, saturated = sense.load, sense.power, sense.drive.saturated
         heave_motion, surge_motion = motion
         _, phase, _, wave_clock = plan
         mode = guard.mode
@@ -220,11 +220,10 @@ def kind_with_law(module: Any) -> cycle.Kind:
             reference, conducting = _NO_REFERENCE, 1
         drive = active_setpoint.drive
         drive = drive if conducting == 1 else DriveCommand(0, drive.settings)
-        saturated = drive_sense.saturated
         heave, record = axis.control(
             params.heave,
             heave,
-            heave_sense,
+            sense.heave,
             heave_motion,
             heave_demand,
             conducting,
@@ -234,11 +233,13 @@ def kind_with_law(module: Any) -> cycle.Kind:
         )
         surge_mode = OFF if params.surge_use == SURGE_OFF else mode
         surge, surge_record = axis.control(
-            params.surge, surge, surge_sense, surge_motion, surge_demand, 1, 0, surge_mode, dt
+            params.surge, surge, sense.surge, surge_motion, surge_demand, 1, 0, surge_mode, dt
         )
         # The stator stays put in a stop, before the tare is over, and while all is off.
         move = 1 if phase != TARE and OFF < mode <= RUN else 0
-        spring = magnetic_spring.step(params.spring, spring, active_setpoint.spring_rate, move)
+        spring = magnetic_spring.step(
+            params.spring, state.spring, active_setpoint.spring_rate, move
+        )
         if phase == TARE or tare_state.samples > 0 or tare_state.seeded == 0:
             previous_tare = tare_state
             tare_state = tare.step(tare_state, _raw_sensors(params, sense), phase)
@@ -249,7 +250,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
         ac, dc, _, _ = analyser
         lcb, trs = load.lcb - zero.lcb, load.trs - zero.trs
         station_power = stations.step(
-            station_power,
+            state.power,
             lcb=lcb,
             trs=trs,
             slew=load.slew - zero.slew,
@@ -263,7 +264,7 @@ def kind_with_law(module: Any) -> cycle.Kind:
         )
         checks_state = power_checks.step(
             params.power_checks,
-            checks_state,
+            state.power_checks,
             record,
             heave.fade_share,
             saturated,

@@ -39,7 +39,7 @@ FORBIDDEN_IN_LAWS = (
     *(ast.Try, ast.TryStar, ast.With, ast.Global, ast.Nonlocal, ast.Lambda, ast.Yield),
     *(ast.ListComp, ast.DictComp, ast.SetComp, ast.GeneratorExp, ast.AsyncFunctionDef),
 )
-PURE = {"math", "typing", "enum", "controllers"}
+PURE = {"math", "cmath", "typing", "enum", "controllers"}
 VAGUE = re.compile(r"(^|_)(utils?|helpers?|common|misc)(_|$)")
 SIMULATION_BRANCH = re.compile(r"simulat|mock|debug|replay", re.IGNORECASE)
 

@@ -299,9 +299,9 @@ def test_conversions_equal_those_of_the_rehearsal_devices() -> None:
 
 def imported_modules(modules: Any) -> set[str]:
     """Return the modules of this project that some modules import from."""
-    from test_house import imports, tree_of
+    from test_house import imports, parse_file
 
-    named = {name for m in modules for name in imports(tree_of(Path(m.__file__ or "")))}
+    named = {name for m in modules for name in imports(parse_file(Path(m.__file__ or "")))}
     return {name for name in named if name.split(".")[0] in ("controllers", "rig", "sim_plant")}
 
 

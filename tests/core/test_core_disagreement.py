@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -19,7 +20,7 @@ from core_wavebot import READY, ModifiedDevices, params, plant, table
 from controllers import impedance
 from controllers.oswec_position import Component
 from rig.kinds.oswec_bench import KIND as BENCH
-from rig.kinds.wavebot import KIND, Sense
+from rig.kinds.wavebot import KIND, Sense, kind_with_law
 from rig.realtime.safety import CATEGORY, RUN, STOP_0, STOP_1, Reason
 from rig.realtime.sequence import WAIT_DRIVE, Phase
 
@@ -53,7 +54,7 @@ class Fault:
 
 
 def run_with_fault(
-    fault: Fault, segments: Any = LONG, points: Any = POINTS
+    fault: Fault, segments: Any = LONG, points: Any = POINTS, kind: Any = KIND
 ) -> tuple[RunResult, ModifiedDevices]:
     def sense(tick: int, signals: Any) -> Any:
         return fault.sense(signals) if tick >= AT else signals
@@ -64,7 +65,7 @@ def run_with_fault(
         return modified
 
     devices = ModifiedDevices(plant(WAVES), sense, command)
-    done = run(KIND, params(segments, points), devices)
+    done = run(kind, params(segments, points), devices)
     assert done.error is None
     assert done.end is not None
     return done, devices
@@ -172,9 +173,7 @@ def test_every_device_fault_is_detected(name: str) -> None:
         ) == (0.0, 0, 0)
 
 
-def test_a_law_with_the_wrong_sign_is_detected(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_law_with_the_wrong_sign_is_detected() -> None:
     """The sign of the force is wrong, while current and load cells agree with each other."""
     sound, calls = impedance.step, iter(range(10**9))
 
@@ -184,8 +183,9 @@ def test_a_law_with_the_wrong_sign_is_detected(
             demand = demand._replace(force=-demand.force)
         return state, demand
 
-    monkeypatch.setattr(impedance, "step", wrong)
-    done, devices = run_with_fault(Fault())
+    law = ModuleType("wrong_sign")
+    vars(law).update(vars(impedance) | {"step": wrong})
+    done, devices = run_with_fault(Fault(), kind=kind_with_law(law))
     first = next(row for row in done.rows if row.safety.mode > RUN)
     assert (first.safety.mode, first.safety.reason) == (STOP_0, Reason.POWER_SIGN)
     assert devices.commands[first.tick].heave.current == 0.0

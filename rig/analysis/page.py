@@ -167,7 +167,8 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
     stations = [f"{each.station.short_label}, W" for each in by_station]
     headings = ["rank, column", "from .. to", *stations]
-    positions = [_LEFT, 0.30, 0.60, 0.77, 0.94][: len(headings)]
+    spacing = min(0.17, 0.34 / max(1, len(stations) - 1))
+    positions = [_LEFT, 0.30, *(0.60 + spacing * i for i in range(len(stations)))]
     alignments = ["left", "left", *["right"] * len(stations)]
     y = top - 0.019
     for x, head, side in zip(positions, headings, alignments, strict=True):

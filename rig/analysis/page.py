@@ -11,8 +11,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from rig.analysis import effects_table, phrases, picture, surfaces
+from rig.analysis.points import stations_of
 from rig.analysis.stop_reason import ENDINGS
 from rig.analysis.summary import Summary
+from rig.stations import shown
 
 A4 = (8.27, 11.69)  # inches, portrait
 _DARK = picture.DARK
@@ -22,8 +24,9 @@ _GOOD, _BAD = "#2a7f4f", "#b23a48"
 _LEFT, _RIGHT = 0.06, 0.94
 _MAX_SPRING_RATES = 4  # columns of surfaces that remain readable on the page
 _MAX_ALARMS = 6
-_MIN_SURFACE_HEIGHT = 0.36  # of the page height; smaller surfaces are unreadable
-_MAX_TWO_LINE_OPTIMA = 4  # with more best points only those of DC power get a second line
+_MIN_SURFACE_HEIGHT = 0.12  # of the page height, by station; smaller surfaces are unreadable
+_MAX_WIDE_COLUMNS = 3  # stations whose short labels fit side by side
+_MAX_TWO_LINE_OPTIMA = 4  # with more, only those of the last station get a second line
 _LINE = 0.0135  # height of a text line, share of the page
 
 
@@ -166,9 +169,12 @@ def _effects(figure: Figure, summary: Summary, top: float, bottom: float) -> flo
         figure.text(_LEFT, top, "Main effects: see summary.txt", fontsize=8.5, va="top")
         return top - 0.02
     _heading(figure, _LEFT, top, "Main effects: change of power over a column's range")
-    stations = [f"{each.station.short_label}, W" for each in by_station]
+    narrow = len(by_station) > _MAX_WIDE_COLUMNS
+    names = (e.station.heading if narrow else e.station.short_label for e in by_station)
+    stations = [f"{name}, W" for name in names]
     headings = ["rank, column", "from .. to", *stations]
-    positions = [_LEFT, 0.30, 0.60, 0.77, 0.94][: len(headings)]
+    spacing = min(0.17, 0.34 / max(1, len(stations) - 1))
+    positions = [_LEFT, 0.30, *(0.60 + spacing * i for i in range(len(stations)))]
     alignments = ["left", "left", *["right"] * len(stations)]
     y = top - 0.019
     for x, head, side in zip(positions, headings, alignments, strict=True):
@@ -218,7 +224,7 @@ def _surfaces(figure: Figure, table: xarray.Dataset, bottom: float, top: float) 
     note = ""
     if columns > _MAX_SPRING_RATES:
         note = f"{columns} spring rates: see surfaces.png"
-    elif top - bottom < _MIN_SURFACE_HEIGHT:
+    elif top - bottom < _MIN_SURFACE_HEIGHT * len(shown(stations_of(table))):
         note = "Power surfaces: see surfaces.png"
     if note and columns and top - bottom > 0.03:
         figure.text(0.5, (bottom + top) / 2.0, note, ha="center", color=_MUTED, fontsize=9)

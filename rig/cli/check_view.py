@@ -260,8 +260,8 @@ def _duration_text(planned: Travel, forecast: Prediction) -> Text:
         else ""
     )
     return Text(
-        f"{format_duration(planned.duration)}{waiting}; wave clock "
-        f"{forecast.plan.wave_seconds:.6g} s"
+        f"{format_duration(planned.duration)}{waiting}; "
+        f"wave clock {forecast.plan.wave_seconds:.6g} s"
     )
 
 

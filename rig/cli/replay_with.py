@@ -114,9 +114,8 @@ def _print_result(result: CounterfactualResult, console: Console) -> None:
             console.print(f"row {row.row} does not complete: {row.incomplete_reason}")
     if any(row.beyond_logged for row in result.rows):
         console.print(
-            f"beyond: greater than in the logged rows ({_span_text(result.logged_ranges)}); the "
-            "model was "
-            "not checked there"
+            f"beyond: greater than in the logged rows ({_span_text(result.logged_ranges)}); "
+            "the model was not checked there"
         )
     if any(row.beyond_identified for row in result.rows):
         console.print(

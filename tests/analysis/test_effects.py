@@ -1,6 +1,7 @@
 """Main effects against certified regressions, contrasts of factorials, and simulated coverage."""
 
 import csv
+import json
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,11 @@ from rig.analysis.effects import (
 )
 from rig.analysis.effects_table import all_effects, as_json, as_text, effect_notes, write_effects
 from rig.analysis.points import Matrix, gain_matrix
+from rig.analysis.report import write_products
 from rig.analysis.rows import row_table
 from rig.config.columns import COLUMNS
 from rig.kinds.wavebot.stations import STATIONS
+from rig.stations import as_records
 
 # Longley's data, NIST Statistical Reference Datasets (linear regression, higher difficulty), and
 # the certified estimates of B1 .. B6 with their standard deviations and residual deviation.
@@ -245,6 +248,18 @@ def designed(tmp_path_factory: pytest.TempPathFactory) -> xarray.Dataset:
     rows = synthetic.drive_rows(repetitions=2)
     synthetic.write_run(folder, synthetic.run_rows(rows, shape), synthetic.plan_json(rows, shape))
     return row_table(folder)
+
+
+def test_the_page_has_room_for_more_stations(tmp_path: Path) -> None:
+    """The run's own list decides which stations are shown, and in which order."""
+    shape = synthetic.Shape(settle=5, tail=2, lead_in=10)
+    rows = synthetic.drive_rows()
+    plan = synthetic.plan_json(rows, shape)
+    plan["stations"] = as_records(station._replace(shown=True) for station in STATIONS)
+    run = synthetic.write_run(tmp_path / "run", synthetic.run_rows(rows, shape), plan)
+    assert all(path.stat().st_size > 0 for path in write_products(run))
+    effects = json.loads((run / "summary.json").read_text())["effects"]
+    assert [each["power"] for each in effects] == ["dc", "ac", "mechanical_2", "mechanical_1"]
 
 
 def test_switching_comes_first_with_an_interval(designed: xarray.Dataset) -> None:

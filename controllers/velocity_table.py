@@ -16,7 +16,6 @@ Bad input: a velocity that is not finite gives a force that is not finite, which
 into a stop.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 from controllers.blocks import Ramp, finite, interpolate, ramp_start, ramp_step
@@ -66,7 +65,8 @@ def params(settings: Settings, ramp: float, dt: float) -> Params:
             f"velocity_m_per_s has {len(velocities)} values and force_n {len(forces)}; "
             "a table needs two or more of each, as many of one as of the other"
         )
-    for left, right in pairwise(velocities):
+    for i in range(1, len(velocities)):
+        left, right = velocities[i - 1], velocities[i]
         if not left < right:
             raise ValueError(f"velocity_m_per_s must rise, but {right:g} follows {left:g}")
     for velocity, force in zip(velocities, forces, strict=True):

@@ -86,8 +86,7 @@ class Progress(RunPanel):
             if each.default is None
         )
         return (
-            f"{row} ({row + 1} of {count})   {phase}   {gains}   "
-            f"spring {setting.spring_rate:g} N/m"
+            f"{row} ({row + 1} of {count})   {phase}   {gains}   spring {setting.spring_rate:g} N/m"
         )
 
     def _power_text(self, snapshot: Snapshot) -> str:

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from rig.analysis import labels, panel
-from rig.analysis.run_columns import column_named, column
+from rig.analysis.labels import column
 from rig.analysis.mesh import triangulate
 from rig.analysis.points import Matrix, Point, gain_matrix, varied_columns
 from rig.analysis.rows import POWERS
+from rig.analysis.run_columns import column_named
 from rig.analysis.slices import (
     KI,
     KP,

@@ -138,11 +138,11 @@ def open_campaign(
         rows = _count_rows(campaign, points)
         problems += _campaign_problems(campaign, rows, top.locate)
         if campaign.matrix is not None and campaign.matrix.csv is not None and points:
-            matrix_file = points[0].locations["spring_rate"].location.path
-            files.append(hash_input_file("matrix", matrix_file))
+            files.append(
+                hash_input_file("matrix", points[0].locations["spring_rate"].location.path)
+            )
         record = attempt(lambda: _read_record(campaign.reference, top.locate, files))
-        if campaign.heave_law.is_file:
-            files.append(InputFile("law", Path(campaign.heave_law.path), campaign.heave_law.sha256))
+        files += _law_file(campaign.heave_law)
     sea = valid_sea(top)
     elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
     if rig is not None and points is not None:
@@ -178,6 +178,11 @@ def open_campaign(
         record,
         tuple(files),
     )
+
+
+def _law_file(law: Law) -> list[InputFile]:
+    """Return the file of a law that is given by its path; nothing for a registered law."""
+    return [InputFile("law", Path(law.path), law.sha256)] if law.is_file else []
 
 
 def _read_campaign(path: Path, load: MappingLoader) -> ConfigSource:

@@ -100,9 +100,7 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
         tuple(p for j, p in enumerate(b.points) if j not in used_b),
         columns,
         one_sided,
-        tuple(
-            _find_constant_differences(a, b, [c for c in all_columns if c not in varied], limits)
-        ),
+        tuple(_find_constant_differences(a, b, constant_columns, limits)),
     )
 
 

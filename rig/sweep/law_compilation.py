@@ -1,6 +1,7 @@
 """Whether a heave law can be compiled, and numba's reason if it cannot."""
 
 import json
+from contextlib import suppress
 from typing import Any
 
 from controllers.signals import Demand, Estimate
@@ -23,10 +24,8 @@ def compilation_problem(campaign: Campaign, planned: Plan) -> str:
         answer: str = json.loads(path.read_text())["problem"]
     except (OSError, ValueError, KeyError):
         answer = _compile(campaign, planned)
-        try:
+        with suppress(OSError):  # without a cache the law is compiled again
             write_atomically(path, json.dumps({"problem": answer}))
-        except OSError:
-            pass
     return answer
 
 

@@ -1,4 +1,4 @@
-"""To add a law takes one Python file and a campaign: those of docs/laws.md, through all commands."""
+"""A new law is one Python file and a campaign: those of docs/laws.md, through all commands."""
 
 from __future__ import annotations
 

@@ -131,6 +131,7 @@ def open_campaign(
         *hash_input_files("rig", rig_source, "spring map"),
         *hash_input_files("limits", limits_source),
         *hash_input_files("plant", plant_source),
+        *(_law_file(campaign.heave_law) if campaign is not None else ()),
     ]
     rows = 0
     if campaign is not None:
@@ -142,7 +143,6 @@ def open_campaign(
                 hash_input_file("matrix", points[0].locations["spring_rate"].location.path)
             )
         record = attempt(lambda: _read_record(campaign.reference, top.locate, files))
-        files += _law_file(campaign.heave_law)
     sea = valid_sea(top)
     elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
     if rig is not None and points is not None:

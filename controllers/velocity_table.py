@@ -66,10 +66,9 @@ def params(settings: Settings, ramp: float, dt: float) -> Params:
             "a table needs two or more of each, as many of one as of the other"
         )
     for i in range(1, len(velocities)):
-        if not velocities[i - 1] < velocities[i]:
-            raise ValueError(
-                f"velocity_m_per_s must rise, but {velocities[i]:g} follows {velocities[i - 1]:g}"
-            )
+        left, right = velocities[i - 1], velocities[i]
+        if not left < right:
+            raise ValueError(f"velocity_m_per_s must rise, but {right:g} follows {left:g}")
     for velocity, force in zip(velocities, forces, strict=True):
         if velocity * force > 0.0:
             raise ValueError(

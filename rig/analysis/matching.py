@@ -79,6 +79,7 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
     varied_names = {c.name for c in varied_columns(a)} | {c.name for c in varied_columns(b)}
     all_columns = union((a.columns, b.columns))
     varied = [c for c in all_columns if c.name in varied_names]
+    constant_columns = [c for c in all_columns if c not in varied]
     columns = tuple(c for c in varied if has_column(a, c) and has_column(b, c))
     one_sided = tuple(c for c in varied if c not in columns)
     # A column that varies in B alone: several points of B share one point of A.
@@ -99,9 +100,7 @@ def match(a: Matrix, b: Matrix, tolerances: Mapping[str, float] | None = None) -
         tuple(p for j, p in enumerate(b.points) if j not in used_b),
         columns,
         one_sided,
-        tuple(
-            _find_constant_differences(a, b, [c for c in all_columns if c not in varied], limits)
-        ),
+        tuple(_find_constant_differences(a, b, constant_columns, limits)),
     )
 
 

@@ -24,7 +24,7 @@ def compilation_problem(campaign: Campaign, planned: Plan) -> str:
         answer: str = json.loads(path.read_text())["problem"]
     except (OSError, ValueError, KeyError):
         answer = _compile(campaign, planned)
-        with suppress(OSError):
+        with suppress(OSError):  # without a cache the law is compiled again
             write_atomically(path, json.dumps({"problem": answer}))
     return answer
 

@@ -14,6 +14,7 @@ from rig.analysis import summary
 from rig.cli import command_error
 from rig.cli.progress import Progress
 from rig.cli.run_end import row_as_json
+from rig.config.law_settings import IMPEDANCE
 from rig.host import disk
 from rig.processes.child import Child
 from rig.processes.run_types import Snapshot
@@ -68,7 +69,7 @@ def test_a_line_shows_the_power_of_the_previous_row(
     view = Progress(
         "title",
         "rehearsal",
-        SimpleNamespace(rows=rows, duration=60.0, wave_seconds=50.0),
+        SimpleNamespace(rows=rows, duration=60.0, wave_seconds=50.0, law=IMPEDANCE),
         quiet=False,
     )
     view._live_display = False

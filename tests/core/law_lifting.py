@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers import biquads, blocks, turning_point
+from controllers import biquads, blocks
 from rig.sweep import lifting
 
 DT = 0.001
@@ -99,7 +99,7 @@ def compiled(law: Law) -> Callable[[Any, Inputs], list[float]]:
         store="\n    ".join(store),
     )
     name = law.module.__name__.replace(".", "_")
-    code = lifting.load(name, source, (blocks, biquads, turning_point, law.module))
+    code = lifting.load(name, source, (blocks, biquads, law.module))
     table = (np.array(getattr(law.params, law.table)),) if law.table else ()
 
     def tick(state: Any, inputs: Inputs) -> list[float]:

@@ -1,4 +1,4 @@
-"""One Python file and a campaign add a law: those of docs/laws.md, through all commands."""
+"""A new law is one Python file and a campaign: those of docs/laws.md, through all commands."""
 
 from __future__ import annotations
 

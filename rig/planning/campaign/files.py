@@ -80,7 +80,7 @@ def no_extra_check(parts: CampaignParts) -> tuple[Problem, ...]:
     return ()
 
 
-def open_campaign(  # noqa: PLR0915 - one problem list over all files
+def open_campaign(
     path: Path,
     extra_check: ExtraCheck = no_extra_check,
     rig_path: Path | None = None,
@@ -131,6 +131,7 @@ def open_campaign(  # noqa: PLR0915 - one problem list over all files
         *hash_input_files("rig", rig_source, "spring map"),
         *hash_input_files("limits", limits_source),
         *hash_input_files("plant", plant_source),
+        *(_law_file(campaign.heave_law) if campaign is not None else ()),
     ]
     rows = 0
     if campaign is not None:
@@ -138,11 +139,10 @@ def open_campaign(  # noqa: PLR0915 - one problem list over all files
         rows = _count_rows(campaign, points)
         problems += _campaign_problems(campaign, rows, top.locate)
         if campaign.matrix is not None and campaign.matrix.csv is not None and points:
-            matrix_file = points[0].locations["spring_rate"].location.path
-            files.append(hash_input_file("matrix", matrix_file))
+            files.append(
+                hash_input_file("matrix", points[0].locations["spring_rate"].location.path)
+            )
         record = attempt(lambda: _read_record(campaign.reference, top.locate, files))
-        if campaign.heave_law.is_file:
-            files.append(InputFile("law", Path(campaign.heave_law.path), campaign.heave_law.sha256))
     sea = valid_sea(top)
     elevation = attempt(lambda: _read_elevation(sea, top.locate, files))
     if rig is not None and points is not None:
@@ -178,6 +178,11 @@ def open_campaign(  # noqa: PLR0915 - one problem list over all files
         record,
         tuple(files),
     )
+
+
+def _law_file(law: Law) -> list[InputFile]:
+    """Return the file of a law that is given by its path; nothing for a registered law."""
+    return [InputFile("law", Path(law.path), law.sha256)] if law.is_file else []
 
 
 def _read_campaign(path: Path, load: MappingLoader) -> ConfigSource:

@@ -65,7 +65,7 @@ def advance(params, plant, tables, normals, dt, age, coupled, until, page, colum
     tick, loop, state, sea, in_transit, plant_input, new_input, settings, linger = coupled
     while tick < until and linger < {linger}:
         if tick > 0:
-            prefetch_ahead(tables, normals, sea.place, tick)
+            prefetch_ahead(tables, normals, sea.table_index, tick)
             after = wave_maker.step(tables, sea, dt)
             now, then = Excitation(sea.heave, sea.surge), Excitation(after.heave, after.surge)
             state = plant_step(plant, without_hoist(state), plant_input, new_input, now, then, dt)
